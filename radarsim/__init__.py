@@ -10,15 +10,12 @@
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from radarsim.deprecation import deprecated_names
-
 if TYPE_CHECKING:
+    from radarsim.addons.recording.recording import Recording, load_recording
     from radarsim.errors import MapError, PresetError, RadarsimError
     from radarsim.geometry import Pose2, Pose3
-    from radarsim.host import Host
     from radarsim.plotting.comparison import compare
     from radarsim.raycast.attenuation import EventKind
-    from radarsim.recording.recording import Recording, load_recording
     from radarsim.rng import generator_for
     from radarsim.scene.map_file import load_map, shipped_maps
     from radarsim.scene.material import Material
@@ -26,6 +23,7 @@ if TYPE_CHECKING:
     from radarsim.sensors.echoes import Echoes, Target
     from radarsim.sensors.range_scanner import RangeScanner, load_sensor
     from radarsim.sensors.scan import Scan
+    from radarsim.server.host import Host
     from radarsim.simulation.config import SimulationConfig
 
 __version__ = "0.1.0"
@@ -34,7 +32,7 @@ __version__ = "0.1.0"
 _MODULES = {
     "Echoes": "radarsim.sensors.echoes",
     "EventKind": "radarsim.raycast.attenuation",
-    "Host": "radarsim.host",
+    "Host": "radarsim.server.host",
     "MapError": "radarsim.errors",
     "Material": "radarsim.scene.material",
     "Part": "radarsim.scene.scene",
@@ -42,7 +40,7 @@ _MODULES = {
     "Pose3": "radarsim.geometry",
     "PresetError": "radarsim.errors",
     "RadarsimError": "radarsim.errors",
-    "Recording": "radarsim.recording.recording",
+    "Recording": "radarsim.addons.recording.recording",
     "RangeScanner": "radarsim.sensors.range_scanner",
     "Scan": "radarsim.sensors.scan",
     "Scene": "radarsim.scene.scene",
@@ -52,16 +50,10 @@ _MODULES = {
     "compare": "radarsim.plotting.comparison",
     "generator_for": "radarsim.rng",
     "load_map": "radarsim.scene.map_file",
-    "load_recording": "radarsim.recording.recording",
+    "load_recording": "radarsim.addons.recording.recording",
     "load_sensor": "radarsim.sensors.range_scanner",
     "shipped_maps": "radarsim.scene.map_file",
 }
-
-_find_renamed = deprecated_names(
-    __name__,
-    {"Conditions": "radarsim.simulation.config.SimulationConfig"},
-    stacklevel=3,
-)
 
 __all__ = [
     "Echoes",
@@ -92,9 +84,9 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name in _MODULES:
-        return getattr(importlib.import_module(_MODULES[name]), name)
-    return _find_renamed(name)
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(_MODULES[name]), name)
 
 
 def __dir__() -> list[str]:

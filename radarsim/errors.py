@@ -20,9 +20,52 @@
     * MissingPackage -- an optional package is not installed; names the extra
 
 Programming errors stay ValueError, TypeError and AssertionError.
+
+Text from maps, clients, servers and command lines, safe to be shown on a terminal.
+
+A terminal obeys escape sequences, and text can change the direction of what stands
+around it. Names of objects and files may contain either.
+
+Plain words for the errors of the operating system, the same ones everywhere.
+
+Messages about unknown names: what was expected, and what was probably meant.
+
+Packages that radarsim does not need, but can use.
 """
 
-from radarsim.printable_text import escape_lines, escape_unprintable
+import errno
+import importlib
+import os
+import re
+import socket
+from collections.abc import Collection, Iterable
+from difflib import get_close_matches
+from itertools import islice
+from typing import Any, Final
+
+
+def escape_unprintable(text: str) -> str:
+    r"""Return a text with all characters escaped that Python calls not printable.
+
+    These are control characters, also line ends, marks that change the direction of
+    text, invisible separators, and halves of characters; ``repr`` escapes the same
+    ones. What is escaped already stays as it is.
+
+    >>> escape_unprintable("wall\x1b[2J\n")
+    'wall\\x1b[2J\\n'
+    """
+    if text.isprintable():
+        return text
+    return "".join(each if each.isprintable() else repr(each)[1:-1] for each in text)
+
+
+def escape_lines(text: str) -> str:
+    r"""Return a text of several lines, each with ``escape_unprintable``.
+
+    >>> escape_lines("wall\x07\nbush")
+    'wall\\x07\nbush'
+    """
+    return "\n".join(map(escape_unprintable, text.split("\n")))
 
 
 class RadarsimError(Exception):
@@ -122,3 +165,126 @@ class SweepError(RadarsimError):
 
 class MissingPackage(RadarsimError, ImportError):
     """An optional package is not installed; the message names the extra."""
+
+
+def import_optional(name: str, extra: str) -> Any:
+    """Import and return a module of an extra.
+
+    Args:
+        name: Name of the module.
+        extra: The extra of radarsim that installs its package.
+
+    Raises:
+        MissingPackage: If it is not installed; it names the extra.
+    """
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        package = name.partition(".")[0]
+        text = f"{package} is not installed, expected: pip install 'radarsim[{extra}]'"
+        raise MissingPackage(text) from error
+
+
+CUTOFF: Final = 0.6  # of difflib's ratio, from 0 to 1, above which names are similar
+MAX_LENGTH: Final = 80  # of a name in a message
+MAX_NAMES: Final = 100  # that are listed in a message, and that are compared
+
+
+def expected_one_of(name: str, known: Collection[str]) -> str:
+    """Return the message for a name that is not among the known ones.
+
+    Args:
+        name: What was given.
+        known: What would have been valid, in the order of the message.
+
+    >>> expected_one_of("sqare", ["circle", "square"])
+    "'sqare', expected one of ['circle', 'square']; did you mean 'square'?"
+    >>> expected_one_of("line", ["circle", "square"])
+    "'line', expected one of ['circle', 'square']"
+    """
+    return (
+        f"{name[:MAX_LENGTH]!r}, expected one of {list_names(known)}"
+        f"{did_you_mean(name, known)}"
+    )
+
+
+def list_names(names: Collection[str]) -> str:
+    """Return a list of names for a message; of many, the first and how many more.
+
+    >>> list_names(["circle", "square"])
+    "['circle', 'square']"
+    """
+    first = [name[:MAX_LENGTH] for name in islice(names, MAX_NAMES)]
+    more = len(names) - len(first)
+    return f"{first} and {more} more" if more else f"{first}"
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return the end of such a message; empty if no known name is similar.
+
+    Upper and lower case are equal. Only the first of very many names are compared.
+
+    >>> did_you_mean("RADRA", ["laser", "radar"])
+    "; did you mean 'radar'?"
+    """
+    names = {each.casefold(): each for each in islice(known, MAX_NAMES)}
+    wanted = name[:MAX_LENGTH].casefold()
+    similar = get_close_matches(wanted, names, n=1, cutoff=CUTOFF)
+    return f"; did you mean {names[similar[0]]!r}?" if similar else ""
+
+
+_WORDS: Final = {
+    errno.EACCES: "no permission",
+    errno.EADDRINUSE: "the port is in use by another program",
+    errno.EADDRNOTAVAIL: "no address of this machine",
+    errno.ECONNABORTED: "the other side has closed the connection",
+    errno.ECONNREFUSED: "nothing listens there",
+    errno.ECONNRESET: "the other side has closed the connection",
+    errno.EEXIST: "a file of that name",
+    errno.EDQUOT: "the disk is full",
+    errno.EFBIG: "the file would be too large",
+    errno.EHOSTUNREACH: "there is no way to it",
+    errno.EISDIR: "a folder of that name",
+    errno.ELOOP: "links that lead back to themselves",
+    errno.EMFILE: "too many open files",
+    errno.ENAMETOOLONG: "the name is too long",
+    errno.ENETUNREACH: "there is no way to it",
+    errno.ENOENT: "no such file or folder",
+    errno.ENOSPC: "the disk is full",
+    errno.ENOTDIR: "no such folder",
+    errno.EPERM: "no permission",
+    errno.EPIPE: "the other side has closed the connection",
+    errno.EROFS: "the disk is read-only",
+    errno.ETIMEDOUT: "no answer in time",
+}
+
+
+def describe_os_error(error: OSError | UnicodeError) -> str:
+    """Return the reason of an error in words that fit after a colon.
+
+    Names of hosts that no resolver takes raise UnicodeError.
+
+    >>> describe_os_error(PermissionError(13, "Permission denied", "map.yaml"))
+    'no permission'
+    """
+    if isinstance(error, (socket.gaierror, UnicodeError)):
+        return "no host of that name"
+    number = error_number(error)
+    if number in _WORDS:
+        return _WORDS[number]
+    if isinstance(error, TimeoutError):
+        return _WORDS[errno.ETIMEDOUT]
+    text = os.strerror(number) if number > 0 else str(error)
+    return text[:1].lower() + text[1:]
+
+
+def error_number(error: OSError) -> int:
+    """Return the number of an error; 0 if it has none.
+
+    asyncio reports the attempts to connect to several addresses of a host as one error
+    without a number; it is then that of the first attempt.
+    """
+    if error.errno is not None:
+        return error.errno
+    found = re.search(r"\[Errno (\d+)\]", str(error))
+    return int(found[1]) if found else 0

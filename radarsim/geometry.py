@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats: TypeAlias = NDArray[np.float64]
+Point: TypeAlias = tuple[float, float]  # x and y, m
 
 
 def wrap_angle(angle: float) -> float:

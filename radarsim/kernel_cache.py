@@ -11,18 +11,29 @@ The folder is in ``NUMBA_CACHE_DIR`` if that is set, else in the user's cache fo
 else beside this module. Where none can be written, each process compiles for itself.
 
 numba is not imported here: whether there is something to compile is known before.
+
+Which kernels are being compiled right now, for those who wait for it.
+
+The first scan on a machine compiles the ray engine for a minute or so; the first
+server, the first map and the first camera compile what they need besides. The log tells
+of it; a program can add an observer as well, before numba is imported.
 """
 
 import functools
 import hashlib
+import logging
 import os
 import shutil
 import sys
 import tempfile
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final
+
+from radarsim.errors import describe_os_error
 
 PACKAGE: Final = Path(__file__).parent
 PREFIX: Final = "radarsim-"  # prefix of the names of cache folders
@@ -57,7 +68,7 @@ def is_cold() -> bool:
     """Return whether no kernel is cached, so that all have to be compiled."""
     folder = cache_folder()
     try:
-        return folder is None or not any(folder.glob(f"*/*{SUFFIX}"))
+        return folder is None or not any(folder.rglob(f"*{SUFFIX}"))
     except OSError:  # it may not be read any more
         return True
 
@@ -82,12 +93,12 @@ def mark_complete() -> None:
 def kernel_hash(package: Path) -> str:
     """Return a hash of all that is compiled into kernels of a package, and versions."""
     digest = hashlib.sha256((package / "jit.py").read_bytes())
-    digest.update((package / "kernel_files.py").read_bytes())
     digest.update(" ".join(map(version, COMPILERS)).encode())
-    for path in sorted(package.glob("*/*.py")):
+    for path in sorted(package.rglob("*.py")):
         text = path.read_bytes()
         if is_compiled_into_kernels(text):
-            digest.update(b"%s %d " % (path.name.encode(), len(text)))
+            name = path.relative_to(package).as_posix()
+            digest.update(b"%s %d " % (name.encode(), len(text)))
             digest.update(text)
     return digest.hexdigest()[:16]
 
@@ -117,3 +128,101 @@ def _remove_oldest(parent: Path) -> None:
     folders = sorted(parent.glob(f"{PREFIX}*"), key=lambda each: -each.stat().st_mtime)
     for folder in folders[MAX_FOLDERS:]:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+logger: Final = logging.getLogger(__name__)
+
+ENGINE: Final = "the ray engine"
+# What kernels belong to, by the beginning of their module; others are of the engine.
+_SUBJECTS: Final = {
+    "radarsim.sensors.echo": "the extraction of echoes",
+    "radarsim.autonomy.mapping": "mapping",
+    "radarsim.autonomy.exploration": "exploration",
+    "radarsim.server.camera": "the camera",
+}
+
+
+@dataclass(slots=True)
+class Compilation:
+    """The compilation in this process.
+
+    Attributes:
+        observers: Called with what is compiled when it begins, and with None when it
+            ends.
+        subjects: What was compiled so far.
+        unsaved: Why compiled code could not be kept, if that has happened.
+        on_unsaved: Called when that happens for the first time.
+    """
+
+    observers: list[Callable[[str | None], object]] = field(default_factory=list)
+    subjects: set[str] = field(default_factory=set)
+    unsaved: OSError | None = None
+    on_unsaved: Callable[[OSError], object] = lambda _: None
+    _depth: int = 0
+
+    @contextmanager
+    def running(self, subject: str = ENGINE) -> Iterator[None]:
+        """Tell the observers that something is compiled meanwhile."""
+        self.begin(subject)
+        try:
+            yield
+        finally:
+            self.end()
+
+    def begin(self, subject: str = ENGINE) -> None:
+        """Begin to compile; kernels that are compiled into others are within."""
+        self._depth += 1
+        if self._depth > 1:
+            return
+        if subject not in self.subjects:
+            logger.info("%s", describe(subject, again=bool(self.subjects)))
+            self.subjects.add(subject)
+        self._tell(subject)
+
+    def end(self) -> None:
+        """End what was begun last."""
+        self._depth -= 1
+        if self._depth == 0:
+            self._tell(None)
+
+    def report_unsaved(self, error: OSError) -> None:
+        """Report that compiled code cannot be kept; the log is told once."""
+        if self.unsaved is None:
+            self.unsaved = error
+            text = "compiled code cannot be kept in %s, see NUMBA_CACHE_DIR: %s"
+            logger.warning(text, cache_folder(), describe_os_error(error))
+            self.on_unsaved(error)
+
+    def _tell(self, subject: str | None) -> None:
+        for observer in tuple(self.observers):
+            observer(subject)
+
+
+compilation: Final = Compilation()
+
+
+def subject_of(module: str) -> str:
+    """Return what the kernels of a module belong to.
+
+    >>> subject_of("radarsim.autonomy.mapping.scan_matching")
+    'mapping'
+    """
+    found = (name for start, name in _SUBJECTS.items() if module.startswith(start))
+    return next(found, ENGINE)
+
+
+def describe(subject: str, *, again: bool = False) -> str:
+    """Return what happens, and how often.
+
+    Args:
+        subject: What is compiled.
+        again: Whether something else was told before, and how often that happens.
+    """
+    if again:
+        return f"compiling {subject} as well"
+    if cache_folder() is None:
+        return (
+            f"compiling {subject}, at each start, since no cache folder can be"
+            " written, see NUMBA_CACHE_DIR"
+        )
+    return f"compiling {subject}, once on this machine"

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from radarsim.suggestions import did_you_mean
+from radarsim.errors import did_you_mean
 
 _DECIMAL_COMMA: Final = re.compile(r"[+-]?[0-9]{1,20},[0-9]{1,20}", re.ASCII)
 _EXPECTED: Final = {

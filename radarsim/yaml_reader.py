@@ -35,7 +35,7 @@ from yaml.events import (
     SequenceStartEvent,
 )
 
-from radarsim.suggestions import did_you_mean
+from radarsim.errors import did_you_mean
 from radarsim.validation import describe_invalid, short_repr
 
 KeyPath: TypeAlias = tuple[str | int, ...]

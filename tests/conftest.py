@@ -27,11 +27,11 @@ settings.load_profile("radarsim")
 # Tests, and modules with examples, that together reach every branch of the protocol and
 # the host.
 MEASURED = (
-    "radarsim/host",
+    "radarsim/server/host",
     "radarsim/protocol",
     "tests/client",
     "tests/dialogues",
-    "tests/host",
+    "tests/server/host",
     "tests/protocol",
     "tests/simulation/test_antennas",
     "tests/test_exports",

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from radarsim.atomic_write import write_atomically, written_atomically
+from radarsim.files import write_atomically, written_atomically
 
 
 def names(folder: Path) -> list[str]:
@@ -117,7 +117,7 @@ def test_full_disk_leaves_the_old_files(tmp_path: Path) -> None:
 WRITER = """
 import sys
 from pathlib import Path
-from radarsim.atomic_write import write_atomically
+from radarsim.files import write_atomically
 path, number = Path(sys.argv[1]), 0
 while True:
     number += 1

@@ -14,12 +14,12 @@ from commands import Run, run_in_process
 from documents import MANUAL, PAGES, ROOT, Snippet, anchors_of, links_of, snippets_of
 
 from radarsim.cli.app import app
-from radarsim.evaluation.map_warnings import occupied_starts, trial_warnings
 from radarsim.scene.map_file import load_variants
 
 # Imported before suites run, which forget the modules that they have imported: what is
 # replaced below would be that of another copy.
 from radarsim.server import tcp_server
+from radarsim.simulation.map_warnings import occupied_starts, trial_warnings
 
 pytest_plugins = ["pytester"]
 

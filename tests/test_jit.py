@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 
 from radarsim import jit, kernel_cache
-from radarsim.jit import njit_cached, njit_inline
-from radarsim.kernel_files import KernelCache
+from radarsim.jit import KernelCache, njit_cached, njit_inline
 
 PACKAGE = Path(jit.__file__).parent
 DECORATORS = {"njit_cached", "njit_inline", "c_callback", "c_predicate"}
@@ -201,7 +200,7 @@ def test_copies_in_different_places_share_the_cache(
 
 
 COMPILED = (
-    "from radarsim.compilation import compilation\n"
+    "from radarsim.kernel_cache import compilation\n"
     "seen = []; compilation.observers.append(seen.append)\n"
     "import logging; logging.basicConfig(level='INFO', format='%(name)s')\n"
     "import numba; own = numba.njit(lambda x: x); own(1); print(seen)\n"
@@ -216,7 +215,7 @@ def test_compiling_is_told_to_observers_and_to_the_log(package: Path) -> None:
     began_and_ended = ["the ray engine", None]
     assert observed(package) == (
         [[], began_and_ended, [*began_and_ended, *began_and_ended]],
-        ["radarsim.compilation"],
+        ["radarsim.kernel_cache"],
     )
     assert observed(package) == ([[], [], []], [])  # all is read from the cache
 

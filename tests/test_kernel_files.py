@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from radarsim.kernel_files import KernelFiles
+from radarsim.jit import KernelFiles
 
 KEYS = [(("float64",), "x86", 1), (("int64",), "x86", 1), (("int64",), "arm", 1)]
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from radarsim.os_errors import describe_os_error
+from radarsim.errors import describe_os_error
 
 
 @pytest.mark.parametrize("number", sorted(errno.errorcode))

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 from commands import run_in_process
 
-from radarsim.signal_handlers import (
+from radarsim.processes import (
     exit_immediately_on_signals,
     ignore_signals,
     raise_on_signals,
@@ -34,9 +34,7 @@ def _handlers() -> Iterator[None]:
 
 
 def run(script: str) -> tuple[int, bytes, bytes]:
-    lines = (
-        f"import ctypes, os, signal\nfrom radarsim.signal_handlers import *\n{script}"
-    )
+    lines = f"import ctypes, os, signal\nfrom radarsim.processes import *\n{script}"
     ended = subprocess.run(
         (sys.executable, "-c", lines), check=False, capture_output=True
     )

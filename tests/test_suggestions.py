@@ -1,6 +1,6 @@
 import pytest
 
-from radarsim.suggestions import did_you_mean, expected_one_of
+from radarsim.errors import did_you_mean, expected_one_of
 
 NAMES = ["foliage_room", "smoke_room", "empty_room"]
 

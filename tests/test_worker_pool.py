@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from radarsim.worker_pool import worker_pool
+from radarsim.processes import worker_pool
 
 
 @pytest.mark.slow
@@ -38,7 +38,7 @@ def _give_up() -> None:
 
 PARENT = """
 import os, time
-from radarsim.worker_pool import worker_pool
+from radarsim.processes import worker_pool
 
 if __name__ == "__main__":
     with worker_pool(2) as pool:

@@ -5,7 +5,7 @@ end by SIGTERM before the work was done. Commands that run until they are stoppe
 done then.
 """
 
-from radarsim.signal_handlers import (
+from radarsim.processes import (
     TERMINATED,
     exit_immediately_on_signals,
     set_exit_code_of_sigterm,

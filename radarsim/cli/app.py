@@ -14,34 +14,32 @@ from typing import Annotated
 import typer
 
 from radarsim import __version__
-from radarsim.cli.bench import bench
+from radarsim.addons.fmcw.commands import spectrum
+from radarsim.addons.imports.commands import import_
+from radarsim.addons.recording.commands import recording, replay
+from radarsim.addons.ros.commands import ros
+from radarsim.addons.web.commands import commander
+from radarsim.autonomy.commands.map import map_
+from radarsim.autonomy.commands.navigate import navigate
+from radarsim.autonomy.commands.trials import trials
 from radarsim.cli.check import check
-from radarsim.cli.commander import commander
 from radarsim.cli.compile_progress import with_compile_progress
 from radarsim.cli.demo import demo
 from radarsim.cli.docs import docs
 from radarsim.cli.drive import drive
 from radarsim.cli.explain import explain
-from radarsim.cli.figures import figures
-from radarsim.cli.import_ import import_
-from radarsim.cli.map import map_
-from radarsim.cli.navigate import navigate
 from radarsim.cli.new import new
 from radarsim.cli.output import print_message
 from radarsim.cli.presets import materials, sensors
-from radarsim.cli.recording import recording
-from radarsim.cli.replay import replay
-from radarsim.cli.ros import ros
 from radarsim.cli.scan import scan
 from radarsim.cli.serve import serve
-from radarsim.cli.spectrum import spectrum
-from radarsim.cli.study import study
-from radarsim.cli.sweep import sweep
-from radarsim.cli.trials import trials
 from radarsim.cli.usage import PlainGroup
-from radarsim.errors import RadarsimError
-from radarsim.os_errors import describe_os_error
-from radarsim.signal_handlers import INTERRUPTED, ignore_signals
+from radarsim.errors import RadarsimError, describe_os_error
+from radarsim.lab.bench.commands import bench
+from radarsim.lab.figures.commands import figures
+from radarsim.lab.study.commands import study
+from radarsim.lab.sweep.commands import sweep
+from radarsim.processes import INTERRUPTED, ignore_signals
 
 app = typer.Typer(
     no_args_is_help=True,

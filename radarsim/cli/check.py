@@ -37,9 +37,9 @@ def check(
     if plot is not None:
         form = check_ending(plot, PICTURE_FORMS, "--plot")
         check_writable(plot, "--plot")
-    from radarsim.evaluation.map_warnings import occupied_starts, trial_warnings
     from radarsim.scene.map_file import load_variants
     from radarsim.scene.summary import summarise
+    from radarsim.simulation.map_warnings import occupied_starts, trial_warnings
 
     try:
         scene, *variants = load_variants(map_)

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from radarsim.os_errors import describe_os_error
+from radarsim.errors import describe_os_error
 
 
 def read_config(context: typer.Context, path: Path | None) -> Path | None:

@@ -11,8 +11,8 @@ from typing import Annotated, Final
 
 import typer
 
-from radarsim.signal_handlers import signal_handlers
-from radarsim.suggestions import expected_one_of
+from radarsim.errors import expected_one_of
+from radarsim.processes import signal_handlers
 
 FOLDER: Final = Path(__file__).parent.parent / "docs"
 _PICTURE = re.compile(r"^!\[[^\]]*\]\([^)]*\)\n+", re.MULTILINE)

@@ -11,7 +11,7 @@ import typer
 
 from radarsim.cli.options import DriveUnit, DriveUnitOption, check_positive, check_robot
 from radarsim.cli.output import MESSAGE_FORM, print_message, start_log
-from radarsim.signal_handlers import set_exit_code_of_sigterm
+from radarsim.processes import set_exit_code_of_sigterm
 
 
 def drive(
@@ -39,8 +39,8 @@ def drive(
     drive_unit: DriveUnitOption = DriveUnit.RAD_PER_S,
 ) -> None:
     """Drive a robot from the keyboard, and see what it senses."""
-    from radarsim.teleop.teleop import TeleopSettings
-    from radarsim.teleop.teleop import drive as drive_robot
+    from radarsim.client.teleop.teleop import TeleopSettings
+    from radarsim.client.teleop.teleop import drive as drive_robot
 
     if problem := _terminal_problem():
         print_message(f"{problem}, expected a terminal to drive at")

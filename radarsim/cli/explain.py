@@ -68,7 +68,7 @@ def explain(
     scanner = load_scanner(sensor, settings)
     scene, sensor_pose = load_scene_and_pose(map_, start=start, pose=pose)
     if budget:
-        from radarsim.cli.budget_report import print_budget
+        from radarsim.addons.fmcw.budget_report import print_budget
 
         print_budget(scanner, scene, sensor_pose, beam, format_ == "json")
         return

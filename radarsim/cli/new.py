@@ -46,6 +46,6 @@ def new(
 def _map_text(random: int | None) -> bytes:
     if random is None:
         return STARTER_MAP.read_bytes()
-    from radarsim.evaluation.random_maps import make_random_map
+    from radarsim.scene.random_maps import make_random_map
 
     return make_random_map(random).as_yaml().encode()

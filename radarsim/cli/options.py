@@ -14,12 +14,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from radarsim.atomic_write import write_atomically
 from radarsim.cli.completion import complete_map, complete_sensor
-from radarsim.errors import PresetError
-from radarsim.os_errors import describe_os_error
-from radarsim.signal_handlers import raise_on_signals
-from radarsim.suggestions import did_you_mean, expected_one_of
+from radarsim.errors import (
+    PresetError,
+    describe_os_error,
+    did_you_mean,
+    expected_one_of,
+)
+from radarsim.files import write_atomically
+from radarsim.processes import raise_on_signals
 
 if TYPE_CHECKING:
     from radarsim.geometry import Pose2

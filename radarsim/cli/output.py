@@ -16,7 +16,7 @@ from typing import Final, TextIO
 
 import typer
 
-from radarsim.printable_text import escape_lines, escape_unprintable
+from radarsim.errors import escape_lines, escape_unprintable
 
 # Within these a line of the log is written: they hide what is shown in its place.
 log_line_contexts: Final[list[Callable[[], AbstractContextManager[None]]]] = []

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from radarsim.cli.options import JsonOption
-from radarsim.suggestions import expected_one_of
+from radarsim.errors import expected_one_of
 
 if TYPE_CHECKING:
     from radarsim.presets.materials import LibraryEntry

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 if TYPE_CHECKING:
-    from radarsim.server.navtech_server import NavtechServer
+    from radarsim.addons.fmcw.navtech.server import NavtechServer
 
 NavtechOption = Annotated[
     str | None,
@@ -56,6 +56,6 @@ class RadarPort(NamedTuple):
         """Create the server of the radar; None without a port."""
         if self.port is None:
             return None
-        from radarsim.server.navtech_server import NavtechServer
+        from radarsim.addons.fmcw.navtech.server import NavtechServer
 
         return NavtechServer(port=self.port, robot=self.robot)

@@ -13,9 +13,9 @@ from radarsim import __version__
 from radarsim.cli.output import print_message
 
 if TYPE_CHECKING:
-    from radarsim.host import Host
-    from radarsim.recording.recording_info import RecordingInfo
+    from radarsim.addons.recording.bag_folder import RecordingInfo
     from radarsim.scene.scene import Scene
+    from radarsim.server.host import Host
     from radarsim.simulation.config import SimulationConfig
 
 RecordOption = Annotated[
@@ -65,10 +65,10 @@ def open_host(
     if folder is None:
         yield load_host(map_, config, seed=seed, begins=begins)
         return
-    from radarsim.host.recorded_host import RecordedHost
-    from radarsim.recording.bag_folder import check_installed, create_folder
-    from radarsim.recording.recording_process import RecordingProcess
+    from radarsim.addons.recording.bag_folder import check_installed, create_folder
+    from radarsim.addons.recording.recording_process import RecordingProcess
     from radarsim.scene.map_file import load_map
+    from radarsim.server.host.recorded_host import RecordedHost
 
     check_installed()
     create_folder(folder)
@@ -94,7 +94,7 @@ def describe(
     map_: str, scene: Scene, config: SimulationConfig, seed: int
 ) -> RecordingInfo:
     """Return the conditions of a run."""
-    from radarsim.recording.recording_info import RecordingInfo, digest_of
+    from radarsim.addons.recording.bag_folder import RecordingInfo, digest_of
     from radarsim.scene.map_file import find_map
 
     path, variant = find_map(map_)

@@ -24,8 +24,7 @@ from radarsim.cli.options import (
     list_endings,
     write_file,
 )
-from radarsim.errors import PresetError
-from radarsim.suggestions import expected_one_of
+from radarsim.errors import PresetError, expected_one_of
 
 if TYPE_CHECKING:
     from radarsim.geometry import Pose2, Pose3

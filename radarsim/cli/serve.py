@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 
 import typer
 
-from radarsim.cli.commander_process import CommanderProcess, commander_process
+from radarsim.addons.web.commander_process import CommanderProcess, commander_process
 from radarsim.cli.compile_progress import compile_progress
 from radarsim.cli.config_file import ConfigOption
 from radarsim.cli.options import (
@@ -46,13 +46,13 @@ from radarsim.cli.server_options import (
     WithWebOption,
 )
 from radarsim.errors import PortUnavailable, PresetError, ServerError
-from radarsim.signal_handlers import exit_immediately, set_exit_code_of_sigterm
+from radarsim.processes import exit_immediately, set_exit_code_of_sigterm
 
 if TYPE_CHECKING:
-    from radarsim.host import Host
-    from radarsim.host.recorded_host import HostCall
+    from radarsim.addons.fmcw.navtech.server import NavtechServer
+    from radarsim.server.host import Host
+    from radarsim.server.host.recorded_host import HostCall
     from radarsim.server.image_server import ImageServer
-    from radarsim.server.navtech_server import NavtechServer
     from radarsim.simulation.config import SimulationConfig
 
 log = logging.getLogger("radarsim.server")
@@ -240,9 +240,9 @@ def load_host(
         MapError: If the map is wrong.
         typer.BadParameter: If a setting of an item does not fit.
     """
-    from radarsim.host import Host
-    from radarsim.host.recorded_host import RecordedHost
     from radarsim.scene.map_file import load_map
+    from radarsim.server.host import Host
+    from radarsim.server.host.recorded_host import RecordedHost
 
     check_item_settings(config)
     make = Host if record is None else partial(RecordedHost, record)
@@ -270,8 +270,8 @@ def make_image_server(host: Host, port: int | None) -> ImageServer | None:
     """
     if port is None:
         return None
+    from radarsim.server.camera.picture_process import PictureProcess
     from radarsim.server.image_server import ImageServer
-    from radarsim.server.picture_process import PictureProcess
 
     pictures = PictureProcess(host.scene, host.config.dialect.image_type)
     return ImageServer(pictures, port=port)

@@ -152,7 +152,7 @@ class ServerOptions:
 
 def _read_robot(path: Path) -> RobotModel:
     """Read the file of a robot class."""
-    from radarsim.os_errors import describe_os_error
+    from radarsim.errors import describe_os_error
     from radarsim.presets.robots import read_robot
 
     try:

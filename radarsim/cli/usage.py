@@ -9,7 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from radarsim.cli.output import print_message
-from radarsim.suggestions import did_you_mean, expected_one_of
+from radarsim.errors import did_you_mean, expected_one_of
 
 EXIT_CODE: Final = 2
 # Commands that need one of several options.

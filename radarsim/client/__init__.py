@@ -5,14 +5,11 @@ the code that writes requests and reads answers, which does no I/O. Reports are 
 ``radarsim.protocol.reports``: metres, radians and REP-103, whatever is on the wire.
 """
 
-from typing import Any
-
 from radarsim.client.aio import AsyncClient
 from radarsim.client.robot_info import RobotInfo, ScannerInfo, beam_angles
 from radarsim.client.session import Question, Session
 from radarsim.client.sync import Client
 from radarsim.client.transport import SocketTransport, Transport
-from radarsim.deprecation import warn_renamed
 from radarsim.errors import ClientError, ClientTimeout
 from radarsim.protocol.dialect import DriveUnit
 
@@ -30,18 +27,3 @@ __all__ = [
     "Transport",
     "beam_angles",
 ]
-
-_RENAMED = {
-    "Link": "Transport",
-    "RobotFacts": "RobotInfo",
-    "ScannerFacts": "ScannerInfo",
-    "SocketLink": "SocketTransport",
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _RENAMED:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    new = _RENAMED[name]
-    warn_renamed(f"radarsim.client.{name}", f"radarsim.client.{new}")
-    return globals()[new]

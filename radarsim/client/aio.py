@@ -17,7 +17,6 @@ from radarsim.client.transport import (
     lost,
     no_server,
 )
-from radarsim.deprecation import warn_renamed
 from radarsim.errors import ClientError
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.dialect import DriveUnit
@@ -127,11 +126,6 @@ class AsyncClient:
         """See ``Client.robot_info``."""
         return await self._run(self._requests.robot_info(drive_unit))
 
-    async def facts(self, *, drive_unit: DriveUnit = "rad_per_s") -> RobotInfo:
-        """Call ``robot_info``; deprecated."""
-        warn_renamed("AsyncClient.facts", "AsyncClient.robot_info")
-        return await self.robot_info(drive_unit=drive_unit)
-
     async def echoes(self, scanner: str, on: bool = True) -> None:
         """See ``Client.echoes``."""
         await self._run(self._requests.send(questions.echoes(scanner, on)))
@@ -163,13 +157,6 @@ class AsyncClient:
         await self._run(
             self._requests.send(questions.set_item(kind, name, opcode, params))
         )
-
-    async def order(
-        self, kind: str, name: str | None, opcode: str, params: str = ""
-    ) -> None:
-        """Call ``set_item``; deprecated."""
-        warn_renamed("AsyncClient.order", "AsyncClient.set_item")
-        await self.set_item(kind, name, opcode, params)
 
     async def send(self, data: bytes) -> None:
         """See ``Client.send``."""

@@ -12,7 +12,7 @@ from typing import Final, Self
 
 import numpy as np
 
-from radarsim.errors import ClientError
+from radarsim.errors import ClientError, did_you_mean
 from radarsim.geometry import Floats, Pose3
 from radarsim.protocol.dialect import RAD_PER_S, DriveUnit
 from radarsim.protocol.reports import (
@@ -23,7 +23,6 @@ from radarsim.protocol.reports import (
     RobotGeo,
     ScannerConf,
 )
-from radarsim.suggestions import did_you_mean
 
 DEFAULT_MOUNT: Final = Pose3(0.0, 0.0, 0.0)  # of a scanner whose mount is not reported
 WHEEL_LIMITS: Final = (1e-3, 1e3)  # m and drive units; plausible for a robot on wheels

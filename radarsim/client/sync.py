@@ -14,7 +14,6 @@ from radarsim.client.transport import (
     Transport,
     log_wait,
 )
-from radarsim.deprecation import warn_renamed
 from radarsim.errors import ClientError
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.dialect import DriveUnit
@@ -37,27 +36,19 @@ class Client:
 
     def __init__(
         self,
-        transport: Transport | None = None,
+        transport: Transport,
         *,
         timeout: float = 5.0,
-        link: Transport | None = None,
     ) -> None:
         """Use a transport, which the client closes.
 
         Args:
             transport: Open connection.
             timeout: Default timeout of every call, s of the transport's clock.
-            link: Old name of ``transport``; deprecated.
 
         Raises:
-            TypeError: If there is no transport.
             ValueError: If the timeout is not above 0.
         """
-        if link is not None:
-            warn_renamed("Client(link=...)", "Client(transport=...)")
-        transport = transport or link
-        if transport is None:
-            raise TypeError("Client without a transport, expected one")
         self.transport = transport
         diagnostics = None
         if isinstance(transport, DiagnosingTransport):
@@ -85,12 +76,6 @@ class Client:
             ValueError: If the timeout is not above 0.
         """
         return cls(SocketTransport(host, port, timeout=timeout), timeout=timeout)
-
-    @property
-    def link(self) -> Transport:
-        """``transport``; deprecated."""
-        warn_renamed("Client.link", "Client.transport")
-        return self.transport
 
     @property
     def session(self) -> Session:
@@ -190,11 +175,6 @@ class Client:
         """
         return self._run(self._requests.robot_info(drive_unit))
 
-    def facts(self, *, drive_unit: DriveUnit = "rad_per_s") -> RobotInfo:
-        """Call ``robot_info``; deprecated."""
-        warn_renamed("Client.facts", "Client.robot_info")
-        return self.robot_info(drive_unit=drive_unit)
-
     def echoes(self, scanner: str, on: bool = True) -> None:
         """Switch the ``EchoLine`` reports before each scan of a scanner on or off."""
         self._run(self._requests.send(questions.echoes(scanner, on)))
@@ -244,11 +224,6 @@ class Client:
     ) -> None:
         """Send an opcode to the items of a type, such as ``RESET`` to ``Odometry``."""
         self._run(self._requests.send(questions.set_item(kind, name, opcode, params)))
-
-    def order(self, kind: str, name: str | None, opcode: str, params: str = "") -> None:
-        """Call ``set_item``; deprecated."""
-        warn_renamed("Client.order", "Client.set_item")
-        self.set_item(kind, name, opcode, params)
 
     def send(self, data: bytes) -> None:
         """Send whole lines as they are, and wait for no answer.

@@ -12,8 +12,7 @@ from contextlib import suppress
 from typing import Final, Protocol, runtime_checkable
 
 from radarsim.client.session import check_timeout
-from radarsim.errors import ClientError
-from radarsim.os_errors import describe_os_error, error_number
+from radarsim.errors import ClientError, describe_os_error, error_number
 
 logger: Final = logging.getLogger(__name__)
 

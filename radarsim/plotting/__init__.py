@@ -4,9 +4,9 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from radarsim.addons.fmcw.plots import draw_spectrum, plot_spectrum
     from radarsim.plotting.comparison import compare
     from radarsim.plotting.plan import plot_scene
-    from radarsim.plotting.rendering import render
     from radarsim.plotting.scans import (
         as_svg,
         draw_scans,
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
         plot_scan,
         plot_scans,
     )
-    from radarsim.plotting.spectra import draw_spectrum, plot_spectrum
+    from radarsim.plotting.style import render
 
 # Modules are imported on first use: colours alone do not need all that draws.
 _MODULES = {

@@ -9,9 +9,8 @@ from matplotlib.figure import Figure
 
 from radarsim.geometry import Pose2
 from radarsim.plotting.annotations import QUIET
-from radarsim.plotting.plan import ROBOT
-from radarsim.plotting.scan_words import title_scans
-from radarsim.plotting.scans import draw_scan
+from radarsim.plotting.plan import ROBOT_CLASS
+from radarsim.plotting.scans import draw_scan, title_scans
 from radarsim.plotting.sight import find_sight
 from radarsim.plotting.style import Legend, scan_points
 from radarsim.presets.robots import load_robot
@@ -58,7 +57,7 @@ def compare(
     scanners = [
         load_sensor(each) if isinstance(each, str) else each for each in sensors
     ]
-    pose = load_robot(ROBOT).scanner_pose(place.pose)
+    pose = load_robot(ROBOT_CLASS).scanner_pose(place.pose)
     scans = [
         scanner.scan(scene, pose, generator_for(seed, scanner.name))
         for scanner in scanners

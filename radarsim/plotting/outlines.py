@@ -12,10 +12,10 @@ from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
 from shapely import Geometry
 
+from radarsim.autonomy.plotting.panels import Extent
 from radarsim.geometry import Floats
 from radarsim.plotting.areas import enclosed_area
 from radarsim.plotting.palette import FAMILY_COLOURS, MARKER, Family, family_of
-from radarsim.plotting.panels import Extent
 from radarsim.robots.obstacles import slice_mesh
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene

@@ -1,4 +1,7 @@
-"""Plans of maps: the section of a scene at a height, filled by material."""
+"""Plans of maps: the section of a scene at a height, filled by material.
+
+Robots in pictures, seen from above.
+"""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -10,22 +13,76 @@ import shapely
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import PathPatch
+from matplotlib.patches import PathPatch, Polygon
 from matplotlib.path import Path
 from shapely import Geometry
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.plotting.annotations import HALO, as_words, draw_scale_bar, write_title
-from radarsim.plotting.palette import Family, family_of
-from radarsim.plotting.robots import draw_robot
+from radarsim.plotting.palette import MARKER, ROBOT, Family, family_of
 from radarsim.plotting.style import Legend, area_style
+from radarsim.presets.robots import RobotModel, load_robot
+from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import slice_mesh
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 
+_TYRE: Final = 0.09  # m, width of a wheel
+
+
+def draw_robot(
+    axes: Axes, class_name: str, pose: Pose2, *, zorder: float = 5
+) -> list[Polygon]:
+    """Draw a robot from above: hull, wheels and a wedge that points ahead.
+
+    Args:
+        axes: Axes in m, map frame.
+        class_name: Name of the robot class.
+        pose: Pose of the robot.
+        zorder: Z-order of the hull; wheels and wedge are drawn a little above it.
+
+    Returns:
+        What was drawn.
+    """
+    model = load_robot(class_name)
+    hull = Footprint(model.length, model.width)
+    tyre = Footprint(2 * model.wheel_radius, _TYRE)
+    drawn = [_robot_patch(axes, hull, pose, ROBOT, zorder)]
+    drawn += [
+        _robot_patch(axes, tyre, wheel, MARKER, zorder + 0.1)
+        for wheel in _wheels(model, pose)
+    ]
+    x, y = model.length / 2, model.width / 5
+    corners = [_at(pose, *place) for place in ((x, 0.0), (x / 2, y), (x / 2, -y))]
+    wedge = Polygon(corners, facecolor=MARKER, zorder=zorder + 0.2)
+    axes.add_patch(wedge)
+    return [*drawn, wedge]
+
+
+def _robot_patch(
+    axes: Axes, shape: Footprint, pose: Pose2, colour: str, zorder: float
+) -> Polygon:
+    corners = shape.outline(pose)[:, 0]
+    patch = Polygon(corners, facecolor=colour, edgecolor=MARKER, linewidth=0.8)
+    patch.set_zorder(zorder)
+    axes.add_patch(patch)
+    return patch
+
+
+def _wheels(model: RobotModel, pose: Pose2) -> list[Pose2]:
+    ahead, aside = model.wheel_base / 2, model.wheel_separation / 2
+    places = ((ahead, aside), (ahead, -aside), (-ahead, aside), (-ahead, -aside))
+    return [Pose2(*_at(pose, *place), pose.yaw) for place in places]
+
+
+def _at(pose: Pose2, ahead: float, aside: float) -> tuple[float, float]:
+    place = pose.compose(Pose2(ahead, aside))
+    return place.x, place.y
+
+
 HEIGHT: Final = 0.346  # m above the floor; of a P3AT's scanner
 MARGIN: Final = 0.8  # m around what is shown
-ROBOT: Final = "P3AT"
+ROBOT_CLASS: Final = "P3AT"
 LEAF_OPACITY: Final = 0.35  # of the area around leaves
 _BAR_SPACE: Final = 0.06  # of the height, below what is shown, for the scale bar
 _NAME_SPACE: Final = 0.08  # of the width, on both sides, for names
@@ -156,7 +213,7 @@ def plot_scene(scene: Scene, axes: Axes | None = None) -> Axes:
     name_objects(axes, scene.parts, height)
     for start in scene.starts:
         pose = Pose2(start.pose.x, start.pose.y, start.pose.yaw)
-        draw_robot(axes, ROBOT, pose, zorder=4)
+        draw_robot(axes, ROBOT_CLASS, pose, zorder=4)
         _write(axes, start.name, (pose.x, pose.y), "below")
     if scene.trial is not None:
         axes.plot(*scene.trial.goal, "*", color="black", markersize=10, zorder=5)

@@ -1,17 +1,25 @@
-"""What plots share: the legend, colours of materials, and points in the map."""
+"""What plots share: the legend, colours of materials, and points in the map.
 
+Figures as files that have the same bytes each time.
+"""
+
+import io
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from textwrap import fill
 from typing import Any, Final
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.artist import Artist
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.text import Text
 
+from radarsim.errors import escape_lines
 from radarsim.geometry import Floats
 from radarsim.plotting.palette import FAMILY_COLOURS, Family, family_of
 from radarsim.scene.material import Material
@@ -20,6 +28,36 @@ from radarsim.sensors.beams import CENTRE, LEFT, RIGHT
 from radarsim.sensors.echoes import ROBOT, Echoes
 from radarsim.sensors.range_scanner import RangeScanner
 from radarsim.sensors.scan import Scan
+
+FORMS: Final = ("png", "svg", "pdf")
+# Keys of the date or the version that matplotlib would write.
+_DATES: Final = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}
+
+
+def render(figure: Figure, form: str = "png", *, software: str = "radarsim") -> bytes:
+    """Return a figure as a file of one of ``FORMS``; equal figures give equal bytes.
+
+    Args:
+        figure: The figure.
+        form: File format.
+        software: Name of the program in a PNG file.
+    """
+    _escape_texts(figure)
+    data = io.BytesIO()
+    metadata = {_DATES[form]: software if form == "png" else None}
+    if form != "png":
+        metadata["Creator"] = software
+    with rc_context({"svg.hashsalt": "radarsim"}):
+        FigureCanvasAgg(figure).print_figure(data, format=form, metadata=metadata)
+    return data.getvalue()
+
+
+def _escape_texts(figure: Figure) -> None:
+    """Escape characters in names for which no file has a picture."""
+    for text in figure.findobj(Text):
+        if isinstance(text, Text):
+            text.set_text(escape_lines(text.get_text()))
+
 
 MAX_NAMES: Final = 8  # materials of one colour that a legend names
 LINE_LENGTH: Final = 26  # characters in a row of a legend

@@ -8,11 +8,10 @@ from typing import Annotated, Any, TypeAlias, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from radarsim.errors import PresetError
+from radarsim.errors import PresetError, expected_one_of
 from radarsim.presets.preset_files import preset_names, read_preset
 from radarsim.presets.sensor_settings import NotNegative, Positive
 from radarsim.presets.sensors import SensorPreset
-from radarsim.suggestions import expected_one_of
 from radarsim.validation import describe_invalid
 
 RightAngle: TypeAlias = Annotated[float, Field(ge=1, le=90, allow_inf_nan=False)]

@@ -10,8 +10,7 @@ from typing import Any, Final, Literal, TypeAlias
 
 from pydantic import BaseModel, ConfigDict
 
-from radarsim.errors import PresetError
-from radarsim.suggestions import expected_one_of
+from radarsim.errors import PresetError, expected_one_of
 from radarsim.yaml_reader import parse_plain
 
 Folder: TypeAlias = Literal["sensors", "items", "materials", "robots"]

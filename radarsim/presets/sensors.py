@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from radarsim.errors import PresetError
+from radarsim.errors import PresetError, expected_one_of
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.presets.preset_files import (
     SourcedValue,
@@ -15,7 +15,6 @@ from radarsim.presets.preset_files import (
     unknown_preset,
 )
 from radarsim.presets.sensor_settings import SensorSettings
-from radarsim.suggestions import expected_one_of
 from radarsim.validation import describe_invalid, short_repr
 from radarsim.yaml_reader import parse_plain
 

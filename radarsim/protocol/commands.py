@@ -16,7 +16,7 @@ from typing import ClassVar, Final, Self, TypeAlias
 
 import numpy as np
 
-from radarsim.errors import MalformedMessage
+from radarsim.errors import MalformedMessage, expected_one_of
 from radarsim.geometry import Pose3
 from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.message import (
@@ -34,7 +34,6 @@ from radarsim.protocol.numbers import (
     parse_numbers,
 )
 from radarsim.protocol.watch import Watch
-from radarsim.suggestions import expected_one_of
 
 PACKAGE: Final = "USARBot."  # of robot classes
 

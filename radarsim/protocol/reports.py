@@ -16,6 +16,21 @@ from radarsim.errors import MalformedMessage
 from radarsim.geometry import Pose3
 from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.echoes import EchoLine, TargetEchoes
+from radarsim.protocol.geo_conf import (
+    VEHICLE,
+    EncoderConf,
+    IntervalConf,
+    ItemGeo,
+    NameConf,
+    RobotConf,
+    RobotGeo,
+    ScannerConf,
+    SonarConf,
+    TouchConf,
+    decode_conf,
+    decode_geo,
+    select_fields,
+)
 from radarsim.protocol.line_template import (
     NO_SERIES,
     WHOLE,
@@ -31,21 +46,6 @@ from radarsim.protocol.message import (
 )
 from radarsim.protocol.numbers import parse_flag, parse_number
 from radarsim.protocol.periodic_reports import NumberedReport, SensorReport, Split
-from radarsim.protocol.robot_reports import (
-    VEHICLE,
-    EncoderConf,
-    IntervalConf,
-    ItemGeo,
-    NameConf,
-    RobotConf,
-    RobotGeo,
-    ScannerConf,
-    SonarConf,
-    TouchConf,
-    decode_conf,
-    decode_geo,
-    select_fields,
-)
 from radarsim.protocol.sensor_reports import (
     Encoder,
     Gps,

@@ -4,15 +4,24 @@ A beam has one or several nodes, from each of which a ray can be cast: one is dr
 random for each beam, or all are cast. Scans are aimed before they are traced, by
 ``aim_scans``, or ray by ray while they are traced, see ``trace_kernel``; the numbers
 are the same.
+
+Where the rays of a call come from, as the kernel takes it: packed into one array.
+
+Either all rays are given, or the beams of a sensor, of which scans have rays.
+
+Scans whose rays are aimed while they are traced.
 """
 
 from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
+from numba import types
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.jit import njit_cached, njit_inline
+from radarsim.raycast.rays import RayClass, RayColumns, Rays
+from radarsim.raycast.traced_scene import PackedArrays, pack, unpacker
 
 Sides: TypeAlias = NDArray[np.int8]
 Nodes: TypeAlias = NDArray[np.int16]
@@ -192,3 +201,100 @@ def aim_scans(poses: Any, choice: Any, chances: Any, *columns: Any) -> None:
             rays.directions[some],
         )
         _aim_scan(table, frame, choice, chances[scan if choice == DRAWN else 0], own)
+
+
+NO_TABLE: Final = NodeTable(
+    *(np.zeros((0, 0, 3)), np.zeros((0, 0, 3)), np.zeros(0), np.zeros(0, np.int8))
+)
+# The leaves of a packed source: their types, and the numbers of their dimensions.
+LEAVES: Final = (
+    *((types.float64, 2), (types.float64, 2), (types.float64, 1), (types.float64, 1)),
+    *((types.uint8, 1), (types.int64, 1)),
+    *((types.float64, 3), (types.float64, 3), (types.float64, 1), (types.int8, 1)),
+    (types.float64, 0),
+)
+
+
+class RaySource(NamedTuple):
+    """Where rays come from.
+
+    Attributes:
+        rays: The rays; for scans one row with what their rays have in common.
+        table: The nodes of all beams of the sensor; empty for given rays.
+        radius: m, the largest distance from the sensor at which a ray starts.
+    """
+
+    rays: RayColumns
+    table: NodeTable
+    radius: float
+
+
+def pack_source(
+    rays: RayColumns, table: NodeTable = NO_TABLE, radius: float = 0.0
+) -> PackedArrays:
+    """Pack a source; arguments as the attributes of ``RaySource``."""
+    return pack((*rays, *table, radius), LEAVES)
+
+
+_leaves_of: Any = unpacker(LEAVES)
+
+
+@njit_cached
+def unpack_source(words: Any) -> Any:
+    """Return the ``RaySource`` of the words of a packed one."""
+    leaves = _leaves_of(words)
+    return RaySource(RayColumns(*leaves[:6]), NodeTable(*leaves[6:10]), leaves[10])
+
+
+class SensorRays:
+    """The rays of a sensor before they are aimed.
+
+    Attributes:
+        table: The nodes of all N beams.
+        limits: Range, power and class of all rays in one row; origins and directions
+            are empty.
+        ray_classes: The class of the rays, and that of which something has to be near a
+            sensor for its scan to be left out: the medium's, as in ``DEFAULT_CLASSES``.
+        rays_per_scan: M.
+        source: The packed ``RaySource``.
+    """
+
+    def __init__(
+        self,
+        table: NodeTable,
+        radius: float,
+        limits: RayColumns,
+        ray_classes: tuple[RayClass, RayClass],
+        rays_per_scan: int,
+    ) -> None:
+        """Pack the rays; ``radius`` is as in ``RaySource``, the others are above."""
+        self.table, self.limits = table, limits
+        self.ray_classes = ray_classes
+        self.rays_per_scan = rays_per_scan
+        self.source = pack_source(limits, table, radius)
+
+
+class UnaimedScans(NamedTuple):
+    """J scans of equal sensors.
+
+    Attributes:
+        sensor: What they have in common.
+        chances: (J, N) random numbers from 0 to 1, which select a node of each beam;
+            (1, 0) if all are aimed.
+        places: (J, 7) x, y, z, roll, pitch, yaw of the sensor in each, map frame, and
+            the id of the box that carries it; -1 for none.
+    """
+
+    sensor: SensorRays
+    chances: Floats
+    places: Floats
+
+    def aim(self) -> Rays:
+        """Return the rays of all scans."""
+        sensor = self.sensor
+        aimed = AimedRays.empty(len(self.places) * sensor.rays_per_scan)
+        choice = DRAWN if self.chances.size else ALL
+        aim_scans(self.places, choice, self.chances, *sensor.table, *aimed)
+        rows = np.zeros(len(aimed.nodes), np.int64)
+        columns: list[Any] = [column[rows] for column in sensor.limits[2:]]
+        return Rays(*[aimed.origins, aimed.directions, *columns, sensor.ray_classes])

@@ -29,6 +29,11 @@ Rule 2: input is checked: shapes, finite vertices, indices in range. Embree read
 the ends of arrays and drops whole meshes without an error.
 Rule 3: a ray that starts outside the scene is first advanced to the sphere around it,
 so that Embree handles no numbers larger than the scene's.
+
+Bounding boxes of the parts of triangles that are between two heights.
+
+A level ray crosses a triangle where the triangle has the ray's height. A box around
+that part alone is smaller than one around the triangle, and fewer rays meet it.
 """
 
 import ctypes
@@ -55,7 +60,47 @@ from radarsim.raycast.intersect import (
     on_primitive,
     pointer,
 )
-from radarsim.raycast.slab import clip_to_slab
+
+SLAB_BLOCK: Final = 50_000  # triangles of which intermediate results fit into memory
+
+
+def clip_to_slab(triangles: Floats, low: float, high: float) -> Floats:
+    """Return points that have the bounding boxes of the parts within a slab.
+
+    Args:
+        triangles: (T, 9) m, the corners of triangles that reach into the slab.
+        low: z, m, at which it begins.
+        high: z, m, at which it ends.
+
+    Returns:
+        (T, 9) m, three points for each triangle: the lower corner of the box, its upper
+        corner, and the lower one again.
+    """
+    outlines = np.zeros((len(triangles), 9))
+    for start in range(0, len(triangles), SLAB_BLOCK):
+        rows = slice(start, start + SLAB_BLOCK)
+        points = _outline(triangles[rows].reshape(-1, 3, 3), low, high)
+        outlines[rows, :3] = outlines[rows, 6:] = np.nanmin(points, axis=1)
+        outlines[rows, 3:6] = np.nanmax(points, axis=1)
+    return outlines
+
+
+def _outline(corners: Floats, low: float, high: float) -> Floats:
+    """Return the corners of the parts, (T, 9, 3) m; nan for those that there are not.
+
+    They are the triangle's corners within the slab, and the points at which its edges
+    cross the slab's faces.
+    """
+    z = corners[:, :, 2:]
+    points = [np.where((z >= low) & (z <= high), corners, np.nan)]
+    ends = np.roll(corners, -1, axis=1)
+    for height in (low, high):
+        before, after = z - height, ends[:, :, 2:] - height
+        crosses = before * after < 0.0
+        share = before / np.where(crosses, before - after, 1.0)
+        points.append(np.where(crosses, corners + share * (ends - corners), np.nan))
+    return np.concatenate(points, axis=1)
+
 
 # How much wider than its triangle a box is, for each metre of the scene's radius.
 # Each rounding to float32 costs up to 6e-8 of a coordinate; Embree rounds some eight

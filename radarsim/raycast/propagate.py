@@ -29,7 +29,6 @@ from radarsim.raycast.attenuation import (
     start_ray,
     update_winding,
 )
-from radarsim.raycast.box_index import BoxIndex, intersect_boxes
 from radarsim.raycast.crossings import sort_crossings
 from radarsim.raycast.intersect import (
     Interval,
@@ -49,6 +48,7 @@ from radarsim.raycast.reflection import (
     go_on,
     incidence_of,
 )
+from radarsim.raycast.robot_boxes import BoxIndex, intersect_boxes
 
 UNKNOWN: Final = -2  # instead of a part: the ray goes on where the window ends
 # The first window is as long as the path on which the densest volume takes all power,

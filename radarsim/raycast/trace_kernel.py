@@ -3,6 +3,8 @@
 Rays are given one by one, or as scans: then each is aimed right before it is traced, so
 that one call does all there is to a scan but the drawing of random numbers. There is
 one kernel for both, because most of its code is the tracing, which is compiled once.
+
+Whether nothing opaque is near a point.
 """
 
 from typing import Any, Final, NamedTuple
@@ -20,19 +22,48 @@ from radarsim.raycast.aimed_rays import (
     aim_ray,
     fill_frame,
     node_of,
+    unpack_source,
 )
 from radarsim.raycast.attenuation import new_ray_state
-from radarsim.raycast.box_index import (
+from radarsim.raycast.crossings import CROSSING
+from radarsim.raycast.intersect import (
+    is_opaque_nearby,
+    new_query_buffer,
+    new_ray_buffer,
+)
+from radarsim.raycast.propagate import RayLimits, TraceColumns, Workspace, trace_ray
+from radarsim.raycast.robot_boxes import (
     index_boxes,
     index_boxes_around,
+    is_box_near,
     new_box_index,
 )
-from radarsim.raycast.clearance import is_clear
-from radarsim.raycast.crossings import CROSSING
-from radarsim.raycast.intersect import new_query_buffer, new_ray_buffer
-from radarsim.raycast.propagate import RayLimits, TraceColumns, Workspace, trace_ray
-from radarsim.raycast.ray_source import unpack_source
 from radarsim.raycast.traced_scene import unpack_scene
+
+
+@njit_inline
+def is_clear(
+    scene: Any, ray_class: Any, point: Any, radius: Any, carrier_id: Any, query: Any
+) -> Any:
+    """Return whether there is certainly nothing opaque around a point.
+
+    Args:
+        scene: The ``TracedScene``.
+        ray_class: The index of the class for which something is opaque.
+        point: (3,) m, relative to the scene's centre.
+        radius: m.
+        carrier_id: Id of the box that does not count; -1 for none.
+        query: From ``new_query_buffer``.
+
+    Returns:
+        False also where something is only a little farther away.
+    """
+    reach = radius + scene.handle.margin
+    if is_box_near(scene.boxes, carrier_id, point, reach):
+        return False
+    roles = scene.materials.forward_roles[ray_class]
+    return not is_opaque_nearby(scene.handle, roles, point, reach, query)
+
 
 CLEARANCE_CLASS: Final = 1  # index of the class for which something may hide a ray
 CARRIER: Final = 6  # column of ``UnaimedScans.places``

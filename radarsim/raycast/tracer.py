@@ -26,7 +26,13 @@ from numpy.typing import NDArray
 
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
-from radarsim.raycast.aimed_rays import Nodes, Sides
+from radarsim.raycast.aimed_rays import (
+    Nodes,
+    SensorRays,
+    Sides,
+    UnaimedScans,
+    pack_source,
+)
 from radarsim.raycast.attenuation import EVENT, EventKind
 from radarsim.raycast.embree import EmbreeScene, Mesh
 from radarsim.raycast.material_table import (
@@ -35,8 +41,6 @@ from radarsim.raycast.material_table import (
     material_table,
     scattering_of,
 )
-from radarsim.raycast.packed_arrays import PackedArrays
-from radarsim.raycast.ray_source import pack_source
 from radarsim.raycast.rays import (
     Event,
     RayClass,
@@ -47,8 +51,12 @@ from radarsim.raycast.rays import (
 )
 from radarsim.raycast.robot_boxes import NO_BOXES, Boxes
 from radarsim.raycast.trace_kernel import NO_SCANS, trace_rays
-from radarsim.raycast.traced_scene import MaterialTable, PackedScene, pack_scene
-from radarsim.raycast.unaimed_scans import SensorRays, UnaimedScans
+from radarsim.raycast.traced_scene import (
+    MaterialTable,
+    PackedArrays,
+    PackedScene,
+    pack_scene,
+)
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import box

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.presets.robots import RobotModel
-from radarsim.robots.collision import Surroundings
+from radarsim.robots.collision import Surroundings, new_robot_grid
 from radarsim.robots.fleet_columns import (
     BODY_Z,
     BOTTOM,
@@ -35,10 +35,12 @@ from radarsim.robots.fleet_columns import (
     new_columns,
 )
 from radarsim.robots.motion import (
+    WheelDrive,
     drive_each_alone,
     drive_on,
     drive_robots,
     find_touched,
+    sweep_rate,
 )
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.odometry import (
@@ -51,10 +53,7 @@ from radarsim.robots.odometry import (
     WheelOdometry,
 )
 from radarsim.robots.robot import Robot
-from radarsim.robots.robot_grid import new_robot_grid
-from radarsim.robots.skid_steer import sweep_rate
 from radarsim.robots.wall_grid import WallTable, wall_table
-from radarsim.robots.wheel_drive import WheelDrive
 
 _FIRST_SLOTS: Final = 8
 _BOX_COLUMNS: Final = [X, Y, YAW, BOTTOM, TOP, HALF_LENGTH, HALF_WIDTH, NUMBER]

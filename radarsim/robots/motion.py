@@ -2,13 +2,30 @@
 
 Robots move one after the other, in the order of spawning, so that a robot meets those
 before it where they have gone and those after it where they still are.
+
+Kinematics of skid steering: motion from the speeds of the left and right wheels.
+
+Wheels reach their set-points at once: the set-point of a tick is the speed during that
+tick. Collisions are not modelled here.
+
+Conversion of drive commands to wheel speeds.
+
+Apart from the kinematics, because a server needs it before compiled code is loaded.
 """
 
 import math
+from dataclasses import dataclass
 from typing import Any, Final
 
 from radarsim.jit import njit_cached, njit_inline
-from radarsim.robots.collision import avoid_collision, is_rejected, is_touching
+from radarsim.protocol.dialect import RAD_PER_S, DriveUnit
+from radarsim.robots.collision import (
+    MAX_SPEED,
+    avoid_collision,
+    enter_robots,
+    is_rejected,
+    is_touching,
+)
 from radarsim.robots.fleet_columns import (
     BLOCKED,
     LEFT_ANGLE,
@@ -27,8 +44,99 @@ from radarsim.robots.fleet_columns import (
 )
 from radarsim.robots.footprint import MARGIN
 from radarsim.robots.odometry import integrate_odometry
-from radarsim.robots.robot_grid import MAX_SPEED, enter_robots
-from radarsim.robots.skid_steer import advance, sweep_rate
+
+
+@dataclass(frozen=True, slots=True)
+class WheelDrive:
+    """Conversion of drive commands to wheel speeds.
+
+    Attributes:
+        max_spin: Highest speed of a wheel in either direction, in ``unit``.
+        unit: Unit of ``max_spin`` and of the commands.
+    """
+
+    max_spin: float
+    unit: DriveUnit = "rad_per_s"
+
+    @property
+    def max_spin_rad_s(self) -> float:
+        """The highest speed of a wheel, rad/s."""
+        return self.max_spin * RAD_PER_S[self.unit]
+
+    def spin(self, value: float, *, normalized: bool = False) -> float:
+        """Convert a commanded value to the wheel speed, limited, rad/s.
+
+        Args:
+            value: Commanded speed in ``unit``; forward is positive.
+            normalized: Whether the value is a percentage of ``max_spin`` instead.
+        """
+        speed = value * self.max_spin / 100 if normalized else value
+        speed = max(-self.max_spin, min(self.max_spin, speed))
+        return speed * RAD_PER_S[self.unit]
+
+
+_TURN: Final = 2 * math.pi
+
+
+@njit_inline
+def advance(pose: Any, left: Any, right: Any, track: Any, dt: Any) -> Any:
+    """Return the pose after one time step along the exact circular arc.
+
+    Args:
+        pose: x, y and yaw at the start of the step, m, rad.
+        left: Ground speed of the left wheels, m/s.
+        right: Ground speed of the right wheels, m/s.
+        track: Effective distance between the wheel pairs, m; wider than the real one
+            if the wheels slip sideways in a turn.
+        dt: Time step, s; two half steps give the same pose as one whole step.
+
+    Returns:
+        x, y and yaw at the end of the step, the yaw in (-pi, pi].
+
+    Source: geometry of an arc; its chord is 2 (distance / turn) sin(turn / 2), and
+    points half a turn off the heading at its start.
+    """
+    x, y, yaw = pose
+    # y points left, so faster right wheels turn the robot counter-clockwise
+    turn = (right - left) / track * dt
+    half = turn / 2
+    chord = (left + right) / 2 * dt * (math.sin(half) / half if half != 0.0 else 1.0)
+    return (
+        x + chord * math.cos(yaw + half),
+        y + chord * math.sin(yaw + half),
+        _wrap(yaw + turn),
+    )
+
+
+@njit_inline
+def _wrap(angle: Any) -> Any:
+    """Wrap an angle, rad, to (-pi, pi]; the same bits as ``geometry.wrap_angle``."""
+    # The steps of C's remainder, each of them exact, which numba does not have.
+    size = abs(angle)
+    if size < math.pi:
+        return angle
+    rest = size % _TURN
+    if rest > _TURN - rest:
+        rest -= _TURN
+    elif rest == _TURN - rest:  # half a turn: to the even number of turns
+        rest -= 2.0 * (0.5 * (size - rest) % _TURN)
+    wrapped = math.copysign(1.0, angle) * rest
+    return math.pi if wrapped <= -math.pi else wrapped
+
+
+@njit_inline
+def sweep_rate(left: Any, right: Any, track: Any, radius: Any) -> Any:
+    """Return an upper bound of the speed of a robot's fastest point, m/s.
+
+    Args:
+        left: Ground speed of the left wheels, m/s.
+        right: Ground speed of the right wheels, m/s.
+        track: Effective distance between the wheel pairs, m.
+        radius: Distance of the farthest point from the centre, m.
+    """
+    turn = abs(right - left) / track
+    return abs(left + right) / 2 + turn * radius
+
 
 _MAX_SWEEP: Final = (
     0.05  # m; a longer step is split, so that no obstacle is jumped over

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 
+from radarsim.errors import MAX_NAMES, expected_one_of
 from radarsim.geometry import Floats, rotation_matrix
 from radarsim.presets.materials import library_material
 from radarsim.scene.copies import BuildError, place_copies
@@ -32,7 +33,6 @@ from radarsim.scene.mesh_files import (
 from radarsim.scene.reflectors import POINT_EDGE, REFLECTOR, Reflector
 from radarsim.scene.scene import Part
 from radarsim.scene.shapes import Mesh, box, cylinder, octahedron, sphere
-from radarsim.suggestions import MAX_NAMES, expected_one_of
 from radarsim.validation import short_repr
 
 if TYPE_CHECKING:

@@ -8,11 +8,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from radarsim.errors import MapError
-from radarsim.os_errors import describe_os_error
+from radarsim.errors import MapError, describe_os_error, did_you_mean
 from radarsim.scene.map_loader import MapLoader
 from radarsim.scene.scene import Scene
-from radarsim.suggestions import did_you_mean
 from radarsim.validation import short_repr
 from radarsim.yaml_reader import YamlFile, read_yaml
 

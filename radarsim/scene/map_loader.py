@@ -13,6 +13,7 @@ from typing import Any, Final, TypeAlias, TypeVar
 
 from pydantic import ValidationError
 
+from radarsim.errors import expected_one_of
 from radarsim.geometry import Pose3
 from radarsim.presets.materials import library_names
 from radarsim.scene.build import (
@@ -25,6 +26,7 @@ from radarsim.scene.build import (
 from radarsim.scene.copies import BuildError, copy_names
 from radarsim.scene.map_checks import (
     Problem,
+    ProblemList,
     air_problems,
     extent_problems,
     material_problems,
@@ -50,10 +52,8 @@ from radarsim.scene.map_schema import (
     unknown_material,
 )
 from radarsim.scene.material import Material
-from radarsim.scene.problem_list import ProblemList
 from radarsim.scene.reflectors import REFLECTOR, Reflector
 from radarsim.scene.scene import GPS_ORIGIN, Part, Scene, StartPose, Trial
-from radarsim.suggestions import expected_one_of
 from radarsim.validation import short_repr
 from radarsim.yaml_reader import KeyPath, YamlFile
 

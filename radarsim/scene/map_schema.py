@@ -22,12 +22,12 @@ from pydantic import (
     model_validator,
 )
 
+from radarsim.errors import did_you_mean, expected_one_of, list_names
 from radarsim.presets.materials import library_names
 from radarsim.presets.sensor_settings import BANDS_GHZ
 from radarsim.scene.material import OPAQUE
 from radarsim.scene.mesh_files import MeshError, find_inside
 from radarsim.scene.scene import GPS_ORIGIN
-from radarsim.suggestions import did_you_mean, expected_one_of, list_names
 from radarsim.validation import point_hint, rejection, short_repr
 
 MAX_EXTENT = 1000.0  # m; float32 ray casting stays exact enough up to here

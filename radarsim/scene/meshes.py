@@ -19,8 +19,13 @@ import numpy as np
 from radarsim.geometry import Floats
 from radarsim.scene.face_passes import connect_faces, weld_vertices
 from radarsim.scene.gltf import reduce_gltf
-from radarsim.scene.mesh_files import MeshBudget, MeshError, MeshFiles
-from radarsim.scene.mesh_headers import check_ply, check_stl
+from radarsim.scene.mesh_files import (
+    MeshBudget,
+    MeshError,
+    MeshFiles,
+    check_ply,
+    check_stl,
+)
 from radarsim.scene.obj import read_obj
 from radarsim.scene.shapes import Faces, Mesh, concatenate
 from radarsim.scene.topology import (

@@ -49,11 +49,12 @@ from radarsim.raycast.aimed_rays import (
     AimedRays,
     Nodes,
     NodeTable,
+    SensorRays,
     Sides,
+    UnaimedScans,
     aim_scans,
 )
 from radarsim.raycast.rays import LASER, RADAR, RayClass, Rays, columns_of
-from radarsim.raycast.unaimed_scans import SensorRays, UnaimedScans
 
 EMPTY: Final = np.zeros(0)
 NO_VECTORS: Final = np.zeros((0, 3))

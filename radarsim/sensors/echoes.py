@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radarsim.errors import import_optional
 from radarsim.geometry import Floats
-from radarsim.optional_packages import import_optional
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.material_table import attenuation_of

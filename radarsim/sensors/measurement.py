@@ -29,15 +29,13 @@ from radarsim.raycast.tracer import Tracer
 from radarsim.scene.scene import Scene
 from radarsim.sensors.beams import BeamPattern, ray_class_of
 from radarsim.sensors.echo_extraction import (
+    FIRST,
+    LAST,
+    STRONGEST,
     EchoColumns,
     backscatter,
     extract_echoes,
     extract_ray_ends,
-)
-from radarsim.sensors.echo_selection import (
-    FIRST,
-    LAST,
-    STRONGEST,
     merge_echoes,
     select_echoes,
 )

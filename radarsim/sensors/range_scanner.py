@@ -10,11 +10,10 @@ import numpy as np
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.presets.sensors import load_fmcw_settings, load_settings
-from radarsim.raycast.aimed_rays import Nodes, Sides
+from radarsim.raycast.aimed_rays import Nodes, Sides, UnaimedScans
 from radarsim.raycast.rays import LASER, RADAR, Rays, Traces
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer, tracer_of
-from radarsim.raycast.unaimed_scans import UnaimedScans
 from radarsim.scene.scene import Scene
 from radarsim.sensors.beams import EMPTY, pattern_of, template_of
 from radarsim.sensors.measurement import Draws, PlannedScan, ScanBuilder
@@ -34,8 +33,8 @@ from radarsim.sensors.scan_plan import (
 from radarsim.sensors.targets import find_targets, scan_of
 
 if TYPE_CHECKING:
-    from radarsim.fmcw.radar import FmcwRadar
-    from radarsim.fmcw.spectrum import Spectrum
+    from radarsim.addons.fmcw.radar import FmcwRadar
+    from radarsim.addons.fmcw.spectrum import Spectrum
 
 NO_RAIN: Final = np.zeros((2, 0))
 SENSOR_HEIGHT: Final = 0.346  # m; height of a P3AT's scanner above the floor
@@ -118,7 +117,7 @@ class RangeScanner:
         Raises:
             PresetError: If its preset describes none.
         """
-        from radarsim.fmcw.radar import FmcwRadar  # noqa: PLC0415 - scipy is slow
+        from radarsim.addons.fmcw.radar import FmcwRadar  # noqa: PLC0415 - scipy is slow
 
         settings = load_fmcw_settings(self.name, **self._fmcw)
         return FmcwRadar(self.name, settings, self.settings)

@@ -5,9 +5,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from radarsim.errors import import_optional
 from radarsim.geometry import Floats, Pose3
 from radarsim.late_plotting import load_plotting
-from radarsim.optional_packages import import_optional
 from radarsim.raycast.aimed_rays import Sides
 from radarsim.raycast.rays import Rays
 from radarsim.scene.scene import Scene

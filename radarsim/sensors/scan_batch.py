@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from radarsim.cpu_count import process_cpu_count
 from radarsim.geometry import Floats, Pose3
+from radarsim.processes import process_cpu_count
 from radarsim.raycast.aimed_rays import Nodes, Sides
 from radarsim.raycast.rays import Rays, Traces
 from radarsim.raycast.robot_boxes import Boxes

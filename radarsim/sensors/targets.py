@@ -25,8 +25,8 @@ from radarsim.sensors.echoes import Echoes
 from radarsim.sensors.scan import Scan
 
 if TYPE_CHECKING:
-    from radarsim.fmcw.radar import FmcwRadar
-    from radarsim.fmcw.spectrum import Spectrum
+    from radarsim.addons.fmcw.radar import FmcwRadar
+    from radarsim.addons.fmcw.spectrum import Spectrum
 
 
 class Targets(NamedTuple):

@@ -23,11 +23,10 @@ import logging
 from collections.abc import Set as AbstractSet
 from typing import TYPE_CHECKING, Final, Protocol
 
-from radarsim.camera.view import View
 from radarsim.errors import ServerError
 from radarsim.protocol.images import WHOLE, Region, RequestBuffer
-from radarsim.server.peer_connections import PeerConnection, PeerServer
-from radarsim.server.refusal_log import RefusalLog
+from radarsim.server.camera.renderer import View
+from radarsim.server.peer_connections import PeerConnection, PeerServer, RefusalLog
 
 if TYPE_CHECKING:
     from radarsim.simulation.simulation import Simulation

@@ -10,9 +10,13 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any
 
-from radarsim.errors import PortUnavailable, ServerError
-from radarsim.os_errors import describe_os_error, error_number
-from radarsim.signal_handlers import (
+from radarsim.errors import (
+    PortUnavailable,
+    ServerError,
+    describe_os_error,
+    error_number,
+)
+from radarsim.processes import (
     HUNG_UP,
     INTERRUPTED,
     is_ignored,

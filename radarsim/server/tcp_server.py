@@ -8,21 +8,21 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from radarsim.host import Diagnostic, Host
 from radarsim.server.engine_loader import EngineLoader
+from radarsim.server.host import Diagnostic, Host
 from radarsim.server.lifecycle import (
     configure_socket,
     exit_code_of_signal,
     listen,
     peer_name,
 )
+from radarsim.server.peer_connections import RefusalLog
 from radarsim.server.read_turns import ReadAllowance, ReadTurns
-from radarsim.server.refusal_log import RefusalLog
 from radarsim.simulation.clock import TICK
 
 if TYPE_CHECKING:
+    from radarsim.addons.fmcw.navtech.server import NavtechServer
     from radarsim.server.image_server import ImageServer
-    from radarsim.server.navtech_server import NavtechServer
     from radarsim.simulation.simulation import Simulation
 
 log = logging.getLogger("radarsim.server")

@@ -1,12 +1,130 @@
-"""A web server for programs that have an end of their own."""
+"""A web server for programs that have an end of their own.
 
-from collections.abc import Callable
+Doors of the web server: who may come in, and what browsers may do with the answers.
+
+Programs on other machines, and pages of other sites in a browser on this one, must not
+see or drive robots. A request names the host that its sender means to talk to: if that
+is not this server, a foreign name was made to resolve to this address. And a browser
+names the site that a request comes from, which has to be this one. Both are checked
+before anything else, also before the token.
+"""
+
+import ipaddress
+import secrets
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from socket import socket
 from typing import Any, Final
 
 import uvicorn
-from starlette.types import ASGIApp
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import PlainTextResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+ANY_ADDRESS: Final = ("0.0.0.0", "::")  # compared, not bound
+HTTP_PORT: Final = 80
+LOOPBACK: Final = ("127.0.0.1", "localhost", "[::1]")
+SECURITY_HEADERS: Final[Mapping[str, str]] = {
+    "Content-Security-Policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self';"
+        " img-src 'self' data:; connect-src 'self'; base-uri 'none';"
+        " form-action 'none'; frame-ancestors 'none'"
+    ),
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+}
+
+
+class Doors:
+    """The hosts that a request may be meant for."""
+
+    def __init__(self, address: str, port: int) -> None:
+        """Allow the address that is listened on, and the names of this machine.
+
+        Args:
+            address: Address that the server listens on; if it is all of them, any
+                address is allowed, but no name: a name may be made to resolve to here.
+            port: Port that it listens on.
+        """
+        self._any_address = address in ANY_ADDRESS
+        names = (*LOOPBACK, _in_url(address).lower())
+        self._hosts = {f"{name}:{port}" for name in names}
+        self._port = port
+
+    def admit(self, headers: Headers, *, needs_origin: bool) -> bool:
+        """Return whether a request may come in.
+
+        Args:
+            headers: Its headers.
+            needs_origin: Whether it has to name its origin, as browsers do that open a
+                WebSocket.
+        """
+        hosts, origins = headers.getlist("host"), headers.getlist("origin")
+        if len(hosts) != 1 or not self._is_known(hosts[0].lower()):
+            return False
+        if not origins:
+            return not needs_origin
+        return [origin.lower() for origin in origins] == [f"http://{hosts[0].lower()}"]
+
+    def _is_known(self, host: str) -> bool:
+        if host.endswith("]") or ":" not in host:
+            host += f":{HTTP_PORT}"  # browsers leave it out
+        if host in self._hosts:
+            return True
+        name, _, port = host.rpartition(":")
+        return self._any_address and port == str(self._port) and _is_address(name)
+
+
+class DoorKeeper:
+    """An ASGI application in front of another one, which refuses with 403."""
+
+    def __init__(self, app: ASGIApp, doors: Doors) -> None:
+        self._app = app
+        self._doors = doors
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on, or refuse it."""
+        is_socket = scope["type"] == "websocket"
+
+        async def send_guarded(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                MutableHeaders(scope=message).update(SECURITY_HEADERS)
+            await send(message)
+
+        if self._doors.admit(Headers(scope=scope), needs_origin=is_socket):
+            await self._app(scope, receive, send_guarded)
+        elif is_socket:
+            await receive()
+            await send({"type": "websocket.close"})  # before it is accepted: 403
+        else:
+            refusal = PlainTextResponse("wrong Host or Origin\n", 403)
+            await refusal(scope, receive, send_guarded)
+
+
+def make_token() -> str:
+    """Return a new token, which cannot be guessed."""
+    return secrets.token_urlsafe(24)
+
+
+def is_token(given: str, expected: str) -> bool:
+    """Compare tokens in a time that does not tell how much of one is right."""
+    return secrets.compare_digest(given.encode(), expected.encode())
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name.removeprefix("[").removesuffix("]"))
+    except ValueError:
+        return False
+    return True
+
+
+def _in_url(address: str) -> str:
+    """Return an address as it stands in URLs, where brackets hold colons together."""
+    return f"[{address}]" if ":" in address else address
+
 
 MOST_CONNECTIONS: Final = 200
 END_TIMEOUT: Final = 1  # s that clients have to go at the end

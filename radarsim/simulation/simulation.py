@@ -14,6 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radarsim.addons.fmcw.antennas import Antennas, SeenTurn, TurnTargets
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.presets.items import sonar_settings
 from radarsim.presets.robots import RobotModel
@@ -30,13 +31,12 @@ from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles, overlaps
 from radarsim.scene.scene import Scene
 from radarsim.sensors.echoes import Echoes
-from radarsim.sensors.proprioceptive import INS_DRIFT_INTERVAL
+from radarsim.sensors.motion_readings import INS_DRIFT_INTERVAL
 from radarsim.sensors.range_scanner import load_sensor
 from radarsim.sensors.scan_batch import BatchRanges, scan_ranges
 from radarsim.sensors.scan_plan import ScanRequest
 from radarsim.sensors.sonar import SonarArray
 from radarsim.sensors.targets import read_ranges
-from radarsim.simulation.antennas import Antennas, SeenTurn, TurnTargets
 from radarsim.simulation.clock import TICK, Clock, Schedule, ticks_of
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.ray_items import RayItem, read_together

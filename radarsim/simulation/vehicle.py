@@ -16,13 +16,14 @@ from radarsim.protocol.reports import Status
 from radarsim.rng import generator_for
 from radarsim.robots.robot import Battery, Robot
 from radarsim.sensors.range_scanner import RangeScanner
-from radarsim.simulation.change_limits import (
+from radarsim.simulation.clock import Schedule, seconds, ticks_of
+from radarsim.simulation.config import (
+    DEFAULT_INTERVAL,
+    SimulationConfig,
     check_extra_rays,
     check_rays,
     count_extra_rays,
 )
-from radarsim.simulation.clock import Schedule, seconds, ticks_of
-from radarsim.simulation.config import DEFAULT_INTERVAL, SimulationConfig
 from radarsim.simulation.items import (
     SENSOR_ITEMS,
     InsItem,

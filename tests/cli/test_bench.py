@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from radarsim.benchmark import run as bench
-from radarsim.benchmark.timing import BenchmarkRow
+from radarsim.lab.bench import run as bench
+from radarsim.lab.bench.timing import BenchmarkRow
 
 Command = Callable[..., Any]
 ROWS = [

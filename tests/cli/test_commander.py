@@ -13,7 +13,7 @@ import typer
 from commands import Run, run_in_process
 from processes import start_radarsim
 
-from radarsim.cli.commander import announce_commander, read_token
+from radarsim.addons.web.commands import announce_commander, read_token
 from radarsim.cli.server_options import DialectName, ServerOptions
 
 RunCommand = Callable[..., Run]

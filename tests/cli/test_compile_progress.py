@@ -15,7 +15,7 @@ import pytest
 from radarsim.cli import compile_progress as module
 from radarsim.cli.compile_progress import compile_progress, with_compile_progress
 from radarsim.cli.output import start_log
-from radarsim.compilation import ENGINE, compilation, describe
+from radarsim.kernel_cache import ENGINE, compilation, describe
 
 LINE = "radarsim: compiling the ray engine, once on this machine\n"
 
@@ -119,7 +119,7 @@ def test_lines_of_the_log_are_written_in_place_of_the_progress(
 def test_without_a_folder_for_the_cache_it_is_not_told_to_happen_once(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("radarsim.compilation.cache_folder", lambda: None)
+    monkeypatch.setattr("radarsim.kernel_cache.cache_folder", lambda: None)
     assert "once" not in describe(ENGINE)
     assert "NUMBA_CACHE_DIR" in describe(ENGINE)
 

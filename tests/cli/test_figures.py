@@ -11,18 +11,17 @@ import numpy as np
 import pytest
 from processes import start_radarsim
 
-from radarsim.figures import beam_scatter as scatter
-from radarsim.figures import bug_runs as bugs
-from radarsim.figures import clear_and_dust as readings
-from radarsim.figures import foliage_wall as foliage
-from radarsim.figures import mapping_drives as explored
-from radarsim.figures import offset_rays as offsets
-from radarsim.figures.catalogue import FIGURES, NUMBERS
-from radarsim.figures.figure import is_radarsim_figure
-from radarsim.figures.page import split_page
-from radarsim.figures.scan_spec import ScanSpec
-from radarsim.mapping.export import commander_png
-from radarsim.navigation.options import Algorithm
+from radarsim.autonomy.mapping.export import commander_png
+from radarsim.autonomy.navigation.options import Algorithm
+from radarsim.lab.figures import beam_scatter as scatter
+from radarsim.lab.figures import bug_runs as bugs
+from radarsim.lab.figures import dust as readings
+from radarsim.lab.figures import foliage_wall as foliage
+from radarsim.lab.figures import maps as explored
+from radarsim.lab.figures import offset_rays as offsets
+from radarsim.lab.figures.catalogue import FIGURES, NUMBERS
+from radarsim.lab.figures.figure import ScanSpec, is_radarsim_figure
+from radarsim.lab.figures.page import split_page
 
 Command = Callable[..., Any]
 SHOTS = {

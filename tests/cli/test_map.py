@@ -13,11 +13,11 @@ import pytest
 from PIL import Image
 from processes import start_radarsim
 
+from radarsim.addons.testing import UsarsimServer
+from radarsim.autonomy.exploration.compilation import warm_up
+from radarsim.autonomy.mapping.trajectory import Trajectory, tum_text
 from radarsim.client import Client
-from radarsim.exploration.compilation import warm_up
-from radarsim.mapping.trajectory import Trajectory, tum_text
 from radarsim.protocol.reports import Ins, RangeScan
-from radarsim.pytest_plugin import UsarsimServer
 from radarsim.scene.map_file import shipped_maps
 from radarsim.scene.scene import Scene
 
@@ -626,7 +626,7 @@ def test_film_that_cannot_be_written_does_not_spoil_the_map(
     def fail(*_: Any) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("radarsim.plotting.film.open_encoder", fail)
+    monkeypatch.setattr("radarsim.autonomy.plotting.film.open_encoder", fail)
     film = tmp_path / "x.gif"
     run = radarsim("map", str(tmp_path), *SEEN, "--film", str(film))
     assert run.code == 2

@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarsim.cli.map_report import as_text
-from radarsim.cli.map_view import view_of
+from radarsim.autonomy.commands.map_files import view_of
+from radarsim.autonomy.commands.map_run import as_text
+from radarsim.autonomy.evaluation.map_score import MapScore
+from radarsim.autonomy.evaluation.mapping_run import MappingResult
+from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
+from radarsim.autonomy.mapping.mapper import Mapper, MapperSettings
+from radarsim.autonomy.mapping.slam import SlamSettings
 from radarsim.client import ScannerInfo
-from radarsim.evaluation.ground_truth import GroundTruthMonitor
-from radarsim.evaluation.map_score import MapScore
-from radarsim.evaluation.mapping_run import MappingResult
 from radarsim.geometry import Pose3
-from radarsim.host import Host
-from radarsim.mapping.mapper import Mapper, MapperSettings
-from radarsim.mapping.slam import SlamSettings
 from radarsim.protocol.reports import RangeScan
 from radarsim.scene.scene import Scene
+from radarsim.server.host import Host
 
 
 @pytest.fixture

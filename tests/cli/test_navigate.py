@@ -19,16 +19,16 @@ import pytest
 from PIL import Image
 from processes import start_radarsim
 
-from radarsim.cli.navigate_view import headline
-from radarsim.evaluation.navigation_run import INTERRUPTED, NavigationRun
-from radarsim.host import Host
-from radarsim.navigation.mission import Mission
-from radarsim.navigation.options import Algorithm
-from radarsim.navigation.runner import Result
+from radarsim.addons.testing import UsarsimServer
+from radarsim.autonomy.commands.navigate_view import headline
+from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED, NavigationRun
+from radarsim.autonomy.navigation.mission import Mission
+from radarsim.autonomy.navigation.options import Algorithm
+from radarsim.autonomy.navigation.runner import Result
 from radarsim.protocol.commands import Drive, parse_command
 from radarsim.protocol.dialect import COMPAT
-from radarsim.pytest_plugin import UsarsimServer
 from radarsim.scene.map_file import load_map
+from radarsim.server.host import Host
 
 Command = Callable[..., Any]
 BUG2 = ("navigate", "--algorithm", "bug2")
@@ -471,7 +471,9 @@ def test_interrupt_is_noted_as_such(monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupt(*_: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("radarsim.evaluation.navigation_run.run_mission", interrupt)
+    monkeypatch.setattr(
+        "radarsim.autonomy.evaluation.navigation_run.run_mission", interrupt
+    )
     mission = Mission(algorithm=Algorithm.BUG1, goals=((1.0, 0.0),))
     run = NavigationRun(mission, Host(load_map("empty_room")))
     with pytest.raises(KeyboardInterrupt):

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from radarsim.cli import output
-from radarsim.errors import MapError, RadarsimError
-from radarsim.printable_text import escape_unprintable
+from radarsim.errors import MapError, RadarsimError, escape_unprintable
 
 from .conftest import RunCommand
 

@@ -13,11 +13,11 @@ from PIL import Image
 from processes import start_radarsim
 
 import radarsim
+from radarsim.addons.recording.bag_reader import BagReader
+from radarsim.addons.recording.message_types import decode
+from radarsim.addons.testing import UsarsimServer
 from radarsim.client import Client
-from radarsim.host.recorded_host import CallKind
-from radarsim.pytest_plugin import UsarsimServer
-from radarsim.recording.bag_reader import BagReader
-from radarsim.recording.message_types import decode
+from radarsim.server.host.recorded_host import CallKind
 
 Command = Callable[..., Any]
 FIRST_SECONDS = ("--time-limit", "2")

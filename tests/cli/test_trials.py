@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from radarsim.cli.trials import _failure_text
-from radarsim.evaluation.trials import TrialResult
+from radarsim.autonomy.commands.trials import _failure_text
+from radarsim.autonomy.evaluation.trials import TrialResult
 
 Command = Callable[..., Any]
 QUICK = ("trials", "--maps", "bug_box", "--seeds", "1", "--workers", "1")

@@ -10,7 +10,7 @@ from typing import Any, cast
 import pytest
 
 from radarsim.client import AsyncClient, Client, Transport
-from radarsim.host import Host
+from radarsim.server.host import Host
 
 DEADLINE = 30.0  # s of the wall clock, for a busy machine
 Serve = Callable[[Callable[[socket.socket], None]], int]

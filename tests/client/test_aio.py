@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 import pytest
 
+from radarsim.addons.testing import UsarsimServer
 from radarsim.client import AsyncClient, ClientError, ClientTimeout
 from radarsim.protocol.reports import GroundTruth, Odometry, RangeScan
-from radarsim.pytest_plugin import UsarsimServer
 
 DEADLINE = 30.0  # s of the wall clock, for a busy machine
 Serve = Callable[[Callable[[socket.socket], None]], int]

@@ -12,6 +12,7 @@ from contextlib import suppress
 import numpy as np
 import pytest
 
+from radarsim.addons.testing import UsarsimServer
 from radarsim.client import Client, ClientError, ClientTimeout
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.reports import (
@@ -24,7 +25,6 @@ from radarsim.protocol.reports import (
     RangeScan,
     RobotGeo,
 )
-from radarsim.pytest_plugin import UsarsimServer
 
 DEADLINE = 30.0  # s of the wall clock, for a busy machine
 Connect = Callable[..., Client]

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from radarsim.client import session as questions
 from radarsim.client.session import Question, Session
 from radarsim.geometry import Pose2, Pose3
-from radarsim.host import Host
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.reports import (
     Encoder,
@@ -32,6 +31,7 @@ from radarsim.protocol.reports import (
     to_bytes,
 )
 from radarsim.scene.scene import GPS_ORIGIN, Scene
+from radarsim.server.host import Host
 from radarsim.simulation.config import SimulationConfig
 
 HERE = Pose3(1, 2, 3)

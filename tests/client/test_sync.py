@@ -8,11 +8,11 @@ import pytest
 
 from radarsim.client import Client, ClientError, ClientTimeout, Transport
 from radarsim.geometry import Pose2
-from radarsim.host import Host
 from radarsim.presets.robots import load_robot, robot_names
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.reports import EchoLine, GroundTruth, RangeScan, Status
 from radarsim.scene.scene import Scene
+from radarsim.server.host import Host
 from radarsim.simulation.config import SimulationConfig
 
 LinkTo = Callable[[Host], Transport]

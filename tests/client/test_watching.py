@@ -5,10 +5,10 @@ from collections.abc import Callable
 
 import pytest
 
+from radarsim.addons.testing import UsarsimServer
 from radarsim.client import Client, ClientError
 from radarsim.client import session as questions
 from radarsim.client.session import MOST_WATCHED, Session
-from radarsim.host import Host
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.reports import (
     CommandError,
@@ -24,8 +24,8 @@ from radarsim.protocol.reports import (
     Watching,
 )
 from radarsim.protocol.watch import RobotChoice
-from radarsim.pytest_plugin import UsarsimServer
 from radarsim.scene.scene import Scene
+from radarsim.server.host import Host
 from radarsim.simulation.config import SimulationConfig
 
 Connect = Callable[..., Client]

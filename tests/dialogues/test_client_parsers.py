@@ -30,10 +30,10 @@ from usarcommander_parser import UsarCommanderParser
 
 from radarsim.client import Session
 from radarsim.geometry import Floats, Pose3
-from radarsim.host import Host
 from radarsim.presets.robots import robot_names
 from radarsim.protocol.dialect import COMPAT, RAD_PER_S, UDK, Dialect
 from radarsim.scene.scene import GPS_ORIGIN, Scene
+from radarsim.server.host import Host
 from radarsim.simulation.config import SimulationConfig
 
 HALF_LENGTH, HALF_WIDTH = 10.4, 6.4  # m; between the walls of the empty room

@@ -13,8 +13,8 @@ import pytest
 from client_parsers import PlayerParser, RosParser
 from positional_parsers import MaldoParser, StudentParser, ToolboxParser
 
-from radarsim.host import Host
 from radarsim.scene.scene import Scene
+from radarsim.server.host import Host
 
 
 class Wire:

@@ -18,8 +18,8 @@ from client_parsers import groups_of
 from usarcommander_parser import UsarCommanderParser
 
 from radarsim.geometry import Floats
-from radarsim.host import Diagnostic, Host
 from radarsim.scene.scene import Scene
+from radarsim.server.host import Diagnostic, Host
 from radarsim.server.tcp_server import Server
 from radarsim.simulation.config import SimulationConfig
 

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radarsim.host import Diagnostic, Host
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.reports import decode_report
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import box
+from radarsim.server.host import Diagnostic, Host
 from radarsim.simulation.config import SimulationConfig
 
 pytestmark = pytest.mark.slow

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image, ImageSequence
 
-from radarsim.plotting.film import HOLD, Film
-from radarsim.plotting.film_encoders import FRAME_RATE, Pixels, film_format
+from radarsim.autonomy.plotting.film import FRAME_RATE, HOLD, Film, Pixels, film_format
 
 SIZE = 48, 64  # rows and columns
 

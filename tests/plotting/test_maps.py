@@ -12,20 +12,18 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from PIL import Image
 
-from radarsim.figures.scan_spec import load_scene
-from radarsim.geometry import Pose2
-from radarsim.mapping.export import (
+from radarsim.autonomy.mapping.export import (
     BLACK,
     GREY,
     WHITE,
     commander_pixels,
     is_radarsim_map,
 )
-from radarsim.mapping.occupancy_grid import CellClass, OccupancyGrid
-from radarsim.mapping.scan import read_scan
-from radarsim.plotting.cell_image import CellImage
-from radarsim.plotting.map_film import MapFrames, first_extent
-from radarsim.plotting.maps import (
+from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
+from radarsim.autonomy.mapping.scan import read_scan
+from radarsim.autonomy.plotting.cells import CellImage
+from radarsim.autonomy.plotting.map_film import MapFrames, first_extent
+from radarsim.autonomy.plotting.maps import (
     CELL_COLOURS,
     MapView,
     draw_map_view,
@@ -35,9 +33,11 @@ from radarsim.plotting.maps import (
     path_style,
     pixels_per_metre,
 )
+from radarsim.autonomy.plotting.panels import Extent
+from radarsim.geometry import Pose2
+from radarsim.lab.figures.figure import load_scene
 from radarsim.plotting.outlines import Outline
 from radarsim.plotting.palette import MAPPED_PATH
-from radarsim.plotting.panels import Extent
 from radarsim.protocol.reports import RangeScan, TargetEchoes
 
 PATH = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [1.0, 0.2, 0.4]])

@@ -13,12 +13,27 @@ from matplotlib.image import AxesImage
 from matplotlib.text import Text
 from PIL import Image
 
-from radarsim.geometry import Floats, Pose2
-from radarsim.navigation.control import STOP
-from radarsim.navigation.controller import Activity, Point
-from radarsim.navigation.observation import Observation
-from radarsim.navigation.run_log import CELL, RunLog
-from radarsim.navigation.runner import NavigationStep
+from radarsim.autonomy.navigation.control import STOP
+from radarsim.autonomy.navigation.controller import Activity
+from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.navigation.run_log import CELL, RunLog
+from radarsim.autonomy.navigation.runner import NavigationStep
+from radarsim.autonomy.plotting.cells import STRONGEST
+from radarsim.autonomy.plotting.panels import Extent
+from radarsim.autonomy.plotting.run_film import RunFrames, first_extent
+from radarsim.autonomy.plotting.runs import (
+    AROUND,
+    FOLLOWING,
+    GOING,
+    RETURNING,
+    RunPanel,
+    RunView,
+    SteeringSensor,
+    arrow_places,
+    draw_run,
+    run_figure,
+)
+from radarsim.geometry import Floats, Point, Pose2
 from radarsim.plotting.outlines import Outline
 from radarsim.plotting.palette import (
     FAMILY_COLOURS,
@@ -29,22 +44,7 @@ from radarsim.plotting.palette import (
     UNKNOWN_SENSOR,
     Family,
 )
-from radarsim.plotting.panels import Extent
-from radarsim.plotting.path_arrows import arrow_places
-from radarsim.plotting.rendering import FORMS
-from radarsim.plotting.run_film import RunFrames, first_extent
-from radarsim.plotting.runs import (
-    AROUND,
-    FOLLOWING,
-    GOING,
-    RETURNING,
-    RunPanel,
-    RunView,
-    SteeringSensor,
-    draw_run,
-    run_figure,
-)
-from radarsim.plotting.sensed_cells import STRONGEST
+from radarsim.plotting.style import FORMS
 
 WALL = np.array([[1.5, -1.0], [2.0, -1.0], [2.0, 1.0], [1.5, 1.0], [1.5, -1.0]])
 WALLS = Family.STONE.value

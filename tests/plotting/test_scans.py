@@ -24,9 +24,8 @@ from radarsim.plotting.ray_segments import (
     line_opacity,
     line_width,
 )
-from radarsim.plotting.rendering import FORMS
 from radarsim.plotting.sight import find_sight
-from radarsim.plotting.style import area_style, scan_points
+from radarsim.plotting.style import FORMS, area_style, scan_points
 from radarsim.raycast.attenuation import EventKind
 from radarsim.rng import generator_for
 from radarsim.scene.shapes import box

@@ -13,7 +13,7 @@ import radarsim
 from radarsim import Material, Part, Scan, Scene
 from radarsim.geometry import Pose2, Pose3
 from radarsim.plotting.annotations import draw_scale_bar, write_title
-from radarsim.plotting.robots import draw_robot
+from radarsim.plotting.plan import draw_robot
 from radarsim.plotting.style import (
     Legend,
     echo_points,

@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radarsim.protocol.send_queue import SendQueue
+from radarsim.server.host.connection import SendQueue
 
 LINES = st.lists(
     st.tuples(st.binary(min_size=1, max_size=12), st.booleans()), max_size=60

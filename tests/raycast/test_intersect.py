@@ -6,11 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Floats
-from radarsim.raycast.aimed_rays import NodeTable
+from radarsim.raycast.aimed_rays import NodeTable, SensorRays, UnaimedScans
 from radarsim.raycast.rays import LASER, RADAR, RayClass, Rays, columns_of
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
-from radarsim.raycast.unaimed_scans import SensorRays, UnaimedScans
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
 from radarsim.scene.shapes import box

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from radarsim.errors import EngineError
-from radarsim.raycast.box_index import intersect_boxes, new_box_index
-from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.robot_boxes import Boxes, intersect_boxes, new_box_index
 
 # x, y, yaw, low, high, half length, half width, number
 ROW = [5.0, 0.0, 0.0, 0.0, 1.0, 0.5, 0.25, 3.0]

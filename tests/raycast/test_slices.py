@@ -20,9 +20,9 @@ from radarsim.raycast.embree import (
     SMALL_SLICE,
     EmbreeScene,
     Mesh,
+    clip_to_slab,
 )
 from radarsim.raycast.rays import RADAR, RayClass, Rays, Traces
-from radarsim.raycast.slab import clip_to_slab
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene import shapes
 from radarsim.scene.material import Material

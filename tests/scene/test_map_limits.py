@@ -12,6 +12,7 @@ from radarsim.errors import MapError
 from radarsim.rng import generator_for
 from radarsim.scene.build import LIMITS
 from radarsim.scene.copies import MAX_ATTEMPTS, place_copies
+from radarsim.scene.map_checks import MAX_TOLD
 from radarsim.scene.map_file import load_map, load_variants
 from radarsim.scene.map_schema import (
     MAX_MATERIALS,
@@ -21,7 +22,6 @@ from radarsim.scene.map_schema import (
     ObjectEntry,
 )
 from radarsim.scene.meshes import Surface, read_surfaces
-from radarsim.scene.problem_list import MAX_TOLD
 
 SMALL = "box: [0.01, 0.01, 0.01], material: stone"
 

@@ -18,13 +18,14 @@ from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
 from radarsim.scene.shapes import box
 from radarsim.sensors.echo_extraction import (
+    LAST,
     LEAF_BACKSCATTER,
     EchoColumns,
     backscatter,
     extract_echoes,
     extract_ray_ends,
+    select_echoes,
 )
-from radarsim.sensors.echo_selection import LAST, select_echoes
 from radarsim.sensors.echo_strength import Densities
 
 WALL = Material("wall")

@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.raycast.attenuation import EventKind
-from radarsim.sensors.echo_extraction import EchoColumns
-from radarsim.sensors.echo_selection import (
+from radarsim.sensors.echo_extraction import (
     FIRST,
     LAST,
     STRONGEST,
+    EchoColumns,
     merge_echoes,
     select_echoes,
 )

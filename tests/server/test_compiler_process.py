@@ -5,11 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from radarsim.compilation import compilation
 from radarsim.errors import ServerError
-from radarsim.kernel_cache import cache_folder
-from radarsim.server import compiler_process
-from radarsim.server.compiler_process import CompilerProcess
+from radarsim.kernel_cache import cache_folder, compilation
+from radarsim.server import engine_loader as compiler_process
+from radarsim.server.engine_loader import CompilerProcess
 
 
 @pytest.fixture

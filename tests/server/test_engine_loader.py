@@ -9,11 +9,10 @@ from collections.abc import Callable
 import pytest
 
 from radarsim.errors import EngineError, ServerError
-from radarsim.host import Host
 from radarsim.scene.scene import Scene
 from radarsim.server import engine_loader as module
-from radarsim.server.compiler_process import CompilerProcess
-from radarsim.server.engine_loader import EngineLoader
+from radarsim.server.engine_loader import CompilerProcess, EngineLoader
+from radarsim.server.host import Host
 from radarsim.simulation.simulation import Simulation
 
 

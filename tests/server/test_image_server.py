@@ -13,15 +13,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from radarsim.camera.encoding import encode
-from radarsim.camera.renderer import Renderer
-from radarsim.camera.view import View
 from radarsim.errors import PortUnavailable, ServerError
 from radarsim.geometry import Pose2
 from radarsim.presets.robots import load_robot
 from radarsim.protocol.dialect import UDK
 from radarsim.protocol.images import ImageType, Region
 from radarsim.scene.scene import Scene
+from radarsim.server.camera.encoding import encode
+from radarsim.server.camera.renderer import Renderer, View
 from radarsim.server.image_server import ImageServer, PictureSource
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.simulation import Simulation

@@ -22,11 +22,11 @@ from colossus_client import (
 from processes import start_radarsim
 
 import radarsim
+from radarsim.addons.fmcw.navtech.server import MAX_CLIENTS, NavtechServer
 from radarsim.geometry import Pose3
-from radarsim.host import Host
 from radarsim.presets.robots import load_robot
 from radarsim.scene.scene import Scene
-from radarsim.server.navtech_server import MAX_CLIENTS, NavtechServer
+from radarsim.server.host import Host
 
 INIT = b"INIT {ClassName USARBot.P3AT_Navtech} {Name %s} {Start RobotStart%d}\r\n"
 

@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from radarsim.server.refusal_log import LOG_INTERVAL, RefusalLog
+from radarsim.server.peer_connections import LOG_INTERVAL, RefusalLog
 
 
 async def test_first_refusal_is_told_and_the_others_are_counted(

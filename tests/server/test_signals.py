@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from radarsim.errors import ServerError
-from radarsim.host import Diagnostic, Host
 from radarsim.scene.scene import Scene
+from radarsim.server.host import Diagnostic, Host
 from radarsim.server.tcp_server import Server, serve
 
 INIT = b"INIT {ClassName USARBot.P3AT} {Start RobotStart1}\r\n"

@@ -11,8 +11,15 @@ import numpy as np
 import pytest
 
 import radarsim
+from radarsim.addons.fmcw.antennas import (
+    LATENCY,
+    RECEPTION_TICKS,
+    Result,
+    SeenSector,
+    Worker,
+)
+from radarsim.addons.fmcw.turn_receiver import Look, Received, TurnReceiver
 from radarsim.geometry import Pose3
-from radarsim.host import Host
 from radarsim.presets.robots import load_robot
 from radarsim.protocol.reports import (
     RadarTargets,
@@ -21,15 +28,8 @@ from radarsim.protocol.reports import (
 )
 from radarsim.scene.scene import Scene
 from radarsim.sensors.targets import Targets, beams_of, read_ranges
-from radarsim.simulation.antennas import (
-    LATENCY,
-    RECEPTION_TICKS,
-    Result,
-    SeenSector,
-    Worker,
-)
+from radarsim.server.host import Host
 from radarsim.simulation.config import SimulationConfig
-from radarsim.simulation.turn_receiver import Look, Received, TurnReceiver
 
 INIT = b"INIT {ClassName USARBot.P3AT_Navtech} {Name R1} {Start RobotStart1}\r\n"
 TARGETS_ON = (

@@ -22,8 +22,8 @@ from dataclasses import dataclass
 import shapely
 from shapely import LinearRing, LineString, Point, Polygon
 
-from radarsim.evaluation.free_space import Position, component_around, free_space
 from radarsim.scene.scene import Scene
+from radarsim.simulation.map_warnings import Position, component_around, free_space
 
 PRESSED = 0.5  # m beyond the safety distance at which a bug follows a boundary
 

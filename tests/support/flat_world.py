@@ -6,8 +6,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from radarsim.autonomy.mapping.scan import PlanarScan, read_scan
 from radarsim.geometry import Floats, Pose2
-from radarsim.mapping.scan import PlanarScan, read_scan
 from radarsim.protocol.reports import RangeScan
 
 MAX_RANGE = 30.0

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.fmcw.radar import FmcwRadar
-from radarsim.fmcw.radar_equation import noise_power
-from radarsim.fmcw.range_lines import Power
+from radarsim.addons.fmcw.radar import FmcwRadar
+from radarsim.addons.fmcw.radar_equation import noise_power
+from radarsim.addons.fmcw.range_lines import Power
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.presets.sensors import load_settings

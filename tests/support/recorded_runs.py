@@ -4,13 +4,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from radarsim.host import Host
-from radarsim.host.recorded_host import CallKind, HostCall, RecordedHost
+from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder
+from radarsim.addons.recording.recorder import Recorder
 from radarsim.protocol.dialect import UDK, get_dialect
-from radarsim.recording.bag_folder import create_folder
-from radarsim.recording.recorder import Recorder
-from radarsim.recording.recording_info import RecordingInfo
 from radarsim.scene.scene import Scene
+from radarsim.server.host import Host
+from radarsim.server.host.recorded_host import CallKind, HostCall, RecordedHost
 from radarsim.simulation.config import SimulationConfig
 
 FIRST = "INIT {{ClassName USARBot.P3AT_Compare}} {{Name R 1}} {{Start {}}}\r\n"

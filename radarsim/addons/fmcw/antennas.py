@@ -1,0 +1,335 @@
+"""The turning antennas of FMCW radars on robots.
+
+Theory of operation
+===================
+In each tick an antenna turns by the directions that it passes in that time, seen from
+where the robot is by then. A thread computes what it receives in every
+``RECEPTION_TICKS`` together, while time goes on: that is there ``LATENCY`` ticks later,
+always, so that nothing depends on how fast the machine is. When a turn is complete,
+what its detector found becomes a scan. The first turn after a spawn is not read.
+
+Where the thread is not done by then, the tick waits for it, before anything else is
+computed, and so simulated time waits. What takes longer in one tick than in others is
+made up for meanwhile, and delays nothing.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
+
+import numpy as np
+
+from radarsim.geometry import Floats, Pose3
+from radarsim.presets.fmcw_settings import FmcwSettings
+from radarsim.presets.sensor_settings import SensorSettings
+from radarsim.processes import BackgroundThread
+from radarsim.raycast.robot_boxes import Boxes
+from radarsim.rng import NumberedStreams, generator_for
+from radarsim.scene.scene import Scene
+from radarsim.sensors.range_scanner import load_sensor
+from radarsim.sensors.targets import Targets
+from radarsim.simulation.clock import TICK, Clock
+from radarsim.simulation.vehicle import MountedScanner, Vehicle
+
+if TYPE_CHECKING:
+    from radarsim.addons.fmcw.rotation import Sector
+    from radarsim.addons.fmcw.turn_receiver import (
+        FoundTurn,
+        Look,
+        Received,
+        TurnReceiver,
+    )
+
+STANDING: Final = (0.0, 0.0, 0.0)  # m/s
+# In a tick no more antennas turn: each takes a good part of a processor.
+MOST_TURNING: Final = 1
+LATENCY: Final = 5  # ticks until what is received is there
+RECEPTION_TICKS: Final = 2  # of which all is received at once, which takes less time
+ROUNDING: Final = 1e-9  # of directions
+
+
+class SeenSector(NamedTuple):
+    """What the radar of a robot has received.
+
+    Attributes:
+        sector: Neighbouring directions of a turn.
+        time: When the antenna began to look into the first of them, s.
+    """
+
+    sector: Sector
+    time: float
+
+
+class SeenTurn(NamedTuple):
+    """What the detector of a scanner found in a turn.
+
+    Attributes:
+        mounted: The scanner.
+        vehicle: Its robot.
+        targets: The targets.
+        settings: Settings of the scanner when the turn began.
+        time: When the antenna had looked into its last direction, s.
+    """
+
+    mounted: MountedScanner
+    vehicle: Vehicle
+    targets: Targets
+    settings: SensorSettings
+    time: float
+
+    @property
+    def is_listed(self) -> bool:
+        """Whether the robot's client, or watchers, get the targets."""
+        return self._is_requested or self.vehicle.shows_echoes
+
+    @property
+    def listed(self) -> TurnTargets:
+        """The targets as they are reported."""
+        name = self.mounted.item.name
+        return TurnTargets(name, self.targets, self._is_requested, self.time)
+
+    @property
+    def _is_requested(self) -> bool:
+        return self.vehicle.has_targets_enabled(self.mounted.item)
+
+
+class TurnTargets(NamedTuple):
+    """The targets of one turn of a radar.
+
+    Attributes:
+        scanner: Name of the scanner item.
+        targets: The targets.
+        is_requested: Whether the robot's client asked for them, and not only watchers.
+        time: As in ``SeenTurn``.
+    """
+
+    scanner: str
+    targets: Targets
+    is_requested: bool
+    time: float
+
+
+Listener = Callable[[SeenSector], None]
+
+
+class Result(Protocol):
+    """What a worker computes."""
+
+    def result(self) -> Received:
+        """Wait for it, and return it."""
+
+
+class Worker(Protocol):
+    """Computes what antennas receive, in the order in which it is asked for."""
+
+    def submit(self, function: Callable[[Look], Received], look: Look, /) -> Result:
+        """Return what the function will return."""
+
+
+class _Computed(NamedTuple):
+    """What is computed of a tick, and since when the antenna has turned by then."""
+
+    tick: int
+    since: int
+    result: Result
+
+
+@dataclass(slots=True, eq=False)
+class Antenna:
+    """The antenna of one scanner.
+
+    Attributes:
+        vehicle: The robot.
+        mounted: The scanner.
+        receiver: Computes what it receives; None before it turns.
+        listeners: Called with all that is received; it turns for them.
+        observers: Called likewise, but it does not turn for them.
+        since: Tick in which it began to turn.
+        turned: Tick in which it last turned.
+        place: (3,) m, where it was then; None at first.
+        computed: What is computed, or waits until its tick has come.
+    """
+
+    vehicle: Vehicle
+    mounted: MountedScanner
+    receiver: TurnReceiver | None = None
+    listeners: list[Listener] = field(default_factory=list)
+    observers: list[Listener] = field(default_factory=list)
+    since: int = 0
+    turned: int = 0
+    place: Floats | None = None
+    computed: deque[_Computed] = field(default_factory=deque)
+
+    @property
+    def turns(self) -> bool:
+        """Whether it turns, as somebody needs what it receives."""
+        needed = self.mounted.scanner.settings.has_detector or bool(self.listeners)
+        return needed and self.vehicle.alive
+
+    def advance(self, scene: Scene, ticks: int, boxes: Boxes, worker: Worker) -> None:
+        """Turn for a tick; begin anew if it did not turn in the tick before.
+
+        Args:
+            scene: The map.
+            ticks: The tick.
+            boxes: The robots.
+            worker: Computes what it receives.
+        """
+        from radarsim.addons.fmcw import turn_receiver  # noqa: PLC0415 - scipy is slow
+
+        if self.receiver is None or self.turned != ticks - 1:
+            radar, rng = self.mounted.scanner.fmcw, self.mounted.rng
+            self.receiver = turn_receiver.TurnReceiver(radar, scene, rng)
+            self.since, self.place = ticks, None
+        pose = self.vehicle.sensor_pose(self.mounted.item)
+        look = turn_receiver.Look(
+            self._directions(self.receiver.radar.settings, ticks),
+            *(pose, self._move(pose)),
+            *(boxes, self.vehicle.number),
+            self.mounted.scanner.settings,
+            receives=(ticks + 1 - self.since) % RECEPTION_TICKS == 0,
+            is_recorded=bool(self.listeners or self.observers),
+        )
+        result = worker.submit(self.receiver.advance, look)
+        self.computed.append(_Computed(ticks, self.since, result))
+        self.turned = ticks
+
+    def receive(self, ticks: int) -> list[SeenTurn]:
+        """Tell listeners what is received in a tick, and return whole turns."""
+        turns = []
+        while self.computed and self.computed[0].tick + LATENCY <= ticks:
+            _, since, result = self.computed.popleft()
+            try:
+                received = result.result()
+            except Exception as error:
+                name, robot = self.mounted.item.name, self.vehicle.robot.name
+                error.add_note(
+                    f"in the thread of antennas: {name!r} of robot {robot!r}"
+                )
+                raise
+            if not self.vehicle.alive:
+                continue
+            for sector in received.sectors:
+                for listener in (*self.listeners, *self.observers):
+                    listener(SeenSector(sector, _time_of(sector, since)))
+            if received.turn and self.mounted.scanner.settings.has_detector:
+                turns.append(self._seen(received.turn, since))
+        return turns
+
+    def _seen(self, turn: FoundTurn, since: int) -> SeenTurn:
+        assert self.receiver is not None
+        settings = self.receiver.radar.settings
+        time = _time_after(turn.number + 1, settings, since)
+        return SeenTurn(self.mounted, self.vehicle, turn.targets, turn.settings, time)
+
+    def _directions(self, settings: FmcwSettings, ticks: int) -> int:
+        """Return how many directions are passed in a tick."""
+        rate, age = TICK * settings.rotation_hz * settings.azimuths, ticks - self.since
+        return int((age + 1) * rate + ROUNDING) - int(age * rate + ROUNDING)
+
+    def _move(self, pose: Pose3) -> tuple[float, float, float]:
+        """Note where it is, and return its velocity, m/s."""
+        place, before = pose.position(), self.place
+        self.place = place
+        if before is None:
+            return STANDING
+        x, y, z = ((place - before) / TICK).tolist()
+        return x, y, z
+
+
+def _time_of(sector: Sector, since: int) -> float:
+    """Return when an antenna began to look into the first direction, s.
+
+    Args:
+        sector: What it received.
+        since: Tick in which it began to turn.
+    """
+    settings = sector.spectrum.settings
+    turns = sector.turn + sector.first / settings.azimuths
+    return _time_after(turns, settings, since)
+
+
+def _time_after(turns: float, settings: FmcwSettings, since: int) -> float:
+    """Return when an antenna has made so many turns after the first one, s."""
+    return (since - 1) * TICK + (turns + 1) / settings.rotation_hz
+
+
+class Antennas:
+    """All antennas of a simulation.
+
+    Attributes:
+        worker: Computes what they receive.
+    """
+
+    def __init__(self, scene: Scene, clock: Clock) -> None:
+        """Start without any.
+
+        Args:
+            scene: The map.
+            clock: Simulated time.
+        """
+        self.worker: Worker = BackgroundThread()
+        self._scene, self._clock = scene, clock
+        self._antennas: dict[int, list[Antenna]] = {}
+
+    def add(self, vehicle: Vehicle) -> None:
+        """Add the antennas of a robot."""
+        carried = [Antenna(vehicle, each) for each in vehicle.scanners if each.has_fmcw]
+        if carried:
+            self._antennas[vehicle.number] = carried
+
+    def remove(self, vehicle: Vehicle) -> None:
+        """Remove the antennas of a robot."""
+        self._antennas.pop(vehicle.number, None)
+
+    @property
+    def turning(self) -> Sequence[Antenna]:
+        """Those that turn, of the robots that have been there for longest."""
+        return [each for each in self._every() if each.turns][:MOST_TURNING]
+
+    def of(self, vehicle: Vehicle) -> Sequence[Antenna]:
+        """Return the antennas of a robot."""
+        return self._antennas.get(vehicle.number, ())
+
+    def carriers(self) -> Sequence[Vehicle]:
+        """Return the robots that have antennas, in the order of spawning."""
+        return [carried[0].vehicle for carried in self._antennas.values()]
+
+    def turn(self, find_boxes: Callable[[], Boxes]) -> list[SeenTurn]:
+        """Turn all that turn for a tick; return the turns that are received in it.
+
+        Args:
+            find_boxes: Returns the robots.
+        """
+        ticks, turning = self._clock.ticks, self.turning
+        if turning:
+            boxes = find_boxes()
+            for antenna in turning:
+                antenna.advance(self._scene, ticks, boxes, self.worker)
+        return [turn for each in self._every() for turn in each.receive(ticks)]
+
+    def _every(self) -> list[Antenna]:
+        return [each for carried in self._antennas.values() for each in carried]
+
+
+@cache
+def warm_up() -> None:
+    """Load or compile what antennas need, so that no client waits for it."""
+    from radarsim.addons.fmcw.beat_signal import NO_TONES  # noqa: PLC0415
+    from radarsim.addons.fmcw.detection import DETECTORS  # noqa: PLC0415
+    from radarsim.addons.fmcw.rotation import Rotation  # noqa: PLC0415
+
+    small = {"azimuths": 8, "bins": 400, "rays_across": 1, "rays_up": 1}
+    radar = load_sensor("navtech_cts350x", fmcw=small).fmcw
+    pose, rng = Pose3(0.0, 0.0, 0.0), generator_for(0, "warm-up")
+    nothing = Boxes(np.zeros((0, 8)))
+    Rotation(radar, Scene("empty", "Empty"), rng).advance(pose, 1, boxes=nothing)
+    mean = np.ones((8, 400), np.float32)
+    streams = NumberedStreams(rng)
+    spectrum = radar.receive(pose, range(8), mean, NO_TONES, streams)
+    for detector in DETECTORS:
+        spectrum.detections(detector)

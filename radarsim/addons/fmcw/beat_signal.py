@@ -1,0 +1,244 @@
+"""From mean powers to a spectrum, by way of the beat signal.
+
+Theory of operation
+===================
+A sweep mixed with its echoes is a sum of tones, one for each range. What is rough or
+dense returns from many points with random phases: each bin has a complex amplitude of
+Gaussian distribution, and neighbouring directions see the same points through their
+overlapping beams, so that the amplitudes are correlated by the pattern of the antenna.
+Points, such as corner reflectors, have their own phase, 4 pi R / lambda. To these tones
+come the leakage of the transmitter and white noise; what is beyond the range of the
+converter is clipped. Window and FFT then make the spectrum. So speckle, sidelobes in
+range, the colour of the noise, and what saturation does to a whole direction follow by
+themselves, and nothing is drawn for a bin of the result.
+
+Amplitudes are in units of the noise in a bin.
+"""
+
+import math
+from functools import lru_cache
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+from radarsim.addons.fmcw.radar_equation import (
+    fft_length,
+    gaussian,
+    noise_power,
+    noise_shape,
+    rows_in_beam,
+    sample_count,
+    watts,
+    window_of,
+)
+from radarsim.geometry import Floats
+from radarsim.jit import njit_cached
+from radarsim.presets.fmcw_settings import FmcwSettings
+from radarsim.rng import NumberedStreams
+
+ROWS_AT_ONCE: Final = 40  # directions; what they need fits into a processor's cache
+
+Power = NDArray[np.float32]
+Signal = NDArray[np.complex64]
+
+
+class Tones(NamedTuple):
+    """Echoes of points; N of them.
+
+    Attributes:
+        rows: (N,) int64, the direction of the radar that receives each.
+        ranges: (N,) m, by frequency.
+        phases: (N,) rad.
+        power: (N,) in units of the noise.
+    """
+
+    rows: NDArray[np.int64]
+    ranges: Floats
+    phases: Floats
+    power: Floats
+
+    def of_rows(self, rows: range) -> "Tones":
+        """Return the tones of some directions."""
+        which = (self.rows >= rows.start) & (self.rows < rows.stop)
+        return Tones(
+            *(self.rows[which], self.ranges[which]),
+            *(self.phases[which], self.power[which]),
+        )
+
+
+NO_TONES = Tones(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
+
+
+def beat_spectrum(
+    settings: FmcwSettings, mean: Power, tones: Tones, rng: np.random.Generator
+) -> Power:
+    """Return the power in each bin of a turn, (A, B), in units of the noise.
+
+    Args:
+        settings: The radar.
+        mean: (A, B) mean power, likewise.
+        tones: Echoes of points.
+        rng: Source of speckle and noise; it spawns a child.
+    """
+    return beat_rows(settings, 0, mean, tones, NumberedStreams(rng))
+
+
+def beat_rows(
+    settings: FmcwSettings,
+    first: int,
+    mean: Power,
+    tones: Tones,
+    streams: NumberedStreams,
+) -> Power:
+    """Return the power in each bin of some directions of a turn, (N, B).
+
+    They are the same numbers as those of the whole turn.
+
+    Args:
+        settings: The radar.
+        first: The first of N neighbouring directions.
+        mean: (N, B) mean power of these, in units of the noise.
+        tones: Echoes of points, in any directions.
+        streams: Source of speckle and noise: two streams for each direction.
+    """
+    power = np.zeros(mean.shape, np.float32)
+    for start in range(0, len(mean), ROWS_AT_ONCE):
+        rows = slice(start, start + ROWS_AT_ONCE)
+        sweeps = _signal(settings, first + start, mean[rows], tones, streams)
+        spectra = fft.fft(sweeps, axis=1, overwrite_x=True)
+        _square(spectra, noise_shape(settings), power[rows])
+    return power
+
+
+def _signal(
+    settings: FmcwSettings,
+    first: int,
+    mean: Power,
+    tones: Tones,
+    streams: NumberedStreams,
+) -> Signal:
+    """Return the windowed beat signal, padded, (N, L); arguments as ``beat_rows``."""
+    samples = sample_count(settings)
+    sweeps: Signal = np.zeros((len(mean), fft_length(settings)), np.complex64)
+    _fill_speckle(settings, first, mean, streams, sweeps)
+    sweeps = fft.ifft(sweeps, axis=1, norm="forward", overwrite_x=True)
+    sweeps[:, samples:] = 0
+    signal = sweeps[:, :samples]
+    _add_tones(settings, signal, first, tones)
+    signal += _leakage(settings)
+    _add_noise(settings, signal, first, streams)
+    _clip(settings, signal)
+    signal *= window_of(settings).astype(np.float32)
+    return sweeps
+
+
+@njit_cached
+def _square(spectra: Any, shape: Any, power: Any) -> None:
+    for row in range(len(power)):
+        for b in range(len(shape)):
+            field = spectra[row, b]
+            power[row, b] = shape[b] * (field.real**2 + field.imag**2)
+
+
+def _fill_speckle(
+    settings: FmcwSettings,
+    first: int,
+    mean: Power,
+    streams: NumberedStreams,
+    lines: Signal,
+) -> None:
+    """Fill the amplitudes of what is rough into the first bins of ``lines``."""
+    occupied = np.flatnonzero(mean.any(axis=0))
+    if not len(occupied):
+        return
+    depth, half = int(occupied[-1]) + 1, rows_in_beam(settings)
+    # The directions beside these share points with them.
+    white = np.zeros((len(mean) + 2 * half, 2 * depth), np.float32)
+    for k, row in enumerate(white):
+        streams.fill_normal(2 * ((first - half + k) % settings.azimuths), row)
+    rough = mean[:, :depth] / noise_shape(settings)[:depth]
+    _correlate(white.view(np.complex64), rough, _taps(settings), lines)
+
+
+@lru_cache(maxsize=16)
+def _taps(settings: FmcwSettings) -> Power:
+    """Return by how much the points of one direction count in the next, (2 n + 1,).
+
+    That is the two-way pattern of the field; the factor makes the power of Gaussian
+    amplitudes of variance 2 come out as 1.
+    """
+    half = rows_in_beam(settings)
+    steps = np.arange(-half, half + 1) * settings.step
+    taps = gaussian(steps, math.radians(settings.beamwidth_az_deg))
+    return (taps / math.sqrt(2 * float((taps**2).sum()))).astype(np.float32)
+
+
+@njit_cached
+def _correlate(white: Any, mean: Any, taps: Any, lines: Any) -> None:
+    """Fill correlated amplitudes of a mean power from white ones.
+
+    Args:
+        white: (R + 2 n, D), n more directions on each side.
+        mean: (R, B) mean power.
+        taps: (2 n + 1,).
+        lines: (R, L) filled up to bin D.
+    """
+    for row in range(len(lines)):
+        line = lines[row]
+        for k in range(len(taps)):
+            tap, source = taps[k], white[row + k]
+            for b in range(len(source)):
+                line[b] += tap * source[b]
+        for b in range(white.shape[1]):
+            line[b] *= np.sqrt(mean[row, b])
+
+
+def _add_tones(
+    settings: FmcwSettings, signal: Signal, first: int, tones: Tones
+) -> None:
+    """Add the tones of points to the directions from ``first`` on."""
+    shape, samples = noise_shape(settings), signal.shape[1]
+    own = tones.of_rows(range(first, first + len(signal)))
+    for row, distance, phase, power in zip(*own, strict=True):
+        place = distance / settings.bin_size
+        level = np.interp(place, np.arange(len(shape)), shape)
+        amplitude = np.sqrt(power / level) * np.exp(1j * phase)
+        signal[row - first] += _tone(amplitude, place / fft_length(settings), samples)
+
+
+@lru_cache(maxsize=16)
+def _leakage(settings: FmcwSettings) -> Signal:
+    """Return what the transmitter leaks: the same tone in all directions."""
+    turn = settings.leakage_range / settings.bin_size / fft_length(settings)
+    amplitude = 10 ** (settings.leakage_db / 20)
+    return _tone(amplitude, turn, sample_count(settings))
+
+
+def _tone(amplitude: complex, turn: float, samples: int) -> Signal:
+    """Return a tone that turns by ``turn`` from one sample to the next."""
+    phases = 2j * np.pi * turn * np.arange(samples)
+    tone: Signal = (amplitude * np.exp(phases)).astype(np.complex64)
+    return tone
+
+
+def _add_noise(
+    settings: FmcwSettings, signal: Signal, first: int, streams: NumberedStreams
+) -> None:
+    """Add white noise whose mean power in a bin will be 1."""
+    noise = np.zeros((len(signal), 2 * signal.shape[1]), np.float32)
+    for row, own in enumerate(noise, first):
+        streams.fill_normal(2 * row + 1, own)
+    energy = float((window_of(settings) ** 2).sum())
+    noise *= np.float32(1 / math.sqrt(2 * energy))
+    signal += noise.view(np.complex64)
+
+
+def _clip(settings: FmcwSettings, signal: Signal) -> None:
+    """Clip what exceeds the converter, in both of its channels."""
+    full_scale = watts(settings.full_scale_dbm) / noise_power(settings)
+    limit = np.float32(math.sqrt(float(full_scale)))
+    parts = signal.view(np.float32)
+    if parts.max(initial=0.0) > limit or parts.min(initial=0.0) < -limit:
+        np.clip(parts, -limit, limit, out=parts)

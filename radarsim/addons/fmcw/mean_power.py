@@ -1,0 +1,215 @@
+"""The mean power that comes back from each direction and range.
+
+Theory of operation
+===================
+Each ray carries the share of the beam that its solid angle is. From what it meets comes
+back, with K of the radar equation, the two-way pattern g^2, and A the loss one way, dB:
+
+- from a surface, K g^2 gamma(theta) dOmega 10^(-A/5) / R^2. Rays sample solid angles,
+  so that Lambert's cos^2 of an area is a single cosine here, and the power of what
+  fills the beam falls with R^2, not R^4;
+- from a volume, into every bin that the ray passes, K g^2 sigma_v dOmega 10^(-A/5)
+  integral of e^(-2 kappa r) dr / R^2;
+- from a sheet, as from a surface whose gamma is the albedo times the share it takes.
+
+After a mirror the range is the whole way, and the pattern that of the first direction.
+
+A ray between two columns counts for both, in proportion. Each column is then seen by
+the directions whose main lobes reach it; the sidelobes of all directions see all.
+
+Powers are in units of the noise: in watts many are too small for float32.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from radarsim.addons.fmcw.radar_equation import gaussian, rows_in_beam
+from radarsim.addons.fmcw.range_lines import NEAREST, Bins, Lines, Power
+from radarsim.addons.fmcw.ray_fan import RayFan
+from radarsim.addons.fmcw.ray_power import FanRays, TracedFan, add_ray
+from radarsim.addons.fmcw.scattering import Scattering
+from radarsim.geometry import Floats
+from radarsim.jit import njit_cached, njit_inline
+from radarsim.presets.fmcw_settings import FmcwSettings
+from radarsim.raycast.rays import Traces
+
+
+class PowerScale(NamedTuple):
+    """The units of power.
+
+    Attributes:
+        constant: K of the radar equation over the noise in a bin, m^2.
+        full: Power with which the rays start.
+        db_per_power: dB one way in a unit of that.
+        shift: (M,) m, by how much what a ray meets seems farther.
+    """
+
+    constant: float
+    full: float
+    db_per_power: float
+    shift: Floats
+
+
+def pattern_table(settings: FmcwSettings) -> Floats:
+    """Return the two-way pattern across the beam, (F, 2 half + 2).
+
+    Row ``f`` is for columns that begin f / F of a step clockwise from a direction of
+    the radar; the entries are for the directions from ``half`` before it to
+    ``half + 1`` after it.
+    """
+    half, parts = rows_in_beam(settings), settings.rays_across
+    steps = np.arange(-half, half + 2)[None, :] - np.arange(parts)[:, None] / parts
+    width = math.radians(settings.beamwidth_az_deg)
+    return gaussian(steps * settings.step, width) ** 2
+
+
+class Beams(NamedTuple):
+    """Where the power of a turn is added up.
+
+    Attributes:
+        power: (A + K, B) float32, of the directions; its first row is that of the one
+            that is (K - 2) / 2 before the first.
+        total: (B,) the power of all columns.
+        lines: That of one column and the next, which are not spread yet.
+        pattern: (F, K) from ``pattern_table``.
+    """
+
+    power: Power
+    total: Floats
+    lines: Lines
+    pattern: Floats
+
+
+class TurnPower:
+    """The mean power of a turn, added up direction by direction.
+
+    The first and the last directions share their beams with those of the turns before
+    and after this one, or, if the radar stands still, with those of its own.
+
+    Attributes:
+        total: (B,) the power of all directions.
+    """
+
+    def __init__(self, settings: FmcwSettings) -> None:
+        """Begin without any power."""
+        self._settings = settings
+        self._half = rows_in_beam(settings)
+        rows = settings.azimuths + 2 * self._half + 2
+        self._rows = np.zeros((rows, settings.bins), np.float32)
+        self.total = np.zeros(settings.bins)
+        lines = Lines(
+            np.zeros((2, settings.bins), np.float32), np.zeros((2, 2), np.int64)
+        )
+        lines.spans[:, 0] = settings.bins
+        lines.spans[:, 1] = -1
+        self._beams = Beams(self._rows, self.total, lines, pattern_table(settings))
+        ranges = np.arange(settings.bins) * settings.bin_size
+        near = ranges < NEAREST
+        self._per_square = np.where(near, 0.0, 1.0 / np.maximum(ranges, NEAREST) ** 2)
+
+    def add(
+        self,
+        rows: range,
+        fan: RayFan,
+        directions: Floats,
+        traces: Traces,
+        scattering: Scattering,
+        scale: PowerScale,
+    ) -> None:
+        """Add the rays of directions, which follow those that were added before.
+
+        Args:
+            rows: The directions.
+            fan: Their M rays.
+            directions: (M, 3) unit vectors, map frame, in which they were traced.
+            traces: How they ended, with events and incidence.
+            scattering: What the parts of the scene scatter.
+            scale: The units of power.
+        """
+        settings = self._settings
+        rays = FanRays(
+            *(fan.column, fan.across, fan.weights * scale.constant, fan.spread),
+            *(directions, scale.shift, traces.ranges, traces.incidence),
+        )
+        bins = Bins(settings.bin_size, self._per_square, scale.full, scale.db_per_power)
+        traced = TracedFan(rays, traces.events, scattering, bins)
+        parts = settings.rays_across
+        columns = rows.start * parts, rows.stop * parts
+        _add_rays(self._beams, traced, *columns, rows.stop == settings.azimuths)
+
+    def rows(
+        self,
+        first: int,
+        last: int,
+        before: "TurnPower",
+        after: "TurnPower",
+    ) -> Power:
+        """Return the mean power of some directions, (N, B), without sidelobes.
+
+        Args:
+            first: The first direction.
+            last: The one after the last.
+            before: The turn before this one.
+            after: The turn after this one.
+        """
+        half, count = self._half, self._settings.azimuths
+        power = self._rows[half + first : half + last].copy()
+        end = min(last, half + 2)
+        if first < end:
+            edge = half + count
+            power[: end - first] += before._rows[edge + first : edge + end]
+        start = max(first, count - half)
+        if start < last:
+            edge = half - count
+            power[start - first :] += after._rows[edge + start : edge + last]
+        return power
+
+    def sidelobes(self) -> Power:
+        """Return what the sidelobes of each direction receive of this turn, (B,)."""
+        level = 10 ** (self._settings.sidelobe_db / 10)
+        return np.asarray(level * self.total, np.float32)
+
+
+@njit_cached
+def _add_rays(beams: Any, fan: Any, first: Any, end: Any, closes: Any) -> None:
+    """Add the power of the rays of some columns.
+
+    Args:
+        beams: The ``Beams``.
+        fan: The ``TracedFan``.
+        first: The first column.
+        end: The column after the last.
+        closes: Whether that is the first one of the next turn.
+    """
+    inside = np.zeros(len(fan.scattering.gamma) + 1, np.int64)
+    ray, event = 0, 0
+    for column in range(first, end):
+        while ray < len(fan.rays.column) and fan.rays.column[ray] == column:
+            event = add_ray(fan, beams.lines, inside, column & 1, ray, event)
+            ray += 1
+        _spread_line(beams, column)
+    if closes:
+        _spread_line(beams, end)
+
+
+@njit_inline
+def _spread_line(beams: Any, column: Any) -> None:
+    """Add a column's power to the directions that see it, and clear it."""
+    lines, pattern, here = beams.lines, beams.pattern, column & 1
+    low, high = lines.spans[here, 0], lines.spans[here, 1]
+    if high < low:
+        return
+    line = lines.power[here, low : high + 1]
+    row, part = column // len(pattern), column % len(pattern)
+    for k in range(pattern.shape[1]):
+        gain = np.float32(pattern[part, k])
+        seen = beams.power[row + k, low : high + 1]
+        for b in range(len(line)):
+            seen[b] += gain * line[b]
+    total = beams.total[low : high + 1]
+    for b in range(len(line)):
+        total[b] += line[b]
+        line[b] = 0.0
+    lines.spans[here, 0], lines.spans[here, 1] = len(beams.total), -1

@@ -1,0 +1,342 @@
+"""The rays of a turn: one set for all directions, finer where things are thin.
+
+Theory of operation
+===================
+The circle is divided into narrow columns, several for each direction of the radar, and
+each column from the lower edge of the beam to the upper one into cells, which are
+smaller where the pattern is stronger. Each cell has one ray. Within the cells the rays
+follow a sequence of low discrepancy: a fixed grid would draw rings on the ground that
+are not there, and random places would let a pole flicker. The same radar has the same
+rays in every turn.
+
+What is narrower than a few cells would be met by few rays or none. So the cells in
+which something thin stands are divided further, in both angles, until enough rays meet
+it. A ray stands for the solid angle of its cell, so that the sum over all of them
+stays that over the beam.
+
+Directions: of things as a sensor sees them, and of its rays in the map.
+"""
+
+import math
+from functools import lru_cache
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.addons.fmcw.radar_equation import elevation_limits, elevation_pattern
+from radarsim.geometry import Floats, Pose3
+from radarsim.jit import njit_cached, njit_inline
+from radarsim.presets.fmcw_settings import FmcwSettings
+
+_FULL = 2 * math.pi
+
+
+class Extents(NamedTuple):
+    """What directions things take up, seen from a sensor; N things.
+
+    Attributes:
+        azimuth: (N,) rad, of the right edge, clockwise from straight ahead.
+        width: (N,) rad.
+        low: (N,) rad, elevation of the lower edge.
+        high: (N,) rad, of the upper edge.
+        distance: (N,) m, to the middle.
+    """
+
+    azimuth: Floats
+    width: Floats
+    low: Floats
+    high: Floats
+    distance: Floats
+
+
+def extents_from(pose: Pose3, bounds: Floats) -> Extents:
+    """Return what directions bounding boxes take up.
+
+    Args:
+        pose: Pose of the sensor, map frame.
+        bounds: (N, 2, 3) m, lower and upper corners, map frame.
+    """
+    extents = Extents(*np.zeros((5, len(bounds))))
+    rotation = np.ascontiguousarray(pose.rotation())
+    _measure(np.ascontiguousarray(bounds), pose.position(), rotation, extents)
+    return extents
+
+
+@njit_cached
+def _measure(bounds: Any, position: Any, rotation: Any, extents: Any) -> None:
+    seen = np.zeros((8, 3))
+    for i in range(len(bounds)):
+        for corner in range(8):
+            seen[corner] = 0.0
+            for axis in range(3):
+                side = (corner >> axis) & 1
+                offset = bounds[i, side, axis] - position[axis]
+                for k in range(3):
+                    seen[corner, k] += offset * rotation[axis, k]
+        x, y, z = seen[:, 0].mean(), seen[:, 1].mean(), seen[:, 2].mean()
+        centre = -np.arctan2(y, x)
+        first, last, low, high = np.inf, -np.inf, np.inf, -np.inf
+        for corner in range(8):
+            turned = _wrap(-np.arctan2(seen[corner, 1], seen[corner, 0]) - centre)
+            first, last = min(first, turned), max(last, turned)
+            level = np.hypot(seen[corner, 0], seen[corner, 1])
+            up = np.arctan2(seen[corner, 2], level)
+            low, high = min(low, up), max(high, up)
+        extents.azimuth[i], extents.width[i] = centre + first, last - first
+        extents.low[i], extents.high[i] = low, high
+        extents.distance[i] = np.sqrt(x * x + y * y + z * z)
+
+
+@njit_inline
+def _wrap(angle: Any) -> Any:
+    """Return an angle between -pi and pi, rad."""
+    return (angle + math.pi) % _FULL - math.pi
+
+
+def turned_directions(directions: Floats, rotation: Floats) -> Floats:
+    """Return the directions of rays in the map frame, (M, 3) unit vectors.
+
+    Args:
+        directions: (M, 3) sensor frame.
+        rotation: (3, 3) of the sensor.
+    """
+    turned = np.empty_like(directions)
+    _turn(directions, np.ascontiguousarray(rotation), turned)
+    return turned
+
+
+@njit_cached
+def _turn(directions: Any, rotation: Any, turned: Any) -> None:
+    # Not a product of matrices, which rounds by how many rows there are.
+    for ray in range(len(directions)):
+        ahead, left, up = directions[ray]
+        square = 0.0
+        for axis in range(3):
+            part = ahead * rotation[axis, 0] + left * rotation[axis, 1]
+            part += up * rotation[axis, 2]
+            turned[ray, axis] = part
+            square += part * part
+        # Rounding of the product must not make the vectors longer.
+        length = np.sqrt(square)
+        for axis in range(3):
+            turned[ray, axis] /= length
+
+
+# Multiples of these, without their integers, fill a square evenly: powers of the
+# inverse of the plastic number. Source: M. Roberts, "The Unreasonable Effectiveness of
+# Quasirandom Sequences".
+_FILL_ACROSS: Final = 0.5698402909980532
+_FILL_UP: Final = 0.7548776662466927
+_EDGE_STEPS: Final = 2001
+
+WIDEST_GAP: Final = 2.5  # of mean gaps between the elevations of the rays of a beam
+ENOUGH_RAYS: Final = 32  # on a thing in one beam: its power is right within 1 dB
+RAYS_ACROSS: Final = 10  # on the bounding box of a thing that has fewer
+RAYS_UP: Final = 8
+MOST_PARTS: Final = 40  # of a cell, in each angle
+MOST_RAYS: Final = 100_000  # that are added; the nearest things come first
+
+
+class RayFan(NamedTuple):
+    """The rays of a turn, ordered by their column; M rays.
+
+    Attributes:
+        directions: (M, 3) unit vectors, sensor frame.
+        column: (M,) int64, the column of each, clockwise from straight ahead.
+        across: (M,) how far into its column each is, 0 to 1.
+        weights: (M,) sr, the solid angle of its cell times the two-way pattern in
+            elevation.
+        spread: (M,) rad, the greatest distance to the next ray of the same beam.
+    """
+
+    directions: Floats
+    column: NDArray[np.int64]
+    across: Floats
+    weights: Floats
+    spread: Floats
+
+    def cut(self, first: int, last: int) -> "RayFan":
+        """Return the rays from one up to another."""
+        directions, column, across, weights, spread = self
+        some = slice(first, last)
+        return RayFan(
+            *(directions[some], column[some], across[some]),
+            *(weights[some], spread[some]),
+        )
+
+
+class Cells(NamedTuple):
+    """The grid of cells of a radar.
+
+    Attributes:
+        columns: Their number in a turn.
+        edges: (E + 1,) rad, elevations at which the cells begin and end.
+    """
+
+    columns: int
+    edges: Floats
+
+    @property
+    def rows(self) -> int:
+        """The number of cells in a column."""
+        return len(self.edges) - 1
+
+
+@lru_cache(maxsize=16)
+def cells_of(settings: FmcwSettings) -> Cells:
+    """Return the cells of a radar: of even steps in azimuth, and by pattern upwards."""
+    low, high = elevation_limits(settings)
+    elevations = np.linspace(low, high, _EDGE_STEPS)
+    # By the square root of the one-way power, so that the weak fan gets some of them.
+    density = np.sqrt(elevation_pattern(settings, elevations)) + 0.02
+    share = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2)])
+    places = np.linspace(0.0, share[-1], settings.rays_up + 1)
+    edges = np.interp(places, share, elevations)
+    return Cells(settings.azimuths * settings.rays_across, edges)
+
+
+@lru_cache(maxsize=16)
+def plain_fan(settings: FmcwSettings) -> RayFan:
+    """Return the fan of a radar, one ray in each cell."""
+    cells = cells_of(settings)
+    ones = np.ones(cells.columns * cells.rows, np.int64)
+    return _fill_cells(settings, np.arange(len(ones)), ones, ones)
+
+
+def refined_fan(
+    settings: FmcwSettings, extents: Extents, rows: range | None = None
+) -> RayFan:
+    """Return the fan with more rays where things are thinner than a few cells.
+
+    Args:
+        settings: The radar.
+        extents: What directions things take up.
+        rows: Directions of the radar whose rays are returned; None for a whole turn.
+            They are the same rays as those of the turn.
+    """
+    cells = cells_of(settings)
+    rows = range(settings.azimuths) if rows is None else rows
+    columns = range(rows.start * settings.rays_across, rows.stop * settings.rays_across)
+    first, last = columns.start * cells.rows, columns.stop * cells.rows
+    fan = plain_fan(settings).cut(first, last)
+    across, up = _divisions(settings, cells, extents, columns)
+    divided = np.flatnonzero((across > 1) | (up > 1))
+    if not len(divided):
+        return fan
+    added = _fill_cells(settings, divided + first, across[divided], up[divided])
+    kept = (across == 1) & (up == 1)
+    filled = [
+        np.concatenate([plain[kept], new])
+        for plain, new in zip(fan, added, strict=True)
+    ]
+    order = np.argsort(filled[1], kind="stable")
+    return RayFan(*(column[order] for column in filled))
+
+
+def _fill_cells(
+    settings: FmcwSettings,
+    cell: NDArray[np.int64],
+    across: NDArray[np.int64],
+    up: NDArray[np.int64],
+) -> RayFan:
+    """Return the rays of cells, each divided into ``across`` times ``up`` parts."""
+    cells = cells_of(settings)
+    counts = across * up
+    owner = np.repeat(np.arange(len(cell)), counts)
+    part = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+    column, row = np.divmod(cell[owner], cells.rows)
+    # The sequence goes on along the columns of a row, from another start in each row.
+    number = (column + 1) * 1.0 + 0.5 * row * cells.columns + part * 1.0
+    beside = (part % across[owner] + _fraction(number * _FILL_ACROSS)) / across[owner]
+    inside = _fraction((number // 2) * _FILL_UP)
+    # Every other ray is mirrored: a pattern that rises within a cell evens out.
+    inside = np.where(number % 2 >= 1, 1.0 - inside, inside)
+    above = (part // across[owner] + inside) / up[owner]
+    heights = np.diff(cells.edges)[row]
+    elevation = cells.edges[row] + above * heights
+    width = 2 * math.pi / cells.columns
+    azimuth = (column + beside) * width
+    level = np.cos(elevation)
+    directions = np.stack(
+        [level * np.cos(azimuth), -level * np.sin(azimuth), np.sin(elevation)], axis=-1
+    )
+    solid = width * heights * level / counts[owner]
+    weights = solid * elevation_pattern(settings, elevation) ** 2
+    in_beam = math.radians(settings.beamwidth_az_deg) / width
+    spread = np.maximum(WIDEST_GAP * heights / up[owner] / max(in_beam, 1.0), width)
+    return RayFan(directions, column, beside, weights, spread)
+
+
+def _fraction(numbers: Floats) -> Floats:
+    return np.asarray(numbers - np.floor(numbers))
+
+
+class _Patches(NamedTuple):
+    """Rectangles of cells that are divided, the nearest things first; N of them.
+
+    Attributes:
+        first: (N,) int64, the first column of each, which may lie in another turn.
+        last: (N,) int64, the last column.
+        bottom: (N,) int64, the first row of cells.
+        top: (N,) int64, the row after the last.
+        across: (N,) int64, into how many parts each cell is divided.
+        up: (N,) int64, likewise.
+    """
+
+    first: NDArray[np.int64]
+    last: NDArray[np.int64]
+    bottom: NDArray[np.int64]
+    top: NDArray[np.int64]
+    across: NDArray[np.int64]
+    up: NDArray[np.int64]
+
+
+def _patches(settings: FmcwSettings, cells: Cells, extents: Extents) -> _Patches:
+    """Return where cells are divided, as far as ``MOST_RAYS`` permits."""
+    width = 2 * math.pi / cells.columns
+    in_beam = math.radians(settings.beamwidth_az_deg) / width
+    rows = np.arange(cells.rows + 1)
+    bottom, top = (
+        np.interp(edge, cells.edges, rows) for edge in (extents.low, extents.high)
+    )
+    wide, high = extents.width / width, top - bottom
+    few = np.minimum(wide, in_beam) * high < ENOUGH_RAYS
+    thin = few & (high > 0) & (extents.width < math.pi) & np.isfinite(wide)
+    some = np.flatnonzero(thin)[np.argsort(extents.distance[thin])]
+    edges = extents.azimuth[some], extents.azimuth[some] + extents.width[some]
+    first, last = (np.floor(each / width).astype(np.int64) for each in edges)
+    patches = _Patches(
+        *(first, last),
+        *(bottom[some].astype(np.int64), np.ceil(top[some]).astype(np.int64)),
+        np.minimum(
+            np.ceil(RAYS_ACROSS / np.maximum(wide[some], 1e-9)), MOST_PARTS
+        ).astype(np.int64),
+        np.minimum(np.ceil(RAYS_UP / np.maximum(high[some], 1e-9)), MOST_PARTS).astype(
+            np.int64
+        ),
+    )
+    sizes = (last - first + 1) * (patches.top - patches.bottom)
+    added = np.cumsum(sizes * patches.across * patches.up)
+    within = int(np.searchsorted(added, MOST_RAYS, side="right"))
+    return _Patches(*(each[:within] for each in patches))
+
+
+def _divisions(
+    settings: FmcwSettings, cells: Cells, extents: Extents, columns: range
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return into how many parts cells of some columns are divided, across and up."""
+    across = np.ones((len(columns), cells.rows), np.int64)
+    up = np.ones_like(across)
+    patches = _patches(settings, cells, extents)
+    # Where each patch begins, counted from the first of these columns.
+    begin = (patches.first - columns.start) % cells.columns
+    reach = begin + patches.last - patches.first
+    seen = (begin < len(columns)) | (reach >= cells.columns)
+    for i in np.flatnonzero(seen).tolist():
+        places = np.arange(begin[i], reach[i] + 1) % cells.columns
+        places = places[places < len(columns)]
+        patch = np.ix_(places, np.arange(patches.bottom[i], patches.top[i]))
+        across[patch] = np.maximum(across[patch], patches.across[i])
+        up[patch] = np.maximum(up[patch], patches.up[i])
+    return across.ravel(), up.ravel()

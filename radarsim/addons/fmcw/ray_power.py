@@ -1,0 +1,278 @@
+"""What comes back along one ray: from the events on its way to power by range."""
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.addons.fmcw.range_lines import (
+    Bins,
+    Passage,
+    Place,
+    add_ground,
+    add_surface,
+    add_volume,
+)
+from radarsim.addons.fmcw.scattering import (
+    GRAZING,
+    Grazing,
+    Scattering,
+    gamma_at,
+    grazing_at,
+    is_level,
+    way_to_open,
+)
+from radarsim.geometry import Floats
+from radarsim.jit import njit_inline
+from radarsim.raycast.attenuation import EventKind
+
+_START_INSIDE, _ENTER, _LEAVE, _SHEET, _HIT = map(int, list(EventKind)[:5])
+_MIRRORED, _OUT_OF_RANGE = int(EventKind.MIRRORED), int(EventKind.OUT_OF_RANGE)
+
+OVERLAP: Final = 1.5  # by how much the ranges of a ray reach over those of the next
+LONGEST_SPREAD: Final = 3.0  # m, over which a grazed surface is spread
+
+
+class FanRays(NamedTuple):
+    """The rays of a fan in a scene; M rays.
+
+    Attributes:
+        column: As in ``RayFan``.
+        across: Likewise.
+        weights: (M,) as there, times K over the noise.
+        spread: As there.
+        directions: (M, 3) unit vectors, map frame.
+        shift: (M,) m, by how much all seems farther by Doppler's effect.
+        ranges: (M,) m, to where each ends; inf if it meets nothing.
+        incidence: (M,) cosine of the angle of incidence.
+    """
+
+    column: NDArray[np.int64]
+    across: Floats
+    weights: Floats
+    spread: Floats
+    directions: Floats
+    shift: Floats
+    ranges: Floats
+    incidence: Floats
+
+
+class TracedFan(NamedTuple):
+    """The rays of a turn and all they met.
+
+    Attributes:
+        rays: The rays.
+        events: Their events, in order.
+        scattering: What the parts of the scene scatter.
+        bins: The range bins.
+    """
+
+    rays: FanRays
+    events: NDArray[np.void]
+    scattering: Scattering
+    bins: Bins
+
+
+@njit_inline
+def add_ray(fan: Any, lines: Any, inside: Any, here: Any, ray: Any, event: Any) -> Any:
+    """Add the power of one ray; return the first event of the next one.
+
+    Args:
+        fan: The ``TracedFan``.
+        lines: The ``Lines`` of its column and the next.
+        inside: (P + 1,) int64, overwritten: the volumes around the ray.
+        here: Row of ``Lines`` of its column.
+        ray: Number of the ray.
+        event: Its first event.
+    """
+    rays, events, bins = fan.rays, fan.events, fan.bins
+    place = Place(here, rays.across[ray], rays.weights[ray], rays.shift[ray])
+    per_power, first, count = bins.db_per_power, event, 0
+    t, power, is_turned = 0.0, bins.full, False
+    while event < len(events) and events[event].ray == ray:
+        e = events[event]
+        left = min(e.power, power)
+        volume = _volume_around(fan.scattering, inside, count)
+        if volume > 0.0 and e.t > t:
+            loss = (bins.full - power) * per_power
+            slope = (power - left) / (e.t - t) * per_power
+            add_volume(lines, place, bins, Passage(t, e.t, volume, loss, slope))
+        through = 10.0 ** (-0.2 * (bins.full - left) * per_power)
+        if e.kind == _HIT:
+            if not is_turned and is_level(rays.directions[ray], rays.incidence[ray]):
+                _add_level(fan, lines, place, ray, event, through)
+            else:
+                _add_end(fan, lines, place, ray, event, through)
+        elif e.kind == _OUT_OF_RANGE and not is_turned:
+            _add_open_ground(fan, lines, place, ray, e, (t, power))
+        elif e.kind == _SHEET:
+            taken = 1.0 - 10.0 ** (-0.1 * e.absorbed * per_power)
+            gamma = fan.scattering.albedo[_row(fan.scattering, e.part)] * taken
+            add_surface(lines, place, bins, e.t, gamma * through, 0.0)
+        elif e.kind == _MIRRORED:
+            cosine = _mirror_cosine(fan, ray, first, event)
+            gamma = _surface_gamma(fan.scattering, e.part, cosine)
+            add_surface(lines, place, bins, e.t, gamma * through, 0.0)
+            is_turned = True
+        count = _count_inside(inside, count, e)
+        t, power = e.t, left - e.absorbed
+        event += 1
+    return event
+
+
+@njit_inline
+def _volume_around(scattering: Any, inside: Any, count: Any) -> Any:
+    """Return the cross section of a cubic metre of what is around a ray."""
+    volume = scattering.air
+    for k in range(count):
+        volume += scattering.volume[inside[k]]
+    return volume
+
+
+@njit_inline
+def _row(scattering: Any, part: Any) -> Any:
+    """Return the row of a part; robots share the last."""
+    return min(part, len(scattering.gamma) - 1)
+
+
+@njit_inline
+def _surface_gamma(scattering: Any, part: Any, cosine: Any) -> Any:
+    row = _row(scattering, part)
+    return gamma_at(
+        cosine,
+        scattering.gamma[row],
+        scattering.exponent[row],
+        scattering.glint[row],
+        scattering.narrowness[row],
+    )
+
+
+@njit_inline
+def _add_end(
+    fan: Any, lines: Any, place: Any, ray: Any, event: Any, through: Any
+) -> None:
+    """Add the surface that ends a ray; ``through`` is the share that comes there."""
+    e = fan.events[event]
+    cosine = max(fan.rays.incidence[ray], GRAZING)
+    gamma = _surface_gamma(fan.scattering, e.part, cosine)
+    slant = np.sqrt(1.0 - cosine * cosine) / cosine
+    length = min(fan.rays.spread[ray] * e.t * slant, LONGEST_SPREAD)
+    add_surface(lines, place, fan.bins, e.t, gamma * through, length)
+
+
+@njit_inline
+def _add_level(
+    fan: Any, lines: Any, place: Any, ray: Any, event: Any, through: Any
+) -> None:
+    """Add level ground that ends a ray; arguments as of ``_add_end``."""
+    e, direction = fan.events[event], fan.rays.directions[ray]
+    row = _row(fan.scattering, e.part)
+    gamma = _surface_gamma(fan.scattering, row, max(-direction[2], GRAZING))
+    angle = OVERLAP * fan.rays.spread[ray]
+    end = _end_of_view(fan.rays, ray)
+    grazing = grazing_at(fan.scattering.ground, row, e, direction, angle, end)
+    exponent = fan.scattering.exponent[row]
+    add_ground(lines, place, fan.bins, grazing, gamma * through, exponent)
+
+
+@njit_inline
+def _end_of_view(rays: Any, ray: Any) -> Any:
+    """Return where the view over level ground ends that a ray meets, m.
+
+    That is where the next ray, which looks higher, meets something upright.
+    """
+    after = ray + 1
+    if after == len(rays.column) or rays.column[after] != rays.column[ray]:
+        return np.inf
+    if is_level(rays.directions[after], rays.incidence[after]):
+        return np.inf
+    return max(rays.ranges[after], rays.ranges[ray])
+
+
+@njit_inline
+def _add_open_ground(
+    fan: Any, lines: Any, place: Any, ray: Any, end: Any, before: Any
+) -> None:
+    """Add the open ground that a ray meets beyond the edge of the map.
+
+    Args:
+        fan: The ``TracedFan``.
+        lines: The ``Lines``.
+        place: The ``Place``.
+        ray: Number of the ray.
+        end: The event at which it is out of range.
+        before: Where it left what it met last, m, and the power that it had there.
+    """
+    ground, direction = fan.scattering.ground, fan.rays.directions[ray]
+    way, (t, power) = way_to_open(ground, end, direction), before
+    if way <= t or way >= end.t:
+        return
+    lost = fan.bins.full - power + (power - end.power) * (way - t) / (end.t - t)
+    through = 10.0 ** (-0.2 * lost * fan.bins.db_per_power)
+    row, depth = ground.open_part, -way * direction[2]
+    gamma = _surface_gamma(fan.scattering, row, max(-direction[2], GRAZING))
+    grazing = Grazing(way, depth, OVERLAP * fan.rays.spread[ray], 0.0, np.inf)
+    exponent = fan.scattering.exponent[row]
+    add_ground(lines, place, fan.bins, grazing, gamma * through, exponent)
+
+
+@njit_inline
+def _mirror_cosine(fan: Any, ray: Any, first: Any, event: Any) -> Any:
+    """Return the cosine of the angle of incidence on a mirror.
+
+    It is half the length by which the direction changes.
+
+    Args:
+        fan: The ``TracedFan``.
+        ray: Number of the ray.
+        first: Its first event.
+        event: That of the mirror.
+    """
+    events, directions = fan.events, fan.rays.directions
+    before = first - 1  # the mirror before this one; of the first one there is none
+    for k in range(first, event):
+        if events[k].kind == _MIRRORED:
+            before = k
+    here, after = events[event], events[event + 1]
+    run = after.t - here.t
+    if run <= 0.0:
+        return 1.0
+    ux, uy, uz = directions[ray, 0], directions[ray, 1], directions[ray, 2]
+    if before >= first:
+        last = events[before]
+        way = max(here.t - last.t, 1e-9)
+        ux, uy, uz = (
+            (here.x - last.x) / way,
+            (here.y - last.y) / way,
+            (here.z - last.z) / way,
+        )
+    dx, dy, dz = (
+        (after.x - here.x) / run,
+        (after.y - here.y) / run,
+        (after.z - here.z) / run,
+    )
+    change = np.sqrt((dx - ux) ** 2 + (dy - uy) ** 2 + (dz - uz) ** 2)
+    return min(max(0.5 * change, GRAZING), 1.0)
+
+
+@njit_inline
+def _count_inside(inside: Any, count: Any, event: Any) -> Any:
+    """Keep the list of volumes around a ray; return their number after an event."""
+    if event.kind in (_ENTER, _START_INSIDE):
+        inside[count] = event.part
+        return count + 1
+    if event.kind == _LEAVE:
+        return _without(inside, count, event.part)
+    # After a mirror the volumes are entered anew.
+    return 0 if event.kind == _MIRRORED else count
+
+
+@njit_inline
+def _without(inside: Any, count: Any, part: Any) -> Any:
+    """Remove a part from the list of volumes around the ray; return their number."""
+    kept = 0
+    for k in range(count):
+        if inside[k] != part:
+            inside[kept] = inside[k]
+            kept += 1
+    return kept

@@ -1,0 +1,250 @@
+"""What the parts of a scene take from a wave, and what they scatter back.
+
+Surfaces follow gamma = sigma0 / cos: the share of the power on a square metre across
+the ray that is scattered back, as if to all sides. A wall of Lambert's law has gamma0
+cos; open ground has the same gamma at all angles. What is smooth also reflects: its
+facets, whose slopes are normally distributed, glint where they face the radar. With the
+share Gamma^2 that they reflect and the rms slope s, by geometrical optics,
+
+    sigma0 = Gamma^2 / (2 s^2 cos^4) e^(-tan^2 / (2 s^2)).
+
+Over the whole lobe that is what a flat mirror returns, pi Gamma^2 R^2.
+
+Volumes scatter a share of what they take, their albedo omega: a canopy that lets
+nothing through has a gamma of omega / 2. So does a sheet, which has no depth: omega
+times the share that it takes.
+
+Gamma, albedo, reflection and slope are those of the materials of the map. Source: F. T.
+Ulaby, R. K. Moore and A. K. Fung, Microwave Remote Sensing, volume 2.
+
+Level ground: where it is, and how rays graze it.
+
+Open ground does not end at the edge of the map: a ray that passes over that edge meets
+it farther on.
+"""
+
+import math
+from typing import Any, Final, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from radarsim.geometry import Floats
+from radarsim.jit import njit_inline
+from radarsim.presets.rain_reflectivity import rain_reflectivity
+from radarsim.raycast.rays import RayClass
+from radarsim.raycast.tracer import Tracer
+from radarsim.scene.material import Material
+
+OVERLAP: Final = 4.0  # by how much the ranges of a ray reach over those of the next
+_LEVEL: Final = 1e-6  # how far the normal of level ground is off the vertical, at most
+
+
+class Ground(NamedTuple):  # compiled into kernels
+    """The ground of a scene; P parts.
+
+    Attributes:
+        edges: (P + 1, 4) m, least x and y of each part and greatest ones, map frame.
+            Open ground has none; the last row, of robots, is empty.
+        open_part: The part that is open ground; -1 for none.
+        open_height: m, of that; map frame.
+    """
+
+    edges: Floats
+    open_part: int
+    open_height: float
+
+
+class Grazing(NamedTuple):
+    """A ray that meets level ground.
+
+    Attributes:
+        t: Its length, m.
+        depth: m, from the antenna down to the ground.
+        angle: rad, of elevations for which the ray stands.
+        near: m, range at which the ground begins.
+        far: m, range at which it ends.
+    """
+
+    t: float
+    depth: float
+    angle: float
+    near: float
+    far: float
+
+
+def find_ground(tracer: Tracer) -> Ground:
+    """Return the ground of a scene."""
+    edges = np.zeros((len(tracer.parts) + 1, 4))
+    open_part, area = -1, 0.0
+    for i, part in enumerate(tracer.parts):
+        if not part.faces.size:
+            continue
+        low, high = part.bounds
+        edges[i] = low[0], low[1], high[0], high[1]
+        own = float((high[0] - low[0]) * (high[1] - low[1]))
+        if part.material.constant_gamma:
+            edges[i] = -math.inf, -math.inf, math.inf, math.inf
+            if own > area:
+                open_part, area = i, own
+    height = float(tracer.parts[open_part].bounds[1][2]) if open_part >= 0 else 0.0
+    return Ground(edges, open_part, height)
+
+
+@njit_inline
+def is_level(direction: Any, cosine: Any) -> Any:
+    """Return whether a surface is level that a ray from above meets.
+
+    Args:
+        direction: (3,) unit vector of the ray.
+        cosine: Cosine of its angle of incidence.
+    """
+    return abs(cosine + direction[2]) < _LEVEL
+
+
+@njit_inline
+def grazing_at(
+    ground: Any, part: Any, event: Any, direction: Any, angle: Any, end: Any
+) -> Any:
+    """Return the ``Grazing`` of a ray that meets level ground.
+
+    Args:
+        ground: The ``Ground``.
+        part: Its row there.
+        event: That at which the ray meets it.
+        direction: (3,) unit vector of the ray.
+        angle: rad, of elevations for which it stands.
+        end: m, where the view over the ground ends.
+    """
+    back, ahead = np.inf, np.inf
+    for axis in range(2):
+        step = direction[axis]
+        if abs(step) > 1e-9:
+            place = event.x if axis == 0 else event.y
+            first = (ground.edges[part, axis] - place) / step
+            second = (ground.edges[part, 2 + axis] - place) / step
+            back = min(back, -min(first, second))
+            ahead = min(ahead, max(first, second))
+    t = event.t
+    near, far = t - max(back, 0.0), min(t + max(ahead, 0.0), end)
+    return Grazing(t, -t * direction[2], angle, near, far)
+
+
+@njit_inline
+def way_to_open(ground: Any, end: Any, direction: Any) -> Any:
+    """Return how far a ray goes until it meets open ground, m; inf if it does not.
+
+    Args:
+        ground: The ``Ground``.
+        end: An event on the ray.
+        direction: (3,) unit vector of the ray.
+    """
+    if ground.open_part < 0 or direction[2] >= 0.0:
+        return np.inf
+    return end.t + (ground.open_height - end.z) / direction[2]
+
+
+NEPER_DB: Final = 10 / math.log(10)  # dB of power in a neper of power, 4.343
+GRAZING: Final = 1e-3  # the smallest cosine of an angle of incidence
+MIRROR_DB: Final = -30.0  # of what a mirror scatters beside its reflection; estimate
+ROBOT_DB: Final = -5.0  # gamma of robots; estimate
+MIRROR_SLOPE_DEG: Final = 1.0  # rms, of what mirrors are made of; estimate
+
+
+class Scattering(NamedTuple):  # compiled into kernels
+    """What the parts of a scene scatter; P parts, and a last row for robots.
+
+    Attributes:
+        gamma: (P + 1,) of the surfaces, at normal incidence.
+        exponent: (P + 1,) of the cosine by which it falls off: 1 for Lambert's law, 0
+            for ground.
+        glint: (P + 1,) Gamma^2 / (2 s^2) of the surfaces; 0 of rough ones.
+        narrowness: (P + 1,) 1 / (2 s^2) likewise.
+        volume: (P + 1,) radar cross section of a cubic metre inside, m^2/m^3.
+        albedo: (P + 1,) share of what a sheet takes that comes back.
+        air: Cross section of a cubic metre of the air, m^2/m^3.
+        ground: Which parts are level, and where they end.
+    """
+
+    gamma: Floats
+    exponent: Floats
+    glint: Floats
+    narrowness: Floats
+    volume: Floats
+    albedo: Floats
+    air: float
+    ground: Ground
+
+
+def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Scattering:
+    """Return what the parts of a scene scatter of the waves of a class."""
+    known = _known.setdefault(tracer, {})
+    if ray_class not in known:
+        known[ray_class] = _compute_scattering(tracer, ray_class)
+    return known[ray_class]
+
+
+_known: WeakKeyDictionary[Tracer, dict[RayClass, Scattering]] = WeakKeyDictionary()
+
+
+def _compute_scattering(tracer: Tracer, ray_class: RayClass) -> Scattering:
+    materials = [part.material for part in tracer.parts]
+    density, air_density = tracer.densities(ray_class)
+    per_db = ray_class.power_per_db
+    loss = np.where(np.isfinite(density), density, 0.0) / (per_db * NEPER_DB)
+    sheet = np.array([each.sheet_loss is not None for each in materials], np.bool_)
+    albedo = np.array([each.albedo for each in materials])
+    rain = np.array([rain_reflectivity(ray_class.band, r) for r in tracer.rain_rate])
+    volume = np.where(sheet, 0.0, albedo * loss) + rain
+    air = 0.0
+    if tracer.air_part >= 0:
+        air = albedo[-1] * air_density / (per_db * NEPER_DB) + rain[-1]
+    lobes = np.array([lobe_of(each) for each in materials]).reshape(-1, 2)
+    gamma = [10 ** (surface_db(each) / 10) for each in materials]
+    return Scattering(
+        np.append(gamma, 10 ** (ROBOT_DB / 10)),
+        np.append([0.0 if each.constant_gamma else 1.0 for each in materials], 1.0),
+        np.append(lobes[:, 0], 0.0),
+        np.append(lobes[:, 1], 0.0),
+        np.append(volume, 0.0),
+        np.append(albedo, 0.0),
+        float(air),
+        find_ground(tracer),
+    )
+
+
+@njit_inline
+def gamma_at(
+    cosine: Any, gamma: Any, exponent: Any, glint: Any, narrowness: Any
+) -> Any:
+    """Return the gamma of a surface at an angle of incidence.
+
+    Args:
+        cosine: Cosine of the angle, above 0.
+        gamma: As in ``Scattering``.
+        exponent: Likewise.
+        glint: Likewise.
+        narrowness: Likewise.
+    """
+    rough = gamma * cosine**exponent
+    if glint <= 0.0:
+        return rough
+    square = cosine * cosine
+    lobe = np.exp(-narrowness * (1.0 - square) / square)
+    return rough + glint * lobe / (square * square * cosine)
+
+
+def lobe_of(material: Material) -> tuple[float, float]:
+    """Return ``glint`` and ``narrowness`` of ``Scattering`` of an opaque surface."""
+    reflected, slope = material.specular_db, material.slope_deg
+    if material.radar_mirror and reflected is None:
+        reflected, slope = -material.absorption_db, MIRROR_SLOPE_DEG
+    if reflected is None:
+        return 0.0, 0.0
+    narrowness = 0.5 / math.radians(slope) ** 2
+    return 10 ** (reflected / 10) * narrowness, narrowness
+
+
+def surface_db(material: Material) -> float:
+    """Return gamma of an opaque surface at normal incidence, dB."""
+    return MIRROR_DB if material.radar_mirror else material.backscatter_db

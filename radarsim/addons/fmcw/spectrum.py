@@ -1,0 +1,137 @@
+"""One turn of an FMCW radar: the power in each direction and range bin."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+from radarsim.addons.fmcw.detection import Detections, detect
+from radarsim.addons.fmcw.radar_equation import (
+    dbm_of,
+    fft_length,
+    noise_power,
+    window_of,
+)
+from radarsim.geometry import Floats, Pose3
+from radarsim.late_plotting import load_plotting
+from radarsim.presets.fmcw_settings import FmcwSettings
+from radarsim.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+MEDIAN = float(np.log(2))  # of an exponential distribution of mean 1
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Spectrum:
+    """One turn of an FMCW radar: A directions of B range bins.
+
+    Attributes:
+        sensor: Name of the preset.
+        pose: Pose of the antenna, map frame.
+        settings: Settings of the radar.
+        angles: (A,) directions, rad, counter-clockwise from straight ahead as anywhere;
+            the radar turns clockwise, so they fall from 0 to -2 pi.
+        ranges: (B,) m.
+        power: (A, B) float32 W, received in each bin.
+        echo_power: (A, B) float32 W, the mean power that returns from within each bin,
+            before speckle, window and noise; its sum over bins is all that returns.
+        noise_floor: (B,) float32 W, the mean power of the noise.
+        scene: The map; None for a turn in a simulation with its robots.
+    """
+
+    sensor: str
+    pose: Pose3
+    settings: FmcwSettings
+    angles: Floats
+    ranges: Floats
+    power: NDArray[np.float32]
+    echo_power: NDArray[np.float32]
+    noise_floor: NDArray[np.float32]
+    scene: Scene | None = None
+
+    def __repr__(self) -> str:
+        peak = float(dbm_of(self.power.max()))
+        return (
+            f"<Spectrum {self.sensor}: {len(self.angles)} azimuths of"
+            f" {len(self.ranges)} bins, up to {peak:.1f} dBm,"
+            f" from x {self.pose.x:.2f} m, y {self.pose.y:.2f} m>"
+        )
+
+    @cached_property
+    def decibels(self) -> NDArray[np.float32]:
+        """The power, (A, B) dBm."""
+        return dbm_of(self.power).astype(np.float32)
+
+    @cached_property
+    def counts(self) -> NDArray[np.uint8]:
+        """The power as the radar stores it, (A, B), 0 to 255.
+
+        A count is ``count_db`` decibels; the median of the noise has ``floor_count``.
+        """
+        return counts_of(self.settings, self.power)
+
+    @cached_property
+    def mean(self) -> NDArray[np.float32]:
+        """The power that is expected over many turns, (A, B) W: no speckle, but noise.
+
+        Each echo is spread over the bins as the window does it.
+        """
+        length = fft_length(self.settings)
+        shape = self.noise_floor / np.float32(noise_power(self.settings))
+        spread = np.abs(fft.fft(window_of(self.settings), length)) ** 2
+        scale = np.float32(noise_power(self.settings))
+        echoes = fft.rfft(self.echo_power / scale / shape, length, axis=1)
+        echoes *= fft.rfft(spread).astype(np.complex64)
+        seen = fft.irfft(echoes, length, axis=1)[:, : len(self.ranges)]
+        return np.asarray((np.maximum(seen, 0) + 1) * shape * scale, np.float32)
+
+    def detections(
+        self, detector: str = "ca", *, pfa: float = 1e-4, count: int = 12
+    ) -> Detections:
+        """Detect targets.
+
+        Args:
+            detector: ``ca`` compares each bin with the mean of those around it, ``os``
+                with one of them in order of power, both at a constant rate of false
+                alarms; ``k`` takes the strongest bins of each direction.
+            pfa: Probability of a false alarm in a bin of noise, for ``ca`` and ``os``.
+            count: How many bins ``k`` takes in each direction, at most.
+
+        Raises:
+            ValueError: If there is no such detector, or a number is out of range.
+        """
+        return detect(self, detector, pfa=pfa, count=count)
+
+    def plot(
+        self, ax: "Axes | None" = None, *, view: str = "cartesian", azimuth: int = 0
+    ) -> "Axes":
+        """Draw the turn.
+
+        Args:
+            ax: Axes of matplotlib; None for a figure of its own.
+            view: ``cartesian`` as seen from above, ``polar`` with a row for each
+                direction, or ``ascope``, the power over range in one direction.
+            azimuth: The direction of an A-scope, 0 to A - 1.
+
+        Raises:
+            ValueError: If there is no such view or azimuth.
+        """
+        axes: Axes = load_plotting().plot_spectrum(self, ax, view=view, azimuth=azimuth)
+        return axes
+
+
+def counts_of(settings: FmcwSettings, power: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Return powers, W, as counts."""
+    median = noise_power(settings) * MEDIAN
+    tiny = np.float32(np.finfo(np.float32).tiny)
+    counts = np.log10(np.maximum(power, tiny))
+    counts -= np.float32(np.log10(median))
+    counts *= np.float32(10 / settings.count_db)
+    counts += np.float32(settings.floor_count)
+    np.rint(counts, out=counts)
+    return np.clip(counts, 0, 255).astype(np.uint8)

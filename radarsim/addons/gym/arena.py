@@ -1,0 +1,241 @@
+"""Robots of one class in a scene, driven for one decision period at a time.
+
+They are those of a simulation: the same motion, collisions and scans. Here nothing is
+reported between two decisions, so that a period takes a few compiled calls.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.addons.gym.settings import GoToSettings
+from radarsim.geometry import Floats, Pose2, Pose3
+from radarsim.presets.robots import Item, RobotModel, load_robot
+from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.tracer import tracer_of
+from radarsim.robots.fleet import Fleet
+from radarsim.robots.fleet_columns import LEFT_SPIN, RIGHT_SPIN, YAW, X
+from radarsim.robots.footprint import Footprint
+from radarsim.robots.obstacles import Obstacles
+from radarsim.robots.robot import Robot
+from radarsim.scene.map_file import load_map
+from radarsim.scene.scene import Scene
+from radarsim.sensors.range_scanner import RangeScanner
+from radarsim.sensors.scan import Scan
+from radarsim.sensors.scan_batch import scan_batch, scan_ranges
+from radarsim.sensors.scan_plan import ScanRequest
+from radarsim.simulation.clock import TICK, ticks_of
+from radarsim.simulation.config import SimulationConfig
+
+
+class BeamReadings(NamedTuple):
+    """What the beams of N robots read; (N, beams) each.
+
+    Attributes:
+        ranges: m; the maximum range where nothing is detected.
+        power: Penetration power that was left where a beam reads, as a share of that
+            sent; 0 where nothing is detected, 1 where it is unlimited.
+        rays: Which ray of its beam gave each range: -1 right, 0 centre, 1 left; 0 for a
+            sensor without side rays.
+    """
+
+    ranges: Floats
+    power: Floats
+    rays: Floats
+
+
+class Arena:
+    """A scene with N robots.
+
+    Attributes:
+        scene: The map.
+        model: Class of the robots.
+        scanner: The scanner that each carries.
+        max_speed: Highest speed of a robot, m/s.
+        max_turn_rate: Highest turn rate, rad/s.
+    """
+
+    def __init__(self, settings: GoToSettings, count: int, *, meets: bool) -> None:
+        """Load the map; robots are to be placed first.
+
+        Args:
+            settings: The map, the robots' class and scanner, and the period.
+            count: N.
+            meets: Whether robots see and touch each other.
+
+        Raises:
+            RadarsimError: If the map, the class or a sensor setting is wrong.
+            ValueError: If the class has no such scanner, or the period is too short.
+        """
+        config, map_ = SimulationConfig(), settings.map
+        self.scene = map_ if isinstance(map_, Scene) else load_map(map_)
+        self.model = load_robot(settings.robot).in_dialect(config.dialect.name)
+        self._meets, self._ticks = meets, _ticks(settings.decision_period)
+        item = _scanner_item(self.model, settings.scanner)
+        config = config.with_settings(item, settings.sensor_settings)
+        self.scanner: RangeScanner = config.scanner(item)
+        self._mount = item.mount
+        self._tracer = tracer_of(self.scene)
+        self._obstacles: dict[float, Obstacles] = {}
+        self._fleet, drive = Fleet(), config.wheel_drive()
+        self._max_spin = drive.max_spin_rad_s
+        self.max_speed = self._max_spin * self.model.wheel_radius
+        self.max_turn_rate = 2 * self.max_speed / self.model.track
+        self._robots = tuple(
+            self._fleet.add(
+                *(f"robot_{row}", self.model, Pose2(0.0, 0.0)),
+                obstacles=self._obstacles_at(0.0, 0.0),
+                wheel_drive=drive,
+            )
+            for row in range(count)
+        )
+        self._slots = self._fleet.slots
+        self._present = np.ones(count, np.bool_)
+
+    @property
+    def radius(self) -> float:
+        """Radius of the circle around a robot, m."""
+        return Footprint(self.model.length, self.model.width).radius
+
+    @property
+    def poses(self) -> Floats:
+        """Poses of all robots, (N, 3): x, y and yaw, m and rad, map frame."""
+        return self._fleet.columns[self._slots, X : YAW + 1]
+
+    def places_of_others(self, row: int) -> list[tuple[float, float]]:
+        """Return x and y, m, of the robots that one may run into."""
+        others = self._present & (np.arange(len(self._robots)) != row)
+        return [(x, y) for x, y, _ in self.poses[others & self._meets].tolist()]
+
+    def place(self, row: int, pose: Pose2) -> None:
+        """Put a robot somewhere, where it stands still; no free place is looked for."""
+        self._present[row] = True
+        self._fleet.place(self._robots[row], pose, self._obstacles_at(pose.x, pose.y))
+
+    def nearest_free_pose(self, pose: Pose2) -> Pose2:
+        """Return the nearest pose, within 1 m, at which a robot touches no obstacle.
+
+        Raises:
+            ValueError: If there is none.
+        """
+        obstacles = self._obstacles_at(pose.x, pose.y)
+        footprint = Footprint(self.model.length, self.model.width)
+        free = obstacles.nearest_free_pose(footprint, pose)
+        if free is None:
+            raise ValueError(
+                f"start {pose.x:g},{pose.y:g}: no free place within 1 m of it"
+                f" on map {self.scene.name!r}"
+            )
+        return free
+
+    def take_out(self, row: int) -> None:
+        """Let a robot neither drive, nor be seen or touched, until it is placed."""
+        self._present[row] = False
+
+    def drive(self, speeds: Floats) -> NDArray[np.bool_]:
+        """Let all robots drive for a period.
+
+        Args:
+            speeds: (N, 2) speeds of the left and right wheels as shares of the highest
+                one, -1 to 1.
+
+        Returns:
+            (N,) whether a robot was blocked or touched anything meanwhile.
+        """
+        wheels = [LEFT_SPIN, RIGHT_SPIN]
+        self._fleet.columns[self._slots[:, None], wheels] = speeds * self._max_spin
+        touched = np.zeros(len(self._robots), np.bool_)
+        touched[self._present] = self._fleet.drive(
+            self._slots[self._present], TICK, self._ticks, meets=self._meets
+        )
+        return touched
+
+    def scan(self, rngs: Sequence[np.random.Generator]) -> Floats:
+        """Take a scan of each robot.
+
+        Args:
+            rngs: Source of randomness of each robot.
+
+        Returns:
+            (N, beams) ranges, m; the maximum range where nothing is detected, and for
+            robots that were taken out.
+        """
+        ranges = self._blank(self.scanner.settings.max_range)
+        requests = self._requests(rngs)
+        ranges[self._present] = scan_ranges(self._tracer, requests, self._seen()).ranges
+        return ranges
+
+    def read_beams(self, rngs: Sequence[np.random.Generator]) -> BeamReadings:
+        """Take the same scans as ``scan``, and return more of them, which takes longer.
+
+        Args:
+            rngs: Source of randomness of each robot.
+        """
+        most = self.scanner.settings.max_range
+        found = BeamReadings(self._blank(most), self._blank(0.0), self._blank(0.0))
+        scans = scan_batch(self._tracer, self._requests(rngs), self._seen())
+        for row, scan in zip(np.flatnonzero(self._present), scans, strict=True):
+            found.ranges[row] = np.minimum(scan.ranges, most)
+            found.power[row] = _power_left(scan)
+            if scan.rays is not None:
+                found.rays[row] = scan.rays
+        return found
+
+    def _blank(self, value: float) -> Floats:
+        return np.full((len(self._robots), len(self.scanner.angles)), value)
+
+    def _requests(self, rngs: Sequence[np.random.Generator]) -> list[ScanRequest]:
+        """Return the scans of the robots that were not taken out."""
+        rows = np.flatnonzero(self._present).tolist()
+        return [self._request(self._robots[row], rngs[row]) for row in rows]
+
+    def _seen(self) -> Boxes | None:
+        """Return the boxes of the robots, if they see each other."""
+        return Boxes(self._boxes()) if self._meets else None
+
+    def _request(self, robot: Robot, rng: np.random.Generator) -> ScanRequest:
+        pose: Pose3 = robot.body.compose(self._mount)
+        return ScanRequest(self.scanner, pose, rng, robot.number)
+
+    def _boxes(self) -> Floats:
+        return self._fleet.boxes()[self._present]
+
+    def _obstacles_at(self, x: float, y: float) -> Obstacles:
+        floor = self.scene.floor_at(x, y)
+        if floor not in self._obstacles:
+            self._obstacles[floor] = Obstacles.from_scene(self.scene, floor=floor)
+        return self._obstacles[floor]
+
+
+def _power_left(scan: Scan) -> Floats:
+    """Return the power that was left where each beam reads, as a share of that sent."""
+    echoes = scan.echoes
+    sent = echoes.settings.penetration_power
+    is_read = echoes.ranges == scan.ranges[echoes.beams]
+    power = np.zeros(len(scan.ranges))
+    left = echoes.power[is_read]
+    shares = np.ones(len(left))
+    limited = np.isfinite(left)
+    shares[limited] = left[limited] / sent if sent else 0.0
+    power[echoes.beams[is_read]] = np.clip(shares, 0.0, 1.0)
+    return power
+
+
+def _ticks(period: float) -> int:
+    if not TICK / 2 < period < math.inf:
+        raise ValueError(f"decision period {period!r} s, expected at least {TICK:g} s")
+    return ticks_of(period)
+
+
+def _scanner_item(model: RobotModel, name: str | None) -> Item:
+    items = model.items_of("RangeScanner")
+    if name is not None:
+        items = tuple(i for i in items if i.name.casefold() == name.casefold())
+    if not items:
+        known = [item.name for item in model.items_of("RangeScanner")]
+        text = f"robot {model.name}: scanner {name!r}, expected one of {known}"
+        raise ValueError(text)
+    return items[0]

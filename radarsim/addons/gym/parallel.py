@@ -1,0 +1,156 @@
+"""Several robots in one scene that see and touch each other, for PettingZoo."""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium.spaces import Space
+from gymnasium.utils.seeding import np_random
+from numpy.typing import NDArray
+
+from radarsim.addons.gym.environment import Observation, Picture
+from radarsim.addons.gym.settings import GoToSettings
+from radarsim.addons.gym.task import GoToTask
+from radarsim.errors import import_optional
+
+_Base: Any = import_optional("pettingzoo", extra="marl").ParallelEnv
+
+
+class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
+    """Robots that drive to a goal each, among each other.
+
+    Agents are ``robot_0``, ``robot_1`` and so on; what they observe and do is that of
+    ``GoToEnv``. A robot whose episode ends leaves the scene.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {
+        "name": "radarsim/GoTo-v0",
+        "render_modes": ["rgb_array"],
+        "render_fps": 10,
+    }
+
+    def __init__(
+        self, num_robots: int = 2, *, render_mode: str | None = None, **settings: Any
+    ) -> None:
+        """Load the map.
+
+        Args:
+            num_robots: Number of robots.
+            render_mode: ``rgb_array``, or None for an environment without pictures.
+            settings: As in ``GoToSettings``; ``start`` must be random, since a place
+                holds one robot only.
+
+        Raises:
+            RadarsimError: If the map, the class or a sensor setting is wrong.
+            TypeError: If there is no such setting.
+            ValueError: If another setting is wrong.
+        """
+        if num_robots < 1:
+            raise ValueError(f"num_robots {num_robots!r}, expected at least 1")
+        if settings.get("start", "random") != "random":
+            raise ValueError(f"start {settings['start']!r}, expected random")
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise ValueError(f"render_mode {render_mode!r}, expected rgb_array or None")
+        self.render_mode = render_mode
+        self.task = GoToTask(GoToSettings(**settings), num_robots, meets=True)
+        self.possible_agents = [f"robot_{row}" for row in range(num_robots)]
+        self.agents: list[str] = []
+        self._rows = {name: row for row, name in enumerate(self.possible_agents)}
+        self._rngs = [np_random()[0] for _ in range(num_robots)]
+        self._picture: Picture | None = None
+        self._spaces = self.task.observation_space, self.task.action_space
+
+    def observation_space(self, agent: str) -> Space[Any]:  # noqa: ARG002
+        """Return the space of a robot's observations, the same for all."""
+        return self._spaces[0]
+
+    def action_space(self, agent: str) -> Space[Any]:  # noqa: ARG002
+        """Return the space of a robot's actions, the same for all."""
+        return self._spaces[1]
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
+        """Begin an episode with all robots.
+
+        Args:
+            seed: Seed of the first robot, that of the next is one higher; None to go
+                on.
+            options: ``goal``, as in the settings.
+
+        Raises:
+            ValueError: If an option is wrong, or there is no free place.
+        """
+        if "start" in (options or {}):
+            raise ValueError("option start, expected only goal: robots start at random")
+        if seed is not None:
+            self._rngs = [np_random(seed + row)[0] for row in range(len(self._rows))]
+        self.agents = list(self.possible_agents)
+        for row in range(len(self._rows)):
+            self.task.arena.take_out(row)
+        for row in range(len(self._rows)):
+            self.task.reset(row, self._rngs[row], options)
+        touched = np.zeros(len(self._rows), np.bool_)
+        return self._observe(self.agents), self._infos(self.agents, touched)
+
+    def step(
+        self, actions: Mapping[str, NDArray[np.float32]]
+    ) -> tuple[
+        dict[str, Observation],
+        dict[str, float],
+        dict[str, bool],
+        dict[str, bool],
+        dict[str, dict[str, Any]],
+    ]:
+        """Drive all robots that are left for a decision period.
+
+        Args:
+            actions: Speeds of the left and right wheels of each, -1 to 1.
+
+        Raises:
+            KeyError: If the action of a robot is missing.
+            ValueError: If an action is not finite.
+        """
+        agents = self.agents
+        speeds = np.zeros((len(self._rows), 2))
+        for agent in agents:
+            speeds[self._rows[agent]] = actions[agent]
+        transition = self.task.drive(speeds)
+        rewards = self.task.settings.reward(transition)
+        terminated, truncated = self.task.ended(transition)
+        observations = self._observe(agents)
+        self.agents = []
+        for agent in agents:
+            row = self._rows[agent]
+            if terminated[row] or truncated[row]:
+                self.task.arena.take_out(row)
+            else:
+                self.agents.append(agent)
+        return (
+            observations,
+            {agent: float(rewards[self._rows[agent]]) for agent in agents},
+            {agent: bool(terminated[self._rows[agent]]) for agent in agents},
+            {agent: bool(truncated[self._rows[agent]]) for agent in agents},
+            self._infos(agents, transition.touched),
+        )
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return a picture of the scene from above, (H, W, 3); None without a mode."""
+        if self.render_mode is None:
+            return None
+        if self._picture is None:
+            self._picture = Picture(self.task.arena.scene, self.task.settings.robot)
+        rows = [self._rows[agent] for agent in self.agents]
+        return self._picture.draw(self.task.arena.poses[rows], self.task.goals[rows])
+
+    def _observe(self, agents: list[str]) -> dict[str, Observation]:
+        rows = self.task.observe(self._rngs)
+        return {
+            agent: {name: values[self._rows[agent]] for name, values in rows.items()}
+            for agent in agents
+        }
+
+    def _infos(
+        self, agents: list[str], touched: NDArray[np.bool_]
+    ) -> dict[str, dict[str, Any]]:
+        return {agent: self.task.info(self._rows[agent], touched) for agent in agents}

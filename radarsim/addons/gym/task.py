@@ -1,0 +1,340 @@
+"""The task of all environments: drive to a goal by what the scanner sees.
+
+Everything is in arrays with a row for each robot, so that one robot and many are the
+same code.
+
+Random starts and goals on the floor that robots can get to.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+import shapely
+from gymnasium import spaces
+from numpy.typing import NDArray
+from shapely import MultiPolygon, Polygon
+
+from radarsim.addons.gym.arena import Arena
+from radarsim.addons.gym.settings import BEAM_VALUES, GoToSettings, Transition
+from radarsim.geometry import Floats, Pose2
+from radarsim.scene.scene import Scene, Trial
+from radarsim.simulation.map_warnings import Position, component_around, free_space
+
+_DRAWN_TOGETHER: Final = 16  # places, of which the first that is free is taken
+_MAX_DRAWS: Final = 1000  # of so many places
+
+
+class FreePlaces:
+    """The floor on which a robot fits in every direction, by connected pieces.
+
+    These are the pieces in which the map's starts are, or that around the origin of a
+    map without starts: the floor outside a room's walls is none of them.
+    """
+
+    def __init__(self, scene: Scene, clearance: float) -> None:
+        """Find the free floor.
+
+        Args:
+            scene: The map.
+            clearance: Distance that places have from everything solid, m.
+
+        Raises:
+            ValueError: If no start of the map is on free floor.
+        """
+        free = free_space(scene, clearance)
+        starts = [(start.pose.x, start.pose.y) for start in scene.starts]
+        found = [component_around(free, place) for place in starts or [(0.0, 0.0)]]
+        pieces = {piece.wkb: piece for piece in found if piece is not None}
+        if not pieces:
+            raise ValueError(
+                f"map {scene.name!r}: no start has {clearance:.2f} m of free floor"
+                " around it, expected one at least"
+            )
+        self._pieces = tuple(pieces.values())
+        self._floor = MultiPolygon(self._pieces)
+        shapely.prepare([self._floor, *self._pieces])
+
+    def draw(
+        self,
+        rng: np.random.Generator,
+        others: Sequence[Position] = (),
+        distance: float = 0.0,
+    ) -> Position:
+        """Draw a place, uniformly distributed over the floor; x and y, m.
+
+        Args:
+            rng: Source of randomness.
+            others: Places that it is not to be near, m.
+            distance: Least distance from these, m.
+
+        Raises:
+            ValueError: If there is hardly such a place.
+        """
+        return _draw(self._floor, rng, others, distance)
+
+    def draw_goal(
+        self, rng: np.random.Generator, start: Position, distance: float
+    ) -> Position:
+        """Draw a place that can be reached from another; arguments as of ``draw``."""
+        point = shapely.Point(start)
+        piece = next((p for p in self._pieces if p.covers(point)), self._floor)
+        return _draw(piece, rng, [start], distance)
+
+
+def _draw(
+    floor: Polygon | MultiPolygon,
+    rng: np.random.Generator,
+    others: Sequence[Position],
+    distance: float,
+) -> Position:
+    low, high = np.reshape(floor.bounds, (2, 2))
+    near = np.reshape(others, (-1, 1, 2))
+    for _ in range(_MAX_DRAWS):
+        places = rng.uniform(low, high, (_DRAWN_TOGETHER, 2))
+        gaps = np.hypot(*np.moveaxis(places - near, -1, 0))
+        is_free = shapely.contains_xy(floor, *places.T) & (gaps >= distance).all(axis=0)
+        if is_free.any():
+            x, y = places[is_free.argmax()].tolist()
+            return x, y
+    raise ValueError(
+        f"no free place {distance:g} m from {len(others)} others among"
+        f" {_MAX_DRAWS * _DRAWN_TOGETHER} that were drawn"
+    )
+
+
+GOAL_RADIUS: Final = 0.5  # m around the goal
+GOAL_SCALE: Final = 20.0  # m; the distance that is observed as 1
+MIN_DISTANCE: Final = 1.0  # m between a random start and a random goal
+CLEARANCE: Final = 0.05  # m beside a robot that starts somewhere at random
+
+Observations: TypeAlias = dict[str, NDArray[np.float32]]
+
+
+class GoToTask:
+    """N robots with a goal each.
+
+    Attributes:
+        settings: The settings.
+        arena: The scene with the robots.
+        goals: (N, 2) x and y of the goals, m, map frame.
+        distances: (N,) m from the robots to their goals.
+        steps: (N,) decisions since the last reset.
+    """
+
+    def __init__(
+        self, settings: GoToSettings, count: int = 1, *, meets: bool = False
+    ) -> None:
+        """Load the map; robots are to be reset first.
+
+        Args:
+            settings: The settings.
+            count: N.
+            meets: Whether the robots see and touch each other.
+
+        Raises:
+            RadarsimError: If the map, the class or a sensor setting is wrong.
+            ValueError: If another setting is wrong.
+        """
+        self.settings = settings
+        self.arena = Arena(settings, count, meets=meets)
+        self._places: FreePlaces | None = None
+        _start_pose(self.arena.scene, settings.start)
+        _goal_position(self.arena.scene, settings.goal)
+        self.goals = np.zeros((count, 2))
+        self.distances = np.zeros(count)
+        self.steps = np.zeros(count, np.int64)
+        self._speeds = np.zeros((count, 2))
+
+    @property
+    def observation_space(self) -> spaces.Space[Any]:
+        """The space of one robot's observation."""
+        beams = len(self.arena.scanner.angles)
+        low, high = np.array([0, -1, -1], np.float32), np.ones(3, np.float32)
+        values = {name: BEAM_VALUES[name] for name in self.settings.beam_values}
+        return spaces.Dict(
+            {
+                "ranges": spaces.Box(0.0, 1.0, (beams,), np.float32),
+                "goal": spaces.Box(low, high, dtype=np.float32),
+                "speeds": spaces.Box(-1.0, 1.0, (2,), np.float32),
+                **{
+                    name: spaces.Box(least, most, (beams,), np.float32)
+                    for name, (least, most) in values.items()
+                },
+            }
+        )
+
+    @property
+    def action_space(self) -> spaces.Space[Any]:
+        """Speeds of the left and right wheels as shares of the highest one."""
+        return spaces.Box(-1.0, 1.0, (2,), np.float32)
+
+    def reset(
+        self,
+        row: int,
+        rng: np.random.Generator,
+        options: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Put a robot at a start, with a goal.
+
+        Args:
+            row: The robot.
+            rng: Source of randomness.
+            options: ``start`` and ``goal``, as in the settings, for this episode;
+                others are ignored.
+
+        Raises:
+            ValueError: If a start or goal is wrong, or there is no free place.
+        """
+        options, settings = options or {}, self.settings
+        start = _start_pose(self.arena.scene, options.get("start", settings.start))
+        goal = _goal_position(self.arena.scene, options.get("goal", settings.goal))
+        if start is None:
+            pose = self._random_start(row, rng)
+        else:
+            pose = self.arena.nearest_free_pose(start)
+        self.arena.place(row, pose)
+        place = (pose.x, pose.y)
+        if goal is None:
+            goal = self._free_places.draw_goal(rng, place, MIN_DISTANCE)
+        self.goals[row] = goal
+        self.distances[row] = math.dist(goal, place)
+        self.steps[row] = 0
+        self._speeds[row] = 0.0
+
+    def drive(self, actions: Floats) -> Transition:
+        """Let all robots drive for a period.
+
+        Args:
+            actions: (N, 2) wheel speeds, limited to -1 to 1.
+
+        Raises:
+            ValueError: If an action is not finite.
+        """
+        actions = np.clip(np.asarray(actions, np.float64), -1.0, 1.0)
+        if not np.isfinite(actions).all():
+            raise ValueError(f"actions {actions.tolist()}, expected finite numbers")
+        before, poses = self.distances, self.arena.poses
+        touched = self.arena.drive(actions)
+        self.steps += 1
+        self._measure_speeds(poses)
+        distances = np.hypot(*(self.goals - self.arena.poses[:, :2]).T)
+        self.distances = distances.copy()
+        reached = distances <= GOAL_RADIUS
+        return Transition(actions, before, distances, touched, reached)
+
+    def observe(self, rngs: Sequence[np.random.Generator]) -> Observations:
+        """Return what all robots observe, (N, ...) arrays.
+
+        Args:
+            rngs: Source of randomness of each robot.
+        """
+        ranges, values = self._read_beams(rngs)
+        x, y, yaw = self.arena.poses.T
+        bearing = np.arctan2(self.goals[:, 1] - y, self.goals[:, 0] - x) - yaw
+        distance = np.minimum(self.distances / GOAL_SCALE, 1.0)
+        goal = np.column_stack([distance, np.cos(bearing), np.sin(bearing)])
+        return {
+            "ranges": np.clip(
+                ranges / self.arena.scanner.settings.max_range, 0.0, 1.0
+            ).astype(np.float32),
+            "goal": goal.astype(np.float32),
+            "speeds": self._speeds.astype(np.float32),
+            **values,
+        }
+
+    def _read_beams(
+        self, rngs: Sequence[np.random.Generator]
+    ) -> tuple[Floats, Observations]:
+        """Return the ranges, m, and the other values of beams that are observed."""
+        wanted = self.settings.beam_values
+        if not wanted:
+            return self.arena.scan(rngs), {}
+        read = self.arena.read_beams(rngs)
+        values = {name: getattr(read, name).astype(np.float32) for name in wanted}
+        return read.ranges, values
+
+    def ended(self, transition: Transition) -> tuple[NDArray[np.bool_], ...]:
+        """Return which episodes are terminated, and which are truncated, (N,) each."""
+        terminated = transition.reached.copy()
+        if self.settings.ends_at_collision:
+            terminated |= transition.touched
+        return terminated, self.steps >= self.settings.max_steps
+
+    def info(self, row: int, touched: NDArray[np.bool_]) -> dict[str, Any]:
+        """Return what environments tell beside the observation of a robot.
+
+        Args:
+            row: The robot.
+            touched: (N,) whether each robot touched something.
+        """
+        return {
+            "distance": float(self.distances[row]),
+            "touched": bool(touched[row]),
+            "pose": self.arena.poses[row].copy(),
+        }
+
+    @property
+    def _free_places(self) -> FreePlaces:
+        if self._places is None:
+            self._places = FreePlaces(self.arena.scene, self.arena.radius + CLEARANCE)
+        return self._places
+
+    def _random_start(self, row: int, rng: np.random.Generator) -> Pose2:
+        others = self.arena.places_of_others(row)
+        apart = 2 * (self.arena.radius + CLEARANCE)
+        x, y = self._free_places.draw(rng, others, apart)
+        return Pose2(x, y, float(rng.uniform(-math.pi, math.pi)))
+
+    def _measure_speeds(self, poses: Floats) -> None:
+        """Compute speeds over the last period from the poses before it."""
+        x, y, yaw = (self.arena.poses - poses).T
+        heading = poses[:, 2] + yaw / 2
+        forward = x * np.cos(heading) + y * np.sin(heading)
+        turned = np.arctan2(np.sin(yaw), np.cos(yaw))
+        limits = np.array([self.arena.max_speed, self.arena.max_turn_rate])
+        speeds = np.column_stack([forward, turned]) / self.settings.decision_period
+        self._speeds = np.clip(speeds / limits, -1.0, 1.0)
+
+
+def _start_pose(scene: Scene, start: str | Sequence[float]) -> Pose2 | None:
+    """Return a start pose; None for a random one."""
+    if not isinstance(start, str):
+        return Pose2(*_finite_numbers(start, 3, "start", "x, y and yaw"))
+    if start == "random":
+        return None
+    name = _trial(scene).start if start == "map" else start
+    found = scene.start(name)
+    if found is None:
+        known = ", ".join(each.name for each in scene.starts)
+        raise ValueError(
+            f"start {start!r}, expected random, map, x, y and yaw, or one of: {known}"
+        )
+    return Pose2(found.pose.x, found.pose.y, found.pose.yaw)
+
+
+def _goal_position(scene: Scene, goal: str | Sequence[float]) -> Sequence[float] | None:
+    """Return x and y of a goal; None for a random one."""
+    if not isinstance(goal, str):
+        return _finite_numbers(goal, 2, "goal", "x and y")
+    if goal == "random":
+        return None
+    if goal == "map":
+        return _trial(scene).goal
+    raise ValueError(f"goal {goal!r}, expected random, map, or x and y")
+
+
+def _trial(scene: Scene) -> Trial:
+    if scene.trial is None:
+        raise ValueError(f"map {scene.name!r} has no trial, expected one for 'map'")
+    return scene.trial
+
+
+def _finite_numbers(
+    values: Sequence[float], count: int, name: str, expected: str
+) -> list[float]:
+    numbers = np.asarray(values, np.float64)
+    if numbers.shape != (count,) or not np.isfinite(numbers).all():
+        raise ValueError(f"{name} {values!r}, expected {expected}, finite numbers")
+    return [float(number) for number in numbers]

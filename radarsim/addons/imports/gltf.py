@@ -1,0 +1,132 @@
+"""glTF files: one object that is the file, and the materials that its extras describe.
+
+Source: the specification of glTF 2.0, 3.9 and 5.19: any material may have ``extras``,
+and Blender writes custom properties there.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from radarsim.addons.imports.imported_map import ImportedMap, ImportOptions
+from radarsim.addons.imports.source_file import read_bytes, wrong
+from radarsim.errors import ForeignFileError
+from radarsim.geometry import Pose3
+from radarsim.presets.materials import library_names
+from radarsim.scene.gltf import split_glb
+from radarsim.scene.map_schema import MaterialEntry
+from radarsim.scene.mesh_files import MAX_FILE_BYTES, MeshError
+from radarsim.scene.meshes import read_surfaces
+from radarsim.validation import describe_invalid, short_repr
+
+
+class _Material(BaseModel):
+    model_config = ConfigDict(extra="ignore")
+
+    name: str | None = None
+    extras: Any = None
+
+
+class _File(BaseModel):
+    model_config = ConfigDict(extra="ignore")
+
+    materials: list[_Material] = []
+
+
+def import_gltf(path: Path, options: ImportOptions, folder: Path) -> ImportedMap:
+    """Import a file; its materials are those of its own extras, or of the library.
+
+    Args:
+        path: The file, GLB or glTF.
+        options: What it does not tell.
+        folder: Folder of the map, which has to contain the file.
+
+    Raises:
+        ForeignFileError: If it cannot be read, is not below the folder, or describes a
+            material that is none.
+    """
+    content = read_bytes(path, MAX_FILE_BYTES)
+    file, inside = path.resolve(), folder.resolve()
+    if not file.is_relative_to(inside):
+        raise wrong(path, 1, f"expected a file below the map's folder, {str(folder)!r}")
+    try:
+        names = sorted({each.material or "" for each in read_surfaces(file, inside)})
+        described = _read_extras(content, file.suffix.lower())
+    except MeshError as error:
+        reason = str(error).removeprefix(f"{file.name!r}: ")
+        raise ForeignFileError(f"{path}:1: {reason}") from error
+    imported = ImportedMap(path, options)
+    own = _own_materials(path, imported, described, names)
+    imported.materials.update(own)
+    materials = {name: _choose(name or path.stem, own, imported) for name in names}
+    mesh = file.relative_to(inside).as_posix()
+    shape = {"mesh": mesh, "up_axis": "y", "materials": materials}
+    imported.add(path.stem, shape, Pose3(0.0, 0.0, 0.0))
+    return imported
+
+
+def _read_extras(content: bytes, suffix: str) -> list[_Material]:
+    """Return the materials of a file that has been read as a mesh before.
+
+    Raises:
+        MeshError: If they are no materials.
+    """
+    text = split_glb(content)[0] if suffix == ".glb" else content
+    try:
+        return _File.model_validate_json(text).materials
+    except ValidationError as error:
+        raise MeshError(describe_invalid(error.errors()[0])) from error
+
+
+def _own_materials(
+    path: Path, imported: ImportedMap, described: list[_Material], names: list[str]
+) -> dict[str, dict[str, Any]]:
+    """Return the materials of the map that extras describe, by name."""
+    own: dict[str, dict[str, Any]] = {}
+    for material in described:
+        if not material.name or material.name not in names:
+            if material.extras:
+                text = "the extras of a material without a name, or use, are not read"
+                imported.note(path, 1, text)
+            continue
+        keys = _known_keys(path, imported, material)
+        if keys and own.setdefault(material.name, keys) != keys:
+            text = f"two materials are called {short_repr(material.name)}"
+            raise wrong(path, 1, f"{text}, expected the same extras")
+    return own
+
+
+def _known_keys(
+    path: Path, imported: ImportedMap, material: _Material
+) -> dict[str, Any]:
+    """Return the extras that are keys of a map's material.
+
+    Raises:
+        ForeignFileError: If they make no material.
+    """
+    extras = material.extras if isinstance(material.extras, dict) else {}
+    name = short_repr(material.name)
+    if material.extras is not None and material.extras is not extras:
+        imported.note(path, 1, f"the extras of {name} are not read: no object")
+    known = MaterialEntry.model_fields.keys()
+    for key in extras:
+        if key not in known:
+            text = f"{short_repr(key)} in the extras of {name} is not read"
+            imported.note(path, 1, text)
+    keys = {key: value for key, value in extras.items() if key in known}
+    try:
+        MaterialEntry.model_validate(keys)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        text = f"the extras of {name}: {where}: {describe_invalid(first)}"
+        raise wrong(path, 1, text) from error
+    return keys
+
+
+def _choose(name: str, own: Mapping[str, object], imported: ImportedMap) -> str:
+    """Return the map's material for one of the file: a pattern's counts first."""
+    by_name = name if name in own or name in library_names() else None
+    return imported.material_of(name, by_name)

@@ -1,0 +1,221 @@
+"""A map that is made of a file of another program."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+
+from radarsim.addons.imports.source_file import place, rounded
+from radarsim.errors import ForeignFileError, MapError
+from radarsim.geometry import Pose3
+from radarsim.scene.map_loader import MapLoader
+from radarsim.scene.map_schema import MAX_NAME, MAX_OBJECTS
+from radarsim.yaml_reader import parse_yaml
+
+MAX_SHOWN: Final = 8  # names in a warning
+LEVEL: Final = 1e-7  # rad; less is taken for upright
+LONGEST_LINE: Final = 2**30  # characters: an object is on one line
+_DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImportOptions:
+    """What files of other programs do not tell.
+
+    Attributes:
+        materials: Names of materials by patterns of names, as those of files, in any
+            case; the first that fits counts.
+        default_material: Material of all else.
+        wall_height: Height of what a plan shows, m.
+        model_paths: Folders with models that worlds include.
+        start: x, y, m, and yaw, degrees, of the start; None for one that fits.
+    """
+
+    materials: Mapping[str, str] = field(default_factory=dict)
+    default_material: str = "concrete"
+    wall_height: float = 2.0
+    model_paths: tuple[Path, ...] = ()
+    start: tuple[float, float, float] | None = None
+
+    def pattern_material(self, name: str) -> str | None:
+        """Return the material of the first pattern that fits a name; None if none."""
+        fitting = (
+            m for pattern, m in self.materials.items() if self.fits(name, pattern)
+        )
+        return next(fitting, None)
+
+    @staticmethod
+    def fits(name: str, pattern: str) -> bool:
+        """Return whether a pattern fits a name, in any case."""
+        return fnmatchcase(name.casefold(), pattern.casefold())
+
+
+class ImportedMap:
+    """Collects the objects of a map.
+
+    Attributes:
+        options: What the file does not tell.
+        notes: What is left out or changed, each with its place.
+        materials: Materials of its own, by name.
+        defaulted: Names of what got the default material, in their order.
+        start: x, y, z, m, and yaw, degrees, of the start.
+    """
+
+    def __init__(self, source: Path, options: ImportOptions) -> None:
+        """Begin with nothing.
+
+        Args:
+            source: The file.
+            options: What the file does not tell.
+        """
+        self.options = options
+        self.notes: list[str] = []
+        self.materials: dict[str, dict[str, Any]] = {}
+        self.defaulted: list[str] = []
+        self.start = (0.0, 0.0, 0.0, 0.0)
+        if options.start is not None:
+            self.start = (*options.start[:2], 0.0, options.start[2])
+        self._source = source
+        self._objects: list[dict[str, Any]] = []
+        self._names: dict[str, int] = {}
+        self._unused = dict.fromkeys(options.materials)  # patterns
+
+    def note(self, path: Path, line: int, text: str) -> None:
+        """Note what is left out, or changed."""
+        self.notes.append(place(path, line, text))
+
+    def material_of(self, name: str, known: str | None = None) -> str:
+        """Choose the material of what has a name: a pattern's counts first.
+
+        Args:
+            name: The name.
+            known: The material that it has without a pattern; None for the default.
+        """
+        for pattern in self.options.materials:
+            if self.options.fits(name, pattern):
+                self._unused.pop(pattern, None)
+        chosen = self.options.pattern_material(name) or known
+        if chosen is None:
+            self.defaulted.append(name)
+        return chosen or self.options.default_material
+
+    def warnings(self) -> list[str]:
+        """Return which patterns fit nothing, and what got the default material."""
+        lines = [f"--material {each!r} fits nothing" for each in self._unused]
+        names = list(dict.fromkeys(self.defaulted))
+        if names:
+            shown = ", ".join(map(repr, names[:MAX_SHOWN]))
+            more = len(names) - MAX_SHOWN
+            shown += f" and {more} more" * (more > 0)
+            lines.append(f"{self.options.default_material} by default: {shown}")
+        return lines
+
+    def add(
+        self, name: str, shape: Mapping[str, Any], pose: Pose3, material: str = ""
+    ) -> None:
+        """Add an object.
+
+        Args:
+            name: Its name; a number follows it if there is another one of this name.
+            shape: The keys of a map file that describe it.
+            pose: Its pose.
+            material: Its material; that which fits its name if there is none.
+
+        Raises:
+            ForeignFileError: If there are too many.
+        """
+        if len(self._objects) >= MAX_OBJECTS:
+            text = f"more than {MAX_OBJECTS} objects, expected fewer"
+            raise ForeignFileError(f"{self._source}: {text}")
+        keys = {
+            "name": self._unique(name),
+            **shape,
+            "position": rounded(pose.position()),
+        }
+        angles = pose.roll, pose.pitch, pose.yaw
+        if max(map(abs, angles[:2])) > LEVEL:
+            keys["rotation_deg"] = rounded(map_degrees(angles))
+        elif abs(pose.yaw) > LEVEL:
+            keys["yaw_deg"] = rounded(map_degrees(angles))[2]
+        if "materials" not in shape:
+            keys["material"] = material or self.material_of(name)
+        self._objects.append(keys)
+
+    def to_text(self, file: Path) -> str:
+        """Return the map file.
+
+        Args:
+            file: Where it is to be written.
+
+        Raises:
+            ForeignFileError: If it would not be a map.
+        """
+        *position, yaw = self.start
+        start = {"name": "RobotStart1", "position": rounded(position)}
+        head = {"version": 1, "level": f"DM-{_level(self._source.stem)}"}
+        if self.materials:
+            head["materials"] = self.materials
+        lines = [
+            f"# Imported from {self._source.name!a}.\n",
+            _dump(head),
+            "objects:\n",
+            *(f"  - {_inline(each)}\n" for each in self._objects),
+            f"starts:\n  - {_inline({**start, 'yaw_deg': round(yaw, 4)})}\n",
+        ]
+        text = "".join(lines)
+        self._check(file, text)
+        return text
+
+    def _check(self, file: Path, text: str) -> None:
+        if not self._objects:
+            text = f"{self._source}: nothing in it becomes an object of a map"
+            raise ForeignFileError(text)
+        loader = MapLoader(parse_yaml(file, text))
+        loader.load()
+        try:
+            loader.problems.raise_all()
+        except MapError as error:
+            first = error.problems[0].removeprefix(f"{file}:")
+            reason = first.partition(": ")[2]
+            text = f"{self._source}: does not become a map: {reason}"
+            raise ForeignFileError(text) from error
+
+    def _unique(self, name: str) -> str:
+        """Return a name that a map file may have, and that no object has."""
+        signs = [c if c.isprintable() and c not in "{}" else "_" for c in name]
+        wanted = "".join(signs).strip()[: MAX_NAME - 8] or "object"
+        count = self._names[wanted] = self._names.get(wanted, 0) + 1
+        if count == 1:
+            return wanted
+        return self._unique(f"{wanted}_{count}")
+
+
+def map_degrees(angles: tuple[float, ...]) -> list[float]:
+    """Return angles in degrees."""
+    return [math.degrees(angle) for angle in angles]
+
+
+def _level(stem: str) -> str:
+    letters = [c if c.isascii() and (c.isalnum() or c in "-_") else "_" for c in stem]
+    return "".join(letters)[: MAX_NAME - 3] or "world"
+
+
+def _inline(content: Mapping[str, Any]) -> str:
+    text: str = yaml.dump(
+        dict(content),
+        Dumper=_DUMPER,
+        default_flow_style=True,
+        sort_keys=False,
+        width=LONGEST_LINE,
+        allow_unicode=True,
+    )
+    return text.strip()
+
+
+def _dump(content: object) -> str:
+    text: str = yaml.dump(content, Dumper=_DUMPER, sort_keys=False, allow_unicode=True)
+    return text

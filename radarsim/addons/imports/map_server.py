@@ -1,0 +1,114 @@
+"""Maps of nav2's map_server: a picture, and a YAML file that tells where it is.
+
+Source: the documentation of nav2_map_server.
+"""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from annotated_types import Gt
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+
+from radarsim.addons.imports.imported_map import ImportedMap, ImportOptions
+from radarsim.addons.imports.plan_picture import (
+    Mask,
+    Plan,
+    add_floor,
+    add_walls,
+    place_start,
+    read_picture,
+)
+from radarsim.addons.imports.source_file import find_beside
+from radarsim.errors import ForeignFileError, describe_os_error
+from radarsim.geometry import Pose3
+from radarsim.yaml_reader import YamlFile, read_yaml
+
+KNOWN = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
+
+
+class MapServerKeys(BaseModel):
+    """The keys of the YAML file.
+
+    Attributes:
+        image: The picture, relative to the file.
+        resolution: Side of a pixel, m.
+        origin: x, y, m, and yaw, rad, of the lower left corner.
+        negate: Whether bright is occupied.
+        occupied_thresh: Cells of a higher probability are occupied.
+        free_thresh: Cells of a lower one are free.
+        mode: How brightness is read.
+    """
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    image: str
+    resolution: Annotated[FiniteFloat, Gt(0)]
+    origin: Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
+    negate: Literal[0, 1, False, True] = 0
+    occupied_thresh: Annotated[FiniteFloat, Field(ge=0, le=1)] = 0.65
+    free_thresh: Annotated[FiniteFloat, Field(ge=0, le=1)] = 0.196
+    mode: Literal["trinary", "scale", "raw"] = "trinary"
+
+
+def import_map_server(path: Path, options: ImportOptions) -> ImportedMap:
+    """Import a map; occupied cells become boxes that cover them exactly.
+
+    Args:
+        path: The YAML file.
+        options: What it does not tell.
+
+    Raises:
+        ForeignFileError: If it cannot be read, or is not such a map.
+    """
+    file, keys = _read(path)
+    line = int(file.place(["image"]).rsplit(":", 2)[1])
+    brightness, is_opaque = read_picture(find_beside(path, line, keys.image))
+    occupied, free = _classify(brightness, is_opaque, keys)
+    imported = ImportedMap(path, options)
+    x, y, yaw = keys.origin
+    side = keys.resolution
+    plan = Plan(side, side, Pose3(x, y, 0.0, yaw=yaw), len(occupied))
+    if not place_start(imported, free, plan):
+        raise ForeignFileError(f"{path}:{line}: no free cell, expected --start")
+    add_floor(imported, occupied.shape, plan)
+    add_walls(imported, occupied, plan, "wall", options.wall_height)
+    for key in keys.model_extra or {}:
+        at = int(file.place([key], of_key=True).rsplit(":", 2)[1])
+        imported.note(path, at, f"the key {key!r} is not read")
+    unknown = int(np.count_nonzero(~occupied & ~free))
+    if unknown:
+        imported.note(path, line, f"{unknown} cells that are unknown become free")
+    return imported
+
+
+def _read(path: Path) -> tuple[YamlFile, MapServerKeys]:
+    try:
+        file = read_yaml(path)
+    except OSError as error:
+        raise ForeignFileError(f"{path}: {describe_os_error(error)}") from error
+    if file.problems:
+        raise ForeignFileError(file.problems[0])
+    if not isinstance(file.data, dict):
+        raise ForeignFileError(f"{path}:1: expected keys such as {', '.join(KNOWN)}")
+    try:
+        return file, MapServerKeys.model_validate(file.data)
+    except ValidationError as error:
+        raise ForeignFileError(file.validation_problems(error)[0]) from error
+
+
+def _classify(
+    brightness: NDArray[np.uint8], is_opaque: Mask, keys: MapServerKeys
+) -> tuple[Mask, Mask]:
+    """Return which cells are occupied, and which are free."""
+    probability: NDArray[Any]
+    if keys.mode == "raw":
+        is_opaque = is_opaque & (brightness <= 100)
+        probability = brightness / 100
+    else:
+        dark = 255.0 - brightness
+        probability = (brightness if keys.negate else dark) / 255
+    occupied = is_opaque & (probability > keys.occupied_thresh)
+    free = is_opaque & (probability < keys.free_thresh)
+    return occupied, free

@@ -1,0 +1,259 @@
+"""Robots of USARSim for UDK: the items that its ``UDKUSAR.ini`` mounts on a class.
+
+A key may be repeated, each time with a value in Unreal's own notation::
+
+    [USARBot.P3AT]
+    AddParts=(ItemClass=class'USARSensor.SICK',ItemName="lms200",
+        Position=(X=0.2085,Y=0,Z=-0.2),Direction=(X=0,Y=0,Z=0))
+
+on one line. Positions are in metres and directions in radians, in a frame with y to the
+right and z down. Comments begin with a semicolon.
+"""
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, NamedTuple, TypeAlias
+
+import yaml
+from pydantic import ValidationError
+
+from radarsim.addons.imports.source_file import place, read_text, rounded, wrong
+from radarsim.errors import ForeignFileError, expected_one_of
+from radarsim.geometry import Pose3
+from radarsim.presets.robots import RobotModel, load_robot, robot_names
+from radarsim.protocol.message import pose_from_wire
+from radarsim.validation import describe_invalid, short_repr
+
+BASE: Final = "P3AT"  # has the body of classes that are not shipped
+# Types of items, and presets of scanners, by the classes of parts.
+ITEMS: Final = {
+    "sick": ("RangeScanner", "usarsim_sick"),
+    "hokuyourg04lx": ("RangeScanner", "usarsim_hokuyo"),
+    "rangescanner": ("RangeScanner", "usarsim_rangescanner"),
+    "groundtruth": ("GroundTruth", None),
+    "ins": ("INS", None),
+    "odometry": ("Odometry", None),
+    "tachometer": ("Tachometer", None),
+    "encoder": ("Encoder", None),
+    "touch": ("Touch", None),
+    "touchsensor": ("Touch", None),
+    "sonar": ("Sonar", None),
+    "sonarsensor": ("Sonar", None),
+    "gps": ("GPS", None),
+    "gpssensor": ("GPS", None),
+    "battery": ("Battery", None),
+}
+_SECTION: Final = re.compile(r"\[(?:\w+\.)?(\w+)\]")
+_KEY: Final = re.compile(r"[+.!-]?(\w+)\s*=\s*(.*)")
+_FIELD: Final = re.compile(r"\s*(\w+)\s*=\s*")
+_VALUE: Final = re.compile(r"\w*'([^']*)'|\"([^\"]*)\"|([^,()'\"]*)")
+
+Struct: TypeAlias = dict[str, Any]  # texts and structs by names in lower case
+
+
+class _Line(NamedTuple):
+    """A key of a section, and its value."""
+
+    number: int
+    key: str
+    value: str
+
+
+@dataclass(slots=True)
+class ImportedRobot:
+    """A robot class.
+
+    Attributes:
+        model: The class.
+        notes: What is left out, each with its place.
+    """
+
+    model: RobotModel
+    notes: list[str] = field(default_factory=list)
+
+    def to_text(self) -> str:
+        """Return its file, as ``serve --robots`` reads it."""
+        content = self.model.model_dump(mode="json", exclude_defaults=True)
+        text: str = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
+        return text
+
+
+def import_ini(path: Path, class_name: str | None) -> ImportedRobot:
+    """Import a robot class with the items of its section; the body is a shipped one's.
+
+    Args:
+        path: The file.
+        class_name: The class; None for the only one with parts.
+
+    Raises:
+        ForeignFileError: If it cannot be read, or has no such class.
+    """
+    sections = _read_sections(path)
+    name = _choose(path, sections, class_name)
+    shipped = {each.casefold(): each for each in robot_names()}
+    body = load_robot(shipped.get(name.casefold(), BASE))
+    notes = []
+    if name.casefold() not in shipped:
+        notes.append(place(path, 1, f"{name} gets the body of a {BASE}"))
+    items = []
+    for line in sections[name]:
+        if line.key.casefold() != "addparts":
+            notes.append(place(path, line.number, f"the key {line.key!r} is not read"))
+            continue
+        part = _parse_part(path, line)
+        item = _item_of(path, line.number, part)
+        if item is None:
+            text = f"a part of class {_class_of(part)!r} is left out"
+            notes.append(place(path, line.number, text))
+        else:
+            items.append(item)
+    content = body.model_dump(exclude_unset=True) | {"name": name, "items": items}
+    try:
+        return ImportedRobot(RobotModel.model_validate(content), notes)
+    except ValidationError as error:
+        reason = describe_invalid(error.errors()[0])
+        where = ".".join(map(str, error.errors()[0]["loc"]))
+        text = f"{path}:1: {name}: {where}: {reason}".replace(": : ", ": ")
+        raise ForeignFileError(text) from error
+
+
+def _choose(
+    path: Path, sections: dict[str, list[_Line]], class_name: str | None
+) -> str:
+    """Return the section of a class."""
+    named = [
+        name
+        for name, lines in sections.items()
+        if any(line.key.casefold() == "addparts" for line in lines)
+    ]
+    if class_name is not None:
+        found = [name for name in sections if name.casefold() == class_name.casefold()]
+        if found:
+            return found[0]
+        text = f"{path}:1: class {expected_one_of(class_name, named)}"
+        raise ForeignFileError(text)
+    if len(named) != 1:
+        kinds = ", ".join(named)[:200] or "no class"
+        text = f"{kinds} with AddParts, expected --robot with one of several"
+        raise ForeignFileError(f"{path}:1: {text}")
+    return named[0]
+
+
+def _read_sections(path: Path) -> dict[str, list[_Line]]:
+    """Return the keys of all sections, by the names of classes."""
+    sections: dict[str, list[_Line]] = {}
+    lines: list[_Line] | None = None
+    for number, line in enumerate(read_text(path).split("\n"), 1):
+        text = _without_comment(line).strip()
+        if not text:
+            continue
+        if head := _SECTION.fullmatch(text):
+            lines = sections.setdefault(head[1], [])
+        elif key := _KEY.fullmatch(text):
+            if lines is None:
+                raise wrong(path, number, "a key before the first [section]")
+            lines.append(_Line(number, key[1], key[2].strip()))
+        else:
+            expected = "expected '[section]' or 'Key=Value'"
+            raise wrong(path, number, f"{short_repr(text)}, {expected}")
+    return sections
+
+
+def _without_comment(text: str) -> str:
+    """Return a line up to a semicolon that is not in quotes."""
+    is_quoted = False
+    for index, sign in enumerate(text):
+        is_quoted ^= sign == '"'
+        if sign == ";" and not is_quoted:
+            return text[:index]
+    return text
+
+
+def _parse_part(path: Path, line: _Line) -> Struct:
+    """Parse the value of AddParts."""
+    if not line.value.startswith("("):
+        text = f"{short_repr(line.value)}, expected (ItemClass=class'...', ...)"
+        raise wrong(path, line.number, text)
+    try:
+        part, end = _parse_struct(line.value, 1)
+    except RecursionError:
+        end = -1
+    except ValueError as error:
+        raise wrong(path, line.number, str(error)) from error
+    if end != len(line.value):
+        raise wrong(path, line.number, "expected one pair of parentheses")
+    return part
+
+
+def _parse_struct(text: str, at: int) -> tuple[Struct, int]:
+    """Parse what follows a parenthesis; return where the text goes on after it."""
+    found: Struct = {}
+    while True:
+        if text[at:].lstrip().startswith(")"):
+            return found, text.index(")", at) + 1
+        key = _FIELD.match(text, at)
+        if key is None:
+            raise ValueError(f"{short_repr(text[at:])}, expected Name=Value")
+        at = key.end()
+        value: Any
+        if text[at : at + 1] == "(":
+            value, at = _parse_struct(text, at + 1)
+        else:
+            match = _VALUE.match(text, at)
+            assert match is not None  # it may be empty
+            value = next((each for each in match.groups() if each is not None), "")
+            at = match.end()
+        found[key[1].casefold()] = value.strip() if isinstance(value, str) else value
+        rest = text[at:].lstrip()
+        if rest[:1] not in (",", ")"):
+            raise ValueError(f"{short_repr(rest)}, expected ',' or ')'")
+        if rest.startswith(","):
+            at = text.index(",", at) + 1
+
+
+def _item_of(path: Path, number: int, part: Struct) -> dict[str, Any] | None:
+    """Return a part as an item; None if there is none of its class."""
+    known = ITEMS.get(_class_of(part).casefold())
+    if known is None:
+        return None
+    pose = pose_from_wire(
+        [
+            *_vector(path, number, part, "position"),
+            *_vector(path, number, part, "direction"),
+        ]
+    )
+    type_, sensor = known
+    name = part.get("itemname")
+    item = {"type": type_, "name": name if isinstance(name, str) and name else type_}
+    item |= dict(_mount(pose))
+    return item if sensor is None else {**item, "sensor": sensor}
+
+
+def _mount(pose: Pose3) -> Iterator[tuple[str, Any]]:
+    if any(pose.position()):
+        yield "position", rounded(pose.position())
+    angles = pose.roll, pose.pitch, pose.yaw
+    if any(angles):
+        yield "rotation_deg", rounded(map(math.degrees, angles))
+
+
+def _class_of(part: Struct) -> str:
+    """Return the class of a part without its package."""
+    name = part.get("itemclass", "")
+    return name.rpartition(".")[2] if isinstance(name, str) else ""
+
+
+def _vector(path: Path, number: int, part: Struct, key: str) -> list[float]:
+    """Return the numbers of a vector; those that are missing are 0."""
+    given = part.get(key, {})
+    try:
+        numbers = [float(given.get(axis, 0.0)) for axis in "xyz"]
+    except (AttributeError, TypeError, ValueError):
+        numbers = [math.nan]
+    if not all(map(math.isfinite, numbers)):
+        text = f"{key} {short_repr(given)}, expected (X=number,Y=number,Z=number)"
+        raise wrong(path, number, text)
+    return numbers

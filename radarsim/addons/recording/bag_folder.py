@@ -1,0 +1,176 @@
+"""The folder of a recording, and whether recordings can be written and read.
+
+What a recording is of: everything that its run depends on besides its calls.
+"""
+
+import hashlib
+import io
+import json
+from contextlib import suppress
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Final, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from radarsim.errors import RecordingError, did_you_mean, list_names
+from radarsim.presets.robots import RobotModel
+from radarsim.protocol.dialect import DriveUnit
+
+
+class RecordingInfo(BaseModel):
+    """The conditions of a recorded run.
+
+    Attributes:
+        version: Version of radarsim.
+        level: Name of the level, as the server sends it.
+        map: Name of the map, or path of its file; empty if the server was another
+            program.
+        map_digest: SHA-256 of the map file, hexadecimal; empty likewise.
+        seed: Seed of all random numbers.
+        dialect: Name of the dialect.
+        drive_unit: Unit of commands to drive.
+        settings: Settings of items that were changed, by item and key.
+        robots: Robot classes besides those that are shipped.
+    """
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    version: str
+    level: str = ""
+    map: str = ""
+    map_digest: str = ""
+    seed: int = 0
+    dialect: Literal["compat", "udk"] = "compat"
+    drive_unit: DriveUnit = "rad_per_s"
+    settings: dict[str, dict[str, Any]] = {}  # pydantic copies it
+    robots: tuple[RobotModel, ...] = ()
+
+    def to_text(self) -> dict[str, str]:
+        """Return the conditions as a record of metadata."""
+        return {
+            key: value if isinstance(value, str) else json.dumps(value)
+            for key, value in self.model_dump(mode="json").items()
+        }
+
+    @classmethod
+    def from_text(cls, record: dict[str, str]) -> Self:
+        """Read a record of metadata.
+
+        Raises:
+            RecordingError: If it lacks something, or is not readable.
+        """
+        try:
+            settings = json.loads(record.get("settings", "{}"))
+            robots = json.loads(record.get("robots", "[]"))
+            read = {**record, "settings": settings, "robots": robots}
+            return cls.model_validate(read)
+        except (ValidationError, ValueError) as error:
+            text = f"metadata {sorted(record)} of the recording"
+            raise RecordingError(f"{text}, expected those of radarsim") from error
+
+
+def digest_of(path: Path) -> str:
+    """Return the SHA-256 of a file, hexadecimal.
+
+    Raises:
+        OSError: If it cannot be read.
+    """
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+EXTRA: Final = ("mcap", "rosbags")  # packages of the extra ``record``
+
+
+def check_installed() -> None:
+    """Check that what recordings need is installed.
+
+    Raises:
+        RecordingError: If something is missing; it names the extra.
+    """
+    missing = [name for name in EXTRA if find_spec(name) is None]
+    if missing:
+        text = f"recordings need {' and '.join(missing)}"
+        raise RecordingError(f"{text}, expected: pip install 'radarsim[record]'")
+
+
+def create_folder(folder: Path) -> None:
+    """Create the folder of a bag.
+
+    Raises:
+        RecordingError: If it is there already, or cannot be created.
+    """
+    try:
+        folder.mkdir(parents=True)
+    except FileExistsError as error:
+        text = f"{folder} exists, expected a new folder for the recording"
+        raise RecordingError(text) from error
+    except OSError as error:
+        raise RecordingError(f"{folder}: {error.strerror}") from error
+
+
+def file_name(folder: Path) -> str:
+    """Return the name of the file in the folder of a bag."""
+    return f"{folder.resolve().name}_0.mcap"
+
+
+def find_file(folder: Path) -> Path:
+    """Return the file of a bag, also of one whose folder has been renamed.
+
+    Raises:
+        RecordingError: If there is none, or there are several; names recordings that
+            may be meant.
+    """
+    expected = folder / file_name(folder)
+    files = list(folder.glob("*.mcap"))
+    if len(files) == 1:
+        return files[0]
+    if expected.exists():
+        return expected
+    reason = "no recording in it" if folder.is_dir() else "no such recording"
+    raise RecordingError(f"{folder}: {reason}, expected {_expected_instead(folder)}")
+
+
+def _expected_instead(folder: Path) -> str:
+    """Return which folder may be meant instead of one that is no recording."""
+    expected = "the folder of a recording, with one file *.mcap"
+    if folder.suffix == ".mcap" and folder.is_file():
+        return f"{expected}; did you mean {str(folder.parent)!r}?"
+    inside = _recordings_in(folder)
+    if inside:
+        return f"one of those in it: {list_names(inside)}"
+    return expected + did_you_mean(folder.name, _recordings_in(folder.parent))
+
+
+def _recordings_in(folder: Path) -> list[str]:
+    """Return the names of the recordings in a folder, sorted."""
+    with suppress(OSError):
+        return sorted({file.parent.name for file in folder.glob("*/*.mcap")})
+    return []
+
+
+def lock(file: io.FileIO) -> None:
+    """Mark a file as being written, until it is closed or its process ends.
+
+    Systems that lock no files, as Windows and some network drives, mark nothing.
+    """
+    try:
+        import fcntl  # noqa: PLC0415 - Windows has none
+
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except (ImportError, OSError):
+        return
+
+
+def is_being_written(path: Path) -> bool:
+    """Return whether a process writes to a file that it has locked."""
+    try:
+        import fcntl  # noqa: PLC0415 - Windows has none
+
+        with path.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except (ImportError, OSError):
+        return False
+    return False

@@ -1,0 +1,235 @@
+"""Bags of ROS 2: a folder with an MCAP file and its metadata.
+
+Every topic has the definition and the hash of its type, so that a bag can be read and
+played without radarsim. Messages are kept in chunks of 64 KiB or a second, each of
+which goes to the file at once when it is full: a process that is killed loses at most
+one.
+
+Source: the MCAP specification and its profile ``ros2``; metadata of rosbag2, version 9.
+"""
+
+import io
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+from mcap.writer import CompressionType, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from radarsim.addons.recording.bag_folder import file_name, lock
+from radarsim.addons.recording.messages import RosMessage
+from radarsim.files import write_atomically
+
+CHUNK_BYTES: Final = 64 * 1024
+FLUSH_INTERVAL: Final = 1_000_000_000  # ns of recorded time
+METADATA_VERSION: Final = 9
+METADATA_FILE: Final = "metadata.yaml"
+INFORMATION: Final = "radarsim"  # name of the record that tells the conditions
+DISTRIBUTION: Final = "jazzy"  # of ROS, whose definitions of types are written
+# In C where there is such: metadata of hundreds of topics would take seconds.
+_DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+_UNLIMITED: Final = {"sec": 9223372036, "nsec": 854775807}
+
+
+def _quality_of_service(*, latched: bool) -> list[dict[str, Any]]:
+    """Return what a topic offers, as rosbag2 writes it.
+
+    No two values are one object: YAML would refer to it by an anchor, which rosbag2
+    does not read.
+    """
+    return [
+        {
+            "history": "keep_last",
+            "depth": 1 if latched else 10,
+            "reliability": "reliable",
+            "durability": "transient_local" if latched else "volatile",
+            "deadline": dict(_UNLIMITED),
+            "lifespan": dict(_UNLIMITED),
+            "liveliness": "automatic",
+            "liveliness_lease_duration": dict(_UNLIMITED),
+            "avoid_ros_namespace_conventions": False,
+        }
+    ]
+
+
+@cache
+def _quality_text(*, latched: bool) -> str:
+    return _to_yaml(_quality_of_service(latched=latched))
+
+
+def _to_yaml(content: object) -> str:
+    text: str = yaml.dump(content, Dumper=_DUMPER, sort_keys=False)
+    return text
+
+
+class _Topic:
+    """One topic of a bag."""
+
+    def __init__(self, channel: int, type_: str, digest: str, *, latched: bool) -> None:
+        self.channel = channel
+        self.type = type_
+        self.digest = digest
+        self.latched = latched
+        self.messages = 0
+
+
+class BagWriter:
+    """Writes one bag into its folder."""
+
+    def __init__(
+        self, folder: Path, information: Mapping[str, str], *, path: Path | None = None
+    ) -> None:
+        """Begin the file.
+
+        Args:
+            folder: The folder, which exists.
+            information: What the bag is a recording of; see ``RecordingInfo``.
+            path: File to write, which replaces that of the folder when it is complete;
+                None for that of the folder itself.
+
+        Raises:
+            OSError: If the file cannot be written.
+        """
+        self._folder = folder
+        self._path = path or folder / file_name(folder)
+        self._types = get_typestore(Stores.ROS2_JAZZY)
+        self._topics: dict[str, _Topic] = {}
+        self._schemas: dict[str, tuple[int, str]] = {}  # numbers and hashes of types
+        self._first: int | None = None
+        self._last = 0
+        self._flushed = 0
+        # Unbuffered: what is written is in the file, also if the process is killed.
+        self._file = _UnbufferedFile(self._path)
+        file: Any = self._file
+        self._writer: Any = Writer(  # some of its methods have no types
+            file,
+            chunk_size=CHUNK_BYTES,
+            compression=CompressionType.ZSTD,
+        )
+        self._writer.start(profile="ros2", library="radarsim")
+        self._writer.add_metadata(INFORMATION, dict(information))
+
+    def write(
+        self, topic: str, message: RosMessage, time: int, *, latched: bool = False
+    ) -> None:
+        """Write one message.
+
+        Args:
+            topic: Name of the topic.
+            message: The message; all of a topic have the same type.
+            time: When it was recorded, ns.
+            latched: Whether who subscribes later gets the last message of the topic.
+
+        Raises:
+            OSError: If the file cannot be written.
+        """
+        entry = self._topics.get(topic)
+        if entry is None:
+            entry = self._add_topic(topic, message.type, latched=latched)
+        self._writer.add_message(
+            entry.channel, time, message.data, time, sequence=entry.messages
+        )
+        entry.messages += 1
+        if time - self._flushed >= FLUSH_INTERVAL:
+            self._writer.flush()
+            self._flushed = time
+        self._first = time if self._first is None else min(self._first, time)
+        self._last = max(self._last, time)
+
+    def close(self) -> None:
+        """Write the index and the metadata.
+
+        Raises:
+            OSError: If a file cannot be written.
+        """
+        try:
+            self._writer.finish()
+        finally:
+            self._file.close()
+        self._path.replace(self._folder / file_name(self._folder))
+        text = _to_yaml({"rosbag2_bagfile_information": self._metadata()})
+        write_atomically({self._folder / METADATA_FILE: text.encode()})
+
+    def _add_topic(self, name: str, type_: str, *, latched: bool) -> _Topic:
+        if type_ not in self._schemas:
+            definition, _ = self._types.generate_msgdef(type_, ros_version=2)
+            schema = self._writer.register_schema(type_, "ros2msg", definition.encode())
+            self._schemas[type_] = schema, self._types.hash_rihs01(type_)
+        schema, digest = self._schemas[type_]
+        offered = _quality_text(latched=latched)
+        channel = self._writer.register_channel(
+            name,
+            "cdr",
+            schema,
+            {"offered_qos_profiles": offered, "topic_type_hash": digest},
+        )
+        topic = self._topics[name] = _Topic(channel, type_, digest, latched=latched)
+        return topic
+
+    def _metadata(self) -> dict[str, Any]:
+        first = self._first or 0
+        length = max(0, self._last - first)
+        count = sum(topic.messages for topic in self._topics.values())
+        return {
+            "version": METADATA_VERSION,
+            "storage_identifier": "mcap",
+            "duration": {"nanoseconds": length},
+            "starting_time": {"nanoseconds_since_epoch": first},
+            "message_count": count,
+            "topics_with_message_count": [
+                {
+                    "topic_metadata": {
+                        "name": name,
+                        "type": topic.type,
+                        "serialization_format": "cdr",
+                        "offered_qos_profiles": _quality_of_service(
+                            latched=topic.latched
+                        ),
+                        "type_description_hash": topic.digest,
+                    },
+                    "message_count": topic.messages,
+                }
+                for name, topic in self._topics.items()
+            ],
+            "compression_format": "",
+            "compression_mode": "",
+            "relative_file_paths": [file_name(self._folder)],
+            "files": [
+                {
+                    "path": file_name(self._folder),
+                    "starting_time": {"nanoseconds_since_epoch": first},
+                    "duration": {"nanoseconds": length},
+                    "message_count": count,
+                }
+            ],
+            "custom_data": None,
+            "ros_distro": DISTRIBUTION,
+        }
+
+
+class _UnbufferedFile:
+    """What a writer needs of a file; each write goes to the system at once."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = io.FileIO(path, "w")
+        lock(self._file)
+
+    def write(self, data: bytes) -> int:
+        """Write bytes, in as many steps as the system takes."""
+        rest = memoryview(data)
+        while rest:
+            rest = rest[self._file.write(rest) :]
+        return len(data)
+
+    def tell(self) -> int:
+        """Return how many bytes are written."""
+        return self._file.tell()
+
+    def flush(self) -> None:
+        """Do nothing: nothing is buffered."""
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()

@@ -1,0 +1,181 @@
+"""Recording in a process of its own, so that it holds up no tick of a server.
+
+The server only packs its calls. A thread writes all that have come to a pipe a few
+times a second: each time it wakes up, it may hold up the server. The process at the
+other end converts and writes them. It outlives a server that is
+killed: at the end of the pipe it completes the recording.
+"""
+
+import json
+import logging
+import os
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, BinaryIO, Final
+
+from radarsim.addons.recording.bag_folder import RecordingInfo
+from radarsim.errors import RecordingError, describe_os_error
+from radarsim.server.host.recorded_host import CallKind, HostCall
+
+log = logging.getLogger("radarsim.addons.recording")
+
+NICENESS: Final = 10  # ticks of the server go first
+MAX_WAITING: Final = 256 * 2**20  # bytes that the process may be behind
+WRITE_INTERVAL: Final = 0.05  # s between writes to the pipe
+PAUSE: Final = 0.01  # s between looks at a process that is behind
+END_TIMEOUT: Final = 60.0  # s that it has to write what is left
+FRAME: Final = struct.Struct("<BIII")  # kind, tick, client, bytes that follow
+# The modules are found where this process has found them.
+PROGRAM: Final = (
+    "import sys; sys.path[:] = sys.argv[1:];"
+    "from radarsim.addons.recording.recording_process import write_calls; write_calls()"
+)
+
+
+class RecordingProcess:
+    """Records the calls of a host.
+
+    Attributes:
+        folder: Folder of the recording.
+    """
+
+    def __init__(
+        self, folder: Path, info: RecordingInfo, *, is_patient: bool = False
+    ) -> None:
+        """Start the process.
+
+        Args:
+            folder: Folder of the recording, which exists and is empty.
+            info: The conditions of the run.
+            is_patient: Whether ``add`` waits for a process that is far behind, instead
+                of ending the recording.
+
+        Raises:
+            RecordingError: If it cannot be started.
+        """
+        self.folder = folder
+        self._frames: deque[bytes] = deque()
+        self._is_closing = threading.Event()
+        self._queued = self._written = 0  # bytes; each is changed by one thread only
+        self._has_ended = False
+        self._is_patient = is_patient
+        try:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", PROGRAM, *sys.path],
+                stdin=subprocess.PIPE,
+                start_new_session=True,  # Ctrl-C in a terminal is not for it
+            )
+        except OSError as error:
+            text = f"cannot start recording: {describe_os_error(error)}"
+            raise RecordingError(text) from error
+        self._frames.append(opening_of(folder, info))
+        self._thread = threading.Thread(target=self._pass_on, daemon=True)
+        self._thread.start()
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether nothing more is recorded, as when the disk is full."""
+        return self._has_ended
+
+    def add(self, call: HostCall) -> None:
+        """Record a call; never raises, and waits only if that was asked for."""
+        if self._has_ended:
+            return
+        frame = frame_of(call)
+        self._frames.append(frame)
+        self._queued += len(frame)
+        while self._is_patient and self._is_behind() and not self._has_ended:
+            time.sleep(PAUSE)
+        if self._is_behind():
+            self._has_ended = True
+            behind = MAX_WAITING // 2**20
+            log.warning(
+                "recording ends: it is %d MB behind; the server goes on", behind
+            )
+
+    def close(self) -> bool:
+        """Complete the recording; return whether all of it is written."""
+        is_whole = not self._has_ended
+        self._is_closing.set()
+        self._thread.join(END_TIMEOUT)
+        try:
+            self._process.wait(END_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+            log.warning("%s: not complete after %g s", self.folder, END_TIMEOUT)
+        return is_whole and self._process.returncode == 0
+
+    def _is_behind(self) -> bool:
+        return self._queued - self._written > MAX_WAITING
+
+    def _pass_on(self) -> None:
+        """Write frames to the pipe until the recording is closed."""
+        pipe = self._process.stdin
+        assert pipe is not None
+        with suppress(OSError):  # the process has ended, and said why
+            while not self._is_closing.wait(WRITE_INTERVAL):
+                self._write_frames(pipe)
+            self._write_frames(pipe)
+        self._has_ended = True
+        with suppress(OSError):
+            pipe.close()
+
+    def _write_frames(self, pipe: IO[bytes]) -> None:
+        frames = [self._frames.popleft() for _ in range(len(self._frames))]
+        pipe.write(b"".join(frames))
+        pipe.flush()
+        self._written += sum(map(len, frames))
+
+
+def opening_of(folder: Path, info: RecordingInfo) -> bytes:
+    """Return what the process is told first."""
+    first = json.dumps({"folder": str(folder.resolve()), "info": info.to_text()})
+    return first.encode() + b"\n"
+
+
+def frame_of(call: HostCall) -> bytes:
+    """Return what the process is told of a call."""
+    kind, tick, client, data = call
+    return FRAME.pack(kind, tick, client, len(data)) + data
+
+
+def write_calls() -> None:
+    """Record the calls that come by standard input: the program of the process."""
+    if sys.platform != "win32":
+        os.nice(NICENESS)
+    pipe = sys.stdin.buffer
+    conditions = json.loads(pipe.readline() or "{}")
+    if not conditions:
+        return
+    from radarsim.addons.recording.recorder import Recorder  # noqa: PLC0415 - imports much
+
+    folder = Path(conditions["folder"])
+    try:
+        recorder = Recorder(folder, RecordingInfo.from_text(conditions["info"]))
+        while (call := _read_call(pipe)) is not None:
+            recorder.add(call)
+        recorder.close()
+    except OSError as error:
+        _complain(f"recording to {folder} ends: {describe_os_error(error)}")
+        sys.exit(1)
+
+
+def _read_call(pipe: BinaryIO) -> HostCall | None:
+    """Read a call; None at the end of the pipe, or for one that is not whole."""
+    head = pipe.read(FRAME.size)
+    if len(head) < FRAME.size:
+        return None
+    kind, tick, client, size = FRAME.unpack(head)
+    data = pipe.read(size)
+    return HostCall(CallKind(kind), tick, client, data) if len(data) == size else None
+
+
+def _complain(text: str) -> None:
+    sys.stderr.write(f"radarsim: {text}; the server goes on\n")

@@ -1,0 +1,317 @@
+"""From what one robot and its client say to each other to topics of ROS 2.
+
+The names of what echoes come from, by the numbers that stand for them in points.
+
+Maps as messages.
+"""
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, Final, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.addons.fmcw.image_files import METADATA_BYTES
+from radarsim.addons.recording.messages import (
+    ECHO,
+    TARGET,
+    Beams,
+    Points,
+    RosMessage,
+    Transform,
+    grey_image,
+    laser_scan,
+    make_points,
+    occupancy_grid,
+    odometry,
+    point_cloud,
+    pose_stamped,
+    string,
+    transforms,
+    twist_stamped,
+)
+from radarsim.autonomy.mapping.export import sensed_window
+from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
+from radarsim.client.robot_info import RobotInfo, ScannerInfo, same_name
+from radarsim.geometry import Floats, Pose3
+from radarsim.protocol.commands import Drive
+from radarsim.protocol.echoes import EchoLine, TargetEchoes
+from radarsim.protocol.reports import (
+    GroundTruth,
+    Ins,
+    Odometry,
+    RangeScan,
+    Report,
+)
+from radarsim.protocol.targets import RadarTargets
+from radarsim.server.host.turn_collector import RecordedTurn
+
+
+class Legend:
+    """Numbers names in the order in which they occur, from 0.
+
+    Attributes:
+        has_changed: Whether there are names that ``message`` has not told yet.
+    """
+
+    def __init__(self) -> None:
+        self.has_changed = True
+        self._names: dict[str, dict[str, int]] = {
+            "kind": {},
+            "object": {},
+            "material": {},
+        }
+
+    def kind(self, name: str) -> int:
+        """Return the number of a kind of echo."""
+        return self._number("kind", name)
+
+    def object(self, name: str) -> int:
+        """Return the number of an object."""
+        return self._number("object", name)
+
+    def material(self, name: str) -> int:
+        """Return the number of a material."""
+        return self._number("material", name)
+
+    def message(self) -> RosMessage:
+        """Return all names as JSON: a list for each of the fields of points."""
+        self.has_changed = False
+        return string(
+            json.dumps({key: list(each) for key, each in self._names.items()})
+        )
+
+    def _number(self, field: str, name: str) -> int:
+        names = self._names[field]
+        if name not in names:
+            if len(names) > _LARGEST:
+                return _LARGEST
+            names[name] = len(names)
+            self.has_changed = True
+        return names[name]
+
+
+_LARGEST = 65535  # of 16 bits; it stands for all names after the first 65535
+
+
+MAP: Final = "map"
+
+Line = TypeVar("Line", EchoLine, RadarTargets)
+
+
+class TopicMessage(NamedTuple):
+    """A message for a topic.
+
+    Attributes:
+        topic: Name of the topic.
+        message: The message.
+        latched: Whether who subscribes later gets the last one.
+    """
+
+    topic: str
+    message: RosMessage
+    latched: bool = False
+
+
+class RobotTopics:
+    """The topics of one robot, below its name.
+
+    The transform from ``map`` to the robot's ``base_link`` is that of the ground truth
+    if the robot has such a sensor, else that of its INS.
+    """
+
+    def __init__(self, name: str, legend: Legend) -> None:
+        """Begin with a robot of which nothing else is known.
+
+        Args:
+            name: Name of the robot as part of topics; see ``topic_name``.
+            legend: The names of what echoes come from, for all robots.
+        """
+        self._name = name
+        self._legend = legend
+        self._scanners: tuple[ScannerInfo, ...] = ()
+        self._robot: RobotInfo | None = None
+        self._has_truth = False
+        self._lines: dict[tuple[type[Report], str], list[Any]] = {}
+        self._told_spectra: set[str] = set()  # scanners
+
+    def describe(
+        self, robot: RobotInfo | None, scanners: Sequence[ScannerInfo], time: float
+    ) -> list[Transform]:
+        """Use what is known of the robot from now on; return where its scanners are."""
+        self._robot, self._scanners = robot, tuple(scanners)
+        base = self._frame("base_link")
+        return [
+            Transform(time, base, self._frame(each.name), each.mount)
+            for each in scanners
+        ]
+
+    def of_report(self, report: Report) -> Iterator[TopicMessage]:
+        """Yield the messages that a report of the robot becomes; many become none."""
+        match report:
+            case RangeScan():
+                yield self._scan(report)
+            case EchoLine():
+                yield from self._echo_cloud(report)
+            case RadarTargets():
+                yield from self._target_cloud(report)
+            case Odometry(time, _, pose):
+                placed = Pose3(pose.x, pose.y, 0.0, yaw=pose.yaw)
+                frames = self._frame("odom"), self._frame("base_link")
+                yield TopicMessage(self._topic("odom"), odometry(time, *frames, placed))
+            case GroundTruth(time, _, pose):
+                self._has_truth = True
+                yield self._pose("ground_truth", time, pose)
+                yield self._transform(time, pose)
+            case Ins(time, _, pose):
+                yield self._pose("ins", time, pose)
+                if not self._has_truth:
+                    yield self._transform(time, pose)
+            case _:
+                pass
+
+    def of_drive(self, command: Drive, time: float) -> TopicMessage | None:
+        """Return the motion that a command asks for; None if it asks for none."""
+        robot = self._robot
+        speeds = command.left, command.right
+        if robot is None or speeds[0] is None or speeds[1] is None:
+            return None
+        if command.normalized:
+            top = robot.max_wheel_speed / 100
+        else:
+            top = robot.wheel_radius / robot.drive_scale
+        left, right = speeds[0] * top, speeds[1] * top
+        turn = (right - left) / robot.wheel_separation
+        frame = self._frame("base_link")
+        message = twist_stamped(time, frame, (left + right) / 2, turn)
+        return TopicMessage(self._topic("cmd_vel"), message)
+
+    def of_turn(self, turn: RecordedTurn) -> Iterator[TopicMessage]:
+        """Yield a turn of a radar as a picture, after what it needs to be read."""
+        names = topic_name(turn.scanner), "spectrum"
+        if turn.scanner not in self._told_spectra:
+            self._told_spectra.add(turn.scanner)
+            layout = {"bin_size": turn.bin_size, "metadata_bytes": METADATA_BYTES}
+            topic = self._topic(*names, "layout")
+            yield TopicMessage(topic, string(json.dumps(layout)), latched=True)
+        picture = grey_image(turn.time, self._frame(turn.scanner), turn.rows)
+        yield TopicMessage(self._topic(*names), picture)
+
+    def _scan(self, scan: RangeScan) -> TopicMessage:
+        known = self._scanner(scan.name)
+        limits = (known.min_range, known.max_range) if known else (0.0, math.inf)
+        gaps = len(scan.ranges) - 1
+        resolution = scan.fov / gaps if gaps else scan.resolution
+        beams = Beams(scan.fov, resolution, *limits, scan.ranges)
+        frame = self._frame(scan.name)
+        message = laser_scan(scan.time, frame, beams)
+        return TopicMessage(self._topic(topic_name(scan.name), "scan"), message)
+
+    def _echo_cloud(self, line: EchoLine) -> Iterator[TopicMessage]:
+        """Yield the echoes of a scan once its last line has come."""
+        lines, scanner = self._lines_until(line), self._scanner(line.name)
+        if not lines or scanner is None:
+            return
+        groups = [each.echoes for each in lines if each.echoes is not None]
+        points = [self._points(scanner, group) for group in groups]
+        if self._legend.has_changed:
+            yield TopicMessage("/radarsim/legend", self._legend.message(), latched=True)
+        cloud = np.concatenate([np.zeros(0, ECHO), *points])
+        message = point_cloud(line.time, self._frame(line.name), cloud)
+        yield TopicMessage(self._topic(topic_name(line.name), "echoes"), message)
+
+    def _target_cloud(self, line: RadarTargets) -> Iterator[TopicMessage]:
+        """Yield the targets of a turn once its last line has come."""
+        lines, scanner = self._lines_until(line), self._scanner(line.name)
+        if not lines or scanner is None:
+            return
+        beams, ranges, dbm = (
+            np.concatenate([getattr(each, name) for each in lines])
+            for name in ("beams", "ranges", "dbm")
+        )
+        columns = {"dbm": dbm, "beam": beams}
+        cloud = make_points(TARGET, _angles(scanner, beams), ranges, columns)
+        message = point_cloud(line.time, self._frame(line.name), cloud)
+        yield TopicMessage(self._topic(topic_name(line.name), "targets"), message)
+
+    def _lines_until(self, line: Line) -> list[Line]:
+        """Return all lines of a scan with its last one; nothing before that."""
+        key = type(line), line.name.casefold()
+        if line.line <= 1:
+            self._lines[key] = []
+        lines = self._lines.setdefault(key, [])
+        lines.append(line)
+        return self._lines.pop(key) if line.line >= line.lines else []
+
+    def _points(self, scanner: ScannerInfo, group: TargetEchoes) -> Points:
+        columns: dict[str, NDArray[np.generic]] = {
+            "intensity": group.strength,
+            "power": group.power,
+            "beam": group.beams,
+            "kind": np.array([self._legend.kind(kind) for kind in group.kinds]),
+            "object": np.full(len(group.beams), self._legend.object(group.object)),
+            "material": np.full(
+                len(group.beams), self._legend.material(group.material)
+            ),
+        }
+        return make_points(ECHO, _angles(scanner, group.beams), group.ranges, columns)
+
+    def _scanner(self, name: str) -> ScannerInfo | None:
+        found = [each for each in self._scanners if same_name(each.name, name)]
+        return found[0] if found else None
+
+    def _pose(self, topic: str, time: float, pose: Pose3) -> TopicMessage:
+        return TopicMessage(self._topic(topic), pose_stamped(time, MAP, pose))
+
+    def _transform(self, time: float, pose: Pose3) -> TopicMessage:
+        frame = Transform(time, MAP, self._frame("base_link"), pose)
+        return TopicMessage("/tf", transforms([frame]))
+
+    def _topic(self, *names: str) -> str:
+        return "/" + "/".join((self._name, *names))
+
+    def _frame(self, name: str) -> str:
+        return f"{self._name}/{name}"
+
+
+def _angles(scanner: ScannerInfo, beams: NDArray[np.int64]) -> Floats:
+    """Return the directions of beams, rad, counter-clockwise from straight ahead."""
+    gaps = scanner.beams - 1
+    step = scanner.fov / gaps if gaps else 0.0
+    return np.asarray(beams * step - scanner.fov / 2)
+
+
+def topic_name(name: str) -> str:
+    """Return a name as part of a topic of ROS: letters, digits and underscores.
+
+    >>> topic_name("lms 200"), topic_name("2nd")
+    ('lms_200', '_2nd')
+    """
+    letters = [c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in name]
+    text = "".join(letters) or "_"
+    return f"_{text}" if text[0].isdigit() else text
+
+
+UNKNOWN, FREE, OCCUPIED = -1, 0, 100  # of ``nav_msgs/OccupancyGrid``
+
+
+def map_message(grid: OccupancyGrid, time: float) -> TopicMessage:
+    """Return the sensed part of a map; foliage is occupied, as robots drive into it.
+
+    Args:
+        grid: The map; it has cells.
+        time: Simulated time, s.
+    """
+    levels = np.full(len(CellClass), FREE, np.int8)
+    levels[CellClass.UNKNOWN] = UNKNOWN
+    levels[[CellClass.OBSTACLE, CellClass.FOLIAGE]] = OCCUPIED
+    rows, columns = sensed_window(grid)
+    x, y = grid.frame.origin
+    size = grid.frame.resolution
+    corner = Pose3(x + columns.start * size, y + rows.start * size, 0.0)
+    cells = levels[grid.classes()[rows, columns]]
+    return TopicMessage(
+        "/map", occupancy_grid(time, MAP, cells, corner, size), latched=True
+    )

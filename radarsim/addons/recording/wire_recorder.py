@@ -1,0 +1,174 @@
+"""Records what passes between clients and a server that is another program."""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Final
+
+from radarsim.client.transport import Transport
+from radarsim.protocol.framing import LineBuffer
+from radarsim.server.host.recorded_host import CallKind, HostCall
+
+FIRST: Final = 1  # number of the only client of a transport
+UNNAMED: Final = "robot"  # one whose name no client has sent
+_DESCRIPTION: Final = re.compile(
+    r"(GEO|CONF)\s*\{\s*Type\s+([^{}]*)\}\s*\{\s*Name\s+(\S+)", re.IGNORECASE
+)
+_TIME: Final = re.compile(rb"\{Time (\d{1,7}(?:\.\d+)?)\}")
+_FIELD: Final = r"\{\s*%s\s+([^{}]*?)\s*\}"
+
+
+@dataclass(slots=True)
+class _Connection:
+    """What is known of one connection."""
+
+    robot: str
+    sent: LineBuffer = field(default_factory=LineBuffer)
+    received: LineBuffer = field(default_factory=LineBuffer)
+    descriptions: dict[tuple[str, ...], str] = field(default_factory=dict)
+
+
+class WireRecorder:
+    """Turns bytes on connections into calls as of a host, for a recording.
+
+    The time of a call is the last that the server has sent. What comes before the first
+    is kept until then.
+
+    Attributes:
+        time: The last time that the server has sent, s.
+    """
+
+    def __init__(self, record: Callable[[HostCall], None]) -> None:
+        """Begin with no connections.
+
+        Args:
+            record: Called with each call; it must not raise.
+        """
+        self.time = 0.0
+        self._record = record
+        self._connections: dict[int, _Connection] = {}
+        self._early: list[HostCall] | None = []
+
+    @property
+    def tick(self) -> int:
+        """The last time that the server has sent, in ticks."""
+        return round(100 * self.time)
+
+    def begin(self, number: int, robot: str) -> None:
+        """Record that a client connects, whose robot is known.
+
+        Args:
+            number: Number of the connection.
+            robot: Name of the robot.
+        """
+        self._describe(number, self._connection(number, robot))
+
+    def end_one(self, number: int) -> None:
+        """Record that a connection is closed."""
+        if self._connections.pop(number, None) is not None:
+            self._report(CallKind.DISCONNECT, number)
+
+    def sent(self, number: int, data: bytes) -> None:
+        """Record what a client sends on a connection."""
+        connection = self._connection(number)
+        self._report(CallKind.RECEIVE, number, data)
+        if connection.sent.overflow is not None:
+            return
+        for line in connection.sent.feed(data):
+            if line[:4].upper() == "INIT":
+                connection.robot = _field(line, "Name") or _class_of(line)
+                connection.descriptions.clear()
+                self._describe(number, connection)
+
+    def received(self, number: int, data: bytes) -> None:
+        """Record what a client is sent on a connection."""
+        connection = self._connection(number)
+        self._note_time(data)
+        self._report(CallKind.TAKE, number, data)
+        if connection.received.overflow is not None:
+            return
+        lines = connection.received.feed(data)
+        found = [
+            (match.groups(), line)
+            for line in lines
+            if (match := _DESCRIPTION.match(line))
+        ]
+        if not connection.descriptions.items() >= set(found):
+            connection.descriptions.update(found)
+            self._describe(number, connection)
+
+    def end(self) -> None:
+        """Record that no more comes."""
+        self._note_time(None)
+        for number in self._connections:
+            self._report(CallKind.DISCONNECT, number)
+        self._report(CallKind.END)
+
+    def _connection(self, number: int, robot: str = "") -> _Connection:
+        if number not in self._connections:
+            self._connections[number] = _Connection(robot)
+            self._report(CallKind.CONNECT, number)
+        return self._connections[number]
+
+    def _describe(self, number: int, connection: _Connection) -> None:
+        lines = (connection.robot or UNNAMED, *connection.descriptions.values(), "")
+        self._report(CallKind.ROBOT, number, "\r\n".join(lines).encode())
+
+    def _note_time(self, data: bytes | None) -> None:
+        """Read the last time in what the server sends; None for its end."""
+        found = _TIME.findall(data) if data is not None else []
+        if found:
+            self.time = max(self.time, float(found[-1]))
+        if self._early is not None and (found or data is None):
+            early, self._early = self._early, None
+            for call in early:
+                self._record(call._replace(tick=self.tick))
+
+    def _report(self, kind: CallKind, client: int = 0, data: bytes = b"") -> None:
+        call = HostCall(kind, self.tick, client, data)
+        if self._early is None:
+            self._record(call)
+        else:
+            self._early.append(call)
+
+
+class RecordedTransport:
+    """A transport that records what passes; see ``Transport``."""
+
+    def __init__(self, transport: Transport, recorder: WireRecorder) -> None:
+        """Use a transport.
+
+        Args:
+            transport: The connection.
+            recorder: Records it; of no other connection.
+        """
+        self._transport = transport
+        self._recorder = recorder
+
+    def send(self, data: bytes) -> None:
+        """See ``Transport.send``."""
+        self._transport.send(data)
+        self._recorder.sent(FIRST, data)
+
+    def receive(self, timeout: float) -> bytes:
+        """See ``Transport.receive``."""
+        data = self._transport.receive(timeout)
+        self._recorder.received(FIRST, data)
+        return data
+
+    def time(self) -> float:
+        """See ``Transport.time``."""
+        return self._transport.time()
+
+    def close(self) -> None:
+        """See ``Transport.close``."""
+        self._transport.close()
+
+
+def _field(line: str, name: str) -> str:
+    found = re.search(_FIELD % name, line, re.IGNORECASE)
+    return found[1] if found else ""
+
+
+def _class_of(line: str) -> str:
+    return _field(line, "ClassName").rpartition(".")[2]

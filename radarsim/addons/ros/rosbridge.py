@@ -1,0 +1,232 @@
+"""The protocol of rosbridge, version 2: one client of a bridge, without I/O.
+
+Source: ROSBRIDGE_PROTOCOL.md of rosbridge_suite; of the services those of rosapi that
+roslibpy and roslibjs call.
+
+Messages of ROS as JSON, as rosbridge has them.
+"""
+
+import base64
+import json
+import math
+from collections import deque
+from collections.abc import Callable
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.addons.recording.message_types import decode
+from radarsim.addons.recording.messages import RosMessage
+from radarsim.addons.recording.robot_topics import TopicMessage
+from radarsim.addons.ros.live_topics import TWIST, DriveCallback
+
+
+def message_json(message: RosMessage) -> str:
+    """Return a message as JSON; octets are in base64, and what is no number is null.
+
+    Raises:
+        ValueError: If the message is not of a known type.
+    """
+    return json.dumps(_plain(decode(message)), allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    """Return a value of types that JSON has."""
+    match value:
+        case dict():
+            return {key: _plain(each) for key, each in value.items()}
+        case list():
+            return [_plain(each) for each in value]
+        case float():
+            return value if math.isfinite(value) else None
+        case np.ndarray():
+            return _plain_array(value)
+        case _:
+            return value
+
+
+def _plain_array(array: NDArray[Any]) -> Any:
+    if array.dtype == np.uint8:
+        return base64.b64encode(array.tobytes()).decode()
+    if array.dtype.kind == "f" and not np.isfinite(array).all():
+        return [each if math.isfinite(each) else None for each in array.tolist()]
+    return array.tolist()
+
+
+def velocity_of(message: object) -> tuple[float, float]:
+    """Return forward speed, m/s, and turn rate, rad/s, of a Twist or TwistStamped.
+
+    Raises:
+        ValueError: If it is neither.
+    """
+    try:
+        twist: Any = message
+        twist = twist.get("twist", twist)
+        linear, angular = twist.get("linear", {}), twist.get("angular", {})
+        return float(linear.get("x", 0.0)), float(angular.get("z", 0.0))
+    except (AttributeError, TypeError, ValueError) as error:
+        raise ValueError(f"{error}, expected a Twist") from error
+
+
+LONGEST_MESSAGE: Final = 65536  # bytes of what a client sends
+MOST_WAITING: Final = 20  # messages of a topic for a client; beyond it the oldest go
+MOST_SUBSCRIPTIONS: Final = 1000
+LONGEST_NAME: Final = 256  # characters
+
+
+class TopicBoard:
+    """The topics there are, for all clients.
+
+    Attributes:
+        types: Types of topics, by name; also of those that are only listened to.
+        drivers: Where velocity commands go, by topic.
+    """
+
+    def __init__(self) -> None:
+        self.types: dict[str, str] = {}
+        self.drivers: dict[str, DriveCallback] = {}
+        self._latched: dict[str, str] = {}
+
+    def add(self, message: TopicMessage, wanted: bool) -> str:
+        """Note a message; return its JSON, empty if nobody wants it."""
+        self.types[message.topic] = message.message.type
+        if not (wanted or message.latched):
+            return ""
+        text = message_json(message.message)
+        if message.latched:
+            self._latched[message.topic] = text
+        return text
+
+    def latched(self, topic: str) -> str:
+        """Return the last message of a latched topic; empty if there is none."""
+        return self._latched.get(topic, "")
+
+    def listen(self, topic: str, take: DriveCallback) -> None:
+        """Pass the velocity commands on a topic to a function."""
+        self.types[topic] = TWIST
+        self.drivers[topic] = take
+
+
+class RosbridgeClient:
+    """One client: what it wants, and what waits for it.
+
+    Attributes:
+        waiting: Texts that are to be sent, oldest first.
+    """
+
+    def __init__(self, board: TopicBoard) -> None:
+        self.waiting: deque[str] = deque()
+        self._board = board
+        self._subscriptions: dict[str, float] = {}  # shortest interval, s, by topic
+        self._last: dict[str, float] = {}  # times of messages, by topic
+        self._handlers: dict[str, Callable[[dict[str, Any]], None]] = {
+            "subscribe": self._subscribe,
+            "unsubscribe": self._unsubscribe,
+            "publish": self._publish,
+            "call_service": self._call,
+            **dict.fromkeys(("advertise", "unadvertise", "set_level"), _ignore),
+        }
+
+    def wants(self, topic: str) -> bool:
+        """Return whether it has subscribed to a topic."""
+        return topic in self._subscriptions
+
+    def offer(self, topic: str, text: str, now: float) -> None:
+        """Queue a message of a topic that it wants; the oldest go if too many wait.
+
+        Args:
+            topic: Name of the topic.
+            text: The message as JSON.
+            now: Time of the loop, s.
+        """
+        if now - self._last.get(topic, -math.inf) < self._subscriptions[topic]:
+            return
+        self._last[topic] = now
+        self._queue(topic, text)
+
+    def _queue(self, topic: str, text: str) -> None:
+        self.waiting.append(
+            f'{{"op": "publish", "topic": {json.dumps(topic)}, "msg": {text}}}'
+        )
+        while len(self.waiting) > MOST_WAITING * max(1, len(self._subscriptions)):
+            self.waiting.popleft()
+
+    def receive(self, text: str) -> None:
+        """Do what a message asks for; what is wrong is answered with a status."""
+        try:
+            message = json.loads(text)
+            operation = message["op"]
+            handler = self._handlers[operation]
+        except (ValueError, RecursionError):
+            self._complain(f"{text[:80]!r}, expected JSON")
+        except (KeyError, TypeError):
+            self._complain(f"{text[:80]!r}, expected op: {', '.join(self._handlers)}")
+        else:
+            try:
+                handler(message)
+            except KeyError as error:
+                self._complain(f"{operation}: nothing for {error}, expected a value")
+            except (ValueError, TypeError) as error:
+                self._complain(f"{operation}: {error}")
+
+    def _subscribe(self, message: dict[str, Any]) -> None:
+        topic = str(message["topic"])
+        if len(topic) > LONGEST_NAME:
+            raise ValueError(f"a topic of {len(topic)} characters, expected a name")
+        interval = float(message.get("throttle_rate") or 0) / 1000
+        if len(self._subscriptions) >= MOST_SUBSCRIPTIONS:
+            raise ValueError(f"expected at most {MOST_SUBSCRIPTIONS} subscriptions")
+        self._subscriptions[topic] = interval
+        latched = self._board.latched(topic)
+        if latched:
+            self._queue(topic, latched)
+
+    def _unsubscribe(self, message: dict[str, Any]) -> None:
+        self._subscriptions.pop(str(message["topic"]), None)
+
+    def _publish(self, message: dict[str, Any]) -> None:
+        topic = str(message["topic"])
+        drive = self._board.drivers.get(topic)
+        if drive is None:
+            known = ", ".join(self._board.drivers) or "none, see --robot"
+            raise ValueError(f"{topic[:80]!r}, expected a topic of: {known}")
+        drive(*velocity_of(message.get("msg")))
+
+    def _call(self, message: dict[str, Any]) -> None:
+        service = str(message["service"])
+        arguments = message.get("args") or {}
+        values = self._answer(service, arguments if isinstance(arguments, dict) else {})
+        answer = {
+            "op": "service_response",
+            "service": service,
+            "values": {} if values is None else values,
+            "result": values is not None,
+        }
+        if "id" in message:
+            answer["id"] = message["id"]
+        self.waiting.append(json.dumps(answer))
+
+    def _answer(self, service: str, arguments: dict[str, Any]) -> dict[str, Any] | None:
+        types = self._board.types
+        match service:
+            case "/rosapi/topics":
+                return {"topics": list(types), "types": list(types.values())}
+            case "/rosapi/topic_type":
+                return {"type": types.get(str(arguments.get("topic")), "")}
+            case "/rosapi/topics_for_type":
+                wanted = arguments.get("type")
+                return {"topics": [name for name in types if types[name] == wanted]}
+            case "/rosapi/nodes":
+                return {"nodes": ["/radarsim"]}
+            case "/rosapi/services":
+                return {"services": []}
+            case _:
+                return None
+
+    def _complain(self, text: str) -> None:
+        self.waiting.append(json.dumps({"op": "status", "level": "error", "msg": text}))
+
+
+def _ignore(_: dict[str, Any]) -> None:
+    """Do nothing: topics need no announcement here."""

@@ -1,0 +1,128 @@
+"""A map as messages: its plan at the height of the scanners, and its triangles."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Final, Self
+
+import numpy as np
+import shapely
+
+from radarsim.addons.web.colours import colour_of
+from radarsim.addons.web.viewer import encode_json
+from radarsim.geometry import Floats
+from radarsim.plotting.areas import enclosed_area
+from radarsim.robots.obstacles import slice_mesh
+from radarsim.scene.scene import Part, Scene
+
+HEIGHT: Final = 0.346  # m above the floor, of the scanner of a P3AT
+_DIGITS: Final = 6  # of rounded ends of lines, so that lines that meet share them
+_SENT_DIGITS: Final = 3  # millimetres
+
+
+@dataclass(frozen=True, slots=True)
+class SceneMessages:
+    """A map as it is told to browsers.
+
+    Attributes:
+        plan: The message ``scene``, as JSON.
+        triangles: The message ``triangles``, as JSON.
+        materials: A legend of its materials.
+        bounds: Extent of the map, west, south, east and north, m.
+        safety_distance: Distance from what a radar sees for which it is designed, m;
+            None if it does not say.
+    """
+
+    plan: str
+    triangles: str
+    materials: list[dict[str, str]]
+    bounds: tuple[float, float, float, float]
+    safety_distance: float | None
+
+    @classmethod
+    def of(cls, scene: Scene) -> Self:
+        """Describe a map."""
+        plan, triangles = describe_plan(scene), describe_triangles(scene)
+        materials = describe_materials(scene)
+        safety = None if scene.trial is None else scene.trial.safety_distance
+        bounds = plan["bounds"]
+        return cls(
+            encode_json(plan), encode_json(triangles), materials, (*bounds,), safety
+        )
+
+
+def describe_plan(scene: Scene) -> dict[str, Any]:
+    """Return the plan of a map, in m, map frame.
+
+    The outlines of a part are rings, which repeat their first point, or open lines
+    where its surfaces enclose nothing.
+    """
+    floor = scene.starts[0].pose.z if scene.starts else 0.0
+    height = floor + HEIGHT
+    (west, south, _), (east, north, _) = scene.bounds.tolist()
+    return {
+        "op": "scene",
+        "level": scene.level,
+        "bounds": [west, south, east, north],
+        "height": height,
+        "parts": [
+            {**_head(part), "outline": _outline(part, height)} for part in scene.parts
+        ],
+    }
+
+
+def describe_triangles(scene: Scene) -> dict[str, Any]:
+    """Return the triangles of a map, part by part, in the order of the plan."""
+    parts = [
+        {
+            **_head(part),
+            "vertices": _rounded(part.vertices).reshape(-1).tolist(),
+            "faces": part.faces.reshape(-1).tolist(),
+        }
+        for part in scene.parts
+    ]
+    return {"op": "triangles", "parts": parts}
+
+
+def describe_materials(scene: Scene) -> list[dict[str, str]]:
+    """Return a legend of the materials that the parts of a map have."""
+    used = {part.material.name: part.material for part in scene.parts}
+    return [
+        {"name": name, "label": name.replace("_", " "), "colour": colour_of(material)}
+        for name, material in sorted(used.items())
+    ]
+
+
+def _head(part: Part) -> dict[str, Any]:
+    material = part.material
+    density = material.density
+    opaque = not material.penetrable and material.sheet_loss is None
+    return {
+        "name": part.object_name,
+        "material": material.name,
+        "opaque": opaque,
+        "density": density if math.isfinite(density) else None,
+        "solid": material.solid,
+        "colour": colour_of(material),
+    }
+
+
+def _outline(part: Part, height: float) -> list[list[list[float]]]:
+    segments = slice_mesh(part.vertices, part.faces, height)
+    return [_rounded(line).tolist() for line in _lines(segments)]
+
+
+def _lines(segments: Floats) -> Iterable[Floats]:
+    """Join line segments, (S, 2, 2) m, to rings, or else to lines."""
+    if not len(segments):
+        return ()
+    joined = shapely.boundary(enclosed_area(segments))
+    if shapely.is_empty(joined):
+        ends = np.round(segments, _DIGITS)
+        joined = shapely.line_merge(shapely.multilinestrings(ends))
+    return (shapely.get_coordinates(line) for line in shapely.get_parts(joined))
+
+
+def _rounded(numbers: Floats) -> Floats:
+    rounded: Floats = np.round(numbers, _SENT_DIGITS) + 0.0  # no -0.0
+    return rounded

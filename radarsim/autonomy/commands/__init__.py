@@ -1,0 +1,1 @@
+"""The commands ``navigate``, ``map`` and ``trials``."""

@@ -1,0 +1,325 @@
+"""``radarsim trials``: score navigation on maps.
+
+What ``radarsim trials --random`` does: trials on random maps, line by line.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from pathlib import Path
+from statistics import fmean
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from radarsim.autonomy.navigation.options import Algorithm, Rule
+from radarsim.cli.compile_progress import compile_now, with_bar
+from radarsim.cli.options import JsonOption, check_writable
+from radarsim.cli.output import print_lines
+from radarsim.errors import MapError, PresetError, escape_unprintable, expected_one_of
+from radarsim.processes import process_cpu_count, raise_on_signals
+
+if TYPE_CHECKING:
+    from radarsim.autonomy.evaluation.random_trials import RandomTrialResult
+    from radarsim.autonomy.evaluation.trials import TrialResult, TrialSpec
+
+
+def run_random(
+    count: int, algorithms: Sequence[str], output: Path | None, workers: int
+) -> None:
+    """Run the trials that are left, write a line for each, and print a summary.
+
+    Args:
+        count: Number of maps.
+        algorithms: Algorithms, each of which runs on each map.
+        output: File of the lines; those that it holds already are not run again.
+        workers: Number of processes.
+    """
+    from radarsim.autonomy.evaluation.random_trials import (
+        all_random_trials,
+        run_random_trials,
+    )
+    from radarsim.cli.compile_progress import compile_now
+
+    earlier = _read(output)
+    todo = all_random_trials(count, algorithms, earlier)
+    wanted = {
+        (each.number, each.algorithm) for each in all_random_trials(count, algorithms)
+    }
+    results = [
+        each for each in earlier if (each["number"], each["algorithm"]) in wanted
+    ]
+    if todo:
+        compile_now()
+        with (
+            raise_on_signals(),
+            closing(
+                run_random_trials(todo, workers=min(workers, len(todo)))
+            ) as running,
+        ):
+            results += _written(running, output, len(todo))
+    results.sort(key=lambda each: (each["number"], algorithms.index(each["algorithm"])))
+    Console().print(_random_table(results))
+    for each in results:
+        if not each["correct"]:
+            print_lines([_random_failure(each)])
+
+
+def _read(output: Path | None) -> list[dict[str, Any]]:
+    from radarsim.autonomy.evaluation.random_trials import read_results
+
+    if output is None:
+        return []
+    check_writable(output, "--output")
+    try:
+        return read_results(output)
+    except (OSError, ValueError) as error:
+        raise typer.BadParameter(str(error), param_hint="--output") from None
+
+
+def _written(
+    running: Iterator[RandomTrialResult], output: Path | None, total: int
+) -> Iterator[dict[str, Any]]:
+    """Write each result as soon as there is one, in one piece."""
+    from radarsim.autonomy.evaluation.task_runner import opened_log
+    from radarsim.cli.compile_progress import with_bar
+
+    with opened_log(output) as add:
+        for result in with_bar(running, "trials", total):
+            values = result.to_dict()
+            add(values)
+            yield values
+
+
+def _random_table(results: Sequence[dict[str, Any]]) -> Table:
+    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    table.add_column("family", no_wrap=True)
+    for column in ("correct", "false no path", "touches", "failed"):
+        table.add_column(column, justify="right")
+    families = dict.fromkeys(each["family"] for each in results)
+    for family in families:
+        _add_row(table, family, [each for each in results if each["family"] == family])
+    if len(families) > 1:
+        _add_row(table, "all", results)
+    return table
+
+
+def _add_row(table: Table, name: str, group: Sequence[dict[str, Any]]) -> None:
+    counts = Counter[str]()
+    for each in group:
+        counts["correct"] += each["correct"]
+        counts["false"] += (each["outcome"], each["expected"]) == ("no_path", "reached")
+        counts["touches"] += each["collisions"]
+        counts["failed"] += each["outcome"] == "failed"
+    numbers = (str(counts[key]) for key in ("false", "touches", "failed"))
+    table.add_row(name, f"{counts['correct']}/{len(group)}", *numbers)
+
+
+def _random_failure(result: dict[str, Any]) -> str:
+    collisions = f"collisions: {result['collisions']}" if result["collisions"] else ""
+    told = f"{result['outcome']}, expected {result['expected']}"
+    reasons = "; ".join(filter(None, (told, result["note"], collisions)))
+    name = f"map {result['number']} ({result['family']}) {result['algorithm']}"
+    sensor = f"{result['sensor']} N = {result['side_offset']}"
+    return f"{name} {sensor}: {reasons}"
+
+
+MapsOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME,...",
+        help="Maps that have a trial; by default all that are made for trials.",
+    ),
+]
+AlgorithmsOption = Annotated[
+    str, typer.Option(metavar="NAME,...", help="Algorithms to compare.")
+]
+SensorsOption = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME,...", help="Sensor presets; they see all the way round."
+    ),
+]
+RulesOption = Annotated[
+    str, typer.Option(metavar="NAME,...", help="Rules of the bumpers to compare.")
+]
+SeedsOption = Annotated[
+    int,
+    typer.Option(min=1, metavar="K", help="Repeat each trial with seeds 0 to K - 1."),
+]
+WorkersOption = Annotated[
+    int | None,
+    typer.Option(min=1, help="Number of processes; one for each core by default."),
+]
+RandomOption = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        metavar="N",
+        help="Run on random maps 0 to N - 1 instead: radar and laser by turn.",
+    ),
+]
+OutputOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="With --random: add a line of JSON for each trial; those that are in"
+        " the file are not run again.",
+    ),
+]
+
+
+def trials(
+    *,
+    maps: MapsOption = None,
+    algorithms: AlgorithmsOption = "bug1,bug2",
+    sensors: SensorsOption = "radar",
+    rules: RulesOption = "share",
+    seeds: SeedsOption = 3,
+    workers: WorkersOption = None,
+    as_json: JsonOption = False,
+    random: RandomOption = None,
+    output: OutputOption = None,
+) -> None:
+    """Run navigators on several maps, and score them by the ground truth."""
+    from radarsim.autonomy.evaluation.trials import MAPS, all_trials
+
+    workers = workers or process_cpu_count()
+    chosen = _split(algorithms, "--algorithms")
+    if random is not None:
+        _refuse_others(maps, rules, as_json=as_json)
+        _check((), chosen)
+        run_random(random, chosen, output, workers)
+        return
+    if output is not None:
+        raise typer.BadParameter("expected with --random", param_hint="--output")
+    names = MAPS if maps is None else _split(maps, "--maps")
+    chosen_sensors = _split(sensors, "--sensors")
+    chosen_rules = _split(rules, "--rules")
+    _check(names, chosen, chosen_sensors, chosen_rules)
+    todo = all_trials(names, chosen, chosen_sensors, seeds, chosen_rules)
+    _run(todo, min(workers, len(todo)), as_json=as_json)
+
+
+def _run(todo: Sequence[TrialSpec], processes: int, *, as_json: bool) -> None:
+    """Run trials, and print their scores."""
+    from radarsim.autonomy.evaluation.trials import run_trials
+
+    compile_now()
+    began = time.perf_counter()
+    with raise_on_signals(), closing(run_trials(todo, workers=processes)) as running:
+        scores = list(with_bar(running, "trials", len(todo)))
+    duration = time.perf_counter() - began
+    if as_json:
+        typer.echo(json.dumps([score.to_dict() for score in scores], allow_nan=False))
+        return
+    Console().print(_table(scores))
+    typer.echo(
+        "path in truth, ratio to the shortest; means, but touches are all that were"
+    )
+    for score in scores:
+        if not score.is_correct:
+            print_lines([_failure_text(score)])
+    by = "1 process" if processes == 1 else f"{processes} processes"
+    trials_in = "1 trial" if len(scores) == 1 else f"{len(scores)} trials"
+    typer.echo(f"{trials_in} in {duration:.1f} s by {by}")
+
+
+def _refuse_others(maps: str | None, rules: str, *, as_json: bool) -> None:
+    """Refuse what has no meaning for random maps."""
+    if rules != Rule.SHARE:
+        raise typer.BadParameter("not with --random", param_hint="--rules")
+    if maps is not None:
+        raise typer.BadParameter("not with --random", param_hint="--maps")
+    if as_json:
+        text = "not with --random, whose --output is JSON"
+        raise typer.BadParameter(text, param_hint="--json")
+
+
+def _split(text: str, hint: str) -> list[str]:
+    names = [name.strip() for name in text.split(",")]
+    if not all(names):
+        text = f"{text[:80]!r}, expected names with commas between them"
+        raise typer.BadParameter(text, param_hint=hint)
+    return list(dict.fromkeys(names))
+
+
+def _check(
+    maps: Sequence[str],
+    algorithms: Sequence[str],
+    sensors: Sequence[str] = (),
+    rules: Sequence[str] = (),
+) -> None:
+    from radarsim.autonomy.evaluation.trials import config_with_sensor
+
+    for name in maps:
+        _check_map(name)
+    _check_names(algorithms, [each.value for each in Algorithm], "--algorithms")
+    _check_names(rules, [each.value for each in Rule], "--rules")
+    for name in sensors:
+        try:
+            config_with_sensor(name)
+        except PresetError as error:
+            raise typer.BadParameter(str(error), param_hint="--sensors") from None
+
+
+def _check_names(names: Sequence[str], known: Sequence[str], hint: str) -> None:
+    for name in names:
+        if name not in known:
+            raise typer.BadParameter(expected_one_of(name, known), param_hint=hint)
+
+
+def _check_map(name: str) -> None:
+    """Refuse a map that does not exist, or has no trial."""
+    from radarsim.autonomy.evaluation.trials import MAPS, load_trial
+
+    try:
+        load_trial(name)
+    except MapError as error:
+        if name in MAPS or Path(name).exists():
+            raise
+        text = f"{error}; those made for trials are {list(MAPS)}"
+        raise MapError([text]) from None
+
+
+def _table(scores: Sequence[TrialResult]) -> Table:
+    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    for column in ("map", "algorithm", "rule", "sensor"):
+        table.add_column(column, no_wrap=True)
+    for column in ("success", "path m", "ratio", "touches", "time s", "circuits"):
+        table.add_column(column, justify="right")
+    groups: dict[tuple[str, str, str, str], list[TrialResult]] = {}
+    for score in scores:
+        key = (score.map, score.algorithm, score.rule, score.sensor)
+        groups.setdefault(key, []).append(score)
+    for key, group in groups.items():
+        names = (Text(escape_unprintable(name)) for name in key)
+        table.add_row(*names, *_group_columns(group))
+    return table
+
+
+def _group_columns(group: Sequence[TrialResult]) -> Iterator[str]:
+    """Yield the columns of one kind of trial: sums and means over its seeds."""
+    path, shortest = fmean(s.path_length for s in group), group[0].shortest_path
+    yield f"{sum(s.is_correct for s in group)}/{len(group)}"
+    yield f"{path:.2f}"
+    ratio = "-" if shortest is None or not path else f"{path / shortest:.2f}"
+    yield "no path" if shortest is None else ratio
+    yield f"{sum(s.collisions for s in group)}"
+    yield f"{fmean(s.time for s in group):.1f}"
+    yield f"{fmean(s.circuits for s in group):.1f}"
+
+
+def _failure_text(score: TrialResult) -> str:
+    collisions = f"collisions: {score.collisions}" if score.collisions else ""
+    reasons = "; ".join(filter(None, (score.outcome, score.note, collisions)))
+    by = f"{score.algorithm} {score.rule}"
+    trial = f"{score.map} {by} {score.sensor} seed {score.seed}"
+    return f"{trial}: {reasons}"

@@ -1,0 +1,198 @@
+"""One run of a navigator: its server, its mission, its log and its result.
+
+The true robot, as the simulation has it: its path, its collisions, its distances.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+
+from radarsim.autonomy.navigation.mission import Mission, run_mission
+from radarsim.autonomy.navigation.run_log import Row, RunLog
+from radarsim.autonomy.navigation.runner import NavigationStep, Result
+from radarsim.client import Client
+from radarsim.geometry import Floats, Pose2
+from radarsim.scene.scene import Scene
+from radarsim.server.host import Host
+from radarsim.server.host.lockstep import InProcessTransport
+
+Position: TypeAlias = tuple[float, float]  # x, y in m, map frame
+
+STEP: Final = 0.02  # m between two positions of the true path
+
+
+class GroundTruthMonitor:
+    """Watches the robot of a simulation, tick by tick.
+
+    Attributes:
+        collisions: How often the robot began to touch something.
+        path_length: Length of the true path of the robot's centre, m.
+        path: That path, in steps of at least ``STEP``.
+    """
+
+    def __init__(self, host: Host) -> None:
+        self.collisions = 0
+        self.path_length = 0.0
+        self.path: list[Position] = []
+        self._simulation = host.simulation
+        self._touching = False
+        self._pose: Pose2 | None = None
+
+    def watch(self) -> None:
+        """Update from the simulation; to be called after every tick."""
+        for vehicle in self._simulation.vehicles:
+            pose, touching = vehicle.robot.pose, vehicle.robot.touched
+            self.collisions += touching and not self._touching
+            self._touching = touching
+            previous = self._pose or pose
+            self.path_length += math.hypot(pose.x - previous.x, pose.y - previous.y)
+            self._pose = pose
+            self._add_to_path(pose)
+
+    @property
+    def positions(self) -> Floats:
+        """The path up to where the robot is, (N, 2) m, map frame."""
+        ends = [] if self._pose is None else [(self._pose.x, self._pose.y)]
+        return np.array([*self.path, *ends]).reshape(-1, 2)
+
+    def _add_to_path(self, pose: Pose2) -> None:
+        x, y = self.path[-1] if self.path else (math.inf, math.inf)
+        if math.hypot(pose.x - x, pose.y - y) >= STEP:
+            self.path.append((pose.x, pose.y))
+
+    def distance(self, goal: tuple[float, float]) -> float:
+        """Return the robot's distance from a point, m; ``inf`` without a robot."""
+        if self._pose is None:
+            return math.inf
+        return math.hypot(self._pose.x - goal[0], self._pose.y - goal[1])
+
+
+INTERRUPTED: Final = "interrupted"
+
+
+class NavigationRun:
+    """One run of a mission, complete or broken off.
+
+    Attributes:
+        mission: The mission.
+        host: The server, if it runs in this process.
+        monitor: Watches the true robot, if the server runs in this process.
+        run_log: One row for each scan so far.
+        result: None until the run ends, and after one that broke off.
+        error: What went wrong; empty if nothing did.
+        connect: Connects to a server that is not in this process, at a host and port.
+    """
+
+    def __init__(self, mission: Mission, host: Host | None) -> None:
+        self.mission = mission
+        self.host = host
+        self.monitor = None if host is None else GroundTruthMonitor(host)
+        self.run_log = RunLog()
+        self.result: Result | None = None
+        self.error = ""
+        self.connect: Callable[[str, int], Client] = Client.connect
+
+    @property
+    def scene(self) -> Scene | None:
+        """The map, if the server runs in this process."""
+        return None if self.host is None else self.host.simulation.scene
+
+    @property
+    def outcome(self) -> str:
+        """``reached``, ``no_path`` or ``failed``."""
+        return "failed" if self.result is None else self.result.outcome
+
+    @property
+    def goals_left(self) -> int:
+        """Number of goals that the robot has not reached."""
+        if self.result is not None:
+            return self.result.goals_left
+        return len(self.mission.goals) - max(len(self.run_log.goal_lines) - 1, 0)
+
+    @property
+    def circuits(self) -> int:
+        """Number of complete circuits around obstacles."""
+        return self.run_log.circuits if self.result is None else self.result.circuits
+
+    def execute(
+        self,
+        address: tuple[str, int],
+        on_scan: Callable[[Row], None] = lambda _: None,
+    ) -> None:
+        """Connect, and drive until the mission ends; set ``result`` and ``error``.
+
+        Args:
+            address: Host and port of the server, unless it runs in this process.
+            on_scan: Called after every scan with its row of the log.
+
+        Raises:
+            ClientError: If the server does not send what is needed.
+            NavigationError: If the robot cannot do what the mission asks for.
+        """
+
+        def observe(step: NavigationStep) -> None:
+            on_scan(self.run_log.add(step))
+
+        try:
+            with self._connect(address) as client:
+                self.result = run_mission(client, self.mission, observe)
+        except (KeyboardInterrupt, SystemExit):
+            self.error = INTERRUPTED
+            raise
+        if self.outcome == "failed":
+            distance = self.run_log.rows[-1].goal_distance
+            limit = f"within {self.mission.time_limit:g} s"
+            self.error = f"goal not reached {limit}, {distance:.2f} m from it"
+
+    def summary(self) -> dict[str, Any]:
+        """Return all values of the run by name, numbers unrounded.
+
+        A run that broke off is described as far as it came.
+        """
+        run_log, result, mission = self.run_log, self.result, self.mission
+        values: dict[str, Any] = {
+            "outcome": self.outcome,
+            "algorithm": mission.algorithm.value,
+            "goals": mission.goals,
+            "goals_left": self.goals_left,
+            "path_length": run_log.path_length,
+            "time": run_log.time,
+            "hit_points": run_log.hit_points,
+            "leave_points": run_log.leave_points,
+            "circuits": self.circuits,
+            "nearest_obstacle": run_log.nearest,
+            "safety_distance": mission.safety_distance
+            if result is None
+            else result.safety_distance,
+            "error": self.error or None,
+        }
+        if self.monitor is not None:
+            values["judge"] = {
+                "path_length": self.monitor.path_length,
+                "collisions": self.monitor.collisions,
+                "goal_distance": self.monitor.distance(mission.goals[-1]),
+            }
+        return values
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the summary for JSON: lengths to 1 mm, times to 1 ms."""
+        rounded: dict[str, Any] = _rounded(self.summary())
+        return rounded
+
+    def _connect(self, address: tuple[str, int]) -> Client:
+        if self.host is None or self.monitor is None:
+            return self.connect(*address)
+        return Client(InProcessTransport(self.host, after_tick=self.monitor.watch))
+
+
+def _rounded(value: Any) -> Any:
+    """Round all numbers in a value; None stands for what is not finite."""
+    if isinstance(value, dict):
+        return {key: _rounded(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(each) for each in value]
+    if isinstance(value, float):
+        return round(value, 3) + 0.0 if math.isfinite(value) else None
+    return value

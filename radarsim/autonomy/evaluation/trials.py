@@ -1,0 +1,239 @@
+"""Trials of navigators: runs in lockstep, scored by the ground truth and the map.
+
+The score uses what the robot cannot measure: its true pose, what it touches, and the
+length of the shortest path.
+"""
+
+import math
+from collections.abc import Generator, Sequence
+from contextlib import closing
+from dataclasses import asdict, dataclass
+from functools import cache
+from itertools import product
+from typing import Any
+
+from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
+from radarsim.autonomy.evaluation.shortest_path import shortest_path
+from radarsim.autonomy.evaluation.task_runner import in_order, run_tasks
+from radarsim.autonomy.navigation.mission import Mission, run_mission
+from radarsim.autonomy.navigation.options import ROBOT, Algorithm, Rule
+from radarsim.client import Client
+from radarsim.errors import ClientError, MapError, NavigationError, TooNearError
+from radarsim.presets.robots import load_robot
+from radarsim.scene.map_file import load_map
+from radarsim.scene.scene import Scene, Trial
+from radarsim.server.host import Host
+from radarsim.server.host.lockstep import InProcessTransport
+from radarsim.simulation.config import SimulationConfig
+
+MAPS = (
+    *("bug_box", "bug_u_trap", "bug_spiral", "bug_closed_box", "bug_maze"),
+    *("foliage_room", "hedge_garden"),
+)
+SENSORS = ("radar", "laser")
+SCANNER = "lms200"
+GOAL_TOLERANCE = 0.5  # m from the goal, in truth, up to which it counts as reached
+TIME_LIMIT = 3600.0  # s of simulated time
+
+
+@dataclass(frozen=True, slots=True)
+class TrialSpec:
+    """One trial: which algorithm and sensor run on which map."""
+
+    map: str
+    algorithm: str
+    sensor: str
+    seed: int
+    rule: str = Rule.SHARE.value
+
+
+@dataclass(frozen=True, slots=True)
+class TrialResult:
+    """The result of a trial.
+
+    Attributes:
+        map: Name of the map.
+        algorithm: Name of the algorithm.
+        sensor: Name of the sensor preset; all of them cover a full circle.
+        seed: Seed of the simulation.
+        rule: Rule of the bumpers.
+        outcome: ``reached`` if the robot reports that and is there, ``no_path`` or
+            ``too_near`` if it reports that, ``failed`` otherwise.
+        collisions: How often the robot began to touch something.
+        path_length: Length of the true path of the robot's centre, m.
+        shortest_path: Length of the shortest path for a robot that keeps half its
+            diagonal from everything solid, m; None if there is no path.
+        time: Simulated time, s.
+        circuits: Number of complete circuits around obstacles.
+        off: True distance to the goal at the end, m.
+        note: Why the trial failed; empty if it did not.
+    """
+
+    map: str
+    algorithm: str
+    sensor: str
+    seed: int
+    rule: str
+    outcome: str
+    collisions: int
+    path_length: float
+    shortest_path: float | None
+    time: float
+    circuits: int
+    off: float
+    note: str
+
+    @property
+    def is_correct(self) -> bool:
+        """Whether the robot found what the map allows, and touched nothing."""
+        correct = "no_path" if self.shortest_path is None else "reached"
+        return self.outcome == correct and not self.collisions
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result for JSON, rounded to mm and ms."""
+        rounded = {"path_length", "shortest_path", "time", "off"}
+        return {
+            key: round(value, 3) if key in rounded and value is not None else value
+            for key, value in asdict(self).items()
+        }
+
+
+def all_trials(
+    maps: Sequence[str],
+    algorithms: Sequence[str],
+    sensors: Sequence[str],
+    seeds: int,
+    rules: Sequence[str] = (Rule.SHARE.value,),
+) -> list[TrialSpec]:
+    """Return all combinations, map by map."""
+    return [
+        TrialSpec(map_, algorithm, sensor, seed, rule)
+        for map_, algorithm, rule, sensor, seed in product(
+            maps, algorithms, rules, sensors, range(seeds)
+        )
+    ]
+
+
+def config_with_sensor(sensor: str) -> SimulationConfig:
+    """Configure the scanner as a sensor that covers a full circle in steps of 1 degree.
+
+    Raises:
+        PresetError: If there is no such sensor.
+    """
+    settings = {"sensor": sensor, "fov_deg": 359, "resolution_deg": 1}
+    config = SimulationConfig(item_settings={SCANNER: settings})
+    config.check()
+    return config
+
+
+def load_trial(map_: str) -> tuple[Scene, Trial]:
+    """Load a map that defines a trial.
+
+    Raises:
+        MapError: If the map is wrong, or defines no trial.
+    """
+    scene = load_map(map_)
+    if scene.trial is None:
+        raise MapError([f"{map_}: no 'trial', expected a start, a goal and a distance"])
+    return scene, scene.trial
+
+
+def run_trial(spec: TrialSpec) -> TrialResult:
+    """Run one trial.
+
+    Raises:
+        MapError: If the map is wrong, or defines no trial.
+        PresetError: If there is no such sensor.
+    """
+    scene, trial, shortest = _prepare(spec.map)
+    host = Host(scene, config=config_with_sensor(spec.sensor), seed=spec.seed)
+    mission = Mission(
+        algorithm=Algorithm(spec.algorithm),
+        goals=(trial.goal,),
+        start=trial.start,
+        safety_distance=trial.safety_distance,
+        rule=Rule(spec.rule),
+        time_limit=TIME_LIMIT,
+    )
+    drive = drive_mission(host, mission)
+    return TrialResult(**asdict(spec), **asdict(drive), shortest_path=shortest)
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """How a mission went, in truth; attributes as in ``TrialResult``."""
+
+    outcome: str
+    collisions: int
+    path_length: float
+    time: float
+    circuits: int
+    off: float
+    note: str
+
+
+def drive_mission(host: Host, mission: Mission) -> Drive:
+    """Run a mission in lockstep with a server of its own, and score its outcome."""
+    monitor = GroundTruthMonitor(host)
+    outcome, note, circuits = "failed", "", 0
+    with Client(InProcessTransport(host, after_tick=monitor.watch)) as client:
+        try:
+            result = run_mission(client, mission)
+            outcome, circuits = result.outcome, result.circuits
+            limit = f"not there after {mission.time_limit:g} s"
+            note = "" if outcome != "failed" else limit
+        except (ClientError, NavigationError) as error:
+            outcome = "too_near" if isinstance(error, TooNearError) else "failed"
+            note = str(error)
+    off = monitor.distance(mission.goals[-1])
+    if outcome == "reached" and off > GOAL_TOLERANCE:
+        outcome, note = "failed", f"says reached, {off:.2f} m from the goal"
+    return Drive(
+        outcome=outcome,
+        collisions=monitor.collisions,
+        path_length=monitor.path_length,
+        time=host.simulation.time,
+        circuits=circuits,
+        off=off,
+        note=note,
+    )
+
+
+@cache
+def _prepare(map_: str) -> tuple[Scene, Trial, float | None]:
+    """Load a map and compute its shortest path, once in a process."""
+    scene, trial = load_trial(map_)
+    start = scene.start(trial.start)
+    assert start is not None  # the map was checked when it was read
+    model = load_robot(ROBOT)
+    clearance = math.hypot(model.length, model.width) / 2
+    path = shortest_path(scene, (start.pose.x, start.pose.y), trial.goal, clearance)
+    return scene, trial, None if path is None else path[0]
+
+
+def run_trials(
+    specs: Sequence[TrialSpec], *, workers: int
+) -> Generator[TrialResult, None, None]:
+    """Run trials on several cores, and yield the results in their order.
+
+    Closing the iterator early terminates the trials that still run.
+
+    Args:
+        specs: The trials.
+        workers: Number of processes; with one, all trials run in this process.
+
+    Raises:
+        MapError: If a map is wrong, or defines no trial.
+        PresetError: If there is no such sensor.
+    """
+    _check(specs)
+    with closing(run_tasks(run_trial, specs, workers=workers)) as running:
+        yield from (result.unwrap() for result in in_order(running))
+
+
+def _check(specs: Sequence[TrialSpec]) -> None:
+    """Find errors before any trial runs."""
+    for map_ in dict.fromkeys(spec.map for spec in specs):
+        load_trial(map_)
+    for sensor in dict.fromkeys(spec.sensor for spec in specs):
+        config_with_sensor(sensor)

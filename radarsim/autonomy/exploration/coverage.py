@@ -1,0 +1,319 @@
+"""Simple coverage strategies: a spiral from the start outward, and random bounces.
+
+Contour strategy: follow the walls of a room once around, then cover its interior.
+
+The contour is that of the floor which the robot can reach on the map; islands within it
+are not followed unless there is nothing else. It is closed when the robot, by its own
+pose, passes where it began to follow. A robot that goes round an island turns in the
+other direction in total: that wall was not the room's, and another one is sought. Where
+there is no such wall, there is no interior to cover.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from radarsim.autonomy.exploration.frontier import coverage_strategy
+from radarsim.autonomy.exploration.path_follower import (
+    MIN_SCANS,
+    ExplorationSettings,
+    PathFollower,
+)
+from radarsim.autonomy.exploration.traversability import TraversabilityMap
+from radarsim.autonomy.mapping.occupancy_grid import SHORT_RANGE, Mask, OccupancyGrid
+from radarsim.autonomy.navigation.boundary_policy import Landmark
+from radarsim.autonomy.navigation.control import (
+    STOP,
+    Twist,
+    bearing_of,
+    distance,
+    moved,
+)
+from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.navigation.wall_following import FollowMode, WallFollower
+from radarsim.geometry import Point, Pose2, wrap_angle
+
+WALL_DISTANCE: Final = 0.3  # m from a wall's tile, where aligning begins
+MIN_LENGTH: Final = 3.0  # m of a contour
+FOLLOWED_RADIUS: Final = 2.0  # m around the path along a wall that count as followed
+TRACK_STEP: Final = 0.5  # m
+LOST_CIRCLES: Final = 1.5  # circles without a wall after which it counts as lost
+
+
+class ContourStrategy:
+    """Follows the contour of a room once, then covers the interior.
+
+    Attributes:
+        activity: ``seeking``, ``aligning``, ``following`` or ``filling``.
+        is_done: Whether contour and interior are done, or no wall is the room's.
+        contours: Number of contours closed, those of islands included.
+    """
+
+    def __init__(self, settings: ExplorationSettings) -> None:
+        self.activity = "seeking"
+        self.is_done = False
+        self.contours = 0
+        self._settings = settings
+        self._wall_follower = WallFollower(settings.bumpers, settings.speed_limits)
+        self._mode = FollowMode(wall_on_left=settings.wall_on_left)
+        self._path_follower = PathFollower(settings)
+        self._coverage = coverage_strategy(settings)
+        self._track: list[Point] = []
+        self._circuit: _Circuit | None = None
+        self._max_lost = (
+            LOST_CIRCLES * 2 * math.pi * self._wall_follower.target_distance
+        )
+        self._scans = 0
+        self._has_no_wall = False
+        self._wall: Point = (0.0, 0.0)
+
+    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
+        """Return the twist until the next scan."""
+        self._scans += 1
+        if self.is_done or self._scans < MIN_SCANS:
+            return STOP
+        if self.activity == "seeking":
+            return self._seek(observation, grid)
+        if self.activity == "aligning":
+            return self._align(observation)
+        if self.activity == "following":
+            return self._follow(observation)
+        twist = self._coverage.step(observation, grid)
+        self.is_done = self._coverage.is_done
+        return twist
+
+    def _seek(self, observation: Observation, grid: OccupancyGrid) -> Twist:
+        """Drive to a wall that was not followed, and stand still there."""
+        path_follower = self._path_follower
+        if path_follower.update_map(observation, grid):
+            assert path_follower.floor is not None
+            targets = self._wall_tiles(path_follower.floor, observation)
+            self._has_no_wall = not path_follower.plan(observation, targets)
+        if self._has_no_wall and not self.contours:
+            return self._drive_ahead(observation)
+        end = path_follower.end
+        if self._has_no_wall:
+            self.is_done = True
+        elif end is not None and distance(observation.pose, *end) < WALL_DISTANCE:
+            return self._arrive(observation)
+        return path_follower.step(observation)
+
+    def _wall_tiles(self, floor: TraversabilityMap, observation: Observation) -> Mask:
+        """Return the tiles along walls that were not followed."""
+        targets = floor.outer_boundary(floor.reachable(observation.pose))
+        for point in self._track:
+            targets &= ~floor.disc(*point, FOLLOWED_RADIUS)
+        return targets
+
+    def _drive_ahead(self, observation: Observation) -> Twist:
+        """Drive straight on until something is ahead."""
+        if self._settings.bumpers.towards(observation, 0.0).blocked:
+            return self._arrive(observation)
+        return Twist(self._settings.speed_limits.speed, 0.0)
+
+    def _arrive(self, observation: Observation) -> Twist:
+        """Choose the nearest point of a wall to align with."""
+        self.activity = "aligning"
+        nearest = int(observation.ranges.argmin())
+        range_ = float(observation.ranges[nearest])
+        angle = float(observation.bearings[nearest]) + observation.pose.yaw
+        self._wall = (
+            observation.pose.x + range_ * math.cos(angle),
+            observation.pose.y + range_ * math.sin(angle),
+        )
+        return STOP
+
+    def _align(self, observation: Observation) -> Twist:
+        bearing = bearing_of(observation.pose, *self._wall)
+        wall_follower = self._wall_follower
+        twist, aligned = wall_follower.align(observation, self._mode, bearing)
+        if aligned:
+            self.activity = "following"
+            direction = wall_follower.tangent(observation, self._mode)
+            self._circuit = _Circuit(
+                observation, direction, wall_follower.target_distance
+            )
+            self._track.append((observation.pose.x, observation.pose.y))
+        return twist
+
+    def _follow(self, observation: Observation) -> Twist:
+        twist, found = self._wall_follower.step(observation, self._mode)
+        assert self._circuit is not None
+        self._circuit.add(observation, found=found)
+        if distance(observation.pose, *self._track[-1]) > TRACK_STEP:
+            self._track.append((observation.pose.x, observation.pose.y))
+        if self._circuit.is_closed:
+            self.contours += 1
+            is_inside = (self._circuit.turn < 0) == self._mode.wall_on_left
+            self.activity = "filling" if is_inside else "seeking"
+        elif self._circuit.lost > self._max_lost:
+            self.activity = "seeking"
+        return twist
+
+
+class _Circuit:
+    """Path of the robot along one wall.
+
+    Attributes:
+        is_closed: Whether it is back where it began.
+        turn: Turn in total, rad, counter-clockwise.
+        lost: Distance driven since the wall was last sensed, m.
+    """
+
+    def __init__(
+        self, observation: Observation, direction: float, max_offset: float
+    ) -> None:
+        self.is_closed = False
+        self.turn = 0.0
+        self.lost = 0.0
+        self._length = 0.0
+        self._last = observation.pose
+        self._start = Landmark(observation.pose, direction, max_offset=max_offset)
+
+    def add(self, observation: Observation, *, found: bool) -> None:
+        pose = observation.pose
+        step = moved(self._last, pose)
+        self._length += step
+        self.lost = 0.0 if found else self.lost + step
+        self.turn += wrap_angle(pose.yaw - self._last.yaw)
+        self._last = pose
+        # asked at every pose: it remembers the last one
+        has_passed = self._start.passed(pose)
+        self.is_closed = has_passed and self._length > MIN_LENGTH
+
+
+SPACING: Final = 1.6 * SHORT_RANGE  # m between two turns, so that nothing is missed
+POINT_SPACING: Final = 1.0  # m along the spiral
+ARRIVAL_DISTANCE: Final = 0.8  # m
+MIN_TURN: Final = math.radians(30.0)
+AIMED: Final = math.radians(8.0)
+MAX_IDLE_LEGS: Final = 12  # stretches without anything new after which it is done
+MIN_GAIN: Final = 1.0  # m² that count as something new
+_TURN_STEP: Final = math.radians(10.0)
+
+
+class SpiralCoverage:
+    """Drives round its start in ever wider turns; unreachable points are left out.
+
+    Attributes:
+        activity: Always ``spiral``.
+        is_done: Whether it is as far out as it should go, or could reach nothing of a
+            whole turn.
+    """
+
+    activity = "spiral"
+
+    def __init__(self, settings: ExplorationSettings) -> None:
+        self.is_done = False
+        self._settings = settings
+        self._path_follower = PathFollower(settings)
+        self._start: Pose2 | None = None
+        self._angle = 0.0
+        self._skipped_angle = 0.0
+        self._scans = 0
+
+    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
+        """Return the twist until the next scan."""
+        self._start = self._start or observation.pose
+        self._scans += 1
+        if self.is_done or self._scans < MIN_SCANS:
+            return STOP
+        has_arrived = distance(observation.pose, *self._point()) < ARRIVAL_DISTANCE
+        if self._path_follower.update_map(observation, grid) or has_arrived:
+            self._choose(observation, has_arrived=has_arrived)
+        return self._path_follower.step(observation)
+
+    def _choose(self, observation: Observation, *, has_arrived: bool) -> None:
+        """Find the next point on the spiral that can be reached."""
+        floor = self._path_follower.floor
+        assert floor is not None
+        reachable = floor.reachable(observation.pose)
+        if has_arrived:
+            self._skipped_angle = 0.0
+            self._advance()
+        while not self.is_done:
+            targets = reachable & floor.disc(*self._point(), POINT_SPACING / 2)
+            if self._path_follower.plan(observation, targets):
+                return
+            self._skipped_angle += self._advance()
+            self.is_done |= self._skipped_angle > 2 * math.pi
+
+    def _point(self) -> Point:
+        assert self._start is not None
+        radius = SPACING * self._angle / (2 * math.pi)
+        angle = self._start.yaw + self._angle
+        return (
+            self._start.x + radius * math.cos(angle),
+            self._start.y + radius * math.sin(angle),
+        )
+
+    def _advance(self) -> float:
+        """Go on to the next point on the spiral; return the angle to it, rad."""
+        radius = SPACING * self._angle / (2 * math.pi)
+        step = POINT_SPACING / max(radius, POINT_SPACING)
+        self._angle += step
+        self.is_done = radius > self._settings.radius
+        return step
+
+
+class RandomBounce:
+    """Drives straight on, and turns at random at walls, as simple vacuum robots do.
+
+    Attributes:
+        activity: ``straight`` or ``turning``.
+        is_done: Whether all reachable floor was seen at short range, or the last
+            stretches showed nothing new.
+    """
+
+    def __init__(self, settings: ExplorationSettings, rng: np.random.Generator) -> None:
+        self.activity = "straight"
+        self.is_done = False
+        self._settings = settings
+        self._rng = rng
+        self._heading: float | None = None
+        self._unvisited_area = math.inf
+        self._idle_legs = 0
+
+    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
+        """Return the twist until the next scan."""
+        settings, yaw = self._settings, observation.pose.yaw
+        if self._heading is None:
+            self._heading = yaw
+        if self.activity == "turning" and abs(wrap_angle(self._heading - yaw)) < AIMED:
+            self.activity = "straight"
+        ahead = settings.bumpers.towards(observation, wrap_angle(self._heading - yaw))
+        if self.activity == "straight" and ahead.blocked:
+            self._end_leg(observation.pose, grid)
+            self._heading = yaw + self._draw_turn(observation)
+            self.activity = "turning"
+        if self.is_done:
+            return STOP
+        twist = settings.speed_limits.towards(wrap_angle(self._heading - yaw))
+        if self.activity == "turning":
+            return Twist(0.0, twist.turn)
+        return settings.limit_by_bumpers(observation, twist)
+
+    def _draw_turn(self, observation: Observation) -> float:
+        """Draw a random turn to a free direction, rad; half a turn if there is none.
+
+        The bumper has stopped the robot at a distance from the wall, so it can turn
+        there.
+        """
+        turns = np.arange(MIN_TURN, 2 * math.pi - MIN_TURN, _TURN_STEP)
+        bumpers = self._settings.bumpers
+        free = [
+            turn for turn in turns if not bumpers.towards(observation, turn).blocked
+        ]
+        return float(self._rng.choice(free)) if free else math.pi
+
+    def _end_leg(self, pose: Pose2, grid: OccupancyGrid) -> None:
+        """Update ``is_done`` at the end of a straight stretch."""
+        floor = self._settings.traversability(grid)
+        remaining = floor.area(floor.unvisited & floor.reachable(pose))
+        if self._unvisited_area - remaining > MIN_GAIN:
+            self._idle_legs = 0
+            self._unvisited_area = remaining
+        else:
+            self._idle_legs += 1
+        self.is_done = remaining == 0 or self._idle_legs >= MAX_IDLE_LEGS

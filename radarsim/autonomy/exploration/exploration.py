@@ -1,0 +1,296 @@
+"""Exploration: spawn a robot, request its sensors, and let it map its surroundings."""
+
+import math
+from collections.abc import Callable, Generator, Iterator
+from contextlib import closing
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+
+from radarsim.autonomy.exploration.compilation import warm_up
+from radarsim.autonomy.exploration.options import StrategyName
+from radarsim.autonomy.exploration.path_follower import (
+    WAITING,
+    ExplorationSettings,
+    Strategy,
+    WaypointFollower,
+)
+from radarsim.autonomy.exploration.strategies import create_strategy, find_unexplored
+from radarsim.autonomy.mapping.mapper import Mapper, MapperSettings
+from radarsim.autonomy.mapping.occupancy_grid import RESOLUTION
+from radarsim.autonomy.mapping.rebuildable_grid import ScanGrid
+from radarsim.autonomy.mapping.slam import MotionSource, SlamSettings
+from radarsim.autonomy.navigation.bumpers import Bumpers
+from radarsim.autonomy.navigation.control import (
+    ControlLoop,
+    SpeedLimits,
+    StandstillDetector,
+    StuckDetector,
+    Twist,
+    check_beams,
+)
+from radarsim.autonomy.navigation.mission import (
+    check_field_of_view,
+    choose_start,
+    safety_distance_for,
+)
+from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.navigation.options import ROBOT
+from radarsim.autonomy.navigation.runner import TripMeter
+from radarsim.client import Client, DriveUnit, RobotInfo
+from radarsim.errors import ClientError, MappingError, NavigationError
+from radarsim.geometry import Point, Pose2
+
+RADIUS = 12.0  # m
+TIME_LIMIT = 3600.0  # s
+NOISE = 0.05  # m; estimated poses differ by less while the robot stands
+
+
+class Outcome(StrEnum):
+    """How an exploration ended."""
+
+    EXPLORED = "explored"  # nothing is left that the robot can reach
+    INCOMPLETE = "incomplete"  # the strategy was done before
+    TIME_LIMIT = "time_limit"
+    STUCK = "stuck"
+    FAILED = "failed"  # the server did not send what is needed
+    BROKEN_OFF = "broken_off"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExplorationPlan:
+    """The plan of an exploration.
+
+    Attributes:
+        strategy: Exploration strategy.
+        waypoints: Points to drive to in turn instead, m, map frame; empty for the
+            strategy.
+        motion_source: Where the robot's motion between scans is read from.
+        echoes: Whether to ask the server for echoes.
+        resolution: Side of a cell of the map, m.
+        map_range: Range of the scanner that is mapped, m.
+        robot_class: Robot to spawn; to explore, its scanner has to see all around.
+        start: Name of a start pose; the server's first one if there is no pose either.
+        pose: Start pose, if it is none of the server's.
+        scanner: Name of the scanner to map with; the first one by default.
+        safety_distance: m from the robot's center; None for the one that follows from
+            ``penetration_depth``.
+        penetration_depth: How far the sensor sees into foliage unnoticed, m.
+        wall_on_left: Whether walls are followed on the left.
+        speed_limits: Greatest speeds.
+        radius: Greatest distance from the start where no walls enclose the area, m.
+        time_limit: Limit of the server's time, s.
+        timeout: Longest time without a scan, s.
+        drive_unit: Unit of the server's wheel speeds.
+    """
+
+    strategy: StrategyName = StrategyName.AUTO
+    waypoints: tuple[Point, ...] = ()
+    motion_source: MotionSource = "ins"
+    echoes: bool = True
+    resolution: float = RESOLUTION
+    map_range: float = math.inf
+    robot_class: str = ROBOT
+    start: str | None = None
+    pose: Pose2 | None = None
+    scanner: str | None = None
+    safety_distance: float | None = None
+    penetration_depth: float = 0.0
+    wall_on_left: bool = True
+    speed_limits: SpeedLimits = field(default_factory=lambda: SpeedLimits(speed=0.4))
+    radius: float = RADIUS
+    time_limit: float = TIME_LIMIT
+    timeout: float = 2.0
+    drive_unit: DriveUnit = "rad_per_s"
+
+
+@dataclass(frozen=True, slots=True)
+class ExplorationStep:
+    """One scan, and what the strategy decided.
+
+    Attributes:
+        observation: Pose of the robot and ranges around it.
+        activity: What the strategy is doing, in one word.
+        twist: Motion until the next scan.
+    """
+
+    observation: Observation
+    activity: str
+    twist: Twist
+
+
+class Exploration:
+    """One run and its results, which remain available if it fails.
+
+    Attributes:
+        plan: The plan of the exploration.
+        mapper: Holds the map and the trajectory; None before the robot is known.
+        outcome: How the run ended; ``broken_off`` while it lasts.
+        safety_distance: Distance kept from obstacles, m; nan before the robot is known.
+        trip: Time and path length so far.
+        unreached: Waypoints that the robot could not reach, m; after exploring, a place
+            in each piece of floor that is left, where it would fit.
+        settings: How the robot drives; None before it is known.
+    """
+
+    def __init__(
+        self,
+        plan: ExplorationPlan,
+        rng: np.random.Generator,
+        *,
+        join: Callable[[float], ScanGrid] | None = None,
+        strategy: Callable[[ExplorationSettings], Strategy] | None = None,
+    ) -> None:
+        """Create a run that has not begun.
+
+        Args:
+            plan: The plan of the exploration.
+            rng: Generator for strategies that use chance.
+            join: Returns what scans are added to, by the radius of the disc that the
+                robot covers, m; None for a new map.
+            strategy: Creates the strategy; None for that of the plan.
+        """
+        self.plan = plan
+        self.mapper: Mapper | None = None
+        self.outcome = Outcome.BROKEN_OFF
+        self.safety_distance = math.nan
+        self.trip = TripMeter(noise=NOISE)
+        self._rng = rng
+        self._join = join
+        self._new_strategy = strategy
+        self.unreached: tuple[Point, ...] = ()
+        self.settings: ExplorationSettings | None = None
+
+    def run(
+        self,
+        client: Client,
+        observe: Callable[[ExplorationStep], None] = lambda _: None,
+    ) -> None:
+        """Spawn a robot and let it explore; it stands still at the end.
+
+        Args:
+            client: Connection without a robot.
+            observe: Called at every scan, after the robot was commanded.
+
+        Raises:
+            ClientError: If the server does not send what is needed.
+            MappingError: If no map can be made of what it sends.
+            NavigationError: If the robot cannot do what is asked of it.
+        """
+        with closing(self.steps(client)) as steps:
+            for step in steps:
+                observe(step)
+
+    def steps(self, client: Client) -> Generator[ExplorationStep]:
+        """Explore as ``run`` does, scan by scan.
+
+        Yields:
+            Each scan, after the robot was commanded. Where the caller closes the
+            generator before its end, the robot stands and the map is whole, too.
+        """
+        warm_up()
+        try:
+            loop, strategy = self._prepare(client)
+            yield from self._explore(loop, strategy)
+        except (ClientError, MappingError):
+            self.outcome = Outcome.FAILED
+            raise
+        except NavigationError:
+            has_started = self.trip.start is not None
+            self.outcome = Outcome.STUCK if has_started else Outcome.FAILED
+            raise
+        finally:
+            try:
+                client.stop()
+            finally:  # an interrupt may come before it is sent
+                if self.mapper is not None:
+                    self.mapper.finish()
+
+    def _prepare(self, client: Client) -> tuple[ControlLoop, Strategy]:
+        plan = self.plan
+        start = None if plan.pose is not None else choose_start(client, plan.start)
+        client.spawn(plan.robot_class, start=start, pose=plan.pose)
+        robot = client.robot_info(drive_unit=plan.drive_unit)
+        scanner = robot.scanner(plan.scanner)
+        settings = self._settings_for(robot)
+        if not plan.waypoints:
+            check_field_of_view(settings.bumpers, scanner)
+        if plan.echoes:
+            client.echoes(scanner.name)
+        mapper_settings = MapperSettings(
+            slam=SlamSettings(motion_source=plan.motion_source),
+            resolution=plan.resolution,
+            map_range=plan.map_range,
+            echo_wait=1.0 if plan.echoes else 0.0,
+            robot_radius=min(robot.length, robot.width) / 2,
+        )
+        radius = mapper_settings.robot_radius
+        self.mapper = Mapper(
+            scanner,
+            mapper_settings,
+            clock=client.transport.time,
+            grid=None if self._join is None else self._join(radius),
+        )
+        strategy = self._create_strategy(settings)
+        return ControlLoop(client, robot, self.mapper, timeout=plan.timeout), strategy
+
+    def _create_strategy(self, settings: ExplorationSettings) -> Strategy:
+        plan = self.plan
+        if self._new_strategy is not None:
+            return self._new_strategy(settings)
+        if plan.waypoints:
+            return WaypointFollower(settings, plan.waypoints)
+        return create_strategy(plan.strategy, settings, self._rng)
+
+    def _settings_for(self, robot: RobotInfo) -> ExplorationSettings:
+        plan = self.plan
+        safety = safety_distance_for(
+            robot, plan.safety_distance, plan.penetration_depth
+        )
+        self.safety_distance = safety
+        self.settings = ExplorationSettings(
+            bumpers=Bumpers(safety_distance=safety),
+            speed_limits=SpeedLimits(
+                min(plan.speed_limits.speed, robot.top_speed), plan.speed_limits.turn
+            ),
+            wall_on_left=plan.wall_on_left,
+            radius=plan.radius,
+        )
+        return self.settings
+
+    def _explore(
+        self, loop: ControlLoop, strategy: Strategy
+    ) -> Iterator[ExplorationStep]:
+        assert self.mapper is not None
+        stuck, standstill = StuckDetector(), StandstillDetector()
+        for observation in loop.scans():
+            check_beams(len(observation.bearings), self.mapper.scanner)
+            self.trip.add(observation)
+            twist = strategy.step(observation, self.mapper.grid)
+            if isinstance(strategy, WaypointFollower):
+                self.unreached = tuple(strategy.unreached)
+            is_over = strategy.is_done or self.trip.time > self.plan.time_limit
+            if not is_over:
+                loop.drive(twist)  # at once: who observes may take long
+            yield ExplorationStep(observation, strategy.activity, twist)
+            if is_over:
+                self._conclude(observation, strategy)
+                return
+            stuck.check(observation, twist)
+            if strategy.activity == WAITING:
+                standstill = StandstillDetector()
+            standstill.check(observation)
+
+    def _conclude(self, observation: Observation, strategy: Strategy) -> None:
+        """Tell how the run ended, and what is left."""
+        assert self.mapper is not None
+        assert self.settings is not None
+        self.outcome = Outcome.EXPLORED if strategy.is_done else Outcome.TIME_LIMIT
+        if isinstance(strategy, WaypointFollower) or not strategy.is_done:
+            return
+        start = self.trip.start or observation.pose
+        left = find_unexplored([observation], self.mapper.grid, self.settings, start)
+        self.unreached = tuple(left.frontiers + left.cut_off)
+        if left.frontiers:
+            self.outcome = Outcome.INCOMPLETE

@@ -1,0 +1,252 @@
+"""Path follower: drives a robot over open floor; shared by all exploration strategies.
+
+At every scan a strategy receives the observation and the map, and returns the twist
+until the next scan. Paths are planned on the map and lead over sensed and open floor.
+The bumpers overrule them: no robot drives towards what is too near.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final, Protocol
+
+import numpy as np
+
+from radarsim.autonomy.exploration.traversability import TraversabilityMap
+from radarsim.autonomy.mapping.occupancy_grid import Mask, OccupancyGrid
+from radarsim.autonomy.navigation.bumpers import Bumpers
+from radarsim.autonomy.navigation.control import (
+    STOP,
+    SpeedLimits,
+    Twist,
+    bearing_of,
+    distance,
+    moved,
+)
+from radarsim.autonomy.navigation.observation import Observation
+from radarsim.geometry import Point, Pose2
+
+MIN_SCANS: Final = 10  # on the map before it is evaluated
+MAP_INTERVAL: Final = 1.0  # s between two evaluations of the map
+LOOKAHEAD: Final = 1.2  # m of a path that is cut short where the straight line is open
+PATIENCE: Final = 10.0  # s without progress after which a target is given up
+GIVEN_UP_RADIUS: Final = 0.7  # m around such a target
+WAYPOINT_RADIUS: Final = 0.25  # m from a waypoint at which it is reached
+WAITING: Final = "waiting"  # activity of a robot that stands until others are done
+_PROGRESS: Final = 0.2  # m
+_BEARING_STEP: Final = math.radians(10.0)
+
+
+class Strategy(Protocol):
+    """Exploration strategy."""
+
+    @property
+    def activity(self) -> str:
+        """What the strategy is doing, in one word."""
+
+    @property
+    def is_done(self) -> bool:
+        """Whether nothing is left that the strategy can explore."""
+
+    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
+        """Return the twist until the next scan."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExplorationSettings:
+    """How a robot explores.
+
+    Attributes:
+        bumpers: The long-range bumpers, with the safety distance.
+        speed_limits: Greatest speeds.
+        wall_on_left: Whether it keeps walls on its left.
+        radius: Greatest distance from the start where no walls enclose the area, m.
+    """
+
+    bumpers: Bumpers
+    speed_limits: SpeedLimits = field(default_factory=SpeedLimits)
+    wall_on_left: bool = True
+    radius: float = 12.0
+
+    def traversability(
+        self, grid: OccupancyGrid, robots: Sequence[Point] = ()
+    ) -> TraversabilityMap:
+        """Evaluate a map, on which other robots are not; their centers are in m."""
+        return TraversabilityMap(grid, self.bumpers.safety_distance, robots)
+
+    def limit_by_bumpers(self, observation: Observation, twist: Twist) -> Twist:
+        """Return a twist, or a turn instead if something ahead is too near."""
+        ahead = math.pi if twist.speed < 0 else 0.0
+        if not twist.speed or not self.bumpers.towards(observation, ahead).too_near:
+            return twist
+        return Twist(0.0, twist.turn or self.speed_limits.turn)
+
+    def clear_bearing(self, observation: Observation, bearing: float) -> float:
+        """Return the bearing nearest to a given one where nothing is too near, rad."""
+        for k in range(int(math.pi / _BEARING_STEP) + 1):
+            for each in (bearing + k * _BEARING_STEP, bearing - k * _BEARING_STEP):
+                if not self.bumpers.towards(observation, each).too_near:
+                    return each
+        return bearing
+
+
+class PathFollower:
+    """Drives to the nearest of some tiles, over floor that is sensed and open.
+
+    Attributes:
+        floor: The map as last evaluated; None before the first time.
+    """
+
+    def __init__(self, settings: ExplorationSettings) -> None:
+        self.floor: TraversabilityMap | None = None
+        self._settings = settings
+        self._updated = -math.inf
+        self._path: Sequence[Point] = ()
+        self._given_up: list[Point] = []
+        self._last_progress: tuple[float, Pose2] | None = None
+
+    @property
+    def end(self) -> Point | None:
+        """End of the path, m."""
+        return self._path[-1] if self._path else None
+
+    def update_map(
+        self,
+        observation: Observation,
+        grid: OccupancyGrid,
+        robots: Sequence[Point] = (),
+    ) -> bool:
+        """Evaluate the map if it is time to; return whether it was.
+
+        Args:
+            observation: The latest one.
+            grid: The map.
+            robots: Centers of other robots, m.
+        """
+        if self.floor is not None and observation.time < self._updated + MAP_INTERVAL:
+            return False
+        self.floor = self._settings.traversability(grid, robots)
+        self._updated = observation.time
+        return True
+
+    def plan(self, observation: Observation, targets: Mask) -> bool:
+        """Plan the path to the nearest of some tiles; return whether there is one."""
+        assert self.floor is not None
+        had_path = bool(self._path)
+        self._path = self.find_path(self.floor, observation.pose, targets)
+        if self._last_progress is None or not had_path:
+            self._last_progress = observation.time, observation.pose
+        return bool(self._path)
+
+    def find_path(
+        self, floor: TraversabilityMap, pose: Pose2, targets: Mask
+    ) -> Sequence[Point]:
+        """Return the path to the nearest of some tiles that are not given up."""
+        for point in self._given_up:
+            targets = targets & ~floor.disc(*point, GIVEN_UP_RADIUS)
+        return floor.find_path(pose, targets)
+
+    def step(self, observation: Observation) -> Twist:
+        """Return the twist along the path."""
+        if not self._path:
+            return STOP
+        self._check_progress(observation)
+        settings = self._settings
+        bearing = bearing_of(observation.pose, *self._next_point(observation.pose))
+        bearing = settings.clear_bearing(observation, bearing)
+        twist = settings.speed_limits.towards(bearing)
+        return settings.limit_by_bumpers(observation, twist)
+
+    def pause(self, observation: Observation) -> None:
+        """Note that the robot stands for a while, which is no lack of progress."""
+        self._last_progress = observation.time, observation.pose
+
+    def _next_point(self, pose: Pose2) -> Point:
+        """Return the point to head for: as far along the path as the line is open."""
+        assert self.floor is not None
+        path = self._path
+        nearest = min(range(len(path)), key=lambda i: distance(pose, *path[i]))
+        # Never nearer, as a robot that heads for where it is turns on the spot forever.
+        ahead = min(nearest + 2, len(path) - 1)
+        chosen = path[ahead]
+        for point in path[ahead:]:
+            if distance(pose, *point) > LOOKAHEAD:
+                break
+            if self.floor.is_line_cheap(pose, *point):
+                chosen = point
+        return chosen
+
+    def _check_progress(self, observation: Observation) -> None:
+        """Give up a target to which the robot gets no nearer."""
+        assert self._last_progress is not None
+        time, pose = self._last_progress
+        if moved(pose, observation.pose) > _PROGRESS:
+            self._last_progress = observation.time, observation.pose
+        elif observation.time > time + PATIENCE:
+            self._given_up.append(self._path[-1])
+            self._last_progress = observation.time, observation.pose
+            self._updated = -math.inf  # plan again at once
+
+
+class WaypointFollower:
+    """Strategy that drives to waypoints in turn, as near as sensed, open floor leads.
+
+    Attributes:
+        activity: Always ``underway``.
+        is_done: Whether it has been to all waypoints, or as near as possible.
+        unreached: Waypoints that it could not reach, m.
+    """
+
+    activity = "underway"
+
+    def __init__(
+        self, settings: ExplorationSettings, waypoints: Sequence[Point]
+    ) -> None:
+        """Create a strategy.
+
+        Args:
+            settings: How the robot drives.
+            waypoints: m, map frame.
+        """
+        self.is_done = False
+        self.unreached: list[Point] = []
+        self._path_follower = PathFollower(settings)
+        self._waypoints = list(waypoints)
+        self._scans = 0
+
+    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
+        """Return the twist until the next scan."""
+        self._scans += 1
+        if self.is_done or self._scans < MIN_SCANS:
+            return STOP
+        has_arrived = self._distance(observation) < WAYPOINT_RADIUS
+        if self._path_follower.update_map(observation, grid) or has_arrived:
+            self.is_done = not self._choose(observation)
+        return STOP if self.is_done else self._path_follower.step(observation)
+
+    def _distance(self, observation: Observation) -> float:
+        return distance(observation.pose, *self._waypoints[0])
+
+    def _choose(self, observation: Observation) -> bool:
+        """Find the next waypoint to approach; return whether there is one."""
+        while self._waypoints:
+            if self._distance(observation) >= WAYPOINT_RADIUS:
+                if self._plan(observation):
+                    return True
+                self.unreached.append(self._waypoints[0])
+            self._waypoints.pop(0)
+        return False
+
+    def _plan(self, observation: Observation) -> bool:
+        """Plan a path towards the waypoint; return whether it leads nearer."""
+        floor = self._path_follower.floor
+        assert floor is not None
+        reachable = floor.reachable(observation.pose)
+        tiles = floor.nearest(reachable, *self._waypoints[0])
+        x, y = floor.tile_centers()
+        for row, column in np.argwhere(tiles):
+            remaining = math.dist((x[column], y[row]), self._waypoints[0])
+            gain = self._distance(observation) - remaining
+            if remaining < WAYPOINT_RADIUS or gain > WAYPOINT_RADIUS:
+                return self._path_follower.plan(observation, tiles)
+        return False

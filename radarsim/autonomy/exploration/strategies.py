@@ -1,0 +1,186 @@
+"""Exploration strategies by name, and ``AutoStrategy``, which chooses among them.
+
+``auto`` chooses by what is sensed. Where less than half of all directions end at
+something, the area is open: it drives a spiral from the start, and then to frontiers no
+farther from its start than the spiral has led. Otherwise it drives to frontiers. With
+walls all around and no frontier that it can reach, it follows the walls and covers the
+interior.
+
+What is left of an area when a strategy has nothing more to do.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from radarsim.autonomy.exploration.coverage import (
+    ContourStrategy,
+    RandomBounce,
+    SpiralCoverage,
+)
+from radarsim.autonomy.exploration.frontier import frontier_strategy
+from radarsim.autonomy.exploration.options import StrategyName
+from radarsim.autonomy.exploration.path_follower import (
+    MAP_INTERVAL,
+    MIN_SCANS,
+    ExplorationSettings,
+    Strategy,
+)
+from radarsim.autonomy.exploration.traversability import TraversabilityMap
+from radarsim.autonomy.mapping.occupancy_grid import Mask, OccupancyGrid
+from radarsim.autonomy.navigation.control import STOP, Twist
+from radarsim.autonomy.navigation.observation import Observation
+from radarsim.geometry import Point, Pose2
+
+MAX_FRONTIERS: Final = 4  # times that frontiers are chosen
+ENCLOSED_SHARE: Final = 0.5  # of the directions that end at something
+
+_STRATEGIES: Final[dict[StrategyName, Callable[[ExplorationSettings], Strategy]]] = {
+    StrategyName.CONTOUR: ContourStrategy,
+    StrategyName.CENTRE_OUT: SpiralCoverage,
+    StrategyName.FRONTIERS: frontier_strategy,
+}
+
+
+def create_strategy(
+    name: StrategyName, settings: ExplorationSettings, rng: np.random.Generator
+) -> Strategy:
+    """Create a strategy.
+
+    Args:
+        name: Name of the strategy.
+        settings: How the robot drives.
+        rng: Generator for strategies that use chance.
+    """
+    if name == StrategyName.TURN_AWAY:
+        return RandomBounce(settings, rng)
+    if name == StrategyName.AUTO:
+        return AutoStrategy(settings)
+    return _STRATEGIES[name](settings)
+
+
+class AutoStrategy:
+    """Chooses a strategy, and another when that one is done or no longer suitable.
+
+    Attributes:
+        is_done: Whether there is nothing more to choose.
+        chosen: Strategies chosen so far.
+    """
+
+    def __init__(self, settings: ExplorationSettings) -> None:
+        self.is_done = False
+        self.chosen: list[StrategyName] = []
+        self._settings = settings
+        self._current: Strategy | None = None
+        self._start: Pose2 | None = None
+        self._checked = math.nan
+        self._scans = 0
+
+    @property
+    def activity(self) -> str:
+        """Activity of the chosen strategy."""
+        return "looking" if self._current is None else self._current.activity
+
+    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
+        """Return the twist until the next scan."""
+        self._scans += 1
+        self._start = self._start or observation.pose
+        if self.is_done or self._scans < MIN_SCANS:
+            return STOP
+        current = self._current
+        if current is None or current.is_done or self._is_misfit(observation):
+            self._choose(observation, grid)
+        return STOP if self._current is None else self._current.step(observation, grid)
+
+    def _is_misfit(self, observation: Observation) -> bool:
+        """Return whether an open area has turned out enclosed, or the reverse."""
+        if observation.time < self._checked + MAP_INTERVAL:
+            return False
+        self._checked = observation.time
+        last = self.chosen[-1]
+        if last == StrategyName.CENTRE_OUT:
+            return is_enclosed(observation)
+        is_untried = StrategyName.CENTRE_OUT not in self.chosen
+        is_open = not is_enclosed(observation)
+        return is_untried and last == StrategyName.FRONTIERS and is_open
+
+    def _choose(self, observation: Observation, grid: OccupancyGrid) -> None:
+        name = self._best(observation, grid)
+        self.is_done, self._current = name is None, None
+        if name is None:
+            return
+        self.chosen.append(name)
+        self._checked = observation.time
+        if name == StrategyName.FRONTIERS:
+            self._current = frontier_strategy(self._settings, self._frontiers)
+        else:
+            self._current = _STRATEGIES[name](self._settings)
+
+    def _best(
+        self, observation: Observation, grid: OccupancyGrid
+    ) -> StrategyName | None:
+        """Return the first suitable strategy not chosen too often; None without one."""
+        floor = self._settings.traversability(grid)
+        enclosed = is_enclosed(observation)
+        frontiers = self._frontiers(floor) & floor.reachable(observation.pose)
+        for name, fits, max_times in (
+            (StrategyName.CENTRE_OUT, not enclosed, 1),
+            (StrategyName.FRONTIERS, bool(frontiers.any()), MAX_FRONTIERS),
+            (StrategyName.CONTOUR, enclosed, 1),
+        ):
+            if fits and self.chosen.count(name) < max_times:
+                return name
+        return None
+
+    def _frontiers(self, floor: TraversabilityMap) -> Mask:
+        if StrategyName.CENTRE_OUT not in self.chosen or self._start is None:
+            return floor.frontiers
+        start, radius = self._start, self._settings.radius
+        return floor.frontiers & floor.disc(start.x, start.y, radius)
+
+
+def is_enclosed(observation: Observation) -> bool:
+    """Return whether most directions end at something."""
+    return bool(np.isfinite(observation.ranges).mean() > ENCLOSED_SHARE)
+
+
+LEAST_AREA = 0.25  # m² of floor that is worth telling
+
+
+class Unexplored(NamedTuple):
+    """What is left, a place for each piece, m, map frame.
+
+    Attributes:
+        frontiers: Where floor that the robot can reach borders on the unknown.
+        cut_off: Floor where the robot would fit, but to which no passage leads.
+    """
+
+    frontiers: list[Point]
+    cut_off: list[Point]
+
+
+def find_unexplored(
+    observations: Sequence[Observation],
+    grid: OccupancyGrid,
+    settings: ExplorationSettings,
+    start: Pose2,
+) -> Unexplored:
+    """Find what is left; where no walls enclose the area, within its radius.
+
+    Args:
+        observations: The latest one of each robot.
+        grid: The map.
+        settings: How the robot explores.
+        start: Where it began.
+    """
+    floor = settings.traversability(grid)
+    reachable = np.any([floor.reachable(each.pose) for each in observations], axis=0)
+    within = np.ones_like(reachable)
+    if not is_enclosed(observations[0]):
+        within = floor.disc(start.x, start.y, settings.radius)
+    return Unexplored(
+        floor.places_of(floor.frontiers & reachable & within, 0.0),
+        floor.places_of(floor.open & ~reachable & within, LEAST_AREA),
+    )

@@ -1,0 +1,251 @@
+"""Traversability map: where a robot may go by the map so far, and what is left to see.
+
+Theory of operation
+===================
+Cells of the map are joined to tiles of about 0.1 m. At a distance beams are so far
+apart that cells between them stay unknown, so a tile counts as unknown only where a
+small disc fits in which nothing was sensed, and all other tiles as sensed. Open tiles
+are sensed, and a robot may be there by the rule of passage. Frontiers are open tiles
+next to unknown ones. Unvisited tiles are open ones that no beam has passed at short
+range.
+"""
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from scipy import ndimage
+
+from radarsim.autonomy.mapping.occupancy_grid import Mask, OccupancyGrid, distance_field
+from radarsim.autonomy.navigation.path_planning import (
+    CHEAP,
+    COSTLY,
+    Cell,
+    flood_fill,
+    shortest_path,
+    step_cost,
+)
+from radarsim.geometry import Floats, Point, Pose2
+
+TILE_SIZE: Final = 0.1  # m, about
+HOLE_RADIUS: Final = 0.25  # m, of the smallest hole that counts as unknown
+ESCAPE_RADIUS: Final = 1.0  # m around a robot that is too near to something
+ESCAPE_COST: Final = 10.0
+ROBOT_RADIUS: Final = 0.4  # m; half the diagonal of a P3AT
+_PADDING: Final = 4  # unknown tiles around the map
+
+
+class TraversabilityMap:
+    """Tiles of the map at one moment; masks of tiles are (R, C).
+
+    Attributes:
+        safety: Distance to keep from the robot's center, m.
+        size: Side of a tile, m.
+    """
+
+    def __init__(
+        self, grid: OccupancyGrid, safety: float, robots: Sequence[Point] = ()
+    ) -> None:
+        """Evaluate a map.
+
+        Args:
+            grid: The map.
+            safety: Distance from the robot's center to what it cannot enter, m.
+            robots: Centers of other robots, which are not on the map, m.
+        """
+        self.safety = safety
+        frame = grid.frame
+        self._factor = max(1, round(TILE_SIZE / frame.resolution))
+        self.size = self._factor * frame.resolution
+        x, y = frame.origin
+        self._corner = x - _PADDING * self.size, y - _PADDING * self.size
+        self._sensed = self._tiles(grid.sensed_cells())
+        self._near = self._tiles(grid.short_range_cells())
+        self._clearance = self._tile_clearance(grid.blocked_cells(), frame.resolution)
+        x_centers, y_centers = self.tile_centers()
+        for robot_x, robot_y in robots:
+            away = np.hypot(x_centers - robot_x, y_centers[:, None] - robot_y)
+            self._clearance = np.minimum(self._clearance, away - ROBOT_RADIUS)
+        self._step_cost = step_cost(self._clearance, safety)
+
+    @cached_property
+    def unknown(self) -> Mask:
+        """Tiles in a disc in which nothing was sensed."""
+        return self._opening(~self._sensed, HOLE_RADIUS)
+
+    @cached_property
+    def open(self) -> Mask:
+        """Tiles where the robot may be."""
+        return np.asarray(np.isfinite(self._step_cost) & ~self.unknown)
+
+    @cached_property
+    def frontiers(self) -> Mask:
+        """Open tiles next to unknown ones."""
+        return self.open & self._dilated(self.unknown)
+
+    @cached_property
+    def unvisited(self) -> Mask:
+        """Open tiles that were not seen at short range."""
+        return self._opening(self.open & ~self._near, self.size)
+
+    def tile_centers(self) -> tuple[Floats, Floats]:
+        """Return the centers of columns, (C,) x, and of rows, (R,) y, m."""
+        rows, columns = self._clearance.shape
+        left, bottom = self._corner
+        x: Floats = left + (np.arange(columns, dtype=np.float64) + 0.5) * self.size
+        y: Floats = bottom + (np.arange(rows, dtype=np.float64) + 0.5) * self.size
+        return x, y
+
+    def disc(self, x: float, y: float, radius: float) -> Mask:
+        """Return the tiles within a radius of a point, m."""
+        columns, rows = self.tile_centers()
+        return np.asarray(np.hypot(columns - x, rows[:, None] - y) <= radius)
+
+    def nearest(self, tiles: Mask, x: float, y: float) -> Mask:
+        """Return only the tile that is nearest to a point, m, of some tiles."""
+        columns, rows = self.tile_centers()
+        distance = np.hypot(columns - x, rows[:, None] - y)
+        chosen = np.zeros_like(tiles)
+        chosen.flat[np.argmin(np.where(tiles, distance, math.inf))] = True
+        return chosen & tiles
+
+    def area(self, tiles: Mask) -> float:
+        """Return the area of some tiles, m²."""
+        return float(np.count_nonzero(tiles)) * self.size**2
+
+    def is_open(self, x: float, y: float) -> bool:
+        """Return whether the robot may be at a point, m."""
+        tile = self._tile(x, y)
+        return self._is_inside(tile) and bool(self.open[tile])
+
+    def is_line_cheap(self, pose: Pose2, x: float, y: float) -> bool:
+        """Return whether the robot may go straight to a point, m, for little cost."""
+        if not self.is_open(x, y):
+            return False
+        steps = max(2, math.ceil(math.hypot(x - pose.x, y - pose.y) / self.size * 2))
+        points = np.linspace((pose.x, pose.y), (x, y), steps + 1)
+        tiles = np.array([self._tile(*point) for point in points.tolist()])
+        inside = np.all((tiles >= 0) & (tiles < self.open.shape), axis=1)
+        rows, columns = tiles.T
+        if not inside.all() or self.unknown[rows, columns].any():
+            return False
+        costs = self._step_cost[rows, columns]
+        return bool(costs[1:].max() <= max(CHEAP, costs[-1]))
+
+    def find_path(self, pose: Pose2, targets: Mask) -> Sequence[Point]:
+        """Return the path to the nearest of some tiles, m; empty if there is none.
+
+        A robot nearer to something than it should be may leave, as long as it gets no
+        nearer.
+        """
+        start = self._tile(pose.x, pose.y)
+        if not self._is_inside(start):
+            return ()
+        path = shortest_path(self._cost(pose, start), start, targets)
+        x, y = self.tile_centers()
+        return [(float(x[column]), float(y[row])) for row, column in path]
+
+    def reachable(self, pose: Pose2) -> Mask:
+        """Return the open tiles that the robot can reach."""
+        start = self._tile(pose.x, pose.y)
+        if not self._is_inside(start):
+            return np.zeros_like(self.open)
+        passable = np.isfinite(self._cost(pose, start))
+        return np.asarray(flood_fill(passable, start) & self.open)
+
+    def places_of(self, tiles: Mask, least_area: float) -> list[Point]:
+        """Return the tile in the middle of each connected piece of some tiles, m.
+
+        Args:
+            tiles: (R, C).
+            least_area: m²; smaller pieces are left out.
+        """
+        labels, count = ndimage.label(tiles, np.ones((3, 3)))
+        x, y = self.tile_centers()
+        places = []
+        for number in range(1, count + 1):
+            rows, columns = np.nonzero(labels == number)
+            if len(rows) * self.size**2 >= least_area:
+                middle = np.hypot(rows - rows.mean(), columns - columns.mean()).argmin()
+                places.append((float(x[columns[middle]]), float(y[rows[middle]])))
+        return places
+
+    def outer_boundary(self, region: Mask) -> Mask:
+        """Return the tiles at the outer edge of a region that run along obstacles.
+
+        The edges around islands within the region do not count.
+        """
+        outside = flood_fill(~region, (0, 0))
+        is_walled = self._clearance <= self.safety + 2 * self.size
+        return np.asarray(region & self._dilated(outside) & is_walled)
+
+    def _cost(self, pose: Pose2, start: Cell) -> Floats:
+        """Return the cost of a step into each tile; inf where the robot may not be."""
+        cost = np.where(self.open, self._step_cost, math.inf)
+        if not self.open[start]:
+            escape = self.disc(pose.x, pose.y, ESCAPE_RADIUS) & ~self.open
+            escape &= (self._clearance >= self._clearance[start]) & ~self.unknown
+            cost[escape] = ESCAPE_COST
+        return cost
+
+    def _tile(self, x: float, y: float) -> Cell:
+        row = math.floor((y - self._corner[1]) / self.size)
+        return row, math.floor((x - self._corner[0]) / self.size)
+
+    def _is_inside(self, tile: Cell) -> bool:
+        is_inside = np.less((-1, -1), tile) & np.less(tile, self._clearance.shape)
+        return bool(is_inside.all())
+
+    def _tiles(self, cells: Mask) -> Mask:
+        """Return the tiles that hold any of some cells, with padding."""
+        factor = self._factor
+        rows, columns = (-(-count // factor) for count in cells.shape)
+        tiles = np.zeros((rows, columns), np.bool_)
+        for i in range(factor):
+            for j in range(factor):
+                subset = cells[i::factor, j::factor]
+                tiles[: subset.shape[0], : subset.shape[1]] |= subset
+        return np.pad(tiles, _PADDING)
+
+    def _tile_clearance(self, blocked: Mask, resolution: float) -> Floats:
+        """Return the least clearance of each tile's cells, m; inf where it is large."""
+        limit = self.safety + COSTLY + self.size
+        padding = _PADDING * self._factor
+        cells = np.pad(blocked, padding)
+        near = np.full(cells.shape, math.inf)
+        window = _window_around(cells, math.ceil(limit / resolution))
+        near[window] = distance_field(cells[window], limit / resolution) * resolution
+        factor = self._factor
+        rows, columns = (-(-count // factor) + 2 * _PADDING for count in blocked.shape)
+        tiles = np.full((rows, columns), math.inf)
+        for i in range(factor):
+            for j in range(factor):
+                subset = near[i::factor, j::factor][:rows, :columns]
+                part = tiles[: subset.shape[0], : subset.shape[1]]
+                np.minimum(part, subset, out=part)
+        return tiles
+
+    def _distances(self, tiles: Mask, max_distance: float) -> Floats:
+        """Return the distance to the nearest of some tiles, m; inf beyond the limit."""
+        return distance_field(tiles, max_distance / self.size) * self.size
+
+    def _dilated(self, tiles: Mask) -> Mask:
+        """Return some tiles with their neighbors."""
+        return np.isfinite(self._distances(tiles, 1.5 * self.size))
+
+    def _opening(self, tiles: Mask, radius: float) -> Mask:
+        """Return the morphological opening of some tiles by a disc."""
+        inner = np.isinf(self._distances(~tiles, radius))
+        return tiles & np.isfinite(self._distances(inner, radius))
+
+
+def _window_around(cells: Mask, margin: int) -> tuple[slice, slice]:
+    """Return the rows and columns that hold all true cells, and a margin of cells."""
+    spans = []
+    for axis, length in enumerate(cells.shape):
+        lines = np.flatnonzero(cells.any(axis=1 - axis))
+        first, last = (int(lines[0]), int(lines[-1])) if len(lines) else (0, -1)
+        spans.append(slice(max(first - margin, 0), min(last + margin + 1, length)))
+    return spans[0], spans[1]

@@ -1,0 +1,152 @@
+"""Maps as files for other programs: UsarCommander's image, and nav2's map_server."""
+
+import io
+import json
+import math
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
+
+from radarsim.autonomy.mapping.occupancy_grid import (
+    CellClass,
+    Mask,
+    OccupancyGrid,
+)
+
+NavMode: TypeAlias = Literal["trinary", "scale"]
+
+BLUE, WHITE, GREY, BLACK = (0, 0, 255), (255, 255, 255), (160, 160, 160), (0, 0, 0)
+_COMMANDER_COLOURS: Final = np.array([BLUE, WHITE, GREY, BLACK], np.uint8)
+MARGIN: Final = 0.5  # m of unknown cells around the sensed ones
+OCCUPIED_LEVEL, UNKNOWN_LEVEL, FREE_LEVEL = 0, 205, 254
+OCCUPIED_FROM: Final = 0.65
+# Unknown is 50/255 = 0.19608; the 0.25 that many files have would make it free.
+FREE_BELOW: Final = 0.196
+
+_LAST_BMP: Final = 0xFFFF  # JSON escapes characters beyond it by two surrogates
+MARK: Final = "radarsim map"
+HEAD: Final = 64  # bytes at the beginning of a file that hold the mark
+
+
+def is_radarsim_map(head: bytes) -> bool:
+    """Return whether a map file is by this program, by its first bytes."""
+    return MARK.encode() in head[:HEAD]
+
+
+def commander_pixels(grid: OccupancyGrid) -> NDArray[np.uint8]:
+    """Return all cells of a map in the colours of UsarCommander, (R, C, 3).
+
+    Blue is unknown, white sensed, grey free within the short range, in foliage too, and
+    black where beams end. The first row is the southernmost.
+    """
+    numbers = grid.sensed_cells().astype(np.uint8)
+    numbers[grid.short_range_cells()] = 2
+    numbers[grid.beam_end_cells()] = 3
+    return _COMMANDER_COLOURS[numbers]
+
+
+def commander_png(grid: OccupancyGrid) -> bytes:
+    """Return a PNG of the sensed part of a map in the colours of UsarCommander."""
+    rows, columns = sensed_window(grid)
+    return _encoded(commander_pixels(grid)[rows, columns], "png")
+
+
+def nav_map(
+    grid: OccupancyGrid, name: str, *, mode: NavMode = "trinary"
+) -> dict[str, bytes]:
+    """Return the files of a map for nav2's map_server.
+
+    Foliage is occupied, as robots cannot drive there. ``trinary`` is a PGM of occupied,
+    free and unknown. ``scale`` holds probabilities; in this mode unknown is
+    transparent, which a PGM cannot be, so it is a PNG, as map_saver writes it.
+
+    Args:
+        grid: The map.
+        name: Name of the files, without a suffix.
+        mode: Mode of map_server.
+
+    Returns:
+        Contents of files by name: the image, and the YAML that names it.
+    """
+    rows, columns = sensed_window(grid)
+    if mode == "trinary":
+        image, data = f"{name}.pgm", _encoded(_trinary(grid)[rows, columns], "ppm")
+    else:
+        image, data = f"{name}.png", _encoded(_scale(grid)[rows, columns], "png")
+    x, y = grid.frame.origin
+    size = grid.frame.resolution
+    corner = x + columns.start * size, y + rows.start * size
+    lines = [
+        f"# {MARK}",
+        f"image: {_quoted(image)}",
+        f"mode: {mode}",
+        f"resolution: {size:.6g}",
+        f"origin: [{corner[0]:.6f}, {corner[1]:.6f}, 0.0]",
+        "negate: 0",
+        f"occupied_thresh: {OCCUPIED_FROM}",
+        f"free_thresh: {FREE_BELOW}",
+    ]
+    return {image: data, f"{name}.yaml": ("\n".join(lines) + "\n").encode()}
+
+
+def _quoted(name: str) -> str:
+    """Return a name as an ASCII string of YAML, which has no pairs of surrogates."""
+    letters = (
+        f"\\U{ord(letter):08X}" if ord(letter) > _LAST_BMP else json.dumps(letter)[1:-1]
+        for letter in name
+    )
+    return f'"{"".join(letters)}"'
+
+
+def _encoded(pixels: NDArray[np.uint8], image_format: str) -> bytes:
+    """Encode an image of cells, whose first row is the southernmost."""
+    data, info = io.BytesIO(), PngInfo()
+    info.add_text("Software", MARK)
+    Image.fromarray(np.flip(pixels, axis=0)).save(data, image_format, pnginfo=info)
+    if image_format == "png":
+        return data.getvalue()
+    magic, rest = data.getvalue().split(b"\n", 1)
+    return b"\n".join([magic, f"# {MARK}".encode(), rest])
+
+
+def _trinary(grid: OccupancyGrid) -> NDArray[np.uint8]:
+    levels = np.full(len(CellClass), FREE_LEVEL, np.uint8)
+    levels[CellClass.UNKNOWN] = UNKNOWN_LEVEL
+    levels[[CellClass.OBSTACLE, CellClass.FOLIAGE]] = OCCUPIED_LEVEL
+    return levels[grid.classes()]
+
+
+def _scale(grid: OccupancyGrid) -> NDArray[np.uint8]:
+    """Return grey and alpha, (R, C, 2)."""
+    probability = grid.occupancy_probability()
+    known = np.isfinite(probability)
+    levels = np.zeros((*probability.shape, 2), np.uint8)
+    levels[known, 0] = np.rint(255 * (1 - probability[known]))
+    levels[known, 1] = 255
+    return levels
+
+
+def sensed_window(grid: OccupancyGrid) -> tuple[slice, slice]:
+    """Return the rows and columns of the sensed cells with a margin of 0.5 m.
+
+    They are one cell if nothing is sensed.
+
+    Raises:
+        ValueError: If the map has no cells.
+    """
+    sensed = grid.sensed_cells()
+    if not sensed.size:
+        raise ValueError("a map without cells, expected one that has taken in a scan")
+    margin = math.ceil(MARGIN / grid.frame.resolution)
+    return _sensed_span(sensed, 0, margin), _sensed_span(sensed, 1, margin)
+
+
+def _sensed_span(sensed: Mask, axis: int, margin: int) -> slice:
+    lines = np.flatnonzero(sensed.any(axis=1 - axis))
+    if not len(lines):
+        return slice(0, 1)
+    first, last = int(lines[0]), int(lines[-1])
+    return slice(max(first - margin, 0), min(last + margin + 1, sensed.shape[axis]))

@@ -1,0 +1,227 @@
+"""Mapper: combines the reports of one robot, from any connection, into a map.
+
+A mapper is passed every report of a robot: echoes, ranges, and poses. It finds the pose
+of each scan (``slam``) and adds the scan to the grid. Where a server sends echoes, a
+scan without all of its own serves for finding the pose but not for the map: the range
+of a radar alone does not tell foliage from a wall.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+
+from radarsim.autonomy.mapping.occupancy_grid import RESOLUTION, OccupancyGrid
+from radarsim.autonomy.mapping.rebuildable_grid import RebuildableGrid, ScanGrid
+from radarsim.autonomy.mapping.scan import Layer, PlanarScan, read_scan
+from radarsim.autonomy.mapping.slam import Slam, SlamSettings
+from radarsim.autonomy.mapping.trajectory import Trajectory
+from radarsim.autonomy.navigation.observation import Observation, ScanClock, from_centre
+from radarsim.autonomy.navigation.observation_builder import EchoCollector
+from radarsim.client import ScannerInfo
+from radarsim.client.robot_info import same_name
+from radarsim.geometry import Pose2
+from radarsim.protocol.reports import (
+    EchoLine,
+    GroundTruth,
+    Ins,
+    Odometry,
+    RangeScan,
+    Report,
+)
+
+MAX_SCANS_WITHOUT_MOTION: Final = 50  # after which the motion counts as unknown
+MAX_RANGE: Final = 200.0  # m; limit of beams, even if a server states more
+TRUTH_INTERVAL: Final = 0.05  # s; true poses in between are not stored
+
+_MOTION_SOURCES: Final[dict[type[Report], str]] = {Ins: "ins", Odometry: "odometry"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapperSettings:
+    """How a map is made.
+
+    Attributes:
+        slam: How scans are matched, and by which motion source.
+        resolution: Side of a cell, m.
+        echo_wait: How long scans without echoes are not added to the map, since their
+            echoes may still come, s; 0 if no client asked for echoes.
+        map_range: Range of the scanner that is mapped, m; the pose is found with all of
+            it.
+        robot_radius: Radius of the disc around the robot that is marked free, m; 0 for
+            none.
+    """
+
+    slam: SlamSettings = field(default_factory=SlamSettings)
+    resolution: float = RESOLUTION
+    echo_wait: float = 1.0
+    map_range: float = math.inf
+    robot_radius: float = 0.0
+
+
+class Mapper:
+    """Makes a map of what one scanner measures.
+
+    Attributes:
+        settings: How the map is made.
+        scanner: The scanner that it is made with.
+        slam: Estimates the robot's pose.
+        truth: True poses, as far as the server sends them.
+        scans: Number of scans on the map.
+        left_out: Number of scans that are not, as nobody knew where the robot was, and
+            as their echoes did not come.
+        missing: Report that it needs before the next scan counts, for messages.
+    """
+
+    def __init__(
+        self,
+        scanner: ScannerInfo,
+        settings: MapperSettings | None = None,
+        *,
+        clock: Callable[[], float] = lambda: 0.0,
+        grid: ScanGrid | None = None,
+    ) -> None:
+        """Create an empty map.
+
+        Args:
+            scanner: Scanner to map with.
+            settings: How the map is made.
+            clock: Returns the time in s, for servers without advancing time stamps.
+            grid: What scans are added to; None for a new map.
+        """
+        self.settings = settings or MapperSettings()
+        self._grid: ScanGrid = grid or RebuildableGrid(
+            self.settings.resolution, self.settings.robot_radius
+        )
+        self.slam = Slam(self.settings.slam)
+        self.truth = Trajectory()
+        self.scans = 0
+        self.left_out = {"no_pose": 0, "no_echoes": 0}
+        self.scanner = scanner
+        mount = scanner.mount
+        self._mount = Pose2(mount.x, mount.y, mount.yaw)
+        self._stamps = ScanClock(clock)
+        self._echoes = EchoCollector()
+        self._echoes_due = math.nan  # until when scans wait for their echoes, s
+        self._spawn_pose: Pose2 | None = None
+        self._prior: Pose2 | None = None  # newest pose of the motion source
+        self._scans_since_prior = 0
+        self._sources: set[str] = set()  # that sent poses
+        source = self.settings.slam.motion_source
+        self.missing = self._missing_scan if source == "none" else self._missing_pose
+
+    @property
+    def grid(self) -> OccupancyGrid:
+        """The map."""
+        return self._grid.grid
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """Estimated pose of the robot at each scan."""
+        return self.slam.trajectory
+
+    @property
+    def _missing_scan(self) -> str:
+        return f"scan of {self.scanner.name!r}"
+
+    @property
+    def _missing_pose(self) -> str:
+        return f"pose from {self.settings.slam.motion_source}"
+
+    @property
+    def cure(self) -> str:
+        """The motion sources that are left, if poses of the wanted one are missing."""
+        if self.missing != self._missing_pose:
+            return ""
+        others = self._sources - {self.settings.slam.motion_source}
+        return f"expected motion from {' or '.join([*sorted(others), 'none'])}"
+
+    def take(self, report: Report) -> Observation | None:
+        """Add a report.
+
+        Returns:
+            What is around the robot, after a scan that is on the map: the nearest thing
+            on each beam that robots cannot enter. None otherwise.
+        """
+        if isinstance(report, EchoLine):
+            if same_name(report.name, self.scanner.name):
+                self._echoes.take(report)
+        elif isinstance(report, RangeScan):
+            if same_name(report.name, self.scanner.name):
+                return self._take_scan(report)
+        elif isinstance(report, Ins | GroundTruth | Odometry):
+            self._take_pose(report)
+        return None
+
+    def finish(self) -> None:
+        """Complete the map, if it is being built anew after a loop was closed."""
+        self._grid.finish()
+
+    def _take_pose(self, report: Ins | GroundTruth | Odometry) -> None:
+        pose = Pose2(report.pose.x, report.pose.y, report.pose.yaw)
+        if not isinstance(report, Odometry):  # which counts from anywhere
+            self._spawn_pose = self._spawn_pose or pose
+        source = _MOTION_SOURCES.get(type(report))
+        if source is not None:
+            self._sources.add(source)
+        if source == self.settings.slam.motion_source:
+            self._prior, self._scans_since_prior = pose, 0
+            self.missing = self._missing_scan
+        if isinstance(report, GroundTruth):
+            last = self.truth.times[-1] if len(self.truth) else -math.inf
+            if report.time > last + TRUTH_INTERVAL - 1e-9:
+                self.truth.add(report.time, pose)
+
+    def _take_scan(self, report: RangeScan) -> Observation | None:
+        settings = self.settings
+        source = settings.slam.motion_source
+        if source != "none" and not self._is_motion_known():
+            self.missing = self._missing_pose
+            self.left_out["no_pose"] += 1
+            return None
+        time = self._stamps.time_of(report.time)
+        if not len(self.trajectory):
+            start = None if source == "ins" else self._spawn_pose
+            self.slam = Slam(settings.slam, start)
+            self._echoes_due = time + settings.echo_wait
+        echoes = self._echoes.of(report)
+        if echoes is not None:
+            self._echoes_due = time + settings.echo_wait
+        scan = read_scan(
+            replace(report, time=time),
+            echoes,
+            max_range=min(self.scanner.max_range, MAX_RANGE),
+            min_range=self.scanner.min_range,
+            mount=self._mount,
+        )
+        revision = self.slam.revision
+        known = self._grid.without_robots(self.slam.pose, scan)
+        pose = self.slam.step(known, self._prior)
+        if self.slam.revision > revision:
+            self._grid.rebuild()
+        if echoes is None and time < self._echoes_due:
+            self.missing = f"echoes of {self.scanner.name!r}"
+            self.left_out["no_echoes"] += 1
+            return None
+        self._grid.add(self.trajectory, scan.within(settings.map_range))
+        self.scans += 1
+        self.missing = self._missing_scan
+        return self._observation(pose, scan)
+
+    def _is_motion_known(self) -> bool:
+        """Count a scan, and return whether the motion until it is known."""
+        self._scans_since_prior += 1
+        is_recent = self._scans_since_prior <= MAX_SCANS_WITHOUT_MOTION
+        return self._prior is not None and is_recent
+
+    def _observation(self, pose: Pose2, scan: PlanarScan) -> Observation:
+        nearest = np.full(len(scan.angles), math.inf)
+        hits = scan.hits
+        blocks = hits.layer != Layer.SMOKE
+        np.minimum.at(nearest, hits.beams[blocks], hits.near[blocks])
+        bearings, ranges = from_centre(
+            nearest, scan.angles, self.scanner.mount, math.inf
+        )
+        return Observation(scan.time, self._grid.on_map(pose), bearings, ranges)

@@ -1,0 +1,153 @@
+"""A grid that is built anew when a loop closure moves the poses of its scans.
+
+Building takes seconds, in which a robot would drive on blindly. Some old scans are
+therefore added to the new grid with each new scan, which the old grid gets meanwhile;
+the new one replaces it when it holds all scans.
+"""
+
+from dataclasses import replace
+from typing import Any, Final, NamedTuple, Protocol
+
+import numpy as np
+
+from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid
+from radarsim.autonomy.mapping.scan import BeamHits, PlanarScan
+from radarsim.autonomy.mapping.trajectory import Trajectory
+from radarsim.geometry import Pose2, wrap_angle
+
+SCANS_AT_ONCE: Final = 25  # old scans that are added with each new one
+STANDING: Final = 0.02, 0.01  # m and rad within which a robot stands
+SCANS_STANDING: Final = 20  # that are kept of a robot that stands
+
+
+class ScanGrid(Protocol):
+    """What a mapper adds its scans to."""
+
+    @property
+    def grid(self) -> OccupancyGrid:
+        """The map; another object once it was built anew."""
+
+    def on_map(self, pose: Pose2) -> Pose2:
+        """Return a pose of the trajectory, on the map."""
+
+    def without_robots(self, pose: Pose2, scan: PlanarScan) -> PlanarScan:
+        """Return a scan, taken at a pose, without what is known to be other robots."""
+
+    def add(self, trajectory: Trajectory, scan: PlanarScan) -> None:
+        """Add a scan at the last pose of a trajectory."""
+
+    def rebuild(self) -> None:
+        """Begin to build the map anew, as a trajectory has changed."""
+
+    def finish(self) -> None:
+        """Build the rest of the new map, if one was begun."""
+
+
+class StoredScan(NamedTuple):
+    """A scan that a grid consists of.
+
+    Attributes:
+        trajectory: Trajectory of the robot that took it.
+        number: Number of its pose.
+        scan: The scan.
+    """
+
+    trajectory: Trajectory
+    number: int
+    scan: PlanarScan
+
+
+class RebuildableGrid:
+    """A grid, and the scans that it consists of.
+
+    Attributes:
+        grid: The map; another object once it was built anew.
+        scans: The scans.
+    """
+
+    def __init__(self, resolution: float, robot_radius: float) -> None:
+        """Create an empty map.
+
+        Args:
+            resolution: Side of a cell, m.
+            robot_radius: Radius of the disc around the robot that is marked free, m; 0
+                for none.
+        """
+        self.grid = OccupancyGrid(resolution)
+        self.scans: list[StoredScan] = []
+        self._robot_radius = robot_radius
+        self._last: dict[int, Pose2] = {}  # of each robot's last scan while driving
+        self._standing: dict[int, int] = {}
+        self._next: OccupancyGrid | None = None
+        self._added = 0  # scans that the next grid holds
+
+    def on_map(self, pose: Pose2) -> Pose2:
+        """Return a pose of the trajectory, on the map: the same."""
+        return pose
+
+    def without_robots(
+        self,
+        pose: Pose2,  # noqa: ARG002 - shared maps need it
+        scan: PlanarScan,
+    ) -> PlanarScan:
+        """Return the same scan: no other robots are known."""
+        return scan
+
+    def add(self, trajectory: Trajectory, scan: PlanarScan) -> None:
+        """Add a scan at the last pose of a trajectory."""
+        number = len(trajectory) - 1
+        self._add(self.grid, StoredScan(trajectory, number, scan))
+        if self._is_worth_keeping(id(trajectory), trajectory.poses[-1]):
+            compact = _converted(scan, np.int32, np.float32)
+            self.scans.append(StoredScan(trajectory, number, compact))
+        self._continue(SCANS_AT_ONCE)
+
+    def rebuild(self) -> None:
+        """Begin to build the grid anew, as a trajectory has changed."""
+        self._next, self._added = OccupancyGrid(self.grid.frame.resolution), 0
+
+    def finish(self) -> None:
+        """Build the rest of the new grid, if one was begun."""
+        self._continue(len(self.scans))
+
+    def place(self, stored: StoredScan) -> tuple[Pose2, PlanarScan]:
+        """Return where a robot took a scan, and what of it is on the map."""
+        return stored.trajectory.poses[stored.number], stored.scan
+
+    def _continue(self, count: int) -> None:
+        if self._next is None:
+            return
+        for stored in self.scans[self._added : self._added + count]:
+            exact = _converted(stored.scan, np.int64, np.float64)
+            self._add(self._next, stored._replace(scan=exact))
+            self._added += 1
+        if self._added == len(self.scans):
+            self.grid, self._next = self._next, None
+
+    def _add(self, grid: OccupancyGrid, stored: StoredScan) -> None:
+        pose, scan = self.place(stored)
+        grid.add(pose, scan)
+        if self._robot_radius:
+            grid.clear_disc(pose, self._robot_radius)
+
+    def _is_worth_keeping(self, robot: int, pose: Pose2) -> bool:
+        """Count the scans of a robot that stands, and return whether these are few."""
+        distance, angle = STANDING
+        last = self._last.get(robot)
+        if (
+            last is None
+            or np.hypot(pose.x - last.x, pose.y - last.y) > distance
+            or abs(wrap_angle(pose.yaw - last.yaw)) > angle
+        ):
+            self._last[robot], self._standing[robot] = pose, 0
+        self._standing[robot] += 1
+        return self._standing[robot] <= SCANS_STANDING
+
+
+def _converted(scan: PlanarScan, whole: Any, real: Any) -> PlanarScan:
+    """Return a scan whose numbers are of other types."""
+    hits = scan.hits
+    converted = BeamHits(
+        hits.beams.astype(whole), hits.near.astype(real), hits.far.astype(real), hits[3]
+    )
+    return replace(scan, known_range=scan.known_range.astype(real), hits=converted)

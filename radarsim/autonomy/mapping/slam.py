@@ -1,0 +1,264 @@
+"""SLAM: estimates the robot's pose by matching each scan with the scans before.
+
+Theory of operation
+===================
+The motion since the last scan, as INS or odometry reports it, predicts the pose; the
+scan corrects it (``scan_matching``). An INS reports its motion on the axes of the map,
+odometry on those of the robot. With neither, poses all around the last one and the pose
+that its motion leads to are tried, and the best of them is corrected.
+
+A scan becomes a keyframe, part of the map, when the robot has moved by a hand's breadth
+since the last keyframe; so do the first scans while it stands, which have the start's
+pose and make the map dense. A place that is seen again is matched against what was seen
+first, unless the robot has been so far away in between that its pose may have drifted
+(``keyframes``). Then the loop is looked for (``loop_closure``), and when it closes, the
+error is spread over all poses since (``keyframe_graph``), also those of earlier scans.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+
+from radarsim.autonomy.mapping.keyframes import Keyframe, KeyframeMap
+from radarsim.autonomy.mapping.loop_closure import (
+    ANCHOR_INTERVAL,
+    LEAST_TURN,
+    MOST_ANCHORINGS,
+    LoopCloser,
+    find_correction,
+)
+from radarsim.autonomy.mapping.point_map import inward_normals
+from radarsim.autonomy.mapping.pose_graph import KeyframeGraph
+from radarsim.autonomy.mapping.scan import PlanarScan
+from radarsim.autonomy.mapping.scan_matching import Fit, ScanPoints, best_start, fit
+from radarsim.autonomy.mapping.trajectory import Trajectory
+from radarsim.geometry import Floats, Pose2, wrap_angle
+
+MotionSource: TypeAlias = Literal["ins", "odometry", "none"]
+
+FIRST_KEYFRAMES: Final = 10  # scans that are keyframes wherever the robot is
+MIN_POINTS: Final = 3  # points that are worth matching
+
+
+@dataclass(frozen=True, slots=True)
+class SlamSettings:
+    """How scans are matched.
+
+    Attributes:
+        motion_source: Where the robot's motion between scans is read from.
+        beam_spread: Standard deviation of where across its beam an echo comes from, m.
+            That of a radar with side rays N units away is N / 300.
+        rest_sigma: Standard deviations of the reported motion of a robot at rest, m and
+            rad.
+        drift: Standard deviation of the motion as a share of its length and turn.
+        keyframe_distance: Distance between keyframes, m.
+        keyframe_angle: Turn between keyframes, rad.
+        search_distance: How far the robot gets between two scans, m; used without a
+            motion source.
+        search_angle: How far it turns between two scans, rad.
+    """
+
+    motion_source: MotionSource = "ins"
+    beam_spread: float = 0.08
+    rest_sigma: tuple[float, float] = (0.005, 0.001)
+    drift: float = 0.1
+    keyframe_distance: float = 0.2
+    keyframe_angle: float = 0.1
+    search_distance: float = 0.12
+    search_angle: float = 0.45
+
+
+class Slam:
+    """Localisation, and the map of points that it needs.
+
+    Attributes:
+        settings: How scans are matched.
+        pose: Pose of the robot at the last scan; before the first one its start.
+        trajectory: The pose at the time of each scan.
+        dead_reckoning: The same by the motion source alone, which never sees a scan.
+        closures: Number of loops closed.
+        revision: How often the poses before changed, too: at each loop, and when the
+            map was turned back to its start.
+    """
+
+    def __init__(
+        self, settings: SlamSettings | None = None, start: Pose2 | None = None
+    ) -> None:
+        """Start at a pose.
+
+        Args:
+            settings: How scans are matched.
+            start: Pose of the robot at its first scan, map frame; None for the first
+                pose of the motion source, or the origin if there is none.
+        """
+        self.settings = settings or SlamSettings()
+        self.pose = start or Pose2(0.0, 0.0)
+        self.trajectory = Trajectory()
+        self.dead_reckoning = Trajectory()
+        self._starts_at_prior = start is None
+        self.closures, self.revision = 0, 0
+        self._anchorings = 0
+        self._map = KeyframeMap()
+        self._graph = KeyframeGraph()
+        self._closer = LoopCloser()
+        self._prior: Pose2 | None = None
+        self._motion = Pose2(0.0, 0.0)
+        self._fit: Fit | None = None
+        self._length = 0.0
+
+    @property
+    def keyframes(self) -> KeyframeMap:
+        """The keyframes, from which the local map is made."""
+        return self._map
+
+    def step(self, scan: PlanarScan, prior: Pose2 | None = None) -> Pose2:
+        """Estimate where the robot was when it took a scan.
+
+        Args:
+            scan: The next scan.
+            prior: Pose by the motion source, in its own frame; only its changes count.
+                None if it reported nothing: the pose is searched.
+
+        Returns:
+            The robot's pose, map frame.
+        """
+        has_source = self.settings.motion_source != "none"
+        # Without a motion source every point is needed, also those where power ran out.
+        # They move with the robot in foliage, so that no spot can be relied on then.
+        places, along = scan.points(sure=has_source)
+        uses_spots = scan.sees_through and has_source
+        normals = inward_normals(places, along)
+        spread = self.settings.beam_spread
+        points = ScanPoints(places, along, normals, spread, uses_spots)
+        last = self.pose
+        if self._starts_at_prior:
+            self.pose = last = prior or self.pose
+        elif len(self.trajectory):
+            self.pose = self._next_pose(points, prior)
+        self._starts_at_prior = False
+        self._motion = self.pose.relative_to(last)
+        self._length += math.hypot(self._motion.x, self._motion.y)
+        self._reckon(scan.time, prior)
+        self._prior = prior
+        self.trajectory.add(scan.time, self.pose)
+        is_keyframe = len(places) > 0 and self._is_keyframe()
+        if is_keyframe:
+            self._map.add(Keyframe(self.pose, points, self._length))
+            self._graph.add(self.pose)
+        self._graph.follow(self.pose)
+        if is_keyframe:
+            self._close_loop()
+            self._anchor()
+        return self.pose
+
+    def _next_pose(self, points: ScanPoints, prior: Pose2 | None) -> Pose2:
+        can_match = len(points.places) >= MIN_POINTS and len(self._map) > 0
+        has_source = self.settings.motion_source != "none"
+        if prior is None or self._prior is None or not has_source:
+            return self._search(points) if can_match else self.pose
+        predicted, sigma = self._predict(self._prior, prior)
+        if not can_match:
+            self._graph.learn(sigma, np.zeros((3, 3)))
+            return predicted
+        found = fit(self._map.points.table, points, predicted, predicted, sigma)
+        self._learn(sigma, found)
+        return found.pose
+
+    def _predict(self, before: Pose2, after: Pose2) -> tuple[Pose2, Floats]:
+        """Apply the reported motion to the pose.
+
+        Returns:
+            The pose and its standard deviations, (3,) m, m and rad.
+        """
+        predicted = self._moved(self.pose, before, after)
+        turn = wrap_angle(after.yaw - before.yaw)
+        dx, dy = after.x - before.x, after.y - before.y
+        sigma_distance, sigma_turn = self.settings.rest_sigma
+        sigma_distance += self.settings.drift * math.hypot(dx, dy)
+        sigma_turn += self.settings.drift * abs(turn)
+        return predicted, np.array([sigma_distance, sigma_distance, sigma_turn])
+
+    def _moved(self, pose: Pose2, before: Pose2, after: Pose2) -> Pose2:
+        """Return a pose after the motion from one reported pose to another."""
+        if self.settings.motion_source != "ins":
+            return pose.compose(after.relative_to(before))
+        x, y = pose.x + after.x - before.x, pose.y + after.y - before.y
+        return Pose2(x, y, wrap_angle(pose.yaw + after.yaw - before.yaw))
+
+    def _reckon(self, time: float, prior: Pose2 | None) -> None:
+        """Add the pose by the motion source alone, if it reports anything."""
+        if self.settings.motion_source == "none":
+            return
+        poses = self.dead_reckoning.poses
+        pose = poses[-1] if poses else self.pose
+        if poses and prior is not None and self._prior is not None:
+            pose = self._moved(pose, self._prior, prior)
+        self.dead_reckoning.add(time, pose)
+
+    def _search(self, points: ScanPoints) -> Pose2:
+        """Find the pose, knowing only how far a robot gets between scans."""
+        distance, turn = self.settings.search_distance, self.settings.search_angle
+        sigma = np.array([distance, distance, turn])
+        candidates = [
+            self.pose.compose(Pose2(step, 0.0, angle))
+            for angle in np.linspace(-turn, turn, 31)
+            for step in np.array([-distance, 0.0, distance])
+        ]
+        candidates.append(self.pose.compose(self._motion))
+        starts = np.array([[pose.x, pose.y, pose.yaw] for pose in candidates])
+        table = self._map.points.table
+        best = candidates[best_start(table, points, starts)]
+        # The best start can lead to a local optimum; unchanged motion is tried too.
+        fits = [
+            fit(table, points, pose, pose, sigma) for pose in (best, candidates[-1])
+        ]
+        found = max(fits, key=lambda each: each.score)
+        self._learn(sigma, found)
+        return found.pose
+
+    def _learn(self, sigma: Floats, found: Fit) -> None:
+        self._graph.learn(sigma, found.information)
+        self._fit = found
+
+    def _is_keyframe(self) -> bool:
+        if len(self._map) < FIRST_KEYFRAMES:
+            return True
+        motion = self.pose.relative_to(self._map.keyframes[-1].pose)
+        settings = self.settings
+        is_far = math.hypot(motion.x, motion.y) > settings.keyframe_distance
+        return is_far or abs(motion.yaw) > settings.keyframe_angle
+
+    def _close_loop(self) -> None:
+        """Move everything if the robot is back at a place where it has been before."""
+        if self._fit is None:
+            return
+        closure = self._closer.closure(self._map, self._fit)
+        poses = None if closure is None else self._graph.close(*closure)
+        if poses is not None:
+            self.closures += 1
+            self._move(poses)
+
+    def _anchor(self) -> None:
+        """Move everything to where the first scans show that it is, a few times."""
+        due = (self._anchorings + 1) * ANCHOR_INTERVAL
+        if self._anchorings >= MOST_ANCHORINGS or self._length < due:
+            return
+        self._anchorings += 1
+        if self.closures or len(self._map) <= FIRST_KEYFRAMES:
+            return
+        correction = find_correction(self._map, FIRST_KEYFRAMES)
+        if correction is None:
+            return
+        if self._anchorings == 1 and abs(correction.yaw) < LEAST_TURN:
+            self._anchorings = MOST_ANCHORINGS
+            return
+        self._move(self._graph.move(FIRST_KEYFRAMES, correction))
+
+    def _move(self, poses: list[Pose2]) -> None:
+        """Move all keyframes to other poses, and the trajectory with them."""
+        self.revision += 1
+        self._map.move(poses)
+        self.pose = poses[-1]
+        self.trajectory.poses = self._graph.trajectory()

@@ -1,0 +1,228 @@
+"""Whether an obstacle still stands where it was when a robot went around it.
+
+A robot that drives by looks like an obstacle, and a path around it closes like a
+circuit. So before a navigator concludes that there is no path, it looks again at the
+points of the boundary that it has followed: those that beams go through have gone.
+
+It also tells whether what was followed is what was hit: its first points are near the
+hit point, and a circuit passes there again.
+
+The yaw of an INS drifts with the angles turned, so a point has gone only if beams go
+through wherever it may be by now. Otherwise a robot that has come back after a long
+circuit would not find what stands there.
+
+The boundary that TangentBug follows: where it is, and what is known of it.
+
+Which beams end on the obstacle that a robot follows, among others beside it.
+
+Points between which the robot does not fit belong to one obstacle. So a robot that goes
+around one of two poles does not change to the other where that is as near.
+"""
+
+import math
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.autonomy.navigation.boundary_policy import Landmark, Step, Trail
+from radarsim.autonomy.navigation.bumpers import Bumpers
+from radarsim.autonomy.navigation.observation import Observation, wrap_angles
+from radarsim.autonomy.navigation.wall_following import FollowMode, WallFollower
+from radarsim.geometry import Point, wrap_angle
+
+LINK: Final = 0.1  # m beyond twice the safety distance: widest gap within an obstacle
+NEARER: Final = 0.15  # m by which another obstacle is nearer if it is steered by
+_REACH: Final = 0.6  # m that the nearest point may jump between two scans
+
+
+class FollowedObstacle:
+    """Keeps to one obstacle from scan to scan, by its nearest point."""
+
+    def __init__(self, point: Point, follower: WallFollower) -> None:
+        """Begin at the point that was hit, m, map frame."""
+        self._point = point
+        self._follower = follower
+
+    def part_of(self, observation: Observation, mode: FollowMode) -> Observation:
+        """Return the scan without the beams that end on other obstacles.
+
+        If another one is clearly nearer on the boundary's hand, or the obstacle is out
+        of sight, the whole scan is returned: then what is nearest is followed.
+
+        Args:
+            observation: The newest scan.
+            mode: How the obstacle is followed.
+        """
+        ends = _linked_beams(observation, self._point, self._follower.bumpers)
+        part = replace(observation, ranges=np.where(ends, observation.ranges, np.inf))
+        own = self._follower.boundary(part, mode)
+        nearest = self._follower.boundary(observation, mode)
+        if nearest is None:
+            return observation
+        self._point = (own or nearest).point_from(observation.pose)
+        if own is None or nearest.distance < own.distance - NEARER:
+            return observation
+        return part
+
+
+def _linked_beams(
+    observation: Observation, point: Point, bumpers: Bumpers
+) -> NDArray[np.bool_]:
+    """Return which beams end on the obstacle that a point belongs to, (N,)."""
+    gap = 2 * bumpers.safety_distance + LINK
+    near = np.flatnonzero(observation.ranges < bumpers.pressed_below + gap)
+    angles = observation.bearings[near] + observation.pose.yaw
+    pose = complex(observation.pose.x, observation.pose.y)
+    ends = pose + observation.ranges[near] * np.exp(1j * angles)
+    beams = np.zeros(len(observation.ranges), np.bool_)
+    linked = np.abs(ends - complex(*point)) <= _REACH
+    links = np.abs(ends[:, None] - ends) <= gap
+    while not np.array_equal(grown := links[linked].any(axis=0), linked):
+        linked = grown
+    beams[near[linked]] = True
+    return beams
+
+
+NEAR = 0.6  # m from what was hit to the points of its boundary there
+FIRST = 4  # such points
+SPACING = 0.25  # m between the points that are kept
+MAX_DISTANCE = 10.0  # m; points farther away are not looked at
+MARGIN = 0.4  # m that a beam goes beyond a point that has gone, or stops before it
+DRIFT = 0.03  # rad; times the root of the angle turned, the drift of the yaw
+_BESIDE = 0.15  # m beside a point that beams still count as beams to it
+
+
+class StandingObstacle:
+    """Keeps points of a boundary, to look at them again."""
+
+    def __init__(self) -> None:
+        self._points: list[Point] = []
+        self._stations: list[float] = []  # m along the path where each was seen
+        self._turned_at: list[float] = []  # rad turned when each point was seen
+        self._turned = 0.0  # rad
+        self._yaw: float | None = None  # rad; of the last pose
+
+    def add(self, point: Point, yaw: float, station: float = 0.0) -> None:
+        """Add a point of the boundary, if it is away from the last.
+
+        Args:
+            point: m, map frame.
+            yaw: The robot's, rad; to be told at every step.
+            station: Length of the path along the boundary until there, m.
+        """
+        self._turn_to(yaw)
+        if not self._points or math.dist(point, self._points[-1]) >= SPACING:
+            self._points.append(point)
+            self._turned_at.append(self._turned)
+            self._stations.append(station)
+
+    def _turn_to(self, yaw: float) -> None:
+        self._turned += 0.0 if self._yaw is None else abs(wrap_angle(yaw - self._yaw))
+        self._yaw = yaw
+
+    def begins_at(self, point: Point) -> bool:
+        """Return whether most of its first points are near a point, m, map frame."""
+        first = [math.dist(each, point) <= NEAR for each in self._points[:FIRST]]
+        return 2 * sum(first) >= len(first)
+
+    def passes(self, point: Point, station: float) -> bool:
+        """Return whether its boundary came near a point, m, map frame, after a station.
+
+        If it has no points, that is not known, and counts as passed.
+        """
+        return not self._points or any(
+            math.dist(each, point) <= NEAR
+            for each, at in zip(self._points, self._stations, strict=True)
+            if at >= station
+        )
+
+    def has_gone(self, observation: Observation) -> bool:
+        """Return whether more points have gone than stand, of those in sight.
+
+        A boundary of which no point is in sight has gone as well: who follows a
+        boundary that stands sees some of it.
+        """
+        points = np.array(self._points).reshape(-1, 2)
+        pose = observation.pose
+        self._turn_to(pose.yaw)
+        drift = DRIFT * np.sqrt(self._turned - np.array(self._turned_at))
+        x, y = (points - (pose.x, pose.y)).T
+        distances = np.hypot(x, y)
+        bearings = np.arctan2(y, x) - pose.yaw
+        is_near = distances < MAX_DISTANCE
+        distances, bearings = distances[is_near], bearings[is_near]
+        spread = np.maximum(_BESIDE / np.maximum(distances, _BESIDE), math.radians(2))
+        spread += drift[is_near]
+        offsets = wrap_angles(bearings[:, None] - observation.bearings)
+        beams = np.where(
+            np.abs(offsets) <= spread[:, None], observation.ranges, math.inf
+        )
+        beyond = beams.min(axis=1, initial=math.inf) - distances
+        gone, standing = beyond > MARGIN, np.abs(beyond) <= MARGIN
+        return bool(gone.sum() > standing.sum() or not standing.any())
+
+
+class FollowedBoundary:
+    """The boundary that is followed, and what is known of it.
+
+    Attributes:
+        mode: How it is followed.
+        least: m to be followed before it is left for a place nearer to the goal.
+        travelled: m along it.
+        reached_at: When the robot came beside it, s.
+        goal_distance: Its least distance from the goal so far, m.
+        circled: Points of it, to look at them again.
+    """
+
+    def __init__(self, follower: WallFollower, mode: FollowMode) -> None:
+        self.mode = mode
+        self.least = 0.0
+        self.reached_at = -math.inf
+        self.travelled = 0.0
+        self.goal_distance = -math.inf  # so that it is not left before it is reached
+        self.circled = StandingObstacle()
+        self._follower = follower
+        self._obstacle: FollowedObstacle | None = None
+        self._trail: Trail | None = None
+
+    @property
+    def is_reached(self) -> bool:
+        """Whether the robot is beside it."""
+        return self._obstacle is not None
+
+    def reach(self, observation: Observation, bearing: float) -> None:
+        """Begin beside it, where a bumper is pressed towards a bearing, rad."""
+        point = self._follower.hit_point(observation, self.mode, bearing)
+        place = point.point_from(observation.pose)
+        self._obstacle = FollowedObstacle(place, self._follower)
+        self.goal_distance, self.reached_at = math.inf, observation.time
+
+    def look(self, observation: Observation, goal: Point) -> Observation:
+        """Return the part of a scan that shows it; note its distance from a goal."""
+        assert self._obstacle is not None
+        part = self._obstacle.part_of(observation, self.mode)
+        if part is not observation:  # else it is out of sight, or another is nearer
+            distances = np.hypot(*(part.points() - goal).T)
+            nearest = float(distances.min(initial=math.inf))
+            self.goal_distance = min(self.goal_distance, nearest)
+        return part
+
+    def closes(self, part: Observation, step: float) -> bool:
+        """Return whether the robot has come back to where it was on it.
+
+        Args:
+            part: The part of the scan that shows it.
+            step: m that the robot has driven since the last scan.
+        """
+        self.travelled += step
+        if nearest := self._follower.boundary(part, self.mode):
+            self.circled.add(nearest.point_from(part.pose), part.pose.yaw)
+        pose, direction = part.pose, self._follower.tangent(part, self.mode)
+        if self._trail is None:
+            offset = self._follower.target_distance
+            hit = Landmark(pose, direction, max_offset=offset)
+            self._trail = Trail(hit, offset)
+        here = Step(pose, step, direction, free=False)
+        return self._trail.closes(here, self.travelled) is not None

@@ -1,0 +1,292 @@
+"""What Bug1 and Bug2 do at a boundary: how long to follow it, and where to leave it.
+
+Theory of operation
+===================
+Bug1 drives all the way around, notes where it is nearest to the goal, and drives back
+there the shorter way round. If the goal's direction leads into the obstacle there,
+there is no path. Bug2 leaves where it meets the line from start to goal again, nearer
+to the goal than at the hit point, unless the line leads into the obstacle there.
+
+When Bug2 gives up is an option. Choset and others: when it meets its hit point, here
+or another point of its own path, again. The thesis: already when it meets the line
+and is no nearer to the goal there, which gives up on maps that have a path.
+
+Poses drift, so the very same point is never met again. But a robot that follows the
+same boundary in the same direction crosses the line perpendicular to its path there,
+not far from the point. So a point is recognised by that line: a landmark.
+
+Source: H. Choset et al., Principles of Robot Motion, MIT Press 2005, chapter 2; a
+thesis on navigation with a radar in USARSim, section 5.1.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum, auto
+from typing import Protocol
+
+from radarsim.autonomy.navigation.control import distance
+from radarsim.autonomy.navigation.options import GiveUp
+from radarsim.geometry import Pose2
+
+LEAST_CIRCUIT = 1.5  # m; a shorter closed path is no circuit
+SPACING = 2.0  # m between landmarks on a boundary
+AT_LINE = 0.1  # m beside the line to the goal that still count as on it
+LEAST_GAIN = 0.1  # m nearer to the goal that count as nearer
+
+
+class Landmark:
+    """A point of a path, and the direction of the path there.
+
+    Attributes:
+        x: m, map frame.
+        y: m, map frame.
+        direction: rad, map frame.
+    """
+
+    def __init__(self, pose: Pose2, direction: float, *, max_offset: float) -> None:
+        """Create a landmark.
+
+        Args:
+            pose: A pose at the point.
+            direction: Direction of the path, rad, map frame.
+            max_offset: How far beside the point a path still passes it, m.
+        """
+        self.x, self.y = pose.x, pose.y
+        self.direction = direction
+        self._max_offset = max_offset
+        self._progress = 0.0  # m past the landmark, along its direction
+
+    def passed(self, pose: Pose2, *, onward: bool = True) -> bool:
+        """Return whether the last step passed the landmark; to be called at every step.
+
+        Args:
+            pose: The robot's pose now.
+            onward: Whether the pass counts along the landmark's direction, or against.
+        """
+        dx, dy = pose.x - self.x, pose.y - self.y
+        c, s = math.cos(self.direction), math.sin(self.direction)
+        before, self._progress = self._progress, c * dx + s * dy
+        offset = abs(c * dy - s * dx)
+        if offset > self._max_offset:
+            return False
+        return before < 0 <= self._progress if onward else before > 0 >= self._progress
+
+
+class Decision(Enum):
+    """What to do next at a boundary."""
+
+    ONWARD = auto()
+    BACK = auto()  # along the same boundary, in the other direction
+    LEAVE = auto()
+    NO_PATH = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One step along a boundary.
+
+    Attributes:
+        pose: Pose of the robot.
+        moved: Distance from the pose of the step before, m.
+        direction: Direction of the boundary, rad, map frame.
+        free: Whether the boundary is not between the robot and the goal; another
+            obstacle may be.
+    """
+
+    pose: Pose2
+    moved: float
+    direction: float
+    free: bool
+
+
+class BoundaryPolicy(Protocol):
+    """Decides, step by step, how long to follow one boundary.
+
+    Attributes:
+        circuits: Number of complete circuits.
+        missed: Whether it leaves because the leave point was not found again.
+        circuit_start: Where on the path from the hit point the last circuit began, m.
+    """
+
+    circuits: int
+    missed: bool
+    circuit_start: float
+
+    def step(self, step: Step) -> Decision:
+        """Decide what to do next."""
+        ...
+
+
+class Trail:
+    """Landmarks along a boundary, the hit point first; passing one closes a circuit.
+
+    The hit point itself may lie off the path of a robot that follows the boundary. Then
+    the first landmark on that path closes the circuit.
+    """
+
+    def __init__(self, hit: Landmark, max_offset: float) -> None:
+        self._landmarks = [(0.0, hit)]
+        self._max_offset = max_offset
+
+    def closes(self, step: Step, travelled: float) -> float | None:
+        """Return the position along the trail of a landmark that is passed again, m.
+
+        Args:
+            step: The newest step; this has to be called at every step.
+            travelled: Path length since the hit point, m.
+
+        Returns:
+            The path length from the hit point to the landmark, or None.
+        """
+        passed = [at for at, mark in self._landmarks if mark.passed(step.pose)]
+        if travelled - self._landmarks[-1][0] >= SPACING:
+            mark = Landmark(step.pose, step.direction, max_offset=self._max_offset)
+            self._landmarks.append((travelled, mark))
+        closing = [at for at in passed if travelled - at >= LEAST_CIRCUIT]
+        return closing[0] if closing else None
+
+
+class Bug1Policy:
+    """Bug1: all the way around, then to the point nearest to the goal."""
+
+    def __init__(
+        self, hit: Landmark, goal: tuple[float, float], max_offset: float
+    ) -> None:
+        self.circuits = 0
+        self.missed = False
+        self.circuit_start = 0.0
+        self._trail = Trail(hit, max_offset)
+        self._goal = goal
+        self._max_offset = max_offset
+        self._travelled = 0.0
+        # goal distance, path length, pose and direction of every step
+        self._steps: list[tuple[float, float, Pose2, float]] = []
+        self._leave = hit
+        self._perimeter = math.nan
+        self._return_length = math.nan
+        self._onward = True
+        self._turned_back = False
+
+    def step(self, step: Step) -> Decision:
+        """Decide what to do next."""
+        self._travelled += step.moved
+        return self._return(step) if self.circuits else self._circle(step)
+
+    def _circle(self, step: Step) -> Decision:
+        goal_distance = distance(step.pose, *self._goal)
+        self._steps.append((goal_distance, self._travelled, step.pose, step.direction))
+        began = self._trail.closes(step, self._travelled)
+        if began is None:
+            return Decision.ONWARD
+        self.circuits, self.circuit_start = 1, began
+        _, at, pose, direction = min(
+            (each for each in self._steps if each[1] >= began), key=lambda each: each[0]
+        )
+        self._leave = Landmark(pose, direction, max_offset=self._max_offset)
+        self._leave.passed(step.pose)
+        self._perimeter = self._travelled - began
+        back = self._travelled - at
+        self._onward = at - began <= back
+        self._return_length = min(at - began, back)
+        self._travelled = 0.0
+        return Decision.ONWARD if self._onward else Decision.BACK
+
+    def _return(self, step: Step) -> Decision:
+        passed = self._leave.passed(step.pose, onward=self._onward)
+        slack = max(1.0, 0.2 * self._return_length)
+        close = distance(step.pose, self._leave.x, self._leave.y) < LEAST_GAIN
+        due = self._turned_back or self._travelled >= self._return_length - slack
+        if due and (passed or close):
+            # a robot that lost its path cannot tell which obstacle hides the goal here
+            self.missed = self._turned_back
+            blocked = not step.free and not self.missed
+            return Decision.NO_PATH if blocked else Decision.LEAVE
+        if self._travelled > self._return_length + 2 * slack:
+            return self._miss()
+        return Decision.ONWARD
+
+    def _miss(self) -> Decision:
+        """Turn back once, for up to a whole circuit; after that leave from anywhere."""
+        if self._turned_back:
+            self.missed = True
+            return Decision.LEAVE
+        self._turned_back = True
+        self._onward = not self._onward
+        self._return_length, self._travelled = self._perimeter, 0.0
+        return Decision.BACK
+
+
+class Bug2Policy:
+    """Bug2: until the line to the goal is met, nearer to the goal."""
+
+    def __init__(
+        self,
+        hit: Landmark,
+        starts: Sequence[Pose2],
+        goal: tuple[float, float],
+        give_up: GiveUp,
+        max_offset: float,
+    ) -> None:
+        """Create the policy at a hit point.
+
+        Args:
+            hit: The hit point.
+            starts: Starts of the lines, at any of which it leaves; at least one. Where
+                it gives up at a line, that is the last one.
+            goal: Where they end, m.
+            give_up: When to conclude that there is no path.
+            max_offset: How far beside a landmark a path still passes it, m.
+        """
+        self.circuits = 0
+        self.missed = False
+        self.circuit_start = 0.0
+        self._hit = hit
+        self._trail = Trail(hit, max_offset)
+        self._goal = goal
+        self._lines = [_Line(start, goal) for start in starts]
+        self._give_up = give_up
+        self._travelled = 0.0
+        self._hit_distance = distance(Pose2(hit.x, hit.y), *goal)
+
+    def step(self, step: Step) -> Decision:
+        """Decide what to do next."""
+        self._travelled += step.moved
+        met = [line.meets(step.pose) for line in self._lines]
+        at_line, crossed = any(at for at, _ in met), met[-1][1]
+        nearer = distance(step.pose, *self._goal) < self._hit_distance - LEAST_GAIN
+        began = self._trail.closes(step, self._travelled)
+        if at_line and nearer and step.free:
+            return Decision.LEAVE
+        if began is not None:
+            self.circuits, self.circuit_start = self.circuits + 1, began
+            return Decision.NO_PATH
+        if crossed and not nearer and self._give_up == GiveUp.LINE:
+            away = distance(step.pose, self._hit.x, self._hit.y)
+            return Decision.NO_PATH if away > LEAST_CIRCUIT / 2 else Decision.ONWARD
+        return Decision.ONWARD
+
+
+class _Line:
+    """The line from a start to the goal, which Bug2 has to meet."""
+
+    def __init__(self, start: Pose2, goal: tuple[float, float]) -> None:
+        self._start, self._goal = start, goal
+        self._side: float | None = None
+
+    def meets(self, pose: Pose2) -> tuple[bool, bool]:
+        """Return whether the robot is at the line, and whether it just crossed it.
+
+        The line ends at the goal, since there is no shorter way beyond; that a path
+        crosses it counts before the start, too.
+        """
+        goal_x, goal_y = self._goal
+        dx, dy = goal_x - self._start.x, goal_y - self._start.y
+        length = math.hypot(dx, dy)
+        x, y = pose.x - self._start.x, pose.y - self._start.y
+        side, along = dx * y - dy * x, dx * x + dy * y
+        before, self._side = self._side, side
+        crossed = before is not None and before * side <= 0
+        is_beside = -AT_LINE * length <= along <= length * (length + AT_LINE)
+        at_line = is_beside and (crossed or abs(side) <= AT_LINE * length)
+        return at_line, crossed

@@ -1,0 +1,162 @@
+"""Long-range bumpers: sectors of beams around the robot, each pressed or not.
+
+Theory of operation
+===================
+Four to eight bumpers are easier to steer by than hundreds of beams. Each one is a
+sector around the robot. It is pressed when a share of its beams is shorter than the
+safety distance plus half a metre (the band), and too near when that share is shorter
+than the safety distance itself.
+
+The literal rule of the thesis is stricter: a bumper is pressed if all of its beams are
+between the safety distance s and s + 0.5 m. Of n bumpers, the one that faces a flat
+wall at the distance d sees it from d to d / cos(pi / n), so the rule can be met at all
+only for s <= d <= (s + 0.5) cos(pi / n): with eight bumpers up to s = 6.07 m, with four
+up to s = 1.21 m, and never by a pole or a corner. ``too_near`` works with it as well.
+
+Source: a thesis on navigation with a radar in USARSim, section 5.2.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.autonomy.navigation.observation import Observation, wrap_angles
+from radarsim.autonomy.navigation.options import Rule
+from radarsim.geometry import Floats
+
+BAND = 0.5  # m beyond the safety distance
+LEAST_SHARE = 0.1
+MOST = 36  # bumpers; narrower sectors would hold too few beams
+
+FOUR = ("front", "left", "back", "right")
+EIGHT = (
+    *("front", "front_left", "left", "back_left"),
+    *("back", "back_right", "right", "front_right"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Bumper:
+    """The state of one bumper.
+
+    Attributes:
+        name: Name of the sector, such as ``front_left``.
+        pressed: Whether it is pressed, by the rule.
+        too_near: Whether a share of the beams is nearer than the safety distance.
+        distance: Distance within which a share of the beams ended, m; ``inf`` if they
+            have no return.
+        blind: Whether it has no beams.
+    """
+
+    name: str
+    pressed: bool
+    too_near: bool
+    distance: float
+    blind: bool = False
+
+    @property
+    def blocked(self) -> bool:
+        """Whether the robot must not go in that direction."""
+        return self.pressed or self.too_near
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bumpers:
+    """Sectors of equal width around the robot, the first one about its front.
+
+    Attributes:
+        safety_distance: m from the robot's centre.
+        band: m beyond it in which a bumper is pressed but not yet too near.
+        count: Number of bumpers, 4 to 36.
+        share: Share of a bumper's beams that press it, above 0 and at most 1.
+        rule: When a bumper is pressed.
+    """
+
+    safety_distance: float
+    band: float = BAND
+    count: int = 8
+    share: float = LEAST_SHARE
+    rule: Rule = Rule.SHARE
+
+    def __post_init__(self) -> None:
+        if not 4 <= self.count <= MOST:
+            raise ValueError(f"{self.count} bumpers, expected 4 to {MOST}")
+        if not 0 < self.share <= 1:
+            raise ValueError(f"share {self.share!r}, expected above 0 and at most 1")
+        for name in ("safety_distance", "band"):
+            value = getattr(self, name)
+            if not 0 < value < math.inf:
+                raise ValueError(f"{name} {value!r}, expected above 0 and finite")
+
+    @property
+    def pressed_below(self) -> float:
+        """Far end of the band, m."""
+        return self.safety_distance + self.band
+
+    @property
+    def width(self) -> float:
+        """Width of one sector, rad."""
+        return 2 * math.pi / self.count
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names, counter-clockwise from the front."""
+        if self.count in (4, 8):
+            return FOUR if self.count == 4 else EIGHT
+        return tuple(f"at_{round(360 * k / self.count)}" for k in range(self.count))
+
+    def read(self, observation: Observation) -> tuple[Bumper, ...]:
+        """Return the state of all bumpers, in the order of ``names``."""
+        sectors = self._sectors(observation.bearings)
+        return tuple(
+            self._state(name, observation.ranges[sectors == k])
+            for k, name in enumerate(self.names)
+        )
+
+    def towards(self, observation: Observation, bearing: float) -> Bumper:
+        """Return the state that the front bumper would have, facing a bearing, rad."""
+        offsets = wrap_angles(observation.bearings - bearing)
+        within = np.abs(offsets) <= self.width / 2
+        return self._state("front", observation.ranges[within])
+
+    def blind(self, angles: Floats) -> tuple[str, ...]:
+        """Return the names of bumpers without beams, for beams at angles, (N,) rad."""
+        covered = set(self._sectors(angles).tolist())
+        return tuple(name for k, name in enumerate(self.names) if k not in covered)
+
+    def _sectors(self, bearings: Floats) -> NDArray[np.int64]:
+        turns = (bearings + self.width / 2) / self.width
+        return np.floor(turns).astype(np.int64) % self.count
+
+    def _state(self, name: str, ranges: Floats) -> Bumper:
+        if not len(ranges):
+            return Bumper(
+                name, pressed=False, too_near=False, distance=math.inf, blind=True
+            )
+        distance = nearest_share(ranges, self.share)
+        if self.rule == Rule.SHARE:
+            pressed = distance < self.pressed_below
+        else:
+            least, most = float(ranges.min()), float(ranges.max())
+            pressed = self.safety_distance <= least and most <= self.pressed_below
+        too_near = distance < self.safety_distance
+        return Bumper(name, pressed, too_near, distance)
+
+
+def nearest_share(ranges: Floats, share: float) -> float:
+    """Return the distance within which a share of some ranges lies, m.
+
+    Args:
+        ranges: (N,) m, at least one.
+        share: Above 0 and at most 1; at least one range counts.
+    """
+    count = max(1, math.ceil(share * len(ranges) - 1e-9))
+    return float(np.partition(ranges, count - 1)[count - 1])
+
+
+def pressed_names(bumpers: Sequence[Bumper]) -> tuple[str, ...]:
+    """Return the names of the bumpers that are pressed or too near."""
+    return tuple(bumper.name for bumper in bumpers if bumper.blocked)

@@ -1,0 +1,243 @@
+"""Motion commands, the loop that sends them, and detectors of robots that get nowhere.
+
+The loop turns scans into wheel speeds. While no scan arrives it stops the robot, and a
+little later it gives up with an error that names what was missing.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final, NoReturn, Protocol
+
+from radarsim.autonomy.navigation.observation import Observation
+from radarsim.client import Client, RobotInfo, ScannerInfo
+from radarsim.errors import ClientError, ClientTimeout, NavigationError
+from radarsim.geometry import Pose2, wrap_angle
+from radarsim.protocol.reports import Report
+
+HEADING_GAIN = 2.5  # 1/s: rad/s of turning for each rad of heading error
+STOP_AFTER = 0.5  # s without a scan after which the robot is stopped
+STUCK_AFTER = 3.0  # m that a robot was commanded to go without moving
+STUCK_AFTER_TURN: Final = math.tau  # rad that it was commanded to turn without turning
+STANDSTILL_LIMIT: Final = 60.0  # s
+_LEAST_MOVE = 0.1  # m; less is due to noise
+_LEAST_TURN = 0.3  # rad
+
+
+@dataclass(frozen=True, slots=True)
+class Twist:
+    """Forward speed in m/s and counter-clockwise turn rate in rad/s."""
+
+    speed: float
+    turn: float
+
+
+STOP = Twist(0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedLimits:
+    """Greatest forward speed, m/s, and greatest turn rate on the spot, rad/s."""
+
+    speed: float = 0.3
+    turn: float = 0.8
+
+    def __post_init__(self) -> None:
+        for name, value in (("speed", self.speed), ("turn", self.turn)):
+            if not 0 < value < math.inf:
+                raise ValueError(f"{name} {value!r}, expected above 0 and finite")
+
+    def towards(self, bearing: float, *, most: float = math.inf) -> Twist:
+        """Return a twist that turns to a bearing, and is fast once it faces it.
+
+        Args:
+            bearing: rad from the robot's front.
+            most: Upper limit of the speed, m/s.
+        """
+        turn = max(-self.turn, min(self.turn, HEADING_GAIN * bearing))
+        facing = max(0.0, math.cos(bearing))
+        return Twist(min(self.speed, most) * facing**4, turn)
+
+
+def bearing_of(pose: Pose2, x: float, y: float) -> float:
+    """Return the direction of a point as seen from a pose, rad from its front."""
+    return wrap_angle(math.atan2(y - pose.y, x - pose.x) - pose.yaw)
+
+
+def distance(pose: Pose2, x: float, y: float) -> float:
+    """Return the distance of a point from a pose, m."""
+    return math.hypot(x - pose.x, y - pose.y)
+
+
+def moved(start: Pose2, end: Pose2) -> float:
+    """Return the distance between two poses, m."""
+    return math.hypot(end.x - start.x, end.y - start.y)
+
+
+class StuckDetector:
+    """Notices that a robot does not move or turn though it is commanded to."""
+
+    def __init__(self) -> None:
+        self._last_time = 0.0
+        self._place: Pose2 | None = None  # before the commanded distance
+        self._distance = 0.0  # m
+        self._heading: Pose2 | None = None  # before the commanded turn
+        self._turn = 0.0  # rad
+
+    def check(self, observation: Observation, twist: Twist) -> None:
+        """Compare a scan, and the twist decided by it, with those before.
+
+        Raises:
+            NavigationError: If the robot stays where it is.
+        """
+        elapsed = observation.time - self._last_time
+        self._last_time = observation.time
+        self._check_distance(observation.pose, abs(twist.speed) * elapsed)
+        self._check_turn(observation.pose, abs(twist.turn) * elapsed)
+
+    def _check_distance(self, pose: Pose2, commanded: float) -> None:
+        if self._place is None or moved(self._place, pose) > _LEAST_MOVE:
+            self._place, self._distance = pose, 0.0
+            return
+        self._distance += commanded
+        if self._distance > STUCK_AFTER:
+            _raise_stuck(self._place, f"go {STUCK_AFTER:g} m")
+
+    def _check_turn(self, pose: Pose2, commanded: float) -> None:
+        if self._heading is None or _has_moved(self._heading, pose):
+            self._heading, self._turn = pose, 0.0
+            return
+        self._turn += commanded
+        if self._turn > STUCK_AFTER_TURN:
+            _raise_stuck(self._heading, f"turn {math.degrees(STUCK_AFTER_TURN):.0f}°")
+
+
+def _raise_stuck(pose: Pose2, command: str) -> NoReturn:
+    raise NavigationError(
+        f"the robot stays at {pose.x:.2f} {pose.y:.2f}, told to {command}; perhaps"
+        " something is nearer than it is seen, and the safety distance too small"
+    )
+
+
+class StandstillDetector:
+    """Notices that a robot has neither moved nor turned for long, for any reason."""
+
+    def __init__(self) -> None:
+        self._reference: Observation | None = None
+
+    def check(self, observation: Observation) -> None:
+        """Compare a scan with those before.
+
+        Raises:
+            NavigationError: If the robot has stood for a minute.
+        """
+        reference = self._reference
+        if reference is None or _has_moved(reference.pose, observation.pose):
+            self._reference = observation
+        elif observation.time - reference.time > STANDSTILL_LIMIT:
+            pose = observation.pose
+            raise NavigationError(
+                f"the robot has stood at {pose.x:.2f} {pose.y:.2f} for"
+                f" {STANDSTILL_LIMIT:g} s:"
+                " on all sides something is nearer than the safety distance"
+            )
+
+
+def _has_moved(before: Pose2, now: Pose2) -> bool:
+    turned = abs(wrap_angle(now.yaw - before.yaw))
+    return moved(before, now) > _LEAST_MOVE or turned > _LEAST_TURN
+
+
+def check_beams(count: int, scanner: ScannerInfo) -> None:
+    """Refuse a scan of so few beams that some bumper may see nothing.
+
+    Args:
+        count: Number of beams of the scan.
+        scanner: The scanner that sent it.
+
+    Raises:
+        ClientError: If it has less than half of the beams that the server announced.
+    """
+    if count < scanner.beams / 2:
+        text = f"scan of {count} ranges from {scanner.name[:80]!r}"
+        raise ClientError(f"{text}, expected {scanner.beams}")
+
+
+class ObservationSource(Protocol):
+    """Combines reports into observations."""
+
+    @property
+    def missing(self) -> str:
+        """The report that it waits for, for messages."""
+
+    @property
+    def cure(self) -> str:
+        """What to expect instead of what is missing, for messages; may be empty."""
+
+    def take(self, report: Report) -> Observation | None:
+        """Process a report; return the observation that it completes, if any."""
+
+
+class ControlLoop:
+    """Drives one robot: yields observations, and sends wheel speeds."""
+
+    def __init__(
+        self,
+        client: Client,
+        robot_info: RobotInfo,
+        source: ObservationSource,
+        *,
+        timeout: float,
+    ) -> None:
+        """Create the loop.
+
+        Args:
+            client: The connection; its robot is spawned.
+            robot_info: Properties of the robot.
+            source: Receives every report.
+            timeout: Time without a scan after which the run is given up, s.
+        """
+        self._client = client
+        self._robot_info = robot_info
+        self._source = source
+        self._timeout = timeout
+
+    def drive(self, twist: Twist) -> None:
+        """Set the wheel speeds that produce a twist."""
+        self._client.drive(*self._robot_info.wheel_speeds(twist.speed, twist.turn))
+
+    def scans(self) -> Iterator[Observation]:
+        """Yield an observation for every scan; stop the robot while none arrives.
+
+        Raises:
+            ClientTimeout: If no more scans arrive.
+        """
+        while True:
+            yield self._next()
+
+    def _next(self) -> Observation:
+        clock = self._client.transport.time
+        start, stopped = clock(), False
+        received: set[str] = set()
+        while (waited := clock() - start) < self._timeout:
+            if waited >= STOP_AFTER and not stopped:
+                self.drive(STOP)
+                stopped = True
+            reports = self._read((self._timeout if stopped else STOP_AFTER) - waited)
+            newest = None
+            for report in reports:
+                newest = self._source.take(report) or newest
+                received.add(type(report).__name__)
+            if newest is not None:
+                return newest
+        names = ", ".join(sorted(received))
+        came = f"what came: {names}" if received else "nothing came"
+        missing = f"no {self._source.missing} within {self._timeout:g} s"
+        cure = f"; {self._source.cure}" * bool(self._source.cure)
+        raise ClientTimeout(f"{missing}, {came}; the robot was told to stop{cure}")
+
+    def _read(self, timeout: float) -> list[Report]:
+        try:
+            return self._client.read(max(timeout, 0.001))
+        except ClientTimeout:
+            return []

@@ -1,0 +1,117 @@
+"""What all algorithms have in common: goals in turn, and a decision at every scan.
+
+A ``Controller`` decides by each scan how the robot is to move until the next one.
+Subclasses are the algorithms.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from radarsim.autonomy.navigation.bumpers import Bumpers
+from radarsim.autonomy.navigation.control import (
+    STOP,
+    SpeedLimits,
+    Twist,
+    distance,
+    moved,
+)
+from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.navigation.options import Algorithm, GiveUp
+from radarsim.geometry import Point, Pose2
+
+TOLERANCE = 0.1  # m from the goal at which it is reached
+
+
+class Activity(StrEnum):
+    """What a controller is doing."""
+
+    GOING = "going"
+    ALIGNING = "aligning"
+    FOLLOWING = "following"
+    RETURNING = "returning"
+    REACHED = "reached"
+    NO_PATH = "no_path"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ControllerSettings:
+    """Settings of a controller.
+
+    Attributes:
+        algorithm: How to get around obstacles.
+        bumpers: The bumpers that it steers by.
+        speed_limits: Greatest speeds.
+        wall_on_left: Whether it keeps boundaries on its left.
+        give_up: When Bug2 concludes that there is no path.
+        tolerance: Distance from the goal at which it is reached, m.
+    """
+
+    algorithm: Algorithm
+    bumpers: Bumpers
+    speed_limits: SpeedLimits = field(default_factory=SpeedLimits)
+    wall_on_left: bool = True
+    give_up: GiveUp = GiveUp.HIT_POINT
+    tolerance: float = TOLERANCE
+
+
+class Controller(ABC):
+    """Drives to one goal after the other.
+
+    Attributes:
+        activity: What it is doing; in ``REACHED`` and ``NO_PATH`` it stands still.
+        goals: The goals that are left, the next one first, m, map frame.
+        hit_points: Where it turned to boundaries, m, map frame.
+        leave_points: Where it left boundaries, m, map frame.
+        circuits: Number of complete circuits around obstacles.
+    """
+
+    def __init__(self, goals: Sequence[Point], settings: ControllerSettings) -> None:
+        """Create it before the first scan.
+
+        Args:
+            goals: One or more, m, map frame.
+            settings: Its settings.
+        """
+        if not goals:
+            raise ValueError("no goals, expected at least one")
+        self.activity = Activity.GOING
+        self.goals = list(goals)
+        self.hit_points: list[Point] = []
+        self.leave_points: list[Point] = []
+        self.circuits = 0
+        self._settings = settings
+        self._previous: Pose2 | None = None
+
+    @property
+    def is_done(self) -> bool:
+        """Whether it has reached its last goal, or given up."""
+        return self.activity in (Activity.REACHED, Activity.NO_PATH)
+
+    def step(self, observation: Observation) -> Twist:
+        """Decide by a scan how to move until the next one."""
+        pose = observation.pose
+        driven = 0.0 if self._previous is None else moved(self._previous, pose)
+        self._previous = pose
+        while not self.is_done and self._is_at_goal(pose):
+            self.goals.pop(0)
+            self._begin_goal(pose)
+            self.activity = Activity.GOING if self.goals else Activity.REACHED
+        return STOP if self.is_done else self._decide(observation, driven)
+
+    def _is_at_goal(self, pose: Pose2) -> bool:
+        return distance(pose, *self.goals[0]) <= self._settings.tolerance
+
+    @abstractmethod
+    def _begin_goal(self, pose: Pose2) -> None:
+        """Forget what was known about the way to the goal that has been reached."""
+
+    @abstractmethod
+    def _decide(self, observation: Observation, driven: float) -> Twist:
+        """Decide how to move until the next scan.
+
+        Args:
+            observation: The newest scan; the next goal is not reached.
+            driven: Distance from the pose of the scan before, m.
+        """

@@ -1,0 +1,181 @@
+"""Things that move: who sees something come into its way stops and waits.
+
+Theory of operation
+===================
+A scan is compared with one of a moment before. What is now seen where a beam went
+through then has come there: it moves. What was hidden then, behind something nearer,
+may as well have stood there, and does not count. Beams of the earlier scan count with
+those beside them: a pole may have been between two of them, and a radar with side beams
+sees it up to 0.2 m beside its place.
+
+From where it is seen at first and now follows its velocity, which is known after half a
+second: so things are looked at some metres away, before they are near. The robot stands
+if the two would come too near to each other within the next seconds, and less so if it
+stands.
+
+A robot that waits for something follows nothing, so what passes becomes no obstacle.
+What has come to a stand is an obstacle like others.
+
+What does not give way may drive into the robot. Then the robot neither turns nor goes
+on, since both would press against it: it backs off until it has room to turn.
+"""
+
+import math
+from collections import deque
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.autonomy.navigation.bumpers import Bumpers
+from radarsim.autonomy.navigation.control import STOP, Twist
+from radarsim.autonomy.navigation.observation import Observation, wrap_angles
+
+INTERVAL: Final = 2.0  # s between the scans that are compared
+MARGIN: Final = 0.25  # m that a beam went beyond a place where nothing was
+LEAST_BEAMS: Final = 3  # that end on something that moves
+SPEED: Final = 0.3  # m/s at which the robot would go on
+HORIZON: Final = 4.0  # s ahead that are looked at
+MORE: Final = 2.5  # m beyond the reach of the bumpers within which motion is seen
+LEAST_TRACK: Final = 0.5  # s for which it is seen before its velocity is known
+PAUSE: Final = 1.0  # s without motion after which it goes on
+CONFIRMED_WITHIN: Final = 1.0  # s in which a second scan has to show the same
+PATIENCE: Final = 15.0  # s of waiting after which it goes on nevertheless
+IMPATIENCE: Final = 5.0  # s after that, in which it does not wait
+BACK_SPEED: Final = 0.3  # m/s away from what has driven into the robot
+RECENT: Final = 30.0  # s after motion was seen, in which it backs off
+_BESIDE: Final = 0.3  # m beside a place where earlier beams count
+_LEAST_SPREAD: Final = math.radians(2.5)  # between such beams
+
+
+class MotionDetector:
+    """Compares scans with those of a moment before."""
+
+    def __init__(self) -> None:
+        self._earlier: deque[Observation] = deque()
+
+    def moving_beams(self, observation: Observation, reach: float) -> NDArray[np.bool_]:
+        """Return which beams end on something that has moved, (N,).
+
+        Args:
+            observation: The newest scan; the times of scans increase.
+            reach: Longer beams are left out, m.
+        """
+        self._earlier.append(observation)
+        while len(self._earlier) > 1 and _age(self._earlier[1], observation) >= 0:
+            self._earlier.popleft()
+        beams = np.zeros(len(observation.ranges), np.bool_)
+        near = np.flatnonzero(observation.ranges < reach)
+        before = self._earlier[0]
+        if _age(before, observation) < 0 or not len(near):
+            return beams
+        beams[near] = _was_free(before, observation, near)
+        return beams
+
+
+class Waiting:
+    """Decides when to stand because something moves into the robot's way."""
+
+    def __init__(self, bumpers: Bumpers, clearance: float) -> None:
+        """Create it.
+
+        Args:
+            bumpers: Bumpers of the robot.
+            clearance: What the robot needs around its centre to turn, m.
+        """
+        self._bumpers = bumpers
+        self._clearance = clearance
+        self._detector = MotionDetector()
+        self._seen: deque[tuple[float, complex]] = (
+            deque()
+        )  # when and where things moved
+        self._ahead = 1.0  # or -1: whether the robot went forward, or backward
+        self._moved = -math.inf  # s; when something last moved into its way
+        self._crossed = -math.inf  # s; when a scan last showed that
+        self._last_motion = -math.inf  # s; when something last moved anywhere near
+        self._since = math.inf  # s; since when it waits
+        self._impatient_until = -math.inf  # s
+
+    def has_to_wait(self, observation: Observation, twist: Twist) -> bool:
+        """Return whether to stand until the next scan; to be called at every scan.
+
+        Args:
+            observation: The newest scan.
+            twist: The motion since the scan before; what is ahead depends on it.
+        """
+        now = observation.time
+        if twist.speed:
+            self._ahead = math.copysign(1.0, twist.speed)
+        if self._is_crossed(observation):
+            if now - self._crossed <= CONFIRMED_WITHIN:  # one scan may be in error
+                self._moved = now
+            self._crossed = now
+        if now - self._moved >= PAUSE or now < self._impatient_until:
+            self._since = math.inf
+            return False
+        self._since = min(self._since, now)
+        if now - self._since < PATIENCE:
+            return True
+        self._impatient_until = now + IMPATIENCE
+        return False
+
+    def back_off(self, observation: Observation) -> Twist | None:
+        """Return the motion away from what has driven into the robot; None if nothing.
+
+        Args:
+            observation: The newest scan, after ``has_to_wait``.
+        """
+        ranges, bearings = observation.ranges, observation.bearings
+        is_recent = observation.time - self._last_motion < RECENT
+        if not is_recent or ranges.min(initial=math.inf) >= self._clearance:
+            return None
+        forward = -math.copysign(1.0, math.cos(bearings[ranges.argmin()]))
+        ahead = forward * np.cos(bearings) > 0.5
+        if (ranges[ahead] < self._clearance + MARGIN).any():
+            return STOP
+        return Twist(forward * BACK_SPEED, 0.0)
+
+    def _is_crossed(self, observation: Observation) -> bool:
+        """Return whether something that moves would come too near if the robot went."""
+        reach = self._bumpers.pressed_below + MORE
+        beams = self._detector.moving_beams(observation, reach)
+        if np.count_nonzero(beams) < LEAST_BEAMS:
+            return False
+        pose, now = observation.pose, observation.time
+        self._last_motion = now
+        angles = observation.bearings[beams] + pose.yaw
+        ends = observation.ranges[beams] * np.exp(1j * angles)
+        centre = complex(ends.mean())
+        place = centre + complex(pose.x, pose.y)
+        self._seen.append((now, place))
+        while now - self._seen[0][0] > INTERVAL:
+            self._seen.popleft()
+        begin, first = self._seen[0]
+        is_known = now - begin >= LEAST_TRACK
+        velocity = (place - first) / (now - begin) if is_known else 0j
+        going = self._ahead * SPEED * complex(math.cos(pose.yaw), math.sin(pose.yaw))
+        times = np.arange(0.0, HORIZON, 0.25)
+        driving = np.abs(ends[:, None] + (velocity - going) * times).min()
+        standing = np.abs(ends[:, None] + velocity * times).min()
+        return bool(driving < min(self._bumpers.pressed_below, standing))
+
+
+def _age(earlier: Observation, now: Observation) -> float:
+    """Return by how much a scan is older than the interval, s."""
+    return now.time - earlier.time - (INTERVAL - 1e-6)
+
+
+def _was_free(
+    before: Observation, now: Observation, beams: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Return whether earlier beams went through where some beams end now, (M,)."""
+    angles = now.bearings[beams] + now.pose.yaw
+    x = now.pose.x + now.ranges[beams] * np.cos(angles) - before.pose.x
+    y = now.pose.y + now.ranges[beams] * np.sin(angles) - before.pose.y
+    bearings = np.arctan2(y, x) - before.pose.yaw
+    offsets = np.abs(wrap_angles(bearings[:, None] - before.bearings))
+    distances = np.hypot(x, y)
+    free = before.ranges > (distances + MARGIN)[:, None]
+    spread = np.arctan2(_BESIDE, distances)
+    beside = offsets <= np.maximum(spread, _LEAST_SPREAD)[:, None]
+    return np.asarray((free | ~beside).all(axis=1) & beside.any(axis=1))

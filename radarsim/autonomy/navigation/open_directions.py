@@ -1,0 +1,177 @@
+"""How far a robot could go in each direction, and the edges of what is in its way.
+
+The robot is a disc, and the ends of beams are points: in each direction the first point
+that the disc would touch ends its way.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.autonomy.navigation.observation import Observation, wrap_angles
+from radarsim.geometry import Floats, Point
+
+HORIZON: Final = 10.0  # m; nothing farther away is looked at
+MOST_DIRECTIONS: Final = 720  # that are looked at; what is in the way is of all beams
+JUMP: Final = 0.5  # m between two neighbouring directions, where an obstacle ends
+PAST: Final = 0.3  # m past the end of an obstacle that its edge is
+TOO_NEAR: Final = 0.1  # m less than the safety distance that nothing ahead may be
+_FACING: Final = math.cos(math.radians(60.0))  # towards what the disc already touches
+_PLACES: Final = 20  # in each direction that ``place_nearer_than`` looks at
+_STEP: Final = 0.15  # m ahead of the robot that ``leads_too_near`` looks
+
+
+class OpenDirections:
+    """What one scan tells of the ways of a disc.
+
+    Attributes:
+        bearings: (N,) rad from the robot's front, increasing: those of all beams, or of
+            every second, third and so on in a scan of more than ``MOST_DIRECTIONS``.
+        lengths: (N,) m that the disc's centre could go, at most ``HORIZON``.
+    """
+
+    def __init__(self, observation: Observation, radius: float) -> None:
+        """Compute them.
+
+        Args:
+            observation: The scan.
+            radius: Of the disc, m.
+        """
+        self._pose = observation.pose
+        step = 1 + (len(observation.bearings) - 1) // MOST_DIRECTIONS
+        self.bearings = np.sort(observation.bearings)[::step]
+        self.lengths, ends = _first_touches(observation, self.bearings, radius)
+        self._ends = ends
+        after = np.roll(ends, -1, axis=0)
+        # between points nearer than its diameter a disc does not pass
+        is_linked = np.hypot(*(after - ends).T) <= 2 * radius
+        grows = np.roll(self.lengths, -1) - self.lengths
+        self._is_wall = is_linked | (np.abs(grows) <= JUMP)
+        opens = np.flatnonzero(~self._is_wall & (grows > 0))
+        closes = np.flatnonzero(~self._is_wall & (grows < 0))
+        beyond = len(grows)
+        # the two directions at each end of an obstacle: the open one, and that beside
+        self._open = np.concatenate([(opens + 1) % beyond, closes])
+        self._beside = np.concatenate([opens, (closes + 1) % beyond])
+
+    def reaches(self, point: Point) -> bool:
+        """Return whether the disc could go straight to a point, m, map frame."""
+        dx, dy = point[0] - self._pose.x, point[1] - self._pose.y
+        bearing = math.atan2(dy, dx) - self._pose.yaw
+        nearest = np.abs(wrap_angles(self.bearings - bearing)).argmin()
+        return bool(self.lengths[nearest] >= min(math.hypot(dx, dy), HORIZON))
+
+    def edges(self) -> Floats:
+        """Return where obstacles end, (M, 2) m, map frame: the disc passes them there.
+
+        That is in the first open direction beside an obstacle, a little past its end.
+        """
+        angles = self.bearings[self._open]
+        x, y = self._ends[self._beside].T
+        past = x * np.cos(angles) + y * np.sin(angles) + PAST
+        return self._points(self._open, np.minimum(past, self.lengths[self._open]))
+
+    def hidden_ends(self) -> Floats:
+        """Return where walls go out of sight behind edges, (M, 2) m, map frame."""
+        lengths = self.lengths[self._open]
+        is_wall = lengths < HORIZON
+        return self._points(self._beside[is_wall], lengths[is_wall])
+
+    def walls(self) -> tuple[Floats, Floats]:
+        """Return what closes the disc's ways as thin walls: both ends of each.
+
+        Returns:
+            Two arrays, (K, 2) m, map frame.
+        """
+        places = self._points(np.arange(len(self.lengths)), self.lengths)
+        after = np.roll(self.lengths, -1)
+        is_near = (self.lengths < HORIZON) & (after < HORIZON)
+        is_wall = self._is_wall & is_near
+        return places[is_wall], np.roll(places, -1, axis=0)[is_wall]
+
+    def place_nearer_than(self, distance: float, goal: Point) -> Point | None:
+        """Return a place nearer to a goal to which the disc could go straight.
+
+        Of all these places it is the one over which the way to the goal is shortest.
+
+        Args:
+            distance: m from the goal that the place has to be nearer than.
+            goal: m, map frame.
+
+        Returns:
+            m, map frame; None if there is none.
+        """
+        directions = np.repeat(np.arange(len(self.lengths)), _PLACES)
+        shares = np.tile(np.arange(1, _PLACES + 1) / _PLACES, len(self.lengths))
+        places = self._points(directions, shares * self.lengths[directions])
+        left = np.hypot(*(places - goal).T)
+        ways = left + np.hypot(*(places - (self._pose.x, self._pose.y)).T)
+        ways[left >= distance] = math.inf
+        best = int(ways.argmin())
+        if not math.isfinite(ways[best]):
+            return None
+        return float(places[best, 0]), float(places[best, 1])
+
+    def _points(self, directions: NDArray[np.int64], lengths: Floats) -> Floats:
+        angles = self.bearings[directions] + self._pose.yaw
+        x = self._pose.x + lengths * np.cos(angles)
+        y = self._pose.y + lengths * np.sin(angles)
+        return np.column_stack([x, y])
+
+
+def open_lengths(observation: Observation, bearings: Floats, radius: float) -> Floats:
+    """Return how far the centre of a disc could go in some directions.
+
+    What it touches already closes the directions towards it.
+
+    Args:
+        observation: The scan.
+        bearings: (M,) rad from the robot's front.
+        radius: Of the disc, m.
+
+    Returns:
+        (M,) m, at most ``HORIZON``.
+    """
+    return _first_touches(observation, bearings, radius)[0]
+
+
+def _first_touches(
+    observation: Observation, bearings: Floats, radius: float
+) -> tuple[Floats, Floats]:
+    """Return the lengths of ``open_lengths``, and the points that end them.
+
+    Returns:
+        (M,) m, and (M, 2) m, in the robot's frame; nan where nothing does.
+    """
+    near = observation.ranges < HORIZON + radius
+    if not near.any():
+        return np.full(len(bearings), HORIZON), np.full((len(bearings), 2), np.nan)
+    ranges, angles = observation.ranges[near], observation.bearings[near]
+    x, y = ranges * np.cos(angles), ranges * np.sin(angles)
+    c, s = np.cos(bearings)[:, None], np.sin(bearings)[:, None]
+    along, beside = c * x + s * y, np.abs(c * y - s * x)
+    before = along - np.sqrt(np.maximum(radius**2 - beside**2, 0.0))
+    touches = ranges <= radius
+    closes = np.where(touches, along > _FACING * ranges, beside < radius) & (along > 0)
+    lengths = np.where(closes, np.where(touches, 0.0, before), HORIZON)
+    first = lengths.argmin(axis=1)
+    shortest = np.clip(lengths.min(axis=1), 0.0, HORIZON)
+    ends = np.column_stack([x[first], y[first]])
+    ends[shortest >= HORIZON] = np.nan
+    return shortest, ends
+
+
+def leads_too_near(observation: Observation, safety_distance: float) -> bool:
+    """Return whether a step ahead would bring the robot too near to something.
+
+    Args:
+        observation: The newest scan.
+        safety_distance: m from the robot's centre.
+    """
+    near = observation.ranges < safety_distance + 2 * _STEP
+    ranges, bearings = observation.ranges[near], observation.bearings[near]
+    x, y = ranges * np.cos(bearings), ranges * np.sin(bearings)
+    after = float(np.hypot(x - _STEP, y).min(initial=math.inf))
+    return after < min(safety_distance - TOO_NEAR, float(ranges.min(initial=math.inf)))

@@ -1,0 +1,185 @@
+"""The log of a run, scan by scan: for traces and pictures."""
+
+import csv
+import io
+import math
+from collections import Counter
+from dataclasses import astuple, dataclass, fields
+
+import numpy as np
+
+from radarsim.autonomy.navigation.controller import Activity
+from radarsim.autonomy.navigation.runner import NavigationStep
+from radarsim.geometry import Floats, Point, wrap_angle
+
+CELL = 0.05  # m; end points of beams are counted in square cells of this size
+AT_BOUNDARY = frozenset({Activity.ALIGNING, Activity.FOLLOWING, Activity.RETURNING})
+COLUMN_NAMES = {"activity": "doing"}  # columns of a trace not named as in ``Row``
+_ROWS = 2**31  # the key of a cell is column * _ROWS + row
+_DIGITS = 4  # of metres and radians in a trace
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One moment of a run, without its scan.
+
+    Attributes:
+        time: Server time, s.
+        x: Estimated position of the robot, m, map frame.
+        y: m, map frame.
+        yaw: Estimated yaw, rad.
+        activity: What the bug was doing.
+        goal_x: Position of the next goal, m; None once there is none.
+        goal_y: m.
+        speed: Commanded forward speed, m/s.
+        turn: Commanded turn rate, rad/s.
+        nearest: Smallest range from the robot's centre, m; ``inf`` for none.
+        pressed: Names of the bumpers that were pressed or too near, separated by
+            blanks.
+    """
+
+    time: float
+    x: float
+    y: float
+    yaw: float
+    activity: Activity
+    goal_x: float | None
+    goal_y: float | None
+    speed: float
+    turn: float
+    nearest: float
+    pressed: str
+
+    @property
+    def goal(self) -> Point | None:
+        """The next goal, m; None once there is none."""
+        if self.goal_x is None or self.goal_y is None:
+            return None
+        return self.goal_x, self.goal_y
+
+    @property
+    def goal_distance(self) -> float:
+        """Distance to the next goal, m; 0 once there is none."""
+        goal = self.goal
+        return 0.0 if goal is None else math.hypot(goal[0] - self.x, goal[1] - self.y)
+
+
+@dataclass(frozen=True, slots=True)
+class GoalLine:
+    """The straight line to a goal from where the robot headed for it first, m."""
+
+    start: Point
+    goal: Point
+
+
+class RunLog:
+    """Records a run.
+
+    Attributes:
+        rows: One row for each scan.
+        hit_points: Where boundaries were hit, m, map frame.
+        leave_points: Where boundaries were left, m, map frame.
+        goal_lines: The straight lines to the goals so far.
+        circuits: Number of complete circuits after which the robot headed for a leave
+            point.
+        path_length: Length of the estimated path, m.
+    """
+
+    def __init__(self) -> None:
+        self.rows: list[Row] = []
+        self.hit_points: list[Point] = []
+        self.leave_points: list[Point] = []
+        self.goal_lines: list[GoalLine] = []
+        self.circuits = 0
+        self.path_length = 0.0
+        self._cells: Counter[int] = Counter()
+
+    def add(self, step: NavigationStep) -> Row:
+        """Record one scan, and return its row."""
+        row = _row(step)
+        self._update(self.rows[-1] if self.rows else None, row)
+        self.rows.append(row)
+        columns, rows = np.floor(step.observation.points() / CELL).astype(np.int64).T
+        self._cells.update((columns * _ROWS + rows).tolist())
+        return row
+
+    @property
+    def time(self) -> float:
+        """Time from the first scan to the last, s."""
+        return self.rows[-1].time - self.rows[0].time if self.rows else 0.0
+
+    @property
+    def nearest(self) -> float:
+        """The smallest range from the robot's centre, m; ``inf`` for none."""
+        return min((row.nearest for row in self.rows), default=math.inf)
+
+    @property
+    def path(self) -> Floats:
+        """Estimated positions of the robot, (N, 2) m, map frame."""
+        return np.array([(row.x, row.y) for row in self.rows]).reshape(-1, 2)
+
+    @property
+    def beam_ends(self) -> Floats:
+        """End points of beams: x, y in m, and how many ended there, (M, 3).
+
+        All that ended in one cell of 5 cm are at its centre.
+        """
+        keys = sorted(self._cells)
+        cells = np.array(keys, dtype=np.int64)
+        columns = (cells + _ROWS // 2) // _ROWS
+        indices = np.column_stack([columns, cells - columns * _ROWS])
+        counts = [self._cells[key] for key in keys]
+        return np.column_stack([(indices + 0.5) * CELL, counts])
+
+    def as_csv(self) -> str:
+        """Return a row for each scan; fields without a value are empty."""
+        text = io.StringIO(trace_header())
+        text.seek(0, io.SEEK_END)
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerows(map(_csv_value, astuple(row)) for row in self.rows)
+        return text.getvalue()
+
+    def _update(self, previous: Row | None, row: Row) -> None:
+        """Record what has changed: goals, hit points, leave points."""
+        here = (row.x, row.y)
+        same_goal = previous is not None and previous.goal == row.goal
+        was_at_boundary = previous is not None and previous.activity in AT_BOUNDARY
+        if row.goal is not None and not same_goal:
+            self.goal_lines.append(GoalLine(here, row.goal))
+        if row.activity in AT_BOUNDARY and not (was_at_boundary and same_goal):
+            self.hit_points.append(here)
+        if row.activity is Activity.GOING and was_at_boundary and same_goal:
+            self.leave_points.append(here)
+        if previous is not None:
+            self.path_length += math.hypot(row.x - previous.x, row.y - previous.y)
+            self.circuits += previous.activity != row.activity == Activity.RETURNING
+
+
+def trace_header() -> str:
+    """Return the first line of a trace, with its end."""
+    names = (field.name for field in fields(Row))
+    return ",".join(COLUMN_NAMES.get(name, name) for name in names) + "\n"
+
+
+def _row(step: NavigationStep) -> Row:
+    observation, twist = step.observation, step.twist
+    goal_x, goal_y = step.goal or (None, None)
+    return Row(
+        observation.time,
+        observation.pose.x,
+        observation.pose.y,
+        wrap_angle(observation.pose.yaw),
+        step.activity,
+        goal_x,
+        goal_y,
+        twist.speed,
+        twist.turn,
+        float(observation.ranges.min(initial=math.inf)),
+        " ".join(step.pressed),
+    )
+
+
+def _csv_value(value: object) -> object:
+    if not isinstance(value, float):
+        return value
+    return round(value, _DIGITS) + 0.0 if math.isfinite(value) else None

@@ -1,0 +1,274 @@
+"""Drive a robot by the decisions of a bug, and stop it when in doubt.
+
+Every scan of one scanner, together with the newest pose, is passed to the bug; the
+motion that it decides on is sent as a DRIVE command.
+
+Notices a start or a goal that is nearer to something than the safety distance.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from radarsim.autonomy.navigation.bumpers import Bumpers, pressed_names
+from radarsim.autonomy.navigation.control import (
+    STOP,
+    ControlLoop,
+    StuckDetector,
+    Twist,
+    moved,
+)
+from radarsim.autonomy.navigation.controller import Activity, Controller
+from radarsim.autonomy.navigation.moving_things import Waiting
+from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.navigation.observation_builder import (
+    ECHO_WAIT,
+    ObservationBuilder,
+)
+from radarsim.autonomy.navigation.options import PoseSource
+from radarsim.client import Client, RobotInfo, ScannerInfo
+from radarsim.errors import TooNearError
+from radarsim.geometry import Point, Pose2
+
+START_NOISE: Final = 0.05  # m that something at the start may seem nearer than it is
+GOAL_NOISE: Final = 0.1  # m; at the goal, which is seen from afar
+DRIFT: Final = 0.005  # m for each m of path by which the goal may seem elsewhere
+STANDING_AFTER: Final = 4.0  # s for which something is near the goal, if it stands
+_PLACE: Final = 0.15  # m within which it is the same thing
+
+
+class ClearanceCheck:
+    """Looks at the start once, and at what is seen around the next goal."""
+
+    def __init__(self, bumpers: Bumpers) -> None:
+        self._bumpers = bumpers
+        self._is_first = True
+        self._previous: Pose2 | None = None
+        self._travelled = 0.0  # m
+        self._place = (math.inf, math.inf)  # of what is near the goal, m, map frame
+        self._since = 0.0  # s; when it was first seen there
+
+    def check(self, observation: Observation, goal: Point | None) -> None:
+        """Look at a scan.
+
+        Args:
+            observation: The scan.
+            goal: The next goal, m, map frame; None if there is none.
+
+        Raises:
+            TooNearError: If something is nearer to the start than the safety distance,
+                or stands so near to the goal.
+        """
+        self._travelled += moved(self._previous or observation.pose, observation.pose)
+        self._previous = observation.pose
+        if self._is_first:
+            self._is_first = False
+            self._check_start(observation)
+        if goal is not None:
+            self._check_goal(observation, goal)
+
+    def _check_start(self, observation: Observation) -> None:
+        nearest = min(each.distance for each in self._bumpers.read(observation))
+        if nearest < self._bumpers.safety_distance - START_NOISE:
+            pose = observation.pose
+            self._raise("start", (pose.x, pose.y), nearest)
+
+    def _check_goal(self, observation: Observation, goal: Point) -> None:
+        points = observation.points()
+        distances = np.hypot(*(points - goal).T)
+        safety_distance = self._bumpers.safety_distance
+        unsure = min(GOAL_NOISE + DRIFT * self._travelled, safety_distance / 2)
+        near = distances < safety_distance - unsure
+        if not near.any():
+            self._place = (math.inf, math.inf)
+            return
+        if np.hypot(*(points[near] - self._place).T).min() > _PLACE:
+            x, y = points[distances.argmin()].tolist()
+            self._place, self._since = (x, y), observation.time
+        if observation.time - self._since >= STANDING_AFTER:
+            self._raise("goal", goal, float(distances.min()))
+
+    def _raise(self, what: str, place: Point, distance: float) -> None:
+        least = self._bumpers.safety_distance
+        raise TooNearError(
+            f"{what} {place[0]:.2f} {place[1]:.2f} is {distance:.2f} m from something,"
+            f" expected at least the safety distance, {least:g} m"
+        )
+
+
+class TripMeter:
+    """Measures time and path length of a run, scan by scan.
+
+    Attributes:
+        start: Pose at the first scan; None before it.
+        time: Time from the first scan to the last, s.
+        length: Length of the estimated path, m.
+    """
+
+    def __init__(self, *, noise: float = 0.0) -> None:
+        """Start at zero.
+
+        Args:
+            noise: Distance up to which a robot counts as not having moved, m.
+        """
+        self.start: Pose2 | None = None
+        self.time = 0.0
+        self.length = 0.0
+        self._noise = noise
+        self._start_time = 0.0
+        self._last = Pose2(0.0, 0.0)
+
+    def add(self, observation: Observation) -> None:
+        """Add a scan."""
+        if self.start is None:
+            self.start = self._last = observation.pose
+            self._start_time = observation.time
+        self.time = observation.time - self._start_time
+        step = moved(self._last, observation.pose)
+        if step > self._noise:
+            self.length += step
+            self._last = observation.pose
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationStep:
+    """One scan, and what the bug decided by it.
+
+    Attributes:
+        observation: The scan and the pose.
+        activity: What the bug is doing.
+        twist: The motion that it decided on.
+        pressed: Names of the bumpers that are pressed or too near.
+        goal: The next goal; None once there is none.
+    """
+
+    observation: Observation
+    activity: Activity
+    twist: Twist
+    pressed: tuple[str, ...]
+    goal: Point | None
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """How a run ended, by the robot's own measurements.
+
+    Attributes:
+        outcome: ``reached``, ``no_path``, or ``failed`` when the time was up.
+        path_length: Length of the estimated path, m.
+        time: Server time from the first scan to the last, s; by the transport's clock
+            where the server's time stamps do not advance.
+        hit_points: Hit points, m, map frame.
+        leave_points: Leave points, m, map frame.
+        circuits: Number of complete circuits around obstacles.
+        nearest: Smallest range from the robot's centre, m; ``inf`` for none.
+        goals_left: Number of goals that were not reached.
+        safety_distance: The safety distance of the robot, m.
+    """
+
+    outcome: str
+    path_length: float
+    time: float
+    hit_points: tuple[Point, ...]
+    leave_points: tuple[Point, ...]
+    circuits: int
+    nearest: float
+    goals_left: int
+    safety_distance: float
+
+
+class Navigator:
+    """Drives one robot."""
+
+    def __init__(
+        self,
+        client: Client,
+        robot_info: RobotInfo,
+        scanner: ScannerInfo,
+        *,
+        pose_source: PoseSource = PoseSource.INS,
+        timeout: float = 2.0,
+        echoes: bool = True,
+    ) -> None:
+        """Create a navigator.
+
+        Args:
+            client: The connection; its robot is spawned.
+            robot_info: Properties of the robot.
+            scanner: The scanner to steer by.
+            pose_source: The sensor that poses are taken from.
+            timeout: Time without a scan after which the run is given up, s.
+            echoes: Whether to ask the server for echoes, and to use them.
+        """
+        self._client = client
+        self._robot_clearance = robot_info.clearance
+        if echoes:
+            client.echoes(scanner.name)
+        source = ObservationBuilder(
+            scanner,
+            pose_source,
+            client.transport.time,
+            echo_wait=ECHO_WAIT if echoes else 0.0,
+        )
+        self._loop = ControlLoop(client, robot_info, source, timeout=timeout)
+
+    def run(
+        self,
+        bug: Controller,
+        bumpers: Bumpers,
+        *,
+        time_limit: float = math.inf,
+        observe: Callable[[NavigationStep], None] = lambda _: None,
+    ) -> Result:
+        """Drive until the bug is done, and leave the robot standing.
+
+        Args:
+            bug: Decides how to move.
+            bumpers: The bumpers whose state the observer receives.
+            time_limit: Longest run, s, by the result's time.
+            observe: Called at every scan, after the robot was commanded.
+
+        Raises:
+            ClientError: If the server stops sending what is needed; the robot has been
+                stopped if the connection was still open.
+            NavigationError: If the robot does not move though it is commanded to, or if
+                the start or a goal is inside the safety distance of something.
+        """
+        trip, stuck_detector, nearest = TripMeter(), StuckDetector(), math.inf
+        clearance, twist = ClearanceCheck(bumpers), STOP
+        waiting = Waiting(bumpers, self._robot_clearance)
+        try:
+            for observation in self._loop.scans():
+                clearance.check(observation, bug.goals[0] if bug.goals else None)
+                has_to_wait = waiting.has_to_wait(observation, twist)
+                if (away := waiting.back_off(observation)) is not None:
+                    twist = away
+                else:
+                    twist = STOP if has_to_wait else bug.step(observation)
+                trip.add(observation)
+                nearest = min(nearest, float(observation.ranges.min(initial=math.inf)))
+                goal = bug.goals[0] if bug.goals else None
+                pressed = pressed_names(bumpers.read(observation))
+                is_over = bug.is_done or trip.time > time_limit
+                if not is_over:
+                    self._loop.drive(twist)  # at once: who observes may take long
+                observe(NavigationStep(observation, bug.activity, twist, pressed, goal))
+                if is_over:
+                    break
+                stuck_detector.check(observation, twist)
+        finally:
+            self._client.stop()
+        return Result(
+            outcome=bug.activity.value if bug.is_done else "failed",
+            path_length=trip.length,
+            time=trip.time,
+            hit_points=tuple(bug.hit_points),
+            leave_points=tuple(bug.leave_points),
+            circuits=bug.circuits,
+            nearest=nearest,
+            goals_left=len(bug.goals),
+            safety_distance=bumpers.safety_distance,
+        )

@@ -1,0 +1,350 @@
+"""TangentBug: towards the goal by the edges of obstacles that a scan shows.
+
+Theory of operation
+===================
+A scan tells how far the robot could go in each direction. Where that distance jumps, an
+obstacle ends: its edge is a place that the robot could head for. It heads for the one
+over which the way to the goal is shortest, around all that the scan shows, or for the
+goal itself if nothing is in between. So unlike Bug1 and Bug2 it goes around what it has
+not yet reached.
+
+If no edge leads to the goal, or the way over the best edge becomes longer while it
+drives and leads away from the goal, it is in a dead end. Then it drives to the obstacle
+that hides the goal and follows its boundary, on the hand on which the way is shorter,
+and remembers how near to the goal that boundary comes. As soon as it could go straight
+to a place that is nearer, it does, and never leads farther away again: so it ends. Back
+where it was on the same boundary, there is no path.
+
+Noise opens and closes gaps that are about as wide as the robot needs. So an edge is
+kept while the way there is nearly open, and a robot that cannot go on where it has just
+left a boundary follows it again, for a while.
+
+Source: I. Kamon, E. Rimon, E. Rivlin, TangentBug: a range-sensor-based navigation
+algorithm, International Journal of Robotics Research 17, 1998.
+
+The local tangent graph: how far it is to the goal over the edges that a scan shows.
+
+What a scan shows of an obstacle is a thin wall, and what it does not show is open. The
+shortest ways around thin walls lead straight from edge to edge, and to the goal; where
+a wall goes out of sight behind an obstacle, it may end.
+
+Source: I. Kamon, E. Rimon, E. Rivlin, TangentBug: a range-sensor-based navigation
+algorithm, International Journal of Robotics Research 17, 1998.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import dijkstra
+
+from radarsim.autonomy.navigation.boundary_memory import FollowedBoundary
+from radarsim.autonomy.navigation.bug import GRAZE, NOISE
+from radarsim.autonomy.navigation.control import STOP, Twist, bearing_of, distance
+from radarsim.autonomy.navigation.controller import (
+    Activity,
+    Controller,
+    ControllerSettings,
+)
+from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.navigation.open_directions import (
+    HORIZON,
+    OpenDirections,
+    leads_too_near,
+    open_lengths,
+)
+from radarsim.autonomy.navigation.wall_following import (
+    ALIGNED,
+    FollowMode,
+    WallFollower,
+)
+from radarsim.geometry import Floats, Point, Pose2
+
+MOST_PAIRS: Final = 1_000_000  # of segments and walls at once, which bounds the memory
+
+
+def ways_to_goal(edges: Floats, goal: Point, directions: OpenDirections) -> Floats:
+    """Return the length of the shortest way from each edge to the goal.
+
+    Args:
+        edges: (M, 2) m, map frame.
+        goal: m, map frame.
+        directions: What a scan shows.
+
+    Returns:
+        (M,) m; ``inf`` where thin walls close all ways.
+    """
+    places = np.vstack([goal, edges, directions.hidden_ends()])
+    lengths = np.hypot(*(places[:, None] - places).transpose(2, 0, 1))
+    first, second = np.triu_indices(len(places), 1)
+    closed = crosses_any(places[first], places[second], directions.walls())
+    lengths[first[closed], second[closed]] = np.inf
+    ways: Floats = dijkstra(np.triu(lengths), directed=False, indices=0)
+    return ways[1 : len(edges) + 1]
+
+
+def crosses_any(
+    begins: Floats, ends: Floats, walls: tuple[Floats, Floats]
+) -> NDArray[np.bool_]:
+    """Return which segments cross a wall.
+
+    Args:
+        begins: (N, 2) m.
+        ends: (N, 2) m.
+        walls: Both ends of the walls, (K, 2) m each.
+
+    Returns:
+        (N,)
+    """
+    c, d = walls
+    closed = np.zeros(len(begins), np.bool_)
+    block = max(1, MOST_PAIRS // max(len(c), 1))
+    for first in range(0, len(begins), block):
+        rows = slice(first, first + block)
+        a, b = begins[rows, None], ends[rows, None]
+        sides_of_wall = _side(c, d, a) * _side(c, d, b)
+        sides_of_segment = _side(a, b, c) * _side(a, b, d)
+        closed[rows] = ((sides_of_wall < 0) & (sides_of_segment < 0)).any(axis=1)
+    return closed
+
+
+def _side(begin: Floats, end: Floats, point: Floats) -> Floats:
+    """Return the cross product that tells on which side of a line a point is."""
+    along, to = end - begin, point - begin
+    cross: Floats = along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0]
+    return cross
+
+
+LONGER: Final = 0.5  # m by which the way grows in a dead end, and not by noise
+NEARER: Final = 0.2  # m nearer to the goal than the boundary, where it is left
+KEPT: Final = 0.3  # m by which another edge has to be better than the last one
+ARRIVED: Final = 0.3  # m from a place that it heads for, where it has arrived
+AGAIN: Final = 0.5  # m from where a boundary was left, within which it goes on there
+MOST_ALIGNING: Final = 8.0  # s; a whole turn
+_SAME: Final = 0.7  # m within which an edge is the last one
+_MOST_GONE: Final = 20  # obstacles that go away, before it gives up nevertheless
+
+
+class TangentBug(Controller):
+    """TangentBug; attributes are those of ``Controller``."""
+
+    def __init__(self, goals: Sequence[Point], settings: ControllerSettings) -> None:
+        super().__init__(goals, settings)
+        self._follower = WallFollower(settings.bumpers, settings.speed_limits)
+        # a gap that it enters has to be one that a wall follower finds open from inside
+        self._radius = settings.bumpers.safety_distance + GRAZE
+        self._edge: Point | None = None  # that it heads for
+        self._shortest_way = math.inf  # m; over the best edge, so far
+        self._place: Point | None = None  # that it heads for after a boundary
+        self._left_at = math.inf  # m of that place from the goal; no way leads farther
+        self._boundary: FollowedBoundary | None = None
+        self._left: FollowedBoundary | None = None  # the boundary that it left last
+        self._gone = 0
+
+    def _begin_goal(self, _: Pose2) -> None:
+        self._start_anew()
+        self._left_at, self._left, self._gone = math.inf, None, 0
+
+    def _decide(self, observation: Observation, driven: float) -> Twist:
+        if self._boundary is None:
+            return self._go(observation)
+        return self._follow(observation, self._boundary, driven)
+
+    def _start_anew(self) -> None:
+        self.activity, self._boundary = Activity.GOING, None
+        self._edge, self._place, self._shortest_way = None, None, math.inf
+
+    def _go(self, observation: Observation) -> Twist:
+        """Head for the goal, or for the edge over which the way there is shortest."""
+        point = self._choose(observation)
+        if point is None or self._is_held(observation, point):
+            return self._hit(observation)
+        return self._head_for(observation, point)
+
+    def _choose(self, observation: Observation) -> Point | None:
+        """Choose the place to head for; None in a dead end."""
+        goal, pose = self.goals[0], observation.pose
+        if self._sees_goal(observation):
+            return goal
+        directions = OpenDirections(observation, self._radius)
+        if self._place is not None:
+            is_away = distance(pose, *self._place) > ARRIVED
+            if is_away and directions.reaches(self._place):
+                return self._place
+            self._place = None
+        return self._choose_edge(observation, directions)
+
+    def _choose_edge(
+        self, observation: Observation, directions: OpenDirections
+    ) -> Point | None:
+        """Choose the edge over which the way to the goal is shortest; None without."""
+        edges = directions.edges()
+        if self._edge is not None and self._is_open(observation, self._edge):
+            edges = np.vstack([edges, self._edge])
+        edges = edges[np.hypot(*(edges - self.goals[0]).T) < self._left_at]
+        edge, way = self._best_edge(edges, directions, observation.pose)
+        if edge is None or not self._leads_on(edge, way, observation.pose):
+            return None
+        self._edge, self._shortest_way = edge, min(self._shortest_way, way)
+        return edge
+
+    def _best_edge(
+        self, edges: Floats, directions: OpenDirections, pose: Pose2
+    ) -> tuple[Point | None, float]:
+        """Return the edge over which the way to the goal is shortest, and that way."""
+        if not len(edges):
+            return None, math.inf
+        ways = ways_to_goal(edges, self.goals[0], directions)
+        offsets = edges - (pose.x, pose.y)
+        ways += np.hypot(*offsets.T)
+        if self._edge is not None:
+            # beside an obstacle, an edge ahead and one behind may be near to each other
+            is_ahead = offsets @ (np.array(self._edge) - (pose.x, pose.y)) > 0
+            is_near = np.hypot(*(edges - self._edge).T) < _SAME
+            ways -= KEPT * (is_near & is_ahead)
+        best = int(ways.argmin())
+        if not math.isfinite(ways[best]):
+            return None, math.inf
+        return (float(edges[best, 0]), float(edges[best, 1])), float(ways[best])
+
+    def _leads_on(self, edge: Point, way: float, pose: Pose2) -> bool:
+        """Return whether a way over an edge is no longer than it was, or leads nearer.
+
+        A way may become longer when more of an obstacle comes into sight. Then the
+        robot only goes on if that brings it nearer to the goal than it ever was when
+        that happened.
+        """
+        if way <= self._shortest_way + LONGER:
+            return True
+        left = distance(pose, *self.goals[0])
+        if math.dist(edge, self.goals[0]) > left or left > self._left_at - NEARER:
+            return False
+        self._left_at, self._shortest_way = left, way
+        return True
+
+    def _is_open(self, observation: Observation, edge: Point) -> bool:
+        """Return whether an edge that it heads for is still ahead, and in reach.
+
+        By less than the distance at which edges are looked for: noise may close a gap.
+        """
+        pose = observation.pose
+        away = distance(pose, *edge)
+        bearing = np.array([bearing_of(pose, *edge)])
+        radius = self._settings.bumpers.safety_distance - NOISE / 2
+        (length,) = open_lengths(observation, bearing, radius)
+        return away > ARRIVED and bool(length >= min(away, HORIZON))
+
+    def _sees_goal(self, observation: Observation) -> bool:
+        """Return whether the way straight to the goal is open."""
+        left = distance(observation.pose, *self.goals[0])
+        bearing = bearing_of(observation.pose, *self.goals[0])
+        # a goal may be as near to something as the safety distance
+        is_last = left < self._settings.bumpers.pressed_below
+        radius = self._radius - (GRAZE + NOISE / 2) * is_last
+        (length,) = open_lengths(observation, np.array([bearing]), radius)
+        return bool(length >= min(left, HORIZON))
+
+    def _is_held(self, observation: Observation, point: Point) -> bool:
+        """Return whether the robot faces a point and cannot go there."""
+        safety_distance = self._settings.bumpers.safety_distance
+        is_faced = abs(bearing_of(observation.pose, *point)) < ALIGNED
+        return is_faced and leads_too_near(observation, safety_distance)
+
+    def _head_for(self, observation: Observation, point: Point) -> Twist:
+        """Turn to a point, drive there, and only turn where something is too near."""
+        pose = observation.pose
+        left = distance(pose, *self.goals[0])
+        twist = self._settings.speed_limits.towards(
+            bearing_of(pose, *point), most=0.05 + 0.8 * left
+        )
+        safety_distance = self._settings.bumpers.safety_distance
+        if leads_too_near(observation, safety_distance):
+            return Twist(0.0, twist.turn)
+        return twist
+
+    def _hit(self, observation: Observation) -> Twist:
+        """Turn to the boundary of what hides the goal, to follow it."""
+        pose = observation.pose
+        self.hit_points.append((pose.x, pose.y))
+        if self._left is not None and distance(pose, *self.leave_points[-1]) < AGAIN:
+            # it could not go on where it left: as if it never had
+            self._boundary, self.activity = self._left, Activity.FOLLOWING
+            self._left.least = self._left.travelled + AGAIN
+            return STOP
+        self.activity = Activity.ALIGNING
+        mode = FollowMode(wall_on_left=self._is_left(observation))
+        self._boundary = FollowedBoundary(self._follower, mode)
+        return STOP
+
+    def _is_left(self, observation: Observation) -> bool:
+        """Return whether to follow a boundary on the left: on the shorter way."""
+        pose, goal = observation.pose, self.goals[0]
+        directions = OpenDirections(observation, self._radius)
+        edge, _ = self._best_edge(directions.edges(), directions, pose)
+        if edge is None:
+            return self._settings.wall_on_left
+        offset = bearing_of(pose, *edge) - bearing_of(pose, *goal)
+        return math.sin(offset) < 0
+
+    def _follow(
+        self, observation: Observation, boundary: FollowedBoundary, step: float
+    ) -> Twist:
+        """Follow a boundary until a place nearer to the goal can be gone to."""
+        goal = self.goals[0]
+        directions = OpenDirections(observation, self._radius)
+        limit = min(boundary.goal_distance, self._left_at) - NEARER
+        place = directions.place_nearer_than(limit, goal)
+        if place is not None and boundary.travelled >= boundary.least:
+            self._left_at = limit
+            return self._leave(observation, place, boundary)
+        if self._sees_goal(observation) and not self._is_held(observation, goal):
+            return self._leave(observation, goal, boundary)
+        if not boundary.is_reached:
+            return self._approach(observation, boundary)
+        part = boundary.look(observation, goal)
+        if self.activity is Activity.ALIGNING:
+            bearing = bearing_of(observation.pose, *goal)
+            twist, done = self._follower.align(observation, boundary.mode, bearing)
+            done = done or observation.time > boundary.reached_at + MOST_ALIGNING
+            self.activity = Activity.FOLLOWING if done else Activity.ALIGNING
+            return twist
+        if boundary.closes(part, step):
+            return self._conclude(observation, boundary)
+        return self._follower.step(observation, boundary.mode, part)[0]
+
+    def _approach(self, observation: Observation, boundary: FollowedBoundary) -> Twist:
+        """Drive towards what hides the goal until that is in reach of the bumpers."""
+        bearing = bearing_of(observation.pose, *self.goals[0])
+        (length,) = open_lengths(observation, np.array([bearing]), self._radius)
+        ahead = self._settings.bumpers.towards(observation, bearing)
+        is_held = self._is_held(observation, self.goals[0])
+        if ahead.blocked or length < GRAZE or is_held:
+            boundary.reach(observation, bearing)
+            return STOP
+        return self._head_for(observation, self.goals[0])
+
+    def _leave(
+        self,
+        observation: Observation,
+        place: Point,
+        boundary: FollowedBoundary | None = None,
+    ) -> Twist:
+        """Head for a place, away from a boundary, to which it may have to go back."""
+        self.leave_points.append((observation.pose.x, observation.pose.y))
+        is_followed = boundary is not None and boundary.is_reached
+        self._left = boundary if is_followed else None
+        self._start_anew()
+        self._place = place
+        return self._head_for(observation, place)
+
+    def _conclude(self, observation: Observation, boundary: FollowedBoundary) -> Twist:
+        """Conclude that there is no path, unless what was circled has gone."""
+        self.circuits += 1
+        if self._gone < _MOST_GONE and boundary.circled.has_gone(observation):
+            self._gone += 1
+            self._left_at = math.inf
+            return self._leave(observation, self.goals[0])
+        self.activity = Activity.NO_PATH
+        return STOP

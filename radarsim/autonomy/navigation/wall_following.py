@@ -1,0 +1,440 @@
+"""Wall following: drive along the boundary of an obstacle at a constant distance.
+
+Theory of operation
+===================
+The rules are those of the thesis: with a side bumper pressed, drive along the boundary;
+where it is lost, drive towards it; where the front bumper is pressed as well, turn away
+until it is released. Before that the robot aligns itself: it turns on the spot until
+what it has hit is abeam.
+
+Along means that the nearest point of the boundary is abeam, and that its distance is
+the middle of the band. So the robot's path is the boundary, offset outward by that
+distance: around an outer corner or the end of a thin wall it is an arc about the
+nearest point, and in an inner corner it turns from one wall to the next. In a gap the
+robot keeps to the middle, as long as that is the safety distance from both sides.
+
+Rule 1: everything is computed for a boundary on the left and a robot that goes forward.
+For the other side the scan is mirrored, and for going backward it is rotated by pi.
+Rule 2: the boundary is where the nearest beam ends, not the nearest share of beams: the
+end of a thin wall returns no more than one or two.
+Rule 3: what is ahead is judged in the direction that the robot is to take, not in the
+one that it faces: of all directions in which the next step is clear, the nearest to the
+boundary's is taken. So the robot does not oscillate in corners.
+Rule 4: a robot that heads for a goal must not get where a wall follower would not, or
+it might never pass its hit point again. So a wall follower drives through all gaps
+that are twice the safety distance wide, and 0.4 m for turning and noise.
+
+The thesis' literal way to follow a boundary: by which bumpers are pressed, no more.
+
+Theory of operation
+===================
+With only the bumper on the boundary's side pressed, the robot drives straight on. Where
+that bumper is released, it has gone too far from the boundary and turns towards it.
+Where the front one is pressed as well, it turns away on the spot until the back one is
+pressed instead; where the front one alone was, until only the side one is.
+
+Three things are added, without which it would hit what the thesis does not mention: it
+turns away from a side that is too near, stops to turn for whatever is too near ahead,
+and ends a turn that no bumper ends after a whole circle.
+
+Source: a thesis on navigation with a radar in USARSim, section 5.2.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.autonomy.navigation.bumpers import Bumpers
+from radarsim.autonomy.navigation.control import SpeedLimits, Twist
+from radarsim.autonomy.navigation.observation import Observation, wrap_angles
+from radarsim.geometry import Floats, Pose2, wrap_angle
+
+DISTANCE_GAIN = 1.5  # rad towards the boundary for each m that it is too far
+MAX_LEAN = 0.8  # rad
+HEADING_STEP = math.radians(5.0)  # between the directions that are tried
+ABEAM = math.pi / 2
+ALIGNED = math.radians(15.0)
+CORNER_DEPTH = 0.15  # m beyond the nearest point of a boundary that still belong to it
+SIDE_ANGLE = math.radians(10.0)  # off the heading, where the other side of a gap begins
+FACING_ANGLE = math.radians(
+    60.0
+)  # off the boundary's direction that still leads into it
+_LOST_MARGIN = 0.1  # m beyond the band at which a boundary counts as lost
+_STEP_TOLERANCE = 0.02  # m that a step may come nearer than is allowed
+_EQUAL_RANGE = 0.05  # m within which points of the boundary count as equally near
+
+
+@dataclass(frozen=True, slots=True)
+class FollowMode:
+    """The side that the boundary is on, and whether the robot goes forward."""
+
+    wall_on_left: bool = True
+    forward: bool = True
+
+    @property
+    def reversed(self) -> "FollowMode":
+        """The same boundary on the same side, followed in the other direction."""
+        return FollowMode(self.wall_on_left, not self.forward)
+
+    @property
+    def _mirrored(self) -> bool:
+        # going backward, what is on the robot's left is to the right of its motion
+        return self.wall_on_left != self.forward
+
+    def canonical(self, observation: Observation) -> Observation:
+        """Rotate and mirror a scan, so that the boundary is left of the motion."""
+        bearings = observation.bearings
+        bearings = bearings if self.forward else bearings + math.pi
+        bearings = wrap_angles(-bearings if self._mirrored else bearings)
+        return Observation(
+            observation.time, observation.pose, bearings, observation.ranges
+        )
+
+    def robot_twist(self, twist: Twist) -> Twist:
+        """Convert a twist for the canonical scan to one for the robot."""
+        speed = twist.speed if self.forward else -twist.speed
+        return Twist(speed, -twist.turn if self._mirrored else twist.turn)
+
+    def bearing(self, bearing: float) -> float:
+        """Convert a bearing between the canonical scan and the robot, rad.
+
+        The conversion is its own inverse, apart from whole turns.
+        """
+        bearing = -bearing if self._mirrored else bearing
+        return bearing if self.forward else bearing + math.pi
+
+
+@dataclass(frozen=True, slots=True)
+class Boundary:
+    """The nearest point of the boundary.
+
+    Attributes:
+        bearing: rad, from the robot's front or in the canonical scan.
+        distance: m.
+    """
+
+    bearing: float
+    distance: float
+
+    def point_from(self, pose: Pose2) -> tuple[float, float]:
+        """Return the point, m, map frame, by the robot's pose."""
+        angle = pose.yaw + self.bearing
+        return (
+            pose.x + self.distance * math.cos(angle),
+            pose.y + self.distance * math.sin(angle),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class WallFollower:
+    """Computes motions along boundaries.
+
+    Attributes:
+        bumpers: The bumpers that see the boundary.
+        speed_limits: Greatest speeds.
+    """
+
+    bumpers: Bumpers
+    speed_limits: SpeedLimits
+
+    @property
+    def target_distance(self) -> float:
+        """Distance at which the boundary is followed where there is space, m."""
+        return self.bumpers.safety_distance + self.bumpers.band / 2
+
+    def step(
+        self,
+        observation: Observation,
+        mode: FollowMode,
+        obstacle: Observation | None = None,
+    ) -> tuple[Twist, bool]:
+        """Compute the motion until the next scan.
+
+        Args:
+            observation: The newest scan.
+            mode: How the boundary is followed.
+            obstacle: The part of the scan that the boundary may be in; by default all.
+
+        Returns:
+            The motion, and whether the boundary is seen; where it is not, the motion
+            leads towards it.
+        """
+        view = mode.canonical(observation)
+        boundary = self._boundary(
+            view if obstacle is None else mode.canonical(obstacle)
+        )
+        if boundary is None:
+            # the circle that a corner out of sight would ask for
+            speed = self.speed_limits.speed
+            return mode.robot_twist(Twist(speed, speed / self.target_distance)), False
+        heading = self._clear_heading(view, self._along(view, boundary))
+        if abs(heading) < ALIGNED and self.bumpers.towards(view, 0.0).too_near:
+            heading = self._way_out(view, heading)
+        return mode.robot_twist(self._move(view, heading)), True
+
+    def align(
+        self, observation: Observation, mode: FollowMode, obstacle: float
+    ) -> tuple[Twist, bool]:
+        """Turn on the spot until an obstacle is abeam.
+
+        Args:
+            observation: The newest scan.
+            mode: How the obstacle is to be followed afterwards.
+            obstacle: Direction of the obstacle, rad from the robot's front.
+
+        Returns:
+            The motion, and whether the robot is aligned.
+        """
+        view = mode.canonical(observation)
+        heading = wrap_angle(self._abeam_heading(view, mode, obstacle))
+        twist = self.speed_limits.towards(heading)
+        return mode.robot_twist(Twist(0.0, twist.turn)), abs(heading) < ALIGNED
+
+    def direction(
+        self, observation: Observation, mode: FollowMode, obstacle: float
+    ) -> float:
+        """Return the direction along an obstacle, rad, map frame.
+
+        Arguments are those of ``align``.
+        """
+        heading = self._abeam_heading(mode.canonical(observation), mode, obstacle)
+        return observation.pose.yaw + mode.bearing(heading)
+
+    def tangent(self, observation: Observation, mode: FollowMode) -> float:
+        """Return the direction along the boundary, rad, map frame, not wrapped.
+
+        Without a boundary it is the direction of motion.
+        """
+        boundary = self._boundary(mode.canonical(observation))
+        heading = 0.0 if boundary is None else boundary.bearing - ABEAM
+        return observation.pose.yaw + mode.bearing(heading)
+
+    def boundary(self, observation: Observation, mode: FollowMode) -> Boundary | None:
+        """Return the nearest point of the boundary, by the robot; None without one."""
+        boundary = self._boundary(mode.canonical(observation))
+        if boundary is None:
+            return None
+        return Boundary(mode.bearing(boundary.bearing), boundary.distance)
+
+    def hit_point(
+        self, observation: Observation, mode: FollowMode, obstacle: float
+    ) -> Boundary:
+        """Return the nearest point of an obstacle that is hit.
+
+        Arguments are those of ``align``.
+        """
+        view = mode.canonical(observation)
+        heading = self._abeam_heading(view, mode, obstacle)
+        bearing = mode.bearing(heading + ABEAM)
+        distance = self.bumpers.towards(observation, bearing).distance
+        return Boundary(bearing, min(distance, self.bumpers.pressed_below))
+
+    def leads_into_boundary(
+        self, observation: Observation, mode: FollowMode, bearing: float
+    ) -> bool:
+        """Return whether a direction leads into the boundary that is followed.
+
+        What is on the other side of a gap does not count.
+
+        Args:
+            observation: The newest scan.
+            mode: How the boundary is followed.
+            bearing: The direction, rad from the robot's front.
+        """
+        view = mode.canonical(observation)
+        boundary = self._boundary(view)
+        if boundary is None:
+            return False
+        side = self._near_side(view) & (view.ranges <= boundary.distance + CORNER_DEPTH)
+        offsets = wrap_angles(view.bearings[side] - mode.bearing(bearing))
+        return bool((np.abs(offsets) <= FACING_ANGLE).any())
+
+    def _near_side(self, view: Observation) -> NDArray[np.bool_]:
+        """Return which beams look ahead or to the left, (N,)."""
+        # Bearings jump from pi to -pi straight behind; the left side ends beyond.
+        left: NDArray[np.bool_] = view.bearings >= -SIDE_ANGLE
+        return left | (view.bearings < self.bumpers.width / 2 - math.pi)
+
+    def _abeam_heading(
+        self, view: Observation, mode: FollowMode, obstacle: float
+    ) -> float:
+        """Return the heading that brings the nearest part of an obstacle abeam, rad."""
+        centre = mode.bearing(obstacle)
+        # ahead of the robot is what it hit; otherwise the obstacle is beside its path
+        ahead = self.bumpers.towards(view, centre).blocked
+        half_width = (0.5 if ahead else 1.5) * self.bumpers.width
+        within = np.abs(wrap_angles(view.bearings - centre)) <= half_width
+        ranges = np.where(within, view.ranges, math.inf)
+        if not np.isfinite(ranges).any():
+            return centre - ABEAM
+        nearest = ranges <= ranges.min() + _EQUAL_RANGE
+        return _mean_bearing(view.bearings[nearest]) - ABEAM
+
+    def _boundary(self, view: Observation) -> Boundary | None:
+        """Find the nearest point ahead or on the left."""
+        left = self._near_side(view)
+        ranges, bearings = view.ranges[left], view.bearings[left]
+        if not len(ranges) or ranges.min() >= self.bumpers.pressed_below + _LOST_MARGIN:
+            return None
+        distance = float(ranges.min())
+        return Boundary(
+            _mean_bearing(bearings[ranges <= distance + _EQUAL_RANGE]), distance
+        )
+
+    def _along(self, view: Observation, boundary: Boundary) -> float:
+        """Return the heading that keeps the boundary abeam and at its distance, rad."""
+        half = max(self._gap(view, boundary) / 2, self.bumpers.safety_distance)
+        # A positive lean turns to the left, towards the boundary.
+        lean = DISTANCE_GAIN * (boundary.distance - min(self.target_distance, half))
+        lean = max(-MAX_LEAN, min(MAX_LEAN, lean))
+        return boundary.bearing - ABEAM + lean
+
+    def _gap(self, view: Observation, boundary: Boundary) -> float:
+        """Return the width from the boundary's nearest point to the other side, m."""
+        # Seen along the boundary, the other side of a gap is on the right.
+        offsets = wrap_angles(view.bearings - boundary.bearing + ABEAM)
+        other = (offsets < -SIDE_ANGLE) & (offsets > SIDE_ANGLE - math.pi)
+        other &= np.isfinite(view.ranges)
+        if not other.any():
+            return math.inf
+        x, y = _end_points(view.bearings[other], view.ranges[other])
+        x -= boundary.distance * math.cos(boundary.bearing)
+        y -= boundary.distance * math.sin(boundary.bearing)
+        return float(np.hypot(x, y).min())
+
+    def _clear_heading(self, view: Observation, heading: float) -> float:
+        """Turn a heading away from the boundary until the next step is clear.
+
+        A step is clear if nothing is nearer after it than the safety distance, or than
+        what is already too near.
+        """
+        near = view.ranges < self.bumpers.pressed_below
+        if not near.any():
+            return heading
+        x, y = _end_points(view.bearings[near], view.ranges[near])
+        least = min(self.bumpers.safety_distance, float(view.ranges[near].min()))
+        # To the right only: the first clear one is the nearest to the boundary.
+        headings = heading - HEADING_STEP * np.arange(int(2 * math.pi / HEADING_STEP))
+        step = self.bumpers.band / 2
+        distances = np.hypot(
+            x - step * np.cos(headings)[:, None], y - step * np.sin(headings)[:, None]
+        )
+        clear = np.flatnonzero(distances.min(axis=1) >= least - _STEP_TOLERANCE)
+        if not len(clear):
+            return heading - ABEAM  # walled in: turn until an opening comes into view
+        return float(headings[clear[0]])
+
+    def _way_out(self, view: Observation, heading: float) -> float:
+        """Turn a heading away from the boundary until no bumper there is too near.
+
+        A robot that faces a heading in which something is too near does not move.
+        """
+        for count in range(1, int(2 * math.pi / HEADING_STEP)):
+            other = heading - count * HEADING_STEP
+            if not self.bumpers.towards(view, other).too_near:
+                return other
+        return heading - ABEAM
+
+    def _move(self, view: Observation, heading: float) -> Twist:
+        twist = self.speed_limits.towards(max(-math.pi, min(math.pi, heading)))
+        if self.bumpers.towards(view, 0.0).too_near:
+            return Twist(0.0, twist.turn)
+        return twist
+
+
+def _end_points(bearings: Floats, ranges: Floats) -> tuple[Floats, Floats]:
+    """Return x and y of the end points of beams, m from the robot's centre."""
+    return ranges * np.cos(bearings), ranges * np.sin(bearings)
+
+
+def _mean_bearing(bearings: Floats) -> float:
+    x, y = float(np.cos(bearings).sum()), float(np.sin(bearings).sum())
+    mean = math.atan2(y, x)
+    # Continuous on the left and behind, where a boundary is; it jumps on the right.
+    return mean + 2 * math.pi if mean < -ABEAM else mean
+
+
+_AHEAD: Final = (-math.pi / 4, 0.0, math.pi / 4)  # rad; where nothing may be too near
+_AWAY: Final = 0.5  # of the greatest turn rate, with which it leaves a side too near
+
+
+class BumperWallFollower:
+    """Follows a boundary as a ``WallFollower`` does, by the states of bumpers alone."""
+
+    def __init__(self, follower: WallFollower) -> None:
+        """Create it.
+
+        Args:
+            follower: Has bumpers and limits, and aligns where no bumper is pressed.
+        """
+        self._follower = follower
+        self._is_turning = False
+        self._is_in_corner = False  # whether the turn began with the side pressed
+        self._turned = 0.0  # rad since the turn began
+        self._yaw = 0.0  # rad; of the last step
+
+    def align(
+        self, observation: Observation, mode: FollowMode, obstacle: float
+    ) -> tuple[Twist, bool]:
+        """Turn until only the bumper on the boundary's side is pressed.
+
+        Or until the obstacle is abeam: those that are not flat may press none.
+        Arguments and result are those of ``WallFollower.align``.
+        """
+        self._is_turning = False
+        twist, is_abeam = self._follower.align(observation, mode, obstacle)
+        return twist, is_abeam or self._has_only_side(mode.canonical(observation))
+
+    def step(
+        self,
+        observation: Observation,
+        mode: FollowMode,
+        _: Observation | None = None,
+    ) -> tuple[Twist, bool]:
+        """Compute the motion until the next scan.
+
+        Arguments and result are those of ``WallFollower.step``; bumpers do not tell
+        obstacles apart, so all beams count.
+        """
+        view = mode.canonical(observation)
+        self._update_turn(view)
+        speed, turn = self._motion(view)
+        found = self._follower.boundary(observation, mode) is not None
+        return mode.robot_twist(Twist(speed, turn)), found
+
+    def _update_turn(self, view: Observation) -> None:
+        """Begin and end turns on the spot."""
+        bumpers, yaw = self._follower.bumpers, view.pose.yaw
+        self._turned += abs(wrap_angle(yaw - self._yaw))
+        self._yaw = yaw
+        front, back = bumpers.towards(view, 0.0), bumpers.towards(view, math.pi)
+        if not self._is_turning:
+            near = any(bumpers.towards(view, angle).too_near for angle in _AHEAD)
+            self._is_turning, self._turned = front.pressed or near, 0.0
+            self._is_in_corner = bumpers.towards(view, math.pi / 2).pressed
+        elif not front.blocked:
+            only_side = not self._is_in_corner and self._has_only_side(view)
+            is_over = back.pressed or only_side or self._turned >= 2 * math.pi
+            self._is_turning = not is_over
+
+    def _motion(self, view: Observation) -> tuple[float, float]:
+        """Return speed, m/s, and turn rate, rad/s, for a boundary on the left."""
+        limits = self._follower.speed_limits
+        if self._is_turning:
+            return 0.0, -limits.turn
+        side = self._follower.bumpers.towards(view, math.pi / 2)
+        if side.too_near:
+            return limits.speed / 2, -_AWAY * limits.turn
+        if side.pressed:
+            return limits.speed, 0.0
+        return limits.speed, limits.speed / self._follower.target_distance
+
+    def _has_only_side(self, view: Observation) -> bool:
+        bumpers = self._follower.bumpers
+        others = (0.0, math.pi, -math.pi / 2)
+        return bumpers.towards(view, math.pi / 2).pressed and not any(
+            bumpers.towards(view, angle).blocked for angle in others
+        )

@@ -1,0 +1,1 @@
+"""Plots and films of runs and of maps that robots made."""

@@ -1,0 +1,344 @@
+"""Films of runs: frames at a fixed rate of simulated time, encoded as they come.
+
+A run calls ``Film.update`` after each scan; the film draws a frame whenever one is due,
+and a thread of its own encodes it meanwhile. A run that is interrupted leaves a film of
+what happened until then.
+
+Encoders of films: frames in, a file out, one frame after the other.
+
+No encoder keeps more than two frames, however long the film is.
+"""
+
+import contextlib
+import threading
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from queue import Full, Queue
+from types import TracebackType
+from typing import Any, BinaryIO, Final, Protocol
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from PIL import GifImagePlugin, Image
+
+from radarsim.files import written_atomically
+
+Pixels = NDArray[np.uint8]  # (H, W, 3)
+
+FRAME_RATE: Final = 10  # frames per second of film
+FILM_FORMATS: Final = ("gif", "mp4")
+_COLOURS: Final = 255  # of a GIF frame
+_UNCHANGED: Final = 255  # index of pixels that stay as they are
+_QUALITY: Final = 8.0  # of 10
+_HEAD: Final = 1 << 16  # bytes at the beginning of an MP4 file that list its contents
+
+
+class FilmEncoder(Protocol):
+    """Writes a film, frame by frame."""
+
+    def add(self, pixels: Pixels) -> None:
+        """Add a frame, (H, W, 3), which is shown for 1 / FRAME_RATE s."""
+
+
+def film_format(path: Path) -> str:
+    """Return the format of a film by its name, one of ``FILM_FORMATS``.
+
+    Raises:
+        ValueError: If the name has another ending, or the format needs a package that
+            is not installed.
+    """
+    suffix = path.suffix.lower().lstrip(".")
+    if suffix not in FILM_FORMATS:
+        raise ValueError(f"{str(path)!r}, expected a .gif or .mp4 file")
+    if suffix == "mp4":
+        try:
+            import imageio_ffmpeg  # noqa: PLC0415 - 165 MB, so it is optional
+
+            imageio_ffmpeg.get_ffmpeg_exe()
+        except (ImportError, RuntimeError):
+            cure = "pip install 'radarsim[film]'"
+            name = path.with_suffix(".gif")
+            text = f"MP4 films need ffmpeg, expected {cure}, or --film {name}"
+            raise ValueError(text) from None
+    return suffix
+
+
+@contextmanager
+def open_encoder(path: Path, form: str, size: tuple[int, int]) -> Iterator[FilmEncoder]:
+    """Write a film; it is complete when the context is left without an error.
+
+    Args:
+        path: The file to be written.
+        form: One of ``FILM_FORMATS``.
+        size: Width and height of the frames, pixels; even numbers.
+
+    Raises:
+        OSError: If the film cannot be written.
+    """
+    if form == "gif":
+        with path.open("wb") as file:
+            gif = GifEncoder(file)
+            yield gif
+            gif.finish()
+        return
+    encoder = Mp4Encoder(path, size)
+    try:
+        yield encoder
+    finally:
+        encoder.close()
+    with path.open("rb") as file:
+        is_complete = b"moov" in file.read(_HEAD)
+    if not is_complete:
+        raise OSError("ffmpeg could not complete the film")
+
+
+class GifEncoder:
+    """Writes a GIF that repeats; a frame holds only what has changed since the last."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._shown: Pixels | None = None  # the latest frame
+        self._waiting: tuple[Image.Image, tuple[int, int]] | None = None
+        self._times = 0  # how often the latest frame was added
+
+    def add(self, pixels: Pixels) -> None:
+        """Add a frame."""
+        if self._shown is None:
+            changed = np.ones(pixels.shape[:2], np.bool_)
+            self._start(pixels)
+        else:
+            changed = (pixels != self._shown).any(axis=2)
+        if not changed.any():
+            self._times += 1
+            return
+        self._write_waiting()
+        rows, columns = (np.flatnonzero(changed.any(axis=axis)) for axis in (1, 0))
+        window = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+        indexed = _quantised(pixels[window])
+        cells = np.array(indexed)
+        cells[~changed[window]] = _UNCHANGED
+        indexed.paste(Image.fromarray(cells, "L"))
+        self._waiting = indexed, (int(columns[0]), int(rows[0]))
+        self._shown, self._times = pixels.copy(), 1
+
+    def finish(self) -> None:
+        """Write what is left, and the end of the file."""
+        self._write_waiting()
+        self._file.write(b";")
+
+    def _start(self, pixels: Pixels) -> None:
+        header, _ = GifImagePlugin.getheader(_quantised(pixels), info={"loop": 0})
+        self._file.writelines(header)
+
+    def _write_waiting(self) -> None:
+        """Write the latest frame, now that it is known how long it is shown."""
+        if self._waiting is None:
+            return
+        image, place = self._waiting
+        duration = self._times * 1000 // FRAME_RATE  # ms
+        blocks = GifImagePlugin.getdata(
+            image,
+            place,
+            duration=duration,
+            transparency=_UNCHANGED,
+            include_color_table=True,
+        )
+        self._file.writelines(blocks)
+        self._waiting = None
+
+
+def _quantised(pixels: Pixels) -> Image.Image:
+    """Return an image with at most 255 colours, exact ones if they suffice."""
+    image = Image.fromarray(np.ascontiguousarray(pixels))
+    return image.quantize(_COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+
+
+class Mp4Encoder:
+    """Writes an H.264 film by ffmpeg, in a process of its own."""
+
+    def __init__(self, path: Path, size: tuple[int, int]) -> None:
+        import imageio_ffmpeg  # noqa: PLC0415
+
+        self._frames: Generator[None, Pixels | None, None]
+        self._frames = imageio_ffmpeg.write_frames(
+            str(path),
+            size,
+            fps=FRAME_RATE,
+            codec="libx264",
+            quality=_QUALITY,
+            macro_block_size=2,
+            ffmpeg_log_level="quiet",
+            output_params=["-f", "mp4", "-movflags", "+faststart"],
+        )
+        self._frames.send(None)
+
+    def add(self, pixels: Pixels) -> None:
+        """Add a frame."""
+        self._frames.send(np.ascontiguousarray(pixels))
+
+    def close(self) -> None:
+        """Let ffmpeg complete the file, and wait for it."""
+        self._frames.close()
+
+
+SPEED: Final = 6.0  # simulated seconds per second of film
+HOLD: Final = 2.0  # s for which the last frame is shown
+_AHEAD: Final = 4  # frames that wait for the encoder at most
+_LONGEST_GAP: Final = 20  # frames for which a film waits for a scan
+_PATIENCE: Final = 10.0  # s for the encoder to stop once the film is given up
+
+
+class FrameCanvas:
+    """Renders the frames of a film; what does not move is drawn once."""
+
+    def __init__(self, figure: Figure) -> None:
+        self._canvas: Any = FigureCanvasAgg(figure)  # parts of it have no types
+        self._background: Any = None
+        self._limits: tuple[float, ...] = ()
+
+    def render(self, moving: Sequence[Artist]) -> Pixels:
+        """Return a frame, (H, W, 3).
+
+        Args:
+            moving: What may have changed, in any order.
+        """
+        for artist in moving:
+            artist.set_animated(True)  # the background is drawn without it
+        canvas = self._canvas
+        limits = tuple(
+            value for axes in canvas.figure.axes for value in axes.viewLim.extents
+        )
+        if self._background is None or limits != self._limits:
+            canvas.draw()
+            self._background = canvas.copy_from_bbox(canvas.figure.bbox)
+            self._limits = limits
+        canvas.restore_region(self._background)
+        for artist in sorted(moving, key=lambda each: each.get_zorder()):
+            artist.draw(canvas.get_renderer())
+        return np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
+
+
+class Film:
+    """Films a run.
+
+    Attributes:
+        frames: Number of frames so far.
+        error: Why the film could not be written; None if nothing went wrong.
+        is_written: Whether the file is complete.
+    """
+
+    def __init__(
+        self, path: Path, draw: Callable[[], Pixels], *, speed: float = SPEED
+    ) -> None:
+        """Prepare a film; nothing is written before the first frame.
+
+        Args:
+            path: The file; its ending chooses the format.
+            draw: Returns a frame of the run as it is, (H, W, 3), always as large.
+            speed: Simulated seconds per second of film.
+
+        Raises:
+            ValueError: If the format is unknown, or needs a package that is missing.
+        """
+        self.frames = 0
+        self.error: OSError | None = None
+        self.is_written = False
+        self._path = path
+        self._format = film_format(path)
+        self._draw = draw
+        self._interval = speed / FRAME_RATE
+        self._start: float | None = None
+        self._last: Pixels | None = None
+        self._queue: Queue[Pixels | None] = Queue(_AHEAD)
+        self._given_up = threading.Event()
+        self._encoder: threading.Thread | None = None
+
+    @property
+    def duration(self) -> float:
+        """Length of the film so far, s."""
+        return self.frames / FRAME_RATE
+
+    def update(self, time: float) -> None:
+        """Add the frames that are due; to be called after each scan.
+
+        Args:
+            time: Time of the scan, s.
+        """
+        if self._start is None:
+            self._start = time
+        due = int((time - self._start) / self._interval + 1e-9) + 1 - self.frames
+        if due <= 0 or self.error is not None:
+            return
+        skipped = due - _LONGEST_GAP
+        if skipped > 0:  # the clock has jumped
+            self._start += skipped * self._interval
+            due = _LONGEST_GAP
+        self._add(self._draw(), times=due)
+
+    def __enter__(self) -> "Film":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Complete the film, however the run ended; a second interrupt drops it."""
+        if self._encoder is None:
+            return
+        try:
+            self._add(self._draw(), times=round(HOLD * FRAME_RATE))
+            self._queue.put(None)
+            self._encoder.join()
+            self.is_written = self.error is None
+        except BaseException:
+            self._given_up.set()
+            with contextlib.suppress(Full):
+                self._queue.put_nowait(None)
+            self._encoder.join(_PATIENCE)
+            raise
+
+    def _add(self, pixels: Pixels, *, times: int) -> None:
+        if self._encoder is None:
+            arguments = (pixels.shape[1], pixels.shape[0])
+            self._encoder = threading.Thread(
+                target=self._encode, args=(arguments,), name="film", daemon=True
+            )
+            self._encoder.start()
+        for _ in range(times):
+            self._queue.put(pixels)
+            self.frames += 1
+
+    def _encode(self, size: tuple[int, int]) -> None:
+        """Write the film, in a thread of its own."""
+        is_read = False
+        try:
+            with (
+                written_atomically(self._path) as part,
+                open_encoder(part, self._format, size) as encoder,
+            ):
+                while (pixels := self._next()) is not None:
+                    encoder.add(pixels)
+                is_read = True
+        except OSError as error:
+            self.error = error
+        except _GivenUp:
+            is_read = True
+        finally:
+            while not is_read:  # so that whoever films does not wait
+                is_read = self._given_up.is_set() or self._queue.get() is None
+
+    def _next(self) -> Pixels | None:
+        pixels = self._queue.get()
+        if self._given_up.is_set():
+            raise _GivenUp
+        return pixels
+
+
+class _GivenUp(Exception):
+    """Nobody waits for the film any more."""

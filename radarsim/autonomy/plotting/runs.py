@@ -1,0 +1,382 @@
+"""Pictures of navigation runs: the estimated and the true path among obstacles.
+
+``RunPanel`` draws a run that may go on: once for a picture, frame by frame for a film.
+
+Arrow heads along a path, which show the direction in which it was driven.
+"""
+
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.path import Path
+from matplotlib.transforms import Affine2D
+
+from radarsim.autonomy.navigation.controller import Activity
+from radarsim.autonomy.navigation.run_log import RunLog
+from radarsim.autonomy.plotting.cells import SensedCells, sensed_rows
+from radarsim.autonomy.plotting.panels import Extent, Panels, titles_of
+from radarsim.autonomy.plotting.run_markers import (
+    STYLES,
+    draw_markers,
+    marker_places,
+    marker_rows,
+)
+from radarsim.geometry import Floats, Pose2
+from radarsim.plotting import palette
+from radarsim.plotting.outlines import (
+    Outline,
+    area_rows,
+    draw_areas,
+    include_touched,
+)
+from radarsim.plotting.palette import MARKER, PAPER
+from radarsim.plotting.plan import draw_robot
+from radarsim.plotting.style import render
+
+_HEAD: Final = Path(
+    np.array([(1.0, 0.0), (-0.8, 0.8), (-0.3, 0.0), (-0.8, -0.8), (1.0, 0.0)]),
+    closed=True,
+)
+_SIZE: Final = 11.0  # points
+_EVERY: Final = 0.25  # of the width of the panel from one to the next
+_AROUND: Final = 0.15  # m of the path before and after, which give the direction
+
+
+def arrow_places(path: Floats, spacing: float) -> Floats:
+    """Return where arrow heads stand on a path, and the direction there.
+
+    Args:
+        path: The path, (N, 2) m.
+        spacing: Length of the path from one to the next, m; the first is after half.
+
+    Returns:
+        x and y in m, and the direction in rad from the x axis, (M, 3).
+    """
+    if len(path) < 2:
+        return np.zeros((0, 3))
+    steps = np.hypot(*np.diff(path, axis=0).T)
+    along = np.concatenate([np.zeros(1), np.cumsum(steps)])
+    places = np.arange(spacing / 2, along[-1], spacing)
+
+    def at(lengths: Floats) -> Floats:
+        return np.column_stack([np.interp(lengths, along, axis) for axis in path.T])
+
+    x, y = (at(places + _AROUND) - at(places - _AROUND)).T
+    return np.column_stack([at(places), np.arctan2(y, x)])
+
+
+def draw_arrows(axes: Axes, path: Floats, zorder: float) -> list[Artist]:
+    """Draw arrow heads at equal distances along a path, (N, 2) m."""
+    drawn: list[Artist] = []
+    for x, y, direction in arrow_places(path, _EVERY * axes.viewLim.width).tolist():
+        drawn += axes.plot(
+            x,
+            y,
+            marker=_HEAD.transformed(Affine2D().rotate(direction)),
+            markersize=_SIZE,
+            markerfacecolor=MARKER,
+            markeredgecolor=PAPER,
+            markeredgewidth=0.7,
+            zorder=zorder,
+        )
+    return drawn
+
+
+AROUND: Final = 3.0  # m around the path that are shown
+NO_PATH: Final[Floats] = np.zeros((0, 2))
+ROBOT_OPACITY: Final = 0.6  # so that markers on it stand out
+_MARGIN: Final = 0.6  # m
+_WIDEST, _TALLEST = 900, 640  # pixels of a panel, at most
+_CLOSEST: Final = 160.0  # pixels per metre, at most
+
+
+@dataclass(frozen=True, slots=True)
+class PathStyle:
+    """Line style of the estimated path during an activity."""
+
+    text: str
+    colour: str
+    width: float
+    zorder: float
+
+
+GOING: Final = PathStyle("going to the goal", palette.GOING, 3.0, 4.0)
+FOLLOWING: Final = PathStyle("following a boundary", palette.FOLLOWING, 3.4, 3.0)
+RETURNING: Final = PathStyle(
+    "returning to the leave point", palette.RETURNING, 2.2, 3.5
+)
+PATH_STYLES: Final = {
+    Activity.ALIGNING: FOLLOWING,
+    Activity.FOLLOWING: FOLLOWING,
+    Activity.RETURNING: RETURNING,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class SteeringSensor:
+    """The sensor that a robot steers by: name of the preset, and its medium."""
+
+    name: str
+    medium: str
+
+
+def _sensor_colour(sensor: SteeringSensor | None) -> str:
+    if sensor is None:
+        return palette.UNKNOWN_SENSOR
+    return palette.sensor_colour(sensor.medium)
+
+
+@dataclass(frozen=True, slots=True)
+class RunView:
+    """A run that is to be drawn.
+
+    Attributes:
+        run_log: The run; at least one row.
+        title: Title, in words.
+        robot_class: Class of the robot.
+        sensor: The sensor that it steers by; None if that is unknown.
+        outlines: What is truly there, if it is known.
+        subtitle: A further line; empty for none.
+        true_path: Path that it truly drove, (N, 2) m; none if it is unknown.
+    """
+
+    run_log: RunLog
+    title: str
+    robot_class: str
+    sensor: SteeringSensor | None = None
+    outlines: tuple[Outline, ...] = ()
+    subtitle: str = ""
+    true_path: Floats = field(default_factory=lambda: NO_PATH)
+
+    @property
+    def extent(self) -> Extent:
+        """What is to be shown: the run, and things that it touches, as a whole."""
+        extent = run_extent(self.run_log, self.true_path)
+        return include_touched(extent, self.outlines)
+
+
+def run_extent(run_log: RunLog, true_path: Floats = NO_PATH) -> Extent:
+    """Return the extent of a run: its paths and goals, and beam ends near them."""
+    paths = path_extent(run_log, true_path)
+    around = paths.grown(AROUND)
+    low, high = (around.west, around.south), (around.east, around.north)
+    beam_ends = run_log.beam_ends[:, :2]
+    near = ((beam_ends >= low) & (beam_ends <= high)).all(axis=1)
+    if not near.any():
+        return paths.grown(_MARGIN)
+    sensed = beam_ends[near]
+    corners = (*sensed.min(axis=0).tolist(), *sensed.max(axis=0).tolist())
+    return paths.union(Extent(*corners)).grown(_MARGIN)
+
+
+def path_extent(run_log: RunLog, true_path: Floats = NO_PATH) -> Extent:
+    """Return the extent of the paths and the goals of a run; at least one row."""
+    ends = [end for line in run_log.goal_lines for end in (line.start, line.goal)]
+    points = np.concatenate([run_log.path, np.array(ends).reshape(-1, 2), true_path])
+    return Extent(*points.min(axis=0).tolist(), *points.max(axis=0).tolist())
+
+
+class RunPanel:
+    """A run in a panel, which can be updated while it goes on."""
+
+    def __init__(
+        self,
+        axes: Axes,
+        robot_class: str,
+        sensor: SteeringSensor | None,
+        outlines: Sequence[Outline] = (),
+    ) -> None:
+        """Draw what does not change.
+
+        Args:
+            axes: The panel, m, map frame.
+            robot_class: Class of the robot.
+            sensor: The sensor that it steers by, as in ``RunView``.
+            outlines: What is truly there.
+        """
+        self._axes = axes
+        self._robot_class = robot_class
+        # What beams enter lies below what they sense, walls lie above it.
+        self._areas = draw_areas(axes, outlines, zorder=1.0, solid_zorder=2.7)
+        self._sensed = SensedCells(axes, _sensor_colour(sensor), outlines)
+        self._moving: list[Artist] = []
+
+    def update(
+        self, run_log: RunLog, true_path: Floats, *, text: float, is_over: bool = True
+    ) -> None:
+        """Show a run as it is.
+
+        Args:
+            run_log: The run; at least one row.
+            true_path: Path that the robot truly drove, (N, 2) m.
+            text: Size of labels, points.
+            is_over: Whether a goal that is not reached by now never will be.
+        """
+        for artist in self._moving:
+            artist.remove()
+        axes = self._axes
+        self._sensed.update(run_log)
+        self._moving = []
+        for line in run_log.goal_lines:
+            ends = np.array([line.start, line.goal])
+            self._moving += axes.plot(*ends.T, **_GOAL_LINE, zorder=2.8)
+        for lines in _path_lines(run_log):
+            axes.add_collection(lines, autolim=False)
+            self._moving.append(lines)
+        if len(true_path):
+            self._moving += axes.plot(*true_path.T, **_TRUE_PATH, zorder=4.5)
+        self._moving += draw_arrows(axes, run_log.path, zorder=4.7)
+        last = run_log.rows[-1]
+        x, y = true_path[-1].tolist() if len(true_path) else (last.x, last.y)
+        robot = draw_robot(axes, self._robot_class, Pose2(x, y, last.yaw), zorder=6.0)
+        for patch in robot:
+            patch.set_alpha(ROBOT_OPACITY)
+        self._moving += robot
+        self._moving += draw_markers(axes, run_log, text=text, is_over=is_over)
+
+    @property
+    def artists(self) -> list[Artist]:
+        """Everything in the panel, by which a film draws a frame."""
+        return [*self._areas, *self._sensed.artists, *self._moving]
+
+
+_GOAL_LINE: Final[dict[str, Any]] = {
+    "color": "0.3",
+    "linestyle": "--",
+    "linewidth": 1.0,
+}
+_TRUE_PATH: Final[dict[str, Any]] = {
+    "color": palette.TRUE_PATH,
+    "linestyle": (0, (1.0, 1.6)),
+    "linewidth": 1.1,
+}
+
+
+def draw_run(view: RunView, *, form: str = "png") -> bytes:
+    """Draw a run into a file of a form; equal runs give equal bytes."""
+    return render(run_figure([view], numbers=True), form)
+
+
+def run_figure(
+    views: Sequence[RunView], *, text: float = 10.0, numbers: bool = False
+) -> Figure:
+    """Draw runs beside each other, at one scale.
+
+    Args:
+        views: One run for each panel.
+        text: Size of the text, points.
+        numbers: Whether coordinates are written beside the panels.
+    """
+    extent = views[0].extent
+    for view in views[1:]:
+        extent = extent.union(view.extent)
+    scale = pixels_per_metre(extent)
+    panels = Panels(extent, scale, *titles_of(views), text=text, numbers=numbers)
+    for axes, view in zip(panels.axes, views, strict=True):
+        panel = RunPanel(axes, view.robot_class, view.sensor, view.outlines)
+        panel.update(view.run_log, view.true_path, text=text)
+    panels.add_legend(_legend_rows(views))
+    return panels.figure
+
+
+def pixels_per_metre(extent: Extent) -> float:
+    """Return the scale of a panel that fits a picture."""
+    return min(_WIDEST / extent.width, _TALLEST / extent.height, _CLOSEST)
+
+
+def _legend_rows(views: Sequence[RunView]) -> list[Artist]:
+    """Return the rows of a legend of all that some runs show."""
+    styles = {style for view in views for style in _styles(view.run_log)}
+    markers = {style for view in views for style in marker_places(view.run_log)}
+    truth = any(len(view.true_path) for view in views)
+    outlines = [outline for view in views for outline in view.outlines]
+    chosen = [style for style in (GOING, FOLLOWING, RETURNING) if style in styles]
+    return [
+        *path_rows(chosen, truth=truth),
+        *run_rows(
+            views[0].sensor,
+            outlines,
+            sensed=any(len(view.run_log.beam_ends) for view in views),
+            truth=truth,
+        ),
+        *area_rows(outlines),
+        *marker_rows([style for style in STYLES if style in markers]),
+    ]
+
+
+def path_rows(styles: Collection[PathStyle], *, truth: bool) -> list[Artist]:
+    """Return the rows of a legend for paths of some styles.
+
+    Args:
+        styles: The styles.
+        truth: Whether the true path is known, from which the estimated one differs.
+    """
+    whose = "estimate, " if truth else ""
+    return [
+        Line2D(
+            [], [], color=style.colour, linewidth=style.width, label=whose + style.text
+        )
+        for style in styles
+    ]
+
+
+def run_rows(
+    sensor: SteeringSensor | None,
+    outlines: Iterable[Outline],
+    *,
+    sensed: bool,
+    truth: bool,
+) -> list[Artist]:
+    """Return the rows of a legend for the true path, goal lines and what is sensed.
+
+    Args:
+        sensor: The sensor that the robot steers by, as in ``RunView``.
+        outlines: What is truly there.
+        sensed: Whether anything was sensed.
+        truth: Whether the true path is known.
+    """
+    by = "" if sensor is None else f" by the {sensor.medium}"
+    true = Line2D([], [], **_TRUE_PATH, label="true path, to the robot")
+    rows: list[Artist] = [true] if truth else []
+    rows.append(Line2D([], [], **_GOAL_LINE, label="line to the goal"))
+    if sensed:
+        rows += sensed_rows(_sensor_colour(sensor), by, outlines)
+    return rows
+
+
+def _styles(run_log: RunLog) -> list[PathStyle]:
+    """Return the style of the step from each row to the next."""
+    return [PATH_STYLES.get(row.activity, GOING) for row in run_log.rows[:-1]]
+
+
+def _path_lines(run_log: RunLog) -> list[LineCollection]:
+    """Return the estimated path, coloured by activity."""
+    path, styles = run_log.path, _styles(run_log)
+    steps = np.stack([path[:-1], path[1:]], axis=1)
+    drawn = []
+    for style in (GOING, FOLLOWING, RETURNING):
+        chosen = np.array([one is style for one in styles], dtype=np.bool_)
+        if chosen.any():
+            lines = LineCollection(
+                _chains(steps[chosen]),
+                colors=style.colour,
+                linewidths=style.width,
+                zorder=style.zorder,
+            )
+            drawn.append(lines)
+    return drawn
+
+
+def _chains(steps: Floats) -> list[Floats]:
+    """Join consecutive steps, (S, 2, 2), so that lines have no gaps."""
+    breaks = np.nonzero((steps[1:, 0] != steps[:-1, 1]).any(axis=1))[0] + 1
+    return [
+        np.concatenate([chain[:1, 0], chain[:, 1]]) for chain in np.split(steps, breaks)
+    ]

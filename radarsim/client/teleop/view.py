@@ -1,0 +1,319 @@
+"""Top view of a scan in text: the robot in the centre, its front upwards.
+
+Braille characters serve as pixels, two by four dots in each.
+
+The text panel beside the view.
+"""
+
+import math
+from itertools import groupby
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.client.robot_info import RobotInfo
+from radarsim.client.teleop.robot_state import RobotState
+from radarsim.errors import escape_unprintable
+from radarsim.geometry import Floats, Pose2, wrap_angle
+from radarsim.protocol.reports import GroundTruth, Ins, Odometry
+
+Fragments: TypeAlias = list[tuple[str, str]]  # one line: styles and texts
+
+DOTS_ACROSS: Final = 2
+DOTS_DOWN: Final = 4
+BRAILLE: Final = 0x2800  # the character without dots
+BITS: Final = np.array([[1, 8], [2, 16], [4, 32], [64, 128]])
+
+
+class Canvas:
+    """A drawing of dots in several styles."""
+
+    def __init__(self, columns: int, rows: int, inks: tuple[str, ...]) -> None:
+        """Create an empty canvas.
+
+        Args:
+            columns: Characters in a line, at least 1.
+            rows: Lines, at least 1.
+            inks: Styles in ascending priority; a cell has one style.
+        """
+        self.columns = columns
+        self.rows = rows
+        self._styles = ("", *inks)
+        self._dots = np.zeros((rows * DOTS_DOWN, columns * DOTS_ACROSS), dtype=np.int8)
+        self._letters: dict[tuple[int, int], tuple[str, str]] = {}
+
+    @property
+    def height(self) -> int:
+        """Height in dots."""
+        return self._dots.shape[0]
+
+    @property
+    def width(self) -> int:
+        """Width in dots."""
+        return self._dots.shape[1]
+
+    def plot(self, across: Floats, down: Floats, style: str) -> None:
+        """Set dots.
+
+        Args:
+            across: (N,) in dots from the left edge; dots off the canvas are ignored.
+            down: (N,) in dots from the upper edge.
+            style: One of the styles of the canvas.
+        """
+        # Compared as floats: a distance may be too large for an integer.
+        inside = (across >= 0) & (across < self.width)
+        inside &= (down >= 0) & (down < self.height)
+        at = down[inside].astype(np.intp), across[inside].astype(np.intp)
+        self._dots[at] = np.maximum(self._dots[at], self._styles.index(style))
+
+    def write(self, row: int, column: int, text: str, style: str) -> None:
+        """Write text over the dots; what does not fit is cut off."""
+        for i, letter in enumerate(text, start=column):
+            self._letters[row, i] = style, letter
+
+    def lines(self) -> list[Fragments]:
+        """Return the lines from the top, each as wide as the canvas."""
+        shape = self.rows, DOTS_DOWN, self.columns, DOTS_ACROSS
+        cells = self._dots.reshape(shape).transpose(0, 2, 1, 3)
+        bits = ((cells > 0) * BITS).sum(axis=(2, 3))
+        inks: NDArray[np.int8] = cells.max(axis=(2, 3))
+        lines = []
+        for row in range(self.rows):
+            line = [
+                self._letters.get((row, column)) or self._braille(*cell)
+                for column, cell in enumerate(zip(bits[row], inks[row], strict=True))
+            ]
+            lines.append(_joined(line))
+        return lines
+
+    def _braille(self, bits: int, style: int) -> tuple[str, str]:
+        # A blank rather than braille without dots, so that copied text is plain.
+        return self._styles[style], chr(BRAILLE + bits) if bits else " "
+
+
+def _joined(cells: Fragments) -> Fragments:
+    """Join neighbours of the same style."""
+    return [
+        (style, "".join(text for _, text in cells))
+        for style, cells in groupby(cells, key=lambda cell: cell[0])
+    ]
+
+
+RADII: Final = (1, 2, 5, 10, 20, 50, 100)  # m, from the robot to the nearer edges
+BARS: Final = (0.5, 1, 2, 5, 10, 20, 50, 100)  # m
+LONGEST_BAR: Final = 1 / 3  # of the width
+MIN_HULL: Final = 8  # dots; a shorter hull is not drawn, only the arrow
+NEAR: Final = 0.3  # m from the circle that a turning robot needs
+MIDDLE: Final = 1.0  # m
+
+STYLES: Final = ("class:far", "class:middle", "class:near", "class:robot")
+FAR_STYLE, MIDDLE_STYLE, NEAR_STYLE, ROBOT_STYLE = STYLES
+SCALE_STYLE: Final = "class:scale"
+
+
+def style_of(distance: float, clearance: float) -> str:
+    """Return the style of a point at a distance from the robot's centre.
+
+    Args:
+        distance: Distance from the robot's centre, m.
+        clearance: Radius that the robot needs to turn, m.
+    """
+    free = distance - clearance
+    if free < NEAR:
+        return NEAR_STYLE
+    return MIDDLE_STYLE if free < MIDDLE else FAR_STYLE
+
+
+def draw_view(
+    points: Floats, robot_info: RobotInfo, radius: float, columns: int, rows: int
+) -> list[Fragments]:
+    """Draw obstacles, robot and scale.
+
+    Args:
+        points: (N, 2) m from the robot's centre, x ahead and y to its left.
+        robot_info: Dimensions of the robot.
+        radius: Radius of the view around the robot, m.
+        columns: Characters in a line, at least 1.
+        rows: Lines, at least 1.
+
+    Returns:
+        The lines from the top, each as wide as asked for.
+    """
+    canvas = Canvas(columns, rows, STYLES)
+    dots_per_metre = min(canvas.width, canvas.height) / 2 / radius
+
+    def plot(places: Floats, style: str) -> None:
+        across = canvas.width / 2 - places[:, 1] * dots_per_metre
+        down = canvas.height / 2 - places[:, 0] * dots_per_metre
+        canvas.plot(across, down, style)
+
+    free = np.hypot(points[:, 0], points[:, 1]) - robot_info.clearance
+    near, middle = free < NEAR, free < MIDDLE
+    plot(points[~middle], FAR_STYLE)
+    plot(points[middle & ~near], MIDDLE_STYLE)
+    plot(points[near], NEAR_STYLE)
+    if robot_info.length * dots_per_metre >= MIN_HULL:
+        plot(_hull(robot_info, dots_per_metre), ROBOT_STYLE)
+    canvas.write(rows // 2, columns // 2, "▲", ROBOT_STYLE)
+    canvas.write(rows - 1, 0, scale_bar(dots_per_metre, columns), SCALE_STYLE)
+    return canvas.lines()
+
+
+def scale_bar(dots_per_metre: float, columns: int) -> str:
+    """Return the longest bar of a round length that fits, and that length.
+
+    Args:
+        dots_per_metre: Scale; half the width has to show 1 m or more.
+        columns: Width of the view.
+    """
+    most = columns * LONGEST_BAR * DOTS_ACROSS / dots_per_metre
+    length = max(bar for bar in BARS if bar <= most)
+    cells = max(round(length * dots_per_metre / DOTS_ACROSS), 2)
+    return f"├{'─' * (cells - 2)}┤ {length:g} m "
+
+
+def _hull(robot_info: RobotInfo, dots_per_metre: float) -> Floats:
+    """Return points on the outline, one dot apart, (N, 2) m."""
+    along = np.arange(
+        -0.5, 0.5, 1 / (max(robot_info.length, robot_info.width) * dots_per_metre)
+    )
+    half = np.full_like(along, 0.5)
+    sides = [(along, half), (along, -half), (half, along), (-half, along)]
+    outline = np.concatenate([np.column_stack(side) for side in sides])
+    scaled: Floats = outline * (robot_info.length, robot_info.width)
+    return scaled
+
+
+WIDTH: Final = 31  # columns
+WARNING: Final = "class:warning"
+SILENCE_WARNING: Final = (
+    0.6  # s without reports from the server, which sends some every 0.2 s
+)
+HELP: Final = "arrows or WASD drive  space stops  +/- speed  z/x zoom  q quits"
+SHORTER_HELP: Final = (  # for narrow terminals: how to end is the last to go
+    "WASD drive  space stops  +/- speed  q quits",
+    "WASD drive  space stops  q quits",
+    "space stops  q quits",
+    "q quits",
+)
+POSE_ROWS: Final = (("INS", Ins), ("odometry", Odometry), ("truth", GroundTruth))
+
+
+def panel_lines(
+    state: RobotState,
+    *,
+    speed: float,
+    commanded: tuple[float, float],
+    silence: float,
+) -> list[Fragments]:
+    """Format the state of the robot.
+
+    Args:
+        state: Newest state of the robot.
+        speed: Speed that the keys set, m/s.
+        commanded: The motion commanded last: m/s ahead, rad/s counter-clockwise.
+        silence: Wall-clock time since the last report, s.
+
+    Returns:
+        Lines, none wider than ``WIDTH`` for numbers of usual size.
+    """
+    head = f"{state.robot_info.name}, {state.scanner.name}"
+    plain = [
+        escape_unprintable(state.level)[:WIDTH],
+        escape_unprintable(head)[:WIDTH],
+        "",
+        f"time     {_number(state.time, 10, 2)} s",
+        f"scans    {_number(state.scan_rate(), 10, 1)} /s",
+        f"battery  {_battery(state.battery)}",
+        "",
+        f"speed    {speed:10.2f} m/s",
+        f"ordered  {_motion(commanded)}",
+        f"measured {_motion(state.motion())}",
+        "",
+        f"{'pose':9}{'x':>7}{'y':>7}{'yaw':>7}",
+        *(f"{name:9}{_pose(state.poses.get(kind))}" for name, kind in POSE_ROWS),
+        "",
+    ]
+    lines: list[Fragments] = [[("", line)] for line in plain]
+    lines += [[("", "touch    "), _touch(state)]]
+    lines += [[("", "nearest  "), nearest(state)], []]
+    return lines + [[(WARNING, text)] for text in warnings(state, silence)]
+
+
+def help_text(width: int) -> str:
+    """Return as much help as fits in some columns.
+
+    >>> help_text(40)
+    'WASD drive  space stops  q quits'
+    """
+    fitting = (text for text in (HELP, *SHORTER_HELP) if len(text) <= width)
+    return next(fitting, SHORTER_HELP[-1][:width])
+
+
+def nearest(state: RobotState) -> tuple[str, str]:
+    """Return the style and text for distance and direction of the nearest obstacle."""
+    points = state.points()
+    if not len(points):
+        return "", "nothing seen"
+    distances = np.hypot(points[:, 0], points[:, 1])
+    i = int(distances.argmin())
+    text = f"{distances[i]:.2f} m, {bearing(math.atan2(points[i, 1], points[i, 0]))}"
+    return style_of(float(distances[i]), state.robot_info.clearance), text
+
+
+def bearing(angle: float) -> str:
+    """Return a direction in words, from rad counter-clockwise from the front.
+
+    >>> bearing(-0.7), bearing(3.14)
+    ('40° right', 'behind')
+    """
+    degrees = math.degrees(wrap_angle(angle))
+    size = round(abs(degrees))
+    if size == 0:
+        return "ahead"
+    if size == 180:
+        return "behind"
+    return f"{size}° {'left' if degrees > 0 else 'right'}"
+
+
+def warnings(state: RobotState, silence: float) -> list[str]:
+    """Return what the driver should know at once."""
+    texts = []
+    if silence > SILENCE_WARNING:
+        texts.append(f"server silent for {silence:.1f} s")
+    if state.scan is None:
+        texts.append("no scan yet")
+    elif state.is_blind():
+        texts.append("scanner blinded: reads 0")
+    if state.battery == 0:
+        texts.append("battery empty")
+    return texts
+
+
+def _touch(state: RobotState) -> tuple[str, str]:
+    if not state.touched:
+        return "", "-"
+    return (WARNING, "TOUCHING") if any(state.touched.values()) else ("", "no")
+
+
+def _pose(pose: Pose2 | None) -> str:
+    if pose is None:
+        return f"{'-':>7}{'-':>7}{'-':>7}"
+    return f"{pose.x:7.2f}{pose.y:7.2f}{math.degrees(wrap_angle(pose.yaw)):6.0f}°"
+
+
+def _motion(motion: tuple[float, float] | None) -> str:
+    if motion is None:
+        return f"{'-':>10}"
+    # Adding 0 makes -0 a 0; one without a sign is quieter to look at.
+    speed, turn = round(motion[0], 2) + 0.0, round(math.degrees(motion[1])) + 0
+    return f"{speed:10.2f} m/s{turn:4d}°/s"
+
+
+def _number(value: float, width: int, digits: int) -> str:
+    return f"{'-':>{width}}" if math.isnan(value) else f"{value:{width}.{digits}f}"
+
+
+def _battery(seconds: int | None) -> str:
+    return f"{'-':>10}" if seconds is None else f"{seconds:10d} s"

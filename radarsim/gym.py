@@ -1,0 +1,33 @@
+"""Environments for reinforcement learning: the short name of ``radarsim.addons.gym``.
+
+Importing it registers the environments of radarsim with Gymnasium.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+from radarsim.addons import gym as _gym
+
+if TYPE_CHECKING:
+    from radarsim.addons.gym import (
+        GoToEnv,
+        GoToSettings,
+        ParallelEnv,
+        Transition,
+        VectorEnv,
+        progress_reward,
+    )
+
+__all__ = [
+    "GoToEnv",
+    "GoToSettings",
+    "ParallelEnv",
+    "Transition",
+    "VectorEnv",
+    "progress_reward",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(_gym, name)

@@ -1,0 +1,135 @@
+"""``radarsim study``: compare radar and lasers on the same tasks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from radarsim import __version__
+from radarsim.autonomy.navigation.options import Algorithm
+from radarsim.cli.compile_progress import compile_now, with_bar
+from radarsim.cli.output import print_lines, print_message
+from radarsim.errors import describe_os_error
+from radarsim.processes import process_cpu_count, raise_on_signals
+
+if TYPE_CHECKING:
+    from radarsim.lab.study.maps import StudyTask
+
+
+class StudyName(StrEnum):
+    """Studies."""
+
+    RADAR_VS_LASER = "radar-vs-laser"
+
+
+def study(
+    name: Annotated[StudyName, typer.Argument(metavar="NAME", help="radar-vs-laser")],
+    *,
+    out: Annotated[
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="OUT",
+            help="A folder; runs that are in it are not run again.",
+        ),
+    ],
+    seeds: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            metavar="K",
+            help="Maps of each kind, from seeds 0 to K - 1.",
+            show_default="10, or 1 with --quick",
+        ),
+    ] = None,
+    algorithm: Annotated[
+        Algorithm, typer.Option(help="Algorithm that drives to the goals.")
+    ] = Algorithm.PLANNED,
+    workers: Annotated[
+        int | None,
+        typer.Option(min=1, help="Number of processes; one for each core by default."),
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Only smoke, as a test.")
+    ] = False,
+) -> None:
+    """Let radar and lasers drive and map on the same maps, and write a page of it.
+
+    Writes OUT/index.html with a figure, and OUT/runs.csv with a row for each run.
+    """
+    from radarsim.lab.study.maps import KINDS, QUICK, study_tasks
+    from radarsim.lab.study.page import PAGE, write_study
+
+    assert name is StudyName.RADAR_VS_LASER
+    seeds = seeds or (1 if quick else 10)
+    tasks = study_tasks(seeds, algorithm, QUICK if quick else KINDS)
+    runs = _read_runs(out)
+    left = [task for task in tasks if task not in runs]
+    if left:
+        runs |= _run(out, left, workers or process_cpu_count())
+    if missing := [task for task in tasks if task not in runs]:
+        print_message(
+            f"{len(missing)} of {len(tasks)} runs failed, so there is no page"
+        )
+        raise typer.Exit(1)
+    rows = [runs[task] for task in tasks]
+    print_lines(write_study(out, rows, algorithm=algorithm, seeds=seeds))
+    print_lines([out / PAGE])
+
+
+def _read_runs(out: Path) -> dict[StudyTask, dict[str, Any]]:
+    from radarsim.lab.study.page import read_runs
+
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        return read_runs(out)
+    except OSError as error:
+        text = f"cannot use {out}: {describe_os_error(error)}"
+        raise typer.BadParameter(text, param_hint="--output") from None
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--output") from None
+
+
+@contextmanager
+def _tell_interrupt(rows: Mapping[StudyTask, object], count: int) -> Iterator[None]:
+    """Say what is kept when a signal ends the runs."""
+    try:
+        yield
+    except (KeyboardInterrupt, SystemExit):
+        print_message(f"{len(rows)} of {count} runs done; go on with the same command")
+        raise
+
+
+def _run(
+    out: Path, tasks: list[StudyTask], workers: int
+) -> dict[StudyTask, dict[str, Any]]:
+    """Run tasks, and write each row as soon as there is one."""
+    from radarsim.autonomy.evaluation.task_runner import opened_log, run_tasks
+    from radarsim.lab.study.maps import run_study_task
+    from radarsim.lab.study.page import LOG
+
+    compile_now(maps=True)
+    rows: dict[StudyTask, dict[str, Any]] = {}
+    with (
+        raise_on_signals(),
+        _tell_interrupt(rows, len(tasks)),
+        opened_log(out / LOG) as add,
+        closing(
+            run_tasks(run_study_task, tasks, workers=min(workers, len(tasks)))
+        ) as running,
+    ):
+        for result in with_bar(running, "runs", len(tasks)):
+            task = tasks[result.number]
+            if result.value is None:
+                text = f"{task.map} {task.sensor} seed {task.seed}: {result.error}"
+                print_message(text)
+            else:
+                add({"version": __version__, **result.value})
+                rows[task] = result.value
+    return rows

@@ -1,0 +1,293 @@
+"""What the runs of the study add up to, for each map and sensor.
+
+Estimates with intervals of 95 %.
+
+Shares have Wilson's score interval (Wilson 1927), which also holds for few runs and for
+shares of 0 and 1. Means have Student's t interval.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from scipy import special
+
+from radarsim.lab.study.maps import KINDS, MAPPED, MAPPING, RADAR, SENSORS
+
+CONFIDENCE: Final = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """An estimate.
+
+    Attributes:
+        value: The share, or the mean.
+        low: Lower end of its interval; the value itself where there is none.
+        high: Upper end, likewise.
+        count: Number of runs.
+    """
+
+    value: float
+    low: float
+    high: float
+    count: int
+
+    @property
+    def has_interval(self) -> bool:
+        """Whether there is an interval: there is none of a single run."""
+        return self.count > 1
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether there is no interval to tell: a single run, or all values equal."""
+        return self.low == self.high
+
+    def within(self, least: float, most: float) -> "Estimate":
+        """Return the estimate with its interval cut to the values that are possible."""
+        return replace(self, low=max(self.low, least), high=min(self.high, most))
+
+
+def share(successes: int, count: int) -> Estimate:
+    """Estimate a share, with Wilson's score interval.
+
+    Args:
+        successes: Number of runs that have a property.
+        count: Number of all runs, at least 1; of a single one there is no interval.
+
+    >>> estimate = share(10, 10)
+    >>> round(estimate.low, 4), round(estimate.high, 4)
+    (0.7225, 1.0)
+    """
+    p = successes / count
+    if count < 2:
+        return Estimate(p, p, p, count)
+    z = float(special.ndtri((1 + CONFIDENCE) / 2))
+    scale = 1 + z**2 / count
+    centre = (p + z**2 / (2 * count)) / scale
+    half = z / scale * math.sqrt(p * (1 - p) / count + z**2 / (4 * count**2))
+    return Estimate(p, max(centre - half, 0.0), min(centre + half, 1.0), count)
+
+
+def mean(values: Sequence[float]) -> Estimate:
+    """Estimate a mean, with Student's t interval.
+
+    Args:
+        values: At least one. If all are equal, or there is only one, both ends of the
+            interval are the value itself.
+    """
+    count, value = len(values), float(np.mean(values))
+    if min(values) == max(values):
+        return Estimate(values[0], values[0], values[0], count)
+    error = float(np.std(values, ddof=1)) / math.sqrt(count)
+    half = float(special.stdtrit(count - 1, (1 + CONFIDENCE) / 2)) * error
+    return Estimate(value, value - half, value + half, count)
+
+
+Row = Mapping[str, Any]
+
+TITLES: Final = {
+    "smoke_corridor": "a corridor full of smoke",
+    "hidden_room": "a room behind bushes",
+    "dead_end": "a hedge with a dead end",
+    "thin_bushes": "thin bushes",
+    "forest": "a forest",
+    "office": "an office",
+}
+
+# Why drives end without a verdict.
+WOULD_NOT_START: Final = "would not start"
+STUCK: Final = "got stuck"
+OUT_OF_TIME: Final = "was not there in time"
+OTHERWISE: Final = "failed otherwise"
+
+_STANDING: Final = 0.05  # m; a robot that drives less has stayed where it was
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """The runs of one sensor on one kind of map.
+
+    Attributes:
+        map: Kind of the map.
+        sensor: Sensor preset.
+        success: Share of the drives that ended rightly and touched nothing.
+        false_no_path: Number of drives that told there is no path where there is one.
+        failures: How many drives ended without a verdict, by the reason in words.
+        touches: How often the robot began to touch something, in all runs.
+        detour: Path divided by the shortest one, of drives that arrived; None if none
+            did.
+        detour_difference: ``detour`` less that of the radar on the same map, where both
+            arrived; None for the radar itself, and if they never did.
+        time: Simulated time of drives that arrived, s; None if none did.
+        reachable: Known share of the floor that the robot can get to; None where
+            nothing was mapped.
+        hidden: Known share of the floor that it sees at most; None as above, or where
+            there is none.
+        in_place: Share of the mapped obstacles within two cells of a true one; None as
+            above.
+        explorations: Number of explorations.
+        timed_out: Number of those that ended at the time limit.
+        shut_in: Known share of the floor that the robot can get to, by seed, where an
+            exploration ended before the time limit and the drive on the same map told
+            falsely, where it stood, that there is no path.
+    """
+
+    map: str
+    sensor: str
+    success: Estimate
+    false_no_path: int
+    failures: Mapping[str, int]
+    touches: int
+    detour: Estimate | None
+    detour_difference: Estimate | None
+    time: Estimate | None
+    reachable: Estimate | None
+    hidden: Estimate | None
+    in_place: Estimate | None
+    explorations: int
+    timed_out: int
+    shut_in: Mapping[int, float]
+
+    @property
+    def failed(self) -> int:
+        """Number of drives that ended without a verdict."""
+        return sum(self.failures.values())
+
+
+Summaries: TypeAlias = Mapping[tuple[str, str], Summary]  # by map and sensor
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """One thing that sensors are compared by.
+
+    Attributes:
+        name: Its name, in words.
+        of: Returns the estimate of a summary; None where there is none.
+        more_is_better: Whether a larger value is better.
+        maps: Kinds of maps that it is of.
+    """
+
+    name: str
+    of: Callable[[Summary], Estimate | None]
+    more_is_better: bool
+    maps: tuple[str, ...]
+
+
+MEASURES: Final = (
+    Measure("right verdicts", lambda each: each.success, True, KINDS),
+    Measure("path / shortest path", lambda each: each.detour, False, KINDS),
+    Measure("reachable floor mapped", lambda each: each.reachable, True, MAPPED),
+    Measure("hidden floor mapped", lambda each: each.hidden, True, ("hidden_room",)),
+    Measure("obstacles in place", lambda each: each.in_place, True, MAPPED),
+)
+
+
+def is_right(row: Row) -> bool:
+    """Return whether a drive told what is true, and touched nothing."""
+    return bool(row["outcome"] == row["expected"] and not row["collisions"])
+
+
+def summarise(rows: Sequence[Row]) -> dict[tuple[str, str], Summary]:
+    """Return the summary of each kind of map and sensor that was run."""
+    summaries = {}
+    for map_, sensor in product(KINDS, SENSORS):
+        own = [row for row in rows if (row["map"], row["sensor"]) == (map_, sensor)]
+        radar = [row for row in rows if (row["map"], row["sensor"]) == (map_, RADAR)]
+        if own:
+            summaries[map_, sensor] = _summary(map_, sensor, own, _detours(radar))
+    return summaries
+
+
+def kinds_of(summaries: Summaries) -> list[str]:
+    """Return the kinds of maps that were run, in the order of the study."""
+    run = {map_ for map_, _ in summaries}
+    return [map_ for map_ in KINDS if map_ in run]
+
+
+def _summary(
+    map_: str, sensor: str, rows: Sequence[Row], radar: Mapping[int, float]
+) -> Summary:
+    drives = [row for row in rows if row["method"] != MAPPING]
+    maps = [row for row in rows if row["method"] == MAPPING]
+    detours = _detours(rows)
+    both = sorted(detours.keys() & radar.keys()) if sensor != RADAR else []
+    return Summary(
+        map=map_,
+        sensor=sensor,
+        success=share(sum(map(is_right, drives)), len(drives)),
+        false_no_path=sum(_verdict(r) == ("no_path", "reached") for r in drives),
+        failures=Counter(_failure(r) for r in drives if not _is_verdict(r)),
+        touches=sum(row["collisions"] for row in rows),
+        detour=_mean(list(detours.values())),
+        detour_difference=_mean(
+            [round(detours[each] - radar[each], 6) for each in both]
+        ),
+        time=_mean([row["time"] for row in drives if _has_arrived(row)]),
+        reachable=_mean_of(maps, "reachable_coverage"),
+        hidden=_mean_of(maps, "hidden_coverage"),
+        in_place=_mean_of(maps, "within_two_cells"),
+        explorations=len(maps),
+        timed_out=sum(row["outcome"] == "time_limit" for row in maps),
+        shut_in=_shut_in(drives, maps),
+    )
+
+
+def _detours(rows: Sequence[Row]) -> dict[int, float]:
+    """Return path / shortest path of the drives that arrived, by seed."""
+    return {
+        row["seed"]: row["path_length"] / row["shortest_path"]
+        for row in rows
+        if row["method"] != MAPPING and _has_arrived(row)
+    }
+
+
+def _has_arrived(row: Row) -> bool:
+    return bool(row["outcome"] == "reached" == row["expected"])
+
+
+def _is_verdict(row: Row) -> bool:
+    return row["outcome"] in ("reached", "no_path")
+
+
+def _failure(row: Row) -> str:
+    """Return why a drive has no verdict, in words, by its outcome and its note."""
+    if row["outcome"] == "too_near":
+        return WOULD_NOT_START
+    if row["note"].startswith("not there after"):
+        return OUT_OF_TIME
+    return STUCK if row["note"].startswith("the robot stays") else OTHERWISE
+
+
+def _shut_in(drives: Sequence[Row], maps: Sequence[Row]) -> dict[int, float]:
+    standing = {
+        row["seed"]
+        for row in drives
+        if _verdict(row) == ("no_path", "reached") and row["path_length"] < _STANDING
+    }
+    return {
+        row["seed"]: row["reachable_coverage"]
+        for row in maps
+        if row["seed"] in standing
+        and row["outcome"] == "explored"
+        and row["reachable_coverage"] is not None
+    }
+
+
+def _verdict(row: Row) -> tuple[str, str]:
+    return row["outcome"], row["expected"]
+
+
+def _mean_of(rows: Sequence[Row], key: str) -> Estimate | None:
+    """Estimate the mean of shares."""
+    estimate = _mean([row[key] for row in rows if row[key] is not None])
+    return None if estimate is None else estimate.within(0.0, 1.0)
+
+
+def _mean(values: Sequence[float]) -> Estimate | None:
+    return mean(values) if values else None

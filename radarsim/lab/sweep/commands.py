@@ -1,0 +1,191 @@
+"""``radarsim sweep``: scans, trials or maps for all combinations of parameters."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
+
+from radarsim import __version__
+from radarsim.cli.compile_progress import compile_now, with_bar
+from radarsim.cli.output import print_lines, print_message
+from radarsim.processes import process_cpu_count, raise_on_signals
+
+if TYPE_CHECKING:
+    from radarsim.autonomy.evaluation.task_runner import TaskResult
+    from radarsim.lab.sweep.file import SweepFile
+    from radarsim.lab.sweep.folder import SweepFolder, SweepTask
+    from radarsim.scene.scene import Scene
+
+    Running = Generator[TaskResult[list[dict[str, Any]]], None, None]
+
+_BATCHES: Final = {"scan": 16, "trial": 1, "map": 1}  # tasks that a worker gets at once
+# Of a cluster's worker: each message takes its scheduler some 10 ms.
+_MESSAGES: Final = 4
+
+FileArgument = Annotated[
+    str, typer.Argument(metavar="FILE", help="A sweep file, or a shipped sweep.")
+]
+OutOption = Annotated[
+    Path,
+    typer.Option("-o", "--output", metavar="OUT", help="A folder for the results."),
+]
+WorkersOption = Annotated[
+    int | None,
+    typer.Option(min=1, help="Number of processes; one for each core by default."),
+]
+SchedulerOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS", help="Scheduler of a dask cluster that runs already."
+    ),
+]
+ResumeOption = Annotated[
+    bool, typer.Option("--resume", help="Go on with a sweep that was stopped.")
+]
+DryRunOption = Annotated[
+    bool, typer.Option("--dry-run", help="Check the file, and count its tasks.")
+]
+
+
+def sweep(
+    file: FileArgument,
+    *,
+    out: OutOption,
+    workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
+    resume: ResumeOption = False,
+    dry_run: DryRunOption = False,
+) -> None:
+    """Scan, drive or map for all combinations of parameters, and write one table."""
+    from radarsim.errors import import_optional
+    from radarsim.lab.sweep.file import read_sweep
+    from radarsim.lab.sweep.folder import ABOUT, EXTRA, TABLE, SweepFolder, sweep_tasks
+    from radarsim.lab.sweep.tasks import load_scenes
+
+    path, wanted = read_sweep(file)
+    if workers is not None and scheduler is not None:
+        text = "expected only one of --workers and --scheduler"
+        raise typer.BadParameter(text)
+    scenes = load_scenes(path, wanted)
+    tasks = sweep_tasks(wanted, scenes)
+    folder = SweepFolder(out)
+    if dry_run:
+        print_lines([_count(wanted, len(tasks))])
+        return
+    import_optional("pyarrow", EXTRA)
+    folder.open(path, wanted, tasks, resume=resume)
+    left = [task for task in tasks if not folder.has(task)]
+    began = time.perf_counter()
+    if left:
+        compile_now(maps=wanted.kind == "map")
+        batch = _BATCHES[wanted.kind]
+        with _running(left, scenes, scheduler, workers, batch) as running:
+            _collect(folder, left, running)
+    folder.write(path, wanted, tasks)
+    _draw(folder, wanted)
+    failed = _print_failures(folder, tasks)
+    spent = f"{_count(wanted, len(left))} in {time.perf_counter() - began:.1f} s"
+    print_lines([spent, out / TABLE, out / ABOUT])
+    raise typer.Exit(int(failed))
+
+
+def _count(wanted: SweepFile, tasks: int) -> str:
+    text = "1 task" if tasks == 1 else f"{tasks} tasks"
+    if wanted.kind != "scan":
+        return text
+    scans = tasks * wanted.count
+    return f"{text}, {scans} scan" + "s" * (scans != 1)
+
+
+@contextmanager
+def _running(
+    tasks: list[SweepTask],
+    scenes: dict[str, Scene],
+    scheduler: str | None,
+    workers: int | None,
+    batch: int,
+) -> Iterator[Running]:
+    """Run tasks in processes of this machine, or on a cluster."""
+    from radarsim.autonomy.evaluation.task_runner import run_tasks, run_tasks_in
+    from radarsim.lab.sweep.tasks import (
+        cluster_executor,
+        prepare_worker,
+        run_sweep_task,
+    )
+
+    todo = [task.parameters for task in tasks]
+    with raise_on_signals():
+        if scheduler is not None:
+            with cluster_executor(scheduler, scenes) as (executor, threads):
+                batch = max(batch, len(todo) // (_MESSAGES * threads))
+                with closing(
+                    run_tasks_in(
+                        executor, run_sweep_task, todo, workers=threads, batch=batch
+                    )
+                ) as running:
+                    yield running
+            return
+        count = min(workers or process_cpu_count(), -(-len(todo) // batch))
+        with closing(
+            run_tasks(
+                run_sweep_task,
+                todo,
+                workers=count,
+                batch=batch,
+                prepare=prepare_worker,
+                settings=(__version__, scenes),
+            )
+        ) as running:
+            yield running
+
+
+def _collect(folder: SweepFolder, tasks: list[SweepTask], running: Running) -> None:
+    """Log each result as soon as there is one; an interrupt keeps what is there."""
+    from radarsim.autonomy.evaluation.task_runner import as_line, opened_log
+    from radarsim.lab.sweep.folder import LOG
+
+    done = 0
+    try:
+        with opened_log(folder.path / LOG) as add:
+            for result in with_bar(running, "tasks", len(tasks)):
+                task = tasks[result.number]
+                value: dict[str, Any] = {"rows": result.value}
+                if result.value is None:
+                    value = {"error": result.error}
+                line = {"version": __version__, "task": task.key, **value}
+                add(line)
+                folder.lines[task.key] = as_line(line)
+                done += 1
+    except (KeyboardInterrupt, SystemExit):
+        print_message(f"{done} of {len(tasks)} tasks done; go on with --resume")
+        raise
+
+
+def _draw(folder: SweepFolder, wanted: SweepFile) -> None:
+    """Draw the figure that the sweep file asks for."""
+    if wanted.figure is None:
+        return
+    from radarsim.files import write_atomically
+    from radarsim.lab.sweep.figure import draw_sweep
+    from radarsim.lab.sweep.folder import FIGURE, TABLE
+    from radarsim.plotting.style import render
+
+    figure = draw_sweep(wanted, wanted.figure, folder.path / TABLE)
+    write_atomically({folder.path / FIGURE: render(figure)})
+
+
+def _print_failures(folder: SweepFolder, tasks: list[SweepTask]) -> bool:
+    """Tell how many tasks failed, and why the first did."""
+    import json
+
+    failed = [task for task in tasks if not folder.has(task)]
+    if failed:
+        error = json.loads(folder.lines[failed[0].key])["error"]
+        text = f"{len(failed)} of {len(tasks)} tasks failed, the first: {error}"
+        print_message(text)
+    return bool(failed)

@@ -1,0 +1,256 @@
+"""The tasks of sweeps: scans, trials and maps, run in any process that was prepared.
+
+Sweeps on a dask cluster that runs already, here or on other machines.
+"""
+
+import base64
+import hashlib
+import math
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from radarsim import __version__
+from radarsim.autonomy.evaluation.mapping_run import MappingRun
+from radarsim.autonomy.evaluation.shortest_path import shortest_path
+from radarsim.autonomy.evaluation.task_runner import task_generator
+from radarsim.autonomy.evaluation.trials import SCANNER, drive_mission
+from radarsim.autonomy.exploration.exploration import ExplorationPlan
+from radarsim.autonomy.exploration.options import StrategyName
+from radarsim.autonomy.navigation.mission import Mission
+from radarsim.autonomy.navigation.options import ROBOT, Algorithm
+from radarsim.errors import (
+    ClientError,
+    MapError,
+    MappingError,
+    NavigationError,
+    SweepError,
+    import_optional,
+)
+from radarsim.lab.sweep.file import Parameters, SweepFile
+from radarsim.presets.robots import load_robot
+from radarsim.scene.map_file import load_map
+from radarsim.scene.scene import Scene
+from radarsim.sensors.range_scanner import load_sensor
+from radarsim.server.host import Host
+from radarsim.simulation.config import SimulationConfig
+
+ALL_AROUND: Final = {"fov_deg": 359, "resolution_deg": 1}
+MAP_VALUES: Final = (
+    *("coverage", "reachable_coverage", "hidden_coverage"),
+    *("within_two_cells", "false_obstacles"),
+)
+
+Row = dict[str, Any]
+
+_scenes: dict[str, Scene] = {}  # of this process, by their digests
+
+
+def load_scenes(path: Path, sweep: SweepFile) -> dict[str, Scene]:
+    """Load the maps of a sweep, by name.
+
+    Args:
+        path: The sweep file; maps in its folder come before shipped ones.
+        sweep: Its contents.
+
+    Raises:
+        MapError: If a map is wrong, or has no trial where one is needed.
+    """
+    scenes = {}
+    for name in dict.fromkeys(sweep.map):
+        stem = name.partition("@")[0]
+        beside = path.parent / stem
+        beside = beside if beside.suffix else beside.with_suffix(".yaml")
+        found = name.replace(stem, str(beside), 1) if beside.is_file() else name
+        scene = load_map(found)
+        if sweep.kind == "trial" and scene.trial is None:
+            raise MapError([f"{name}: no 'trial', expected one with kind trial"])
+        scenes[name] = scene
+    return scenes
+
+
+def digest(scene: Scene) -> str:
+    """Return the digest of a map's contents, 16 hexadecimal digits."""
+    found = hashlib.sha256()
+    for part in scene.parts:
+        found.update(repr((part.object_name, asdict(part.material))).encode())
+        found.update(part.vertices.tobytes())
+        found.update(part.faces.tobytes())
+    air = None if scene.air is None else asdict(scene.air)
+    rest = scene.level, scene.starts, air, scene.trial, scene.reflectors
+    found.update(repr((*rest, scene.gps_origin)).encode())
+    return found.hexdigest()[:16]
+
+
+def prepare_worker(version: str, scenes: Mapping[str, Scene]) -> None:
+    """Give a process the maps of a sweep.
+
+    Args:
+        version: Version of radarsim that sends them.
+        scenes: From ``load_scenes``.
+
+    Raises:
+        SweepError: If this process has another version.
+    """
+    if version != __version__:
+        raise SweepError(
+            f"a worker has radarsim {__version__}, expected {version}, as here"
+        )
+    _scenes.update({digest(scene): scene for scene in scenes.values()})
+
+
+def run_sweep_task(task: Parameters) -> list[Row]:
+    """Run a task, and return its rows of plain data.
+
+    Args:
+        task: Its parameters, with the digest of its map as ``scene``, and ``count``.
+    """
+    run = {"scan": _scan_rows, "trial": _trial_rows, "map": _map_rows}[task["kind"]]
+    return run(task, _scenes[task["scene"]])
+
+
+def _scan_rows(task: Parameters, scene: Scene) -> list[Row]:
+    """Scan; the first scans are the same whatever their number."""
+    drawn = {key: value for key, value in task.items() if key not in ("count", "scene")}
+    rng = task_generator(task["seed"], drawn)
+    settings = dict(task["sensor"])
+    scanner = load_sensor(settings.pop("name"), **settings)
+    pose = (task["x"], task["y"], math.radians(task["yaw_deg"]))
+    scans = (scanner.scan(scene, pose, rng) for _ in range(task["count"]))
+    return [
+        {
+            "scan": number,
+            "ranges": _packed(scan.ranges, np.float32),
+            "rays": None if scan.rays is None else _packed(scan.rays, np.int8),
+        }
+        for number, scan in enumerate(scans)
+    ]
+
+
+def _packed(values: Any, kind: type[np.generic]) -> str:
+    """Return an array as text: four bytes, or one, for each value."""
+    return base64.b64encode(np.asarray(values, kind).tobytes()).decode()
+
+
+def unpacked(text: str | None, kind: type[np.generic]) -> Any:
+    """Return the array that was packed; None of None."""
+    return None if text is None else np.frombuffer(base64.b64decode(text), kind)
+
+
+def _trial_rows(task: Parameters, scene: Scene) -> list[Row]:
+    trial = scene.trial
+    start = None if trial is None else scene.start(trial.start)
+    assert trial is not None
+    assert start is not None
+    robot = load_robot(ROBOT)
+    radius = math.hypot(robot.length, robot.width) / 2
+    place = (start.pose.x, start.pose.y)
+    shortest = shortest_path(scene, place, trial.goal, radius)
+    mission = Mission(
+        algorithm=Algorithm(task["algorithm"]),
+        goals=(trial.goal,),
+        start=trial.start,
+        safety_distance=trial.safety_distance,
+        time_limit=task["time_limit"],
+    )
+    drive = drive_mission(_host(task, scene), mission)
+    shortest_length = None if shortest is None else shortest[0]
+    return [_rounded({**asdict(drive), "shortest_path": shortest_length})]
+
+
+def _map_rows(task: Parameters, scene: Scene) -> list[Row]:
+    plan = ExplorationPlan(
+        strategy=StrategyName(task["strategy"]), time_limit=task["time_limit"]
+    )
+    run = MappingRun(plan, _host(task, scene), seed=task["seed"])
+    try:
+        run.run(("", 0))
+    except (ClientError, MappingError, NavigationError) as error:
+        run.result.error = str(error)
+    run.judge()
+    result, monitor = run.result, run.result.monitor
+    row = {
+        "outcome": result.outcome,
+        "collisions": 0 if monitor is None else monitor.collisions,
+        "path_length": result.trip.length,
+        "time": result.trip.time,
+        "note": result.error,
+        **{name: getattr(result.score, name, None) for name in MAP_VALUES},
+    }
+    return [_rounded(row)]
+
+
+def _host(task: Parameters, scene: Scene) -> Host:
+    """Create a server whose robots' scanner is the sensor, all the way round."""
+    settings = {**ALL_AROUND, **task["sensor"]}
+    settings["sensor"] = settings.pop("name")
+    config = SimulationConfig(item_settings={SCANNER: settings})
+    return Host(scene, config=config, seed=task["seed"])
+
+
+def _rounded(row: Row) -> Row:
+    return {
+        key: round(value, 4) if isinstance(value, float) else value
+        for key, value in row.items()
+    }
+
+
+EXTRA: Final = "cluster"
+_CONNECTING: Final = 30  # s
+
+
+@contextmanager
+def cluster_executor(
+    address: str, scenes: Mapping[str, Scene]
+) -> Iterator[tuple[Executor, int]]:
+    """Connect to a cluster, and give its workers the maps of a sweep.
+
+    Workers that join later get them as well.
+
+    Args:
+        address: Address of its scheduler, such as ``tcp://10.0.0.1:8786``.
+        scenes: From ``load_scenes``.
+
+    Yields:
+        An executor, and the number of threads of all workers.
+
+    Raises:
+        MissingPackage: If distributed is not installed.
+        SweepError: If there is no such cluster, or it has no workers, or one of them
+            has another version of radarsim, or none at all.
+    """
+    distributed = import_optional("distributed", EXTRA)
+    try:
+        client = distributed.Client(address, timeout=_CONNECTING)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise SweepError(f"--scheduler {address}: {error}") from error
+    with client:
+        threads = sum(client.nthreads().values())
+        if not threads:
+            raise SweepError(f"--scheduler {address}: no workers, expected some")
+        _prepare(distributed, client, scenes)
+        yield client.get_executor(pure=False), threads
+
+
+def _prepare(distributed: Any, client: Any, scenes: Mapping[str, Scene]) -> None:
+    """Prepare all workers, and those that will join."""
+
+    class Preparation(distributed.WorkerPlugin):  # type: ignore[misc]
+        name = "radarsim-sweep"
+
+        def setup(self, worker: Any) -> None:
+            del worker
+            prepare_worker(__version__, scenes)
+
+    try:
+        client.register_plugin(Preparation())
+    except SweepError:
+        raise
+    except Exception as error:  # whatever keeps a worker from importing radarsim
+        text = f"a worker cannot run radarsim: {error}"
+        raise SweepError(text) from error

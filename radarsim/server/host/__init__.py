@@ -1,0 +1,6 @@
+"""The server without sockets: bytes in, bytes out, time in ticks."""
+
+from radarsim.server.host.connection import Diagnostic
+from radarsim.server.host.host import Host
+
+__all__ = ["Diagnostic", "Host"]

@@ -1,0 +1,360 @@
+"""Execute the commands of clients, one line at a time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
+
+from radarsim.errors import MalformedMessage, PresetError, expected_one_of, list_names
+from radarsim.geometry import Pose2
+from radarsim.presets.robots import RobotModel
+from radarsim.protocol.commands import (
+    Command,
+    Drive,
+    GetConf,
+    GetGeo,
+    GetStartPoses,
+    Init,
+    SetItem,
+    Unsupported,
+    parse_command,
+)
+from radarsim.protocol.line_template import printable_name
+from radarsim.protocol.reports import Report, StartPoses, WatchedLine, to_bytes
+from radarsim.protocol.watch import CommandError, Watch
+from radarsim.scene.scene import Scene
+from radarsim.server.host.connection import Client, Diagnostic
+from radarsim.server.host.replies import (
+    SETTING,
+    configuration,
+    drive,
+    geometry,
+    set_items,
+)
+from radarsim.server.host.watchers import MAX_WATCHERS, Watchers
+from radarsim.simulation.config import SimulationConfig
+
+if TYPE_CHECKING:
+    from radarsim.simulation.simulation import Simulation
+    from radarsim.simulation.vehicle import Vehicle
+
+RobotCommand: TypeAlias = Drive | GetGeo | GetConf | SetItem
+Question: TypeAlias = GetStartPoses | GetGeo | GetConf
+
+MAX_NAME_LENGTH = 64  # characters of a robot's name; longer ones are cut
+SPAWN_COOLDOWN = 10  # ticks between two robots of one client: a free place costs work
+FAILED_SPAWN_COOLDOWN = 100  # ticks after a spawn for which there was no free place
+SPAWNS_PER_TICK = 4  # of all clients
+# Ticks without a spawn, for all clients, after a search that takes a tick or more.
+SEARCH_COOLDOWN = 3  # the requested place was occupied
+FAILED_SEARCH_COOLDOWN = 10  # and no other was free
+
+# Units of work, about 20 us each: most commands take one; a spawn, a scan that is asked
+# for, and a reply that has to be computed take five. Reading a long line takes more.
+LIGHT_WORK: Final = 1
+HEAVY_WORK: Final = 5
+SETTING_WORK: Final = 50  # the rays of a scanner have to be prepared anew
+SUGGESTION_WORK: Final = 3  # for a verb or a key that is not known
+CHARACTERS_A_UNIT: Final = 300
+ROBOTS_A_UNIT: Final = 8  # that a watcher may have to be told of
+CACHED_REPLIES: Final = 1000  # a client can ask for types and names in any spelling
+
+
+class Handled(NamedTuple):
+    """Result of handling one line.
+
+    Attributes:
+        done: False if the line has to be handled again in a later tick.
+        diagnostic: None if the command had its full effect.
+        work: Units of work that it took.
+    """
+
+    done: bool
+    diagnostic: Diagnostic | None = None
+    work: int = LIGHT_WORK
+
+
+class CommandHandler:
+    """Executes commands.
+
+    Attributes:
+        has_begun: Whether there is a simulation to act on. Before, INIT waits for it.
+        clients_by_robot: The client of each robot, by the robot's number.
+    """
+
+    def __init__(
+        self, scene: Scene, config: SimulationConfig, watchers: Watchers
+    ) -> None:
+        self.has_begun = False
+        self._scene = scene
+        self._simulation: Simulation | None = None
+        self.clients_by_robot: dict[int, Client] = {}
+        self._config = config
+        self._watchers = watchers
+        self._last_spawn = -1  # the last tick with a spawn
+        self._spawn_count = 0  # of that tick
+        self._next_spawn = 0  # the first tick that may have one
+        self._classes = {name.casefold(): name for name in config.robot_names()}
+        self._reply_lines: dict[tuple[str | None, ...], bytes] = {}
+
+    @property
+    def simulation(self) -> Simulation:
+        """The simulation that the commands act on, once it has begun."""
+        assert self._simulation is not None
+        return self._simulation
+
+    def begin(self, simulation: Simulation) -> None:
+        """Let robots be spawned in a simulation."""
+        self._simulation = simulation
+        self.has_begun = True
+
+    def handle(self, client: Client, line: str) -> Handled:
+        """Execute the command in a line."""
+        reading = len(line) // CHARACTERS_A_UNIT
+        try:
+            parsed = parse_command(line, self._config.dialect)
+        except MalformedMessage as error:
+            malformed = Diagnostic.of_malformed(line, error)
+            if malformed.kind == f"malformed {Watch.verb}":
+                self._answer_error(client, malformed)
+            return Handled(True, malformed, LIGHT_WORK + SUGGESTION_WORK + reading)
+        if isinstance(parsed.command, Init) and self._is_too_early(client):
+            return Handled(False, work=LIGHT_WORK + reading)
+        work = self._work_of(client, parsed.command) + reading
+        diagnostic = self._execute(client, parsed.command)
+        if diagnostic is not None and _is_answered(parsed.command):
+            self._answer_error(client, diagnostic)
+        unknown = Diagnostic.of_unknown_fields(parsed)
+        if unknown is not None:
+            work += SUGGESTION_WORK
+            diagnostic = unknown if diagnostic is None else unknown.then(diagnostic)
+        return Handled(True, diagnostic, work)
+
+    def despawn(self, client: Client) -> None:
+        """Remove the robot of a client, if it has one."""
+        if client.vehicle is not None:
+            self.simulation.remove(client.vehicle)
+            self._watchers.remove_robot(client.vehicle)
+            del self.clients_by_robot[client.vehicle.number]
+            client.vehicle = None
+
+    def _work_of(self, client: Client, command: Command) -> int:
+        match command:
+            case SetItem() if command.opcode.upper() == SETTING:
+                return SETTING_WORK
+            case Init() | SetItem():
+                return HEAVY_WORK
+            case Watch():
+                return HEAVY_WORK + len(self.clients_by_robot) // ROBOTS_A_UNIT
+            case GetGeo(robot=str()) | GetConf(robot=str()):
+                return HEAVY_WORK + len(self.clients_by_robot) // ROBOTS_A_UNIT
+            case GetGeo() | GetConf() | GetStartPoses():
+                known = _reply_key(client.vehicle, command) in self._reply_lines
+                is_own = self._has_own_settings(client.vehicle)
+                return LIGHT_WORK if known and not is_own else HEAVY_WORK
+            case _:
+                return LIGHT_WORK
+
+    def _is_too_early(self, client: Client) -> bool:
+        # The intervals of sensors start at the spawn: robots of one tick would be due
+        # together for ever, and all their scans would fall into the same ticks.
+        if not self.has_begun:
+            return True
+        now = self.simulation.ticks
+        full = self._last_spawn == now and self._spawn_count >= SPAWNS_PER_TICK
+        return full or now < max(self._next_spawn, client.next_spawn)
+
+    def _execute(self, client: Client, command: Command) -> Diagnostic | None:
+        match command:
+            case GetStartPoses():
+                return self._reply(client, command)
+            case Init():
+                return self._init(client, command)
+            case Watch():
+                return self._watch(client, command)
+            case GetGeo(robot=str(robot)) | GetConf(robot=str(robot)):
+                return self._reply_about(robot, client, command)
+            case Unsupported(verb):
+                return Diagnostic(verb, f"{verb} does nothing here")
+            case _:
+                return self._execute_on_robot(client, command)
+
+    def _execute_on_robot(
+        self, client: Client, command: RobotCommand
+    ) -> Diagnostic | None:
+        vehicle = client.vehicle
+        verb = command.verb
+        if vehicle is None:
+            text = f"{verb} without a robot, expected INIT"
+            return Diagnostic(f"{verb} without robot", text)
+        if not vehicle.alive:
+            text = f"{verb} with an empty battery, expected nothing"
+            return Diagnostic("battery", text)
+        match command:
+            case Drive():
+                return drive(vehicle, command)
+            case SetItem():
+                clients = self.clients_by_robot.values()
+                others = (each.vehicle for each in clients if each.vehicle is not None)
+                return set_items(vehicle, command, others)
+            case _:
+                return self._reply(client, command)
+
+    def _watch(self, client: Client, command: Watch) -> Diagnostic | None:
+        watchers = self._watchers
+        if command.robots.names != () and not watchers.takes(client):
+            text = f"WATCH of one watcher more, expected at most {MAX_WATCHERS}"
+            return Diagnostic("watchers", text)
+        watchers.watch(client, command)
+        return None
+
+    def _reply_about(
+        self, robot: str, client: Client, question: GetGeo | GetConf
+    ) -> Diagnostic | None:
+        """Reply to a question about the robots of a name, of which others may drive."""
+        name = printable_name(robot).casefold()
+        vehicles = [c.vehicle for c in self.clients_by_robot.values() if c.vehicle]
+        named = [v for v in vehicles if printable_name(v.robot.name).casefold() == name]
+        if not named:
+            text = f"{question.verb} of robot {robot[:80]!r}, which is not there"
+            return Diagnostic("no robot", text)
+        for vehicle in named:
+            report = self._report(vehicle, question)
+            if report is None:
+                text = f"no item of type {question.type[:80]!r} on this robot"
+                return Diagnostic("no item", text)
+            line = report.encode(self._config.dialect)
+            copy = WatchedLine(vehicle.robot.name, line, report)
+            self._watchers.tell(client, copy)
+        return None
+
+    def _answer_error(self, client: Client, diagnostic: Diagnostic) -> None:
+        """Tell a client that a command had no effect; no old client sends such ones."""
+        report = CommandError(diagnostic.text)
+        client.replies.append(to_bytes([report.encode(self._config.dialect)]))
+
+    def _reply(self, client: Client, question: Question) -> Diagnostic | None:
+        """Reply to a question; what is the same for all robots is encoded once."""
+        key = _reply_key(client.vehicle, question)
+        is_own = self._has_own_settings(client.vehicle)
+        line = None if is_own else self._reply_lines.get(key)
+        if line is None:
+            report = self._report(client.vehicle, question)
+            if report is None:
+                item_type = key[2]
+                text = f"no item of type {(item_type or '')[:80]!r} on this robot"
+                return Diagnostic("no item", text)
+            line = to_bytes([report.encode(self._config.dialect)])
+            if len(self._reply_lines) >= CACHED_REPLIES:
+                self._reply_lines.clear()
+            if not is_own:
+                self._reply_lines[key] = line
+        client.replies.append(line)
+        return None
+
+    def _has_own_settings(self, vehicle: Vehicle | None) -> bool:
+        return vehicle is not None and vehicle.config is not self._config
+
+    def _report(self, vehicle: Vehicle | None, question: Question) -> Report | None:
+        if vehicle is None or isinstance(question, GetStartPoses):
+            starts = self._scene.starts
+            return StartPoses(tuple((start.name, start.pose) for start in starts))
+        item_type, name = question.type, question.name
+        if isinstance(question, GetGeo):
+            return geometry(vehicle.model, item_type, name)
+        return configuration(vehicle.model, vehicle.config, item_type, name)
+
+    def _init(self, client: Client, command: Init) -> Diagnostic | None:
+        """Spawn a robot, which replaces the client's previous one."""
+        try:
+            model = self._model(command.class_name)
+        except PresetError as error:
+            return Diagnostic("class", str(error))
+        self._count_spawn(client)
+        requested, diagnostic = self._requested_pose(command)
+        # First, so that the old robot does not occupy the place of the new one.
+        self.despawn(client)
+        name = (command.name or model.name)[:MAX_NAME_LENGTH]
+        client.vehicle = self.simulation.spawn(name, model, requested)
+        place = f"({requested.x:.2f}, {requested.y:.2f})"
+        if client.vehicle is None:
+            now = self.simulation.ticks
+            client.next_spawn = now + FAILED_SPAWN_COOLDOWN
+            self._next_spawn = now + FAILED_SEARCH_COOLDOWN
+            in_way = self.simulation.hindrances(model, requested)
+            where = f"{place} in {list_names(in_way)}" if in_way else place
+            text = f"INIT at {where}, expected a free place within 1 m"
+            text += ", or another start"
+            failure = Diagnostic("no place", text)
+        else:
+            self.clients_by_robot[client.vehicle.number] = client
+            self._watchers.add_robot(client.vehicle)
+            pose = client.vehicle.robot.pose
+            if (pose.x, pose.y) == (requested.x, requested.y):
+                return _joined(diagnostic, self._outside(requested))
+            moved = f"from {place} to ({pose.x:.2f}, {pose.y:.2f})"
+            text = f"INIT moved {moved}, the nearest free place"
+            failure = Diagnostic("moved", text)
+            self._next_spawn = self.simulation.ticks + SEARCH_COOLDOWN
+        return failure if diagnostic is None else diagnostic.then(failure)
+
+    def _outside(self, pose: Pose2) -> Diagnostic | None:
+        """Return a diagnostic for a place beside everything in the map."""
+        (x_min, y_min), (x_max, y_max) = self._scene.bounds[:, :2].tolist()
+        is_inside = x_min <= pose.x <= x_max and y_min <= pose.y <= y_max
+        if is_inside or not self._scene.triangles:
+            return None
+        text = f"INIT at ({pose.x:.2f}, {pose.y:.2f}), which is outside the map:"
+        text += f" x from {x_min:.2f} to {x_max:.2f} m, y from {y_min:.2f} to"
+        return Diagnostic("outside", f"{text} {y_max:.2f} m")
+
+    def _count_spawn(self, client: Client) -> None:
+        now = self.simulation.ticks
+        self._spawn_count = self._spawn_count + 1 if self._last_spawn == now else 1
+        self._last_spawn = now
+        client.next_spawn = now + SPAWN_COOLDOWN
+
+    def _model(self, class_name: str) -> RobotModel:
+        # Presets are cached by the requested spelling, of which clients have many.
+        return self._config.robot(self._classes.get(class_name.casefold(), class_name))
+
+    def _requested_pose(self, command: Init) -> tuple[Pose2, Diagnostic | None]:
+        """Return the requested pose; the origin for an unknown start."""
+        if command.start is not None:
+            start = self._scene.start(command.start)
+            if start is None:
+                # A client can send any text: it is cut for the log.
+                names = [start.name for start in self._scene.starts]
+                text = f"start {expected_one_of(command.start, names)}"
+                text += "; taken as the origin"
+                return Pose2(0.0, 0.0), Diagnostic("start", text)
+            return Pose2(start.pose.x, start.pose.y, start.pose.yaw), None
+        x, y, _ = command.position or (0.0, 0.0, 0.0)
+        _, _, yaw = command.rotation or (0.0, 0.0, 0.0)
+        return Pose2(x, y, yaw), None
+
+
+def _joined(first: Diagnostic | None, second: Diagnostic | None) -> Diagnostic | None:
+    if first is None or second is None:
+        return first or second
+    return first.then(second)
+
+
+def _reply_key(vehicle: Vehicle | None, question: Question) -> tuple[str | None, ...]:
+    """Return what the reply to a question depends on."""
+    if vehicle is None or isinstance(question, GetStartPoses):
+        return (question.verb,)
+    return question.verb, vehicle.model.name, question.type, question.name
+
+
+def _is_answered(command: Command) -> bool:
+    """Return whether a client is told that a command had no effect.
+
+    Old clients send none of these, and know no such answer.
+    """
+    match command:
+        case SetItem():
+            return command.opcode.upper() == SETTING
+        case GetGeo() | GetConf():
+            return command.robot is not None
+        case _:
+            return isinstance(command, Watch)

@@ -1,0 +1,400 @@
+"""One simulation and many clients, without sockets.
+
+Theory of operation
+===================
+A server passes on what a client sent (``receive``), advances time (``step``), and sends
+what is due (``take``). Commands are executed as they come. Their replies wait for the
+one write of the next tick, together with the readings of the tick. A client without a
+robot gets nothing in a tick: its replies can be sent at once.
+
+Rule 1: nothing that a client sends raises. What cannot be executed is ignored, as the
+original server does, and returned as a ``Diagnostic`` for the log.
+Rule 2: a write consists of status, replies, readings, echoes and scans, in this order,
+on which clients rely. Only clients that ask for echoes get them.
+Rule 3: a client that does not read loses readings, but no replies; one that keeps on
+asking without reading is to be disconnected (``must_close``).
+Rule 4: commands per tick and robots per time are limited for each client, and the work
+of a tick for all clients together; what exceeds a limit waits for the next ticks
+(``is_busy``). A command that arrives while none of its client waits is executed at
+once. Commands that wait are executed in turns, one of each client, and cannot use up
+the work that is reserved for those that arrive. Nor can several clients that send much
+use up what is reserved for the first command of each client in a tick, unless these
+first commands do. How the bytes of a client are split into packets changes nothing.
+Rule 5: a client that watches robots gets copies of what their clients are sent, in a
+queue of its own, which comes last in a write. It changes no byte that others get.
+Rule 6: a host can be there before its simulation, which takes a second to load and half
+a minute to compile. It greets clients and answers what they ask before they have a
+robot; INIT waits. Simulated time begins with the simulation.
+
+Imports no compiled code before there is a simulation.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import deque
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from radarsim.protocol.reports import Greeting, to_bytes
+from radarsim.protocol.targets import target_lines
+from radarsim.scene.scene import Scene
+from radarsim.server.host.commands import CommandHandler, Handled
+from radarsim.server.host.connection import Client, Diagnostic
+from radarsim.server.host.watchers import Watchers
+from radarsim.simulation.config import SimulationConfig
+
+if TYPE_CHECKING:
+    from radarsim.addons.fmcw.antennas import TurnTargets
+    from radarsim.protocol.dialect import Dialect
+    from radarsim.server.host.echo_writer import EchoWriter
+    from radarsim.simulation.simulation import ScanEchoes, Simulation, TickOutput
+
+COMMANDS_PER_TICK = 20  # of a client; real ones send a few
+# Units of work of all clients together in a tick: for commands on arrival, for the
+# first command of each client once that is used up, and for those that have waited. A
+# unit is about 20 us.
+ARRIVAL_WORK = 100
+FIRST_WORK = 60
+WAITING_WORK = 60
+
+
+class Host:
+    """A server without its sockets."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        config: SimulationConfig | None = None,
+        seed: int = 0,
+        begins: bool = True,
+    ) -> None:
+        """Create a simulation of a scene, without robots and clients.
+
+        Args:
+            scene: From ``load_map``.
+            config: Dialect, drive unit and item settings; None for the defaults.
+            seed: Seed of all random numbers.
+            begins: Whether there is a simulation from now on; else ``make_simulation``
+                makes it, and it begins with ``begin``.
+
+        Raises:
+            PresetError: If the configuration does not fit the robot classes.
+        """
+        config = config or SimulationConfig()
+        config.check()
+        self._scene, self._config, self._seed = scene, config, seed
+        self._dialect = config.dialect
+        self._clients: dict[int, Client] = {}
+        self._last_number = 0
+        # Clients of whom there is something to do; in a tick no others are looked at.
+        self._waiting: set[int] = set()  # have commands that wait
+        self._spent: set[int] = set()  # have used up some of their commands
+        self._replying: set[int] = set()  # have replies that wait for the next tick
+        self._unsent: set[int] = set()  # have bytes that are to be sent
+        self._watchers = Watchers(config.dialect, self._unsent)
+        self._commands = CommandHandler(scene, config, self._watchers)
+        self._arrival_work, self._first_work = ARRIVAL_WORK, FIRST_WORK
+        self._echo_writer: EchoWriter  # from the beginning of the simulation on
+        self._last_served = 0  # number of the client whose waiting command was last
+        if begins:
+            self.begin(self.make_simulation())
+
+    @property
+    def scene(self) -> Scene:
+        """The scene that is simulated."""
+        return self._scene
+
+    @property
+    def config(self) -> SimulationConfig:
+        """Configuration of all robots."""
+        return self._config
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether there is a simulation, whose time passes."""
+        return self._commands.has_begun
+
+    @property
+    def simulation(self) -> Simulation:
+        """The simulation that all clients share, once it has begun."""
+        return self._commands.simulation
+
+    def make_simulation(self) -> Simulation:
+        """Load or compile the engine, and create a simulation; in any thread."""
+        from radarsim.addons.fmcw import antennas
+        from radarsim.protocol import line_writer
+        from radarsim.server.host import echo_order
+        from radarsim.simulation.simulation import Simulation
+
+        line_writer.warm_up()
+        echo_order.warm_up()
+        antennas.warm_up()
+        return Simulation(self._scene, config=self._config, seed=self._seed)
+
+    def begin(self, simulation: Simulation) -> None:
+        """Begin a simulation that ``make_simulation`` has made."""
+        from radarsim.server.host.echo_writer import EchoWriter
+
+        self._echo_writer = EchoWriter(
+            lambda: {v.number: v.robot.name for v in simulation.vehicles}
+        )
+        self._commands.begin(simulation)
+
+    def connect(self) -> int:
+        """Add a client, and greet it.
+
+        Returns:
+            The number of the client, for all other calls.
+        """
+        self._last_number += 1
+        client = Client(self._last_number, command_budget=COMMANDS_PER_TICK)
+        self._clients[client.number] = client
+        greeting = Greeting(self._scene.level)
+        client.replies.append(to_bytes([greeting.encode(self._dialect)]))
+        self._queue_replies(client)
+        return client.number
+
+    def disconnect(self, number: int) -> None:
+        """Remove a client and its robot."""
+        client = self._clients.pop(number)
+        self._watchers.remove(client)
+        self._commands.despawn(client)
+        for numbers in (self._waiting, self._spent, self._replying, self._unsent):
+            numbers.discard(number)
+
+    def receive(self, number: int, data: bytes) -> list[Diagnostic]:
+        """Execute what a client sent, as far as its budget for this tick allows.
+
+        Returns:
+            Diagnostics of commands without effect.
+        """
+        client = self._clients[number]
+        if client.lines.overflow is not None:
+            return []
+        waits = bool(client.pending)
+        client.feed(data)
+        diagnostics = [] if waits else self._handle_arrived(client)
+        if client.pending:
+            self._waiting.add(number)
+        if client.lines.overflow is not None:
+            diagnostics.append(Diagnostic("line", str(client.lines.overflow)))
+        return diagnostics
+
+    def is_busy(self, number: int) -> bool:
+        """Return whether commands of a client wait; it should not send more then."""
+        return bool(self._clients[number].pending)
+
+    def has_robot(self, number: int) -> bool:
+        """Return whether a client has a robot, and so gets a write in every tick."""
+        return self._clients[number].vehicle is not None
+
+    def only_watches(self, number: int) -> bool:
+        """Return whether all that waits for a client are lines of others' robots."""
+        client = self._clients[number]
+        return client.vehicle is None and not client.send_queue
+
+    def must_close(self, number: int) -> bool:
+        """Return whether a client is to be disconnected; see ``close_reason``."""
+        return bool(self.close_reason(number))
+
+    def close_reason(self, number: int) -> str:
+        """Return why a client is to be disconnected; empty if it is not.
+
+        It sent an endless line or an HTTP request, or it reads too few replies.
+        """
+        return self._clients[number].close_reason()
+
+    def step(self) -> list[tuple[int, Diagnostic]]:
+        """Advance by 10 ms, and queue everything that is due for the clients.
+
+        Before the simulation has begun only commands are executed, and no time passes.
+
+        Returns:
+            Numbers of clients with diagnostics of commands that had waited.
+        """
+        for number in self._spent:
+            self._clients[number].command_budget = COMMANDS_PER_TICK
+        self._spent.clear()
+        self._arrival_work, self._first_work = ARRIVAL_WORK, FIRST_WORK
+        diagnostics = self._handle_waiting()
+        if not self.has_begun:
+            return diagnostics
+        self.simulation.step()
+        self._queue_outputs(self.simulation.collect_reports())
+        for number in sorted(self._replying):
+            self._queue_replies(self._clients[number])
+        return diagnostics
+
+    def clients_to_send(self) -> list[int]:
+        """Return the numbers of the clients for whom bytes wait, in ascending order."""
+        return sorted(self._unsent)
+
+    def take(self, number: int) -> bytes:
+        """Return and remove what is to be sent to a client: whole lines, in order."""
+        return self._take(number)
+
+    def finish(self, number: int) -> bytes:
+        """Return the replies that are due to a client that sends no more."""
+        self._queue_replies(self._clients[number])
+        return self._take(number)
+
+    def _take(self, number: int) -> bytes:
+        self._unsent.discard(number)
+        return self._clients[number].take()
+
+    def unsent_bytes(self, number: int) -> int:
+        """Return the number of bytes that are to be sent to a client."""
+        client = self._clients[number]
+        return len(client.send_queue) + len(client.watch_queue)
+
+    def dropped_readings(self, number: int) -> int:
+        """Return how many readings a client has lost because it did not read.
+
+        Lines of robots that it watches count as well.
+        """
+        client = self._clients[number]
+        return client.send_queue.dropped + client.watch_queue.dropped
+
+    def _handle_arrived(self, client: Client) -> list[Diagnostic]:
+        """Execute commands of a client that had none waiting."""
+        diagnostics = []
+        while client.pending and client.command_budget and self._has_work_left(client):
+            handled = self._handle_next(client)
+            if self._arrival_work > 0:
+                self._arrival_work -= handled.work
+            else:
+                self._first_work -= handled.work
+            if handled.diagnostic is not None:
+                diagnostics.append(handled.diagnostic)
+            if not handled.done:
+                break
+        return diagnostics
+
+    def _has_work_left(self, client: Client) -> bool:
+        """Return whether a command that has just arrived is executed now."""
+        is_first = client.command_budget == COMMANDS_PER_TICK
+        return self._arrival_work > 0 or (is_first and self._first_work > 0)
+
+    def _handle_waiting(self) -> list[tuple[int, Diagnostic]]:
+        """Execute commands that have waited, in turns, one of each client."""
+        waiting = sorted(self._waiting)
+        first = bisect_right(waiting, self._last_served)
+        turns = deque(waiting[first:] + waiting[:first])
+        work, diagnostics = WAITING_WORK, []
+        while turns and work > 0:
+            number = turns.popleft()
+            client = self._clients[number]
+            handled = self._handle_next(client)
+            work -= handled.work
+            self._last_served = number
+            if handled.diagnostic is not None:
+                diagnostics.append((number, handled.diagnostic))
+            if not client.pending:
+                self._waiting.discard(number)
+            elif handled.done and client.command_budget:
+                turns.append(number)
+        return diagnostics
+
+    def _handle_next(self, client: Client) -> Handled:
+        handled = self._commands.handle(client, client.pending[0])
+        if handled.done:
+            client.pending.popleft()
+            client.command_budget -= 1
+            self._spent.add(client.number)
+            if client.vehicle is None:
+                self._queue_replies(client)
+            elif client.replies:
+                self._replying.add(client.number)
+        return handled
+
+    def _queue_replies(self, client: Client) -> None:
+        replies = self._put_replies(client)
+        if client.vehicle is not None and client.vehicle in self._watchers:
+            self._watchers.copy(client.vehicle, b"".join(replies))
+
+    def _put_replies(self, client: Client) -> list[bytes]:
+        """Queue replies for a client alone, and return them."""
+        self._replying.discard(client.number)
+        replies, client.replies = client.replies, []
+        for line in replies:
+            client.send_queue.put(line, keep=True)
+            self._unsent.add(client.number)
+        return replies
+
+    def _queue_outputs(self, outputs: Mapping[int, TickOutput]) -> None:
+        """Queue what robots report in a tick; all lines are encoded together."""
+        from radarsim.protocol.line_writer import (
+            ReportBlock,
+            encode_blocks,
+        )
+
+        robots = self._commands.clients_by_robot  # others may have been spawned
+        heard = [(robots[n], output) for n, output in outputs.items() if n in robots]
+        blocks = [
+            ReportBlock(
+                [*output.cast, *output.scans],
+                output.group.dialect,
+                output.group,
+                output.numbers,
+            )
+            for _, output in heard
+        ]
+        encoded = encode_blocks(blocks)
+        for (client, output), lines in zip(heard, encoded, strict=True):
+            self._queue_output(client, output, lines)
+
+    def _queue_output(self, client: Client, output: TickOutput, lines: bytes) -> None:
+        """Queue what one robot reports; ``lines`` are those of its reports."""
+        requested, shown = self._echo_lines(output) if output.echoes else (b"", b"")
+        replies = b""
+        put = client.send_queue.put_readings
+        if client.replies or requested or shown:
+            status, readings, scans = _split_lines(output, lines)
+            put(status)
+            replies = b"".join(self._put_replies(client))
+            put(readings + requested + scans)
+        else:
+            put(lines)
+        if client.send_queue:
+            self._unsent.add(client.number)
+        if client.vehicle is not None and client.vehicle in self._watchers:
+            if replies or shown:
+                before = status + replies + readings
+                own, others = (before + x + scans for x in (requested, shown))
+                self._watchers.copy(client.vehicle, own, others)
+            else:
+                self._watchers.copy(client.vehicle, lines)
+
+    def _echo_lines(self, output: TickOutput) -> tuple[bytes, bytes]:
+        """Return the echo lines that a client asked for, and those of all its scans."""
+        requested = shown = b""
+        for scan in output.echoes:
+            lines = self._lines_of(scan, output.group.dialect)
+            shown += lines
+            if scan.is_requested:
+                requested += lines
+        return requested, shown
+
+    def _lines_of(self, scan: ScanEchoes | TurnTargets, dialect: Dialect) -> bytes:
+        """Return the lines of the echoes or the targets of a scan."""
+        from radarsim.protocol.line_writer import (
+            ReportBlock,
+            encode_blocks,
+        )
+        from radarsim.simulation.simulation import ScanEchoes
+
+        if isinstance(scan, ScanEchoes):
+            time = self.simulation.time
+            return self._echo_writer.write(time, scan.scanner, scan.echoes, dialect)
+        reports = target_lines(scan.time, scan.scanner, *scan.targets)
+        return encode_blocks([ReportBlock(reports, dialect)])[0]
+
+
+def _split_lines(output: TickOutput, lines: bytes) -> tuple[bytes, bytes, bytes]:
+    """Return the lines of a robot's status, of its readings, and of its scans."""
+    each = lines.splitlines(keepends=True)
+    first, last = int(output.has_status), len(each) - len(output.scans)
+    status, readings, scans = each[:first], each[first:last], each[last:]
+    return b"".join(status), b"".join(readings), b"".join(scans)

@@ -1,0 +1,89 @@
+"""Client and server in one process, in turns, as fast as the machine allows.
+
+There is neither a socket nor a wall clock: simulated time passes only while the client
+waits for data, and its own computations take none. The same seed, map and client give
+the same run.
+"""
+
+from collections.abc import Callable, Iterable
+from typing import Final
+
+from radarsim.server.host import Diagnostic, Host
+from radarsim.simulation.clock import TICK
+
+MOST_DIAGNOSTICS: Final = 10  # that are kept
+
+
+class InProcessTransport:
+    """A client's connection to a host in the same process.
+
+    Attributes:
+        host: The server.
+        number: The client's number at the host.
+        diagnostics: Newest texts on commands of the client that had no effect.
+    """
+
+    def __init__(
+        self, host: Host, *, after_tick: Callable[[], None] = lambda: None
+    ) -> None:
+        """Connect.
+
+        Args:
+            host: The server, whose time passes while ``receive`` waits.
+            after_tick: Called after every tick, to observe the simulation.
+        """
+        self.host = host
+        self.number = host.connect()
+        self.diagnostics: list[str] = []
+        self._after_tick = after_tick
+        self._open = True
+
+    def time(self) -> float:
+        """Return simulated time, s."""
+        return self.host.simulation.time
+
+    def send(self, data: bytes) -> None:
+        """Send bytes.
+
+        Raises:
+            ConnectionError: If the connection is closed.
+        """
+        self._require_open()
+        self._note(self.host.receive(self.number, data))
+
+    def receive(self, timeout: float) -> bytes:
+        """Advance simulated time until there is data, and return the data.
+
+        Args:
+            timeout: Longest simulated wait, s.
+
+        Raises:
+            TimeoutError: If no data has come by then.
+            ConnectionError: If the connection is closed.
+        """
+        self._require_open()
+        data = self.host.take(self.number)
+        for _ in range(max(1, round(timeout / TICK))):
+            if data:
+                return data
+            waited = self.host.step()
+            self._note([found for number, found in waited if number == self.number])
+            self._after_tick()
+            data = self.host.take(self.number)
+        if data:
+            return data
+        raise TimeoutError(f"nothing came within {timeout:g} s of simulated time")
+
+    def close(self) -> None:
+        """Disconnect, which removes the client's robot."""
+        if self._open:
+            self._open = False
+            self.host.disconnect(self.number)
+
+    def _note(self, found: Iterable[Diagnostic]) -> None:
+        self.diagnostics += [each.text for each in found]
+        del self.diagnostics[:-MOST_DIAGNOSTICS]
+
+    def _require_open(self) -> None:
+        if not self._open:
+            raise ConnectionError("the link is closed")

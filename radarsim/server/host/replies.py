@@ -1,0 +1,213 @@
+"""Replies to GETGEO and GETCONF: geometry and settings of a robot and its items.
+
+Commands to a robot and its items.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Final
+
+from radarsim.errors import MalformedMessage, PresetError, expected_one_of
+from radarsim.presets.robots import Item, RobotModel
+from radarsim.presets.sensors import parse_settings
+from radarsim.protocol import reports
+from radarsim.protocol.commands import Drive, SetItem, parse_pose, parse_switch
+from radarsim.sensors.motion_readings import ENCODER_RESOLUTION
+from radarsim.server.host.connection import Diagnostic
+from radarsim.simulation.config import SimulationConfig
+
+if TYPE_CHECKING:
+    from radarsim.simulation.vehicle import Vehicle
+
+TOUCH_DIAMETER = 0.01  # m; the original server's number, meaningless for a bumper
+ROBOT = "robot"
+SCANNER_REPORTS = ("echoes", "radartargets")  # types of reports, not of items
+NO_ITEMS = "mispkg"  # mission packages: clients ask for them, no robot carries any
+
+
+def geometry(
+    model: RobotModel, item_type: str, name: str | None
+) -> reports.Report | None:
+    """Return where items are mounted, or the shape of the robot.
+
+    Args:
+        model: The class of the robot.
+        item_type: Type of the items in any case, which is repeated in the reply;
+            ``Robot`` for the robot itself.
+        name: Name of one item, in any case; None for all items of the type.
+
+    Returns:
+        None if the robot has no such item.
+    """
+    if item_type.casefold() == ROBOT:
+        return reports.RobotGeo(
+            name=model.name,
+            dimensions=model.dimensions,
+            cog=model.cog,
+            wheel_radius=model.wheel_radius,
+            wheel_separation=model.wheel_separation,
+            wheel_base=model.wheel_base,
+        )
+    items = _items_reporting(model, item_type, name)
+    if not items:
+        return None
+    mounts = tuple((item.name, item.mount) for item in items)
+    return reports.ItemGeo(item_type, mounts, model.name)
+
+
+def configuration(
+    model: RobotModel, config: SimulationConfig, item_type: str, name: str | None
+) -> reports.Report | None:
+    """Return settings; arguments and None are those of ``geometry``."""
+    if item_type.casefold() == ROBOT:
+        max_spin = config.wheel_drive().max_spin
+        return reports.RobotConf(model.name, model.mass, max_spin, model.max_torque)
+    if item_type.casefold() == NO_ITEMS:
+        return reports.NameConf(item_type, ())
+    items = _items_reporting(model, item_type, name)
+    if not items:
+        return None
+    return _settings_of(items, item_type, config)
+
+
+def find_items(model: RobotModel, item_type: str, name: str | None) -> tuple[Item, ...]:
+    """Return the items of a type, and of a name if there is one, in any case."""
+    items = model.items_of(item_type)
+    if name is None:
+        return items
+    return tuple(item for item in items if item.name.casefold() == name.casefold())
+
+
+def _items_reporting(
+    model: RobotModel, report_type: str, name: str | None
+) -> tuple[Item, ...]:
+    """Return the items that send reports of a type; drivers ask for each type."""
+    is_scanner = report_type.casefold() in SCANNER_REPORTS
+    item_type = "RangeScanner" if is_scanner else report_type
+    return find_items(model, item_type, name)
+
+
+def _settings_of(
+    items: Sequence[Item], item_type: str, config: SimulationConfig
+) -> reports.Report:
+    """Return the settings of items, with the type as the client spells it."""
+    match items[0].type:
+        case "RangeScanner":
+            scanners = tuple(_scanner_settings(item, config) for item in items)
+            return reports.ScannerConf(item_type, scanners)
+        case "Sonar":
+            sonars = tuple(_sonar_settings(item, config) for item in items)
+            return reports.SonarConf(item_type, sonars)
+        case "GroundTruth" | "INS" | "Odometry" | "Tachometer" | "GPS":
+            intervals = tuple((item.name, config.interval(item)) for item in items)
+            return reports.IntervalConf(item_type, intervals)
+        case "Encoder":
+            resolutions = tuple((item.name, ENCODER_RESOLUTION) for item in items)
+            return reports.EncoderConf(item_type, resolutions)
+        case "Touch":
+            diameters = tuple((item.name, TOUCH_DIAMETER) for item in items)
+            return reports.TouchConf(item_type, diameters)
+        case _:
+            return reports.NameConf(item_type, tuple(item.name for item in items))
+
+
+def _scanner_settings(
+    item: Item, config: SimulationConfig
+) -> tuple[str, float, float, float, float]:
+    """Return name, longest and shortest range in m, resolution and FOV in rad."""
+    settings = config.scanner_settings(item)
+    resolution = math.radians(settings.resolution_deg)
+    fov = math.radians(settings.fov_deg)
+    return item.name, settings.max_range, settings.min_range, resolution, fov
+
+
+def _sonar_settings(
+    item: Item, config: SimulationConfig
+) -> tuple[str, float, float, float, float]:
+    """Return name, maximum and minimum range in m, beam angle in rad, interval in s."""
+    settings = config.sonar_settings(item)
+    beam_angle = math.radians(settings.beam_angle_deg)
+    limits = settings.max_range, settings.min_range
+    return item.name, *limits, beam_angle, config.interval(item)
+
+
+SETTING: Final = "SETTING"
+MAX_PROBLEMS: Final = 800  # characters; a client can have many settings wrong
+TARGETS: Final = "TARGETS"
+OPCODES: Final = ("SCAN", "RESET", "POSE", "ECHOES", TARGETS, SETTING)
+
+
+def drive(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
+    """Set wheel speeds and lamps; return what is wrong with the command, or None."""
+    vehicle.robot.drive(
+        command.left,
+        command.right,
+        normalized=command.normalized,
+        light=command.light,
+    )
+    if (command.left is None) != (command.right is None):
+        missing = "Left" if command.left is None else "Right"
+        text = f"DRIVE without {missing}, expected Left and Right, or none of them"
+        return Diagnostic("one side", text)
+    return None
+
+
+def set_items(
+    vehicle: Vehicle, command: SetItem, others: Iterable[Vehicle]
+) -> Diagnostic | None:
+    """Apply an opcode to items; return what is wrong with the command, or None.
+
+    Args:
+        vehicle: The robot.
+        command: The command.
+        others: Robots of other clients.
+    """
+    items = find_items(vehicle.model, command.type, command.name)
+    if not items:
+        named = " ".join(filter(None, (command.type, command.name)))
+        return Diagnostic("no item", f"SET of {named[:80]!r}, which is not there")
+    opcode = command.opcode.upper()
+    if opcode not in OPCODES:
+        text = f"opcode {expected_one_of(command.opcode, OPCODES)}"
+        return Diagnostic("opcode", text)
+    try:
+        if opcode == SETTING and items[0].type == "RangeScanner":
+            vehicle.change_settings(items, parse_settings(command.params), others)
+            return None
+        return _apply_opcode(vehicle, items, opcode, command.params)
+    except (MalformedMessage, PresetError) as error:
+        problems = "; ".join(str(error).splitlines())[:MAX_PROBLEMS]
+        return Diagnostic(f"malformed {opcode}", f"SET {opcode}: {problems}")
+
+
+def _apply_opcode(
+    vehicle: Vehicle, items: Sequence[Item], opcode: str, params: str
+) -> Diagnostic | None:
+    """Apply an opcode to items of one type.
+
+    Raises:
+        MalformedMessage: If the parameters are not those of the opcode.
+        PresetError: If they are not settings of the items.
+    """
+    apply: Callable[[Item], None]
+    match opcode:
+        case "SCAN":
+            apply = vehicle.request_scan
+        case "RESET":
+            apply = vehicle.reset
+        case "POSE":
+            apply = partial(vehicle.set_ins, pose=parse_pose(params))
+        # All of the items have the same type.
+        case _ if items[0].type != "RangeScanner":
+            text = f"SET {opcode} of type {items[0].type!r}, expected RangeScanner"
+            return Diagnostic("opcode", text)
+        case "TARGETS":
+            apply = partial(vehicle.enable_targets, enabled=parse_switch(params))
+        case _:
+            apply = partial(vehicle.enable_echoes, enabled=parse_switch(params))
+    for item in items:
+        apply(item)
+    return None

@@ -1,0 +1,160 @@
+"""Problems of a map that is valid: occupied starts, and trials that cannot succeed.
+
+Free space: the floor that a robot can stand on, and its connected components.
+
+What is solid at a P3AT's height is grown by a distance, and the rest of the floor is
+free. An object that encloses an area by itself is solid inside: a box, a bush, a trunk.
+An area in which a robot starts is a room, though, and walls that are several objects
+enclose nothing: the inside of a closed box of four walls is floor that nothing reaches.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from typing import TypeAlias
+
+import numpy as np
+import shapely
+from shapely import Geometry, MultiPoint, MultiPolygon, Point, Polygon
+
+from radarsim.geometry import Floats, Pose2
+from radarsim.presets.robots import load_robot
+from radarsim.robots.footprint import NO_SEGMENTS
+from radarsim.robots.obstacles import BUMPER_HEIGHTS, Obstacles, slice_mesh
+from radarsim.scene.scene import Part, Scene
+from radarsim.simulation.simulation import Simulation
+
+Position: TypeAlias = tuple[float, float]  # x, y in m, map frame
+
+QUARTER = 16  # chords for a quarter circle: 0.04 % shorter than the arc
+PLAN_HEIGHT = 0.35  # m above the floor; height of a P3AT's scanner, and of its bumpers
+_DIGITS = 6  # of rounded end points, so that lines that meet share them
+_OUTSIDE = 10.0  # m of floor around the grown obstacles
+
+
+def free_space(
+    scene: Scene, distance: float, *, places: Sequence[Position] = ()
+) -> MultiPolygon:
+    """Return the floor that is at least some distance away from everything solid.
+
+    It ends 10 m outside of everything; arcs around corners are made of chords.
+
+    Args:
+        scene: The map.
+        distance: Distance from everything solid, m.
+        places: More positions that the floor is to include, m.
+    """
+    solids = np.array(_solids(scene), dtype=object)
+    grown = shapely.buffer(solids, distance, quad_segs=QUARTER)
+    floor = shapely.box(*_extent(scene, places, distance + _OUTSIDE))
+    free = shapely.difference(floor, shapely.union_all(grown))
+    return MultiPolygon(shapely.get_parts(free).tolist())
+
+
+def component_around(free: MultiPolygon, place: Position) -> Polygon | None:
+    """Return the component that contains a position; None if none does."""
+    point = Point(place)
+    return next((piece for piece in free.geoms if piece.intersects(point)), None)
+
+
+def is_connected(
+    scene: Scene, start: Position, goal: Position, distance: float
+) -> bool:
+    """Return whether a disc of radius ``distance``, m, gets from start to goal."""
+    free = free_space(scene, distance, places=(start, goal))
+    piece = component_around(free, start)
+    return piece is not None and piece.intersects(Point(goal))
+
+
+def plan_height(scene: Scene) -> float:
+    """Return the height at which plans of a scene are drawn, m, map frame."""
+    return _floor_of(scene) + PLAN_HEIGHT
+
+
+def _floor_of(scene: Scene) -> float:
+    """Return the height of the floor that robots start on, m."""
+    return scene.starts[0].pose.z if scene.starts else 0.0
+
+
+def _extent(scene: Scene, places: Sequence[Position], margin: float) -> Floats:
+    """Return the bounding box of everything and a margin: least x, y, most x, y, m."""
+    starts = [(start.pose.x, start.pose.y) for start in scene.starts]
+    goals = [scene.trial.goal] if scene.trial else []
+    origin = (0.0, 0.0)  # where robots start if there is no start
+    everything = [*_solids(scene), MultiPoint([origin, *starts, *goals, *places])]
+    bounds: Floats = shapely.total_bounds(np.array(everything, dtype=object))
+    return bounds + np.array([-1.0, -1.0, 1.0, 1.0]) * margin
+
+
+@lru_cache(maxsize=8)
+def _solids(scene: Scene) -> tuple[Geometry, ...]:
+    """Return what robots cannot be in: areas, and lines of open surfaces and rooms."""
+    floor = _floor_of(scene)
+    starts = MultiPoint([(start.pose.x, start.pose.y) for start in scene.starts])
+    return tuple(
+        solid
+        for part in scene.parts
+        if part.material.solid
+        for segments in _slices(part, floor)
+        for solid in _solids_of(segments, starts)
+    )
+
+
+def _slices(part: Part, floor: float) -> Iterator[Floats]:
+    """Slice a part at the bumpers' heights; equal slices are yielded once."""
+    last = NO_SEGMENTS
+    for height in BUMPER_HEIGHTS:
+        segments = slice_mesh(part.vertices, part.faces, floor + height)
+        segments = Obstacles(np.round(segments, _DIGITS)).segments  # drops points
+        if not np.array_equal(segments, last):
+            yield segments
+        last = segments
+
+
+def _solids_of(segments: Floats, starts: MultiPoint) -> Iterator[Geometry]:
+    """Yield the areas that lines enclose; the lines, if they enclose a room or none."""
+    lines = shapely.linestrings(segments)
+    areas, *rest = shapely.polygonize_full(lines)
+    rooms = shapely.intersects(shapely.get_parts(areas), starts)
+    yield from shapely.get_parts(areas)[~rooms]
+    if rooms.any() or not all(shapely.is_empty(rest)):
+        yield from lines
+
+
+def occupied_starts(scene: Scene) -> list[str]:
+    """Return a line for each start where a P3AT cannot be spawned exactly."""
+    lines = []
+    simulation = Simulation(scene)
+    for start in scene.starts:
+        wanted = Pose2(start.pose.x, start.pose.y, start.pose.yaw)
+        model = load_robot("P3AT")
+        vehicle = simulation.spawn("check", model, wanted)
+        if vehicle is not None:
+            simulation.remove(vehicle)  # robots must not occupy each other's starts
+            if vehicle.robot.pose == wanted:
+                continue
+        in_way = simulation.hindrances(model, wanted)
+        taken = f"{start.name}: taken by {', '.join(in_way) or 'what is above it'}"
+        if vehicle is None:
+            lines.append(f"{taken}; no place for a P3AT within 1 m")
+        else:
+            pose = vehicle.robot.pose
+            position = f"x {pose.x:.2f} m, y {pose.y:.2f} m"
+            lines.append(f"{taken}; a P3AT would stand at {position}")
+    return lines
+
+
+def trial_warnings(scene: Scene) -> list[str]:
+    """Return a line for each reason why a robot cannot pass the map's trial."""
+    trial = scene.trial
+    if trial is None or (start := scene.start(trial.start)) is None:
+        return []
+    model, lines = load_robot("P3AT"), []
+    clearance = math.hypot(model.length, model.width) / 2
+    if trial.safety_distance < clearance:
+        lines.append(f"a P3AT keeps at least {clearance:.3f} m")
+    position = start.pose.x, start.pose.y
+    if not is_connected(scene, position, trial.goal, trial.safety_distance):
+        distance = f"{trial.safety_distance:g} m from everything solid"
+        lines.append(f"no path to the goal that keeps {distance}")
+    return lines

@@ -1,0 +1,100 @@
+"""Messages of the radar's protocol, byte by byte."""
+
+import struct
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radarsim.addons.fmcw.navtech.messages import (
+    MAX_REQUEST,
+    SIGNATURE,
+    Direction,
+    Message,
+    MessageBuffer,
+    RadarConfiguration,
+)
+from radarsim.errors import MalformedMessage
+
+WORDS = st.integers(0, 0xFFFF)
+MESSAGES = st.builds(Message, st.integers(0, 255), st.binary(max_size=40))
+CONFIGURATIONS = st.builds(
+    RadarConfiguration,
+    *(WORDS, WORDS.map(lambda n: n / 1e4), WORDS, WORDS, WORDS.map(lambda n: n / 1e3)),
+    WORDS,
+    *[st.floats(width=32, allow_nan=False)] * 2,
+)
+DIRECTIONS = st.builds(
+    Direction, WORDS, WORDS, st.integers(0, 2**32 * 10**9 - 1), st.binary()
+)
+
+
+@given(configuration=CONFIGURATIONS)
+def test_configuration_is_read_as_it_was_written(
+    configuration: RadarConfiguration,
+) -> None:
+    assert RadarConfiguration.decode(configuration.encode()) == configuration
+
+
+@given(direction=DIRECTIONS)
+def test_direction_is_read_as_it_was_written(direction: Direction) -> None:
+    assert Direction.decode(direction.encode()) == direction
+
+
+@given(messages=st.lists(MESSAGES, max_size=5), data=st.data())
+def test_messages_are_found_however_they_are_cut(
+    messages: list[Message], data: st.DataObject
+) -> None:
+    stream = b"".join(message.encode() for message in messages)
+    cuts = data.draw(st.lists(st.integers(0, len(stream)), max_size=8).map(sorted))
+    buffer, found = MessageBuffer(), []
+    for start, end in zip([0, *cuts], [*cuts, len(stream)], strict=True):
+        found += buffer.feed(stream[start:end])
+    assert found == messages
+    assert buffer.problem == ""
+
+
+@given(garbage=st.binary(max_size=60), message=MESSAGES)
+def test_garbage_ends_the_reading_and_raises_nothing(
+    garbage: bytes, message: Message
+) -> None:
+    buffer = MessageBuffer()
+    assert buffer.feed(message.encode()) == [message]
+    buffer.feed(garbage)
+    if not SIGNATURE.startswith(garbage[:16]):
+        assert "expected the signature" in buffer.problem
+        assert buffer.feed(message.encode()) == []
+
+
+@pytest.mark.parametrize(
+    ("version", "size", "problem"),
+    [(2, 0, "version 2, expected 1"), (1, MAX_REQUEST + 1, "payload of 4097 bytes")],
+)
+def test_head_of_another_kind_ends_the_reading(
+    version: int, size: int, problem: str
+) -> None:
+    buffer = MessageBuffer()
+    assert buffer.feed(SIGNATURE + struct.pack(">BBI", version, 20, size)) == []
+    assert problem in buffer.problem
+
+
+def test_numbers_are_where_clients_look_for_them() -> None:
+    configuration = RadarConfiguration(400, 0.0438, 3768, 5600, 4.0, 1600)
+    assert configuration.encode().hex() == "019001b60eb815e00fa006403f80000000000000"
+    direction = Direction(258, 14, 3_000_000_005, b"\x11\x12")
+    assert direction.encode().hex() == "000e0102000e03000000050000001112"
+    start = Message(21).encode()
+    assert start == SIGNATURE + bytes([1, 21, 0, 0, 0, 0])
+
+
+def test_numbers_too_large_for_a_message_are_the_largest() -> None:
+    coarse = RadarConfiguration(70_000, 10.0, 3768, 5600, 4.0, 1600)
+    read = RadarConfiguration.decode(coarse.encode())
+    assert (read.azimuths, read.bin_size) == (65535, 6.5535)
+
+
+def test_payloads_that_are_too_short_are_malformed() -> None:
+    with pytest.raises(MalformedMessage, match="configuration of 3 bytes"):
+        RadarConfiguration.decode(b"123")
+    with pytest.raises(MalformedMessage, match="direction of 3 bytes"):
+        Direction.decode(b"123")

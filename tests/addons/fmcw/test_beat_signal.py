@@ -1,0 +1,222 @@
+"""Noise, speckle and points in a spectrum, against closed forms."""
+
+import math
+from statistics import NormalDist
+
+import numpy as np
+import pytest
+from fmcw_scenes import correlation, db, dbm, no_echoes, radar
+
+from radarsim.addons.fmcw.beat_signal import NO_TONES, Power, Tones, beat_spectrum
+from radarsim.addons.fmcw.points import Points, point_tones
+from radarsim.addons.fmcw.radar_equation import noise_power, received_power
+from radarsim.geometry import Pose3
+from radarsim.presets.fmcw_settings import FmcwSettings
+from radarsim.rng import generator_for
+
+FINE = 32  # bins within c/2B
+
+
+def tone(row: int, distance: float, power: float) -> Tones:
+    one = np.ones(1)
+    return Tones(np.array([row]), distance * one, 0 * one, power * one)
+
+
+def one_point(window: str) -> tuple[FmcwSettings, Power]:
+    """Return the spectrum of a single strong point, relative to its peak, dB."""
+    resolution = radar().settings.resolution
+    settings = radar(
+        window=window, azimuths=4, bins=16384, bin_size=resolution / FINE
+    ).settings
+    tones = tone(0, 0.4 * settings.max_range, 1e14)
+    power = beat_spectrum(settings, no_echoes(settings), tones, generator_for(1))[0]
+    return settings, np.asarray(db(np.maximum(power / power.max(), 1e-20)))
+
+
+def noise(settings: FmcwSettings, seed: int = 3) -> Power:
+    return beat_spectrum(settings, no_echoes(settings), NO_TONES, generator_for(seed))
+
+
+def test_noise_in_a_bin_is_ktbf_of_the_window() -> None:
+    settings = radar(bins=1884).settings
+    assert dbm(noise_power(settings)) == pytest.approx(-124.56, abs=0.01)
+    mean = noise(settings).mean(dtype=np.float64)
+    assert db(mean) == pytest.approx(0, abs=0.05)
+
+
+def test_noise_of_one_look_is_exponential() -> None:
+    power = np.concatenate([noise(radar().settings, seed) for seed in (3, 4, 5)])
+    power = power.astype(np.float64)
+    assert power.std() / power.mean() == pytest.approx(1, rel=0.01)
+    assert db(power).std() == pytest.approx(5.57, rel=0.01)
+    assert db(power).mean() - db(power.mean()) == pytest.approx(-2.51, rel=0.01)
+
+
+def test_speckle_of_terrain_is_exponential_too() -> None:
+    """Measured at 95 GHz: standard deviation over mean 0.97 to 1."""
+    settings = radar().settings
+    mean = np.full((settings.azimuths, settings.bins), 1e4, np.float32)
+    power = beat_spectrum(settings, mean, NO_TONES, generator_for(6))[:, 200:-200]
+    cells = power[::3, ::12].astype(np.float64)  # of which each is independent
+    assert cells.size > 15_000
+    assert cells.std() / cells.mean() == pytest.approx(1, abs=0.03)
+    ordered = np.sort(cells.ravel() / cells.mean())
+    shares = (np.arange(ordered.size) + 0.5) / ordered.size
+    assert np.abs(shares - (1 - np.exp(-ordered))).max() < 1.6 / math.sqrt(ordered.size)
+
+
+def test_speckle_of_neighbouring_directions_is_correlated_by_the_beam() -> None:
+    settings = radar().settings
+    mean = np.full((settings.azimuths, settings.bins), 1e6, np.float32)
+    power = beat_spectrum(settings, mean, NO_TONES, generator_for(7))[:, 100:-100]
+    # The step is half a beamwidth.
+    assert correlation(power, np.roll(power, 1, 0)) == pytest.approx(0.5, abs=0.02)
+    assert correlation(power, np.roll(power, 2, 0)) == pytest.approx(0.0625, abs=0.02)
+
+
+def test_noise_of_neighbouring_directions_and_of_turns_is_independent() -> None:
+    first, second = noise(radar().settings, 1), noise(radar().settings, 2)
+    assert abs(correlation(first, np.roll(first, 1, 0))) < 0.03
+    assert abs(correlation(first, second)) < 0.03
+
+
+@pytest.mark.parametrize(
+    ("window", "level"),
+    [
+        pytest.param("rectangular", -13.26, id="rectangular"),
+        pytest.param("hann", -31.48, id="hann"),
+        pytest.param("hamming", -42.68, id="hamming"),
+        pytest.param("blackman", -58.11, id="blackman"),
+    ],
+)
+def test_highest_sidelobe_is_that_of_the_window(window: str, level: float) -> None:
+    _, shape = one_point(window)
+    at = int(shape.argmax())
+    while shape[at + 1] < shape[at]:
+        at += 1
+    assert shape[at : at + 40 * FINE].max() == pytest.approx(level, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("window", "width"),
+    [
+        pytest.param("rectangular", 0.886, id="rectangular"),
+        pytest.param("hann", 1.443, id="hann"),
+        pytest.param("hamming", 1.305, id="hamming"),
+        pytest.param("blackman", 1.646, id="blackman"),
+    ],
+)
+def test_half_power_width_is_that_of_the_window(window: str, width: float) -> None:
+    settings, shape = one_point(window)
+    found = (shape > -3.0103).sum() * settings.bin_size / settings.resolution
+    assert found == pytest.approx(width, rel=0.02)
+
+
+def test_radar_equation_of_a_square_metre_at_20_m() -> None:
+    settings = radar().settings
+    assert dbm(received_power(settings, 1.0, 20.0)) == pytest.approx(-52.08, abs=0.02)
+    points = Points(np.array([[20.0, 0, 0]]), np.ones(1))
+    tones = point_tones(settings, Pose3(0, 0, 0), points, np.zeros(1))
+    power = beat_spectrum(settings, no_echoes(settings), tones, generator_for(0))
+    peak = dbm(power[0].max() * noise_power(settings))
+    assert peak == pytest.approx(-52.08, abs=0.1)
+
+
+def test_point_falls_by_12_db_as_its_distance_doubles() -> None:
+    power = received_power(radar().settings, 1.0, np.array([10.0, 20, 40, 80]))
+    assert np.diff(db(power)) == pytest.approx([-12.04] * 3, abs=0.05)
+
+
+def test_two_points_in_a_cell_beat_with_their_phase() -> None:
+    settings = radar(azimuths=4, window="rectangular").settings
+    apart = 0.6 * settings.resolution
+    for phase in np.linspace(0, 2 * math.pi, 9):
+        rows, one = np.zeros(2, np.int64), np.ones(2)
+        ranges = np.array([20.0, 20.0 + apart])
+        tones = Tones(rows, ranges, np.array([0, phase]), 1e8 * one)
+        power = beat_spectrum(settings, no_echoes(settings), tones, generator_for(0))
+        middle = 20.0 + apart / 2
+        at = round(middle / settings.bin_size)
+        found = power[0, at] / 1e8
+        # Two tones of sinc shape; each rotates by half a turn of its own over a sweep.
+        offsets = at * settings.bin_size - ranges
+        fields = np.sinc(offsets / settings.resolution) * np.exp(
+            1j * (np.array([0, phase]) - math.pi * offsets / settings.resolution)
+        )
+        expected = abs(fields.sum()) ** 2
+        assert found == pytest.approx(expected, rel=0.02, abs=0.02)
+
+
+def test_leakage_fills_the_first_bins_only() -> None:
+    settings = radar(leakage_db=31.5, leakage_range=0.09).settings
+    power = noise(settings).mean(axis=0)
+    assert db(power[:5]).min() > 25
+    assert abs(db(power[60:]).max()) < 1
+
+
+def test_noise_falls_from_the_first_bin_to_the_last() -> None:
+    power = noise(radar(noise_tilt_db=6).settings).mean(axis=0)
+    near, far = power[:300].mean(), power[-300:].mean()
+    assert db(near / far) == pytest.approx(6 * (1 - 300 / 3768), abs=0.2)
+
+
+def test_clipped_direction_is_lifted_as_a_whole() -> None:
+    settings = radar(full_scale_dbm=-60, azimuths=8).settings
+    count = 20
+    ranges = generator_for(9).uniform(5, 60, count)
+    level = 1e-3 * 10 ** (-45 / 10) / noise_power(settings)
+    rows, power = np.full(count, 2), np.full(count, level)
+    strong = Tones(rows, ranges, 100 * ranges, power)
+    found = beat_spectrum(settings, no_echoes(settings), strong, generator_for(0))
+    quiet = np.delete(np.arange(8), 2)
+    assert db(np.median(found[2]) / np.median(found[quiet])) > 10
+
+
+@pytest.mark.parametrize(
+    ("spread", "snr_db", "pfa", "expected"),
+    [
+        pytest.param(None, 13.0, 1e-8, 0.6287, id="steady"),
+        pytest.param(None, 11.0, 1e-8, 0.1683, id="steady and weaker"),
+        pytest.param(1, 16.0, 1e-4, 0.7980, id="Swerling 1"),
+        pytest.param(1, 6.8, 1e-4, 0.2036, id="Swerling 1 and weaker"),
+        pytest.param(2, 15.2, 1e-4, 0.8846, id="Swerling 3"),
+    ],
+)
+def test_detection_of_points_is_that_of_their_fluctuation(
+    spread: int | None, snr_db: float, pfa: float, expected: float
+) -> None:
+    """Published probabilities; a fluctuating power is a Gamma of that shape."""
+    settings = radar(azimuths=2000, bins=100, bin_size=0.17).settings
+    rng, count = generator_for(2), settings.azimuths
+    share = rng.gamma(spread, 1 / spread, count) if spread else np.ones(count)
+    tones = Tones(
+        np.arange(count),
+        np.full(count, 50 * settings.bin_size),
+        rng.uniform(0, 2 * np.pi, count),
+        10 ** (snr_db / 10) * share,
+    )
+    power = [
+        beat_spectrum(settings, no_echoes(settings), tones, generator_for(seed))[:, 50]
+        for seed in range(4)
+    ]
+    found = (np.array(power) > -math.log(pfa)).mean()
+    assert found == pytest.approx(expected, abs=0.025)
+
+
+def test_detection_of_known_phase_is_that_of_published_curves() -> None:
+    """A threshold on the part in phase: 12.4 dB over a Pfa of 1e-6 are 0.8733.
+
+    A far stronger tone of the same phase makes the power follow that part alone.
+    """
+    settings = radar(azimuths=2000, bins=100, bin_size=0.17).settings
+    count, strong = settings.azimuths, 1e3
+    field = np.full(count, strong + 10 ** (12.4 / 20))
+    at, rows = np.full(count, 50 * settings.bin_size), np.arange(count)
+    tones = Tones(rows, at, np.zeros(count), field**2)
+    power = [
+        beat_spectrum(settings, no_echoes(settings), tones, generator_for(seed))[:, 50]
+        for seed in range(4)
+    ]
+    in_phase = np.sqrt(np.array(power, np.float64)) - strong
+    threshold = NormalDist(0, math.sqrt(0.5)).inv_cdf(1 - 1e-6)
+    assert (in_phase > threshold).mean() == pytest.approx(0.8733, abs=0.015)

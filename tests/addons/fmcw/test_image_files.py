@@ -1,0 +1,64 @@
+"""Images of turns, read by the rules of the data sets' own readers."""
+
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import radarsim
+from radarsim.addons.fmcw.image_files import file_name, image_of
+from radarsim.addons.fmcw.spectrum import Spectrum
+from radarsim.scene.scene import Scene
+
+TIME = 1_547_131_046_353_776  # us
+
+
+@pytest.fixture(scope="module")
+def turn(foliage_room: Scene) -> Spectrum:
+    radar = radarsim.load_sensor("navtech_cts350x")
+    return radar.spectrum(foliage_room, (-8, 0, 0), radarsim.generator_for(0))
+
+
+def pixels(data: bytes) -> "np.ndarray[tuple[int, int], np.dtype[np.uint8]]":
+    with Image.open(io.BytesIO(data)) as image:
+        assert image.mode == "L"
+        return np.asarray(image)
+
+
+@pytest.mark.parametrize("layout", ["oxford", "boreas"])
+def test_kit_of_the_data_set_reads_times_angles_and_counts(
+    turn: Spectrum, layout: str
+) -> None:
+    raw = pixels(image_of(turn, layout, time_us=TIME))
+    assert raw.shape == (400, 3779)
+    times = raw[:, :8].copy().view(np.int64).ravel()
+    angles = raw[:, 8:10].copy().view(np.uint16).ravel() / 5600 * 2 * np.pi
+    assert times[0] == TIME
+    assert set(np.diff(times)) == {625}
+    assert angles == pytest.approx(-turn.angles)
+    assert (raw[:, 10] == 255).all()
+    assert (raw[:, 11:] == turn.counts).all()
+
+
+def test_image_of_radiate_has_a_column_for_each_direction(turn: Spectrum) -> None:
+    assert (pixels(image_of(turn, "radiate")) == turn.counts.T).all()
+
+
+@pytest.mark.parametrize(
+    ("layout", "name"),
+    [
+        pytest.param("oxford", f"{TIME}.png", id="oxford"),
+        pytest.param("boreas", f"{TIME + 199 * 625}.png", id="boreas"),
+        pytest.param("radiate", "000007.png", id="radiate"),
+    ],
+)
+def test_files_have_the_names_of_the_data_set(
+    turn: Spectrum, layout: str, name: str
+) -> None:
+    assert file_name(turn, layout, time_us=TIME, number=7) == name
+
+
+def test_unknown_layout_is_an_error(turn: Spectrum) -> None:
+    with pytest.raises(ValueError, match="expected one of"):
+        image_of(turn, "kitti")

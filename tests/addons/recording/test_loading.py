@@ -1,0 +1,196 @@
+"""Recordings as arrays and tables: what the clients of the run were sent."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+import recorded_runs
+import xarray
+from recorded_runs import RecordedRun
+from rosbags.typesys import Stores, get_typestore
+
+import radarsim
+from radarsim.addons.recording.bag_folder import create_folder, file_name
+from radarsim.addons.recording.bag_writer import BagWriter
+from radarsim.addons.recording.message_types import TYPES, fields_of
+from radarsim.addons.recording.recording import Recording
+from radarsim.client.session import Session
+from radarsim.errors import MissingPackage, RecordingError
+from radarsim.protocol.echoes import EchoLine
+from radarsim.protocol.reports import GroundTruth, RangeScan, Report
+from radarsim.scene.scene import Scene
+
+
+@pytest.fixture(scope="module")
+def run(foliage_room: Scene) -> RecordedRun:
+    return recorded_runs.run_two_clients(foliage_room)
+
+
+@pytest.fixture(scope="module")
+def recording(run: RecordedRun, tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    folder = tmp_path_factory.mktemp("recording") / "run"
+    recorded_runs.write_run(run, folder)
+    return radarsim.load_recording(folder)
+
+
+def reports_of(run: RecordedRun, client: int) -> list[Report]:
+    return Session().receive(run.sent[client])
+
+
+def scans_of(run: RecordedRun) -> list[RangeScan]:
+    return [
+        report
+        for report in reports_of(run, 1)
+        if isinstance(report, RangeScan) and report.name == "Hokuyo"
+    ]
+
+
+def test_fields_are_those_of_ros() -> None:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for type_ in TYPES:
+        names = [name for name, _ in store.fielddefs[type_][1]]
+        assert [field.name for field in fields_of(type_)] == names
+
+
+def test_scans_are_those_of_the_client(run: RecordedRun, recording: Recording) -> None:
+    scans = scans_of(run)
+    found = recording.scans["R_1/Hokuyo"]
+    assert found.times.tolist() == [scan.time for scan in scans]
+    expected = np.array([scan.ranges for scan in scans], np.float32)
+    hit = np.isfinite(found.ranges)
+    assert 0 < hit.sum() < hit.size
+    np.testing.assert_array_equal(found.ranges[hit], expected[hit])
+    assert (expected[~hit] >= np.float32(found.range_max)).all()
+    assert found.angles[-1] == pytest.approx(scans[0].fov / 2, abs=1e-4)
+    assert found.angles[0] == pytest.approx(-scans[0].fov / 2, abs=1e-4)
+    assert found.frame == "R_1/Hokuyo"
+    assert recording.is_complete
+    assert recording.info == run.info
+
+
+def test_poses_are_those_of_the_client(run: RecordedRun, recording: Recording) -> None:
+    truths = [each for each in reports_of(run, 2) if isinstance(each, GroundTruth)]
+    found = recording.poses["R_1_2/ground_truth"]
+    expected = np.array([truth.pose.numbers() for truth in truths])
+    np.testing.assert_allclose(found.poses, expected, atol=1e-12)
+    assert (found.frame, len(found.times)) == ("map", len(truths))
+    assert recording.poses["R_1/odom"].frame == "R_1/odom"
+
+
+def test_echoes_are_those_of_the_client(run: RecordedRun, recording: Recording) -> None:
+    lines = [
+        each
+        for each in reports_of(run, 1)
+        if isinstance(each, EchoLine) and each.name == "lms200"
+    ]
+    groups = [line.echoes for line in lines if line.echoes is not None]
+    found = recording.echoes["R_1/lms200"]
+    assert len(found) == sum(len(group.beams) for group in groups)
+    ranges = np.concatenate([group.ranges for group in groups])
+    np.testing.assert_allclose(found.ranges, ranges, rtol=1e-6)
+    kinds = [kind for group in groups for kind in group.kinds]
+    assert found.kinds.tolist() == kinds
+    objects = [group.object for group in groups for _ in group.beams]
+    assert found.objects.tolist() == objects
+    assert "foliage" in found.materials
+
+
+def test_tree_has_a_dataset_for_each_scanner(recording: Recording) -> None:
+    tree = recording.to_xarray()
+    scan = tree["R_1/lms200/scan"]
+    series = recording.scans["R_1/lms200"]
+    ahead = scan.ranges.sel(angle=0, method="nearest")
+    np.testing.assert_array_equal(ahead, series.ranges[:, len(series.angles) // 2])
+    assert tree["R_1_2/ground_truth"].x.dims == ("time",)
+    materials = tree["R_1/lms200/echoes"].material
+    assert (
+        materials.to_numpy().tolist()
+        == recording.echoes["R_1/lms200"].materials.tolist()
+    )
+
+
+def test_parquet_has_a_row_for_each_scan_pose_and_echo(
+    recording: Recording, tmp_path: Path
+) -> None:
+    paths = recording.to_parquet(tmp_path / "tables")
+    scans, poses, echoes = map(pyarrow.parquet.read_table, paths)
+    assert scans.num_rows == sum(len(s.times) for s in recording.scans.values())
+    assert poses.num_rows == sum(len(p.times) for p in recording.poses.values())
+    assert echoes.num_rows == sum(len(e) for e in recording.echoes.values())
+    row = scans.to_pylist()[0]
+    np.testing.assert_array_equal(
+        row["ranges"], recording.scans[row["scanner"]].ranges[0]
+    )
+
+
+def test_scanner_with_new_beams_goes_on_under_another_name(tmp_path: Path) -> None:
+    from radarsim.addons.recording.messages import Beams, laser_scan
+
+    create_folder(tmp_path / "run")
+    writer = BagWriter(tmp_path / "run", {"version": "1"})
+    for tick, count in enumerate((3, 3, 5)):
+        beams = Beams(1.0, 1 / (count - 1), 0.0, 8.0, np.arange(float(count)))
+        message = laser_scan(tick / 100, "R1/laser", beams)
+        writer.write("/R1/laser/scan", message, tick * 10_000_000)
+    writer.close()
+    scans = radarsim.load_recording(tmp_path / "run").scans
+    shapes = {name: series.ranges.shape for name, series in scans.items()}
+    assert shapes == {"R1/laser": (2, 3), "R1/laser_2": (1, 5)}
+
+
+def test_torn_recording_is_read_as_far_as_it_goes(
+    recording: Recording, tmp_path: Path
+) -> None:
+    content = (recording.folder / file_name(recording.folder)).read_bytes()
+    torn = tmp_path / "torn"
+    create_folder(torn)
+    (torn / file_name(torn)).write_bytes(content[: len(content) * 2 // 3])
+    found = radarsim.load_recording(torn)
+    assert not found.is_complete
+    ranges = found.scans["R_1/lms200"].ranges
+    whole = recording.scans["R_1/lms200"].ranges
+    assert 0 < len(ranges) < len(whole)
+    np.testing.assert_array_equal(ranges, whole[: len(ranges)])
+
+
+def test_other_messages_are_refused(tmp_path: Path) -> None:
+    from radarsim.addons.recording.messages import string
+
+    create_folder(tmp_path / "run")
+    writer = BagWriter(tmp_path / "run", {"version": "1"})
+    writer.write("/R1/laser/scan", string("no scan"), 0)
+    writer.close()
+    with pytest.raises(RecordingError, match="expected topics of radarsim"):
+        radarsim.load_recording(tmp_path / "run")
+
+
+def test_scan_is_a_dataset_and_echoes_a_frame(foliage_room: Scene) -> None:
+    radar = radarsim.load_sensor("radar", return_mode="all")
+    scan = radar.scan(foliage_room, (-8, 0, 0), radarsim.generator_for(0, "a look"))
+    dataset = scan.to_xarray()
+    assert isinstance(dataset, xarray.Dataset)
+    np.testing.assert_array_equal(dataset.ranges, scan.ranges)
+    np.testing.assert_array_equal(dataset.rays, scan.rays)
+    frame = scan.echoes.to_pandas()
+    assert len(frame) == len(scan.echoes) > 100
+    rows = [
+        (beam, each["range"], each["kind"], each["material"])
+        for beam, echoes in enumerate(scan.echoes.to_lists())
+        for each in echoes
+    ]
+    columns = frame[["beam", "range", "kind", "material"]]
+    assert list(columns.itertuples(index=False, name=None)) == rows
+
+
+@pytest.mark.parametrize("package", ["xarray", "pyarrow"])
+def test_missing_package_is_named_with_its_extra(
+    package: str,
+    recording: Recording,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(MissingPackage, match=rf"{package}.*radarsim\[tables\]"):
+        recording.to_xarray() if package == "xarray" else recording.to_parquet(tmp_path)

@@ -1,0 +1,65 @@
+"""The readers of @mcap/core, which Foxglove uses, under node.
+
+The packages come from npm; where it, or its registry, is missing, tests are skipped.
+"""
+
+import json
+import shutil
+import subprocess
+from collections import Counter
+from pathlib import Path
+
+import pytest
+import recorded_runs
+
+from radarsim.addons.recording.bag_folder import file_name
+from radarsim.addons.recording.bag_reader import BagReader
+from radarsim.scene.scene import Scene
+
+PROGRAM = Path(__file__).with_name("read_mcap.mjs")
+PACKAGES = ("@mcap/core@2.2.2", "@foxglove/wasm-zstd@1.0.1")
+
+
+@pytest.fixture(scope="module")
+def packages(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Install the packages; return the folder that has them."""
+    npm = shutil.which("npm")
+    if npm is None or shutil.which("node") is None:
+        pytest.skip("node or npm is not installed")
+    folder = tmp_path_factory.mktemp("node")
+    words = ("install", "--silent", "--no-audit", "--no-fund", *PACKAGES)
+    done = subprocess.run(
+        [npm, *words], cwd=folder, capture_output=True, timeout=240, check=False
+    )
+    if done.returncode:
+        pytest.skip("npm cannot install @mcap/core")
+    return folder
+
+
+@pytest.mark.slow
+def test_both_readers_find_all_messages(
+    packages: Path, foliage_room: Scene, tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    recorded_runs.write_run(recorded_runs.run_two_clients(foliage_room), folder)
+    path = folder / file_name(folder)
+    command = ["node", str(PROGRAM), str(packages), str(path)]
+    told = json.loads(subprocess.check_output(command, timeout=240))
+    expected = Counter(message.topic for message in BagReader(folder).messages())
+    assert told == {"indexed": expected, "stream": expected}
+
+
+@pytest.mark.slow
+def test_changed_byte_is_noticed(
+    packages: Path, foliage_room: Scene, tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    run = recorded_runs.run_two_clients(foliage_room, ticks=30)
+    recorded_runs.write_run(run, folder)
+    path = folder / file_name(folder)
+    content = bytearray(path.read_bytes())
+    content[len(content) // 3] ^= 1
+    path.write_bytes(content)
+    command = ["node", str(PROGRAM), str(packages), str(path)]
+    done = subprocess.run(command, capture_output=True, timeout=240, check=False)
+    assert done.returncode != 0

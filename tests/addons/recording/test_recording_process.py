@@ -1,0 +1,222 @@
+"""Servers record in a process of its own, which ends well however the server ends."""
+
+import logging
+import os
+import re
+import resource
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import recorded_runs
+from processes import start_radarsim
+
+from radarsim.addons.recording import recording_process
+from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder, file_name
+from radarsim.addons.recording.bag_reader import BagReader, repair
+from radarsim.addons.recording.recording_process import (
+    PROGRAM,
+    RecordingProcess,
+    frame_of,
+    opening_of,
+)
+from radarsim.client import Client
+from radarsim.scene.scene import Scene
+from radarsim.server.host.recorded_host import CallKind, HostCall
+
+DISK_SIZES = range(8_000, 64_000, 7_000)  # bytes
+TIMEOUT = 240  # s that a busy machine may need
+
+
+def run_radarsim(*words: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "radarsim", *words]
+    return subprocess.run(
+        command, capture_output=True, text=True, timeout=TIMEOUT, check=False
+    )
+
+
+def serve(folder: Path) -> tuple["subprocess.Popen[bytes]", int]:
+    """Start a server that records, and return its process and its port."""
+    words = ("serve", "empty_room", "--port", "0", "--record", str(folder))
+    server = start_radarsim(*words)
+    assert server.stdout is not None
+    found = re.search(rb":(\d+)$", server.stdout.readline().strip())
+    assert found is not None
+    return server, int(found[1])
+
+
+def drive_a_little(port: int) -> None:
+    """Spawn a robot, drive it, and leave."""
+    with Client.connect("127.0.0.1", port) as client:
+        client.spawn("P3AT", timeout=TIMEOUT)
+        client.drive(3.0, 2.0)
+        for _ in range(5):
+            client.read(timeout=TIMEOUT)
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The recording of a server that was interrupted."""
+    folder = tmp_path_factory.mktemp("served") / "run"
+    server, port = serve(folder)
+    drive_a_little(port)
+    server.send_signal(signal.SIGINT)
+    _, errors = server.communicate(timeout=TIMEOUT)
+    assert server.returncode == 130
+    assert f"recorded in {folder}" in errors.decode().replace("\n", " ")
+    return folder
+
+
+def test_run_over_tcp_is_repeated_to_the_byte(recorded: Path) -> None:
+    done = run_radarsim("replay", str(recorded), "--verify")
+    assert done.returncode == 0, done.stderr
+    assert "all the same" in done.stdout
+
+
+def test_other_map_is_refused(recorded: Path) -> None:
+    done = run_radarsim("replay", str(recorded), "--verify", "--map", "smoke_room")
+    assert done.returncode == 1
+    assert "expected the map recorded" in " ".join(done.stderr.split())
+
+
+def test_contents_are_listed(recorded: Path) -> None:
+    done = run_radarsim("recording", "info", str(recorded))
+    assert done.returncode == 0, done.stderr
+    assert "/radarsim/wire/to_client" in done.stdout
+    assert "map empty_room, seed 0" in done.stdout
+
+
+def test_replay_sends_the_recorded_bytes(recorded: Path) -> None:
+    server = start_radarsim("replay", str(recorded), "--port", "0", "--speed", "20")
+    assert server.stdout is not None
+    port = int(server.stdout.readline().strip().rpartition(b":")[2])
+    expected = b"".join(
+        call.data
+        for call in BagReader(recorded).calls()
+        if call.kind in (CallKind.TAKE, CallKind.FINISH)
+    )
+    with socket.create_connection(("127.0.0.1", port), timeout=TIMEOUT) as client:
+        client.sendall(b"DRIVE {Left 1} {Right 1}\r\n")
+        received = b""
+        while data := client.recv(65536):
+            received += data
+    assert received == expected
+    server.send_signal(signal.SIGTERM)
+    server.communicate(timeout=TIMEOUT)
+    assert server.returncode == 0
+
+
+def test_replay_names_the_clients_there_are(recorded: Path) -> None:
+    done = run_radarsim("replay", str(recorded), "--port", "0", "--client", "7")
+    assert done.returncode == 1
+    assert "client 7, expected one of 1" in done.stderr
+
+
+def test_recording_of_a_killed_server_is_complete(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    server, port = serve(folder)
+    drive_a_little(port)
+    server.kill()
+    server.communicate(timeout=TIMEOUT)
+    deadline = time.monotonic() + TIMEOUT
+    while not (folder / "metadata.yaml").exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    reader = BagReader(folder)
+    calls = list(reader.calls())
+    assert any(b"{Type RangeScanner}" in call.data for call in calls)
+    assert reader.is_complete
+
+
+def test_existing_folder_is_refused_before_the_map_is_read(tmp_path: Path) -> None:
+    done = run_radarsim("serve", "no_such_map", "--record", str(tmp_path))
+    assert done.returncode == 1
+    assert "expected a new folder" in " ".join(done.stderr.split())
+
+
+def test_wrong_map_leaves_no_folder(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    done = run_radarsim("serve", "no_such_map", "--port", "0", "--record", str(folder))
+    assert done.returncode == 1
+    assert not folder.exists()
+
+
+def feed(folder: Path, calls: list[HostCall], limit: int | None) -> str:
+    """Pass calls to the program of a recording process; return what it says.
+
+    Args:
+        folder: Folder to create.
+        calls: The calls.
+        limit: Largest size of its files, bytes, as if the disk were full then.
+    """
+    create_folder(folder)
+
+    def restrict() -> None:
+        if limit is not None:
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+
+    # Coverage writes files as well.
+    env = {k: v for k, v in os.environ.items() if not k.startswith("COVERAGE")}
+    process = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, *sys.path],
+        stdin=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env=env,
+        preexec_fn=restrict,  # noqa: PLW1509 - it changes limits only
+    )
+    told = [opening_of(folder, RecordingInfo(version="1")), *map(frame_of, calls)]
+    _, errors = process.communicate(b"".join(told), timeout=TIMEOUT)
+    return errors.decode()
+
+
+@pytest.mark.parametrize(
+    "limit",
+    [
+        *(2_000, 44_000),
+        *(pytest.param(limit, marks=pytest.mark.slow) for limit in DISK_SIZES),
+    ],
+)
+def test_full_disk_ends_the_recording_with_a_sentence(
+    limit: int, foliage_room: Scene, tmp_path: Path
+) -> None:
+    run = recorded_runs.run_two_clients(foliage_room)
+    folder = tmp_path / "run"
+    errors = feed(folder, run.calls, limit)
+    assert errors.count("\n") == 1
+    assert "ends: the file would be too large; the server goes on" in errors
+    repair(folder)
+    calls = list(BagReader(folder).calls())
+    assert calls == recorded_runs.without_descriptions(run.calls)[: len(calls)]
+
+
+def test_process_records_all_calls(foliage_room: Scene, tmp_path: Path) -> None:
+    run = recorded_runs.run_two_clients(foliage_room, ticks=3)
+    folder = tmp_path / "run"
+    create_folder(folder)
+    process = RecordingProcess(folder, run.info)
+    for call in run.calls:
+        process.add(call)
+    assert process.close()
+    calls = list(BagReader(folder).calls())
+    assert calls == recorded_runs.without_descriptions(run.calls)
+
+
+def test_recording_that_falls_behind_ends(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(recording_process, "MAX_WAITING", 1000)
+    folder = tmp_path / "run"
+    create_folder(folder)
+    info = RecordingInfo(version="1")
+    process = RecordingProcess(folder, info)
+    with caplog.at_level(logging.WARNING):
+        for _ in range(3):
+            process.add(HostCall(CallKind.RECEIVE, 1, 1, bytes(2_000_000)))
+    assert caplog.text.count("recording ends") == 1
+    assert not process.close()
+    assert (folder / file_name(folder)).exists()

@@ -1,0 +1,326 @@
+"""Recordings: what a run was, readable by others, and repeated to the byte."""
+
+import random
+import shutil
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import recorded_runs
+from mcap.reader import SeekingReader
+from recorded_runs import RecordedRun
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import ConnectionExtRosbag2
+
+from radarsim.addons.recording.bag_folder import create_folder, file_name
+from radarsim.addons.recording.bag_reader import BagReader, repair
+from radarsim.addons.recording.bag_writer import BagWriter
+from radarsim.addons.recording.repetition import repeat_run
+from radarsim.client.session import Session
+from radarsim.errors import RecordingError
+from radarsim.protocol.dialect import UDK
+from radarsim.protocol.reports import GroundTruth, RangeScan, Report
+from radarsim.scene.scene import Scene
+from radarsim.server.host.recorded_host import CallKind
+from radarsim.simulation.config import SimulationConfig
+
+
+@pytest.fixture(scope="module")
+def run(foliage_room: Scene) -> RecordedRun:
+    return recorded_runs.run_two_clients(foliage_room)
+
+
+@pytest.fixture(scope="module")
+def bag(run: RecordedRun, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("recording") / "run"
+    recorded_runs.write_run(run, folder)
+    return folder
+
+
+def reports_of(run: RecordedRun, client: int) -> list[Report]:
+    return Session().receive(run.sent[client])
+
+
+def messages_of(folder: Path, topic: str) -> list[tuple[int, Any]]:
+    with AnyReader([folder]) as reader:
+        wanted = [each for each in reader.connections if each.topic == topic]
+        return [
+            (time, reader.deserialize(data, connection.msgtype))
+            for connection, time, data in reader.messages(connections=wanted)
+        ]
+
+
+def test_calls_are_read_as_they_were_written(run: RecordedRun, bag: Path) -> None:
+    reader = BagReader(bag)
+    assert list(reader.calls()) == recorded_runs.without_descriptions(run.calls)
+    assert reader.is_complete
+    assert reader.info == run.info
+
+
+def test_run_is_repeated_to_the_byte(
+    run: RecordedRun, bag: Path, foliage_room: Scene
+) -> None:
+    host = recorded_runs.host_of(run, foliage_room)
+    result = repeat_run(host, BagReader(bag).calls())
+    assert result.difference is None
+    assert result.bytes == sum(map(len, run.sent.values()))
+    assert result.clients == 2
+
+
+def test_udk_run_is_repeated_to_the_byte(foliage_room: Scene) -> None:
+    config = SimulationConfig(UDK)
+    run = recorded_runs.run_two_clients(foliage_room, ticks=40, config=config)
+    host = recorded_runs.host_of(run, foliage_room)
+    result = repeat_run(host, run.calls)
+    assert result.difference is None
+    assert result.bytes == sum(map(len, run.sent.values()))
+
+
+def test_changed_command_is_found_with_tick_line_and_byte(
+    run: RecordedRun, foliage_room: Scene
+) -> None:
+    changed = [
+        call._replace(data=call.data.replace(b"{Left 3}", b"{Left 4}"))
+        if call.kind is CallKind.RECEIVE
+        else call
+        for call in run.calls
+    ]
+    drove = next(c.tick for c in changed if b"{Left 4}" in c.data)
+    result = repeat_run(recorded_runs.host_of(run, foliage_room), changed)
+    found = result.difference
+    assert found is not None
+    assert drove < found.tick <= drove + 20
+    line = run.sent[1].split(b"\r\n")[found.line - 1].decode()
+    assert found.recorded in line
+    start = line.index(found.recorded)
+    shown = line[found.byte - 1 :][:3]
+    assert shown in line[start:]
+    assert found.recorded != found.repeated
+    assert f"tick {found.tick}" in str(found)
+
+
+def test_other_seed_differs(run: RecordedRun, foliage_room: Scene) -> None:
+    host = recorded_runs.host_of(run, foliage_room, seed=2)
+    assert repeat_run(host, run.calls).difference is not None
+
+
+def test_scans_are_those_of_the_client(run: RecordedRun, bag: Path) -> None:
+    scans = [
+        report
+        for report in reports_of(run, 1)
+        if isinstance(report, RangeScan) and report.name == "lms200"
+    ]
+    found = messages_of(bag, "/R_1/lms200/scan")
+    assert len(found) == len(scans) > 5
+    for (_, message), scan in zip(found, scans, strict=True):
+        far = np.where(scan.ranges >= 20.0, np.inf, scan.ranges).astype(np.float32)
+        hit = np.isfinite(message.ranges)
+        np.testing.assert_array_equal(message.ranges[hit], far[hit])
+        assert (scan.ranges[~hit] >= message.range_max - 1e-3).all()
+        stamp = message.header.stamp.sec + message.header.stamp.nanosec / 1e9
+        assert stamp == pytest.approx(scan.time, abs=1e-9)
+        assert message.header.frame_id == "R_1/lms200"
+        assert message.angle_max == pytest.approx(scan.fov / 2, abs=1e-4)
+
+
+def test_poses_are_those_of_the_client(run: RecordedRun, bag: Path) -> None:
+    truths = [each for each in reports_of(run, 2) if isinstance(each, GroundTruth)]
+    found = messages_of(bag, "/R_1_2/ground_truth")
+    assert len(found) == len(truths) > 5
+    for (_, message), report in zip(found, truths, strict=True):
+        position = message.pose.position
+        assert (position.x, position.y) == (report.pose.x, report.pose.y)
+
+
+def test_names_that_a_topic_cannot_tell_apart_have_topics_of_their_own(
+    bag: Path,
+) -> None:
+    topics = {message.topic for message in BagReader(bag).messages()}
+    assert {"/R_1/odom", "/R_1_2/odom"} <= topics
+
+
+def test_frames_lead_from_the_map_to_each_scanner(bag: Path) -> None:
+    parents = {}
+    for topic in ("/tf", "/tf_static"):
+        for _, message in messages_of(bag, topic):
+            for each in message.transforms:
+                parents[each.child_frame_id] = each.header.frame_id
+    scanners = [name for name in parents if not name.endswith("base_link")]
+    assert {"R_1/lms200", "R_1/Hokuyo", "R_1_2/lms200"} <= set(scanners)
+    for name in scanners:
+        assert parents[parents[name]] == "map"
+
+
+def test_last_static_frames_are_those_of_all_robots(bag: Path) -> None:
+    _, last = messages_of(bag, "/tf_static")[-1]
+    assert {each.child_frame_id.split("/")[0] for each in last.transforms} == {
+        "R_1",
+        "R_1_2",
+    }
+
+
+def test_echoes_are_points_in_the_frame_of_the_scanner(bag: Path) -> None:
+    clouds = messages_of(bag, "/R_1/lms200/echoes")
+    legends = messages_of(bag, "/radarsim/legend")
+    scans = messages_of(bag, "/R_1/lms200/scan")
+    assert len(clouds) > 5
+    assert '"foliage"' in legends[-1][1].data
+    _, cloud = clouds[-1]
+    scan = next(m for _, m in scans if m.header.stamp == cloud.header.stamp)
+    points = cloud.data.view(
+        np.dtype([(n, "<f4") for n in "xyzip"] + [(n, "<u2") for n in "bkom"])
+    )
+    angles = np.arctan2(points["y"], points["x"])
+    expected = scan.angle_min + points["b"] * scan.angle_increment
+    np.testing.assert_allclose(angles, expected, atol=1e-4)
+    # The range of a beam is that of its last echo.
+    ranges = np.hypot(points["x"], points["y"])
+    farthest = np.zeros(len(scan.ranges))
+    np.maximum.at(farthest, points["b"], ranges)
+    seen = np.isfinite(scan.ranges) & (farthest > 0)
+    assert seen.sum() > 100
+    np.testing.assert_allclose(farthest[seen], scan.ranges[seen], atol=0.011)
+
+
+def test_commands_to_drive_are_motions(bag: Path) -> None:
+    ((_, message),) = messages_of(bag, "/R_1/cmd_vel")
+    assert message.twist.linear.x == pytest.approx(2.5 * 0.1275, rel=0.3)
+    assert message.twist.angular.z < 0
+
+
+def test_clock_runs_with_simulated_time(bag: Path) -> None:
+    times = [
+        message.clock.sec + message.clock.nanosec / 1e9
+        for _, message in messages_of(bag, "/clock")
+    ]
+    assert times == sorted(times)
+    assert np.diff(times).max() < 0.25
+
+
+def test_metadata_counts_what_is_there(bag: Path) -> None:
+    counts = Counter(message.topic for message in BagReader(bag).messages())
+    with AnyReader([bag]) as reader:
+        assert {each.topic: each.msgcount for each in reader.connections} == counts
+        assert reader.message_count == sum(counts.values())
+    with (bag / file_name(bag)).open("rb") as file:
+        summary = SeekingReader(file, validate_crcs=True).get_summary()
+    assert summary is not None
+    assert all(each.schema_id for each in summary.channels.values())
+    assert {each.message_encoding for each in summary.channels.values()} == {"cdr"}
+
+
+def test_latched_topics_are_offered_as_such(bag: Path) -> None:
+    with AnyReader([bag]) as reader:
+        durable = {
+            each.topic
+            for each in reader.connections
+            if isinstance(each.ext, ConnectionExtRosbag2)
+            and each.ext.offered_qos_profiles[0].durability.name == "TRANSIENT_LOCAL"
+        }
+    assert durable == {"/tf_static", "/radarsim/legend"}
+
+
+def test_times_are_of_ticks_and_in_order(run: RecordedRun, bag: Path) -> None:
+    times = [message.time for message in BagReader(bag).messages()]
+    assert times == sorted(times)
+    assert times[-1] // 10_000_000 == run.calls[-1].tick
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_torn_recording_is_repaired(
+    seed: int, run: RecordedRun, bag: Path, tmp_path: Path
+) -> None:
+    content = (bag / file_name(bag)).read_bytes()
+    torn = tmp_path / "torn"
+    create_folder(torn)
+    cut = random.Random(seed).randrange(1500, len(content))
+    (torn / file_name(torn)).write_bytes(content[:cut])
+    before = list(BagReader(torn).messages())
+    assert repair(torn) == len(before)
+    reader = BagReader(torn)
+    calls = list(reader.calls())
+    assert calls == recorded_runs.without_descriptions(run.calls)[: len(calls)]
+    assert reader.is_complete
+    with AnyReader([torn]) as other:
+        assert other.message_count == len(before)
+    assert sorted(path.name for path in torn.iterdir()) == [
+        "metadata.yaml",
+        file_name(torn),
+    ]
+
+
+def test_recording_that_goes_on_is_not_repaired(
+    run: RecordedRun, tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    create_folder(folder)
+    writer = BagWriter(folder, run.info.to_text())
+    before = (folder / file_name(folder)).read_bytes()
+    assert BagReader(folder).is_being_written
+    with pytest.raises(RecordingError, match="still being recorded"):
+        repair(folder)
+    assert (folder / file_name(folder)).read_bytes() == before
+    writer.close()
+    assert not BagReader(folder).is_being_written
+    repair(folder)
+
+
+def test_recording_in_a_renamed_folder_is_read(bag: Path, tmp_path: Path) -> None:
+    renamed = tmp_path / "renamed"
+    create_folder(renamed)
+    content = (bag / file_name(bag)).read_bytes()
+    (renamed / file_name(bag)).write_bytes(content)
+    messages = list(BagReader(renamed).messages())
+    assert messages == list(BagReader(bag).messages())
+    assert repair(renamed) == len(messages)
+    assert sorted(path.name for path in renamed.iterdir()) == [
+        "metadata.yaml",
+        file_name(renamed),
+    ]
+
+
+def test_changed_byte_in_a_chunk_is_noticed(bag: Path, tmp_path: Path) -> None:
+    content = bytearray((bag / file_name(bag)).read_bytes())
+    content[len(content) // 2] ^= 1
+    broken = tmp_path / "broken"
+    create_folder(broken)
+    (broken / file_name(broken)).write_bytes(content)
+    reader = BagReader(broken)
+    assert len(list(reader.messages())) < len(list(BagReader(bag).messages()))
+    assert not reader.is_complete
+
+
+def test_wrong_folder_suggests_its_neighbours(bag: Path, tmp_path: Path) -> None:
+    runs = tmp_path / "runs"
+    right = shutil.copytree(bag, runs / "monday")
+    shutil.copytree(bag, runs / "tuesday")
+    for wrong, expected in {
+        runs / "munday": "no such recording, .*; did you mean 'monday'",
+        runs / "friday_noon": r"no such recording, .* \*\.mcap$",
+        runs: "no recording in it, expected one of .*'monday', 'tuesday'",
+        next(right.glob("*.mcap")): f"no such recording, .*; did you mean '{right}'",
+        tmp_path / "nowhere" / "run": r"no such recording, .* \*\.mcap$",
+    }.items():
+        with pytest.raises(RecordingError, match=expected):
+            BagReader(wrong)
+
+
+def test_existing_folder_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="expected a new folder"):
+        create_folder(tmp_path)
+
+
+def test_folder_below_a_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RecordingError, match="file"):
+        create_folder(tmp_path / "file" / "run")
+
+
+def test_other_files_are_no_recordings(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="no recording in it, expected the folder"):
+        BagReader(tmp_path)
+    (tmp_path / file_name(tmp_path)).write_bytes(b"not MCAP")
+    with pytest.raises(RecordingError, match="expected a recording of radarsim"):
+        BagReader(tmp_path)

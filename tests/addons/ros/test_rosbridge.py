@@ -1,0 +1,206 @@
+"""The robots of a server as topics of ROS 2, over rosbridge."""
+
+import base64
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from processes import start_radarsim
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Origin
+
+from radarsim.addons.recording.messages import ECHO
+from radarsim.addons.ros.rosbridge import RosbridgeClient, TopicBoard
+from radarsim.addons.testing import UsarsimServer
+from radarsim.client import Client
+from radarsim.protocol.reports import GroundTruth, RangeScan
+
+TIMEOUT = 240  # s that a busy machine may need
+DRIVER = Path(__file__).parents[2] / "support" / "rosbridge_drive.py"
+foliage_server = pytest.mark.usarsim(map="foliage_room")
+
+
+@contextmanager
+def bridge(server: UsarsimServer, *options: str) -> Iterator[int]:
+    """Run a bridge; yield the port of rosbridge."""
+    words = ("ros", "--port", str(server.port), "--web", "0", *options)
+    with start_radarsim(*words) as process:
+        assert process.stdout is not None
+        try:
+            yield int(process.stdout.readline().rpartition(b":")[2])
+        finally:
+            process.terminate()
+            process.communicate(timeout=TIMEOUT)
+
+
+class Side:
+    """A client of rosbridge."""
+
+    def __init__(self, connection: ClientConnection) -> None:
+        self._connection = connection
+
+    def send(self, **message: Any) -> None:
+        self._connection.send(json.dumps(message))
+
+    def wait_for(self, **fields: Any) -> Any:
+        """Return the next message that has such fields."""
+        while True:
+            message = json.loads(self._connection.recv(TIMEOUT))
+            if fields.items() <= message.items():
+                return message
+
+    def topics(self) -> dict[str, str]:
+        self.send(op="call_service", service="/rosapi/topics", id="1")
+        values = self.wait_for(op="service_response", id="1")["values"]
+        return dict(zip(values["topics"], values["types"], strict=True))
+
+    def wait_for_topic(self, name: str) -> dict[str, str]:
+        deadline = time.monotonic() + TIMEOUT
+        while name not in (topics := self.topics()):
+            assert time.monotonic() < deadline
+            time.sleep(0.1)
+        return topics
+
+
+@foliage_server
+def test_robots_of_others_are_topics(usarsim_server: UsarsimServer) -> None:
+    with (
+        bridge(usarsim_server, "--echoes", "--map", "R2") as port,
+        Client.connect("127.0.0.1", usarsim_server.port) as driver,
+        connect(f"ws://127.0.0.1:{port}") as connection,
+    ):
+        driver.spawn("P3AT_Compare", name="R2", start="RobotStart1")
+        side = Side(connection)
+        topics = side.wait_for_topic("/R2/lms200/echoes")
+        assert topics["/R2/Hokuyo/scan"] == "sensor_msgs/msg/LaserScan"
+        assert {"/tf", "/tf_static", "/clock", "/R2/odom"} <= topics.keys()
+        side.send(op="subscribe", topic="/R2/Hokuyo/scan")
+        found = side.wait_for(op="publish", topic="/R2/Hokuyo/scan")["msg"]
+        assert found["header"]["frame_id"] == "R2/Hokuyo"
+        stamp = found["header"]["stamp"]
+        taken = stamp["sec"] + stamp["nanosec"] / 1e9
+        while True:
+            scan = driver.wait_for(RangeScan, name="Hokuyo", timeout=TIMEOUT)
+            if scan.time >= taken - 1e-6:
+                break
+        assert scan.time == pytest.approx(taken)
+        expected = [r if r < found["range_max"] else None for r in scan.ranges.tolist()]
+        assert None in expected
+        assert found["ranges"] == [
+            r if r is None else pytest.approx(r, rel=1e-6) for r in expected
+        ]
+        side.send(op="subscribe", topic="/R2/lms200/echoes")
+        cloud = side.wait_for(op="publish", topic="/R2/lms200/echoes")["msg"]
+        points = np.frombuffer(base64.b64decode(cloud["data"]), ECHO)
+        assert len(points) == cloud["width"] > 100
+        side.send(op="subscribe", topic="/tf_static")  # latched
+        frames = side.wait_for(op="publish", topic="/tf_static")["msg"]["transforms"]
+        children = {frame["child_frame_id"] for frame in frames}
+        assert {"R2/lms200", "R2/Hokuyo"} <= children
+        assert side.wait_for_topic("/map")["/map"] == "nav_msgs/msg/OccupancyGrid"
+        side.send(op="subscribe", topic="/map")
+        map_ = side.wait_for(op="publish", topic="/map")["msg"]
+        assert len(map_["data"]) == map_["info"]["width"] * map_["info"]["height"]
+        assert {-1, 0, 100} == set(map_["data"])
+        x, y = (map_["info"]["origin"]["position"][axis] for axis in "xy")
+        pose = driver.wait_for(GroundTruth, timeout=TIMEOUT).pose
+        assert pose.yaw == pytest.approx(0, abs=0.01)
+        column, row = (
+            int((p - o) / map_["info"]["resolution"])
+            for p, o in ((pose.x + 1.0, x), (pose.y, y))
+        )
+        assert map_["data"][row * map_["info"]["width"] + column] == 0  # ahead of it
+
+
+def test_wrong_messages_are_answered() -> None:
+    client = RosbridgeClient(TopicBoard())
+    wrong = [
+        *("{", "[]", "7", '{"op": "no_such"}', '{"op": "subscribe"}', "[" * 60_000),
+        '{"op": "subscribe", "topic": "/a", "throttle_rate": "x"}',
+        '{"op": "publish", "topic": "/R1/cmd_vel", "msg": {"linear": 3}}',
+    ]
+    for text in wrong:
+        client.receive(text)
+        answer = json.loads(client.waiting.popleft())
+        assert (answer["op"], answer["level"]) == ("status", "error")
+    assert "--robot" in answer["msg"]
+    client.receive('{"op": "call_service", "service": "/no_such", "id": "a"}')
+    answer = json.loads(client.waiting.popleft())
+    assert (answer["id"], answer["result"]) == ("a", False)
+    client.receive('{"op": "advertise", "topic": "/a", "type": "b"}')
+    assert not client.waiting
+
+
+@pytest.mark.parametrize("message", [None, 3, {"linear": 3}, {"linear": {"x": "a"}}])
+def test_wrong_velocities_do_not_drive(message: object) -> None:
+    board, driven = TopicBoard(), list[tuple[float, float]]()
+    board.listen("/R1/cmd_vel", lambda *speeds: driven.append(speeds))
+    client = RosbridgeClient(board)
+    for msg in (message, {"twist": {"linear": {"x": 0.5}, "angular": {"z": -1}}}):
+        text = {"op": "publish", "topic": "/R1/cmd_vel", "msg": msg}
+        client.receive(json.dumps(text))
+    assert driven == [(0.5, -1.0)]
+
+
+def test_slow_client_loses_the_oldest_messages() -> None:
+    client = RosbridgeClient(TopicBoard())
+    client.receive('{"op": "subscribe", "topic": "/a"}')
+    for number in range(100):
+        client.offer("/a", str(number), now=number / 10)
+    waiting = [json.loads(text)["msg"] for text in client.waiting]
+    assert len(waiting) < 100
+    assert waiting == list(range(100))[-len(waiting) :]
+
+
+def test_throttled_topic_comes_as_often_as_wanted() -> None:
+    client = RosbridgeClient(TopicBoard())
+    client.receive('{"op": "subscribe", "topic": "/a", "throttle_rate": 500}')
+    for number in range(21):
+        client.offer("/a", "0", now=float(number) / 8)
+    assert len(client.waiting) == 6
+
+
+def test_pages_of_other_sites_are_refused(usarsim_server: UsarsimServer) -> None:
+    with bridge(usarsim_server, "--origin", "http://friend.example") as port:
+        address = f"ws://127.0.0.1:{port}"
+        with (
+            pytest.raises(InvalidStatus),
+            connect(address, origin=Origin("http://evil.example")),
+        ):
+            pass
+        with (
+            pytest.raises(InvalidStatus),
+            connect(address, additional_headers={"Host": "evil.example"}),
+        ):
+            pass
+        with connect(address, origin=Origin("http://friend.example")) as connection:
+            assert isinstance(Side(connection).topics(), dict)
+
+
+@foliage_server
+@pytest.mark.parametrize("seconds", [3.0, pytest.param(10.0, marks=pytest.mark.slow)])
+def test_roslibpy_hears_scans_and_drives(
+    seconds: float, usarsim_server: UsarsimServer
+) -> None:
+    robot = ("--robot", "P3AT", "--start", "RobotStart1")
+    with bridge(usarsim_server, *robot) as port:
+        with connect(f"ws://127.0.0.1:{port}") as connection:
+            Side(connection).wait_for_topic("/R1/cmd_vel")
+        command = [sys.executable, str(DRIVER), str(port), str(seconds)]
+        told = json.loads(subprocess.check_output(command, timeout=TIMEOUT))
+    assert {"/R1/lms200/scan", "/R1/cmd_vel", "/tf"} <= set(told["topics"])
+    stamps = [scan["header"]["stamp"] for scan in told["scans"]]
+    times = np.array([stamp["sec"] + stamp["nanosec"] / 1e9 for stamp in stamps])
+    assert times[-1] - times[0] >= seconds
+    np.testing.assert_allclose(np.diff(times), 0.1, atol=0.021)
+    x = [pose["pose"]["position"]["x"] for pose in told["poses"]]
+    assert x[0] + 0.5 <= x[-1] < x[0] + 3.5
+    assert x[-1] == x[-2]  # it stands, as no command comes any more

@@ -1,0 +1,72 @@
+"""Tasks run in any number of processes, fail alone, and draw by their parameters."""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import pytest
+
+from radarsim.autonomy.evaluation.task_runner import (
+    TaskResult,
+    in_order,
+    run_tasks,
+    run_tasks_in,
+    task_generator,
+    task_key,
+)
+from radarsim.errors import MapError, RadarsimError
+
+
+def square(number: int) -> int:
+    if number == 2:
+        raise MapError(["two: expected another number"])
+    return 7 // (number - 3) + number * number
+
+
+def square_or_crash(number: int) -> int:
+    if number == 2:
+        os._exit(3)
+    return number * number
+
+
+def test_failed_task_is_a_result_with_its_error() -> None:
+    done = list(run_tasks(square, range(5), workers=1))
+    assert [each.number for each in done] == [0, 1, 2, 3, 4]
+    assert done[4] == TaskResult(4, 23)
+    assert done[2] == TaskResult(2, None, "two: expected another number")
+    assert done[3].error.startswith("ZeroDivisionError: ")
+    with pytest.raises(RadarsimError, match="two: expected"):
+        done[2].unwrap()
+
+
+@pytest.mark.parametrize("batch", [1, 2, 9])
+def test_executor_gives_the_same_results(batch: int) -> None:
+    alone = list(run_tasks(square, range(5), workers=1))
+    with ThreadPoolExecutor(2) as pool:
+        done = run_tasks_in(pool, square, range(5), workers=2, batch=batch)
+        assert list(in_order(done)) == alone
+
+
+@pytest.mark.slow
+def test_task_that_crashes_its_process_fails_alone() -> None:
+    running = run_tasks(square_or_crash, range(6), workers=2)
+    done = sorted(running, key=lambda each: each.number)
+    assert [each.value for each in done] == [0, 1, None, 9, 16, 25]
+    assert "crashed" in done[2].error
+
+
+def test_results_in_order_come_as_soon_as_it_is_their_turn() -> None:
+    yielded = in_order(TaskResult(number, number) for number in (1, 0, 3, 2))
+    assert [each.number for each in yielded] == [0, 1, 2, 3]
+
+
+def test_draws_depend_on_the_parameters_alone() -> None:
+    def draw(seed: int, **parameters: Any) -> float:
+        return float(task_generator(seed, parameters).random())
+
+    assert draw(0, map="room", side=25) == draw(0, side=25, map="room")
+    others = {draw(0, map="room", side=s) for s in (25, 50)}
+    others |= {draw(1, map="room", side=25), draw(0, map="room", side="25")}
+    assert len(others) == 4
+    assert task_key({"a": 1, "b": [2]}) == task_key({"b": [2], "a": 1})
+    assert task_key({"a": 1}) != task_key({"a": 1.5})

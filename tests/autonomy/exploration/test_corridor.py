@@ -1,0 +1,140 @@
+"""Corridors that are longer than the scanner sees: a straight one, and a ring."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from radarsim.autonomy.evaluation.map_score import score_mapper
+from radarsim.autonomy.evaluation.mapping_run import MappingRun
+from radarsim.autonomy.exploration.exploration import Exploration, ExplorationPlan
+from radarsim.autonomy.mapping.trajectory import trajectory_errors
+from radarsim.autonomy.navigation.control import SpeedLimits
+from radarsim.client import Client
+from radarsim.geometry import Pose2
+from radarsim.protocol.reports import Odometry, Report
+from radarsim.rng import generator_for
+from radarsim.scene.map_file import load_map
+from radarsim.server.host import Host
+from radarsim.server.host.lockstep import InProcessTransport
+from radarsim.simulation.config import SimulationConfig
+
+pytestmark = pytest.mark.slow
+
+CORRIDOR = """\
+version: 1
+materials:
+  concrete: {density: opaque}
+objects:
+  - {name: floor, box: [60, 20, 0.2], position: [0, 0, -0.1], material: concrete}
+  - {name: left, box: [40, 0.2, 2], position: [0, 1.2, 1], material: concrete}
+  - {name: right, box: [40, 0.2, 2], position: [0, -1.2, 1], material: concrete}
+  - {name: front, box: [0.2, 2.2, 2], position: [20, 0, 1], material: concrete}
+  - {name: back, box: [0.2, 2.2, 2], position: [-20, 0, 1], material: concrete}
+starts:
+  - {name: RobotStart1, position: [-18, 0, 0]}
+"""
+
+
+def test_matching_along_a_corridor_is_no_worse_than_the_motion_alone(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "corridor.yaml"
+    path.write_text(CORRIDOR)
+    config = SimulationConfig(item_settings={"lms200": {"max_range": 6.0}})
+    plan = ExplorationPlan(
+        waypoints=((18.0, 0.0),), speed_limits=SpeedLimits(speed=0.6)
+    )
+    run = MappingRun(plan, Host(load_map(path), config=config, seed=3))
+    run.run(("", 0))
+    errors = run.result.to_dict()["pose_errors"]
+    assert errors["length"] > 30
+    assert errors["motion_ate"] > 0.01
+    assert errors["ate"] <= 1.1 * errors["motion_ate"] + 0.01
+
+
+# A corridor 2.2 m wide around a block; 60 m along its middle.
+RING = """\
+version: 1
+materials:
+  concrete: {density: opaque}
+objects:
+  - {name: floor, box: [40, 40, 0.2], position: [0, 0, -0.1], material: concrete}
+  - {name: north, box: [18.6, 0.2, 2], position: [0, 8.2, 1], material: concrete}
+  - {name: south, box: [18.6, 0.2, 2], position: [0, -8.2, 1], material: concrete}
+  - {name: east, box: [0.2, 16.2, 2], position: [9.2, 0, 1], material: concrete}
+  - {name: west, box: [0.2, 16.2, 2], position: [-9.2, 0, 1], material: concrete}
+  - {name: block, box: [13.8, 11.8, 2], position: [0, 0, 1], material: concrete}
+starts:
+  - {name: RobotStart1, position: [-3, -7, 0]}
+"""
+# So near to each other that the way on is shorter than the way back.
+AROUND = (
+    *((8.0, -7.0), (8.0, 0.0), (8.0, 7.0), (0.0, 7.0), (-8.0, 7.0)),
+    *((-8.0, 0.0), (-8.0, -4.0), (-8.0, -7.0), (-3.0, -7.0), (4.0, -7.0)),
+)
+
+
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_a_ring_closes_and_has_each_wall_once(tmp_path: Path, seed: int) -> None:
+    path = tmp_path / "ring.yaml"
+    path.write_text(RING)
+    config = SimulationConfig(item_settings={"lms200": {"max_range": 8.0}})
+    plan = ExplorationPlan(waypoints=AROUND, speed_limits=SpeedLimits(speed=0.6))
+    run = MappingRun(plan, Host(load_map(path), config=config, seed=seed))
+    run.run(("", 0))
+    run.judge()
+    told = run.result.to_dict()
+    assert told["loop_closures"] >= 1
+    assert 60 < told["pose_errors"]["length"] < 75
+    assert told["pose_errors"]["ate"] < 0.05 < told["pose_errors"]["motion_ate"]
+    assert told["judge"]["misplaced"] < 0.005
+
+
+class UnevenWheels(Client):
+    """A client whose robot has a right wheel that is larger than its odometry knows."""
+
+    turn_per_metre = 0.003  # rad
+    last: Pose2 | None = None
+    drifted = Pose2(0.0, 0.0)
+
+    def read(self, timeout: float | None = None) -> list[Report]:
+        """Return the next reports; the odometry drifts."""
+        return [
+            self._drift(report) if isinstance(report, Odometry) else report
+            for report in super().read(timeout)
+        ]
+
+    def _drift(self, report: Odometry) -> Odometry:
+        step = report.pose.relative_to(self.last or report.pose)
+        self.last = report.pose
+        turn = step.yaw + self.turn_per_metre * step.x
+        self.drifted = self.drifted.compose(Pose2(step.x, step.y, turn))
+        return replace(report, pose=self.drifted)
+
+
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_a_ring_closes_with_odometry_that_drifts(tmp_path: Path, seed: int) -> None:
+    path = tmp_path / "ring.yaml"
+    path.write_text(RING)
+    config = SimulationConfig(item_settings={"lms200": {"max_range": 8.0}})
+    host = Host(load_map(path), config=config, seed=seed)
+    plan = ExplorationPlan(
+        waypoints=AROUND,
+        speed_limits=SpeedLimits(speed=0.6),
+        motion_source="odometry",
+    )
+    exploration = Exploration(plan, generator_for(seed, "exploring"))
+    with UnevenWheels(InProcessTransport(host)) as client:
+        exploration.run(client)
+    mapper, start = exploration.mapper, exploration.trip.start
+    assert mapper is not None
+    assert start is not None
+    found = trajectory_errors(mapper.trajectory, mapper.truth)
+    motion = trajectory_errors(mapper.slam.dead_reckoning, mapper.truth)
+    score = score_mapper(mapper, host.scene, robot_class=plan.robot_class, start=start)
+    assert motion.ate > 0.3
+    assert found.ate < 0.1
+    assert mapper.slam.closures >= 1
+    assert score.misplaced is not None
+    assert score.misplaced < 0.005

@@ -1,0 +1,336 @@
+"""Explorations in lockstep with a simulated server."""
+
+import importlib
+import math
+import pkgutil
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+import radarsim.autonomy.mapping
+from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
+from radarsim.autonomy.exploration.compilation import warm_up
+from radarsim.autonomy.exploration.exploration import (
+    Exploration,
+    ExplorationPlan,
+    ExplorationStep,
+    Outcome,
+)
+from radarsim.autonomy.exploration.options import StrategyName
+from radarsim.autonomy.mapping.occupancy_grid import (
+    CellClass,
+)
+from radarsim.autonomy.mapping.trajectory import trajectory_errors
+from radarsim.autonomy.navigation.control import SpeedLimits
+from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.navigation.runner import TripMeter
+from radarsim.client import Client
+from radarsim.errors import ClientError, MappingError, NavigationError
+from radarsim.geometry import Pose2
+from radarsim.protocol.dialect import UDK
+from radarsim.rng import generator_for
+from radarsim.scene.scene import Scene
+from radarsim.server.host import Host
+from radarsim.server.host.lockstep import InProcessTransport
+from radarsim.simulation.config import SimulationConfig
+
+LASER = SimulationConfig(
+    item_settings={"lms200": {"sensor": "laser", "fov_deg": 359, "resolution_deg": 1}}
+)
+
+
+def create_exploration(**overrides: Any) -> Exploration:
+    values = {"speed_limits": SpeedLimits(speed=0.6), **overrides}
+    return Exploration(ExplorationPlan(**values), generator_for(0, "exploring"))
+
+
+def run(
+    scene: Scene, config: SimulationConfig | None = None, **overrides: Any
+) -> Exploration:
+    exploration = create_exploration(**overrides)
+    host = Host(scene, config=config)
+    monitor = GroundTruthMonitor(host)
+    with Client(InProcessTransport(host, after_tick=monitor.watch)) as client:
+        exploration.run(client)
+    assert monitor.collisions == 0
+    assert monitor.path_length == pytest.approx(
+        exploration.trip.length, rel=0.05, abs=0.2
+    )
+    return exploration
+
+
+def test_room_is_explored(empty_room: Scene) -> None:
+    exploration = run(empty_room, strategy=StrategyName.FRONTIERS)
+    assert exploration.outcome is Outcome.EXPLORED
+    assert exploration.trip.time < 15  # all is seen from the start
+    assert exploration.trip.length < 0.2
+    assert exploration.safety_distance == pytest.approx(0.5, abs=0.01)
+
+
+def test_timed_out_exploration_has_the_map_so_far(foliage_room: Scene) -> None:
+    moments: list[ExplorationStep] = []
+    exploration = create_exploration(time_limit=5.0)
+    with Client(InProcessTransport(Host(foliage_room))) as client:
+        exploration.run(client, moments.append)
+    assert exploration.outcome is Outcome.TIME_LIMIT
+    assert exploration.mapper is not None
+    assert exploration.mapper.scans == len(moments) == 52
+    assert (exploration.mapper.grid.classes() == CellClass.FOLIAGE).any()
+    assert exploration.trip.time == pytest.approx(5.1)
+    assert moments[0].activity == "looking"
+    assert {moment.activity for moment in moments} == {"looking", "seeking"}
+
+
+def test_robot_is_commanded_before_the_observer_is_called(empty_room: Scene) -> None:
+    """So that an observer that takes long, as a film does, makes no command late."""
+    client = Client(InProcessTransport(Host(empty_room)))
+    commands: list[tuple[float, float]] = []
+    seen: list[int] = []
+    drive = client.drive
+
+    def note(left: float, right: float) -> None:
+        commands.append((left, right))
+        drive(left, right)
+
+    client.drive = note  # type: ignore[method-assign]
+    exploration = create_exploration(time_limit=2.0)
+    exploration.run(client, lambda _: seen.append(len(commands)))
+    assert seen[:3] == [1, 2, 3]
+    client.close()
+
+
+def test_robot_stands_after_exploration(empty_room: Scene) -> None:
+    host = Host(empty_room)
+    client = Client(InProcessTransport(host))
+    create_exploration(time_limit=5.0).run(client)
+    host.step()
+    pose = host.simulation.vehicles[0].robot.pose
+    for _ in range(10):
+        host.step()
+    assert host.simulation.vehicles[0].robot.pose == pose
+    client.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", ["odometry", "none"])
+def test_every_motion_source_gives_a_map(empty_room: Scene, seed: Any) -> None:
+    exploration = run(
+        empty_room, motion_source=seed, time_limit=15.0, start="RobotStart2"
+    )
+    assert exploration.mapper is not None
+    errors = trajectory_errors(exploration.mapper.trajectory, exploration.mapper.truth)
+    assert errors.ate < 0.05
+    assert exploration.trip.start is not None
+    assert exploration.trip.start.y == pytest.approx(3.5, abs=0.05)
+
+
+def test_robot_without_odometry_is_told_with_what_it_has(empty_room: Scene) -> None:
+    with pytest.raises(ClientError, match="no pose from odometry within 2 s") as error:
+        run(
+            empty_room,
+            SimulationConfig(UDK),
+            motion_source="odometry",
+            drive_unit="rev_per_s",
+        )
+    assert str(error.value).endswith("; expected motion from ins or none")
+
+
+def test_laser_maps_no_foliage_and_nothing_behind_it(foliage_room: Scene) -> None:
+    exploration = run(foliage_room, LASER, time_limit=3.0, pose=Pose2(-3.0, 0.0, 1.0))
+    assert exploration.mapper is not None
+    assert not exploration.mapper.grid.sensed(5.0, 0.0)
+    assert not (exploration.mapper.grid.classes() == CellClass.FOLIAGE).any()
+
+
+def test_safety_distance_is_larger_without_echoes(foliage_room: Scene) -> None:
+    exploration = run(
+        foliage_room, echoes=False, penetration_depth=1.43, time_limit=2.0
+    )
+    assert exploration.safety_distance == pytest.approx(0.371 + 1.43 + 0.13, abs=0.01)
+    assert exploration.mapper is not None
+    assert not (exploration.mapper.grid.classes() == CellClass.FOLIAGE).any()
+
+
+@pytest.mark.slow
+def test_robot_that_pushes_against_something_unseen_is_stuck(
+    foliage_room: Scene,
+) -> None:
+    exploration = create_exploration(
+        echoes=False, strategy=StrategyName.CONTOUR, pose=Pose2(-2.0, 3.9, 0.0)
+    )
+    with (
+        Client(InProcessTransport(Host(foliage_room))) as client,
+        pytest.raises(NavigationError, match="the robot stays at"),
+    ):
+        exploration.run(client)
+    assert exploration.outcome is Outcome.STUCK
+    assert exploration.mapper is not None
+    assert exploration.mapper.scans > 10
+
+
+class ScansStop(InProcessTransport):
+    """A server whose scans stop after some s."""
+
+    def receive(self, timeout: float) -> bytes:
+        data = super().receive(timeout)
+        if self.time() < 2.0:
+            return data
+        lines = data.splitlines(keepends=True)
+        return b"".join(x for x in lines if b"RangeScanner" not in x) or b"\r\n"
+
+
+def test_exploration_ends_when_scans_stop(empty_room: Scene) -> None:
+    exploration = create_exploration(timeout=1.0)
+    with (
+        Client(ScansStop(Host(empty_room))) as client,
+        pytest.raises(ClientError, match="no scan of 'lms200' within 1 s, what came"),
+    ):
+        exploration.run(client)
+    assert exploration.outcome is Outcome.FAILED
+    assert exploration.mapper is not None
+    assert exploration.mapper.scans > 10
+
+
+class FrozenClock(InProcessTransport):
+    """A server whose time stamps stand still."""
+
+    def receive(self, timeout: float) -> bytes:
+        return re.sub(rb"{Time [^}]*}", b"{Time 0.0000}", super().receive(timeout))
+
+
+def test_clock_counts_where_time_stamps_stand_still(empty_room: Scene) -> None:
+    exploration = create_exploration(time_limit=5.0, echoes=False)
+    with Client(FrozenClock(Host(empty_room))) as client:
+        exploration.run(client)
+    assert exploration.outcome is Outcome.TIME_LIMIT
+    assert exploration.trip.time == pytest.approx(5.1)
+    assert exploration.mapper is not None
+    assert exploration.mapper.scans == 52
+
+
+class JumpingIns(InProcessTransport):
+    """A server whose INS is suddenly a kilometre away."""
+
+    def receive(self, timeout: float) -> bytes:
+        data = super().receive(timeout)
+        if self.time() < 2.0:
+            return data
+        return re.sub(rb"{Name InsTest} {Location [^,]*,", rb"\g<0>-1000", data)
+
+
+def test_map_of_two_distant_places_is_an_error(empty_room: Scene) -> None:
+    exploration = create_exploration(echoes=False)
+    host = Host(empty_room)
+    with (
+        Client(JumpingIns(host)) as client,
+        pytest.raises(MappingError, match="the place of the robot may be wrong"),
+    ):
+        exploration.run(client)
+    assert exploration.outcome is Outcome.FAILED
+    assert exploration.mapper is not None
+    assert exploration.mapper.scans > 10
+
+
+class BeamsLost(InProcessTransport):
+    """A server whose scans have few beams after some s."""
+
+    def receive(self, timeout: float) -> bytes:
+        data = super().receive(timeout)
+        if self.time() < 2.0:
+            return data
+        return re.sub(rb"{Range ([^,}]*,){99}[^}]*}", rb"{Range 1.0,1.0}", data)
+
+
+def test_exploration_ends_when_scans_lose_beams(empty_room: Scene) -> None:
+    exploration = create_exploration(echoes=False)
+    with (
+        Client(BeamsLost(Host(empty_room))) as client,
+        pytest.raises(ClientError, match="scan of 2 ranges from 'lms200', expected"),
+    ):
+        exploration.run(client)
+    assert exploration.outcome is Outcome.FAILED
+
+
+@pytest.mark.slow
+def test_robot_with_a_forward_scanner_reaches_its_waypoints(
+    foliage_room: Scene,
+) -> None:
+    waypoints = ((-6.0, 2.0), (-3.0, 0.0))
+    exploration = run(foliage_room, robot_class="P3AT", waypoints=waypoints)
+    assert exploration.outcome is Outcome.EXPLORED
+    assert exploration.unreached == ()
+    assert exploration.mapper is not None
+    poses = exploration.mapper.trajectory.poses
+    for place in waypoints:
+        assert min(math.dist(place, (pose.x, pose.y)) for pose in poses) < 0.3
+
+
+@pytest.mark.parametrize(
+    ("overrides", "text"),
+    [
+        pytest.param({"robot_class": "P3AT"}, "sees 180 degrees", id="half blind"),
+        pytest.param({"safety_distance": 0.3}, "at least 0.371 m", id="too near"),
+        pytest.param({"start": "nowhere"}, "expected one of", id="start"),
+    ],
+)
+def test_impossible_plans_fail_before_the_robot_moves(
+    empty_room: Scene, overrides: dict[str, Any], text: str
+) -> None:
+    exploration = create_exploration(**overrides)
+    with (
+        Client(InProcessTransport(Host(empty_room))) as client,
+        pytest.raises(NavigationError, match=text),
+    ):
+        exploration.run(client)
+    assert exploration.outcome is Outcome.FAILED
+    assert exploration.trip.start is None
+
+
+def test_trip_sums_motion_above_noise() -> None:
+    trip = TripMeter(noise=0.05)
+    assert trip.start is None
+    places = [0.0, 0.03, 0.0, 0.04, 0.1, 0.2, 0.19]
+    for k, x in enumerate(places):
+        trip.add(Observation(1 + 0.1 * k, Pose2(x, 0.0), np.zeros(0), np.zeros(0)))
+    assert trip.start == Pose2(0.0, 0.0)
+    assert trip.time == pytest.approx(0.6)
+    assert trip.length == pytest.approx(0.2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", list(StrategyName))
+def test_no_strategy_drives_into_foliage(
+    foliage_room: Scene, name: StrategyName
+) -> None:
+    exploration = run(foliage_room, strategy=name, time_limit=100.0)
+    assert exploration.outcome in (Outcome.EXPLORED, Outcome.TIME_LIMIT)
+    assert exploration.mapper is not None
+    assert max(pose.x for pose in exploration.mapper.trajectory.poses) < 0.0
+
+
+def versions() -> dict[str, int]:
+    """Count for how many types of arguments each function is compiled."""
+    found: dict[str, int] = {}
+    for module in pkgutil.iter_modules(radarsim.autonomy.mapping.__path__):
+        full = f"radarsim.autonomy.mapping.{module.name}"
+        members: dict[str, Any] = vars(importlib.import_module(full))
+        for name, member in members.items():
+            if hasattr(member, "nopython_signatures"):
+                found[f"{full}.{name}"] = len(member.nopython_signatures)
+    return found
+
+
+@pytest.mark.slow
+def test_exploration_compiles_nothing_after_warm_up(foliage_room: Scene) -> None:
+    warm_up()
+    before = versions()
+    assert before["radarsim.autonomy.mapping.inverse_sensor_model.add_free_cells"] >= 1
+    for plan in (
+        ExplorationPlan(time_limit=8.0),
+        ExplorationPlan(motion_source="none", time_limit=2.0),
+    ):
+        with Client(InProcessTransport(Host(foliage_room))) as client:
+            Exploration(plan, generator_for(0, "exploring")).run(client)
+    assert versions() == before

@@ -1,0 +1,197 @@
+"""The cells that beams cross, against beams sampled in tiny steps."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from hypothesis import example, given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from radarsim.autonomy.mapping.inverse_sensor_model import (
+    LOG_ODDS_FREE,
+    LOG_ODDS_HIT,
+    LOG_ODDS_LIMIT,
+    NEAR,
+    SENSED,
+    Beams,
+    Cells,
+    add_free_cells,
+    add_hits,
+    clear_scan_flags,
+)
+from radarsim.autonomy.mapping.scan import (
+    BeamEnd,
+    BeamHits,
+    Layer,
+)
+
+SIDE = 40
+angles = st.floats(-math.pi, math.pi)
+reaches = st.floats(0, 15)
+starts = st.tuples(st.floats(17, 23), st.floats(17, 23))
+
+Mark = tuple[int, float, float, int]
+
+
+class SmallGrid:
+    """A few cells, and scans of them from one place."""
+
+    def __init__(self) -> None:
+        self.cells = Cells(
+            np.zeros((len(Layer), SIDE, SIDE), np.int8),
+            np.zeros((SIDE, SIDE), np.uint8),
+        )
+        self._path = np.zeros((4 * SIDE, 2), np.int64)
+
+    def scan(
+        self,
+        start: tuple[float, float],
+        rays: Sequence[tuple[float, float, int]],
+        *hits: Mark,
+        short: float = 5.0,
+        sees_through: bool = True,
+    ) -> None:
+        """Add beams of angle, range and end, and hits of beam, near, far and layer."""
+        angle, reach, ends = (np.array(column) for column in zip(*rays, strict=True))
+        directions = np.column_stack([np.cos(angle), np.sin(angle)])
+        met = BeamHits(
+            np.array([mark[0] for mark in hits], np.int64),
+            np.array([mark[1] for mark in hits], np.float64),
+            np.array([mark[2] for mark in hits], np.float64),
+            np.array([mark[3] for mark in hits], np.int8),
+        )
+        beams = Beams(
+            np.array(start),
+            np.zeros(2, np.int64),
+            directions,
+            reach.astype(np.float64),
+            ends.astype(np.int8),
+            short,
+            sees_through,
+        )
+        add_hits(self.cells, beams, met, self._path)
+        add_free_cells(self.cells, beams, self._path)
+        clear_scan_flags(self.cells, beams, self._path)
+
+    def sensed(self) -> NDArray[np.bool_]:
+        return np.asarray(self.cells.flags & SENSED > 0)
+
+
+BARELY = 1e-9  # cells; so near to the edge of one, rounding decides
+
+
+def cells_by_sampling(
+    start: tuple[float, float], angle: float, reach: float
+) -> tuple[set[tuple[int, int]], set[tuple[int, int]]]:
+    """Return the cells that a beam crosses, without and with those of rounding."""
+    t = np.append(np.arange(0, reach, 1e-3), reach)
+    x, y = start[0] + t * math.cos(angle), start[1] + t * math.sin(angle)
+    around = [
+        np.floor([y + down, x + across]).astype(int)
+        for down in (-BARELY, BARELY)
+        for across in (-BARELY, BARELY)
+    ]
+    is_sure = np.all([(cells == around[0]).all(axis=0) for cells in around], axis=0)
+    sure = set(map(tuple, around[0].T[is_sure].tolist()))
+    maybe = {tuple(cell) for cells in around for cell in cells.T.tolist()}
+    return sure, maybe
+
+
+@example(start=(17.0, 17.0), angle=-3.1415926535897927, reach=4.0)
+@given(start=starts, angle=angles, reach=reaches)
+def test_traced_cells_are_those_the_beam_is_in(
+    start: tuple[float, float], angle: float, reach: float
+) -> None:
+    sheet = SmallGrid()
+    sheet.scan(start, [(angle, reach, BeamEnd.NOTHING)])
+    crossed = {(int(i), int(j)) for i, j in np.argwhere(sheet.sensed())}
+    sure, maybe = cells_by_sampling(start, angle, reach)
+    assert sure <= crossed
+    assert len(crossed - maybe) <= 2  # corners that tiny steps jump over
+
+
+@given(start=starts, angle=angles, reach=reaches)
+def test_hit_raises_evidence_in_its_cell_and_lowers_it_in_cells_before(
+    start: tuple[float, float], angle: float, reach: float
+) -> None:
+    sheet = SmallGrid()
+    sheet.scan(start, [(angle, reach, BeamEnd.HIT)], (0, reach, reach, Layer.SOLID))
+    for layer in (Layer.SOLID, Layer.BEAM_END):
+        evidence = sheet.cells.evidence[layer]
+        assert (evidence > 0).sum() == 1
+        assert evidence.max() == LOG_ODDS_HIT
+        assert (evidence < 0).sum() == sheet.sensed().sum() - 1
+
+
+@given(start=starts, angle=angles, near=st.floats(0, 10), depth=st.floats(0, 5))
+def test_foliage_is_mapped_along_the_crossed_stretch(
+    start: tuple[float, float], angle: float, near: float, depth: float
+) -> None:
+    sheet = SmallGrid()
+    far = near + depth
+    sheet.scan(start, [(angle, far, BeamEnd.SPENT)], (0, near, far, Layer.FOLIAGE))
+    bush = sheet.cells.evidence[Layer.FOLIAGE] > 0
+    _, beam = cells_by_sampling(start, angle, far)
+    assert {(int(i), int(j)) for i, j in np.argwhere(bush)} <= {
+        (i + di, j + dj) for i, j in beam for di in (-1, 0, 1) for dj in (-1, 0, 1)
+    }
+    assert bush.sum() >= depth * max(abs(math.cos(angle)), abs(math.sin(angle))) - 1
+    assert not (sheet.cells.evidence[Layer.SOLID] > 0).any()
+    assert not (sheet.cells.evidence[Layer.SMOKE] > 0).any()
+
+
+def test_cell_gets_evidence_once_per_scan() -> None:
+    sheet = SmallGrid()
+    beams = [(0.001 * k, 10.0, BeamEnd.HIT) for k in range(20)]
+    sheet.scan((20.5, 20.5), beams, *[(k, 10.0, 10.0, Layer.SOLID) for k in range(20)])
+    assert sheet.cells.evidence[Layer.SOLID, 20, 30] == LOG_ODDS_HIT
+    assert sheet.cells.evidence[Layer.SOLID, 20, 25] == -LOG_ODDS_FREE
+    assert not (sheet.cells.flags & ~np.uint8(SENSED | NEAR)).any()
+
+
+def test_hits_outweigh_beams_that_pass_in_the_same_scan() -> None:
+    sheet = SmallGrid()
+    beams = [
+        (0.0, 10.0, BeamEnd.HIT),
+        (0.01, 15.0, BeamEnd.NOTHING),
+        (-0.01, 15.0, BeamEnd.NOTHING),
+    ]
+    for _ in range(3):
+        sheet.scan((20.5, 20.5), beams, (0, 10.0, 10.0, Layer.SOLID))
+    assert sheet.cells.evidence[Layer.SOLID, 20, 30] == 3 * LOG_ODDS_HIT
+
+
+def test_evidence_is_limited() -> None:
+    sheet = SmallGrid()
+    for _ in range(30):
+        sheet.scan(
+            (20.5, 20.5), [(0.0, 10.0, BeamEnd.HIT)], (0, 10.0, 10.0, Layer.SOLID)
+        )
+    assert sheet.cells.evidence[Layer.SOLID].max() == LOG_ODDS_LIMIT
+    for _ in range(60):
+        sheet.scan((20.5, 20.5), [(0.0, 15.0, BeamEnd.NOTHING)])
+    assert sheet.cells.evidence[Layer.SOLID].max() == 0
+    assert sheet.cells.evidence[Layer.SOLID].min() == -LOG_ODDS_LIMIT
+
+
+def test_scans_without_echoes_leave_foliage_evidence_unchanged() -> None:
+    sheet = SmallGrid()
+    sheet.scan((20.5, 20.5), [(0.0, 9.0, BeamEnd.NOTHING)], sees_through=False)
+    assert not sheet.cells.evidence[[Layer.FOLIAGE, Layer.SMOKE]].any()
+    assert sheet.cells.evidence[[Layer.SOLID, Layer.BEAM_END]].any()
+
+
+def test_blind_beam_changes_nothing() -> None:
+    sheet = SmallGrid()
+    sheet.scan((20.5, 20.5), [(0.0, 0.0, BeamEnd.BLIND)])
+    assert not sheet.sensed().any()
+
+
+def test_near_cells_are_crossed_within_the_short_range() -> None:
+    sheet = SmallGrid()
+    sheet.scan(
+        (20.5, 20.5), [(0.0, 10.0, BeamEnd.HIT), (math.pi, 3.0, BeamEnd.HIT)], short=5.0
+    )
+    near = np.flatnonzero(sheet.cells.flags[20] & NEAR)
+    assert near.tolist() == [18, 19, 20, 21, 22, 23, 24]

@@ -1,0 +1,163 @@
+import math
+
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radarsim.autonomy.navigation.boundary_policy import (
+    Bug1Policy,
+    Bug2Policy,
+    Decision,
+    Landmark,
+    Step,
+)
+from radarsim.autonomy.navigation.options import GiveUp
+from radarsim.geometry import Pose2
+
+RADIUS = 3.0
+STEP = 0.01  # rad on the circle
+
+
+def on_circle(angle: float) -> Pose2:
+    """A pose on the circle, facing along it."""
+    return Pose2(
+        RADIUS * math.cos(angle), RADIUS * math.sin(angle), angle + math.pi / 2
+    )
+
+
+def mark(angle: float) -> Landmark:
+    return Landmark(on_circle(angle), angle + math.pi / 2, max_offset=0.7)
+
+
+def advance(angle: float, sense: int) -> tuple[float, Step]:
+    angle += sense * STEP
+    direction = angle + math.pi / 2
+    return angle, Step(on_circle(angle), RADIUS * STEP, direction, free=True)
+
+
+@given(st.floats(0.2, 2 * math.pi - 0.2))
+def test_bug1_circles_once_and_returns_by_the_shorter_side(
+    at: float,
+) -> None:
+    goal = (9 * math.cos(at), 9 * math.sin(at))
+    policy = Bug1Policy(mark(0.0), goal, 0.7)
+    angle, sense, decisions = 0.0, 1, []
+    for _ in range(2000):
+        angle, step = advance(angle, sense)
+        decisions.append(policy.step(step))
+        sense = -1 if decisions[-1] is Decision.BACK else sense
+        if decisions[-1] is Decision.LEAVE:
+            break
+    assert policy.circuits == 1
+    assert math.remainder(angle - at, 2 * math.pi) == pytest.approx(0.0, abs=0.05)
+    back = Decision.BACK in decisions
+    assert back == (at > math.pi) or abs(at - math.pi) < 0.05
+    travelled = len(decisions) * STEP
+    assert travelled == pytest.approx(2 * math.pi + min(at, 2 * math.pi - at), abs=0.1)
+
+
+def test_bug1_gives_up_where_the_goal_is_blocked_at_the_nearest_point() -> None:
+    policy = Bug1Policy(mark(0.0), (0.0, 1.0), 0.7)
+    angle, verdict = 0.0, Decision.ONWARD
+    while verdict is Decision.ONWARD:
+        angle, step = advance(angle, 1)
+        verdict = policy.step(Step(step.pose, step.moved, step.direction, free=False))
+    assert verdict is Decision.NO_PATH
+    assert angle == pytest.approx(2.5 * math.pi, abs=0.05)
+
+
+def followed(policy: Bug2Policy) -> tuple[float, Decision]:
+    """Follow the circle until the policy decides; return the angle there."""
+    angle, verdict = 0.0, Decision.ONWARD
+    while verdict is Decision.ONWARD:
+        angle, step = advance(angle, 1)
+        verdict = policy.step(step)
+    return angle, verdict
+
+
+def line(give_up: GiveUp, start: Pose2, goal: tuple[float, float]) -> Bug2Policy:
+    return Bug2Policy(mark(0.0), [start], goal, give_up, 0.7)
+
+
+def test_line_of_bug2_ends_at_the_goal() -> None:
+    """Beyond a goal inside the circle, the circle meets only its continuation."""
+    policy = line(GiveUp.HIT_POINT, Pose2(9.0, 0.0), (-1.0, 0.0))
+    angle, verdict = 0.0, Decision.ONWARD
+    while verdict is Decision.ONWARD:
+        angle, step = advance(angle, 1)
+        verdict = policy.step(Step(step.pose, step.moved, step.direction, free=True))
+    assert verdict is Decision.NO_PATH
+    assert angle == pytest.approx(2 * math.pi, abs=0.04)
+
+
+def test_bug2_leaves_at_the_line_only_where_it_is_free() -> None:
+    for free in (True, False):
+        policy = line(GiveUp.HIT_POINT, Pose2(9.0, 0.0), (-9.0, 0.0))
+        angle, verdict = 0.0, Decision.ONWARD
+        while verdict is Decision.ONWARD:
+            angle, step = advance(angle, 1)
+            verdict = policy.step(Step(step.pose, step.moved, step.direction, free))
+        assert verdict is (Decision.LEAVE if free else Decision.NO_PATH)
+        assert angle == pytest.approx(math.pi if free else 2 * math.pi, abs=0.04)
+        assert policy.circuits == (not free)
+
+
+def test_bug2_leaves_at_whichever_of_several_lines_it_meets_first() -> None:
+    goal, starts = (-9.0, 0.0), (Pose2(9.0, 0.0), Pose2(2.0, 2.0))
+    met = shapely.intersection(
+        shapely.Point(0.0, 0.0).buffer(RADIUS, 1000).exterior,
+        shapely.LineString([(2.0, 2.0), goal]),
+    )
+    ends = []
+    for lines in (starts, starts[:1]):
+        policy = Bug2Policy(mark(0.0), lines, goal, GiveUp.HIT_POINT, 0.7)
+        angle, verdict = followed(policy)
+        assert verdict is Decision.LEAVE
+        ends.append(angle)
+    assert ends == pytest.approx([math.atan2(met.y, met.x), math.pi], abs=0.05)
+
+
+def test_give_up_rules_differ_where_the_line_is_met_farther_away() -> None:
+    ends = {}
+    for rule in GiveUp:  # the line continues to the right of the hit point
+        policy = line(rule, Pose2(-9.0, 0.0), (9.0, 0.0))
+        angle, verdict = followed(policy)
+        assert verdict is Decision.NO_PATH
+        ends[rule] = angle
+    assert ends[GiveUp.LINE] == pytest.approx(math.pi, abs=0.04)
+    assert ends[GiveUp.HIT_POINT] == pytest.approx(2 * math.pi, abs=0.02)
+
+
+def test_bug2_gives_up_at_its_last_line_only() -> None:
+    """The circle crosses the first line at 132 degrees, no nearer to the goal."""
+    goal, starts = (-2.0, -9.0), (Pose2(-2.0, 9.0), Pose2(5.5, 4.5))
+    policy = Bug2Policy(mark(0.0), starts, goal, GiveUp.LINE, 0.7)
+    angle, verdict = followed(policy)
+    assert verdict is Decision.LEAVE
+    assert math.degrees(angle) > 180
+
+
+def test_landmark_is_passed_once_by_a_path_beside_it() -> None:
+    mark = Landmark(Pose2(1.0, 1.0), math.pi / 2, max_offset=0.7)
+    path = [Pose2(1.4, y / 10) for y in range(30)]
+    passed = [pose.y for pose in path if mark.passed(pose)]
+    assert passed == [1.0]
+
+
+def test_landmark_is_not_passed_onward_against_its_direction() -> None:
+    path = [Pose2(1.4, y / 10) for y in reversed(range(30))]
+    onward = Landmark(Pose2(1.0, 1.0), math.pi / 2, max_offset=0.7)
+    assert not any(onward.passed(pose) for pose in path)
+    back = Landmark(Pose2(1.0, 1.0), math.pi / 2, max_offset=0.7)
+    assert sum([back.passed(pose, onward=False) for pose in path]) == 1
+
+
+def test_landmark_is_not_passed_from_too_far_beside() -> None:
+    mark = Landmark(Pose2(1.0, 1.0), math.pi / 2, max_offset=0.7)
+    assert not any(mark.passed(Pose2(1.8, y / 10)) for y in range(30))
+
+
+def test_standing_on_a_landmark_does_not_pass_it() -> None:
+    mark = Landmark(Pose2(1.0, 1.0), 0.0, max_offset=0.7)
+    assert not any(mark.passed(Pose2(1.0, 1.0)) for _ in range(5))

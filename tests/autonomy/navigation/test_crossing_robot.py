@@ -1,0 +1,65 @@
+"""Another robot crosses the path of a navigator, and does not look where it goes."""
+
+import math
+
+import pytest
+
+from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
+from radarsim.autonomy.evaluation.random_trials import load_random_map
+from radarsim.autonomy.navigation.mission import Mission, run_mission
+from radarsim.autonomy.navigation.options import Algorithm
+from radarsim.autonomy.navigation.runner import NavigationStep
+from radarsim.client import Client
+from radarsim.geometry import Pose2
+from radarsim.scene.random_maps import RandomMap
+from radarsim.server.host import Host
+from radarsim.server.host.lockstep import InProcessTransport
+
+MEETING: float = 18.2  # s after which a navigator is where the paths cross
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("algorithm", "speed", "delay"),
+    [
+        pytest.param("bug1", 0.4, -1.0, id="crosses before"),
+        pytest.param("bug2", 0.5, 0.0, id="meets"),
+        pytest.param("bug1", 0.5, 1.5, id="stood in its way"),
+        pytest.param("tangentbug", 0.4, 1.9, id="stood at the edge of its way"),
+        pytest.param("planned", 0.5, 2.1, id="stood on the way of planned paths"),
+        pytest.param("tangentbug", 0.5, 2.8, id="drove on into its way"),
+        pytest.param("bug2", 0.3, 4.2, id="slow, drove on into its way"),
+    ],
+)
+@pytest.mark.parametrize("side", [-1, 1])
+def test_crossing_robot_is_let_by_and_not_touched(
+    algorithm: str, speed: float, delay: float, side: int
+) -> None:
+    start, goal = (-5.0, 0.0), (3.0, 0.0)
+    yard = RandomMap(0, "boxes", (), math.inf, start, goal)
+    host = Host(load_random_map(yard))
+    monitor = GroundTruthMonitor(host)
+    with (
+        Client(InProcessTransport(host)) as other,
+        Client(InProcessTransport(host, after_tick=monitor.watch)) as client,
+    ):
+        away = speed * (MEETING + delay)
+        other.spawn("P3AT", pose=Pose2(0.0, -side * away, side * math.pi / 2))
+        wheels = other.robot_info().wheel_speeds(speed, 0.0)
+        is_going = False
+
+        def start_other(_: NavigationStep) -> None:
+            nonlocal is_going
+            if not is_going:
+                other.drive(*wheels)
+            is_going = True
+
+        mission = Mission(
+            algorithm=Algorithm(algorithm),
+            goals=(goal,),
+            safety_distance=0.5,
+            time_limit=120.0,
+        )
+        result = run_mission(client, mission, start_other)
+    assert result.outcome == "reached"
+    assert monitor.collisions == 0

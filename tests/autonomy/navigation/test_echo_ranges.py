@@ -1,0 +1,124 @@
+"""Ranges to drive by, from echoes."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
+from radarsim.autonomy.evaluation.random_trials import load_random_map
+from radarsim.autonomy.navigation.mission import Mission, run_mission
+from radarsim.autonomy.navigation.observation_builder import (
+    EchoCollector,
+    blocked_ranges,
+    blocking_echoes,
+)
+from radarsim.autonomy.navigation.options import Algorithm
+from radarsim.client import Client
+from radarsim.protocol.reports import EchoLine, RangeScan, TargetEchoes
+from radarsim.scene.random_maps import Disc, RandomMap
+from radarsim.server.host import Host
+from radarsim.server.host.lockstep import InProcessTransport
+
+
+def target(
+    *echoes: tuple[int, float, str], robot_passes: bool = False, name: str = "bush"
+) -> TargetEchoes:
+    """Return the echoes of an object: beam, range, kind."""
+    beams, ranges, kinds = zip(*echoes, strict=True)
+    return TargetEchoes(
+        *(name, "leaf", 0.7, 0.3, False, robot_passes),
+        *(np.array(beams, np.int64), np.array(ranges), kinds),
+        *(np.ones(len(beams)), np.ones(len(beams))),
+    )
+
+
+RANGES = np.array([5.0, 5.0, 80.0])
+
+
+@pytest.mark.parametrize(
+    ("echoes", "expected"),
+    [
+        pytest.param([], [5, 5, 80], id="nothing"),
+        pytest.param(
+            [target((1, 2.0, "enter"), (1, 2.4, "leave"))], [5, 2, 80], id="thin bush"
+        ),
+        pytest.param([target((2, 3.0, "sheet"))], [5, 5, 3], id="a leaf"),
+        pytest.param(
+            [target((0, 1.0, "enter"), (0, 5.0, "spent"), robot_passes=True)],
+            [5, 5, 80],
+            id="smoke",
+        ),
+        pytest.param([target((1, 0.5, "rain"))], [5, 5, 80], id="drops"),
+        pytest.param(
+            [target((3, 1.0, "hit"), (-1, 1.0, "hit"), (0, math.nan, "hit"))],
+            [5, 5, 80],
+            id="no beam, no range",
+        ),
+    ],
+)
+def test_beam_is_blocked_by_the_first_thing_that_robots_cannot_pass(
+    echoes: list[TargetEchoes], expected: list[float]
+) -> None:
+    beams, lengths = blocking_echoes(len(RANGES), echoes)
+    assert blocked_ranges(RANGES, beams, lengths).tolist() == expected
+    assert RANGES.tolist() == [5.0, 5.0, 80.0]
+
+
+def test_echoes_of_a_scan_count_only_if_all_lines_came() -> None:
+    collector = EchoCollector()
+    scan = RangeScan(1.0, "a", 0.1, 0.2, RANGES)
+    lines = [EchoLine(1.0, "a", k, 2, target((0, k, "hit"))) for k in (1, 2)]
+    collector.take(lines[0])
+    assert collector.of(scan) is None
+    for line in lines:
+        collector.take(line)
+    echoes = collector.of(scan)
+    assert echoes is not None
+    assert len(echoes) == 2
+    assert collector.of(scan) is None
+    collector.take(EchoLine(2.0, "a", 0, 0, None))
+    assert collector.of(RangeScan(2.0, "a", 0.1, 0.2, RANGES)) == []
+
+
+class NoEchoes(InProcessTransport):
+    """A link to a server that does not know ECHOES."""
+
+    def send(self, data: bytes) -> None:
+        if b"ECHOES" not in data:
+            super().send(data)
+
+
+def drive_at_a_thin_bush(link: type[InProcessTransport], **changed: Any) -> Any:
+    """Drive through a bush of 1 m and density .7; return the result and the touches."""
+    bush = RandomMap(0, "thin", (Disc(0, 0, 0.5),), 0.7, (-3.0, 0.1), (3.0, 0.1))
+    host = Host(load_random_map(bush))
+    monitor = GroundTruthMonitor(host)
+    mission = Mission(
+        algorithm=Algorithm.BUG2,
+        goals=(bush.goal,),
+        safety_distance=0.5,
+        time_limit=100.0,
+        **changed,
+    )
+    with Client(link(host, after_tick=monitor.watch)) as client:
+        return run_mission(client, mission).outcome, monitor.collisions
+
+
+def test_thin_bush_is_not_touched_by_who_uses_echoes() -> None:
+    assert drive_at_a_thin_bush(InProcessTransport) == ("reached", 0)
+
+
+@pytest.mark.parametrize(
+    ("link", "changed"),
+    [
+        pytest.param(NoEchoes, {}, id="server without echoes"),
+        pytest.param(InProcessTransport, {"echoes": False}, id="not asked for"),
+    ],
+)
+def test_ranges_alone_lead_into_a_thin_bush(
+    link: type[InProcessTransport], changed: dict[str, Any]
+) -> None:
+    with pytest.raises(Exception, match="safety distance too small"):
+        drive_at_a_thin_bush(link, **changed)

@@ -1,0 +1,150 @@
+import math
+from typing import Any
+
+import pytest
+
+from radarsim.autonomy.navigation.mission import MARGIN, Mission, run_mission
+from radarsim.autonomy.navigation.options import Algorithm
+from radarsim.autonomy.navigation.runner import NavigationStep, Result
+from radarsim.client import Client
+from radarsim.errors import ClientError, NavigationError
+from radarsim.geometry import Pose2
+from radarsim.scene.scene import Scene
+from radarsim.server.host import Host
+from radarsim.server.host.lockstep import InProcessTransport
+from radarsim.simulation.config import SimulationConfig
+
+HALF_DIAGONAL = 0.371  # m, of a P3AT
+
+
+class NoStartPoses(InProcessTransport):
+    """A link to a server that announces no start poses."""
+
+    def receive(self, timeout: float) -> bytes:
+        while b"StartPoses" in (data := super().receive(timeout)):
+            pass
+        return data
+
+
+def mission(**overrides: Any) -> Mission:
+    values = {"algorithm": Algorithm.BUG1, "goals": ((-7.0, 0.0),), **overrides}
+    return Mission(**values)
+
+
+def first_pose(link: InProcessTransport, **overrides: Any) -> Pose2:
+    """Return the true pose of the robot at its start."""
+    poses: list[Pose2] = []
+
+    def look(_: NavigationStep) -> None:
+        poses.append(link.host.simulation.vehicles[0].robot.pose)
+
+    with Client(link) as client:
+        run_mission(client, mission(time_limit=0.1, **overrides), look)
+    return poses[0]
+
+
+def run(
+    scene: Scene, config: SimulationConfig | None = None, **overrides: Any
+) -> Result:
+    with Client(InProcessTransport(Host(scene, config=config))) as client:
+        return run_mission(client, mission(**overrides))
+
+
+@pytest.mark.parametrize(
+    ("overrides", "expected"),
+    [
+        pytest.param({}, Pose2(-8.0, 0.0), id="the server's first"),
+        pytest.param({"start": "RobotStart2"}, Pose2(-8.0, 3.5), id="a name"),
+        pytest.param({"start": "robotstart2"}, Pose2(-8.0, 3.5), id="in any case"),
+        pytest.param({"pose": Pose2(-3.0, 1.0, 0.5)}, Pose2(-3.0, 1.0, 0.5), id="pose"),
+    ],
+)
+def test_start_pose_of_a_mission(
+    foliage_room: Scene, overrides: dict[str, Any], expected: Pose2
+) -> None:
+    pose = first_pose(
+        InProcessTransport(Host(foliage_room)), safety_distance=0.5, **overrides
+    )
+    assert (pose.x, pose.y) == pytest.approx((expected.x, expected.y), abs=0.05)
+    assert math.remainder(pose.yaw - expected.yaw, 2 * math.pi) == pytest.approx(
+        0, abs=0.05
+    )
+
+
+def test_start_that_the_map_does_not_have_is_an_error(empty_room: Scene) -> None:
+    with pytest.raises(NavigationError, match="start 'Nowhere', expected one of"):
+        run(empty_room, start="Nowhere")
+
+
+def test_start_is_not_checked_if_the_server_announces_none(
+    foliage_room: Scene,
+) -> None:
+    pose = first_pose(NoStartPoses(Host(foliage_room)), start="RobotStart2")
+    assert (pose.x, pose.y) == pytest.approx((-8.0, 3.5), abs=0.05)
+
+
+def test_robot_that_does_not_spawn_is_an_error(empty_room: Scene) -> None:
+    expected = "no reading of the robot 'Submarine': robot class 'Submarine', expected"
+    with pytest.raises(ClientError, match=expected):
+        run(empty_room, robot_class="Submarine")
+
+
+def test_half_circle_of_beams_leaves_bumpers_blind(empty_room: Scene) -> None:
+    with pytest.raises(
+        NavigationError,
+        match="sees 180 degrees, so the bumpers back_left, back, back_right are blind",
+    ):
+        run(empty_room, robot_class="P3AT")
+
+
+def test_safety_distance_below_the_hull_is_an_error(empty_room: Scene) -> None:
+    with pytest.raises(NavigationError, match=r"expected at least 0\.371 m"):
+        run(empty_room, safety_distance=0.36)
+
+
+def test_safety_distance_below_what_is_seen_into_foliage_is_an_error(
+    empty_room: Scene,
+) -> None:
+    with pytest.raises(
+        NavigationError, match=r"1\.371 m, .* 1\.00 m seen into foliage"
+    ):
+        run(empty_room, safety_distance=1.3, penetration_depth=1.0)
+
+
+@pytest.mark.parametrize("penetration_depth", [0.0, 0.8])
+def test_default_safety_distance_is_hull_foliage_and_margin(
+    empty_room: Scene, penetration_depth: float
+) -> None:
+    result = run(empty_room, penetration_depth=penetration_depth, time_limit=0.1)
+    expected = HALF_DIAGONAL + penetration_depth + MARGIN
+    assert result.safety_distance == pytest.approx(expected, abs=1e-3)
+
+
+@pytest.mark.parametrize("unit", ["rad_per_s", "rev_per_s"])
+def test_wheel_speeds_are_in_the_unit_of_the_server(
+    empty_room: Scene, unit: Any
+) -> None:
+    result = run(empty_room, SimulationConfig(drive_unit=unit), drive_unit=unit)
+    assert result.outcome == "reached"
+    assert result.time == pytest.approx(0.9 / 0.3, abs=0.7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("wall_on_left", "sign"),
+    [pytest.param(True, -1, id="left"), pytest.param(False, 1, id="right")],
+)
+def test_robot_turns_the_boundary_to_the_chosen_side(
+    foliage_room: Scene, wall_on_left: bool, sign: int
+) -> None:
+    turns: list[float] = []
+    plan = mission(
+        goals=((8.0, 0.0),),
+        start="RobotStart1",
+        safety_distance=2.0,
+        wall_on_left=wall_on_left,
+        time_limit=30.0,
+    )
+    with Client(InProcessTransport(Host(foliage_room))) as client:
+        run_mission(client, plan, lambda moment: turns.append(moment.twist.turn))
+    assert max(turns, key=abs) * sign == pytest.approx(plan.speed_limits.turn)

@@ -1,0 +1,150 @@
+"""Paths that are planned on what is seen so far."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+from radarsim.autonomy.navigation.bumpers import Bumpers
+from radarsim.autonomy.navigation.control import SpeedLimits
+from radarsim.autonomy.navigation.controller import Activity, ControllerSettings
+from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.navigation.options import Algorithm
+from radarsim.autonomy.navigation.path_planning import (
+    ObstacleGrid,
+    PathPlanning,
+    may_join_outside,
+)
+from radarsim.geometry import Pose2
+
+World = Callable[..., Any]
+S = 0.5
+BOX = shapely.box(-1.5, -2, 1.5, 2.5)
+TRAP = shapely.box(-1.5, -2, 1, 2).difference(shapely.box(-4, -1.9, 0.9, 1.9))
+CELL = shapely.box(-2, -2, 2, 2).difference(shapely.box(-1.9, -1.9, 1.9, 1.9))
+
+
+def planning(*goals: tuple[float, float]) -> PathPlanning:
+    settings = ControllerSettings(
+        algorithm=Algorithm.PLANNED,
+        bumpers=Bumpers(safety_distance=S),
+        speed_limits=SpeedLimits(0.6, 1.5),
+    )
+    return PathPlanning(goals, settings)
+
+
+@pytest.mark.parametrize(
+    ("shape", "way"),
+    [
+        # around a box: two straight lines and an arc, touching the box grown by S
+        pytest.param(
+            BOX, shapely.box(-1.5, -2, 1.5, 2.5), id="box", marks=pytest.mark.slow
+        ),
+        pytest.param(TRAP, shapely.box(-1.5, -2, 1, 2), id="trap"),
+    ],
+)
+def test_path_is_little_longer_than_the_shortest(
+    flatland: World, shape: shapely.Polygon, way: shapely.Polygon
+) -> None:
+    world = flatland(shape, at=Pose2(-6.0, 0.0))
+    planned = planning((6.0, 0.2))
+    world.run(planned)
+    assert planned.activity is Activity.REACHED
+    assert world.nearest > 0.4
+    ends = shapely.LineString([(-6, 0), (6, 0.2)])
+    hull = shapely.union(way.buffer(S), ends).convex_hull.exterior
+    around = [hull.project(shapely.Point(*end)) for end in ends.coords]
+    half = abs(around[1] - around[0])
+    assert world.length <= 1.15 * min(half, hull.length - half)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("start", "goal"),
+    [
+        pytest.param((-6.0, 0.3), (0.2, 0.1), id="goal inside"),
+        pytest.param((0.1, 0.2), (6.0, 0.4), id="start inside"),
+    ],
+)
+def test_closed_box_has_no_path(
+    flatland: World, start: tuple[float, float], goal: tuple[float, float]
+) -> None:
+    world = flatland(CELL, at=Pose2(*start, 1.0))
+    planned = planning(goal)
+    world.run(planned, steps=3000)
+    assert planned.activity is Activity.NO_PATH
+    assert world.nearest > 0.4
+
+
+@pytest.mark.slow
+def test_way_around_a_wall_longer_than_the_grid_is_found(flatland: World) -> None:
+    wall = shapely.box(1.5, -9.5, 1.7, 30)
+    world = flatland(wall, at=Pose2(0.0, 0.0))
+    planned = planning((3.2, 0.0))
+    world.run(planned, steps=3000)
+    assert planned.activity is Activity.REACHED
+    assert world.length < 1.2 * shapely.LineString([(0, 0), (1.6, -10)]).length * 2
+    assert world.nearest > 0.4
+
+
+@pytest.mark.slow
+def test_waypoints_are_reached_in_turn(flatland: World) -> None:
+    world = flatland(BOX, at=Pose2(-4.0, -4.0))
+    goals = [(-4.0, 4.0), (4.0, 4.0)]
+    planned = planning(*goals)
+    world.run(planned)
+    assert planned.activity is Activity.REACHED
+    places = iter(world.track)
+    for x, y in goals:
+        assert any(math.hypot(p.x - x, p.y - y) < 0.11 for p in places)
+    with pytest.raises(ValueError, match="no goals"):
+        planning()
+
+
+def test_what_is_seen_behind_something_thin_is_on_the_grid() -> None:
+    grid, bearings = ObstacleGrid([(0.0, 0.0), (4.0, 0.0)]), np.zeros(1)
+    behind = np.array([[0.0, 3.0]])
+    grid.add(Observation(0.0, Pose2(0.0, 0.0), bearings, np.full(1, 2.0), behind))
+    cost = grid.cost(0.3)
+    assert math.isinf(cost[grid.cell((2.0, 0.0))])
+    assert math.isinf(cost[grid.cell((3.0, 0.0))])
+    assert cost[grid.cell((1.0, 0.0))] == 1
+
+
+def test_what_has_driven_away_is_forgotten() -> None:
+    grid, bearings = ObstacleGrid([(0.0, 0.0), (4.0, 0.0)]), np.zeros(1)
+    for length in (2.0, *[4.0] * 3):
+        pose = Pose2(0.0, 0.0)
+        grid.add(Observation(0.0, pose, bearings, np.full(1, length)))
+    assert cost_is_open(grid, (2.0, 0.0))
+    assert not cost_is_open(grid, (4.0, 0.0))
+
+
+def test_grid_keeps_what_it_has_seen_when_it_grows() -> None:
+    grid = ObstacleGrid([(0.0, 0.0), (4.0, 0.0)])
+    grid.add(Observation(0.0, Pose2(0.0, 0.0), np.zeros(1), np.full(1, 2.0)))
+    shape = grid.cost(0.3).shape
+    far = grid.cell((0.0, -12.0))
+    grid.grow()
+    assert np.array(grid.cost(0.3).shape).tolist() == [n + 160 for n in shape]
+    assert not cost_is_open(grid, (2.0, 0.0))
+    assert grid.cell((0.0, -12.0)) != far
+    assert grid.centres(np.array([grid.cell((0.0, -12.0))]))[0] == pytest.approx(
+        [0.0, -12.0], abs=0.051
+    )
+
+
+def test_only_what_is_open_to_the_border_may_be_joined_outside() -> None:
+    rows, columns = np.indices((20, 30))
+    wall = columns == 15
+    assert may_join_outside(~wall, (10, 5), (10, 25))
+    ring = np.maximum(abs(rows - 10), abs(columns - 22)) == 3
+    assert not may_join_outside(~ring, (10, 5), (10, 22))
+    assert not may_join_outside(~ring, (10, 22), (10, 5))
+
+
+def cost_is_open(grid: ObstacleGrid, point: tuple[float, float]) -> bool:
+    return bool(np.isfinite(grid.cost(0.3)[grid.cell(point)]))

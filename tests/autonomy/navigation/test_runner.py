@@ -1,0 +1,353 @@
+"""A pilot at a server that is well, and at servers that are not."""
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import pytest
+
+from radarsim.autonomy.navigation.controller import Activity
+from radarsim.autonomy.navigation.mission import Mission, run_mission
+from radarsim.autonomy.navigation.options import Algorithm, PoseSource
+from radarsim.autonomy.navigation.runner import NavigationStep, Result
+from radarsim.client import Client
+from radarsim.errors import ClientError, NavigationError
+from radarsim.geometry import Pose2
+from radarsim.protocol.commands import Drive, parse_command
+from radarsim.protocol.dialect import COMPAT, UDK
+from radarsim.scene.scene import Scene
+from radarsim.server.host import Host
+from radarsim.server.host.lockstep import InProcessTransport
+from radarsim.simulation.clock import TICK
+from radarsim.simulation.config import SimulationConfig
+
+GOAL = (-5.5, 0.5)  # from RobotStart1 of the empty room, nothing is in the way
+SCANS = b"{Type RangeScanner}"
+ALWAYS, NEVER = 0.0, math.inf
+
+
+@dataclass
+class FaultyTransport:
+    """A link to a host that has a fault for some time.
+
+    Attributes:
+        host: The server.
+        fault: ``stalls``: all data is late; ``drops``: the connection is lost; else:
+            lines that contain this are removed.
+        since: Start of the fault, simulated s.
+        until: End of the fault, simulated s.
+        driven: Time and content of each DRIVE command.
+        deaf: Whether DRIVE commands are lost.
+        rewrite: Changes the data that arrives, last.
+    """
+
+    host: Host
+    fault: str | bytes = "nothing"
+    since: float = NEVER
+    until: float = NEVER
+    ignores_drive: bool = False
+    drive_commands: list[tuple[float, Drive]] = field(default_factory=list)
+    rewrite: Callable[[bytes], bytes] = bytes
+
+    def __post_init__(self) -> None:
+        self._link = InProcessTransport(self.host)
+        self._held = b""
+
+    @property
+    def is_faulty(self) -> bool:
+        return self.since <= self.time() < self.until
+
+    def time(self) -> float:
+        return self.host.simulation.time
+
+    def send(self, data: bytes) -> None:
+        if self.fault == "drops" and self.is_faulty:
+            raise ConnectionError("the server closed the connection")
+        command = parse_command(data.decode().strip(), COMPAT).command
+        if isinstance(command, Drive):
+            self.drive_commands.append((self.time(), command))
+        if not (self.ignores_drive and isinstance(command, Drive)):
+            self._link.send(data)
+
+    def receive(self, timeout: float) -> bytes:
+        end = self.time() + max(timeout, TICK)
+        while self.time() < end - TICK / 2:
+            if self.fault == "drops" and self.is_faulty:
+                self._link.close()
+                raise ConnectionError("the server closed the connection")
+            self.host.step()
+            data = self.rewrite(self._passing(self.host.take(self._link.number)))
+            if data:
+                return data
+        raise TimeoutError
+
+    def _passing(self, data: bytes) -> bytes:
+        if isinstance(self.fault, bytes) and self.is_faulty:
+            lines = data.splitlines(keepends=True)
+            return b"".join(line for line in lines if self.fault not in line)
+        if self.fault == "stalls" and self.is_faulty:
+            self._held += data
+            return b""
+        data, self._held = self._held + data, b""
+        return data
+
+    def close(self) -> None:
+        self._link.close()
+
+    @property
+    def pose(self) -> Pose2:
+        """True pose of the robot."""
+        return self.host.simulation.vehicles[0].robot.pose
+
+
+def go(
+    link: FaultyTransport, observe: Callable[[NavigationStep], None] = lambda _: None
+) -> Result:
+    return go_with(link, observe=observe)
+
+
+def go_with(
+    link: FaultyTransport,
+    *,
+    observe: Callable[[NavigationStep], None] = lambda _: None,
+    **overrides: object,
+) -> Result:
+    values = {"algorithm": Algorithm.BUG2, "goals": (GOAL,), **overrides}
+    mission = Mission(**values)  # type: ignore[arg-type]
+    return run_mission(Client(link), mission, observe)
+
+
+def stops(link: FaultyTransport) -> list[float]:
+    return [
+        when for when, drive in link.drive_commands if drive.left == drive.right == 0
+    ]
+
+
+@pytest.mark.parametrize("pose_source", list(PoseSource))
+def test_goal_is_reached_by_any_pose_source(
+    empty_room: Scene, pose_source: PoseSource
+) -> None:
+    link = FaultyTransport(Host(empty_room))
+    moments: list[NavigationStep] = []
+    result = go_with(link, pose_source=pose_source, observe=moments.append)
+    assert (result.outcome, result.goals_left) == ("reached", 0)
+    assert math.dist((link.pose.x, link.pose.y), GOAL) < 0.3
+    assert stops(link) == [link.drive_commands[-1][0]]
+    assert result.path_length == pytest.approx(math.dist((-8, 0), GOAL), abs=0.3)
+    assert result.time == pytest.approx((len(moments) - 1) * 0.1, abs=1e-6)
+    assert moments[-1].activity is Activity.REACHED
+    assert moments[-1].goal is None
+    assert {moment.goal for moment in moments[:-1]} == {GOAL}
+    assert result.nearest == min(moment.observation.ranges.min() for moment in moments)
+
+
+def test_robot_is_commanded_before_the_observer_is_called(empty_room: Scene) -> None:
+    """So that an observer that takes long, as a film does, makes no command late."""
+    link = FaultyTransport(Host(empty_room))
+    commands: list[int] = []
+    go_with(link, observe=lambda _: commands.append(len(link.drive_commands)))
+    assert commands[:3] == [1, 2, 3]
+
+
+def test_navigator_reaches_waypoints_in_turn(empty_room: Scene) -> None:
+    link = FaultyTransport(Host(empty_room))
+    points = ((-7.0, 0.0), (-7.0, 1.5), GOAL)
+    seen: list[object] = []
+    result = go_with(
+        link, goals=points, observe=lambda moment: seen.append(moment.goal)
+    )
+    assert list(dict.fromkeys(seen)) == [*points, None]
+    assert result.outcome == "reached"
+
+
+def test_robot_is_stopped_if_the_server_pauses_for_three_seconds(
+    empty_room: Scene,
+) -> None:
+    link = FaultyTransport(Host(empty_room), "stalls", since=3.0, until=6.0)
+    with pytest.raises(ClientError) as error:
+        go(link)
+    assert str(error.value) == (
+        "no scan of 'lms200' within 2 s, nothing came; the robot was told to stop"
+    )
+    assert 3.4 < stops(link)[0] < 3.7
+    stood = link.pose
+    for _ in range(100):
+        link.host.step()
+    assert link.pose == stood
+
+
+def test_run_goes_on_after_a_pause_shorter_than_the_timeout(empty_room: Scene) -> None:
+    link = FaultyTransport(Host(empty_room), "stalls", since=3.0, until=6.0)
+    result = go_with(link, timeout=5.0)
+    assert result.outcome == "reached"
+    stopped = stops(link)[0]
+    assert 3.4 < stopped < 3.7
+    assert not [when for when, _ in link.drive_commands if stopped < when < 6.0]
+    assert math.dist((link.pose.x, link.pose.y), GOAL) < 0.3
+
+
+def test_dropped_connection_is_an_error(empty_room: Scene) -> None:
+    link = FaultyTransport(Host(empty_room), "drops", since=3.0)
+    with pytest.raises(ClientError, match="the server closed the connection"):
+        go(link)
+    assert not link.host.simulation.vehicles  # it takes the robot with it
+
+
+def test_robot_is_stopped_if_no_more_scans_arrive(
+    empty_room: Scene,
+) -> None:
+    link = FaultyTransport(Host(empty_room), SCANS, since=3.0)
+    with pytest.raises(ClientError) as error:
+        go(link)
+    assert re.fullmatch(
+        r"no scan of 'lms200' within 2 s, what came: .*GroundTruth.*;"
+        " the robot was told to stop",
+        str(error.value),
+    )
+    assert 3.4 < stops(link)[0] < 3.7
+
+
+def test_missing_scans_are_reported(empty_room: Scene) -> None:
+    link = FaultyTransport(Host(empty_room), b"{Range ", since=ALWAYS)
+    with pytest.raises(ClientError, match="no scan of 'lms200' within 2 s"):
+        go(link)
+    assert all(drive.left == drive.right == 0 for _, drive in link.drive_commands)
+
+
+def test_robot_without_scanner_is_an_error(empty_room: Scene) -> None:
+    link = FaultyTransport(Host(empty_room), SCANS, since=ALWAYS)
+    with pytest.raises(ClientError, match="expected a scanner"):
+        go(link)
+
+
+@pytest.mark.parametrize(
+    ("pose_source", "line"),
+    [
+        pytest.param(PoseSource.INS, b"{Type INS}", id="ins"),
+        pytest.param(PoseSource.GROUND_TRUTH, b"{Type GroundTruth}", id="truth"),
+        pytest.param(PoseSource.ODOMETRY, b"{Type Odometry}", id="odometry"),
+    ],
+)
+def test_missing_poses_are_reported(
+    empty_room: Scene, pose_source: PoseSource, line: bytes
+) -> None:
+    link = FaultyTransport(Host(empty_room), line, since=ALWAYS)
+    with pytest.raises(
+        ClientError, match=f"no pose from {pose_source.value} within 2 s"
+    ):
+        go_with(link, pose_source=pose_source)
+
+
+@pytest.mark.parametrize(
+    ("lines", "cure"),
+    [
+        pytest.param(b"nothing", "; expected poses from ins or ground_truth", id="two"),
+        pytest.param(b"{Type INS}", "; expected poses from ground_truth", id="one"),
+    ],
+)
+def test_robot_without_odometry_is_told_with_what_it_has(
+    empty_room: Scene, lines: bytes, cure: str
+) -> None:
+    host = Host(empty_room, config=SimulationConfig(UDK))
+    link = FaultyTransport(host, lines, since=ALWAYS)
+    with pytest.raises(ClientError) as error:
+        go_with(link, pose_source=PoseSource.ODOMETRY, drive_unit="rev_per_s")
+    text = str(error.value)
+    assert text.startswith("no pose from odometry within 2 s, what came: ")
+    assert text.endswith(cure)
+    assert all(drive.left == drive.right == 0 for _, drive in link.drive_commands)
+
+
+def test_without_any_poses_no_other_source_is_proposed(empty_room: Scene) -> None:
+    link = FaultyTransport(Host(empty_room), b"{Location ", since=ALWAYS)
+    with pytest.raises(ClientError, match="no pose from odometry") as error:
+        go_with(link, pose_source=PoseSource.ODOMETRY)
+    assert "expected" not in str(error.value)
+
+
+def test_stuck_robot_is_an_error(empty_room: Scene) -> None:
+    link = FaultyTransport(Host(empty_room), ignores_drive=True)
+    with pytest.raises(NavigationError, match=r"stays at -8\.00 0\.00, told to go 3 m"):
+        go(link)
+    assert stops(link) == [link.drive_commands[-1][0]]
+
+
+def test_time_is_limited(empty_room: Scene) -> None:
+    link = FaultyTransport(Host(empty_room))
+    result = go_with(link, time_limit=2.0)
+    assert (result.outcome, result.goals_left) == ("failed", 1)
+    assert result.time == pytest.approx(2.1)
+    assert stops(link) == [link.drive_commands[-1][0]]
+
+
+def test_robot_is_stopped_after_any_error(empty_room: Scene) -> None:
+    link = FaultyTransport(Host(empty_room))
+
+    def interrupt(moment: NavigationStep) -> None:
+        if moment.observation.time > 2.0:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        go(link, interrupt)
+    assert stops(link) == [link.drive_commands[-1][0]]
+
+
+def without_stamps(data: bytes) -> bytes:
+    return re.sub(rb" \{Time [^}]*\}", b"", data)
+
+
+def with_one_stamp(data: bytes) -> bytes:
+    return re.sub(rb"\{Time [^}]*\}", b"{Time 7.00}", data)
+
+
+STAMPS = pytest.mark.parametrize(
+    "rewrite",
+    [
+        pytest.param(without_stamps, id="no stamps"),
+        pytest.param(with_one_stamp, id="always the same stamp"),
+    ],
+)
+
+
+@STAMPS
+def test_time_is_limited_at_a_server_without_a_clock(
+    empty_room: Scene, rewrite: Callable[[bytes], bytes]
+) -> None:
+    link = FaultyTransport(Host(empty_room), rewrite=rewrite)
+    moments: list[NavigationStep] = []
+    result = go_with(link, time_limit=2.0, observe=moments.append)
+    assert result.outcome == "failed"
+    assert result.time == pytest.approx(2.1)
+    assert all(math.isfinite(moment.observation.time) for moment in moments)
+
+
+@STAMPS
+def test_stuck_robot_is_an_error_at_a_server_without_a_clock(
+    empty_room: Scene, rewrite: Callable[[bytes], bytes]
+) -> None:
+    link = FaultyTransport(Host(empty_room), ignores_drive=True, rewrite=rewrite)
+    with pytest.raises(NavigationError, match="told to go 3 m"):
+        go_with(link, time_limit=60.0)
+
+
+def test_scanner_names_ignore_case(empty_room: Scene) -> None:
+    seen: list[NavigationStep] = []
+
+    def rewrite(data: bytes) -> bytes:
+        return data.replace(b"lms200", b"LMS200") if seen else data
+
+    link = FaultyTransport(Host(empty_room), rewrite=rewrite)
+    assert go_with(link, observe=seen.append).outcome == "reached"
+
+
+def test_scan_that_lost_most_of_its_beams_is_refused(empty_room: Scene) -> None:
+    seen: list[NavigationStep] = []
+
+    def rewrite(data: bytes) -> bytes:
+        return re.sub(rb"\{Range [^}]*\}", b"{Range 5,5}", data) if seen else data
+
+    link = FaultyTransport(Host(empty_room), rewrite=rewrite)
+    with pytest.raises(ClientError, match=r"scan of 2 ranges from .*, expected \d+$"):
+        go_with(link, observe=seen.append)
+    assert stops(link) == [link.drive_commands[-1][0]]

@@ -1,0 +1,87 @@
+"""Whether what was circled still stands."""
+
+import math
+from dataclasses import replace
+from typing import Any, Protocol
+
+import pytest
+import shapely
+
+from radarsim.autonomy.navigation.boundary_memory import StandingObstacle
+from radarsim.geometry import Pose2
+
+BOX = shapely.box(1, -1, 2, 1)
+
+
+class World(Protocol):
+    """Makes a flat world of polygons, with the robot at a pose."""
+
+    def __call__(self, *shapes: shapely.Polygon, at: Pose2) -> Any: ...
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.0, -3.0])
+@pytest.mark.parametrize(
+    ("shapes", "has_gone"),
+    [
+        pytest.param([BOX], False, id="stands"),
+        pytest.param([], True, id="gone"),
+        pytest.param([shapely.box(1.1, -0.9, 2, 1)], False, id="pose has drifted"),
+        pytest.param([shapely.box(5, -4, 6, 4)], True, id="moved away"),
+        pytest.param([BOX, shapely.box(3, -4, 4, 4)], False, id="wall behind"),
+    ],
+)
+def test_obstacle_has_gone_if_beams_go_through_where_it_was(
+    flatland: World, shapes: list[shapely.Polygon], has_gone: bool, yaw: float
+) -> None:
+    obstacle = StandingObstacle()
+    ring = BOX.exterior
+    for along in range(int(ring.length * 10)):
+        point = ring.interpolate(along / 10)
+        obstacle.add((point.x, point.y), yaw)
+    world = flatland(*shapes, at=Pose2(0.0, 0.2, yaw))
+    assert obstacle.has_gone(world.scan()) is has_gone
+
+
+@pytest.mark.parametrize("stands", [True, False])
+def test_obstacle_that_is_seen_at_a_drifted_yaw_has_not_gone(
+    flatland: World, stands: bool
+) -> None:
+    """After a circuit of many turns the INS is some degrees off."""
+    obstacle, poles = StandingObstacle(), []
+    for k in range(20):
+        angle = k * math.tau / 20
+        pole = 2 * math.cos(angle), 2 * math.sin(angle)
+        poles.append(shapely.Point(pole).buffer(0.1))
+        for yaw in (0.0, 1.0):
+            obstacle.add(pole, yaw)
+    world = flatland(*poles[: 20 * stands], at=Pose2(0.0, 0.0, 0.0))
+    scan = world.scan()
+    drifted = replace(scan, pose=Pose2(0.0, 0.0, math.radians(9)))
+    assert obstacle.has_gone(drifted) is not stands
+
+
+@pytest.mark.parametrize(
+    ("points", "begins"),
+    [
+        pytest.param([(0.1, 0), (0.4, 0), (0.7, 0), (1.0, 0), (3, 0)], True, id="hit"),
+        pytest.param([(0.3, 0)], True, id="a pole"),
+        pytest.param([(2, 0), (0.3, 0), (2, 1), (1, 1)], False, id="the other side"),
+    ],
+)
+def test_boundary_begins_where_it_was_hit(
+    points: list[tuple[float, float]], begins: bool
+) -> None:
+    obstacle = StandingObstacle()
+    for point in points:
+        obstacle.add(point, 0.0)
+    assert obstacle.begins_at((0.0, 0.0)) is begins
+
+
+def test_circuit_passes_what_was_hit_only_where_it_was_there_again() -> None:
+    obstacle = StandingObstacle()
+    for station in range(10):  # away from the hit, and around something else
+        obstacle.add((min(station, 5.0), max(station - 5.0, 0.0)), 0.0, station)
+    assert obstacle.passes((0.1, 0.3), 0.0)
+    assert not obstacle.passes((0.1, 0.3), 2.0)
+    obstacle.add((0.2, 0.0), 0.0, 18.0)
+    assert obstacle.passes((0.1, 0.3), 2.0)

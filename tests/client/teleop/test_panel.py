@@ -1,0 +1,141 @@
+import math
+
+import numpy as np
+import pytest
+
+from radarsim.client.teleop.robot_state import RobotState
+from radarsim.client.teleop.terminal import MIN_COLUMNS
+from radarsim.client.teleop.view import (
+    HELP,
+    WIDTH,
+    bearing,
+    help_text,
+    nearest,
+    panel_lines,
+    warnings,
+)
+from radarsim.geometry import Pose2, Pose3
+from radarsim.protocol.reports import (
+    GroundTruth,
+    Ins,
+    Odometry,
+    RangeScan,
+    Status,
+    Touch,
+)
+
+
+def panel(state: RobotState, silence: float = 0.0) -> list[str]:
+    lines = panel_lines(state, speed=0.4, commanded=(-0.4, -0.6), silence=silence)
+    return ["".join(text for _, text in line) for line in lines]
+
+
+def scan(*ranges: float) -> RangeScan:
+    return RangeScan(1.0, "lms200", math.pi / 2, math.pi, np.array(ranges))
+
+
+def fill(state: RobotState) -> None:
+    for time in (1234.5, 1234.6):
+        state.take(Status(time, battery=3599, light=False))
+        state.take(GroundTruth(time, "GndTruth", Pose3(-123.45, 1.0, 0.1, yaw=3.1)))
+        state.take(Ins(time, "InsTest", Pose3(-123.4, 1.2, 0.0, yaw=-3.1)))
+        state.take(Odometry(time, "Odometer", Pose2(0.5, 0.25, 4 * math.pi + 0.5)))
+        state.take(Touch(time, "Bumper", touched=False))
+    state.take(scan(9.0, 5.0, 2.0))
+
+
+def test_panel_shows_every_value(state: RobotState) -> None:
+    fill(state)
+    text = "\n".join(panel(state))
+    for expected in (
+        "DM-Test",
+        "P3AT, lms200",
+        "battery        3599 s",
+        "speed          0.40 m/s",
+        "ordered       -0.40 m/s -34°/s",
+        "measured       0.00 m/s   0°/s",
+        "INS      -123.40   1.20  -178°",
+        "odometry    0.50   0.25    29°",
+        "truth    -123.45   1.00   178°",
+        "touch    no",
+        "nearest  2.01 m, 84° left",
+    ):
+        assert expected in text
+
+
+def test_names_from_the_server_are_printable(state: RobotState) -> None:
+    state.level = "a\x1b[2J"
+    assert panel(state)[0] == r"a\x1b[2J"
+
+
+def test_unknown_values_are_dashes(state: RobotState) -> None:
+    text = "\n".join(panel(state))
+    for name in ("time", "scans", "battery", "measured", "INS", "truth", "touch"):
+        assert any(
+            line.startswith(name) and "-" in line for line in text.splitlines()
+        ), name
+    assert "nothing seen" in text
+    assert "no scan yet" in text
+
+
+def test_panel_fits_on_24_rows(state: RobotState) -> None:
+    fill(state)
+    lines = panel(state, silence=2.4)
+    assert max(map(len, lines)) <= WIDTH
+    assert len(lines) <= 23
+    assert len(HELP) <= MIN_COLUMNS
+
+
+def test_touch_is_highlighted(state: RobotState) -> None:
+    state.take(Touch(1.0, "Front", touched=False))
+    state.take(Touch(1.0, "Back", touched=True))
+    assert "touch    TOUCHING" in panel(state)
+
+
+@pytest.mark.parametrize(
+    ("angle", "text"),
+    [
+        pytest.param(0.0, "ahead", id="ahead"),
+        pytest.param(math.pi / 2, "90° left", id="left"),
+        pytest.param(-math.pi / 2, "90° right", id="right"),
+        pytest.param(-math.pi, "behind", id="behind"),
+        pytest.param(3 * math.pi / 2, "90° right", id="wrapped"),
+    ],
+)
+def test_bearings_are_given_in_words(angle: float, text: str) -> None:
+    assert bearing(angle) == text
+
+
+@pytest.mark.parametrize(
+    ("ranges", "style", "text"),
+    [
+        pytest.param((9.0, 0.4, 9.0), "class:near", "0.60 m, ahead", id="near"),
+        pytest.param((9.0, 5.0, 9.0), "class:far", "5.20 m, ahead", id="far"),
+        pytest.param((10.0, 10.0, 10.0), "", "nothing seen", id="nothing"),
+    ],
+)
+def test_nearest_obstacle_is_measured_from_the_centre_and_coloured(
+    state: RobotState, ranges: tuple[float, ...], style: str, text: str
+) -> None:
+    state.take(scan(*ranges))
+    assert nearest(state) == (style, text)
+
+
+def test_panel_warns(state: RobotState) -> None:
+    assert warnings(state, 0.1) == ["no scan yet"]
+    state.take(scan(0.0, 0.0, 0.0))
+    state.take(Status(1.0, battery=0, light=False))
+    assert warnings(state, 1.26) == [
+        "server silent for 1.3 s",
+        "scanner blinded: reads 0",
+        "battery empty",
+    ]
+    state.take(scan(1.0, 1.0, 1.0))
+    state.take(Status(1.0, battery=5, light=False))
+    assert warnings(state, 0.1) == []
+
+
+@pytest.mark.parametrize("width", [7, 20, 40, 60, 64, 200])
+def test_the_key_that_quits_is_shown_however_narrow_the_terminal_is(width: int) -> None:
+    assert help_text(width).endswith("q quits")
+    assert len(help_text(width)) <= width

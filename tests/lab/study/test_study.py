@@ -1,0 +1,329 @@
+"""The study of radar and lasers: its maps, its estimates, its files."""
+
+import itertools
+import json
+import math
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import pytest
+from commands import Run, run_in_process
+from scipy import stats
+
+from radarsim import __version__
+from radarsim.autonomy.evaluation.shortest_path import shortest_path
+from radarsim.autonomy.navigation.options import Algorithm
+from radarsim.lab.study.findings import find_losses, headline, summary_sentences
+from radarsim.lab.study.maps import (
+    MAPPING,
+    QUICK,
+    ROBOT_RADIUS,
+    StudyTask,
+    make_study_map,
+    run_study_task,
+    study_tasks,
+)
+from radarsim.lab.study.page import LOG, PAGE, TABLE, write_study
+from radarsim.lab.study.results import mean, share, summarise
+from radarsim.presets.sensors import load_settings
+
+Row = dict[str, Any]
+
+
+@pytest.mark.parametrize("successes", [0, 3, 10])
+def test_shares_have_the_intervals_of_scipy(successes: int) -> None:
+    interval = stats.binomtest(successes, 10).proportion_ci(method="wilson")
+    estimate = share(successes, 10)
+    assert (estimate.low, estimate.high) == pytest.approx(interval, abs=1e-12)
+
+
+def test_means_have_the_intervals_of_scipy() -> None:
+    values = [1.0, 1.5, 1.2, 4.0]
+    estimate = mean(values)
+    interval = stats.t.interval(0.95, 3, loc=estimate.value, scale=stats.sem(values))
+    assert (estimate.low, estimate.high) == pytest.approx(interval)
+    assert mean([2.0]).low == 2.0
+
+
+def test_interval_of_a_mean_of_shares_ends_at_what_is_possible() -> None:
+    estimate = mean([0.8, 1.0, 1.0])
+    assert estimate.high > 1
+    assert mean([0.1] * 3).is_exact
+    cut = estimate.within(0.0, 1.0)
+    assert (cut.value, cut.low, cut.high) == (estimate.value, estimate.low, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "is_passable"),
+    [("smoke_corridor", True), ("hidden_room", False), ("dead_end", True)],
+)
+def test_maps_let_a_robot_through_or_not(kind: str, is_passable: bool) -> None:
+    texts = set()
+    for seed in range(3):
+        map_ = make_study_map(kind, seed)
+        path = shortest_path(map_.load(), map_.start, map_.goal, ROBOT_RADIUS)
+        assert (path is not None) is is_passable
+        texts.add(map_.text)
+    assert len(texts) == 3
+    assert make_study_map(kind, 1) == make_study_map(kind, 1)
+
+
+def made_up_rows(change: Callable[[StudyTask, Row], None]) -> list[Row]:
+    """Return rows of drives that all arrive and of maps that are whole, but changed."""
+    rows = []
+    for task in study_tasks(4, Algorithm.PLANNED):
+        row: Row = {
+            "seed": task.seed,
+            "map": task.map,
+            "sensor": task.sensor,
+            "method": task.method,
+            "outcome": "reached",
+            "expected": "reached",
+            "collisions": 0,
+            "path_length": 12.0,
+            "shortest_path": 10.0,
+            "reachable_coverage": 1.0,
+            "hidden_coverage": 0.0,
+            "within_two_cells": 1.0,
+            "time": 40.0,
+            "note": "",
+        }
+        change(task, row)
+        rows.append(row)
+    return rows
+
+
+def lose_in_the_office(task: StudyTask, row: Row) -> None:
+    if (task.map, task.sensor) == ("office", "radar"):
+        row["outcome"] = "no_path"
+    if task.sensor == "radar":
+        row["hidden_coverage"] = 0.9
+
+
+def test_findings_tell_where_the_radar_wins_and_loses() -> None:
+    summaries = summarise(made_up_rows(lose_in_the_office))
+    assert summaries["office", "radar"].false_no_path == 4
+    assert summaries["office", "sick"].success.value == 1.0
+    ((is_clear, text),) = find_losses(summaries)
+    assert is_clear
+    assert "office" in text
+    hidden = next(s for s in summary_sentences(summaries) if "bushes" in s)
+    assert "`radar` 90 %" in hidden
+    assert "`sick` 0 %" in hidden
+    assert "with every laser" in text
+
+
+def test_paths_are_compared_on_the_same_maps() -> None:
+    def change(task: StudyTask, row: Row) -> None:
+        if task.map != "forest":
+            return
+        row["path_length"] += 2.0 * task.seed + 0.5 * (task.sensor == "sick")
+        row["time"] += task.seed
+        if task.sensor == "sick" and task.seed == 3:
+            row["outcome"] = "no_path"
+
+    summaries = summarise(made_up_rows(change))
+    radar, sick = summaries["forest", "radar"], summaries["forest", "sick"]
+    assert radar.detour is not None
+    assert sick.detour is not None
+    assert sick.detour.value < radar.detour.value  # the longest drive is missing
+    assert radar.detour_difference is None
+    assert sick.detour_difference is not None
+    assert sick.detour_difference.value == 0.05
+    assert sick.detour_difference.is_exact
+    assert sick.detour_difference.count == 3
+    assert sick.time is not None
+    assert (sick.time.value, sick.time.count) == (41.0, 3)
+
+
+def lose_in_smoke(task: StudyTask, row: Row) -> None:
+    """Let two lasers fail in smoke, one of them without a verdict."""
+    if task.map != "smoke_corridor":
+        return
+    if task.sensor == "physical":
+        row["outcome"] = "no_path"
+    if task.sensor == "hokuyo":
+        row["outcome"] = "too_near" if task.seed else "failed"
+        row["note"] = "" if task.seed else "the robot stays at 0 0"
+
+
+def hide_the_floor(task: StudyTask, row: Row) -> None:
+    lose_in_smoke(task, row)
+    if task.sensor == "radar":
+        row["hidden_coverage"] = 0.998 if task.seed else 0.999
+
+
+def test_headline_names_the_lasers_that_arrive_too() -> None:
+    smoke = (
+        "hrough smoke `radar` and `sick` arrive in 4 of 4, `physical` and `hokuyo` in"
+        " none"
+    )
+    summaries = summarise(made_up_rows(hide_the_floor))
+    assert headline(summaries) == (
+        "Only the radar maps the floor behind bushes (99.8 %, lasers 0 %);\nt" + smoke
+    )
+    only_smoke = {key: each for key, each in summaries.items() if key[0] in QUICK}
+    assert headline(only_smoke) == "T" + smoke
+
+
+def test_headline_makes_no_win_of_what_a_laser_maps_too() -> None:
+    def see_with_a_laser(task: StudyTask, row: Row) -> None:
+        row["hidden_coverage"] = {"radar": 0.9, "sick": 0.5}.get(task.sensor, 0.0)
+
+    told = headline(summarise(made_up_rows(see_with_a_laser)))
+    assert told.startswith(
+        "Behind bushes the radar maps 90 % of the floor, the best laser 50 %;"
+    )
+
+
+def test_path_of_the_radar_is_compared_with_each_laser() -> None:
+    def go_round(task: StudyTask, row: Row) -> None:
+        if task.sensor == "hokuyo":
+            row["path_length"] = 15.0
+
+    sentences = summary_sentences(summarise(made_up_rows(go_round)))
+    (hedge,) = (text for text in sentences if "hedge" in text)
+    assert "as good as with `physical` and `sick`" in hedge
+    assert "shorter than with `hokuyo`;" in hedge
+
+
+def shut_in(task: StudyTask, row: Row) -> None:
+    lose_in_smoke(task, row)
+    if task.map != "office":
+        return
+    row["outcome"] = "reached" if task.method != MAPPING else "time_limit"
+    if task.seed == 2:
+        row["outcome"] = "no_path" if task.method != MAPPING else "explored"
+        row["path_length"] = 0.0
+        row["reachable_coverage"] = 0.25
+
+
+def test_page_tells_how_runs_ended(tmp_path: Path) -> None:
+    rows = made_up_rows(shut_in)
+    write_study(tmp_path, rows, algorithm=Algorithm.PLANNED, seeds=4)
+    page = (tmp_path / PAGE).read_text()
+    hokuyo = "<code>hokuyo</code>"
+    assert f"No verdict: {hokuyo} got stuck in 1 drive and would not start in" in page
+    assert "time limit: <code>radar</code> 3 of 4," in page
+    assert "In the map of seed 2 no robot leaves" in page
+    assert " 25 % of the floor" in page
+    assert "1.20 <small>[n = 3]</small>" in page
+    assert "In the room behind bushes and in the office it also explores" in page
+
+
+def test_page_leaves_out_columns_without_values(tmp_path: Path) -> None:
+    def stay(task: StudyTask, row: Row) -> None:
+        if task.map == "hidden_room":
+            row["expected"] = row["outcome"] = "no_path"
+
+    rows = made_up_rows(stay)
+    write_study(tmp_path, rows, algorithm=Algorithm.PLANNED, seeds=4)
+    page = (tmp_path / PAGE).read_text()
+    column = "<th>path / shortest path</th>"
+    room = page.partition('id="hidden_room"')[2].partition("</table>")[0]
+    assert column in page
+    assert "<th>hidden floor</th>" in room
+    assert column not in room
+
+
+def test_page_tells_the_sensors_as_they_are(tmp_path: Path) -> None:
+    page = quick_page(tmp_path, seeds=1)
+    for sensor in ("radar", "physical", "sick"):
+        assert load_settings(sensor).max_range == 80
+    assert load_settings("hokuyo").max_range == 4
+    assert "reaches 4 m, all others 80 m" in page
+    assert "laser_db_per_m: 2.3," in make_study_map("smoke_corridor", 0).text
+    assert "2.3 dB" in page
+
+
+def test_same_runs_give_the_same_files(tmp_path: Path) -> None:
+    rows = made_up_rows(lose_in_the_office)
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        write_study(tmp_path / name, rows, algorithm=Algorithm.PLANNED, seeds=4)
+    one, two = (
+        {file.name: file.read_bytes() for file in (tmp_path / name).iterdir()}
+        for name in ("one", "two")
+    )
+    assert one == two
+    table = one[TABLE].decode().splitlines()
+    assert len(table) == len(rows) + 1
+    assert "radar_vs_laser.png" in one[PAGE].decode()
+
+
+def test_laser_takes_smoke_for_a_wall() -> None:
+    row = run_study_task(StudyTask(0, "smoke_corridor", "physical", "planned"))
+    assert (row["expected"], row["outcome"]) == ("reached", "no_path")
+    assert math.isclose(row["shortest_path"], 12.0, abs_tol=0.1)
+
+
+def test_runs_of_another_version_are_refused(tmp_path: Path) -> None:
+    row = {
+        "seed": 0,
+        "map": "office",
+        "sensor": "radar",
+        "method": "map",
+        "outcome": "",
+    }
+    for version, told in (("0.0.1", __version__), (None, "a run of a study")):
+        line = row if version is None else {"version": version, **row}
+        (tmp_path / LOG).write_text(json.dumps(line) + "\n")
+        run = run_study("-o", str(tmp_path))
+        assert run.code == 2
+        assert f"{LOG}:1" in run.err
+        assert told in run.err
+
+
+@pytest.mark.slow
+def test_quick_study_is_the_same_after_a_kill(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    assert run_study("-o", str(folder), "--quick", "--workers", "1").code == 0
+    before = {f.name: f.read_bytes() for f in folder.iterdir() if f.name != LOG}
+    log = folder / LOG
+    lines = log.read_text().splitlines(keepends=True)
+    log.write_text("".join(itertools.chain(lines[:-2], [lines[-1][:20]])))
+    (folder / PAGE).unlink()
+    assert run_study("-o", str(folder), "--quick").code == 0
+    after = {f.name: f.read_bytes() for f in folder.iterdir() if f.name != LOG}
+    assert after == before
+
+
+def run_study(*options: str) -> Run:
+    return run_in_process("study", "radar-vs-laser", *options)
+
+
+def test_quick_study_takes_seeds_and_tells_only_what_ran(tmp_path: Path) -> None:
+    page = quick_page(tmp_path, seeds=1)
+    assert "Maps of 1 kind, each drawn anew for\n1 seed;" in page
+    assert "explores" not in page
+    assert "each sensor ran once on each map" in page
+    assert "In this one run of each, the radar is behind the best laser" in page
+    assert " to 100 %" not in page
+    more = quick_page(tmp_path, seeds=3)
+    assert "3 seeds;" in more
+    assert "Intervals are of 95 %" in more
+    assert " to 100 %" in more
+
+
+def quick_page(folder: Path, seeds: int) -> str:
+    """Return the page of a quick study whose runs are there already."""
+    out = folder / f"{seeds}"
+    out.mkdir()
+    drive = {
+        "expected": "reached",
+        "outcome": "reached",
+        "collisions": 0,
+        "path_length": 12.6,
+        "shortest_path": 12.0,
+        "time": 40.0,
+        "note": "",
+    }
+    with (out / LOG).open("w") as log:
+        for task in study_tasks(seeds, Algorithm.PLANNED, QUICK):
+            row = {**asdict(task), **drive, "version": __version__}
+            log.write(json.dumps(row) + "\n")
+    options = [] if seeds == 1 else ["--seeds", str(seeds)]
+    assert run_study("-o", str(out), "--quick", *options).code == 0
+    return (out / PAGE).read_text()

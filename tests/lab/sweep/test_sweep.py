@@ -1,0 +1,316 @@
+"""Sweeps: their files and tables, in which neither workers nor kills show."""
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from commands import Run, run_in_process
+
+import radarsim
+from radarsim.errors import SweepError
+from radarsim.lab.sweep.file import read_sweep, shipped_sweeps
+from radarsim.lab.sweep.folder import ABOUT, LOG, TABLE
+from radarsim.lab.sweep.tasks import prepare_worker
+
+parquet = pytest.importorskip("pyarrow.parquet")
+
+SMALL = """\
+version: 1
+kind: scan
+map: [foliage_room, mine@bare]
+sensor: {name: radar, side_offset_uu: [0, 25.5], fov_deg: 40}
+pose: {x: -7.8, y: {from: -1, to: 1, steps: 2}}
+count: 3
+"""
+MANY_SCANS = SMALL.replace("steps: 2", "steps: 20")
+TRIALS = """\
+version: 1
+kind: trial
+map: [foliage_room, hedge_garden]
+sensor: {name: radar, side_offset_uu: [0, 25]}
+algorithm: [bug1, bug2]
+seed: [0, 1, 2, 3, 4]
+time_limit: 2
+"""
+MINE = """\
+version: 1
+materials: {stone: {density: opaque}}
+objects:
+  - {name: floor, box: [30, 30, 0.2], position: [0, 0, -0.1], material: stone}
+  - {name: wall, box: [0.2, 20, 2], position: [2.1, 0, 1], material: stone}
+variants: {bare: {}}
+"""
+
+
+@pytest.fixture(name="small")
+def small_sweep(tmp_path: Path) -> Path:
+    (tmp_path / "mine.yaml").write_text(MINE)
+    file = tmp_path / "small.yaml"
+    file.write_text(SMALL)
+    return file
+
+
+def sweep(file: Path | str, *options: object) -> Run:
+    return run_in_process("sweep", str(file), *map(str, options))
+
+
+def rows_of(folder: Path) -> list[dict[str, Any]]:
+    rows: list[dict[str, Any]] = parquet.read_table(folder / TABLE).to_pylist()
+    return rows
+
+
+def files_of(folder: Path) -> dict[str, bytes]:
+    return {file.name: file.read_bytes() for file in folder.iterdir()}
+
+
+def test_table_has_a_row_for_each_scan(small: Path) -> None:
+    out = small.parent / "out"
+    assert sweep(small, "-o", out, "--workers", 1).code == 0
+    rows = rows_of(out)
+    assert len(rows) == 2 * 2 * 2 * 3
+    assert len({row["task"] for row in rows}) == 8
+    bare = [row for row in rows if row["map"] == "mine@bare"]
+    angles = np.radians(np.arange(-20, 21))
+    for row in bare:  # the wall is 9.8 m ahead, and nothing in between
+        read = np.array(row["ranges"], float) * np.cos(angles)
+        assert np.abs(read - 9.8).max() < 0.05
+    assert {row["rays"][0] for row in rows} <= {-1, 0, 1}
+    assert {row["error"] for row in rows} == {None}
+    assert json.loads((out / ABOUT).read_text())["version"] == radarsim.__version__
+
+
+def test_value_that_is_added_changes_no_other_row(small: Path) -> None:
+    folder = small.parent
+    sweep(small, "-o", folder / "before", "--workers", 1)
+    more = SMALL.replace("[0, 25.5]", "[10, 0, 25.5]").replace("steps: 2", "steps: 3")
+    small.write_text(more.replace("count: 3", "count: 4"))
+    sweep(small, "-o", folder / "after", "--workers", 1)
+
+    def by_parameters(name: str) -> dict[tuple[Any, ...], Any]:
+        keys = ("map", "sensor.side_offset_uu", "y", "scan")
+        rows = rows_of(folder / name)
+        return {tuple(row[key] for key in keys): row["ranges"] for row in rows}
+
+    before, after = by_parameters("before"), by_parameters("after")
+    assert len(after) == 2 * 3 * 3 * 4
+    assert {key: after[key] for key in before} == before
+
+
+def test_killed_sweep_is_resumed_to_the_same_files(small: Path) -> None:
+    out = small.parent / "out"
+    sweep(small, "-o", out, "--workers", 1)
+    before = files_of(out)
+    lines = before[LOG].decode().splitlines(keepends=True)
+    (out / LOG).write_text("".join([lines[5], lines[2], lines[3][:50]]))
+    (out / TABLE).unlink()
+    refused = sweep(small, "-o", out)
+    assert refused.code == 1
+    assert "--resume" in refused.err
+    again = sweep(small, "-o", out, "--resume", "--workers", 1)
+    assert again.text.startswith("6 tasks, 18 scans in ")
+    assert files_of(out) == before
+
+
+def test_another_sweep_does_not_replace_a_table(small: Path) -> None:
+    out, other = small.parent / "out", small.parent / "other.yaml"
+    other.write_text(SMALL.replace("[0, 25.5]", "[0, 10]"))
+    sweep(small, "-o", out, "--workers", 1)
+    before = files_of(out)
+    refused = sweep(other, "-o", out, "--resume", "--workers", 1)
+    assert refused.code == 1
+    assert "has 4 tasks of 'small.yaml' that 'other.yaml' with its maps" in refused.err
+    assert files_of(out) == before
+    (out / TABLE).unlink()
+    (out / ABOUT).unlink()  # as an old version leaves a sweep that was stopped
+    refused = sweep(other, "-o", out, "--resume", "--workers", 1)
+    assert "has 4 tasks of 'another file' that 'other.yaml'" in refused.err
+    other.write_text(SMALL.replace("[0, 25.5]", "[0, 10, 25.5]"))
+    assert sweep(other, "-o", out, "--resume", "--workers", 1).code == 0
+    assert len(rows_of(out)) == 2 * 3 * 2 * 3
+
+
+def test_stopped_sweep_says_what_it_was(
+    small: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise SweepError("no table today")
+
+    monkeypatch.setattr("radarsim.lab.sweep.folder.write_table", fail)
+    out = small.parent / "out"
+    assert sweep(small, "-o", out, "--workers", 1).code == 1
+    assert json.loads((out / ABOUT).read_text())["file"] == "small.yaml"
+
+
+def test_failed_task_is_a_row_with_its_error(
+    small: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail_sometimes(name: str, **settings: Any) -> Any:
+        if settings["side_offset_uu"] == 0:
+            raise RuntimeError("no such luck")
+        return radarsim.load_sensor(name, **settings)
+
+    monkeypatch.setattr("radarsim.lab.sweep.tasks.load_sensor", fail_sometimes)
+    out = small.parent / "out"
+    run = sweep(small, "-o", out, "--workers", 1)
+    assert run.code == 1
+    assert "4 of 8 tasks failed" in run.err
+    failed = [row for row in rows_of(out) if row["error"]]
+    assert len(failed) == 4
+    assert "no such luck" in failed[0]["error"]
+    assert failed[0]["ranges"] is None
+    monkeypatch.undo()
+    assert sweep(small, "-o", out, "--resume", "--workers", 1).code == 0
+    assert not any(row["error"] for row in rows_of(out))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("count", "counts", ":6:1: counts: unknown key"),
+        ("name: radar", "name: radr", ":4:16: sensor.name: 'radr'"),
+        ("25.5]", "-1]", "sensor.side_offset_uu"),
+        ("steps: 2", "steps: 1", "small.yaml:5:20: pose.y: steps 1, expected 2"),
+        ("kind: scan", "kind: trial", "'pose' is of kind scan"),
+        ("x: -7.8, ", "", "small.yaml:5:7: pose.x: missing"),
+    ],
+)
+def test_mistakes_in_a_file_are_told_with_their_place(
+    small: Path, old: str, new: str, told: str
+) -> None:
+    small.write_text(SMALL.replace(old, new))
+    out = small.parent / "out"
+    run = sweep(small, "-o", out)
+    assert run.code == 1
+    assert f"{small}:" in run.err
+    assert told in run.err
+    assert not out.exists()
+
+
+def test_dry_run_counts_and_writes_nothing(small: Path) -> None:
+    out = small.parent / "out"
+    assert sweep(small, "-o", out, "--dry-run").text == "8 tasks, 24 scans\n"
+    assert not out.exists()
+
+
+def test_worker_and_results_of_another_version_are_refused(small: Path) -> None:
+    with pytest.raises(SweepError, match=r"expected 0\.0\.1"):
+        prepare_worker("0.0.1", {})
+    out = small.parent / "out"
+    out.mkdir()
+    (out / LOG).write_text('{"version": "0.0.1", "task": "x", "rows": []}\n')
+    run = sweep(small, "-o", out, "--resume")
+    assert run.code == 1
+    assert f"{LOG}:1: a task of radarsim '0.0.1'" in run.err
+
+
+def test_shipped_sweeps_are_right() -> None:
+    for name in shipped_sweeps():
+        path, read = read_sweep(name)
+        tasks = list(read.tasks())
+        assert len(tasks) * read.count >= 2000
+        assert read.figure is not None
+        assert math.isfinite(read.figure.beyond_x)
+        assert path.stem == name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["trial", "map"])
+def test_trials_and_maps_are_judged(tmp_path: Path, kind: str) -> None:
+    file = tmp_path / "runs.yaml"
+    map_ = "foliage_room" if kind == "trial" else "empty_room"
+    file.write_text(
+        f"version: 1\nkind: {kind}\nmap: {map_}\nsensor: {{name: sick}}\n"
+        "time_limit: 60\n"
+    )
+    assert sweep(file, "-o", tmp_path / "out", "--workers", 1).code == 0
+    (row,) = rows_of(tmp_path / "out")
+    assert row["collisions"] == 0
+    assert row["path_length"] > 5
+    if kind == "trial":
+        assert row["outcome"] == "reached"
+        assert row["shortest_path"] <= row["path_length"] + 0.2
+    else:
+        assert 0.5 < row["reachable_coverage"] <= 1
+
+
+@pytest.fixture(name="cluster")
+def dask_cluster() -> Iterator[str]:
+    """Start a scheduler with two worker processes, and return its address."""
+    pytest.importorskip("distributed")
+    script = (
+        "from distributed import LocalCluster\n"
+        "if __name__ == '__main__':\n"
+        "    with LocalCluster(2, threads_per_worker=1, dashboard_address=None,\n"
+        "                      host='127.0.0.1') as cluster:\n"
+        "        print(cluster.scheduler_address, flush=True)\n"
+        "        input()\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", script],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        yield process.stdout.readline().strip()
+        process.communicate("\n")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("text", [MANY_SCANS, TRIALS], ids=["scans", "trials"])
+def test_workers_a_cluster_and_a_kill_give_the_same_files(
+    text: str, small: Path, cluster: str
+) -> None:
+    small.write_text(text)
+    folder = small.parent
+    options = {
+        "one": ("--workers", "1"),
+        "two": ("--workers", "2"),
+        "cluster": ("--scheduler", cluster),
+        "killed": ("--workers", "2", "--resume"),
+    }
+    kill_sweep(small, folder / "killed")
+    for name, given in options.items():
+        run = sweep(small, "-o", folder / name, *given)
+        assert (run.code, run.err) == (0, "")
+    one, *others = (files_of(folder / name) for name in options)
+    assert len(one[LOG].splitlines()) == 40 * (1 + (text == MANY_SCANS))
+    assert others == [one] * 3
+
+
+def kill_sweep(file: Path, out: Path) -> None:
+    """Start a sweep with two workers, and kill them all after its first results."""
+    command = [sys.executable, "-m", "radarsim", "sweep", str(file), "-o", str(out)]
+    with subprocess.Popen(
+        [*command, "--workers", "2"], start_new_session=True, stderr=subprocess.PIPE
+    ) as process:
+        while process.poll() is None and not logged(out):
+            time.sleep(0.01)
+        with suppress(ProcessLookupError):  # it has ended by itself meanwhile
+            os.killpg(process.pid, signal.SIGKILL)
+    assert logged(out)
+
+
+def logged(out: Path) -> bytes:
+    """Return what a sweep has logged."""
+    return (out / LOG).read_bytes() if (out / LOG).is_file() else b""
+
+
+@pytest.mark.slow
+def test_cluster_of_another_version_is_refused(
+    small: Path, cluster: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("radarsim.lab.sweep.tasks.__version__", "9.9")
+    run = sweep(small, "-o", small.parent / "refused", "--scheduler", cluster)
+    assert run.code == 1
+    assert f"a worker has radarsim {radarsim.__version__}, expected 9.9" in run.err

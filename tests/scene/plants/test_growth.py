@@ -1,0 +1,135 @@
+"""Growth of wood, its radii, and its surface."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from radarsim.geometry import Floats
+from radarsim.rng import generator_for
+from radarsim.scene.face_passes import connect_faces
+from radarsim.scene.plants.growth import Skeleton, grow
+from radarsim.scene.plants.mesh import ball, bark, tube
+from radarsim.scene.plants.parameters import SHRUB, TREE, YOUNG_TREE, PlantParameters
+from radarsim.scene.shapes import Faces, concatenate
+from radarsim.scene.topology import is_closed
+
+FORMS = [
+    pytest.param(SHRUB, id="shrub"),
+    pytest.param(TREE, id="tree"),
+    pytest.param(YOUNG_TREE, id="young tree"),
+]
+
+
+def grown(parameters: PlantParameters, seed: int = 0) -> Skeleton:
+    return grow(parameters, generator_for(seed, "test"))
+
+
+def volumes(vertices: Floats, faces: Faces) -> Floats:
+    """Return the signed volume of each connected component, m³."""
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    sixths = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6
+    return np.bincount(connect_faces(faces).labels, weights=sixths).astype(np.float64)
+
+
+@pytest.mark.parametrize("parameters", FORMS)
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_every_twig_ends_in_the_crown(parameters: PlantParameters, seed: int) -> None:
+    skeleton = grown(parameters, seed)
+    assert len(skeleton.tips) == parameters.twigs
+    places = (skeleton.points[skeleton.tips] - parameters.centre) / parameters.half_axes
+    assert np.linalg.norm(places, axis=1).max() < 1
+
+
+@pytest.mark.parametrize("parameters", FORMS)
+def test_all_wood_is_connected_to_the_ground(parameters: PlantParameters) -> None:
+    skeleton = grown(parameters)
+    roots = np.flatnonzero(skeleton.parents < 0)
+    assert len(roots) == parameters.stems
+    assert np.abs(skeleton.points[roots, 2]).max() == 0
+    rooted = np.flatnonzero(skeleton.parents >= 0)
+    assert (skeleton.parents[rooted] < rooted).all()
+
+
+@pytest.mark.parametrize("parameters", FORMS)
+def test_branches_are_no_thicker_than_their_parents(
+    parameters: PlantParameters,
+) -> None:
+    skeleton = grown(parameters)
+    rooted = skeleton.parents >= 0
+    thinner = skeleton.radii[rooted] <= skeleton.radii[skeleton.parents[rooted]]
+    assert thinner.all()
+    assert skeleton.radii.max() == pytest.approx(parameters.stem_radius)
+    assert skeleton.radii.min() == pytest.approx(parameters.tip_radius)
+
+
+@pytest.mark.parametrize("parameters", FORMS)
+def test_nothing_branches_off_below_the_clear_height(
+    parameters: PlantParameters,
+) -> None:
+    skeleton = grown(parameters)
+    children = np.bincount(skeleton.parents[skeleton.parents >= 0])
+    forks = np.flatnonzero(children > 1)
+    assert len(forks) > parameters.twigs / 4
+    assert skeleton.points[forks, 2].min() >= parameters.clear_height
+
+
+def test_with_one_level_twigs_branch_off_stems_only() -> None:
+    skeleton = grown(replace(TREE, levels=1))
+    children = np.bincount(skeleton.parents[skeleton.parents >= 0])
+    forks = skeleton.points[np.flatnonzero(children > 1)]
+    assert np.hypot(forks[:, 0], forks[:, 1]).max() < 0.3  # the stem leans a little
+
+
+def test_directness_increases_the_length_of_wood() -> None:
+    def length(directness: float) -> float:
+        skeleton = grown(replace(SHRUB, directness=directness))
+        rooted = skeleton.parents >= 0
+        starts = skeleton.points[skeleton.parents[rooted]]
+        return float(np.linalg.norm(skeleton.points[rooted] - starts, axis=1).sum())
+
+    assert length(0.0) < length(1.0)
+
+
+def test_same_seed_gives_the_same_plant() -> None:
+    one, same, other = grown(TREE), grown(TREE), grown(TREE, 1)
+    assert one.points.tolist() == same.points.tolist()
+    assert one.points.tolist() != other.points.tolist()
+
+
+@pytest.mark.parametrize("parameters", FORMS)
+def test_bark_is_closed_tubes_oriented_outward(parameters: PlantParameters) -> None:
+    skeleton = grown(parameters)
+    vertices, faces = bark(skeleton)
+    assert is_closed(faces)
+    assert volumes(vertices, faces).min() > 0
+    ends = set(range(len(skeleton.points))) - set(skeleton.parents.tolist())
+    assert connect_faces(faces).components == len(ends)
+
+
+@pytest.mark.parametrize("direction", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, -2, 3)])
+def test_tube_has_the_volume_of_its_frustum_and_its_tip(
+    direction: tuple[float, float, float],
+) -> None:
+    along = np.array(direction) / np.linalg.norm(direction)
+    middle = np.outer([0.0, 2.0, 3.0], along)
+    vertices, faces = tube(middle, np.array([0.2, 0.1, 0.0]), 256)
+    frustum = np.pi * 2.0 * (0.2**2 + 0.2 * 0.1 + 0.1**2) / 3
+    tip = np.pi * 1.0 * 0.1**2 / 3
+    assert volumes(vertices, faces) == pytest.approx([frustum + tip], rel=1e-3)
+
+
+def test_ball_lies_on_its_sphere_and_fills_most_of_it() -> None:
+    centre = np.array([1.0, 2.0, 3.0])
+    vertices, faces = ball(centre, 0.25)
+    assert np.linalg.norm(vertices - centre, axis=1) == pytest.approx(0.25)
+    assert is_closed(faces)
+    sphere = 4 / 3 * np.pi * 0.25**3
+    assert 0.75 * sphere < volumes(vertices, faces)[0] < sphere
+
+
+def test_concatenated_meshes_share_no_vertices() -> None:
+    one = ball(np.zeros(3), 1.0)
+    vertices, faces = concatenate([one, one])
+    assert len(vertices) == 2 * len(one[0])
+    assert connect_faces(faces).components == 2

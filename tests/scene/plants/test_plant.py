@@ -1,0 +1,73 @@
+"""One shrub in three shapes."""
+
+import numpy as np
+import pytest
+
+from radarsim.raycast.rays import Rays
+from radarsim.raycast.tracer import Tracer
+from radarsim.scene.face_passes import connect_faces
+from radarsim.scene.material import Material
+from radarsim.scene.plants.calibration import WOODEN, foliage_material
+from radarsim.scene.plants.mesh import ball
+from radarsim.scene.plants.parameters import LEAVES, SHRUB, WOOD
+from radarsim.scene.plants.plant import SHAPES, TUFT_RADIUS, make_plant, make_shrubs
+from radarsim.scene.scene import Part
+from radarsim.scene.topology import is_closed
+
+
+def test_wood_of_all_shapes_is_the_same() -> None:
+    shrubs = make_shrubs(3)
+    assert tuple(shrubs) == SHAPES
+    first, *others = (plant.pieces[WOOD] for plant in shrubs.values())
+    for vertices, faces in others:
+        assert np.array_equal(vertices, first[0])
+        assert np.array_equal(faces, first[1])
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_every_shape_fills_the_crown_exactly(shape: str) -> None:
+    vertices, _ = make_shrubs(3)[shape].pieces[LEAVES]
+    radius = np.linalg.norm(vertices - SHRUB.centre, axis=1)
+    assert radius.max() <= SHRUB.crown_radius * (1 + 1e-12)
+    directions = np.vstack([np.eye(3), -np.eye(3)])
+    extents = ((vertices - SHRUB.centre) @ directions.T).max(axis=0)
+    assert extents.min() > 0.9 * SHRUB.crown_radius
+
+
+def test_volumes_are_closed_and_a_cloud_has_a_ball_for_each_twig() -> None:
+    shrubs = make_shrubs(3)
+    for shape in ("ball", "cloud"):
+        assert is_closed(shrubs[shape].pieces[LEAVES][1])
+    _, faces = shrubs["cloud"].pieces[LEAVES]
+    assert connect_faces(faces).components == SHRUB.twigs
+    assert len(faces) == SHRUB.twigs * len(ball(np.zeros(3), TUFT_RADIUS)[1])
+
+
+def test_parts_are_at_the_given_position() -> None:
+    plant = make_shrubs(3)["leaves"]
+    place = np.array([5.0, -2.0, 0.5])
+    leaf = foliage_material("leaves", 0.3)
+    wood, leaves = plant.parts("shrub", WOODEN, leaf, place)
+    assert (wood.object_name, wood.material) == ("shrub", WOODEN)
+    assert (leaves.object_name, leaves.material) == ("shrub", leaf)
+    assert np.array_equal(wood.vertices, plant.wood[0] + place)
+    assert np.array_equal(leaves.vertices, plant.foliage[0] + place)
+    assert plant.triangles == len(wood.faces) + len(leaves.faces)
+
+
+def test_other_name_gives_another_plant() -> None:
+    one, same, other = (make_plant(SHRUB, 1, name) for name in ("a", "a", "b"))
+    assert np.array_equal(one.foliage[0], same.foliage[0])
+    assert not np.array_equal(one.foliage[0], other.foliage[0])
+
+
+def test_overlapping_balls_of_one_cloud_count_once() -> None:
+    mist = Material("mist", density=0.1)
+    one, other = (ball(np.array([x, 0, 0]), 0.5, 64, 63) for x in (0.0, 0.5))
+    faces = np.vstack([one[1], other[1] + len(one[0])])
+    part = Part("cloud", mist, np.vstack([one[0], other[0]]), faces)
+    start = np.array([[-2.0, 0.001, 0.002]])
+    traces = Tracer([part]).trace(
+        Rays.uniform(start, np.eye(3)[:1], max_range=5.0, power=1.0)
+    )
+    assert traces.power[0] == pytest.approx(1 - 0.1 * 1.5, abs=1e-3)

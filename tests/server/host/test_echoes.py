@@ -1,0 +1,444 @@
+"""Echo reports go to the clients that request them and change no other output."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from radarsim.protocol.dialect import COMPAT, UDK, Dialect
+from radarsim.protocol.message import Message, decode_message
+from radarsim.scene.scene import Scene
+from radarsim.server.host import Host
+from radarsim.server.host.commands import SPAWN_COOLDOWN
+from radarsim.simulation.config import SimulationConfig
+
+INIT = b"INIT {ClassName USARBot.P3AT} {Name R1} {Start RobotStart1}\r\n"
+INIT_TWO_SCANNERS = (
+    b"INIT {ClassName USARBot.P3AT_Compare} {Name R1} {Start RobotStart1}\r\n"
+)
+ECHOES_ON = b"SET {Type RangeScanner} {Name lms200} {Opcode ECHOES} {Params true}\r\n"
+ECHOES_OFF = ECHOES_ON.replace(b"true", b"false")
+DRIVE = b"DRIVE {Left 8} {Right 5}\r\n"
+ECHO_TYPE = b"{Type Echoes}"
+DIALECTS = pytest.mark.parametrize(
+    "dialect", [COMPAT, UDK], ids=lambda dialect: dialect.name
+)
+
+
+class RobotClient:
+    """A client with a robot."""
+
+    def __init__(self, host: Host, init: bytes = INIT) -> None:
+        self.host = host
+        self.number = host.connect()
+        host.take(self.number)
+        assert [kind for kind, _ in self.send(init) if kind != "outside"] == []
+
+    def send(self, data: bytes) -> list[tuple[str, str]]:
+        diagnostics = self.host.receive(self.number, data)
+        return [(diagnostic.kind, diagnostic.text) for diagnostic in diagnostics]
+
+    def receive_lines(self, ticks: int) -> list[bytes]:
+        """Let time pass and return the lines, with their line ends."""
+        data = self.host.take(self.number)
+        for _ in range(ticks):
+            self.host.step()
+            data += self.host.take(self.number)
+        return data.splitlines(keepends=True)
+
+
+def spawn_client(
+    scene: Scene,
+    init: bytes = INIT,
+    *,
+    dialect: Dialect = COMPAT,
+    settings: Mapping[str, Mapping[str, Any]] | None = None,
+) -> RobotClient:
+    config = SimulationConfig(dialect, item_settings=settings or {})
+    return RobotClient(Host(scene, config=config), init)
+
+
+def echoes_in(lines: list[bytes]) -> list[Message]:
+    return [decode_message(line.decode("ascii")) for line in lines if ECHO_TYPE in line]
+
+
+def without_echoes(lines: list[bytes]) -> list[bytes]:
+    return [line for line in lines if ECHO_TYPE not in line]
+
+
+def name_of(message: Message) -> str:
+    return message.get("Name") or ""
+
+
+def echo_values(message: Message) -> list[list[str]]:
+    """Return beam, range, kind, power and strength of each echo."""
+    return [echo.split(",") for echo in (message.get("Echoes") or "").split()]
+
+
+@DIALECTS
+def test_no_echoes_without_a_request(foliage_room: Scene, dialect: Dialect) -> None:
+    assert (
+        echoes_in(spawn_client(foliage_room, dialect=dialect).receive_lines(60)) == []
+    )
+
+
+def test_requested_echoes_come_before_each_scan(foliage_room: Scene) -> None:
+    client = spawn_client(foliage_room)
+    assert client.send(ECHOES_ON) == []
+    for _ in range(3):
+        types = re.findall(rb"{Type (\w+)}", b"".join(client.receive_lines(10)))
+        assert types[-1] == b"RangeScanner"
+        count = types.count(b"Echoes")
+        assert count > 5
+        assert types[:-1] == [
+            *(b"GroundVehicle", b"GroundTruth", b"INS", b"Odometry", b"Tachometer"),
+            *(b"Encoder", b"Encoder", b"Touch"),
+            *[b"Echoes"] * count,
+        ]
+
+
+@DIALECTS
+def test_echo_lines_have_the_time_of_the_scan_and_are_numbered(
+    foliage_room: Scene, dialect: Dialect
+) -> None:
+    client = spawn_client(foliage_room, dialect=dialect)
+    client.send(ECHOES_ON)
+    lines = client.receive_lines(20)[:-1] + client.receive_lines(20)
+    scan = decode_message(lines[-1].decode("ascii"))
+    found = [m for m in echoes_in(lines) if m.get("Time") == scan.get("Time")]
+    assert [int(m.get("Line") or "") for m in found] == [*range(1, len(found) + 1)]
+    assert {m.get("Lines") for m in found} == {str(len(found))}
+    assert {name_of(m) for m in found} == {"lms200"}
+
+
+@DIALECTS
+def test_echoes_do_not_change_the_other_lines(
+    foliage_room: Scene, dialect: Dialect
+) -> None:
+    asking, silent = (
+        spawn_client(foliage_room, INIT_TWO_SCANNERS, dialect=dialect) for _ in range(2)
+    )
+    asking.send(b"SET {Type RangeScanner} {Opcode ECHOES} {Params true}\r\n")
+    for client in (asking, silent):
+        client.send(DRIVE + b"GETGEO {Type Robot}\r\n")
+    for ticks in (200, 7, 95):
+        for client in (asking, silent):
+            client.send(b"SET {Type RangeScanner} {Opcode SCAN}\r\n")
+        heard = asking.receive_lines(ticks)
+        assert echoes_in(heard)
+        assert without_echoes(heard) == silent.receive_lines(ticks)
+
+
+def test_echoes_do_not_change_the_bytes_of_other_clients(foliage_room: Scene) -> None:
+    heard = {}
+    for asks in (False, True):
+        host = Host(foliage_room)
+        asker, bystander = (
+            RobotClient(host),
+            RobotClient(host, INIT.replace(b"1}", b"2}")),
+        )
+        if asks:
+            asker.send(ECHOES_ON)
+        for client in (asker, bystander):
+            client.send(DRIVE)
+        heard[asks] = bystander.receive_lines(250)
+        assert bool(echoes_in(asker.receive_lines(0))) is asks
+    assert heard[True] == heard[False]
+
+
+@pytest.mark.parametrize("word", [b"false", b"False", b"FALSE"])
+def test_echoes_can_be_switched_off(foliage_room: Scene, word: bytes) -> None:
+    client, silent = spawn_client(foliage_room), spawn_client(foliage_room)
+    client.send(ECHOES_ON + ECHOES_ON)
+    assert echoes_in(client.receive_lines(10))
+    assert client.send(ECHOES_OFF.replace(b"false", word)) == []
+    silent.receive_lines(10)
+    assert client.receive_lines(30) == silent.receive_lines(30)
+    assert client.send(ECHOES_OFF + ECHOES_ON) == []
+    assert echoes_in(client.receive_lines(10))
+
+
+@DIALECTS
+@pytest.mark.parametrize(
+    "order",
+    [
+        pytest.param(b"set {TYPE rangescanner}{opcode echoes}{params TRUE}", id="case"),
+        pytest.param(b"SET {Name } {Type RangeScanner} {Params True} {Opcode Echoes}"),
+    ],
+)
+def test_echoes_are_requested_in_any_case_and_order(
+    foliage_room: Scene, dialect: Dialect, order: bytes
+) -> None:
+    client = spawn_client(foliage_room, dialect=dialect)
+    assert client.send(order + b"\r\n") == []
+    assert echoes_in(client.receive_lines(20))
+
+
+@pytest.mark.parametrize(
+    ("name", "heard"),
+    [
+        pytest.param(b"", {"lms200", "Hokuyo"}, id="none for all"),
+        pytest.param(b"{Name lms200}", {"lms200"}, id="one"),
+        pytest.param(b"{Name HOKUYO}", {"Hokuyo"}, id="another in any case"),
+    ],
+)
+def test_name_selects_one_scanner(
+    foliage_room: Scene, name: bytes, heard: set[str]
+) -> None:
+    client = spawn_client(foliage_room, INIT_TWO_SCANNERS)
+    client.send(ECHOES_ON.replace(b"{Name lms200}", name))
+    lines = client.receive_lines(10)
+    assert {name_of(m) for m in echoes_in(lines)} == heard
+    assert [line[:40].count(b"RangeScanner") for line in lines[-2:]] == [1, 1]
+
+
+def test_echoes_are_off_for_the_next_robot(foliage_room: Scene) -> None:
+    client = spawn_client(foliage_room)
+    client.send(ECHOES_ON)
+    assert echoes_in(client.receive_lines(SPAWN_COOLDOWN))
+    assert client.send(INIT) == []
+    assert echoes_in(client.receive_lines(30)) == []
+    client.send(ECHOES_ON)
+    assert echoes_in(client.receive_lines(10))
+
+
+@pytest.mark.parametrize(
+    ("order", "kind", "text"),
+    [
+        pytest.param(
+            ECHOES_ON.replace(b"true", b"1"),
+            "malformed ECHOES",
+            "SET ECHOES: '1', expected 'true' or 'false'",
+            id="number",
+        ),
+        pytest.param(
+            ECHOES_ON.replace(b"true", b"maybe, who knows"),
+            "malformed ECHOES",
+            "SET ECHOES: 'maybe, who knows', expected 'true' or 'false'",
+            id="words",
+        ),
+        pytest.param(
+            ECHOES_ON.replace(b" {Params true}", b""),
+            "malformed ECHOES",
+            "SET ECHOES: '', expected 'true' or 'false'",
+            id="nothing",
+        ),
+        pytest.param(
+            ECHOES_ON.replace(b"lms200", b"InsTest"),
+            "no item",
+            "SET of 'RangeScanner InsTest', which is not there",
+            id="name of another item",
+        ),
+        pytest.param(
+            ECHOES_ON.replace(b"RangeScanner", b"Echoes"),
+            "no item",
+            "SET of 'Echoes lms200', which is not there",
+            id="type of the lines",
+        ),
+        pytest.param(
+            b"SET {Type INS} {Opcode ECHOES} {Params true}\r\n",
+            "opcode",
+            "SET ECHOES of type 'INS', expected RangeScanner",
+            id="other type",
+        ),
+    ],
+)
+def test_invalid_request_gives_a_diagnostic_and_no_effect(
+    foliage_room: Scene, order: bytes, kind: str, text: str
+) -> None:
+    client = spawn_client(foliage_room)
+    assert client.send(order) == [(kind, text)]
+    assert echoes_in(client.receive_lines(20)) == []
+    client.send(ECHOES_ON)
+    off = order.replace(b"true", b"false")
+    assert client.send(order + off) == [(kind, text)] * 2
+    assert echoes_in(client.receive_lines(10))
+
+
+@DIALECTS
+def test_spent_beams_and_hits_have_different_kinds(
+    foliage_room: Scene, dialect: Dialect
+) -> None:
+    client = spawn_client(foliage_room, dialect=dialect)
+    client.send(ECHOES_ON)
+    kinds: dict[str, set[str]] = {}
+    for message in echoes_in(client.receive_lines(20)):
+        material = message.get("Material") or ""
+        assert message.get("Density") == (
+            "0.7000" if material == "foliage" else "Opaque"
+        )
+        assert message.get("Transparency") == (
+            "0.3000" if material == "foliage" else "0.0000"
+        )
+        assert message.get("LaserPasses") == message.get("RobotPasses") == "False"
+        for _, _, kind, power, strength in echo_values(message):
+            kinds.setdefault(material, set()).add(kind)
+            assert kind != "Spent" or power == strength == "0.0000"
+    assert kinds == {
+        "foliage": {"Enter", "Leave", "Spent"},
+        "concrete": {"Hit"},
+        "wood": {"Hit"},
+    }
+
+
+def test_beam_into_a_bush_enters_and_is_spent(foliage_room: Scene) -> None:
+    client = spawn_client(foliage_room, settings={"lms200": {"side_offset_uu": 0}})
+    client.send(ECHOES_ON)
+    found = [
+        m for m in echoes_in(client.receive_lines(10)) if m.get("Object") == "bush_4"
+    ]
+    (bush,) = found
+    assert [",".join(echo) for echo in echo_values(bush) if echo[0] == "92"] == [
+        "92,7.54,Enter,1.0000,1.0000",
+        "92,8.97,Spent,0.0000,0.0000",
+    ]
+
+
+@DIALECTS
+@pytest.mark.parametrize(
+    "settings",
+    [
+        pytest.param({}, id="as it is"),
+        pytest.param({"ray_choice": "together"}, id="three rays together"),
+        pytest.param({"range_noise": 0.1, "range_quantum": 0.07}, id="noise"),
+    ],
+)
+def test_farthest_end_of_a_beam_equals_its_range(
+    foliage_room: Scene, dialect: Dialect, settings: dict[str, Any]
+) -> None:
+    client = spawn_client(foliage_room, dialect=dialect, settings={"lms200": settings})
+    client.send(ECHOES_ON)
+    lines = client.receive_lines(20)
+    scan = decode_message(lines[-1].decode("ascii"))
+    ranges = (scan.get("Range") or "").split(",")
+    ends: dict[int, str] = {}
+    for message in echoes_in(lines):
+        if message.get("Time") != scan.get("Time"):
+            continue
+        for beam, far, kind, _, _ in echo_values(message):
+            if kind in ("Hit", "Spent"):
+                ends[int(beam)] = max(ends.get(int(beam), "0"), far, key=float)
+    assert len(ends) > 150
+    assert {beam: ranges[beam] for beam in ends} == ends
+    missed = {ranges[beam] for beam in range(len(ranges)) if beam not in ends}
+    assert missed <= {dialect.ranges.format(80 if dialect is COMPAT else 20)}
+
+
+def test_echo_line_has_the_name_of_the_robot(empty_room: Scene) -> None:
+    client = spawn_client(empty_room)
+    name = b"Caf\xe9 \x07  2"
+    init = b"INIT {ClassName P3AT} {Name %s} {Location -5,0,0}\r\n" % name
+    assert RobotClient(client.host, init).number != client.number
+    client.send(ECHOES_ON)
+    (robot,) = [
+        m for m in echoes_in(client.receive_lines(10)) if m.get("Material") == "robot"
+    ]
+    assert robot.segments[5:11] == (
+        ("Object", "Caf? ? 2"),
+        ("Material", "robot"),
+        ("Density", "Opaque"),
+        ("Transparency", "0.0000"),
+        ("LaserPasses", "False"),
+        ("RobotPasses", "False"),
+    )
+    assert {kind for _, _, kind, _, _ in echo_values(robot)} == {"Hit"}
+
+
+def test_smoke_is_passed_by_robots_and_some_lasers(smoke_room: Scene) -> None:
+    client = spawn_client(smoke_room, INIT_TWO_SCANNERS)
+    client.send(b"SET {Type RangeScanner} {Opcode ECHOES} {Params true}\r\n")
+    lines = client.receive_lines(10)
+    clouds = {name_of(m): m for m in echoes_in(lines) if m.get("Material") == "smoke"}
+    assert {m.get("RobotPasses") for m in clouds.values()} == {"True"}
+    assert {m.get("LaserPasses") for m in clouds.values()} == {"True"}
+    assert clouds["lms200"].get("Transparency") == "1.0000"
+    assert {kind for _, _, kind, _, _ in echo_values(clouds["lms200"])} <= {
+        "Enter",
+        "Leave",
+    }
+
+
+def test_scan_that_hits_nothing_has_one_empty_echo_line(
+    empty_room: Scene,
+) -> None:
+    client = spawn_client(empty_room, b"INIT {ClassName P3AT} {Location 500,0,0}\r\n")
+    client.send(ECHOES_ON)
+    lines = client.receive_lines(10)
+    assert lines[-2] == (
+        b"SEN {Time 0.10} {Type Echoes} {Name lms200} {Line 0} {Lines 0}\r\n"
+    )
+    assert lines[-1].endswith(b",80.00,80.00}\r\n")
+
+
+def test_requested_scan_has_its_echoes(foliage_room: Scene) -> None:
+    client = spawn_client(foliage_room)
+    client.send(ECHOES_ON)
+    client.receive_lines(15)
+    client.send(b"SET {Type RangeScanner} {Opcode SCAN}\r\n")
+    *lines, scan = client.receive_lines(1)
+    assert b"{Type RangeScanner}" in scan
+    assert len(lines) == len(echoes_in(lines)) > 0
+
+
+@DIALECTS
+@pytest.mark.parametrize("name", [b"", b" {Name LMS200}", b" {Name }"])
+@pytest.mark.parametrize("verb", [b"GETGEO", b"GETCONF"])
+@pytest.mark.parametrize("asks", [False, True])
+def test_geometry_and_settings_of_the_echoes_type_are_those_of_the_scanner(
+    foliage_room: Scene, dialect: Dialect, name: bytes, verb: bytes, asks: bool
+) -> None:
+    client = spawn_client(foliage_room, dialect=dialect)
+    if asks:
+        client.send(ECHOES_ON)
+    answers = []
+    for kind in (b"RangeScanner", b"echoEs"):
+        assert client.send(verb + b" {Type " + kind + b"}" + name + b"\r\n") == []
+        (answer,) = client.receive_lines(1)
+        answers.append(answer)
+    assert answers[0].replace(b"RangeScanner", b"echoEs") == answers[1]
+    assert answers[0] != answers[1]
+
+
+def test_unknown_scanner_of_echoes_gives_a_diagnostic(foliage_room: Scene) -> None:
+    client = spawn_client(foliage_room)
+    assert client.send(b"GETCONF {Type Echoes} {Name InsTest}\r\n") == [
+        ("no item", "no item of type 'Echoes' on this robot")
+    ]
+    assert client.receive_lines(1) == []
+
+
+@DIALECTS
+def test_every_line_is_readable_by_all_clients(
+    foliage_room: Scene, dialect: Dialect
+) -> None:
+    materials = {
+        material: replace(material, name="ma{teri}al \N{LEAF FLUTTERING IN WIND}" * 50)
+        for material in foliage_room.materials.values()
+    }
+    parts = [
+        replace(
+            part,
+            object_name=f"{'x' * 199}\N{BROCCOLI}_{10_000 + i}",
+            material=materials[part.material],
+        )
+        for i, part in enumerate(foliage_room.parts)
+    ]
+    settings = {"lms200": {"resolution_deg": 0.05, "side_offset_uu": 100}}
+    client = spawn_client(
+        replace(foliage_room, parts=tuple(parts)), dialect=dialect, settings=settings
+    )
+    client.send(ECHOES_ON + DRIVE)
+    found = 0
+    for _ in range(3):
+        for line in client.receive_lines(20):
+            text = line.decode("ascii")
+            if ECHO_TYPE not in line:
+                continue
+            found += 1
+            assert len(line) <= 4095
+            assert re.fullmatch(r"SEN( \{[^{}\s]+( [^{}\s]+)+\})+\r\n", text)
+            numbers = text.partition("{Density ")[2]
+            assert not re.search(r"[0-9]e|nan|inf|-|,[ }]", numbers.lower())
+    assert found > 100

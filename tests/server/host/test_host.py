@@ -1,0 +1,956 @@
+"""What a client receives from the host in the ``compat`` dialect."""
+
+import re
+import tracemalloc
+from collections import Counter
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from radarsim.errors import PresetError
+from radarsim.geometry import Pose2, Pose3
+from radarsim.presets.robots import load_robot, robot_names
+from radarsim.protocol.reports import GroundTruth, Ins, decode_report
+from radarsim.scene.map_file import load_map
+from radarsim.scene.scene import Scene, StartPose
+from radarsim.server.host import Host
+from radarsim.server.host.commands import (
+    CACHED_REPLIES,
+    CHARACTERS_A_UNIT,
+    FAILED_SEARCH_COOLDOWN,
+    FAILED_SPAWN_COOLDOWN,
+    HEAVY_WORK,
+    LIGHT_WORK,
+    SPAWN_COOLDOWN,
+    SPAWNS_PER_TICK,
+    SUGGESTION_WORK,
+)
+from radarsim.server.host.host import (
+    ARRIVAL_WORK,
+    COMMANDS_PER_TICK,
+    FIRST_WORK,
+    WAITING_WORK,
+)
+from radarsim.simulation.config import SimulationConfig
+
+GREETING = b"NFO {Gametype BotDeathMatch} {Level DM-EmptyRoom} {TimeLimit 0}\r\n"
+STARTS = (
+    b"NFO {StartPoses 3} {RobotStart1 -8.00,0.00,0.00 0.00,0.00,0.00 "
+    b"RobotStart2 -8.00,-3.50,0.00 0.00,0.00,0.00 "
+    b"RobotStart3 -8.00,3.50,0.00 0.00,0.00,0.00}\r\n"
+)
+INIT = b"INIT {ClassName USARBot.P3AT} {Name R1} {Start RobotStart1}\r\n"
+GEO = (
+    b"GEO {Type GroundVehicle} {Name P3AT} {Dimensions 0.5520,0.4970,0.4600} "
+    b"{COG 0.0000,0.0000,0.0000} {WheelRadius 0.0980} {WheelSeparation 0.3600} "
+    b"{WheelBase 0.2480}\r\n"
+)
+
+
+@pytest.fixture
+def host(empty_room: Scene) -> Host:
+    return Host(empty_room)
+
+
+def connected(host: Host) -> int:
+    number = host.connect()
+    host.take(number)
+    return number
+
+
+def spawned(host: Host, init: bytes = INIT) -> int:
+    number = connected(host)
+    told = host.receive(number, init)
+    assert [each for each in told if each.kind != "outside"] == []
+    assert host.has_robot(number)
+    return number
+
+
+def run_ticks(host: Host, ticks: int) -> None:
+    for _ in range(ticks):
+        host.step()
+
+
+def heads(data: bytes) -> list[str]:
+    """Return the verb of each line, or the type of a reading."""
+    lines = data.decode("ascii").split("\r\n")[:-1]
+    return [
+        re.findall(r"{Type (\w+)}", line)[0] if line.startswith("SEN") else line[:3]
+        for line in lines
+    ]
+
+
+def test_client_is_greeted_once_and_at_once(host: Host) -> None:
+    number = host.connect()
+    assert host.unsent_bytes(number) == len(GREETING)
+    assert host.take(number) == GREETING
+    host.receive(number, INIT)
+    run_ticks(host, 30)
+    assert b"Gametype" not in host.take(number)
+
+
+def test_only_clients_with_bytes_are_to_be_sent_something(host: Host) -> None:
+    silent, asking, driving = connected(host), connected(host), connected(host)
+    assert host.clients_to_send() == []
+    host.receive(asking, b"GETSTARTPOSES\r\n")
+    assert host.clients_to_send() == [asking]
+    host.receive(driving, INIT)
+    run_ticks(host, 10)
+    assert host.clients_to_send() == [asking, driving]
+    for number in (silent, asking, driving):
+        host.take(number)
+    assert host.clients_to_send() == []
+
+
+def test_start_poses_are_sent_at_once_without_a_robot(host: Host) -> None:
+    number = connected(host)
+    assert host.receive(number, b"GETSTARTPOSES\r\n") == []
+    assert host.take(number) == STARTS
+    run_ticks(host, 100)
+    assert host.take(number) == b""
+    assert host.simulation.vehicles == ()
+
+
+def test_replies_wait_for_the_tick_when_there_is_a_robot(host: Host) -> None:
+    number = spawned(host)
+    host.receive(number, b"GETGEO {Type Robot}\r\n")
+    assert host.take(number) == b""
+    host.step()
+    assert host.take(number) == GEO
+
+
+def test_requests_in_the_packet_of_init_are_answered(host: Host) -> None:
+    number = connected(host)
+    asked = b"GETSTARTPOSES\r\n" + INIT + b"GETGEO {Type Robot} {Name R1}\r\n"
+    host.receive(number, asked)
+    host.step()
+    assert host.take(number) == STARTS + GEO
+
+
+def test_write_is_status_replies_poses_other_readings_scan(host: Host) -> None:
+    number = spawned(host)
+    run_ticks(host, 9)
+    assert host.take(number) == b""
+    host.receive(number, b"GETGEO {Type Robot}\r\nGETSTARTPOSES\r\n")
+    host.step()
+    assert heads(host.take(number)) == [
+        *("STA", "GEO", "NFO", "GroundTruth", "INS", "Odometry", "Tachometer"),
+        *("Encoder", "Encoder", "Touch", "RangeScanner"),
+    ]
+
+
+# Of a write; two scans of 360 beams come in one. Buffers of clients limit lines only.
+MOST_BYTES = {"P3AT_Compare360": 8192, "P3AT_Navtech": 8192}
+
+
+@pytest.mark.parametrize("class_name", robot_names())
+def test_every_line_is_readable_by_all_clients(host: Host, class_name: str) -> None:
+    number = host.connect()
+    types = ("Robot", "RangeScanner", "INS", "Encoder", "Battery", "MisPkg", "Touch")
+    asked = [f"GET{verb} {{Type {t}}}" for t in types for verb in ("GEO", "CONF")]
+    init = INIT.replace(b"P3AT", class_name.encode())
+    host.receive(number, init + "\r\n".join(["GETSTARTPOSES", *asked, ""]).encode())
+    host.receive(number, b"DRIVE {Left 3} {Right -2.5}\r\n")
+    sent = b""
+    for _ in range(300):
+        host.step()
+        write = host.take(number)
+        assert len(write) < MOST_BYTES.get(class_name, 4096)
+        sent += write
+    text = sent.decode("ascii")
+    assert text.count("\r") == text.count("\n") == text.count("\r\n")
+    for line in text.split("\r\n")[:-1]:
+        assert re.fullmatch(r"[A-Z]{3,4}( \{[^{}\s]+( [^{}\s]+)*\})+", line)
+        assert len(line) + 2 <= 4095
+        assert not re.search(r"[0-9]e|nan|inf|,\}|-0\.0*[,}]", line.lower())
+    if len(load_robot(class_name).items_of("RangeScanner")) == 1:
+        assert text.count("{Type RangeScanner} {Name") == 30 + 2
+
+
+def test_time_is_above_zero_and_never_goes_back(host: Host) -> None:
+    number = spawned(host)
+    run_ticks(host, 100)
+    times = re.findall(rb"{Time ([0-9.]+)}", host.take(number))
+    assert len(times) == 9 * 10
+    assert times == sorted(times, key=float)
+    assert float(times[0]) > 0
+    assert times[-1] == b"1.00"
+
+
+@pytest.mark.parametrize(
+    ("line", "kind", "text"),
+    [
+        pytest.param(
+            b"DRIVE Left 1",
+            "malformed line",
+            "expected '{Key value}' at column 7 in 'DRIVE Left 1'",
+            id="no braces",
+        ),
+        pytest.param(
+            b"FOO {A b}",
+            "malformed line",
+            "verb 'FOO', expected one of ['DRIVE', 'GETCONF', 'GETGEO', "
+            "'GETSTARTPOSES', 'INIT', 'SET', 'WATCH']",
+            id="unknown verb",
+        ),
+        pytest.param(
+            b"DRVE {Left 1} {Right 1}",
+            "malformed line",
+            "verb 'DRVE', expected one of ['DRIVE', 'GETCONF', 'GETGEO', "
+            "'GETSTARTPOSES', 'INIT', 'SET', 'WATCH']; did you mean 'DRIVE'?",
+            id="misspelt verb",
+        ),
+        pytest.param(
+            b"INIT {ClassName USARBot.KR6} {Location .4, .4, 1.8}",
+            "class",
+            "robot class 'KR6', expected one of ['P2AT', 'P2DX', 'P3AT', "
+            "'P3AT_Compare', 'P3AT_Compare360', 'P3AT_Hokuyo', 'P3AT_Navtech', "
+            "'P3AT_Radar360', 'P3AT_SICK']",
+            id="unknown class",
+        ),
+        pytest.param(
+            b"DRIVE {Left 1} {Right 1}",
+            "DRIVE without robot",
+            "DRIVE without a robot, expected INIT",
+            id="drive before init",
+        ),
+        pytest.param(
+            b"SET {Type INS} {Opcode RESET}",
+            "SET without robot",
+            "SET without a robot, expected INIT",
+            id="set before init",
+        ),
+        pytest.param(
+            b"GETGEO {Type Robot}",
+            "GETGEO without robot",
+            "GETGEO without a robot, expected INIT",
+            id="question before init",
+        ),
+        pytest.param(
+            b"DRIVE {Left nan} {Right 1}",
+            "malformed DRIVE",
+            "DRIVE Left: 'nan', expected a number",
+            id="no number",
+        ),
+        pytest.param(
+            b"MULTIDRIVE {FRFlipper 1}",
+            "MULTIDRIVE",
+            "MULTIDRIVE does nothing here",
+            id="verb of other servers",
+        ),
+        pytest.param(
+            b"GETSTARTPOSES {Which all}",
+            "GETSTARTPOSES fields",
+            "GETSTARTPOSES field 'Which', expected none",
+            id="unknown key",
+        ),
+    ],
+)
+def test_invalid_command_gives_a_diagnostic_and_no_effect(
+    host: Host, line: bytes, kind: str, text: str
+) -> None:
+    number = connected(host)
+    (diagnostic,) = host.receive(number, line + b"\r\n")
+    assert (diagnostic.kind, diagnostic.text) == (kind, text)
+    run_ticks(host, 20)
+    assert host.take(number) in (b"", STARTS)
+    assert host.receive(number, b"GETSTARTPOSES\r\n") == []
+    assert host.take(number) == STARTS
+    assert host.simulation.vehicles == ()
+
+
+@pytest.mark.parametrize(
+    ("line", "kind", "text"),
+    [
+        pytest.param(
+            b"DRIVE {Left 1}",
+            "one side",
+            "DRIVE without Right, expected Left and Right",
+            id="one wheel",
+        ),
+        pytest.param(
+            b"DRIVE {Right 1}",
+            "one side",
+            "DRIVE without Left, expected Left and Right",
+            id="the other wheel",
+        ),
+        pytest.param(
+            b"DRIVE {Left 1} {Rigth 1}",
+            "DRIVE fields, one side",
+            "DRIVE field 'Rigth', expected one of "
+            "['Left', 'Right', 'Normalized', 'Light', 'Flip']"
+            "; did you mean 'Right'?; DRIVE without Right, expected Left and Right",
+            id="misspelt wheel",
+        ),
+        pytest.param(
+            b"DRIVE {Right 1e400} {Left 1}",
+            "malformed DRIVE",
+            "DRIVE Right: '1e400', expected at most 1e+09",
+            id="no finite number",
+        ),
+        pytest.param(
+            b"DRIVE {Left 1} {Right inf} {Light true}",
+            "malformed DRIVE",
+            "DRIVE Right: 'inf', expected a number",
+            id="infinity",
+        ),
+        pytest.param(
+            b"DRIVE {Speed 1} {FrontSteer 0.2}",
+            "DRIVE fields",
+            "DRIVE field 'FrontSteer', expected one of "
+            "['Left', 'Right', 'Normalized', 'Light', 'Flip']",
+            id="fields of other vehicles",
+        ),
+        pytest.param(
+            b"GETCONF {Type Actuator}",
+            "no item",
+            "no item of type 'Actuator' on this robot",
+            id="item that is not there",
+        ),
+        pytest.param(
+            b"GETGEO {Type RangeScanner} {Name Scanner1}",
+            "no item",
+            "no item of type 'RangeScanner' on this robot",
+            id="item of another name",
+        ),
+        pytest.param(
+            b"SET {Type Camera} {Opcode ZOOM} {Params 1}",
+            "no item",
+            "SET of 'Camera', which is not there",
+            id="order to nothing",
+        ),
+        pytest.param(
+            b"SET {Type INS} {Opcode ZOOM}",
+            "opcode",
+            "opcode 'ZOOM', expected one of ['SCAN', 'RESET', 'POSE', 'ECHOES', "
+            "'TARGETS', 'SETTING']",
+            id="unknown opcode",
+        ),
+        pytest.param(
+            b"SET {Type INS} {Opcode POSE} {Params 1,2,3}",
+            "malformed POSE",
+            "SET POSE: '1,2,3', expected 6 numbers",
+            id="half a pose",
+        ),
+    ],
+)
+def test_command_that_does_not_fit_the_robot_gives_a_diagnostic(
+    host: Host, line: bytes, kind: str, text: str
+) -> None:
+    number = spawned(host)
+    (diagnostic,) = host.receive(number, line + b"\r\n")
+    assert diagnostic.kind == kind
+    assert diagnostic.text.startswith(text)
+    run_ticks(host, 20)
+    sent = host.take(number)
+    assert b"-8.0000,0.0000,-0.1460" in sent
+    assert b"{LightToggle True}" not in sent
+    assert set(heads(sent)) <= {
+        *("STA", "GroundTruth", "INS", "Odometry", "Tachometer"),
+        *("Encoder", "Touch", "RangeScanner"),
+    }
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        pytest.param(b"DRIVE {Speed 0}", id="speed of other vehicles"),
+        pytest.param(b"DRIVE {name r1} {Left 1} {Right 1}", id="name of the robot"),
+        pytest.param(b"DRIVE {Left 1} {SPEED 2} {Right 1}", id="both"),
+    ],
+)
+def test_needless_fields_of_drive_are_no_news(host: Host, line: bytes) -> None:
+    number = spawned(host)
+    assert host.receive(number, line + b"\r\n") == []
+    run_ticks(host, 20)
+    is_driven = b"Left" in line
+    assert (host.simulation.vehicles[0].robot.pose.x > -8) is is_driven
+
+
+def test_stop_button_of_iridium_stops_and_is_no_news(host: Host) -> None:
+    number = spawned(host)
+    host.receive(number, b"DRIVE {Left 2} {Right 2}\r\n")
+    run_ticks(host, 50)
+    velocities = ("Altitude", "Linear", "Lateral", "Rotational")
+    others = " ".join(f"{{{each}Velocity 0}}" for each in velocities)
+    stop = f"DRIVE {{Left 0}} {{Right 0}} {{Speed 0}} {others}\r\n"
+    assert host.receive(number, stop.encode()) == []
+    run_ticks(host, 50)
+    stopped = host.simulation.vehicles[0].robot.pose
+    run_ticks(host, 50)
+    assert host.simulation.vehicles[0].robot.pose == stopped
+
+
+def test_unknown_key_does_not_affect_the_others(host: Host) -> None:
+    number = spawned(host)
+    host.receive(number, b"DRIVE {Light True} {Beep 1} {Left 1} {Right 1}\r\n")
+    run_ticks(host, 20)
+    assert b"{LightToggle True}" in host.take(number)
+    assert host.simulation.vehicles[0].robot.pose.x > -8
+
+
+def test_drive_holds_until_it_is_changed(host: Host) -> None:
+    number = spawned(host)
+    host.receive(number, b"Drive {left 2,0} {RIGHT +2}\n\r")
+    run_ticks(host, 300)
+    pose = host.simulation.vehicles[0].robot.pose
+    assert pose.x == pytest.approx(-8 + 2 * 0.098 * 3)
+    host.receive(number, b"DRIVE {Light True}\r\nDRIVE {Flip true}\r\n")
+    run_ticks(host, 100)
+    pose = host.simulation.vehicles[0].robot.pose
+    assert pose.x == pytest.approx(-8 + 2 * 0.098 * 4)
+
+
+def test_normalized_is_percent_and_stays(host: Host) -> None:
+    number = spawned(host)
+    host.receive(number, b"DRIVE {Left 50} {Right 50} {Normalized true}\r\n")
+    run_ticks(host, 100)
+    x = -8 + 0.5 * 8.17 * 0.098
+    assert host.simulation.vehicles[0].robot.pose.x == pytest.approx(x)
+    host.receive(number, b"DRIVE {Left 10} {Right 10}\r\n")
+    run_ticks(host, 100)
+    x += 0.1 * 8.17 * 0.098
+    assert host.simulation.vehicles[0].robot.pose.x == pytest.approx(x)
+
+
+@pytest.mark.parametrize(
+    ("fields", "pose"),
+    [
+        pytest.param(
+            "{Location 1,2,-2.25} {Rotation 0,0,1.5}", (1, -2, -1.5), id="all"
+        ),
+        pytest.param("{Location 1 2 0.2}", (1, -2, 0), id="blanks"),
+        pytest.param("{Location 1,5 -2,5 0,2}", (1.5, 2.5, 0), id="decimal commas"),
+        pytest.param("{Location .4, .4, 1.8}", (0.4, -0.4, 0), id="leading dots"),
+        pytest.param("{Name 7}", (0, 0, 0), id="nothing"),
+        pytest.param(
+            "{Name } {Start robotSTART2}", (-8, 3.5, 0), id="start in any case"
+        ),
+        pytest.param("{Start RobotStart3} {Location 1,1,1}", (-8, -3.5, 0), id="both"),
+    ],
+)
+def test_robot_is_spawned_at_the_pose_of_init(
+    host: Host, fields: str, pose: tuple[float, float, float]
+) -> None:
+    init = f"INIT {{Classname USARBot.p3at}} {fields} \n\r"
+    spawned(host, init.encode())
+    robot = host.simulation.vehicles[0].robot
+    assert (robot.pose.x, robot.pose.y, robot.pose.yaw) == pytest.approx(pose)
+    assert robot.body.z == pytest.approx(0.146)
+
+
+def test_unknown_start_is_the_origin_with_a_diagnostic(host: Host) -> None:
+    number = connected(host)
+    (diagnostic,) = host.receive(number, b"INIT {ClassName P3AT} {Start Nowhere}\r\n")
+    assert diagnostic.kind == "start"
+    assert diagnostic.text == (
+        "start 'Nowhere', expected one of ['RobotStart1', 'RobotStart2', 'RobotStart3']"
+        "; taken as the origin"
+    )
+    assert host.simulation.vehicles[0].robot.pose.x == 0
+
+
+def test_misspelt_field_is_told_with_what_it_leads_to(host: Host) -> None:
+    spawned(host, b"INIT {ClassName P3AT} {Location 0,0,0}\r\n")
+    number = connected(host)
+    run_ticks(host, SPAWN_COOLDOWN)
+    init = b"INIT {ClassName P3AT} {Strat RobotStart1}\r\n"
+    (diagnostic,) = host.receive(number, init)
+    assert diagnostic.kind == "INIT fields, moved"
+    assert "INIT field 'Strat', expected one of " in diagnostic.text
+    assert "did you mean 'Start'?; INIT moved from (0.00, 0.00)" in diagnostic.text
+
+
+def test_init_inside_a_wall_takes_the_nearest_free_place(host: Host) -> None:
+    number = connected(host)
+    (diagnostic,) = host.receive(
+        number, b"INIT {ClassName P3AT} {Location 10.4,1,0}\r\n"
+    )
+    assert diagnostic.kind == "moved"
+    assert re.fullmatch(
+        r"INIT moved from \(10\.40, -1\.00\) to \([0-9.]+, -[0-9.]+\), "
+        "the nearest free place",
+        diagnostic.text,
+    )
+    pose = host.simulation.vehicles[0].robot.pose
+    assert abs(pose.x - 10.4) + abs(pose.y + 1) < 1
+
+
+def test_spawns_are_spread_over_ticks(host: Host) -> None:
+    numbers = [connected(host) for _ in range(3 * SPAWNS_PER_TICK)]
+    for i, number in enumerate(numbers):
+        place = f"{{Location {-9 + 1.2 * (i % 6):.1f},{i // 6 * 1.2:.1f},0}}"
+        host.receive(number, f"INIT {{ClassName P3AT}} {place}\r\n".encode())
+    counts = [len(host.simulation.vehicles)]
+    for _ in range(3):
+        host.step()
+        counts.append(len(host.simulation.vehicles))
+    assert counts[0] == SPAWNS_PER_TICK
+    assert counts[-1] == 3 * SPAWNS_PER_TICK
+    assert max(b - a for a, b in pairwise(counts)) <= SPAWNS_PER_TICK
+
+
+def test_client_that_sends_no_more_gets_the_replies_of_the_tick(host: Host) -> None:
+    number = connected(host)
+    host.receive(number, INIT + b"GETGEO {Type Robot}\r\n" * 5)
+    assert host.finish(number).count(b"GEO ") == 5
+    assert host.finish(number) == b""
+
+
+@pytest.mark.parametrize(
+    ("flood", "work"),
+    [
+        pytest.param(b"GETSTARTPOSES\r\n", LIGHT_WORK, id="start poses"),
+        pytest.param(b"FOO\r\n", LIGHT_WORK + SUGGESTION_WORK, id="malformed"),
+        pytest.param(
+            b"DRIVE {Foo 1}\r\n", LIGHT_WORK + SUGGESTION_WORK, id="unknown field"
+        ),
+        pytest.param(b"SET {Type INS} {Opcode RESET}\r\n", HEAVY_WORK, id="set"),
+        pytest.param(b"F" * CHARACTERS_A_UNIT + b"\r\n", 5, id="long"),
+    ],
+)
+def test_floods_of_all_clients_together_are_limited_in_a_tick(
+    host: Host, flood: bytes, work: int
+) -> None:
+    numbers = [connected(host) for _ in range(50)]
+    for number in numbers:
+        host.receive(number, flood * 100)
+        host.take(number)
+    for _ in range(5):
+        diagnostics = host.step()
+        replies = sum(host.take(number).count(b"StartPoses") for number in numbers)
+        assert len(diagnostics) + replies == WAITING_WORK // work
+
+
+def test_clients_whose_commands_wait_take_turns(host: Host) -> None:
+    numbers = [connected(host) for _ in range(3 * WAITING_WORK)]
+    host.receive(numbers[0], b"GETSTARTPOSES\r\n" * COMMANDS_PER_TICK)
+    for number in numbers:
+        host.take(number)
+        host.receive(number, b"FOO\r\n" * 100)
+    served: Counter[int] = Counter()
+    for _ in range(9 * (LIGHT_WORK + SUGGESTION_WORK)):
+        served.update(number for number, _ in host.step())
+    assert max(served.values()) - min(served.values()) <= 1
+    assert len(served) == len(numbers)
+
+
+def test_flood_of_others_does_not_delay_a_command(host: Host) -> None:
+    number = spawned(host)
+    flooding = [connected(host) for _ in range(50)]
+    for other in flooding:
+        host.receive(other, b"GETSTARTPOSES\r\n" * 1000)
+    for _ in range(10):
+        host.step()
+        for other in flooding:
+            host.receive(other, b"GETSTARTPOSES\r\n" * 10)
+        host.receive(number, b"GETGEO {Type Robot}\r\n")
+        assert not host.is_busy(number)
+    assert host.finish(number).count(GEO) == 10
+
+
+def test_bursts_of_others_in_the_same_tick_do_not_delay_a_command(host: Host) -> None:
+    number = spawned(host)
+    bursts = 2 + ARRIVAL_WORK // COMMANDS_PER_TICK
+    for _ in range(10):
+        host.step()
+        for other in [connected(host) for _ in range(bursts)]:
+            host.receive(other, b"GETSTARTPOSES\r\n" * COMMANDS_PER_TICK)
+        host.receive(number, b"GETGEO {Type Robot}\r\n")
+        assert not host.is_busy(number)
+    assert host.finish(number).count(GEO) == 10
+
+
+def test_first_commands_of_all_clients_in_a_tick_are_limited(host: Host) -> None:
+    done = ARRIVAL_WORK + FIRST_WORK
+    numbers = [connected(host) for _ in range(2 * done)]
+    host.receive(numbers[0], b"GETSTARTPOSES\r\n")  # the reply is kept for the others
+    host.step()
+    for number in numbers:
+        host.receive(number, b"GETSTARTPOSES\r\n")
+    assert [host.is_busy(n) for n in numbers] == [False] * done + [True] * done
+
+
+def test_replies_of_a_class_do_not_depend_on_what_others_have_asked(
+    empty_room: Scene,
+) -> None:
+    questions = [
+        *(b"GETGEO {Type Robot}\r\n", b"GETCONF {Type Robot}\r\n"),
+        *(b"GETCONF {Type RangeScanner}\r\n", b"GETCONF {Type rangescanner}\r\n"),
+        *(b"GETGEO {Type INS} {Name }\r\n", b"GETGEO {Type INS} {Name Ins}\r\n"),
+    ]
+
+    def replies(host: Host, robot: bytes, place: bytes) -> bytes:
+        number = spawned(
+            host, b"INIT {ClassName %b} {Location %b}\r\n" % (robot, place)
+        )
+        host.take(number)
+        for question in questions:
+            host.receive(number, question)
+            host.step()
+        lines = host.take(number).split(b"\r\n")
+        return b"".join(line for line in lines if line[:3] in (b"GEO", b"CON"))
+
+    for robot in (b"P3AT", b"P2DX"):
+        asked = Host(empty_room)
+        replies(asked, b"P2DX", b"5,0,0")
+        replies(asked, b"P3AT", b"0,0,0")
+        assert replies(asked, robot, b"-5,0,0") == replies(
+            Host(empty_room), robot, b"-5,0,0"
+        )
+
+
+def test_memory_for_replies_is_bounded(host: Host) -> None:
+    number = spawned(host)
+
+    def ask(questions: range) -> int:
+        """Ask, each time in another spelling, and return the memory in use, bytes."""
+        for i in questions:
+            bits = f"{i:012b}"
+            letters = zip("rangescanner", bits, strict=True)
+            name = "".join(c.upper() if bit == "1" else c for c, bit in letters)
+            host.receive(number, f"GETCONF {{Type {name}}}\r\n".encode())
+            if i % COMMANDS_PER_TICK == 0:
+                host.step()
+                host.take(number)
+        return tracemalloc.get_traced_memory()[0]
+
+    tracemalloc.start()
+    try:
+        full = ask(range(CACHED_REPLIES))
+        growth = ask(range(CACHED_REPLIES, 2 * CACHED_REPLIES)) - full
+    finally:
+        tracemalloc.stop()
+    assert growth < 100 * CACHED_REPLIES  # bytes; a reply is longer
+
+
+def test_spawns_pause_after_a_search_for_a_free_place(foliage_room: Scene) -> None:
+    host = Host(foliage_room)
+    bush = b"INIT {ClassName P3AT} {Location 0.5,1.64,0}\r\n"
+    numbers = [connected(host) for _ in range(3)]
+    diagnostics = [host.receive(number, bush) for number in numbers]
+    assert [len(found) for found in diagnostics] == [1, 0, 0]
+    later = [len(host.step()) for _ in range(3 * FAILED_SEARCH_COOLDOWN)]
+    assert sum(later) == 2
+    assert sum(later[: FAILED_SEARCH_COOLDOWN + 1]) == 1
+
+
+def test_diagnostic_joins_unknown_start_and_moved_pose(
+    foliage_room: Scene,
+) -> None:
+    host = Host(foliage_room)
+    number = connected(host)
+    (diagnostic,) = host.receive(number, b"INIT {ClassName P3AT} {Start Nowhere}\r\n")
+    assert diagnostic.kind == "start, moved"
+    assert "'Nowhere'" in diagnostic.text
+    assert "INIT moved from (0.00, 0.00)" in diagnostic.text
+
+
+def test_no_robot_is_spawned_without_a_free_place(host: Host) -> None:
+    first = connected(host)
+    host.receive(first, INIT)
+    diagnostics = []
+    clients = [connected(host) for _ in range(10)]
+    for number in clients:
+        run_ticks(host, FAILED_SEARCH_COOLDOWN)
+        diagnostics += host.receive(number, INIT + b"GETGEO {Type Robot}\r\n")
+    kinds = [diagnostic.kind for diagnostic in diagnostics]
+    assert kinds[:3] == ["moved"] * 3
+    assert kinds[-2:] == ["no place", "GETGEO without robot"]
+    assert not host.has_robot(clients[-1])
+    assert diagnostics[-2].text == (
+        "INIT at (-8.00, 0.00) in ['R1'], expected a free place within 1 m,"
+        " or another start"
+    )
+    host.disconnect(first)
+    run_ticks(host, FAILED_SPAWN_COOLDOWN)
+    assert host.receive(clients[-1], INIT) == []
+    assert host.has_robot(clients[-1])
+
+
+def test_place_outside_the_map_is_taken_and_told(
+    empty_room: Scene, tmp_path: Path
+) -> None:
+    host = Host(empty_room)
+    number = connected(host)
+    (told,) = host.receive(number, b"INIT {ClassName P3AT} {Location 300,-2,0}\r\n")
+    assert host.has_robot(number)
+    assert told.kind == "outside"
+    assert told.text.startswith(
+        "INIT at (300.00, 2.00), which is outside the map: x from -10"
+    )
+    box = "objects: [{name: a, box: [1, 1, 1], position: [50, 0, 1], material: brick}]"
+    (tmp_path / "far.yaml").write_text(f"version: 1\n{box}\n")
+    far = Host(load_map(tmp_path / "far.yaml"))
+    number = connected(far)
+    (told,) = far.receive(number, b"INIT {ClassName P3AT} {Start Nowhere}\r\n")
+    assert told.kind == "start, outside"
+    nothing = Host(Scene("nothing", "DM-Nothing"))
+    number = connected(nothing)
+    assert nothing.receive(number, b"INIT {ClassName P3AT}\r\n") == []
+
+
+def test_robots_without_a_client_drive_unheard(host: Host) -> None:
+    model, place = load_robot("P2AT"), Pose2(0.0, 0.0, 0.0)
+    first = host.simulation.spawn("Alone", model, place)
+    number = spawned(host)
+    assert first is not None
+    first.robot.drive(5.0, 5.0)
+    run_ticks(host, 100)
+    assert first.robot.pose.x > 0.1
+    names = re.findall(rb"{Name (\w+)}", host.take(number))
+    assert names
+    assert b"Sonar" not in names
+
+
+def test_disconnect_removes_the_robot_and_frees_its_name(host: Host) -> None:
+    numbers = [spawned(host) for _ in range(1)]
+    other = connected(host)
+    host.receive(other, b"INIT {ClassName P3AT} {Name R1} {Location 0,0,0}\r\n")
+    assert [v.robot.name for v in host.simulation.vehicles] == ["R1", "R1 (2)"]
+    host.disconnect(numbers[0])
+    assert [v.robot.name for v in host.simulation.vehicles] == ["R1 (2)"]
+    spawned(host)
+    assert [v.robot.name for v in host.simulation.vehicles] == ["R1 (2)", "R1"]
+
+
+def test_default_name_of_a_robot_is_its_class(host: Host) -> None:
+    spawned(host, b"INIT {ClassName USARBot.P2DX} {Location 0,0,0}\r\n")
+    spawned(host, b"INIT {ClassName USARBot.P2DX} {Location 0,2,0} {Name }\r\n")
+    names = [vehicle.robot.name for vehicle in host.simulation.vehicles]
+    assert names == ["P2DX", "P2DX (2)"]
+
+
+def test_a_second_init_replaces_the_robot(host: Host) -> None:
+    number = spawned(host)
+    run_ticks(host, SPAWN_COOLDOWN)
+    host.receive(number, b"INIT {ClassName USARBot.P2AT} {Location 0,0,0}\r\n")
+    run_ticks(host, 1)
+    (vehicle,) = host.simulation.vehicles
+    assert vehicle.model.name == "P2AT"
+
+
+def test_repeated_init_waits_for_the_cooldown(host: Host) -> None:
+    number = connected(host)
+    host.receive(number, INIT * 3 + b"DRIVE {Left 1} {Right 1}\r\n")
+    assert host.is_busy(number)
+    seen = set()
+    for _ in range(2 * SPAWN_COOLDOWN):
+        seen.add(host.simulation.vehicles[0].number)
+        host.step()
+    assert host.is_busy(number)
+    host.step()
+    assert not host.is_busy(number)
+    seen.add(host.simulation.vehicles[0].number)
+    assert seen == {1, 2, 3}
+    assert host.simulation.vehicles[0].robot.pose.x > -8
+
+
+def test_commands_beyond_the_limit_wait_for_the_next_ticks(host: Host) -> None:
+    number = spawned(host)
+    other = spawned(host, b"INIT {ClassName P3AT} {Location 0,0,0}\r\n")
+    drives = b"".join(
+        b"DRIVE {Left %d} {Right %d}\r\n" % (k % 9, k % 9) for k in range(1000)
+    )
+    host.receive(number, drives + b"GETGEO {Type Robot}\r\n")
+    assert host.is_busy(number)
+    assert not host.is_busy(other)
+    ticks = 0
+    while host.is_busy(number):
+        host.step()
+        ticks += 1
+    assert ticks == (1000 - COMMANDS_PER_TICK) // COMMANDS_PER_TICK + 1
+    assert GEO in host.take(number)
+
+
+def test_diagnostics_of_delayed_commands_are_returned_by_step(host: Host) -> None:
+    number = connected(host)
+    diagnostics = host.receive(number, b"FOO\r\n" * (COMMANDS_PER_TICK + 1))
+    assert len(diagnostics) == COMMANDS_PER_TICK
+    ((who, diagnostic),) = host.step()
+    assert who == number
+    assert diagnostic.kind == "malformed line"
+
+
+def test_endless_line_closes_after_the_commands_before_it(host: Host) -> None:
+    number = connected(host)
+    assert not host.must_close(number)
+    (diagnostic,) = host.receive(number, b"GETSTARTPOSES\r\n" + b"x" * 70_000)
+    assert diagnostic.kind == "line"
+    assert diagnostic.text == "line of 70000 bytes, expected at most 65536"
+    assert host.must_close(number)
+    assert host.take(number) == STARTS
+    assert host.receive(number, b"\r\nGETSTARTPOSES\r\n") == []
+    assert host.take(number) == b""
+
+
+@pytest.mark.parametrize(
+    "request_line",
+    [
+        b"POST / HTTP/1.1",
+        b"GET /a?b HTTP/1.0",
+        b"OPTIONS * HTTP/2",
+        b"patch / HTTP/1.1",
+        b"M-SEARCH /{a} HTTP/1.1",
+        b"!#$%&'*+.^_`|~0x  /  http/1.1",
+        b"\x16\x03\x01\x02\x00 of TLS",
+    ],
+)
+@pytest.mark.parametrize("cut", [0, 3, 20, 60])
+def test_http_request_is_closed_and_nothing_after_it_is_executed(
+    host: Host, request_line: bytes, cut: int
+) -> None:
+    number = connected(host)
+    data = request_line + b"\r\nHost: a\r\n\r\n" + INIT + b"GETSTARTPOSES\r\n"
+    assert host.receive(number, data[:cut]) + host.receive(number, data[cut:]) == []
+    assert host.must_close(number)
+    assert "HTTP" in host.close_reason(number)
+    host.receive(number, INIT)
+    run_ticks(host, 20)
+    assert host.take(number) == b""
+    assert host.simulation.vehicles == ()
+
+
+def test_http_request_after_a_command_is_one_bad_line(host: Host) -> None:
+    number = spawned(host)
+    diagnostics = host.receive(number, b"GET / HTTP/1.1\r\nGETGEO {Type Robot}\r\n")
+    assert len(diagnostics) == 1
+    host.step()
+    assert host.take(number) == GEO
+    assert not host.must_close(number)
+
+
+def test_incomplete_command_waits_for_the_rest(host: Host) -> None:
+    number = connected(host)
+    host.receive(number, b"GETSTAR")
+    run_ticks(host, 100)
+    assert host.take(number) == b""
+    host.receive(number, b"TPOSES\n")
+    assert host.take(number) == STARTS
+
+
+def test_client_that_asks_without_reading_must_be_closed(empty_room: Scene) -> None:
+    starts = tuple(StartPose(f"RobotStart{n}", Pose3(n, 0, 0)) for n in range(99))
+    host = Host(replace(empty_room, starts=starts))
+    number = connected(host)
+    host.receive(number, b"GETSTARTPOSES\r\n")
+    size = host.unsent_bytes(number)
+    assert 4000 < size < 4096  # as many as fit into one read
+    while host.unsent_bytes(number) + size <= 4 * 2**20:
+        assert not host.must_close(number)
+        host.receive(number, b"GETSTARTPOSES\r\n")
+        host.step()
+    host.receive(number, b"GETSTARTPOSES\r\n")
+    assert host.must_close(number)
+
+
+def test_client_that_does_not_read_loses_readings_but_no_replies(host: Host) -> None:
+    number = spawned(host)
+    host.receive(number, b"GETGEO {Type Robot}\r\n")
+    run_ticks(host, 2000)
+    assert host.dropped_readings(number) > 100
+    assert host.unsent_bytes(number) < 270_000
+    sent = host.take(number)
+    assert sent.startswith(GEO)
+    assert b"{Time 20.00}" in sent
+    assert b"{Time 5.00}" not in sent
+    assert sent.endswith(b"}\r\n")
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        pytest.param(b"SET {Type RangeScanner} {Opcode SCAN}", id="all"),
+        pytest.param(
+            b"set {TYPE rangescanner} {Name LMS200} {Opcode scan} {Params 0}", id="one"
+        ),
+    ],
+)
+def test_set_scan_gives_one_extra_scan_and_no_reply(host: Host, order: bytes) -> None:
+    number = spawned(host)
+    run_ticks(host, 15)
+    host.take(number)
+    host.receive(number, order + b"\r\n")
+    run_ticks(host, 1)
+    assert heads(host.take(number)) == ["RangeScanner"]
+    run_ticks(host, 10)
+    assert heads(host.take(number)).count("RangeScanner") == 1
+
+
+def test_set_pose_sets_the_ins_in_the_wire_frame(host: Host) -> None:
+    number = spawned(host)
+    host.receive(number, b"SET {Type INS} {Opcode POSE} {Params 1,2,-3,0,0,0.5}\r\n")
+    run_ticks(host, 10)
+    assert (
+        b"{Type INS} {Name InsTest} {Location 1.0000,2.0000,-3.0000} "
+        b"{Orientation 0.0000,0.0000,0.5000}"
+    ) in host.take(number)
+
+
+def test_set_reset_zeroes_the_odometry(host: Host) -> None:
+    number = spawned(host)
+    host.receive(number, b"DRIVE {Left 5} {Right 5}\r\n")
+    run_ticks(host, 100)
+    host.receive(number, b"SET {Type Odometry} {Name Odometer} {Opcode RESET} \r\n")
+    host.receive(number, b"DRIVE {Left 0} {Right 0}\r\n")
+    host.take(number)
+    run_ticks(host, 10)
+    assert b"{Pose 0.0000,0.0000,0.0000}" in host.take(number)
+
+
+def test_settings_of_an_unknown_item_are_refused(empty_room: Scene) -> None:
+    with pytest.raises(PresetError, match="item 'lms'"):
+        Host(empty_room, config=SimulationConfig(item_settings={"lms": {}}))
+
+
+def test_clients_do_not_get_replies_of_each_other(host: Host) -> None:
+    one, other = spawned(host), connected(host)
+    host.receive(one, b"GETGEO {Type Robot}\r\n")
+    run_ticks(host, 20)
+    assert host.take(other) == b""
+    assert GEO in host.take(one)
+
+
+@pytest.mark.parametrize("level", ["foliage_room", "smoke_room"])
+def test_the_greeting_names_the_level_of_the_map(
+    level: str, request: pytest.FixtureRequest
+) -> None:
+    host = Host(request.getfixturevalue(level))
+    expected = {"foliage_room": b"DM-FoliageRoom", "smoke_room": b"DM-SmokeRoom"}
+    assert b"{Level %s}" % expected[level] in host.take(host.connect())
+
+
+def test_robot_can_be_spawned_far_outside_the_map(
+    foliage_room: Scene,
+) -> None:
+    host = Host(foliage_room)
+    number = spawned(host, b"INIT {ClassName P3AT} {Location 1e9,-1e9,1e9}\r\n")
+    run_ticks(host, 10)
+    assert b"80.00,80.00,80.00" in host.take(number)
+
+
+def test_poses_that_drift_beyond_the_largest_that_is_commanded_can_be_read(
+    empty_room: Scene,
+) -> None:
+    edge = b"{Location 1e9,1e9,0} {Rotation 0,0,0.785}"
+    host = Host(empty_room)
+    number = spawned(host, b"INIT {ClassName P3AT} %b\r\n" % edge)
+    host.receive(number, b"SET {Type INS} {Opcode POSE} {Params 1e9,1e9,0,0,0,0.7}\r\n")
+    host.receive(number, b"DRIVE {Left 8} {Right 8}\r\n")
+    run_ticks(host, 100)
+    lines = host.take(number).decode("ascii").splitlines()
+    reports = [decode_report(line) for line in lines]
+    poses = [report.pose for report in reports if isinstance(report, GroundTruth | Ins)]
+    assert len(poses) == 20
+    assert poses[-2].x > 1e9
+    assert poses[-1].x > 1e9
+
+
+def test_map_without_starts_sends_zero_start_poses(empty_room: Scene) -> None:
+    host = Host(replace(empty_room, starts=()))
+    number = connected(host)
+    host.receive(number, b"GETSTARTPOSES\r\n")
+    assert host.take(number) == b"NFO {StartPoses 0}\r\n"
+    spawned(host, b"INIT {ClassName P3AT} {Location 1,1,0}\r\n")

@@ -1,0 +1,125 @@
+"""Recordings have the spectra of turning radars."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import radarsim
+from radarsim.addons.fmcw.antennas import LATENCY, SeenSector
+from radarsim.addons.fmcw.rotation import Sector
+from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder
+from radarsim.addons.recording.recorder import Recorder
+from radarsim.addons.recording.repetition import repeat_run
+from radarsim.geometry import Pose3
+from radarsim.presets.robots import load_robot
+from radarsim.rng import generator_for
+from radarsim.scene.scene import Scene
+from radarsim.server.host import Host
+from radarsim.server.host.recorded_host import CallKind, HostCall, RecordedHost
+from radarsim.server.host.turn_collector import RecordedTurn, TurnCollector
+from radarsim.simulation.config import SimulationConfig
+
+INIT = b"INIT {ClassName USARBot.P3AT_Navtech} {Name R1} {Start RobotStart1}\r\n"
+TURN = 25  # ticks
+TICKS = 2 * TURN + 3 + LATENCY  # the first turn is not received
+
+
+@pytest.fixture(scope="module")
+def calls(foliage_room: Scene) -> list[HostCall]:
+    """A run with one turn."""
+    calls: list[HostCall] = []
+    host = RecordedHost(calls.append, foliage_room, spectra=True, begins=False)
+    host.begin(host.make_simulation())
+    client = host.connect()
+    host.receive(client, INIT)
+    for _ in range(TICKS):
+        host.step()
+        host.take(client)
+    host.end_recording()
+    return calls
+
+
+def expected_counts(scene: Scene) -> np.ndarray[tuple[int, int], np.dtype[np.uint8]]:
+    """Return the first turn of a radar that stands where the robot does."""
+    model = load_robot("P3AT_Navtech")
+    item = model.items_of("RangeScanner")[1]
+    lift = Pose3(0.0, 0.0, model.origin_height)
+    pose = scene.starts[0].pose.compose(lift).compose(item.mount)
+    radar = SimulationConfig().scanner(item).fmcw
+    counts = radar.spectrum(
+        scene, pose, radarsim.generator_for(0, "R1", "Navtech")
+    ).counts
+    assert counts.ndim == 2
+    return counts
+
+
+def test_turn_is_what_the_radar_receives_there(
+    calls: list[HostCall], foliage_room: Scene, tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    create_folder(folder)
+    recorder = Recorder(folder, RecordingInfo(version="1"))
+    for call in calls:
+        recorder.add(call)
+    recorder.close()
+    recording = radarsim.load_recording(folder)
+    (turn,) = recording.turns("R1/Navtech")
+    np.testing.assert_array_equal(turn.counts, expected_counts(foliage_room))
+    assert turn.frame == "R1/Navtech"
+    azimuths, bins = turn.counts.shape
+    assert turn.angles == pytest.approx(
+        -2 * np.pi * np.arange(azimuths) / azimuths, abs=2 * np.pi / 5600
+    )
+    assert turn.times == pytest.approx(
+        turn.times[0] + 0.25 * np.arange(azimuths) / azimuths, abs=2e-6
+    )
+    assert turn.ranges[-1] == pytest.approx(0.0438 * (bins - 1), rel=0.01)
+    assert not list(recording.turns("R1/lms200"))
+
+
+def test_recorded_spectra_change_nothing_else(
+    calls: list[HostCall], foliage_room: Scene
+) -> None:
+    (turn,) = [call for call in calls if call.kind is CallKind.TURN]
+    assert RecordedTurn.from_bytes(turn.data).scanner == "Navtech"
+    host = Host(foliage_room, begins=False)
+    assert repeat_run(host, calls).difference is None
+
+
+def test_spectra_are_recorded_on_request_only(foliage_room: Scene) -> None:
+    calls: list[HostCall] = []
+    host = RecordedHost(calls.append, foliage_room)
+    host.receive(host.connect(), INIT)
+    (carrier,) = host.simulation.antennas.carriers()
+    (antenna,) = host.simulation.antennas.of(carrier)
+    assert not antenna.observers
+
+
+def test_the_rest_of_a_turn_that_had_begun_before_is_no_turn(
+    foliage_room: Scene,
+) -> None:
+    radar = radarsim.load_sensor("navtech_cts350x")
+    spectrum = radar.spectrum(foliage_room, (-7.8, 0, 0), generator_for(1, "turn"))
+    half = len(spectrum.angles) // 2
+    rest = replace(spectrum, angles=spectrum.angles[half:], power=spectrum.power[half:])
+    turns: list[RecordedTurn] = []
+    collector = TurnCollector("Navtech", turns.append)
+    collector.take(SeenSector(Sector(0, half, rest), 1.0))
+    assert not turns
+    collector.take(SeenSector(Sector(1, 0, spectrum), 1.25))
+    assert [(turn.time, len(turn.rows)) for turn in turns] == [(1.25, 400)]
+
+
+def test_turn_that_the_antenna_did_not_end_is_no_part_of_the_next(
+    foliage_room: Scene,
+) -> None:
+    radar = radarsim.load_sensor("navtech_cts350x")
+    spectrum = radar.spectrum(foliage_room, (-7.8, 0, 0), generator_for(1, "turn"))
+    begun = replace(spectrum, angles=spectrum.angles[:9], power=spectrum.power[:9])
+    turns: list[RecordedTurn] = []
+    collector = TurnCollector("Navtech", turns.append)
+    collector.take(SeenSector(Sector(4, 0, begun), 1.0))
+    collector.take(SeenSector(Sector(0, 0, spectrum), 7.0))
+    assert [(turn.time, len(turn.rows)) for turn in turns] == [(7.0, 400)]

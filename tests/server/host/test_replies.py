@@ -1,0 +1,287 @@
+"""Replies to GETGEO and GETCONF, byte for byte, for all items of robots."""
+
+import re
+
+import pytest
+
+from radarsim.presets.robots import load_robot, robot_names
+from radarsim.protocol.dialect import COMPAT, UDK, Dialect
+from radarsim.scene.scene import Scene
+from radarsim.server.host import Host
+from radarsim.simulation.config import SimulationConfig
+
+
+def ask(
+    scene: Scene,
+    asked: str,
+    *,
+    class_name: str = "P3AT",
+    config: SimulationConfig | None = None,
+    yaw: float = 0.0,
+) -> list[str]:
+    """Return the replies in the first ticks of a robot, without other output."""
+    host = Host(scene, config=config)
+    number = host.connect()
+    init = f"INIT {{ClassName {class_name}}} {{Location -8,0,0}} {{Rotation 0,0,{yaw}}}"
+    host.take(number)
+    host.receive(number, f"{init}\r\n{asked}\r\n".encode())
+    host.step()
+    while host.is_busy(number):
+        host.step()
+    return host.take(number).decode("ascii").split("\r\n")[:-1]
+
+
+@pytest.mark.parametrize(
+    ("asked", "answer"),
+    [
+        pytest.param(
+            "GETCONF {Type Robot}",
+            "CONF {Type GroundVehicle} {Name P3AT} {SteeringType SkidSteered} "
+            "{Mass 11.9000} {MaxSpeed 8.1700} {MaxTorque 50000.0000} "
+            "{MaxFrontSteer 0.0000} {MaxRearSteer 0.0000}",
+            id="robot",
+        ),
+        pytest.param(
+            "GETGEO {Type rangeSCANNER}",
+            "GEO {Type rangeSCANNER} {Name lms200 Location 0.2085,0.0000,-0.2000 "
+            "Orientation 0.0000,0.0000,0.0000 Mount HARD}",
+            id="place of the scanner, its type echoed",
+        ),
+        pytest.param(
+            "GETCONF {Type RangeScanner} {Name LMS200}",
+            "CONF {Type RangeScanner} {Name lms200} {MaxRange 80.0000} "
+            "{MinRange 0.1000} {Resolution 0.017453} {Fov 3.141593}",
+            id="scanner by name in any case",
+        ),
+        pytest.param(
+            "GETCONF {Type INS} {Name }",
+            "CONF {Type INS} {Name InsTest} {ScanInterval 0.1000}",
+            id="empty name",
+        ),
+        pytest.param(
+            "GETCONF {Type Encoder}",
+            "CONF {Type Encoder} {Name W1} {Resolution 0.017450} "
+            "{Name W2} {Resolution 0.017450}",
+            id="all encoders in one line",
+        ),
+        pytest.param(
+            "GETGEO {Type Encoder}",
+            "GEO {Type Encoder} "
+            "{Name W1 Location 0.0000,0.0000,0.0000 "
+            "Orientation 0.0000,0.0000,0.0000 Mount HARD} "
+            "{Name W2 Location 0.0000,0.0000,0.0000 "
+            "Orientation 0.0000,0.0000,0.0000 Mount HARD}",
+            id="all places in one line",
+        ),
+        pytest.param(
+            "GETCONF {Type Touch} {Name Bumper}",
+            "CONF {Type Touch} {Name Bumper} {Diameter 0.0100}",
+            id="touch",
+        ),
+        pytest.param(
+            "GETCONF {Type Battery}",
+            "CONF {Type Battery} {Name battery}",
+            id="what has no settings",
+        ),
+        pytest.param("GETCONF {Type MisPkg}", "CONF {Type MisPkg}", id="packages"),
+    ],
+)
+def test_replies_in_the_compat_dialect(
+    empty_room: Scene, asked: str, answer: str
+) -> None:
+    assert ask(empty_room, asked, yaw=1.5) == [answer]
+
+
+@pytest.mark.parametrize(
+    ("asked", "answer"),
+    [
+        pytest.param(
+            "GETCONF {Type Robot}",
+            "CONF {Name P3AT} {Type GroundVehicle} {SteeringType SkidSteered} "
+            "{Mass 11.9000} {MaxSpeed 1.2999} {MaxTorque 50000.0000} "
+            "{MaxFrontSteer 0} {MaxRearSteer 0}",
+            id="robot",
+        ),
+        pytest.param(
+            "GETGEO {Type Robot}",
+            "GEO {Type GroundVehicle} {Name P3AT} {Dimensions 0.2480,0.3600,0.0000} "
+            "{COG 0.0000,0.0000,0.0000} {WheelRadius 0.0980} {WheelSeparation 0.3600} "
+            "{WheelBase 0.2480}",
+            id="shape of the robot",
+        ),
+        pytest.param(
+            "GETGEO {Type rangescanner} {Name LMS200}",
+            "GEO {Type rangescanner} {Name lms200} {Location 0.21,0.00,-0.20} "
+            "{Orientation 0.00,0.00,0.00}{Mount P3AT}",
+            id="place of the scanner",
+        ),
+        pytest.param(
+            "GETCONF {Type RangeScanner}",
+            "CONF {Type RangeScanner} {Name lms200} {MaxRange 20.0000} "
+            "{MinRange 0.1000} {Resolution 0.0174} {Fov 3.1414} "
+            "{Panning True} {Tilting False}",
+            id="scanner",
+        ),
+        pytest.param(
+            "GETCONF {Type Encoder}",
+            "CONF {Type Encoder} {Name W1} {Resolution 0.0174} "
+            "{Name W2} {Resolution 0.0174}",
+            id="encoders",
+        ),
+        pytest.param(
+            "GETCONF {Type GroundTruth}",
+            "CONF {Type GroundTruth} {Name GndTruth} {ScanInterval 0.1000}",
+            id="ground truth",
+        ),
+        pytest.param(
+            "GETCONF {Type Tachometer}",
+            "CONF {Type Tachometer} {Name TachTest} {ScanInterval 0.2000}",
+            id="tachometer",
+        ),
+    ],
+)
+def test_replies_in_the_udk_dialect(empty_room: Scene, asked: str, answer: str) -> None:
+    assert ask(empty_room, asked, config=SimulationConfig(UDK)) == [answer]
+
+
+@pytest.mark.parametrize(
+    ("asked", "answer"),
+    [
+        pytest.param(
+            "GETGEO {Type Sonar} {Name f2}",
+            "GEO {Type Sonar} {Name F2 Location 0.1850,-0.1150,0.0000 "
+            "Orientation 0.0000,0.0000,-0.8727 Mount HARD}",
+            id="place of a sonar",
+        ),
+        pytest.param(
+            "GETCONF {Type sonar} {Name R8}",
+            "CONF {Type sonar} {Name R8} {MaxRange 5.0000} {MinRange 0.1000} "
+            "{BeamAngle 0.349066}",
+            id="a sonar",
+        ),
+        pytest.param(
+            "GETGEO {Type GPS} {Name }",
+            "GEO {Type GPS} {Name GPS Location -0.1000,0.0000,-0.2000 "
+            "Orientation 0.0000,0.0000,0.0000 Mount HARD}",
+            id="place of the GPS",
+        ),
+        pytest.param(
+            "GETCONF {Type GPS}",
+            "CONF {Type GPS} {Name GPS} {ScanInterval 0.2000}",
+            id="GPS",
+        ),
+        pytest.param(
+            "GETCONF {Type Encoder}",
+            "CONF {Type Encoder} {Name ECLeft} {Resolution 0.017450} "
+            "{Name ECRight} {Resolution 0.017450}",
+            id="encoders",
+        ),
+    ],
+)
+def test_replies_about_items_of_a_p2at(
+    empty_room: Scene, asked: str, answer: str
+) -> None:
+    assert ask(empty_room, asked, class_name="P2AT") == [answer]
+
+
+@pytest.mark.parametrize(
+    ("asked", "answer"),
+    [
+        pytest.param(
+            "GETGEO {Type Sonar} {Name R8}",
+            "GEO {Type Sonar} {Name R8} {Location -0.14,-0.13,0.00} "
+            "{Orientation 0.00,0.00,-1.57}{Mount P2AT}",
+            id="place of a sonar",
+        ),
+        pytest.param(
+            "GETCONF {Type Sonar} {Name F1}",
+            "CONF {Type Sonar} {Name F1} {MaxRange 5.0000} {MinRange 0.1000} "
+            "{ScanInterval 0.2000} {beamAngle 0.3489} {maxAngleOfIncidence 0.1745} "
+            "{tracesPerCone 16} {numberOfCones 10}",
+            id="a sonar",
+        ),
+        pytest.param(
+            "GETCONF {Type GPS}",
+            "CONF {Type GPS} {Name GPS} {ScanInterval 0.1000}",
+            id="GPS",
+        ),
+    ],
+)
+def test_replies_about_items_of_a_p2at_in_the_udk_dialect(
+    empty_room: Scene, asked: str, answer: str
+) -> None:
+    config = SimulationConfig(UDK)
+    assert ask(empty_room, asked, class_name="P2AT", config=config) == [answer]
+
+
+@pytest.mark.parametrize("class_name", ["P2AT", "P2DX"])
+@pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=["compat", "udk"])
+@pytest.mark.parametrize("verb", ["GEO", "CONF"])
+def test_all_sonars_are_in_one_line_that_fits_into_one_read(
+    empty_room: Scene, class_name: str, dialect: Dialect, verb: str
+) -> None:
+    config = SimulationConfig(dialect)
+    asked = f"GET{verb} {{Type Sonar}} {{Name }}"
+    (reply,) = ask(empty_room, asked, class_name=class_name, config=config)
+    names = re.findall(r"{Name ([FR]\d)", reply)
+    assert names == [f"{side}{i}" for side in "FR" for i in range(1, 9)]
+    assert len(reply) + 2 <= 4095
+
+
+@pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=["compat", "udk"])
+@pytest.mark.parametrize("class_name", robot_names())
+def test_every_item_of_every_robot_gets_a_reply(
+    empty_room: Scene, class_name: str, dialect: Dialect
+) -> None:
+    items = load_robot(class_name).in_dialect(dialect.name).items
+    asked = [
+        f"{verb} {{Type {item.type}}} {{Name {item.name}}}"
+        for item in items
+        for verb in ("GETGEO", "GETCONF")
+    ]
+    replies = ask(
+        empty_room,
+        "\r\n".join(asked),
+        class_name=class_name,
+        config=SimulationConfig(dialect),
+    )
+    assert len(replies) == 2 * len(items)
+    for question, answer in zip(asked, replies, strict=True):
+        verb, kind, name = re.findall(r"GET(\w+) {Type (\w+)} {Name (\w+)}", question)[
+            0
+        ]
+        assert answer.startswith(f"{verb} {{Type {kind}}} {{Name {name}")
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        pytest.param("GETGEO {Type MisPkg}", id="packages have no place"),
+        pytest.param("GETCONF {Type RFID}", id="not mounted"),
+        pytest.param("GETCONF {Type Sonar} {Name }", id="not on this robot"),
+        pytest.param("GETCONF {Name lms200}", id="no type"),
+    ],
+)
+def test_unknown_items_get_no_reply(empty_room: Scene, asked: str) -> None:
+    assert ask(empty_room, asked) == []
+
+
+def test_two_scanners_are_in_one_reply(empty_room: Scene) -> None:
+    (geo,) = ask(empty_room, "GETGEO {Type RangeScanner}", class_name="P3AT_Compare")
+    assert re.findall(r"{Name (\w+) Location", geo) == ["lms200", "Hokuyo"]
+
+
+def test_reply_has_the_changed_settings(empty_room: Scene) -> None:
+    changed = SimulationConfig(
+        item_settings={"LMS200": {"fov_deg": 90, "max_range": 12, "min_range": 1}}
+    )
+    assert ask(empty_room, "GETCONF {Type RangeScanner}", config=changed) == [
+        "CONF {Type RangeScanner} {Name lms200} {MaxRange 12.0000} {MinRange 1.0000} "
+        "{Resolution 0.017453} {Fov 1.570796}"
+    ]
+
+
+def test_top_speed_is_in_the_drive_unit(empty_room: Scene) -> None:
+    turns = SimulationConfig(drive_unit="rev_per_s")
+    (conf,) = ask(empty_room, "GETCONF {Type Robot}", config=turns)
+    assert "{MaxSpeed 1.3000}" in conf
