@@ -6,7 +6,7 @@ from pathlib import Path
 
 wheel, checkout = Path(sys.argv[1]), Path(sys.argv[2])
 held = set(zipfile.ZipFile(wheel).namelist())
-wanted = {"radarsim/py.typed", "radarsim/LICENSE"}
+wanted = {"radarsim/py.typed"}
 for folder, home in (("radarsim", ""), ("maps", "radarsim/")):
     files = (path for path in (checkout / folder).rglob("*") if path.is_file())
     for path in files:
@@ -15,9 +15,9 @@ for folder, home in (("radarsim", ""), ("maps", "radarsim/")):
 missing = sorted(wanted - held)
 if missing:
     sys.exit(f"not in {wheel.name}: {missing}")
-licences = [name for name in held if ".dist-info/licenses/" in name]
-if not licences:
-    sys.exit(f"no licence in the metadata of {wheel.name}")
+licences = {Path(name).name for name in held if ".dist-info/licenses/" in name}
+if licences != {"LICENSE", "three.LICENSE"}:
+    sys.exit(f"licences in the metadata of {wheel.name}: {sorted(licences)}")
 strangers = sorted(n for n in held if not n.startswith(("radarsim/", "radarsim-")))
 if strangers:
     sys.exit(f"only the package belongs into {wheel.name}: {strangers}")

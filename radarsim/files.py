@@ -7,6 +7,11 @@ import secrets
 import stat
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Final
+
+PICTURE_MARK: Final = b"Software\0radarsim"  # metadata of PNG files
+PAGE_MARK: Final = '<meta name="generator" content="radarsim">'
+_HEAD_SIZE: Final = 1024  # bytes at the start of a file that show who wrote it
 
 
 def write_atomically(files: Mapping[Path, bytes]) -> None:
@@ -107,3 +112,13 @@ def _write_new(path: Path, data: bytes) -> None:
     handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
     with os.fdopen(handle, "wb") as file:
         file.write(data)
+
+
+def is_by_radarsim(path: Path) -> bool:
+    """Return whether a file is a picture or a page that radarsim wrote."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD_SIZE)
+    except OSError:
+        return False
+    return any(mark in head for mark in (PICTURE_MARK, PAGE_MARK.encode()))

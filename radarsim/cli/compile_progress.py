@@ -138,20 +138,19 @@ def compile_progress(*, at_start: bool = False) -> Iterator[None]:
             observer(None)
 
 
-def compile_now(*, maps: bool = False) -> None:
+def compile_now(*warm_ups: Callable[[], None]) -> None:
     """Compile what is not cached, before worker processes or another display start.
 
     Workers would compile the same, each for itself and in silence.
 
     Args:
-        maps: Whether to compile what maps are made with as well.
+        warm_ups: Called as well; each compiles what a part of the program needs.
     """
-    from radarsim.autonomy.exploration.compilation import warm_up
     from radarsim.scene.map_file import load_map
     from radarsim.server.host import Host
 
     Host(load_map("empty_room"))
-    if maps:
+    for warm_up in warm_ups:
         warm_up()
 
 

@@ -7,7 +7,7 @@ import typer
 
 from radarsim.cli.options import check_ending, check_writable, write_file
 from radarsim.cli.output import print_lines, program_name
-from radarsim.lab.figures.commands import is_by_radarsim
+from radarsim.files import is_by_radarsim
 
 MAP: Final = "foliage_room"
 START: Final = "RobotStart1"

@@ -22,12 +22,12 @@ _MODULES = {
     "compare": "comparison",
     "draw_scans": "scans",
     "draw_scene": "scans",
-    "draw_spectrum": "spectra",
+    "draw_spectrum": "radarsim.addons.fmcw.plots",
     "plot_scan": "scans",
     "plot_scans": "scans",
     "plot_scene": "plan",
-    "plot_spectrum": "spectra",
-    "render": "rendering",
+    "plot_spectrum": "radarsim.addons.fmcw.plots",
+    "render": "style",
 }
 
 __all__ = [
@@ -47,7 +47,8 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module = importlib.import_module(f"{__name__}.{_MODULES[name]}")
+    home = _MODULES[name]
+    module = importlib.import_module(home if "." in home else f"{__name__}.{home}")
     return getattr(module, name)
 
 

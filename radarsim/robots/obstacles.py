@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely import Geometry
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.robots.footprint import MARGIN, NO_SEGMENTS, Footprint
@@ -21,6 +22,7 @@ _MIN_LENGTH = 1e-9  # m; a shorter segment has no direction
 _SEARCH_STEP = 0.05  # m between candidate positions
 _BATCH = 128  # candidate positions that are examined together
 _CLEARANCE = 0.01  # m around the footprint at such a position
+_DIGITS = 6  # of rounded end points of areas, so that lines that meet share them
 
 
 def slice_mesh(vertices: Floats, faces: NDArray[np.int32], height: float) -> Floats:
@@ -251,3 +253,20 @@ def _rings(within: float) -> Iterator[tuple[float, float]]:
         for k in range(count):
             angle = 2 * math.pi * k / count
             yield radius * math.cos(angle), radius * math.sin(angle)
+
+
+def enclosed_area(segments: Floats) -> Geometry:
+    """Return the area that line segments, (S, 2, 2) m, enclose; see ``area_within``."""
+    return area_within(shapely.multilinestrings(np.round(segments, _DIGITS)))
+
+
+def area_within(lines: Geometry) -> Geometry:
+    """Return the area that lines enclose; empty if they enclose nothing.
+
+    A ring inside another one is a hole. Where lines cross, as those of branches that
+    grew into each other, all that is enclosed belongs to the area.
+    """
+    try:
+        return shapely.build_area(lines)
+    except shapely.errors.GEOSException:  # lines cross
+        return shapely.union_all(shapely.polygonize([shapely.node(lines)]))

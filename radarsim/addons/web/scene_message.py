@@ -11,8 +11,7 @@ import shapely
 from radarsim.addons.web.colours import colour_of
 from radarsim.addons.web.viewer import encode_json
 from radarsim.geometry import Floats
-from radarsim.plotting.areas import enclosed_area
-from radarsim.robots.obstacles import slice_mesh
+from radarsim.robots.obstacles import enclosed_area, slice_mesh
 from radarsim.scene.scene import Part, Scene
 
 HEIGHT: Final = 0.346  # m above the floor, of the scanner of a P3AT

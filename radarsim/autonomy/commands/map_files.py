@@ -34,12 +34,12 @@ from radarsim.autonomy.mapping.trajectory import tum_text
 from radarsim.autonomy.plotting.film import Pixels
 from radarsim.autonomy.plotting.map_film import MapFrames, first_extent
 from radarsim.autonomy.plotting.maps import MapView, draw_map_view, joined
+from radarsim.autonomy.plotting.outlines import Outline, outlines_of
 from radarsim.autonomy.proxy.traffic_mapper import TrafficMapper
 from radarsim.cli.options import check_writable
 from radarsim.cli.output import print_message
 from radarsim.errors import describe_os_error
 from radarsim.files import write_atomically
-from radarsim.plotting.outlines import Outline, outlines_of
 
 TITLE_ENDINGS: Final = {
     "incomplete": "until nothing was left to try",

@@ -22,7 +22,6 @@ from radarsim.cli.options import (
     write_file,
 )
 from radarsim.cli.output import MESSAGE_FORM, print_lines, print_message, start_log
-from radarsim.lab.figures.commands import is_trace
 from radarsim.processes import raise_on_signals
 
 if TYPE_CHECKING:
@@ -92,7 +91,7 @@ def _check_files(trace: Path | None, plot: Path | None) -> None:
     for hint, path in (("--trace", trace), ("--plot", plot)):
         if path is not None:
             check_writable(path, hint)
-    if trace is not None and trace.exists() and not is_trace(trace):
+    if trace is not None and trace.exists() and not _is_trace(trace):
         text = f"{trace} is not a trace by radarsim, expected another file"
         raise typer.BadParameter(text, param_hint="--trace")
     if plot is not None:
@@ -141,3 +140,16 @@ def _draw(run: NavigationRun, form: str) -> bytes:
     from radarsim.autonomy.plotting.runs import draw_run
 
     return draw_run(view_of(run), form=form)
+
+
+def _is_trace(path: Path) -> bool:
+    """Return whether a file is empty or a trace of a run, by its first line."""
+    from radarsim.autonomy.navigation.run_log import trace_header
+
+    header = trace_header().encode()
+    try:
+        with path.open("rb") as file:
+            head = file.readline(len(header) + 1)
+    except OSError:
+        return False
+    return not head or head == header

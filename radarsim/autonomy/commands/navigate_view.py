@@ -9,11 +9,11 @@ from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED, NavigationR
 from radarsim.autonomy.navigation.controller import Activity
 from radarsim.autonomy.navigation.options import Algorithm
 from radarsim.autonomy.plotting.film import Pixels
+from radarsim.autonomy.plotting.outlines import Outline, outlines_of
 from radarsim.autonomy.plotting.run_film import RunFrames, first_extent
 from radarsim.autonomy.plotting.runs import NO_PATH, RunView, SteeringSensor
 from radarsim.errors import PresetError
 from radarsim.geometry import Floats
-from radarsim.plotting.outlines import Outline, outlines_of
 from radarsim.presets.robots import load_robot
 from radarsim.presets.sensors import load_settings
 from radarsim.simulation.map_warnings import plan_height

@@ -17,10 +17,10 @@ from matplotlib.transforms import Affine2D
 from numpy.typing import NDArray
 
 from radarsim.autonomy.navigation.run_log import CELL, RunLog
+from radarsim.autonomy.plotting.outlines import Outline
 from radarsim.autonomy.plotting.panels import Extent
 from radarsim.geometry import Floats
-from radarsim.plotting.areas import area_within
-from radarsim.plotting.outlines import Outline
+from radarsim.robots.obstacles import area_within
 
 
 class CellImage(AxesImage):

@@ -12,9 +12,9 @@ from radarsim.autonomy.plotting.maps import (
     map_rows,
     pixels_per_metre,
 )
+from radarsim.autonomy.plotting.outlines import Outline, outlines_extent
 from radarsim.autonomy.plotting.panels import Extent, Panels
 from radarsim.geometry import Floats
-from radarsim.plotting.outlines import Outline, outlines_extent
 
 _EDGE: Final = 0.5  # m around a scene, or around what is sensed of it
 _LARGEST_SCENE: Final = 40.0  # m of a side of a scene that it shows whole

@@ -19,11 +19,11 @@ from matplotlib.patches import Patch
 from radarsim.autonomy.mapping.export import MARK, sensed_window
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.autonomy.plotting.cells import CellImage
+from radarsim.autonomy.plotting.outlines import Outline, outlines_extent
 from radarsim.autonomy.plotting.panels import Extent, Panels, titles_of
 from radarsim.autonomy.plotting.run_markers import START
 from radarsim.geometry import Floats, Pose2
 from radarsim.plotting.annotations import HALO
-from radarsim.plotting.outlines import Outline, outlines_extent
 from radarsim.plotting.palette import (
     FAMILY_COLOURS,
     INK,

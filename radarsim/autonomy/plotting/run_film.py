@@ -7,6 +7,12 @@ from matplotlib.path import Path
 
 from radarsim.autonomy.navigation.run_log import RunLog
 from radarsim.autonomy.plotting.film import FrameCanvas, Pixels
+from radarsim.autonomy.plotting.outlines import (
+    Outline,
+    area_rows,
+    include_touched,
+    outlines_extent,
+)
 from radarsim.autonomy.plotting.panels import Extent, Panels
 from radarsim.autonomy.plotting.run_markers import HIT, LEAVE, marker_rows
 from radarsim.autonomy.plotting.runs import (
@@ -21,12 +27,6 @@ from radarsim.autonomy.plotting.runs import (
     run_rows,
 )
 from radarsim.geometry import Floats, Point
-from radarsim.plotting.outlines import (
-    Outline,
-    area_rows,
-    include_touched,
-    outlines_extent,
-)
 
 _AROUND: Final = 2.0  # m around start and goals that a film shows at first
 _EDGE: Final = 0.7  # m around a scene whose walls keep the robot in

@@ -21,6 +21,12 @@ from matplotlib.transforms import Affine2D
 from radarsim.autonomy.navigation.controller import Activity
 from radarsim.autonomy.navigation.run_log import RunLog
 from radarsim.autonomy.plotting.cells import SensedCells, sensed_rows
+from radarsim.autonomy.plotting.outlines import (
+    Outline,
+    area_rows,
+    draw_areas,
+    include_touched,
+)
 from radarsim.autonomy.plotting.panels import Extent, Panels, titles_of
 from radarsim.autonomy.plotting.run_markers import (
     STYLES,
@@ -30,12 +36,6 @@ from radarsim.autonomy.plotting.run_markers import (
 )
 from radarsim.geometry import Floats, Pose2
 from radarsim.plotting import palette
-from radarsim.plotting.outlines import (
-    Outline,
-    area_rows,
-    draw_areas,
-    include_touched,
-)
 from radarsim.plotting.palette import MARKER, PAPER
 from radarsim.plotting.plan import draw_robot
 from radarsim.plotting.style import render

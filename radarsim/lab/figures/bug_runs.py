@@ -9,9 +9,9 @@ from radarsim.autonomy.evaluation.navigation_run import (
 from radarsim.autonomy.evaluation.trials import load_trial
 from radarsim.autonomy.navigation.mission import Mission
 from radarsim.autonomy.navigation.options import Algorithm
+from radarsim.autonomy.plotting.outlines import outlines_of
 from radarsim.autonomy.plotting.runs import RunView, SteeringSensor, run_figure
 from radarsim.lab.figures.figure import ROBOT, DrawnFigure
-from radarsim.plotting.outlines import outlines_of
 from radarsim.server.host import Host
 from radarsim.simulation.map_warnings import plan_height
 

@@ -1,7 +1,4 @@
-"""``radarsim figures``: the thesis' figures, and a page that shows them.
-
-Which files radarsim wrote itself, so that it overwrites no others.
-"""
+"""``radarsim figures``: the thesis' figures, and a page that shows them."""
 
 from __future__ import annotations
 
@@ -17,38 +14,11 @@ from radarsim.cli.compile_progress import compile_now
 from radarsim.cli.options import SeedOption, write_file
 from radarsim.cli.output import print_lines
 from radarsim.errors import describe_os_error
+from radarsim.files import is_by_radarsim
 from radarsim.processes import process_cpu_count, raise_on_signals
 
 if TYPE_CHECKING:
     from radarsim.lab.figures.catalogue import FigureSpec, RenderedFigure
-
-_HEAD_SIZE: Final = 1024  # bytes at the start of a file that show who wrote it
-
-
-def is_by_radarsim(path: Path) -> bool:
-    """Return whether a file is a picture or a page of figures that radarsim wrote."""
-    from radarsim.lab.figures.figure import is_radarsim_figure
-    from radarsim.lab.figures.page import GENERATOR
-
-    try:
-        with path.open("rb") as file:
-            head = file.read(_HEAD_SIZE)
-    except OSError:
-        return False
-    return is_radarsim_figure(head) or GENERATOR.encode() in head
-
-
-def is_trace(path: Path) -> bool:
-    """Return whether a file is empty or a trace of a run, by its first line."""
-    from radarsim.autonomy.navigation.run_log import trace_header
-
-    try:
-        with path.open("rb") as file:
-            head = file.readline(_HEAD_SIZE)
-    except OSError:
-        return False
-    return not head or head == trace_header().encode()
-
 
 _SMALL_WEIGHT: Final = 2.0  # s of work that is not worth starting processes
 
@@ -68,12 +38,14 @@ def figures(
     """Draw the figures of the thesis from runs of the program, and a page of them."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+    from radarsim.autonomy.exploration.compilation import warm_up
     from radarsim.lab.figures.catalogue import render_all, select_figures
     from radarsim.lab.figures.page import FILE
 
     wanted = _read_numbers(only)
     _prepare(out, [FILE, *(entry.file for entry in wanted)])
-    compile_now(maps=any(entry.number == "15" for entry in wanted))
+    maps_are_drawn = any(entry.number == "15" for entry in wanted)
+    compile_now(*([warm_up] if maps_are_drawn else []))
     weight = sum(entry.weight for entry in wanted)
     workers = 1 if weight <= _SMALL_WEIGHT else min(len(wanted), process_cpu_count())
     columns = (TextColumn("{task.description:14}"), BarColumn(), TimeElapsedColumn())

@@ -126,7 +126,6 @@ def _as_text(value: str | float | tuple[float, ...]) -> str:
     return value if isinstance(value, str) else f"{value:g}"
 
 
-SOFTWARE: Final = "radarsim"  # metadata that marks a picture as radarsim's
 _WHITE: Final = 255
 _GAP: Final = 24  # pixels between drawings
 TITLE_GAP: Final = 0.16  # inches above the title
@@ -164,18 +163,13 @@ class DrawnFigure:
         """Return the content of a PNG file; equal drawings give equal bytes."""
         pixels = _stack([_rasterise(drawing) for drawing in self.drawings])
         data = io.BytesIO()
-        image.imsave(data, pixels, format="png", metadata={"Software": SOFTWARE})
+        image.imsave(data, pixels, format="png", metadata={"Software": "radarsim"})
         return data.getvalue()
 
 
 def png_size(png: bytes) -> tuple[int, int]:
     """Return the width and height of a PNG file, pixels."""
     return int.from_bytes(png[16:20], "big"), int.from_bytes(png[20:24], "big")
-
-
-def is_radarsim_figure(png: bytes) -> bool:
-    """Return whether a PNG file, or its first kilobyte, was written by this program."""
-    return f"Software\0{SOFTWARE}".encode() in png[:1024]
 
 
 def _rasterise(drawing: Figure) -> NDArray[np.uint8]:

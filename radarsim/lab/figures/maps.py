@@ -19,11 +19,11 @@ from radarsim.autonomy.exploration.exploration import ExplorationPlan
 from radarsim.autonomy.mapping.occupancy_grid import Mask, OccupancyGrid
 from radarsim.autonomy.mapping.trajectory import Trajectory
 from radarsim.autonomy.plotting.maps import MapView, map_figure
+from radarsim.autonomy.plotting.outlines import outlines_of
 from radarsim.geometry import Floats, Point
 from radarsim.lab.figures.figure import START, DrawnFigure, find_start_pose, load_scene
 from radarsim.lab.figures.foliage_wall import FAR, MAP, bush_parts, hidden_parts
 from radarsim.plotting.annotations import HALO, as_words
-from radarsim.plotting.outlines import outlines_of
 from radarsim.presets.robots import Item, load_robot
 from radarsim.presets.sensors import load_settings
 from radarsim.robots.obstacles import slice_parts

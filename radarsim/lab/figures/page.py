@@ -9,6 +9,7 @@ from html import escape
 from typing import Final
 
 from radarsim import __version__
+from radarsim.files import PAGE_MARK
 from radarsim.lab.figures.catalogue import RenderedFigure
 from radarsim.lab.figures.figure import png_size
 
@@ -100,7 +101,6 @@ SCRIPT: Final = """
 
 
 FILE: Final = "index.html"
-GENERATOR: Final = '<meta name="generator" content="radarsim">'
 TITLE: Final = "Navigation using a radar sensor in USARSim: the figures"
 _BLOCK: Final = re.compile(
     r'<figure id="figure-(?P<number>[\w-]+)">.*?</figure>\n', re.DOTALL
@@ -152,7 +152,7 @@ def render_page(blocks: Iterable[str]) -> str:
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
-{GENERATOR}
+{PAGE_MARK}
 <title>{TITLE}</title>
 <style>{STYLE}</style>
 </head>

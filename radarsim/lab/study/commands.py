@@ -111,10 +111,11 @@ def _run(
 ) -> dict[StudyTask, dict[str, Any]]:
     """Run tasks, and write each row as soon as there is one."""
     from radarsim.autonomy.evaluation.task_runner import opened_log, run_tasks
+    from radarsim.autonomy.exploration.compilation import warm_up
     from radarsim.lab.study.maps import run_study_task
     from radarsim.lab.study.page import LOG
 
-    compile_now(maps=True)
+    compile_now(warm_up)
     rows: dict[StudyTask, dict[str, Any]] = {}
     with (
         raise_on_signals(),

@@ -16,8 +16,8 @@ from radarsim.autonomy.evaluation.trials import GOAL_TOLERANCE
 from radarsim.autonomy.mapping.occupancy_grid import RESOLUTION
 from radarsim.autonomy.navigation.controller import TOLERANCE
 from radarsim.autonomy.navigation.options import Algorithm
-from radarsim.files import write_atomically
-from radarsim.lab.figures.page import GENERATOR, STYLE
+from radarsim.files import PAGE_MARK, write_atomically
+from radarsim.lab.figures.page import STYLE
 from radarsim.lab.study.chart import draw_study
 from radarsim.lab.study.findings import (
     headline,
@@ -127,7 +127,7 @@ def render_study(
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
-{GENERATOR}
+{PAGE_MARK}
 <title>{TITLE}</title>
 <style>{STYLE}{_TABLE_STYLE}</style>
 </head>

@@ -62,6 +62,7 @@ def sweep(
     dry_run: DryRunOption = False,
 ) -> None:
     """Scan, drive or map for all combinations of parameters, and write one table."""
+    from radarsim.autonomy.exploration.compilation import warm_up
     from radarsim.errors import import_optional
     from radarsim.lab.sweep.file import read_sweep
     from radarsim.lab.sweep.folder import ABOUT, EXTRA, TABLE, SweepFolder, sweep_tasks
@@ -82,7 +83,7 @@ def sweep(
     left = [task for task in tasks if not folder.has(task)]
     began = time.perf_counter()
     if left:
-        compile_now(maps=wanted.kind == "map")
+        compile_now(*([warm_up] if wanted.kind == "map" else []))
         batch = _BATCHES[wanted.kind]
         with _running(left, scenes, scheduler, workers, batch) as running:
             _collect(folder, left, running)

@@ -14,9 +14,8 @@ from shapely import Geometry
 
 from radarsim.autonomy.plotting.panels import Extent
 from radarsim.geometry import Floats
-from radarsim.plotting.areas import enclosed_area
 from radarsim.plotting.palette import FAMILY_COLOURS, MARKER, Family, family_of
-from radarsim.robots.obstacles import slice_mesh
+from radarsim.robots.obstacles import enclosed_area, slice_mesh
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 

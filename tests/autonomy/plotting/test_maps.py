@@ -33,10 +33,10 @@ from radarsim.autonomy.plotting.maps import (
     path_style,
     pixels_per_metre,
 )
+from radarsim.autonomy.plotting.outlines import Outline
 from radarsim.autonomy.plotting.panels import Extent
 from radarsim.geometry import Pose2
 from radarsim.lab.figures.figure import load_scene
-from radarsim.plotting.outlines import Outline
 from radarsim.plotting.palette import MAPPED_PATH
 from radarsim.protocol.reports import RangeScan, TargetEchoes
 

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 import shapely
 
+from radarsim.autonomy.plotting.outlines import outlines_of
 from radarsim.geometry import Floats
-from radarsim.plotting.areas import enclosed_area
-from radarsim.plotting.outlines import outlines_of
+from radarsim.robots.obstacles import enclosed_area
 from radarsim.scene.map_file import load_map
 
 

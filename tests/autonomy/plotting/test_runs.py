@@ -19,6 +19,7 @@ from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.run_log import CELL, RunLog
 from radarsim.autonomy.navigation.runner import NavigationStep
 from radarsim.autonomy.plotting.cells import STRONGEST
+from radarsim.autonomy.plotting.outlines import Outline
 from radarsim.autonomy.plotting.panels import Extent
 from radarsim.autonomy.plotting.run_film import RunFrames, first_extent
 from radarsim.autonomy.plotting.runs import (
@@ -34,7 +35,6 @@ from radarsim.autonomy.plotting.runs import (
     run_figure,
 )
 from radarsim.geometry import Floats, Point, Pose2
-from radarsim.plotting.outlines import Outline
 from radarsim.plotting.palette import (
     FAMILY_COLOURS,
     LASER,

@@ -7,7 +7,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from radarsim.plotting.outlines import (
+from radarsim.autonomy.plotting.outlines import (
     area_rows,
     draw_areas,
     kind_of,
