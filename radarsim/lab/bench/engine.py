@@ -17,13 +17,13 @@ import numpy as np
 
 from radarsim.geometry import Floats
 from radarsim.lab.bench.timing import BenchmarkRow, compare, measure
+from radarsim.lab.plants.scenes import leaf_scene
 from radarsim.raycast.embree import FirstHits, Mesh
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map
 from radarsim.scene.material import Material
-from radarsim.scene.plants.scenes import leaf_scene
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import Faces, box, sphere
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor, sensor_pose

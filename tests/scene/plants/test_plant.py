@@ -7,7 +7,6 @@ from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.face_passes import connect_faces
 from radarsim.scene.material import Material
-from radarsim.scene.plants.calibration import WOODEN, foliage_material
 from radarsim.scene.plants.mesh import ball
 from radarsim.scene.plants.parameters import LEAVES, SHRUB, WOOD
 from radarsim.scene.plants.plant import SHAPES, TUFT_RADIUS, make_plant, make_shrubs
@@ -46,9 +45,9 @@ def test_volumes_are_closed_and_a_cloud_has_a_ball_for_each_twig() -> None:
 def test_parts_are_at_the_given_position() -> None:
     plant = make_shrubs(3)["leaves"]
     place = np.array([5.0, -2.0, 0.5])
-    leaf = foliage_material("leaves", 0.3)
-    wood, leaves = plant.parts("shrub", WOODEN, leaf, place)
-    assert (wood.object_name, wood.material) == ("shrub", WOODEN)
+    bark, leaf = Material("wood"), Material("leaves", density=0.0, sheet_loss=0.3)
+    wood, leaves = plant.parts("shrub", bark, leaf, place)
+    assert (wood.object_name, wood.material) == ("shrub", bark)
     assert (leaves.object_name, leaves.material) == ("shrub", leaf)
     assert np.array_equal(wood.vertices, plant.wood[0] + place)
     assert np.array_equal(leaves.vertices, plant.foliage[0] + place)

@@ -5,10 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from radarsim.raycast.rays import Rays
-from radarsim.rng import generator_for
-from radarsim.scene.material import Material
-from radarsim.scene.plants.calibration import (
+from radarsim.lab.plants.calibration import (
     Comparison,
     bundle,
     calibrate,
@@ -18,6 +15,9 @@ from radarsim.scene.plants.calibration import (
     transmission,
     transmission_of_ball,
 )
+from radarsim.raycast.rays import Rays
+from radarsim.rng import generator_for
+from radarsim.scene.material import Material
 from radarsim.scene.plants.parameters import SHRUB
 from radarsim.scene.plants.plant import SHAPES
 from radarsim.scene.scene import Part

@@ -1,4 +1,4 @@
-"""``python -m radarsim.scene.plants OUT``: write mesh files of plants, and a figure.
+"""``python -m radarsim.lab.plants OUT``: write mesh files of plants, and a figure.
 
 With the default seed these are the files of the shipped maps.
 """
@@ -10,7 +10,7 @@ import typer
 
 from radarsim.errors import describe_os_error
 from radarsim.files import write_atomically
-from radarsim.scene.plants.calibration import (
+from radarsim.lab.plants.calibration import (
     RAYS,
     Comparison,
     compare_shapes,
@@ -66,7 +66,7 @@ def make(
 
 
 def _draw(shapes: list[Comparison]) -> bytes:
-    from radarsim.scene.plants.figure import draw_shapes  # noqa: PLC0415 - matplotlib is slow
+    from radarsim.lab.plants.figure import draw_shapes  # noqa: PLC0415 - matplotlib is slow
 
     return draw_shapes(shapes)
 

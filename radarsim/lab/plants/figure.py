@@ -10,16 +10,16 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from radarsim.geometry import Floats
-from radarsim.plotting.palette import FAMILY_COLOURS, MARKER, RADAR, Family
-from radarsim.plotting.style import render
-from radarsim.robots.obstacles import slice_mesh
-from radarsim.scene.plants.calibration import (
+from radarsim.lab.plants.calibration import (
     BEFORE,
     HEIGHT,
     WALL,
     Comparison,
     PlantRanges,
 )
+from radarsim.plotting.palette import FAMILY_COLOURS, MARKER, RADAR, Family
+from radarsim.plotting.style import render
+from radarsim.robots.obstacles import slice_mesh
 from radarsim.scene.plants.parameters import LEAVES, WOOD
 from radarsim.scene.plants.plant import Plant
 

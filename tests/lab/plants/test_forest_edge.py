@@ -7,11 +7,11 @@ import pytest
 
 import radarsim
 from radarsim.geometry import Floats, Pose2
+from radarsim.lab.plants.calibration import bundle, transmission
 from radarsim.presets.robots import load_robot
 from radarsim.rng import generator_for
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles
-from radarsim.scene.plants.calibration import bundle, transmission
 from radarsim.scene.plants.parameters import SHRUB
 from radarsim.scene.plants.plant import SHAPES
 from radarsim.scene.scene import Part, Scene

@@ -1,7 +1,7 @@
 import pytest
 
+from radarsim.lab.plants.scenes import SPACING, leaf_scene
 from radarsim.scene.plants.plant import make_shrubs
-from radarsim.scene.plants.scenes import SPACING, leaf_scene
 
 
 @pytest.mark.parametrize("triangles", [1, 60_000, 200_000])
