@@ -7,12 +7,12 @@ Marks of echoes: their shape tells the kind, their colour the material.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import chain
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.plotting.palette import MARKER, PAPER, Family, family_of
@@ -23,7 +23,7 @@ from radarsim.plotting.ray_segments import (
     THROUGH_WIDTH,
     scan_colour,
 )
-from radarsim.plotting.sight import Sight, name_materials
+from radarsim.plotting.sight import BeamEnd, Sight, name_materials
 from radarsim.plotting.style import Legend, area_style, echo_points, scan_points
 from radarsim.raycast.attenuation import EventKind
 from radarsim.scene.material import Material
@@ -73,7 +73,9 @@ def draw_echoes(axes: Axes, scan: Scan) -> None:
             chosen = (echoes.kinds == kind) & (names == name)
             if chosen.any():
                 axes.scatter(
-                    *(points[chosen, 0], points[chosen, 1], areas[chosen]),
+                    points[chosen, 0],
+                    points[chosen, 1],
+                    areas[chosen],
                     label=f"{shape.text}: {name}",
                     **_style(shape, found[name]),
                 )
@@ -121,56 +123,71 @@ def add_echo_rows(legend: Legend, scans: Sequence[Scan]) -> None:
 
 
 THROUGH_AREA: Final = 42.0  # square points of the hit of a ray that sees through
-DOT: Final = 3.5  # points, of other readings
-CROSS: Final = 4.5  # points, of rays that are spent or stopped
-SQUARE: Final = 3.0  # points, of readings in or at what rays enter
-# How rays end that do not see through anything.
-SPENT: Final = "spent"
-STOPPED: Final = "stopped"
-TOUCHING: Final = "in or at something"
-FREE: Final = "nothing in the way"
-_CROSSED: Final[Any] = {"marker": "x", "markersize": CROSS, "markeredgewidth": 0.9}
-_MARKS: Final[Any] = {
-    SPENT: _CROSSED,
-    STOPPED: _CROSSED,
-    TOUCHING: {"marker": "s", "markersize": SQUARE, "markerfacecolor": PAPER},
-    FREE: {"marker": ".", "markersize": DOT},
+_CROSS: Final[Any] = {"marker": "x", "markersize": 4.5, "markeredgewidth": 0.9}
+_CIRCLE: Final[Any] = {
+    "marker": "o",
+    "markersize": math.sqrt(THROUGH_AREA),
+    "markerfacecolor": PAPER,
+    "markeredgewidth": 1.6,
+}
+# How the ends of rays are marked.
+END_MARKS: Final[dict[BeamEnd, dict[str, Any]]] = {
+    BeamEnd.THROUGH: {"zorder": 5, **_CIRCLE},
+    BeamEnd.SPENT: {"zorder": 4, **_CROSS},
+    BeamEnd.STOPPED: {"zorder": 4, **_CROSS},
+    BeamEnd.TOUCHING: {
+        "zorder": 4,
+        "marker": "s",
+        "markersize": 3.0,
+        "markerfacecolor": PAPER,
+    },
+    BeamEnd.FREE: {"zorder": 4, "marker": ".", "markersize": 3.5},
+}
+# How rays are drawn in the legend, where all have their full power.
+_FULL_RAY: Final[Any] = {"linewidth": FULL_WIDTH, "alpha": 0.5 + FULL_OPACITY}
+_RAYS: Final[dict[BeamEnd, dict[str, Any]]] = {
+    BeamEnd.THROUGH: {"linewidth": THROUGH_WIDTH},
+    **dict.fromkeys(
+        (BeamEnd.SPENT, BeamEnd.STOPPED, BeamEnd.TOUCHING, BeamEnd.FREE), _FULL_RAY
+    ),
+    BeamEnd.NO_RETURN: {
+        "linewidth": FULL_WIDTH,
+        "alpha": 2 * FULL_OPACITY * NO_RETURN_OPACITY,
+    },
+    BeamEnd.BLINDED: {"linewidth": 0.6, "linestyle": (0, (2, 4))},
 }
 MANY_AREA: Final = 5.0  # square points, of a reading of several scans
 MANY_OPACITY: Final = 0.3
 MANY_THROUGH_AREA: Final = 36.0  # square points, if it is seen through something
 
-Mask = NDArray[np.bool_]
+
+def describe_end(end: BeamEnd, sight: Sight) -> str:
+    """Return what beams of an end do, such as "see through foliage"."""
+    words = sight.words(end) or "something"
+    return {
+        BeamEnd.THROUGH: f"see through {words}",
+        BeamEnd.SPENT: f"spent in {words}",
+        BeamEnd.STOPPED: f"stopped by {words}",
+        BeamEnd.TOUCHING: f"read what stands in or at {words}",
+        BeamEnd.FREE: "nothing in the way",
+        BeamEnd.NO_RETURN: "without return",
+        BeamEnd.BLINDED: "blinded: reads 0",
+    }[end]
 
 
-def draw_ray_ends(axes: Axes, scan: Scan, sight: Sight) -> None:
-    """Mark the end of each ray of a scan that came back."""
-    rays, colour = scan.cast, scan_colour(scan)
-    read = _read(scan)
+def draw_ray_ends(
+    axes: Axes, scan: Scan, sight: Sight, ends: Iterable[BeamEnd]
+) -> None:
+    """Mark where rays end: those of some ends, each with its own mark."""
+    read = np.isfinite(scan.ranges)
     ranges = np.where(read, scan.ranges, 0.0)[:, None]
-    ends = (rays.origins + ranges * rays.directions)[:, :2]
-    style: dict[str, Any] = {"linestyle": "none", "color": colour, "zorder": 4}
-    for label, chosen in _group(scan, sight).items():
+    points = (scan.cast.origins + ranges * scan.cast.directions)[:, :2]
+    for end in ends:
+        chosen = sight.ends == end
         if chosen.any():
-            axes.plot(*ends[chosen].T, label=label, **style, **_MARKS[label])
-    draw_hits(axes, scan, sight)
-
-
-def draw_hits(axes: Axes, scan: Scan, sight: Sight) -> None:
-    """Circle what is read by rays that see through something: the largest marks."""
-    seeing = np.flatnonzero(sight.through)
-    if not len(seeing):
-        return
-    ranges, directions = scan.ranges[seeing, None], scan.cast.directions[seeing]
-    points = scan.cast.origins[seeing] + ranges * directions
-    axes.scatter(
-        *(points[:, 0], points[:, 1], THROUGH_AREA),
-        facecolors=PAPER,
-        edgecolors=scan_colour(scan),
-        linewidths=1.6,
-        label="seen through",
-        zorder=5,
-    )
+            style = {"color": scan_colour(scan), **END_MARKS[end]}
+            label = end.name.lower()
+            axes.plot(*points[chosen].T, linestyle="none", label=label, **style)
 
 
 def add_ray_rows(legend: Legend, scan: Scan, sight: Sight) -> None:
@@ -181,63 +198,17 @@ def add_ray_rows(legend: Legend, scan: Scan, sight: Sight) -> None:
         scan: A scan.
         sight: How its beams see.
     """
-    echoing = lists_echoes(scan)
-    groups = _group(scan, sight)
-    circle = {
-        "marker": "o",
-        "markersize": math.sqrt(THROUGH_AREA),
-        "markerfacecolor": PAPER,
-        "markeredgewidth": 1.6,
-    }
-    thin = {"linewidth": FULL_WIDTH, "alpha": 0.5 + FULL_OPACITY}
-    faint = {"linewidth": FULL_WIDTH, "alpha": 2 * FULL_OPACITY * NO_RETURN_OPACITY}
-    dashed = {"linewidth": 0.6, "linestyle": (0, (2, 4))}
-    rows: list[tuple[Mask, str, dict[str, Any]]] = [
-        (
-            sight.through,
-            f"sees through {sight.words}",
-            {"linewidth": THROUGH_WIDTH, **circle},
-        ),
-        *_rows_of_others(scan, sight, groups, thin, echoing=echoing),
-        (np.isinf(scan.ranges), "no return", faint),
-        (scan.ranges == 0, "blinded: reads 0", dashed),
-    ]
     colour = legend.ray_colour or scan_colour(scan)
     legend.add_heading("Rays")
-    for mask, text, style in rows:
-        if mask.any():
-            legend.add_line(text, color=colour, **style)
-
-
-def _rows_of_others(
-    scan: Scan,
-    sight: Sight,
-    groups: dict[str, Mask],
-    line: dict[str, Any],
-    *,
-    echoing: bool,
-) -> list[tuple[Mask, str, dict[str, Any]]]:
-    """Return the rows of rays that come back and do not see through anything."""
-    if echoing:  # echoes are marked instead, and all these rays look the same
-        return [(_read(scan) & ~sight.through, "other ray", line)]
-    spent, stopping = _spent_in(scan), _stopping(scan, sight, groups[STOPPED])
-    texts = {
-        SPENT: f"is spent in {name_materials(spent)}",
-        STOPPED: f"is stopped by {name_materials(stopping)}",
-        TOUCHING: f"reads what stands in or at {name_materials(sight.entered)}",
-        FREE: _say_free([*sight.materials, *spent, *stopping, *sight.entered]),
-    }
-    return [(groups[each], texts[each], line | _MARKS[each]) for each in texts]
-
-
-def _group(scan: Scan, sight: Sight) -> dict[str, Mask]:
-    """Return how rays end that come back and do not see through anything."""
-    others = _read(scan) & ~sight.through
-    spent = _spent(scan) & others
-    stopped = sight.stopped & others & ~spent
-    touching = sight.touching & others & ~spent
-    free = others & ~spent & ~stopped & ~touching
-    return {SPENT: spent, STOPPED: stopped, TOUCHING: touching, FREE: free}
+    for end, style in _RAYS.items():
+        if not (sight.ends == end).any():
+            continue
+        if lists_echoes(scan) and end in END_MARKS and end != BeamEnd.THROUGH:
+            # Its echoes are marked instead, and all these rays look the same.
+            legend.add_line("other ray", color=colour, **style)
+        else:
+            marks = {k: v for k, v in END_MARKS.get(end, {}).items() if k != "zorder"}
+            legend.add_line(describe_end(end, sight), color=colour, **style | marks)
 
 
 def draw_many(
@@ -256,12 +227,18 @@ def draw_many(
         _draw_echo_dots(axes, scans, legend)
     else:
         pairs = zip(scans, sights, strict=True)
-        points = [scan_points(scan)[_read(scan) & ~s.through] for scan, s in pairs]
+        points = [
+            scan_points(scan)[(s.ends >= BeamEnd.FREE) & (s.ends != BeamEnd.THROUGH)]
+            for scan, s in pairs
+        ]
         legend.add_heading("Readings")
         if len(dots := np.concatenate(points)):
             _draw_dots(axes, dots, colour, "reading")
             legend.add_marker("reading", ".", color=colour, alpha=0.6)
-    seen = [scan_points(scan)[s.through] for scan, s in zip(scans, sights, strict=True)]
+    seen = [
+        scan_points(scan)[s.ends == BeamEnd.THROUGH]
+        for scan, s in zip(scans, sights, strict=True)
+    ]
     if len(hits := np.concatenate(seen)):
         style: dict[str, Any] = {"markeredgecolor": PAPER, "markeredgewidth": 0.5}
         size = math.sqrt(MANY_THROUGH_AREA)
@@ -274,8 +251,8 @@ def draw_many(
             zorder=5,
             **style,
         )
-        materials = (material for sight in sights for material in sight.materials)
-        text = f"seen through {name_materials(materials)}"
+        seen_through = (s.materials[BeamEnd.THROUGH] for s in sights)
+        text = f"seen through {name_materials(chain.from_iterable(seen_through))}"
         legend.add_marker(text, "o", color=colour, markersize=size, **style)
 
 
@@ -297,7 +274,9 @@ def _draw_echo_dots(axes: Axes, scans: Sequence[Scan], legend: Legend) -> None:
 
 def _draw_dots(axes: Axes, points: Floats, colour: Any, label: str) -> None:
     axes.scatter(
-        *(points[:, 0], points[:, 1], MANY_AREA),
+        points[:, 0],
+        points[:, 1],
+        MANY_AREA,
         color=colour,
         alpha=MANY_OPACITY,
         linewidths=0,
@@ -309,41 +288,3 @@ def _draw_dots(axes: Axes, points: Floats, colour: Any, label: str) -> None:
 def lists_echoes(scan: Scan) -> bool:
     """Return whether a scan has all echoes of its beams, which are drawn instead."""
     return scan.echoes.settings.return_mode == "all" and scan.targets is None
-
-
-def _read(scan: Scan) -> Mask:
-    return np.isfinite(scan.ranges) & (scan.ranges > 0)
-
-
-def _spent(scan: Scan) -> Mask:
-    """Return which beams read the place where their power is spent, (N,)."""
-    echoes = scan.echoes
-    spent = np.zeros(len(scan.ranges), np.bool_)
-    at_end = np.isclose(echoes.ranges, scan.ranges[echoes.beams])
-    spent[echoes.beams[at_end & (echoes.kinds == EventKind.SPENT)]] = True
-    return spent
-
-
-def _say_free(met: Sequence[Material]) -> str:
-    """Say what the rays do that meet none of the materials that others meet."""
-    if len({family_of(material) for material in met}) > 1:
-        return "meets none of these"
-    return f"meets no {name_materials(met)}" if met else "reads a surface"
-
-
-def _spent_in(scan: Scan) -> list[Material]:
-    """Return what power is spent in."""
-    echoes = scan.echoes
-    parts = np.unique(echoes.parts[echoes.kinds == EventKind.SPENT]).tolist()
-    return [material_of(echoes, part) for part in parts]
-
-
-def _stopping(scan: Scan, sight: Sight, stopped: Mask) -> list[Material]:
-    """Return what stops beams, (N,)."""
-    if scan.targets is not None:  # it has no echoes
-        found = (sight.read[beam] for beam in np.flatnonzero(stopped).tolist())
-        return list({each.name: each for each in found if each is not None}.values())
-    echoes = scan.echoes
-    at_end = np.isclose(echoes.ranges, scan.ranges[echoes.beams])
-    parts = np.unique(echoes.parts[at_end & stopped[echoes.beams]]).tolist()
-    return [material_of(echoes, part) for part in parts]

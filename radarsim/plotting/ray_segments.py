@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.plotting.palette import sensor_colour
-from radarsim.plotting.sight import Sight
+from radarsim.plotting.sight import BeamEnd, Sight
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import Tracer, tracer_of
 from radarsim.scene.scene import Scene
@@ -136,7 +136,7 @@ def draw_rays(axes: Axes, scene: Scene, scan: Scan, sight: Sight) -> None:
     colour = to_rgba(scan_colour(scan))
     _draw_blinded(axes, segments, scan.ranges == 0, colour)
     segments = cut_at_readings(segments, scan.ranges)
-    through = sight.through[segments.rays]
+    through = (sight.ends == BeamEnd.THROUGH)[segments.rays]
     shades = np.tile(colour, (len(segments.rays), 1))
     came_back = np.isfinite(scan.ranges)[segments.rays]
     shades[:, 3] = line_opacity(segments.shares)

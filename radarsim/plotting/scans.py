@@ -3,14 +3,11 @@
 A single scan is drawn with its rays, which end at their readings. Those that see
 through something are the boldest lines, and their hits the largest marks. Several scans
 are drawn without rays, as pale dots: readings, or echoes if the sensor keeps all.
-
-Scans in words: what one sees, and how it was measured.
 """
 
 import math
 import re
 import textwrap
-from collections import Counter
 from collections.abc import Sequence
 from typing import Final
 
@@ -21,10 +18,11 @@ from matplotlib.figure import Figure
 from radarsim.geometry import Floats, Pose2
 from radarsim.plotting.annotations import as_words, write_title
 from radarsim.plotting.marks import (
+    END_MARKS,
     add_echo_rows,
     add_ray_rows,
+    describe_end,
     draw_echoes,
-    draw_hits,
     draw_many,
     draw_ray_ends,
     lists_echoes,
@@ -39,89 +37,45 @@ from radarsim.plotting.plan import (
     show_extent,
 )
 from radarsim.plotting.ray_segments import draw_rays
-from radarsim.plotting.sight import Sight, find_sight, lets_beams_in, name_materials
+from radarsim.plotting.sight import BeamEnd, Sight, find_sight
 from radarsim.plotting.style import Legend, render, scan_points
 from radarsim.scene.scene import Scene
 from radarsim.sensors.scan import Scan
 
+NOWHERE: Final[Floats] = np.zeros((0, 2))
+_LARGEST: Final = (9.4, 6.6)  # inches of a plan
+_LEGEND: Final = 2.6  # inches beside it
+_TITLE: Final = 0.9  # inches above and below it
+_NAMES: Final = 20  # of objects; with more of them rays could not be seen
+_NARROWEST: Final = 4.0  # inches that a plan has, for the title above it
+_LETTER: Final = 0.155  # inches of a title, on average
+_SMALL_LETTER: Final = 0.08  # inches, likewise, of the text below the plan
+# What a title counts, if there is any.
+_COUNTED: Final = (
+    BeamEnd.THROUGH,
+    BeamEnd.STOPPED,
+    BeamEnd.SPENT,
+    BeamEnd.NO_RETURN,
+    BeamEnd.BLINDED,
+)
 
-def describe_scans(scans: Sequence[Scan], sights: Sequence[Sight]) -> str:
-    """Return the title of a picture: what one sees in it.
+
+def title_scans(scans: Sequence[Scan], sights: Sequence[Sight]) -> str:
+    """Return a title: the sensor, and how many of its beams end how.
 
     Args:
         scans: One or more scans of one sensor.
         sights: How their beams see.
     """
-    beams = len(scans[0].ranges)
-    many = f", in {len(scans)} scans" if len(scans) > 1 else ""
-    blinded = [int(np.count_nonzero(scan.ranges == 0)) for scan in scans]
-    if any(blinded):
-        return f"{_span(blinded)} of {beams} beams are blinded{many}"
-    through = [int(sight.through.sum()) for sight in sights]
-    if any(through):
-        materials = (material for sight in sights for material in sight.materials)
-        words = name_materials(materials)
-        meeting = [int(np.count_nonzero(sight.meeting)) for sight in sights]
-        seeing = f"{_span(through)} of {beams} beams see through {words}"
-        if min(meeting) < beams:
-            met = f"{_span(meeting)} beams that meet {words}"
-            seeing = f"{_span(through)} of the {met} see through it"
-        held = any((sight.stopped & sight.meeting).any() for sight in sights)
-        seeing += _with_target(scans[0], "their")
-        return f"{seeing}{many}" if held else f"{seeing}, none is stopped{many}"
-    pairs = zip(scans, sights, strict=True)
-    stopped = [Counter(_penetrable_readings(*pair)) for pair in pairs]
-    if total := sum(stopped, Counter()):
-        ((material, _),) = total.most_common(1)
-        count = _span([each[material] for each in stopped])
-        name = as_words(material)
-        seeing = f"none sees through{_with_target(scans[0], 'its')}"
-        return f"{name} stops {count} of {beams} beams, {seeing}{many}"
-    read = [int(np.count_nonzero(np.isfinite(scan.ranges))) for scan in scans]
-    return f"{_span(read)} of {beams} beams read something{many}"
-
-
-def _with_target(scan: Scan, whose: str) -> str:
-    """Return which target of a beam counts, if a detector has found them; or nothing.
-
-    A beam has several, and may see through something with another one.
-    """
-    return "" if scan.targets is None else f" with {whose} {_read_target(scan)} target"
-
-
-def _read_target(scan: Scan) -> str:
-    mode = scan.echoes.settings.return_mode
-    return {"all": "farthest", "last": "farthest", "first": "nearest"}.get(mode, mode)
-
-
-def _span(counts: Sequence[int]) -> str:
-    """Return the least and the greatest of some counts, or the one that all are.
-
-    >>> _span([5, 3, 4]), _span([2, 2])
-    ('3 to 5', '2')
-    """
-    least, most = min(counts), max(counts)
-    return f"{least}" if least == most else f"{least} to {most}"
-
-
-def _penetrable_readings(scan: Scan, sight: Sight) -> list[str]:
-    """Return the material of each reading of something that some beams can enter."""
-    if scan.targets is not None:
-        return [each.name for each in sight.read if each is not None]
-    echoes, parts = scan.echoes, scan.echoes.scene_parts
-    names = []
-    read = np.isclose(echoes.ranges, scan.ranges[echoes.beams])
-    for part in echoes.parts[read].tolist():
-        if part < len(parts):
-            material = parts[part].material
-            if lets_beams_in(material):
-                names.append(material.name)
-    return names
-
-
-def title_scans(scans: Sequence[Scan], sights: Sequence[Sight]) -> str:
-    """Return the name of the sensor and what one sees, as a title."""
-    return f"{name_sensor(scans[0])}: {describe_scans(scans, sights)}"
+    many = f"{len(scans)} scans of " if len(scans) > 1 else ""
+    counts = []
+    for end in _COUNTED:
+        count = sum(int((sight.ends == end).sum()) for sight in sights)
+        if count:
+            most = max(sights, key=lambda sight: len(sight.materials[end]))
+            counts.append(f"{count} {describe_end(end, most)}")
+    beams = f"{many}{len(scans[0].ranges)} beams"
+    return f"{name_sensor(scans[0])}, {beams}: {', '.join(counts) or 'all come back'}"
 
 
 def name_sensor(scan: Scan) -> str:
@@ -157,7 +111,8 @@ def _beams(scan: Scan) -> str:
     settings = scan.echoes.settings
     mode = settings.return_mode
     if scan.targets is not None:
-        return f"{_read_target(scan)} target of the detector {settings.detector!r}"
+        target = {"first": "nearest", "strongest": "strongest"}.get(mode, "farthest")
+        return f"{target} target of the detector {settings.detector!r}"
     echoes = "all echoes" if mode == "all" else f"{mode} echo"
     if not settings.has_side_rays:
         return echoes
@@ -165,16 +120,6 @@ def _beams(scan: Scan) -> str:
     if settings.side_mode == "cone":
         return f"cone of {settings.cone_rays} rays, {answer}, {echoes}"
     return f"N = {settings.side_offset_uu:g} {settings.side_mode}, {answer}, {echoes}"
-
-
-NOWHERE: Final[Floats] = np.zeros((0, 2))
-_LARGEST: Final = (9.4, 6.6)  # inches of a plan
-_LEGEND: Final = 2.6  # inches beside it
-_TITLE: Final = 0.9  # inches above and below it
-_NAMES: Final = 20  # of objects; with more of them rays could not be seen
-_NARROWEST: Final = 4.0  # inches that a plan has, for the title above it
-_LETTER: Final = 0.155  # inches of a title, on average
-_SMALL_LETTER: Final = 0.08  # inches, likewise, of the text below the plan
 
 
 def draw_scans(
@@ -259,9 +204,9 @@ def draw_scan(
         if lists_echoes(scan):
             draw_echoes(axes, scan)
             add_echo_rows(legend, scans)
-            draw_hits(axes, scan, sight)
+            draw_ray_ends(axes, scan, sight, [BeamEnd.THROUGH])
         else:
-            draw_ray_ends(axes, scan, sight)
+            draw_ray_ends(axes, scan, sight, END_MARKS)
     else:
         draw_many(axes, scans, sights, legend)
     legend.add_heading("Materials")

@@ -9,8 +9,9 @@ behind the bush. Other beams are stopped by such a material, read what stands in
 at it, or have nothing of it in their way.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Final
 
 import numpy as np
@@ -32,33 +33,37 @@ BESIDE: Final = 0.2  # m
 _NEAR = 1e-6  # m; what is nearer than this to the reading is the reading
 
 
+class BeamEnd(IntEnum):
+    """How a beam ends; what sees through something is the greatest."""
+
+    NO_RETURN = 0
+    BLINDED = 1
+    FREE = 2  # reads something, and has nothing in its way that beams can enter
+    TOUCHING = 3  # reads what stands in or at something that it has entered
+    STOPPED = 4  # reads something that some beams can enter
+    SPENT = 5  # reads the place where its power is spent
+    THROUGH = 6  # reads something behind what it has entered and left
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Sight:
     """How the beams of a scan see.
 
     Attributes:
-        through: (N,) whether the beam sees through something.
-        stopped: (N,) whether it is stopped by something that some beams can enter.
-        meeting: (N,) whether it meets what some beams see through, and ends somewhere.
-        touching: (N,) whether it enters something, and reads what stands in or at it.
-        materials: The materials that beams see through.
-        entered: The materials that beams enter and read something in or at.
-        read: (N,) the material that stops a beam of ``stopped`` which reads something;
-            None for others.
+        ends: (N,) how each beam ends, a ``BeamEnd``.
+        meeting: (N,) whether the beam meets what some beams see through, and comes back
+            or is spent.
+        materials: What beams see through, are stopped by, are spent in or touch, by
+            their end.
     """
 
-    through: NDArray[np.bool_]
-    stopped: NDArray[np.bool_]
+    ends: NDArray[np.uint8]
     meeting: NDArray[np.bool_]
-    touching: NDArray[np.bool_]
-    materials: tuple[Material, ...]
-    entered: tuple[Material, ...]
-    read: tuple[Material | None, ...]
+    materials: Mapping[BeamEnd, tuple[Material, ...]]
 
-    @property
-    def words(self) -> str:
-        """What beams see through: a material, or the family of several."""
-        return name_materials(self.materials)
+    def words(self, *ends: BeamEnd) -> str:
+        """Return the materials of some ends as words; empty without any."""
+        return name_materials(m for end in ends for m in self.materials.get(end, ()))
 
 
 def name_materials(materials: Iterable[Material]) -> str:
@@ -83,41 +88,41 @@ def find_sight(scene: Scene, scan: Scan) -> Sight:
         scan: A scan of that map.
     """
     tracer = tracer_of(scene)
+    parts = tracer.parts
     events = tracer.trace(scan.cast, events=True).events
-    through, stopped, touching = (
-        np.zeros(len(scan.ranges), np.bool_) for _ in range(3)
-    )
-    seen_through: dict[str, Material] = {}
-    entered: dict[str, Material] = {}
+    ends = np.full(len(scan.ranges), BeamEnd.NO_RETURN, np.uint8)
+    spent_unread = np.zeros(len(scan.ranges), np.bool_)
+    found: dict[BeamEnd, dict[str, Material]] = {end: {} for end in BeamEnd}
     shadows: dict[int, Geometry] = {}
-    read: list[Material | None] = [None] * len(scan.ranges)
     edges = np.searchsorted(events["ray"], np.arange(len(scan.ranges) + 1))
     for beam, reading in enumerate(scan.ranges.tolist()):
         mine = events[edges[beam] : edges[beam + 1]]
+        if reading == 0:
+            ends[beam] = BeamEnd.BLINDED
         if not 0 < reading < np.inf:
-            stopped[beam] = reading > 0 and (mine["kind"] == EventKind.SPENT).any()
+            spent_unread[beam] = reading > 0 and (mine["kind"] == EventKind.SPENT).any()
             continue
-        passed = _parts_passed(mine, reading, tracer.parts)
+        passed = _parts_passed(mine, reading, parts)
         for part in passed:
             if part not in shadows:
-                shadows[part] = _from_above(tracer.parts[part])
+                shadows[part] = _from_above(parts[part])
         place = scan.cast.origins[beam] + reading * scan.cast.directions[beam]
         if passed and not any(_covers(shadows[part], place) for part in passed):
-            through[beam] = True
-            materials = (tracer.parts[part].material for part in passed)
-            seen_through.update({material.name: material for material in materials})
-        elif (inside := _read_inside(mine, reading, tracer.parts)) is not None:
-            stopped[beam] = True
-            read[beam] = inside
-        elif met := _materials_met(mine, reading, tracer.parts):
-            touching[beam] = True
-            entered.update(met)
-    families = {family_of(material) for material in seen_through.values()}
-    meeting = _meet(events, scan.ranges, tracer.parts, families)
-    meeting &= stopped | (np.isfinite(scan.ranges) & (scan.ranges > 0))
-    ways = (through, stopped, meeting, touching)
-    found = tuple(seen_through.values()), tuple(entered.values())
-    return Sight(*ways, *found, tuple(read))
+            end, materials = BeamEnd.THROUGH, [parts[part].material for part in passed]
+        elif (inside := _read_inside(mine, reading, parts)) is not None:
+            nearest = mine[np.argmin(np.abs(mine["t"] - reading))]
+            is_spent = nearest["kind"] == EventKind.SPENT
+            end, materials = BeamEnd.SPENT if is_spent else BeamEnd.STOPPED, [inside]
+        elif met := _materials_met(mine, reading, parts):
+            end, materials = BeamEnd.TOUCHING, met
+        else:
+            end, materials = BeamEnd.FREE, []
+        ends[beam] = end
+        found[end].update({material.name: material for material in materials})
+    families = {family_of(each) for each in found[BeamEnd.THROUGH].values()}
+    meeting = _meet(events, scan.ranges, parts, families)
+    meeting &= spent_unread | (ends >= BeamEnd.FREE)
+    return Sight(ends, meeting, {end: tuple(m.values()) for end, m in found.items()})
 
 
 def _parts_passed(
@@ -169,12 +174,12 @@ def _read_inside(
 
 def _materials_met(
     events: NDArray[np.void], reading: float, parts: Sequence[Part]
-) -> dict[str, Material]:
-    """Return the materials that a ray is in before its reading, by their names."""
+) -> list[Material]:
+    """Return the materials that a ray is in before its reading."""
     known = _of_parts(events, parts)
     before = known[known["t"] < reading - _NEAR]["part"]
     materials = (parts[part].material for part in np.unique(before).tolist())
-    return {each.name: each for each in materials if lets_beams_in(each)}
+    return [each for each in materials if lets_beams_in(each)]
 
 
 def lets_beams_in(material: Material) -> bool:

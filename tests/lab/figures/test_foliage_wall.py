@@ -17,7 +17,7 @@ from radarsim.lab.figures.foliage_wall import (
     hokuyo,
     radar,
 )
-from radarsim.plotting.sight import find_sight
+from radarsim.plotting.sight import BeamEnd, find_sight
 
 ROOM = load_scene("foliage_room")
 
@@ -64,7 +64,10 @@ def test_count_behind_the_bushes_matches_an_independent_count() -> None:
 @pytest.mark.parametrize("offset", [0, 25, 100])
 def test_beams_that_end_behind_are_those_that_see_through(offset: int) -> None:
     (scan,) = radar(0, offset).take()
-    assert counts_of(radar(0, offset)).behind == find_sight(ROOM, scan).through.sum()
+    assert (
+        counts_of(radar(0, offset)).behind
+        == (find_sight(ROOM, scan).ends == BeamEnd.THROUGH).sum()
+    )
 
 
 def test_noise_grows_with_the_offset() -> None:
