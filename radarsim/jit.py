@@ -7,41 +7,50 @@ Rule: constants, and named tuples that kernels take, are defined in modules that
 this one, or that have the comment ``# compiled into kernels``, so that they are part of
 the hash that the name of the cache folder holds.
 
-Files of machine code: one for each function and each types of its arguments.
-
-numba's own cache numbers its files, and keeps an index beside them. Two processes that
-compile a function for different types at the same time both take the next number: then
-one reads the code of the other. Here the name of a file follows from the types, so that
-processes at worst replace a file by an equal one.
-
-The cache only saves time: a file that cannot be written is reported to ``compilation``,
-and what cannot be read is compiled again.
+numba does not read annotations: it infers the types of a kernel from the arguments of
+its first call. They are there for readers and for mypy.
 """
 
 import hashlib
 import pickle
-from collections.abc import Callable
-from contextlib import ExitStack, suppress
+import sys
+from collections.abc import Callable, Hashable
 from pathlib import Path
-from typing import Any, Final, TypeVar, cast
+from typing import Final, NewType, Protocol, TypeVar
 
 import numba
 from numba import types
-from numba.core import caching, ccallback, serialize
-from numba.core import event as events
+from numba.core import event, serialize
+from numba.core.base import BaseContext
+from numba.core.ccallback import CFunc
+from numba.core.compiler import CompileResult
+from numba.core.typing import Signature
 
 from radarsim.files import write_atomically
 from radarsim.kernel_cache import PACKAGE, SUFFIX, cache_folder, compilation, subject_of
 
-_CacheLocator: Any = caching._CacheLocator
-_CacheImpl: Any = caching.CompileResultCacheImpl
-_FunctionCache: Any = caching.FunctionCache
-_dumps: Any = serialize.dumps
+# An address as C passes it; numba's ``voidptr``.
+Pointer = NewType("Pointer", int)
+
+# The types of the arguments, and the processor that the code is for.
+Key = Hashable
+Function = TypeVar("Function", bound=Callable[..., object])
+
 _UNREADABLE: Final = (OSError, EOFError, pickle.UnpicklingError)
 
 
-class KernelFiles:
-    """The files of one function."""
+class KernelCache:
+    """The machine code of one function, a file for each types of its arguments.
+
+    numba asks this instead of a cache of its own, which numbers its files and keeps an
+    index beside them: two processes that compile a function for different types at the
+    same time both take the next number, and then one reads the code of the other. Here
+    the name of a file follows from the types, so that processes at worst replace a file
+    by an equal one.
+
+    The cache only saves time: a file that cannot be written is reported to
+    ``compilation``, and what cannot be read is compiled again.
+    """
 
     def __init__(self, folder: Path, name: str) -> None:
         """Name the files; none has to exist.
@@ -50,23 +59,42 @@ class KernelFiles:
             folder: Folder in which they are.
             name: What their names begin with.
         """
+        self.cache_path = str(folder)
         self._folder = folder
         self._name = name
 
-    def save(self, key: Any, data: Any) -> None:
-        """Write the code for a key, which holds the types and the processor.
+    def load_overload(self, signature: Signature, target: BaseContext) -> CompileResult:
+        """Return the code for a signature, as numba asks for it; None if not known."""
+        target.refresh()
+        data = self.load((signature, target.codegen().magic_tuple()))
+        return None if data is None else CompileResult._rebuild(target, *data)
+
+    def save_overload(self, signature: Signature, compiled: CompileResult) -> None:
+        """Write the code for a signature, if that is possible."""
+        if compiled.library.has_dynamic_globals:
+            return  # it holds addresses of this process
+        key = signature, compiled.codegen.magic_tuple()
+        try:
+            self.save(key, compiled._reduce())
+        except OSError as error:
+            compilation.report_unsaved(error)
+
+    def save(self, key: Key, data: object) -> None:
+        """Write the code for a key.
 
         Raises:
             OSError: If it cannot be written.
         """
-        write_atomically({self._path(key): _dumps((key, data))})
+        self._folder.mkdir(parents=True, exist_ok=True)
+        write_atomically({self._path(key): serialize.dumps((key, data))})
 
-    def load(self, key: Any) -> Any:
+    def load(self, key: Key) -> tuple[object, ...] | None:
         """Return the code for a key; None if there is none that can be read."""
         try:
             found, data = pickle.loads(self._path(key).read_bytes())
         except _UNREADABLE:
             return None
+        # Keys whose texts are equal have the same file.
         return data if found == key else None
 
     def flush(self) -> None:
@@ -78,162 +106,111 @@ class KernelFiles:
         for path in self._folder.glob(f"{self._name}-*{SUFFIX}"):
             path.unlink(missing_ok=True)
 
-    def _path(self, key: Any) -> Path:
+    def _path(self, key: Key) -> Path:
         digest = hashlib.sha256(repr(key).encode()).hexdigest()[:16]
         return self._folder / f"{self._name}-{digest}{SUFFIX}"
 
 
-class KernelCache(_FunctionCache):  # type: ignore[misc] # numba has no types
-    """What numba asks for the machine code of a function of this package.
+def cache_of(function: Callable[..., object]) -> KernelCache | None:
+    """Return the cache of a function; None if it is not of this package.
 
-    Raises:
-        RuntimeError: If the function is not of this package.
+    numba's own caches are valid as long as the path and the time stamp of the source
+    file are the same. This one is valid as long as it exists: the name of its folder
+    stands for the content of all kernels.
     """
-
-    def __init__(self, function: Any) -> None:
-        super().__init__(function)
-        self._cache_file = KernelFiles(Path(self._cache_path), self._impl.filename_base)
-
-    def save_overload(self, signature: Any, data: Any) -> None:
-        """Write the code for a signature, if that is possible."""
-        try:
-            super().save_overload(signature, data)
-        except OSError as error:
-            compilation.report_unsaved(error)
+    code = function.__code__
+    path, folder = Path(code.co_filename).absolute(), cache_folder()
+    # What a closure has captured is not part of the hash.
+    if folder is None or PACKAGE not in path.parents or function.__closure__:
+        return None
+    name = f"{path.stem}.{function.__qualname__}-{code.co_firstlineno}"
+    name = f"{name}.{sys.implementation.cache_tag}"
+    return KernelCache(folder / path.parent.relative_to(PACKAGE), name)
 
 
-class _KernelLocator(_CacheLocator):  # type: ignore[misc] # numba has no types
-    """Tells numba where the machine code of a function of this package is cached.
-
-    Unlike numba's own locators it takes no account of the path and the time stamp of
-    the source file: the name of the folder stands for the content of all kernels.
-    """
-
-    def __init__(self, function: Any, path: Path, folder: Path) -> None:
-        self._line = function.__code__.co_firstlineno
-        self._folder = folder / path.parent.relative_to(PACKAGE)
-
-    @classmethod
-    def from_function(cls, function: Any, source: str) -> "_KernelLocator | None":
-        """Return a locator; None for a function that is not of this package."""
-        path = Path(source).absolute()
-        folder = cache_folder() if PACKAGE in path.parents else None
-        return None if folder is None else cls(function, path, folder)
-
-    def get_cache_path(self) -> str:
-        """Return the folder in which the function is cached."""
-        return str(self._folder)
-
-    def get_source_stamp(self) -> str:
-        """Return what has to be equal for cached code to be valid."""
-        return ""
-
-    def get_disambiguator(self) -> str:
-        """Return what tells functions of the same name in a module apart."""
-        return str(self._line)
-
-
-class _KernelCacheImpl(_CacheImpl):  # type: ignore[misc] # numba has no types
-    _locator_classes = (_KernelLocator,)
-
-
-KernelCache._impl_class = _KernelCacheImpl
-
-
-F = TypeVar("F", bound=Callable[..., Any])
-_njit: Any = numba.njit
-_CFunc: Any = ccallback.CFunc
-_Listener: Any = events.Listener
-_register: Any = events.register
-
-
-class _KernelListener(_Listener):  # type: ignore[misc] # numba has no types
+class _CompileListener(event.Listener):  # type: ignore[misc] # numba has no types
     """Notes when a function of this package is compiled instead of read."""
 
-    def on_start(self, event: Any) -> None:
-        if self._is_ours(event):
+    def on_start(self, event: event.Event) -> None:
+        if _is_ours(event):
             compilation.begin(subject_of(_module_of(event)))
 
-    def on_end(self, event: Any) -> None:
-        if self._is_ours(event):
+    def on_end(self, event: event.Event) -> None:
+        if _is_ours(event):
             compilation.end()
 
-    def _is_ours(self, event: Any) -> bool:
-        return _module_of(event).startswith("radarsim.")
 
-
-def _module_of(event: Any) -> str:
+def _module_of(event: event.Event) -> str:
     return str(event.data["dispatcher"].py_func.__module__)
 
 
-class _PassListener(_Listener):  # type: ignore[misc] # numba has no types
-    """Notes when a callback is compiled, of which numba tells only the passes."""
-
-    def __init__(self, until_end: ExitStack) -> None:
-        self._until_end = until_end
-        self._has_begun = False
-
-    def on_start(self, _: Any) -> None:
-        if not self._has_begun:
-            self._has_begun = True
-            self._until_end.enter_context(compilation.running())
-
-    def on_end(self, _: Any) -> None:
-        """Wait for the end of the last pass."""
+def _is_ours(event: event.Event) -> bool:
+    return _module_of(event).startswith("radarsim.")
 
 
-_register("numba:compile", _KernelListener())
+event.register("numba:compile", _CompileListener())
 
 
-def njit_cached(function: F) -> F:
+def njit_cached(function: Function) -> Function:
     """Compile a function when it is first called; division by zero gives inf or nan."""
-    return cast(F, _compiled(function, nogil=True))
+    return _compile(function)
 
 
-def njit_inline(function: F) -> F:
+def njit_inline(function: Function) -> Function:
     """Compile a function into its callers.
 
     It must not create arrays: it is compiled without reference counting, which would
     cost as much as all the rest.
     """
-    options = {"nogil": True, "forceinline": True, "_nrt": False}
-    return cast(F, _compiled(function, **options))
+    return _compile(function, forceinline=True, _nrt=False)
 
 
-def c_callback(function: Callable[[Any], None]) -> Any:
-    """Compile a function of one pointer that C can call by its ``address``."""
-    return _compiled_callback(types.void, function)
+def _compile(function: Function, **options: bool) -> Function:
+    kernel: Function = numba.njit(error_model="numpy", nogil=True, **options)(function)
+    _keep(kernel, function)
+    return kernel
 
 
-def c_predicate(function: Callable[[Any], Any]) -> Any:
+class Callback(Protocol):
+    """A compiled function that C can call."""
+
+    @property
+    def address(self) -> int:
+        """Where it is in memory."""
+        ...
+
+
+class _Callback(CFunc):  # type: ignore[misc] # numba has no types
+    """A callback that tells when it is compiled, which numba only does of kernels."""
+
+    def _compile_uncached(self) -> CompileResult:
+        with compilation.running():
+            return super()._compile_uncached()
+
+
+def c_callback(function: Callable[[Pointer], None]) -> Callback:
+    """Compile a function of one pointer for C to call."""
+    return _compile_callback(function, types.void)
+
+
+def c_predicate(function: Callable[[Pointer], bool]) -> Callback:
     """Compile a function of one pointer that returns a bool, for C to call."""
-    return _compiled_callback(types.boolean, function)
+    return _compile_callback(function, types.boolean)
 
 
-def _compiled_callback(result: Any, function: Any) -> Any:
-    signature = (types.voidptr,), result
-    callback = _CFunc(
-        function,
-        signature,
-        {},
-        {"error_model": "numpy", "forceinline": True},
-    )
-    _cache(callback, function)
-    with (
-        ExitStack() as until_end,
-        events.install_listener("numba:run_pass", _PassListener(until_end)),
-    ):
-        callback.compile()
-    return callback
+def _compile_callback(
+    function: Callable[[Pointer], bool | None], result: types.Type
+) -> Callback:
+    options = {"error_model": "numpy", "forceinline": True}
+    callback = _Callback(function, ((types.voidptr,), result), {}, options)
+    _keep(callback, function)
+    callback.compile()
+    made: Callback = callback
+    return made
 
 
-def _compiled(function: Any, **options: Any) -> Any:
-    dispatcher = _njit(error_model="numpy", **options)(function)
-    _cache(dispatcher, function)
-    return dispatcher
-
-
-def _cache(compiled: Any, function: Any) -> None:
+def _keep(compiled: object, function: Callable[..., object]) -> None:
     """Let numba keep what it compiles, if the function is of this package."""
-    with suppress(RuntimeError):
-        compiled._cache = KernelCache(function)
+    cache = cache_of(function)
+    if cache is not None:
+        compiled._cache = cache  # type: ignore[attr-defined] # numba has no types

@@ -10,14 +10,15 @@ from typing import Any
 import pytest
 
 from radarsim import jit, kernel_cache
-from radarsim.jit import KernelCache, njit_cached, njit_inline
+from radarsim.jit import cache_of, njit_cached, njit_inline
 
 PACKAGE = Path(jit.__file__).parent
+DEPTH = len(PACKAGE.parents)
 DECORATORS = {"njit_cached", "njit_inline", "c_callback", "c_predicate"}
 
 KERNEL = """
 from radarsim.jit import njit_cached
-from radarsim.kernels.inner import step
+from radarsim.kernels.deep.inner import step
 
 @njit_cached
 def run(x):
@@ -40,23 +41,21 @@ def call(pointer):
     pass
 """
 
-MODULES = (
-    *("jit", "kernel_files", "kernel_cache", "compilation"),
-    *("atomic_write", "os_errors"),
-)
+MODULES = ("jit", "kernel_cache", "files", "errors")
 
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
-    """A package of one kernel that inlines a function of another module."""
+    """A package of one kernel that inlines a function two folders deep."""
     package = tmp_path / "radarsim"
-    (package / "kernels").mkdir(parents=True)
-    for folder in (package, package / "kernels"):
+    deep = package / "kernels/deep"
+    deep.mkdir(parents=True)
+    for folder in (package, package / "kernels", deep):
         (folder / "__init__.py").write_text("")
     for name in MODULES:
         shutil.copy(PACKAGE / f"{name}.py", package)
     (package / "kernels/outer.py").write_text(KERNEL)
-    (package / "kernels/inner.py").write_text(INNER.format(number=1))
+    (deep / "inner.py").write_text(INNER.format(number=1))
     return package
 
 
@@ -67,14 +66,16 @@ PROGRAM = (
 )
 
 
-def start(package: Path, **changes: str | None) -> "subprocess.Popen[str]":
+def start(
+    package: Path, *programs: str, **changes: str | None
+) -> "subprocess.Popen[str]":
     environment = {
         "NUMBA_CACHE_DIR": None,
         "PYTHONPATH": str(package.parent),
         "XDG_CACHE_HOME": str(package.parent / "cache"),
     } | changes
     return subprocess.Popen(
-        [sys.executable, "-B", "-c", PROGRAM],
+        [sys.executable, "-B", "-c", "\n".join([PROGRAM, *programs])],
         env={
             name: value
             for name, value in (dict(os.environ) | environment).items()
@@ -116,15 +117,53 @@ def test_function_without_a_file_is_compiled_without_a_cache(
     assert decorate(namespace["half"])(3.0) == 1.5
 
 
-def test_edit_of_an_inlined_function_in_another_module_is_noticed(
+def test_edit_of_an_inlined_function_two_folders_deep_is_noticed(
     package: Path,
 ) -> None:
     assert run(package)[:2] == (2, False)
-    assert run(package)[:2] == (2, True)
-    (package / "kernels/inner.py").write_text(INNER.format(number=5))
-    assert run(package)[:2] == (6, False)
-    (package / "kernels/inner.py").write_text(INNER.format(number=1))
+    result, cached, folder = run(package)
+    assert (result, cached) == (2, True)
+    (package / "kernels/deep/inner.py").write_text(INNER.format(number=5))
+    result, cached, other = run(package)
+    assert (result, cached) == (6, False)
+    assert other != folder
+    (package / "kernels/deep/inner.py").write_text(INNER.format(number=1))
     assert run(package)[:2] == (2, True)  # the folder of that code is still there
+
+
+def test_kernels_of_one_name_in_different_folders_have_different_files(
+    package: Path,
+) -> None:
+    """Kernels are cached under their whole relative path, at any depth."""
+    for folder in ("kernels/deep", "kernels/deep/down"):
+        (package / folder).mkdir(exist_ok=True)
+        (package / folder / "__init__.py").write_text("")
+        (package / folder / "outer.py").write_text(KERNEL)
+    others = [
+        f"from radarsim.kernels.{name}.outer import run; run(1)"
+        for name in ("deep", "deep.down")
+    ]
+    cache = Path(finish(start(package, *others))[2])
+    files = cache.rglob(f"outer.run*{kernel_cache.SUFFIX}")
+    places = sorted(path.parent.relative_to(cache).as_posix() for path in files)
+    assert places == ["kernels", "kernels/deep", "kernels/deep/down"]
+
+
+def test_edit_of_a_kernel_two_folders_deep_leads_to_another_folder(
+    tmp_path: Path,
+) -> None:
+    """The hash covers the kernels of the package itself at all depths."""
+    copy = shutil.copytree(PACKAGE, tmp_path / "radarsim")
+    before = kernel_cache.kernel_hash(copy)
+    assert before == kernel_cache.kernel_hash(PACKAGE)
+    deep = [path for path in kernel_modules() if len(path.parents) > DEPTH + 2]
+    assert deep
+    for path in deep:
+        edited = copy / path.relative_to(PACKAGE)
+        text = edited.read_text()
+        edited.write_text(text + "\n")
+        assert kernel_cache.kernel_hash(copy) != before
+        edited.write_text(text)
 
 
 @pytest.mark.slow
@@ -239,8 +278,8 @@ def observed(package: Path) -> tuple[list[list[str | None]], list[str]]:
 
 
 def test_only_functions_of_the_package_use_its_cache() -> None:
-    with pytest.raises(RuntimeError, match="no locator"):
-        KernelCache(kernel_modules)
+    assert cache_of(kernel_modules) is None
+    assert cache_of(cache_of) is not None
 
 
 def test_code_that_cannot_be_kept_is_used_and_reported_once(package: Path) -> None:
@@ -256,7 +295,7 @@ def test_code_that_cannot_be_kept_is_used_and_reported_once(package: Path) -> No
 
 
 def test_damaged_files_are_compiled_again(package: Path) -> None:
-    files = [*Path(run(package)[2]).glob(f"*/*{kernel_cache.SUFFIX}")]
+    files = [*Path(run(package)[2]).rglob(f"*{kernel_cache.SUFFIX}")]
     assert len(files) == 2
     for path in files:
         path.write_bytes(path.read_bytes()[:100])
@@ -309,9 +348,13 @@ def test_cache_that_is_not_there_is_never_complete(
 def kernel_modules() -> list[Path]:
     return [
         path
-        for path in PACKAGE.glob("*/*.py")
+        for path in PACKAGE.rglob("*.py")
         if kernel_cache.is_compiled_into_kernels(path.read_bytes())
     ]
+
+
+def dotted(path: Path) -> str:
+    return ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts)
 
 
 def decorated(tree: ast.Module) -> Iterator[ast.FunctionDef]:
@@ -326,9 +369,7 @@ def names_in(node: ast.AST) -> set[str]:
     return {each.id for each in ast.walk(node) if isinstance(each, ast.Name)}
 
 
-@pytest.mark.parametrize(
-    "path", kernel_modules(), ids=lambda path: f"{path.parent.name}.{path.stem}"
-)
+@pytest.mark.parametrize("path", kernel_modules(), ids=dotted)
 def test_everything_compiled_into_kernels_is_part_of_the_hash(path: Path) -> None:
     """Names that kernels use come from kernel modules, or from outside the package."""
     tree = ast.parse(path.read_text())
@@ -350,7 +391,7 @@ def test_everything_compiled_into_kernels_is_part_of_the_hash(path: Path) -> Non
     )
     while new := set().union(*(assigned.get(name, set()) for name in used)) - used:
         used |= new
-    hashed = {f"radarsim.{each.parent.name}.{each.stem}" for each in kernel_modules()}
+    hashed = {dotted(each) for each in kernel_modules()}
     modules = {origin[name] for name in used if name in origin}
     ours = {module for module in modules if module.startswith("radarsim.")}
     assert ours - hashed <= {"radarsim.jit"}
