@@ -29,6 +29,12 @@ def print_lines(lines: Iterable[object]) -> None:
     typer.echo("\n".join(escape_unprintable(str(line)) for line in lines))
 
 
+def print_now(line: str) -> None:
+    """Print a line on stdout at once, for programs that wait for it."""
+    typer.echo(line)
+    sys.stdout.flush()
+
+
 def print_message(text: str) -> None:
     """Print a message with the name of the program on stderr, at once."""
     sys.stderr.write(f"radarsim: {escape_lines(text)}\n")

@@ -5,14 +5,12 @@ from __future__ import annotations
 import asyncio
 import logging
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import typer
 
-from radarsim.addons.web.commander_process import CommanderProcess, commander_process
 from radarsim.cli.compile_progress import compile_progress
 from radarsim.cli.config_file import ConfigOption
 from radarsim.cli.options import (
@@ -23,9 +21,13 @@ from radarsim.cli.options import (
     SeedOption,
     read_item_settings,
 )
-from radarsim.cli.output import program_name, start_log
-from radarsim.cli.radar_port import NavtechOption, RadarPort
-from radarsim.cli.recorded_host import RecordOption, RecordSpectraOption, open_host
+from radarsim.cli.output import print_now, program_name, start_log
+from radarsim.cli.serve_extension import (
+    ExtensionOptions,
+    ServedMap,
+    ServeExtension,
+    with_extensions,
+)
 from radarsim.cli.server_options import (
     CommandUnitOption,
     DialectName,
@@ -43,16 +45,14 @@ from radarsim.cli.server_options import (
     ServerOptions,
     SpeedOption,
     VerboseOption,
-    WithWebOption,
 )
 from radarsim.errors import PortUnavailable, PresetError, ServerError
 from radarsim.processes import exit_immediately, set_exit_code_of_sigterm
 
 if TYPE_CHECKING:
-    from radarsim.addons.fmcw.navtech.server import NavtechServer
-    from radarsim.server.host import Host
-    from radarsim.server.host.recorded_host import HostCall
+    from radarsim.server.host import Host, HostObserver
     from radarsim.server.image_server import ImageServer
+    from radarsim.server.tcp_server import Companion
     from radarsim.simulation.config import SimulationConfig
 
 log = logging.getLogger("radarsim.server")
@@ -60,71 +60,69 @@ log = logging.getLogger("radarsim.server")
 OTHER_FILES: Final = 128  # that the server opens besides those of its clients
 
 
+@with_extensions
 def serve(
     map_: MapArgument,
     *,
     host: ListenHostOption = "127.0.0.1",
     port: ListenPortOption = DEFAULT_PORT,
     image_port: ImagePortOption = None,
-    navtech: NavtechOption = None,
-    web: WithWebOption = None,
     seed: SeedOption = 0,
     speed: SpeedOption = 1.0,
     dialect: DialectOption = DialectName.COMPAT,
     drive_unit: CommandUnitOption = None,
     settings: ItemSettingsOption = None,
     robots: RobotsOption = None,
-    record: RecordOption = None,
-    record_spectra: RecordSpectraOption = False,
     max_clients: MaxClientsOption = DEFAULT_MAX_CLIENTS,
     verbose: VerboseOption = False,
     log_level: LogLevelOption = None,
     log_format: LogFormatOption = LogFormat.TEXT,
     config_file: ConfigOption = None,  # noqa: ARG001 - its callback reads it
+    extensions: Sequence[ExtensionOptions] = (),
 ) -> None:
     """Serve a map to USARSim clients until interrupted."""
-    # before imports that take long
-    radar_port = RadarPort.parse(navtech)
-    ports = {"--port": port, "--image-port": image_port, "--navtech": radar_port.port}
-    _check_ports(host, ports, web)
     options = ServerOptions(dialect, drive_unit, settings, robots or ())
+    served = ServedMap(map_, options, seed)
+    planned = [each.extension(served) for each in extensions]
+    beside = [each for each in planned if each is not None]
+    own_ports = {"--port": port, "--image-port": image_port or 0}
+    _check_ports(host, own_ports, beside)  # before imports that take long
     with ExitStack() as until_end:
-        page = until_end.enter_context(
-            commander_process(_page_options(web, map_, options))
-        )
+        for each in beside:
+            until_end.callback(each.close)
+            each.open()
         _start_server_log(log_level, log_format, verbose=verbose)
         config = options.config()
         with compile_progress():  # which maps with meshes do, while they are read
-            simulated = until_end.enter_context(
-                open_host(
-                    *(map_, config, record),
-                    seed=seed,
-                    begins=False,
-                    spectra=record_spectra,
-                )
-            )
+            simulated = load_host(map_, config, seed=seed, begins=False)
+            for each in beside:
+                each.attach(simulated)
         from radarsim.server.tcp_server import Server
         from radarsim.server.tcp_server import serve as serve_until_signal
 
         images = make_image_server(simulated, image_port)
-        radar, most = radar_port.server(), _permitted_clients(max_clients)
-        server = Server(simulated, speed=speed, max_clients=most, radar=radar)
-        tell = _announcer(images, radar, page)
-        serving = serve_until_signal(server, host, port, tell, images, radar)
+        most = _permitted_clients(max_clients)
+        server = Server(simulated, speed=speed, max_clients=most)
+
+        def announce_all(address: tuple[str, int]) -> None:
+            announce(address)
+            if images is not None:
+                print_now(
+                    f"radarsim: images on {images.address[0]}:{images.address[1]}"
+                )
+            for each in beside:
+                each.announce(address)
+
+        companions: list[Companion] = [*beside]
+        if images is not None:
+            companions.insert(0, images)
+        serving = serve_until_signal(server, host, port, announce_all, companions)
+        ports = own_ports | {k: v for each in beside for k, v in each.ports.items()}
         with cure_of_port(ports), compile_progress():
             code = asyncio.run(serving)
     if server.is_loading:
         exit_immediately(code)
     raise typer.Exit(code)
-
-
-def _page_options(
-    web: int | None, map_: str, options: ServerOptions
-) -> list[str] | None:
-    """Return the options of the commander beside the server; None for no page."""
-    if web is None:
-        return None
-    return ["--web", str(web), "--map", map_, *options.words()]
 
 
 def _start_server_log(
@@ -139,32 +137,15 @@ def _start_server_log(
     )
 
 
-def _announcer(
-    images: ImageServer | None,
-    radar: NavtechServer | None,
-    page: CommanderProcess | None,
-) -> Callable[[tuple[str, int]], None]:
-    """Return what is to be called with the address when clients can connect."""
-
-    def announce_all(address: tuple[str, int]) -> None:
-        announce(address)
-        if images is not None:
-            announce_images(images.address)
-        if radar is not None:
-            announce_radar(radar.address)
-        if page is not None:
-            page.connect(address)
-
-    return announce_all
-
-
-def _check_ports(host: str, ports: Mapping[str, int | None], web: int | None) -> None:
+def _check_ports(
+    host: str, own: Mapping[str, int], beside: Iterable[ServeExtension]
+) -> None:
     """Check that all ports differ, and are free.
 
     Args:
         host: Address to listen on.
-        ports: Ports there, by their options; None where none is needed.
-        web: Port of the web page, which is on this machine alone.
+        own: Ports there, by their options; 0 where any will do, or none is needed.
+        beside: What else has ports.
 
     Raises:
         typer.BadParameter: If two ports are the same.
@@ -172,16 +153,18 @@ def _check_ports(host: str, ports: Mapping[str, int | None], web: int | None) ->
     """
     from radarsim.server.lifecycle import check_port
 
-    options = {**ports, "--web": web}
+    places = [(option, host, port) for option, port in own.items()]
+    for each in beside:
+        places += [(o, each.address or host, port) for o, port in each.ports.items()]
     taken: dict[int, str] = {}
-    for option, port in options.items():
+    for option, _, port in places:
         if port and port in taken:
             text = f"{port} is the port of {taken[port]}, expected another one"
             raise typer.BadParameter(text, param_hint=option)
-        taken[port or 0] = option
-    with cure_of_port(options):
-        for option, port in options.items():
-            check_port("127.0.0.1" if option == "--web" else host, port or 0)
+        taken[port] = option
+    with cure_of_port({option: port for option, _, port in places}):
+        for _, address, port in places:
+            check_port(address, port)
 
 
 def _permitted_clients(wanted: int) -> int:
@@ -225,7 +208,7 @@ def load_host(
     *,
     seed: int,
     begins: bool = True,
-    record: Callable[[HostCall], None] | None = None,
+    observers: Iterable[HostObserver] = (),
 ) -> Host:
     """Load a map and create the server's host.
 
@@ -234,7 +217,7 @@ def load_host(
         config: Dialect and settings of items.
         seed: Seed of the simulation.
         begins: Whether the simulation begins at once.
-        record: Called with all that is done to the host; None if nothing is recorded.
+        observers: Told what is done to the host.
 
     Raises:
         MapError: If the map is wrong.
@@ -242,11 +225,10 @@ def load_host(
     """
     from radarsim.scene.map_file import load_map
     from radarsim.server.host import Host
-    from radarsim.server.host.recorded_host import RecordedHost
 
     check_item_settings(config)
-    make = Host if record is None else partial(RecordedHost, record)
-    return make(load_map(map_), config=config, seed=seed, begins=begins)
+    scene = load_map(map_)
+    return Host(scene, config=config, seed=seed, begins=begins, observers=observers)
 
 
 def check_item_settings(config: SimulationConfig) -> None:
@@ -283,11 +265,11 @@ def load_served_host(
     seed: int | None,
     settings: list[str] | None,
     drive_unit: DriveUnit,
-    record: Callable[[HostCall], None] | None = None,
+    observers: Iterable[HostObserver] = (),
 ) -> Host | None:
     """Create the host that ``--serve`` of other commands asks for, if it does.
 
-    ``record`` is as in ``load_host``.
+    ``observers`` are as in ``load_host``.
 
     Raises:
         MapError: If the map is wrong.
@@ -300,32 +282,19 @@ def load_served_host(
     config = SimulationConfig(
         drive_unit=drive_unit.value, item_settings=read_item_settings(settings or [])
     )
-    return load_host(map_, config, seed=seed or 0, record=record)
+    return load_host(map_, config, seed=seed or 0, observers=observers)
 
 
 def announce(address: tuple[str, int]) -> None:
     """Tell programs on stdout that clients can connect, and a person what is next."""
     set_exit_code_of_sigterm(0)  # it runs, and has no end of its own
-    typer.echo(f"radarsim: listening on {address[0]}:{address[1]}")
-    sys.stdout.flush()
+    print_now(f"radarsim: listening on {address[0]}:{address[1]}")
     if sys.stderr.isatty():  # a person reads it; logs of services stay as they are
         typer.echo(
             f"to drive a robot, in another terminal: {_drive_command(address)}"
             "; Ctrl-C ends the server",
             err=True,
         )
-
-
-def announce_images(address: tuple[str, int]) -> None:
-    """Tell on stdout that viewers can connect."""
-    typer.echo(f"radarsim: images on {address[0]}:{address[1]}")
-    sys.stdout.flush()
-
-
-def announce_radar(address: tuple[str, int]) -> None:
-    """Tell on stdout that clients of a radar can connect."""
-    typer.echo(f"radarsim: radar on {address[0]}:{address[1]}")
-    sys.stdout.flush()
 
 
 def _drive_command(address: tuple[str, int]) -> str:

@@ -53,15 +53,6 @@ ImagePortOption = Annotated[
         " original's is 5003.",
     ),
 ]
-WithWebOption = Annotated[
-    int | None,
-    typer.Option(
-        min=0,
-        max=65535,
-        help="Serve a web page on this port as well, to see and drive robots; 0"
-        " takes a free one. 'radarsim commander' has more options.",
-    ),
-]
 SpeedOption = Annotated[
     float,
     typer.Option(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from radarsim.server.engine_loader import EngineLoader
 from radarsim.server.host import Diagnostic, Host
@@ -21,8 +21,6 @@ from radarsim.server.read_turns import ReadAllowance, ReadTurns
 from radarsim.simulation.clock import TICK
 
 if TYPE_CHECKING:
-    from radarsim.addons.fmcw.navtech.server import NavtechServer
-    from radarsim.server.image_server import ImageServer
     from radarsim.simulation.simulation import Simulation
 
 log = logging.getLogger("radarsim.server")
@@ -49,7 +47,6 @@ class Server:
         *,
         speed: float = 1.0,
         max_clients: int = MAX_CLIENTS,
-        radar: NavtechServer | None = None,
     ) -> None:
         """Create a server that does not listen yet.
 
@@ -57,14 +54,12 @@ class Server:
             host: The simulation and its clients.
             speed: Simulated seconds in one second of the wall clock.
             max_clients: Number of clients beyond which others are refused.
-            radar: A server of a robot's radar, which follows each tick; None for none.
         """
         self.address = ("", 0)
         self._host = host
         self._loader = EngineLoader(host)
         self._period = TICK / speed
         self._max_clients = max_clients
-        self._radar = radar
         self._connections = ConnectionTable()
         self._turns = ReadTurns()
         self._listener: asyncio.Server | None = None
@@ -117,8 +112,6 @@ class Server:
         """
         if not self._host.has_begun:
             self._host.begin(await self._loader.load())
-        if self._radar is not None:
-            self._radar.begin(self._host.simulation)
         return self._host.simulation
 
     @property
@@ -156,8 +149,6 @@ class Server:
     def tick(self) -> None:
         """Advance simulated time by 10 ms, if it has begun, and send what is due."""
         connections = self._connections.by_number
-        if self._radar is not None:
-            self._radar.tick()
         for number, diagnostic in self._host.step():
             if number in connections:  # the host can have other clients
                 connections[number].log_diagnostics([diagnostic])
@@ -332,13 +323,28 @@ class Connection(asyncio.BufferedProtocol):
         self._host.disconnect(self._number)
 
 
+class Companion(Protocol):
+    """Something that runs beside a server, in the same event loop."""
+
+    async def start(self, address: str) -> None:
+        """Start; the server listens on this address."""
+        ...
+
+    async def begin(self, simulation: Simulation) -> None:
+        """Use the simulation, which has begun."""
+        ...
+
+    async def stop(self) -> None:
+        """Stop; never raises."""
+        ...
+
+
 async def serve(
     server: Server,
     address: str,
     port: int,
     announce: Callable[[tuple[str, int]], None],
-    images: ImageServer | None = None,
-    radar: NavtechServer | None = None,
+    companions: Sequence[Companion] = (),
 ) -> int:
     """Serve until a signal comes.
 
@@ -347,8 +353,7 @@ async def serve(
         address: Address to listen on.
         port: Port to listen on; 0 for a free one.
         announce: Called with the address as soon as clients can connect.
-        images: A server of pictures that listens on the same address; None for none.
-        radar: A server of a radar likewise, the one that the server was given.
+        companions: Started and stopped with the server.
 
     Returns:
         The exit code: 130 after an interrupt, 0 after a request to terminate.
@@ -360,12 +365,11 @@ async def serve(
         pending: set[asyncio.Future[Any]] = {exit_code}
         try:
             await server.start(address, port)
-            for other in (images, radar):
-                if other is not None:
-                    await other.start(address)
+            for companion in companions:
+                await companion.start(address)
             announce(server.address)
             pending |= {
-                asyncio.ensure_future(_begin(server, images)),
+                asyncio.ensure_future(_begin(server, companions)),
                 asyncio.ensure_future(server.wait_failed()),
             }
             while not exit_code.done():
@@ -378,14 +382,12 @@ async def serve(
         finally:
             for future in pending:
                 future.cancel()
-            for other in (images, radar):
-                if other is not None:
-                    await other.stop()
+            for companion in companions:
+                await companion.stop()
             await server.stop()
 
 
-async def _begin(server: Server, images: ImageServer | None) -> None:
-    """Load the engine, and draw pictures from then on."""
+async def _begin(server: Server, companions: Sequence[Companion]) -> None:
     simulation = await server.begin()
-    if images is not None:
-        await images.begin(simulation)
+    for companion in companions:
+        await companion.begin(simulation)

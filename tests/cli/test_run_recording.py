@@ -14,10 +14,10 @@ from processes import start_radarsim
 
 import radarsim
 from radarsim.addons.recording.bag_reader import BagReader
+from radarsim.addons.recording.host_recorder import CallKind
 from radarsim.addons.recording.message_types import decode
 from radarsim.addons.testing import UsarsimServer
 from radarsim.client import Client
-from radarsim.server.host.recorded_host import CallKind
 
 Command = Callable[..., Any]
 FIRST_SECONDS = ("--time-limit", "2")

@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder
+from radarsim.addons.recording.host_recorder import HostCall, HostRecorder, RunEvent
 from radarsim.addons.recording.recorder import Recorder
 from radarsim.protocol.dialect import UDK, get_dialect
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
-from radarsim.server.host.recorded_host import CallKind, HostCall, RecordedHost
 from radarsim.simulation.config import SimulationConfig
 
 FIRST = "INIT {{ClassName USARBot.P3AT_Compare}} {{Name R 1}} {{Start {}}}\r\n"
@@ -23,14 +23,19 @@ class RecordedRun(NamedTuple):
     """A run of two clients.
 
     Attributes:
-        calls: The calls of the host.
+        events: All that is recorded.
         sent: What each client was sent, by its number.
         info: The conditions.
     """
 
-    calls: list[HostCall]
+    events: list[RunEvent]
     sent: dict[int, bytes]
     info: RecordingInfo
+
+    @property
+    def calls(self) -> list[HostCall]:
+        """The calls of the host."""
+        return calls_in(self.events)
 
 
 def run_two_clients(
@@ -46,8 +51,9 @@ def run_two_clients(
         for line, start in zip((FIRST, SECOND), starts, strict=True)
     )
     config = config or SimulationConfig()
-    calls: list[HostCall] = []
-    host = RecordedHost(calls.append, scene, config=config, seed=1, begins=False)
+    events: list[RunEvent] = []
+    recorder = HostRecorder(events.append)
+    host = Host(scene, config=config, seed=1, begins=False, observers=[recorder])
     first = host.connect()
     sent = {first: host.take(first)}
     for _ in range(3):
@@ -67,22 +73,22 @@ def run_two_clients(
     sent[first] += host.finish(first)
     host.disconnect(first)
     host.step()
-    host.end_recording()
+    recorder.end()
     info = RecordingInfo(
         version="1",
         map=scene.name,
         seed=1,
         dialect="udk" if config.dialect is UDK else "compat",
     )
-    return RecordedRun(calls, sent, info)
+    return RecordedRun(events, sent, info)
 
 
 def write_run(run: RecordedRun, folder: Path) -> None:
     """Write the bag of a run."""
     create_folder(folder)
     recorder = Recorder(folder, run.info)
-    for call in run.calls:
-        recorder.add(call)
+    for event in run.events:
+        recorder.add(event)
     recorder.close()
 
 
@@ -92,6 +98,6 @@ def host_of(run: RecordedRun, scene: Scene, *, seed: int = 1) -> Host:
     return Host(scene, config=config, seed=seed, begins=False)
 
 
-def without_descriptions(calls: Sequence[HostCall]) -> list[HostCall]:
-    """Return the calls that are written to bags."""
-    return [call for call in calls if call.kind is not CallKind.ROBOT]
+def calls_in(events: Sequence[RunEvent]) -> list[HostCall]:
+    """Return the calls, which are in bags as they are."""
+    return [event for event in events if isinstance(event, HostCall)]

@@ -9,13 +9,17 @@ import json
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Final, Literal, Self
+from typing import TYPE_CHECKING, Any, Final, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from radarsim import __version__
 from radarsim.errors import RecordingError, did_you_mean, list_names
 from radarsim.presets.robots import RobotModel
 from radarsim.protocol.dialect import DriveUnit
+
+if TYPE_CHECKING:
+    from radarsim.server.host import Host
 
 
 class RecordingInfo(BaseModel):
@@ -45,6 +49,36 @@ class RecordingInfo(BaseModel):
     drive_unit: DriveUnit = "rad_per_s"
     settings: dict[str, dict[str, Any]] = {}  # pydantic copies it
     robots: tuple[RobotModel, ...] = ()
+
+    @classmethod
+    def of_host(cls, map_: str, host: "Host", seed: int) -> Self:
+        """Return the conditions of a run.
+
+        Args:
+            map_: Name of the map, or path of its file; @VARIANT may follow.
+            host: The host.
+            seed: Its seed.
+        """
+        from radarsim.scene.map_file import find_map  # noqa: PLC0415 - imports much
+
+        path, variant = find_map(map_)
+        name = map_.removesuffix(f"@{variant}")
+        if Path(name).exists():  # the run may be repeated from another folder
+            name = str(path.resolve())
+        config = host.config
+        return cls.model_validate(
+            {
+                "version": __version__,
+                "level": host.scene.level,
+                "map": name if variant is None else f"{name}@{variant}",
+                "map_digest": digest_of(path),
+                "seed": seed,
+                "dialect": config.dialect.name,
+                "drive_unit": config.drive_unit or config.dialect.drive_unit,
+                "settings": {i: dict(keys) for i, keys in config.item_settings.items()},
+                "robots": config.robots,
+            }
+        )
 
     def to_text(self) -> dict[str, str]:
         """Return the conditions as a record of metadata."""

@@ -19,9 +19,9 @@ from radarsim.addons.recording.bag_folder import (
 )
 from radarsim.addons.recording.bag_writer import INFORMATION, BagWriter
 from radarsim.addons.recording.call_converter import TO_CLIENT, TO_SERVER
+from radarsim.addons.recording.host_recorder import CallKind, HostCall
 from radarsim.addons.recording.messages import RosMessage, read_octets
 from radarsim.errors import RecordingError
-from radarsim.server.host.recorded_host import CallKind, HostCall
 
 LARGEST_RECORD = 2**28  # bytes; chunks have about 2**16
 _BROKEN = (

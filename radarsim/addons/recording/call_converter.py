@@ -9,8 +9,16 @@ from collections.abc import Iterator
 from contextlib import suppress
 from typing import Final, NamedTuple
 
+from radarsim.addons.recording.host_recorder import (
+    AddedMessage,
+    CallKind,
+    HostCall,
+    ReceivedTurn,
+    RobotDescription,
+    RunEvent,
+)
 from radarsim.addons.recording.messages import (
-    RosMessage,
+    TopicMessage,
     Transform,
     clock,
     octets,
@@ -19,7 +27,6 @@ from radarsim.addons.recording.messages import (
 from radarsim.addons.recording.robot_topics import (
     Legend,
     RobotTopics,
-    TopicMessage,
     topic_name,
 )
 from radarsim.client.robot_info import RobotInfo, ScannerDescriptions, ScannerInfo
@@ -29,16 +36,12 @@ from radarsim.protocol.commands import Drive, parse_command
 from radarsim.protocol.dialect import Dialect, DriveUnit
 from radarsim.protocol.framing import LineBuffer
 from radarsim.protocol.reports import Report, RobotConf, RobotGeo, decode_report
-from radarsim.server.host.recorded_host import CallKind, HostCall
-from radarsim.server.host.turn_collector import RecordedTurn
 
 TICK: Final = 10_000_000  # ns
 CLOCK_INTERVAL: Final = 10  # ticks
 TO_CLIENT: Final = "/radarsim/wire/to_client"
 TO_SERVER: Final = "/radarsim/wire/to_server"
 FROM_HOST: Final = frozenset({CallKind.TAKE, CallKind.FINISH})
-# Calls without a message of their own
-SILENT: Final = frozenset({CallKind.ROBOT, CallKind.TURN})
 
 
 class TimedMessage(NamedTuple):
@@ -46,18 +49,6 @@ class TimedMessage(NamedTuple):
 
     time: int
     message: TopicMessage
-
-
-def pack_message(message: TopicMessage) -> bytes:
-    """Return the data of a call ``MESSAGE``."""
-    topic, (type_, data), latched = message
-    return f"{topic} {type_} {latched:d}\n".encode() + data
-
-
-def _unpack_message(packed: bytes) -> TopicMessage:
-    head, _, data = packed.partition(b"\n")
-    topic, type_, latched = head.decode().split(" ")
-    return TopicMessage(topic, RosMessage(type_, data), latched=latched == "1")
 
 
 class _Connection:
@@ -89,52 +80,54 @@ class CallConverter:
         self._time = -1
         self._next_clock = 0
 
-    def convert(self, call: HostCall) -> Iterator[TimedMessage]:
-        """Yield the messages of a call: those of the robot first, then the call."""
-        self._time = max(call.tick * TICK, self._time + 1)
-        if call.kind is CallKind.MESSAGE:
-            yield TimedMessage(self._time, _unpack_message(call.data))
-            return
-        for message in (*self._clock(call), *self._messages(call)):
+    def convert(self, event: RunEvent) -> Iterator[TimedMessage]:
+        """Yield the messages of an event: those of the robot first, then a call."""
+        self._time = max(event.tick * TICK, self._time + 1)
+        for message in self._messages(event):
             yield TimedMessage(self._time, message)
-        if call.kind in SILENT:
+
+    def _messages(self, event: RunEvent) -> Iterator[TopicMessage]:
+        if isinstance(event, AddedMessage):
+            yield event.message
             return
-        topic = TO_CLIENT if call.kind in FROM_HOST else TO_SERVER
-        label = f"{call.kind.name.lower()} {call.client} {call.tick}"
-        yield TimedMessage(self._time, TopicMessage(topic, octets(label, call.data)))
+        idles = isinstance(event, HostCall) and event.kind is CallKind.WAIT
+        if not idles and event.tick >= self._next_clock:
+            self._next_clock = event.tick + CLOCK_INTERVAL
+            yield TopicMessage("/clock", clock(event.tick * TICK / 1e9))
+        connection = self._connections.setdefault(event.client, _Connection())
+        match event:
+            case RobotDescription(tick, _, text):
+                yield self._describe(connection, text, tick * TICK / 1e9)
+            case ReceivedTurn(_, _, turn):
+                assert connection.topics is not None  # it is described before
+                yield from connection.topics.of_turn(turn)
+            case HostCall(kind, tick, client, data):
+                yield from self._of_call(connection, event)
+                topic = TO_CLIENT if kind in FROM_HOST else TO_SERVER
+                label = f"{kind.name.lower()} {client} {tick}"
+                yield TopicMessage(topic, octets(label, data))
 
-    def _clock(self, call: HostCall) -> Iterator[TopicMessage]:
-        """Yield the time, where it is due."""
-        if call.kind is not CallKind.WAIT and call.tick >= self._next_clock:
-            self._next_clock = call.tick + CLOCK_INTERVAL
-            yield TopicMessage("/clock", clock(call.tick * TICK / 1e9))
-
-    def _messages(self, call: HostCall) -> Iterator[TopicMessage]:
-        time = call.tick * TICK / 1e9
-        connection = self._connections.setdefault(call.client, _Connection())
+    def _of_call(
+        self, connection: _Connection, call: HostCall
+    ) -> Iterator[TopicMessage]:
+        """Yield what a robot senses or is asked to do in a call."""
         match call.kind:
             case CallKind.DISCONNECT:
                 del self._connections[call.client]
-            case CallKind.ROBOT:
-                yield self._describe(connection, call.data, time)
-            case CallKind.TURN:
-                assert connection.topics is not None  # it is described before
-                turn = RecordedTurn.from_bytes(call.data)
-                yield from connection.topics.of_turn(turn)
             case CallKind.TAKE | CallKind.FINISH:
                 for report in connection.session.receive(call.data):
                     if connection.topics is not None:
                         yield from connection.topics.of_report(report)
             case CallKind.RECEIVE:
-                yield from self._commands(connection, call.data, time)
+                yield from self._commands(connection, call.data, call.tick * TICK / 1e9)
             case _:
                 pass
 
     def _describe(
-        self, connection: _Connection, data: bytes, time: float
+        self, connection: _Connection, text: str, time: float
     ) -> TopicMessage:
-        """Begin the topics of a robot; ``data`` is that of ``CallKind.ROBOT``."""
-        name, *lines = data.decode().split("\r\n")
+        """Begin the topics of a robot, or go on with what has changed of it."""
+        name, *lines = text.split("\r\n")
         decoded = [decode_report(line) for line in lines if line]
         reports = [report for report in decoded if report is not None]
         if connection.topics is None or connection.robot != name:

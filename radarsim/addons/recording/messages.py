@@ -100,6 +100,20 @@ class RosMessage(NamedTuple):
     data: bytes
 
 
+class TopicMessage(NamedTuple):
+    """A message for a topic.
+
+    Attributes:
+        topic: Name of the topic.
+        message: The message.
+        latched: Whether who subscribes later gets the last one.
+    """
+
+    topic: str
+    message: RosMessage
+    latched: bool = False
+
+
 class Transform(NamedTuple):
     """Where a frame is in another one.
 

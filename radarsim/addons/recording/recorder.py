@@ -1,12 +1,12 @@
-"""Writes the calls of a host to a bag."""
+"""Writes a run to a bag."""
 
 from pathlib import Path
 
 from radarsim.addons.recording.bag_folder import RecordingInfo
 from radarsim.addons.recording.bag_writer import BagWriter
 from radarsim.addons.recording.call_converter import CallConverter
+from radarsim.addons.recording.host_recorder import RunEvent
 from radarsim.protocol.dialect import get_dialect
-from radarsim.server.host.recorded_host import HostCall
 
 
 class Recorder:
@@ -14,7 +14,7 @@ class Recorder:
 
     Attributes:
         folder: Folder of the recording.
-        calls: Number of calls so far.
+        events: Number of events so far.
     """
 
     def __init__(self, folder: Path, info: RecordingInfo) -> None:
@@ -28,18 +28,18 @@ class Recorder:
             OSError: If the file cannot be written.
         """
         self.folder = folder
-        self.calls = 0
+        self.events = 0
         self._converter = CallConverter(get_dialect(info.dialect), info.drive_unit)
         self._writer = BagWriter(folder, info.to_text())
 
-    def add(self, call: HostCall) -> None:
-        """Write a call, and the messages that it becomes.
+    def add(self, event: RunEvent) -> None:
+        """Write the messages that an event becomes.
 
         Raises:
             OSError: If the file cannot be written.
         """
-        self.calls += 1
-        for time, message in self._converter.convert(call):
+        self.events += 1
+        for time, message in self._converter.convert(event):
             self._writer.write(
                 message.topic, message.message, time, latched=message.latched
             )

@@ -1,9 +1,9 @@
 """Recording in a process of its own, so that it holds up no tick of a server.
 
-The server only packs its calls. A thread writes all that have come to a pipe a few
+The server only packs what is to be recorded. A thread writes all of it to a pipe a few
 times a second: each time it wakes up, it may hold up the server. The process at the
-other end converts and writes them. It outlives a server that is
-killed: at the end of the pipe it completes the recording.
+other end converts and writes it. It outlives a server that is killed: at the end of the
+pipe it completes the recording.
 """
 
 import json
@@ -19,9 +19,18 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO, BinaryIO, Final
 
+from radarsim.addons.fmcw.turn_collector import RecordedTurn
 from radarsim.addons.recording.bag_folder import RecordingInfo
+from radarsim.addons.recording.host_recorder import (
+    AddedMessage,
+    CallKind,
+    HostCall,
+    ReceivedTurn,
+    RobotDescription,
+    RunEvent,
+)
+from radarsim.addons.recording.messages import RosMessage, TopicMessage
 from radarsim.errors import RecordingError, describe_os_error
-from radarsim.server.host.recorded_host import CallKind, HostCall
 
 log = logging.getLogger("radarsim.addons.recording")
 
@@ -31,15 +40,17 @@ WRITE_INTERVAL: Final = 0.05  # s between writes to the pipe
 PAUSE: Final = 0.01  # s between looks at a process that is behind
 END_TIMEOUT: Final = 60.0  # s that it has to write what is left
 FRAME: Final = struct.Struct("<BIII")  # kind, tick, client, bytes that follow
+# Kinds of frames that are no calls, beside those of ``CallKind``.
+ROBOT, TURN, MESSAGE = 100, 101, 102
 # The modules are found where this process has found them.
 PROGRAM: Final = (
     "import sys; sys.path[:] = sys.argv[1:];"
-    "from radarsim.addons.recording.recording_process import write_calls; write_calls()"
+    "from radarsim.addons.recording.recording_process import write_run; write_run()"
 )
 
 
 class RecordingProcess:
-    """Records the calls of a host.
+    """Records a run.
 
     Attributes:
         folder: Folder of the recording.
@@ -83,11 +94,11 @@ class RecordingProcess:
         """Whether nothing more is recorded, as when the disk is full."""
         return self._has_ended
 
-    def add(self, call: HostCall) -> None:
-        """Record a call; never raises, and waits only if that was asked for."""
+    def add(self, event: RunEvent) -> None:
+        """Record an event; never raises, and waits only if that was asked for."""
         if self._has_ended:
             return
-        frame = frame_of(call)
+        frame = frame_of(event)
         self._frames.append(frame)
         self._queued += len(frame)
         while self._is_patient and self._is_behind() and not self._has_ended:
@@ -140,14 +151,45 @@ def opening_of(folder: Path, info: RecordingInfo) -> bytes:
     return first.encode() + b"\n"
 
 
-def frame_of(call: HostCall) -> bytes:
-    """Return what the process is told of a call."""
-    kind, tick, client, data = call
-    return FRAME.pack(kind, tick, client, len(data)) + data
+def frame_of(event: RunEvent) -> bytes:
+    """Return what the process is told of an event."""
+    client = 0
+    match event:
+        case HostCall(kind, tick, client, data):
+            number = int(kind)
+        case RobotDescription(tick, client, text):
+            number, data = ROBOT, text.encode()
+        case ReceivedTurn(tick, client, turn):
+            number, data = TURN, turn.to_bytes()
+        case AddedMessage(tick, (topic, message, latched)):
+            number = MESSAGE
+            data = f"{topic} {message.type} {latched:d}\n".encode() + message.data
+    return FRAME.pack(number, tick, client, len(data)) + data
 
 
-def write_calls() -> None:
-    """Record the calls that come by standard input: the program of the process."""
+def _read_event(pipe: BinaryIO) -> RunEvent | None:
+    """Read an event; None at the end of the pipe, or for one that is not whole."""
+    head = pipe.read(FRAME.size)
+    if len(head) < FRAME.size:
+        return None
+    kind, tick, client, size = FRAME.unpack(head)
+    data = pipe.read(size)
+    if len(data) < size:
+        return None
+    if kind == ROBOT:
+        return RobotDescription(tick, client, data.decode())
+    if kind == TURN:
+        return ReceivedTurn(tick, client, RecordedTurn.from_bytes(data))
+    if kind == MESSAGE:
+        label, _, encoded = data.partition(b"\n")
+        topic, type_, latched = label.decode().split(" ")
+        message = RosMessage(type_, encoded)
+        return AddedMessage(tick, TopicMessage(topic, message, latched=latched == "1"))
+    return HostCall(CallKind(kind), tick, client, data)
+
+
+def write_run() -> None:
+    """Record the events that come by standard input: the program of the process."""
     if sys.platform != "win32":
         os.nice(NICENESS)
     pipe = sys.stdin.buffer
@@ -159,22 +201,12 @@ def write_calls() -> None:
     folder = Path(conditions["folder"])
     try:
         recorder = Recorder(folder, RecordingInfo.from_text(conditions["info"]))
-        while (call := _read_call(pipe)) is not None:
-            recorder.add(call)
+        while (event := _read_event(pipe)) is not None:
+            recorder.add(event)
         recorder.close()
     except OSError as error:
         _complain(f"recording to {folder} ends: {describe_os_error(error)}")
         sys.exit(1)
-
-
-def _read_call(pipe: BinaryIO) -> HostCall | None:
-    """Read a call; None at the end of the pipe, or for one that is not whole."""
-    head = pipe.read(FRAME.size)
-    if len(head) < FRAME.size:
-        return None
-    kind, tick, client, size = FRAME.unpack(head)
-    data = pipe.read(size)
-    return HostCall(CallKind(kind), tick, client, data) if len(data) == size else None
 
 
 def _complain(text: str) -> None:

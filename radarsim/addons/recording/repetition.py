@@ -4,8 +4,8 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from radarsim.addons.recording.host_recorder import CallKind, HostCall
 from radarsim.server.host.host import Host
-from radarsim.server.host.recorded_host import CallKind, HostCall
 
 SHOWN = 60  # characters of a line that differs
 

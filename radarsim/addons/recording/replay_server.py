@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
+from radarsim.addons.recording.host_recorder import CallKind, HostCall
 from radarsim.errors import RecordingError
-from radarsim.server.host.recorded_host import CallKind, HostCall
 from radarsim.server.lifecycle import exit_code_of_signal, listen, peer_name
 from radarsim.simulation.clock import seconds
 

@@ -8,18 +8,20 @@ Maps as messages.
 import json
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, Final, NamedTuple, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.addons.fmcw.image_files import METADATA_BYTES
+from radarsim.addons.fmcw.turn_collector import RecordedTurn
 from radarsim.addons.recording.messages import (
     ECHO,
     TARGET,
     Beams,
     Points,
     RosMessage,
+    TopicMessage,
     Transform,
     grey_image,
     laser_scan,
@@ -46,7 +48,6 @@ from radarsim.protocol.reports import (
     Report,
 )
 from radarsim.protocol.targets import RadarTargets
-from radarsim.server.host.turn_collector import RecordedTurn
 
 
 class Legend:
@@ -99,20 +100,6 @@ _LARGEST = 65535  # of 16 bits; it stands for all names after the first 65535
 MAP: Final = "map"
 
 Line = TypeVar("Line", EchoLine, RadarTargets)
-
-
-class TopicMessage(NamedTuple):
-    """A message for a topic.
-
-    Attributes:
-        topic: Name of the topic.
-        message: The message.
-        latched: Whether who subscribes later gets the last one.
-    """
-
-    topic: str
-    message: RosMessage
-    latched: bool = False
 
 
 class RobotTopics:

@@ -1,28 +1,111 @@
-"""``--record`` of commands that drive a robot, or follow one."""
+"""``--record`` of commands that serve, drive a robot, or follow one."""
 
 from __future__ import annotations
 
 import math
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import TYPE_CHECKING, Annotated, Any, Final, Self
+
+import typer
 
 from radarsim import __version__
 from radarsim.cli.options import DriveUnit
 from radarsim.cli.output import print_message
+from radarsim.cli.serve_extension import ServedMap, ServeExtension
 from radarsim.errors import RecordingError
 
 if TYPE_CHECKING:
     from radarsim.addons.recording.bag_folder import RecordingInfo
+    from radarsim.addons.recording.host_recorder import HostRecorder, RunEvent
     from radarsim.addons.recording.recording_process import RecordingProcess
     from radarsim.addons.recording.wire_recorder import WireRecorder
     from radarsim.autonomy.mapping.mapper import Mapper
     from radarsim.autonomy.proxy.tcp_proxy import DataCallback
     from radarsim.client import Client
     from radarsim.server.host import Host
-    from radarsim.server.host.recorded_host import HostCall
 
 MAP_INTERVAL: Final = 1.0  # s between messages of a map
+
+RecordOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        help="Record the run in a new folder, as a bag of ROS 2 that 'radarsim replay'"
+        " repeats. Needs the extra 'record'.",
+    ),
+]
+
+
+@dataclass(frozen=True, slots=True)
+class RecordOptions:
+    """Options of ``radarsim serve``.
+
+    Attributes:
+        record: Folder to create for the recording; None for none.
+        record_spectra: Whether what FMCW radars receive is recorded as well.
+    """
+
+    record: RecordOption = None
+    record_spectra: Annotated[
+        bool,
+        typer.Option(
+            help="Record what FMCW radars receive as well, some 180 MB a minute."
+        ),
+    ] = False
+
+    def extension(self, served: ServedMap) -> ServeRecording | None:
+        """See ``ExtensionOptions.extension``."""
+        if self.record is not None:
+            return ServeRecording(self.record, served, spectra=self.record_spectra)
+        if self.record_spectra:
+            hint = "--record-spectra"
+            raise typer.BadParameter("expected --record with it", param_hint=hint)
+        return None
+
+
+class ServeRecording(ServeExtension):
+    """The recording of what is done to a server's host."""
+
+    def __init__(self, folder: Path, served: ServedMap, *, spectra: bool) -> None:
+        """Plan a recording; see ``RecordOptions``."""
+        self._folder = folder
+        self._served = served
+        self._spectra = spectra
+        self._has_folder = False
+        self._recorder: HostRecorder | None = None
+        self._process: RecordingProcess | None = None
+
+    def open(self) -> None:
+        """Create the folder."""
+        from radarsim.addons.recording.bag_folder import check_installed, create_folder
+
+        check_installed()
+        create_folder(self._folder)
+        self._has_folder = True
+
+    def attach(self, host: Host) -> None:
+        """Record from now on."""
+        from radarsim.addons.recording.bag_folder import RecordingInfo
+        from radarsim.addons.recording.host_recorder import HostRecorder
+        from radarsim.addons.recording.recording_process import RecordingProcess
+
+        info = RecordingInfo.of_host(self._served.map, host, self._served.seed)
+        self._process = RecordingProcess(self._folder, info)
+        self._recorder = HostRecorder(self._process.add, spectra=self._spectra)
+        host.add_observer(self._recorder)
+
+    def close(self) -> None:
+        """Complete the recording; of one that never began, nothing is left."""
+        if self._recorder is not None and self._process is not None:
+            self._recorder.end()
+            if self._process.close():
+                print_message(f"recorded in {self._folder}")
+        elif self._has_folder:
+            with suppress(OSError):
+                self._folder.rmdir()
 
 
 class RunRecording:
@@ -45,11 +128,11 @@ class RunRecording:
         """
         self.folder = folder
         self._drive_unit = drive_unit
-        self._host: Host | None = None
         self._wire: WireRecorder | None = None
         self._info: RecordingInfo | None = None
         self._process: RecordingProcess | None = None
-        self._early: list[HostCall] = []  # before the process has been started
+        self._recorder: HostRecorder | None = None
+        self._early: list[RunEvent] = []  # before the process has been started
         self._map_due = -math.inf
         if folder is not None:
             from radarsim.addons.recording.bag_folder import check_installed
@@ -68,19 +151,23 @@ class RunRecording:
             MapError: If the map is wrong.
             typer.BadParameter: If a setting of an item is wrong.
         """
-        from radarsim.cli.recorded_host import describe
         from radarsim.cli.serve import load_served_host
 
+        if self.folder is not None and map_ is not None:
+            from radarsim.addons.recording.host_recorder import HostRecorder
+
+            self._recorder = HostRecorder(self._add)
         host = load_served_host(
             map_,
             seed=seed,
             settings=settings,
             drive_unit=self._drive_unit,
-            record=None if self.folder is None else self._add,
+            observers=() if self._recorder is None else (self._recorder,),
         )
-        if host is not None and map_ is not None:
-            self._host = host
-            self._info = describe(map_, host.scene, host.config, seed or 0)
+        if self._recorder is not None and host is not None and map_ is not None:
+            from radarsim.addons.recording.bag_folder import RecordingInfo
+
+            self._info = RecordingInfo.of_host(map_, host, seed or 0)
         return host
 
     def connect(self, host: str, port: int) -> Client:
@@ -129,13 +216,11 @@ class RunRecording:
         time = mapper.trajectory.times[-1]
         if time < self._map_due and not last:
             return
-        from radarsim.addons.recording.call_converter import pack_message
+        from radarsim.addons.recording.host_recorder import AddedMessage
         from radarsim.addons.recording.robot_topics import map_message
-        from radarsim.server.host.recorded_host import CallKind, HostCall
 
         self._map_due = time + MAP_INTERVAL
-        data = pack_message(map_message(mapper.grid, time))
-        self._add(HostCall(CallKind.MESSAGE, round(100 * time), 0, data))
+        self._add(AddedMessage(round(100 * time), map_message(mapper.grid, time)))
 
     def __enter__(self) -> Self:
         """Create the folder, and begin to record."""
@@ -148,11 +233,11 @@ class RunRecording:
         unit: Any = self._drive_unit.value  # one of its literals
         info = self._info or RecordingInfo(version=__version__, drive_unit=unit)
         create_folder(self.folder)
-        is_patient = self._host is not None  # simulated time waits as well
+        is_patient = self._recorder is not None  # simulated time waits as well
         self._process = RecordingProcess(self.folder, info, is_patient=is_patient)
-        for call in self._early:
-            self._process.add(call)
-        if self._host is None:
+        for event in self._early:
+            self._process.add(event)
+        if self._recorder is None:
             self._wire = WireRecorder(self._add)
         return self
 
@@ -165,17 +250,15 @@ class RunRecording:
         """Complete the recording."""
         if self._process is None:
             return
-        from radarsim.server.host.recorded_host import RecordedHost
-
-        if isinstance(self._host, RecordedHost):
-            self._host.end_recording()
+        if self._recorder is not None:
+            self._recorder.end()
         if self._wire is not None:
             self._wire.end()
         if self._process.close():
             print_message(f"recorded in {self.folder}")
 
-    def _add(self, call: HostCall) -> None:
+    def _add(self, event: RunEvent) -> None:
         if self._process is None:
-            self._early.append(call)
+            self._early.append(event)
         else:
-            self._process.add(call)
+            self._process.add(event)

@@ -5,9 +5,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
+from radarsim.addons.recording.host_recorder import (
+    CallKind,
+    HostCall,
+    RobotDescription,
+)
 from radarsim.client.transport import Transport
 from radarsim.protocol.framing import LineBuffer
-from radarsim.server.host.recorded_host import CallKind, HostCall
 
 FIRST: Final = 1  # number of the only client of a transport
 UNNAMED: Final = "robot"  # one whose name no client has sent
@@ -38,16 +42,17 @@ class WireRecorder:
         time: The last time that the server has sent, s.
     """
 
-    def __init__(self, record: Callable[[HostCall], None]) -> None:
+    def __init__(self, record: Callable[[HostCall | RobotDescription], None]) -> None:
         """Begin with no connections.
 
         Args:
-            record: Called with each call; it must not raise.
+            record: Called with each call, and what is known of robots; it must not
+                raise.
         """
         self.time = 0.0
         self._record = record
         self._connections: dict[int, _Connection] = {}
-        self._early: list[HostCall] | None = []
+        self._early: list[HostCall | RobotDescription] | None = []
 
     @property
     def tick(self) -> int:
@@ -112,7 +117,7 @@ class WireRecorder:
 
     def _describe(self, number: int, connection: _Connection) -> None:
         lines = (connection.robot or UNNAMED, *connection.descriptions.values(), "")
-        self._report(CallKind.ROBOT, number, "\r\n".join(lines).encode())
+        self._pass_on(RobotDescription(self.tick, number, "\r\n".join(lines)))
 
     def _note_time(self, data: bytes | None) -> None:
         """Read the last time in what the server sends; None for its end."""
@@ -121,15 +126,17 @@ class WireRecorder:
             self.time = max(self.time, float(found[-1]))
         if self._early is not None and (found or data is None):
             early, self._early = self._early, None
-            for call in early:
-                self._record(call._replace(tick=self.tick))
+            for event in early:
+                self._record(event._replace(tick=self.tick))
 
     def _report(self, kind: CallKind, client: int = 0, data: bytes = b"") -> None:
-        call = HostCall(kind, self.tick, client, data)
+        self._pass_on(HostCall(kind, self.tick, client, data))
+
+    def _pass_on(self, event: HostCall | RobotDescription) -> None:
         if self._early is None:
-            self._record(call)
+            self._record(event)
         else:
-            self._early.append(call)
+            self._early.append(event)
 
 
 class RecordedTransport:

@@ -12,7 +12,8 @@ from contextlib import AsyncExitStack, suppress
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-from radarsim.addons.recording.robot_topics import TopicMessage, map_message, topic_name
+from radarsim.addons.recording.messages import TopicMessage
+from radarsim.addons.recording.robot_topics import map_message, topic_name
 from radarsim.addons.ros.live_topics import DriveCallback, LiveTopics
 from radarsim.autonomy.proxy.traffic_mapper import TrafficMapper
 from radarsim.client import AsyncClient, ClientTimeout, RobotInfo

@@ -10,7 +10,7 @@ from typing import Any, Final
 from xml.sax.saxutils import quoteattr
 
 from radarsim.addons.recording.message_types import Field, fields_of
-from radarsim.addons.recording.robot_topics import TopicMessage
+from radarsim.addons.recording.messages import TopicMessage
 from radarsim.addons.ros.live_topics import TWIST, DriveCallback
 from radarsim.errors import ServerError, import_optional
 

@@ -4,13 +4,13 @@ from collections.abc import Callable, Iterable
 from typing import Final, TypeAlias
 
 from radarsim.addons.recording.call_converter import TO_CLIENT, TO_SERVER, CallConverter
-from radarsim.addons.recording.robot_topics import TopicMessage
+from radarsim.addons.recording.host_recorder import RunEvent
+from radarsim.addons.recording.messages import TopicMessage
 from radarsim.addons.recording.wire_recorder import WireRecorder
 from radarsim.client import session as questions
 from radarsim.protocol.dialect import COMPAT, DriveUnit
 from radarsim.protocol.line_template import printable_name
 from radarsim.protocol.reports import Report, RobotJoined, RobotLeft, WatchedLine
-from radarsim.server.host.recorded_host import HostCall
 
 DESCRIBED: Final = ("Robot", "RangeScanner")
 TWIST: Final = "geometry_msgs/msg/Twist"  # of ``cmd_vel``
@@ -73,7 +73,7 @@ class LiveTopics:
         if number is not None:
             self._wire.end_one(number)
 
-    def _convert(self, call: HostCall) -> None:
-        for _, message in self._converter.convert(call):
+    def _convert(self, event: RunEvent) -> None:
+        for _, message in self._converter.convert(event):
             if message.topic not in WIRE:
                 self._publish(message)

@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.addons.recording.message_types import decode
-from radarsim.addons.recording.messages import RosMessage
-from radarsim.addons.recording.robot_topics import TopicMessage
+from radarsim.addons.recording.messages import RosMessage, TopicMessage
 from radarsim.addons.ros.live_topics import TWIST, DriveCallback
 
 

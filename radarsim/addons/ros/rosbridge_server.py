@@ -9,7 +9,7 @@ from starlette.datastructures import Headers
 from starlette.routing import WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from radarsim.addons.recording.robot_topics import TopicMessage
+from radarsim.addons.recording.messages import TopicMessage
 from radarsim.addons.ros.live_topics import DriveCallback
 from radarsim.addons.ros.rosbridge import LONGEST_MESSAGE, RosbridgeClient, TopicBoard
 from radarsim.server.lifecycle import bind

@@ -3,11 +3,15 @@
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
-from typing import Final
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Annotated, Final
+
+import typer
 
 from radarsim.cli.output import print_message
+from radarsim.cli.serve_extension import ServedMap, ServeExtension
 from radarsim.errors import ServerError, describe_os_error
 
 END_TIMEOUT: Final = 5.0  # s that it has to end by itself
@@ -74,20 +78,54 @@ class CommanderProcess:
             print_message(f"the commander has ended ({how}); there is no page any more")
 
 
-@contextmanager
-def commander_process(
-    options: Sequence[str] | None,
-) -> Iterator[CommanderProcess | None]:
-    """Run a commander, or none without options, and end it in the end.
+OPTION: Final = "--web"
 
-    Raises:
-        ServerError: If it cannot be started.
+
+@dataclass(frozen=True, slots=True)
+class WebOptions:
+    """The option ``--web`` of ``radarsim serve``.
+
+    Attributes:
+        web: Port of the page; 0 for a free one, None for no page.
     """
-    if options is None:
-        yield None
-        return
-    process = CommanderProcess(options)
-    try:
-        yield process
-    finally:
-        process.stop()
+
+    web: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            max=65535,
+            help="Serve a web page on this port as well, to see and drive robots; 0"
+            " takes a free one. 'radarsim commander' has more options.",
+        ),
+    ] = None
+
+    def extension(self, served: ServedMap) -> "CommanderExtension | None":
+        """See ``ExtensionOptions.extension``."""
+        return None if self.web is None else CommanderExtension(self.web, served)
+
+
+class CommanderExtension(ServeExtension):
+    """A commander beside the server that it shows."""
+
+    address = "127.0.0.1"  # the page is for this machine alone
+
+    def __init__(self, port: int, served: ServedMap) -> None:
+        """Plan a commander; port 0 is a free one."""
+        self.ports = {OPTION: port}
+        self._options = ["--web", str(port), "--map", served.map]
+        self._options += served.options.words()
+        self._process: CommanderProcess | None = None
+
+    def open(self) -> None:
+        """Start it: it can import what it needs while the map is read."""
+        self._process = CommanderProcess(self._options)
+
+    def announce(self, address: tuple[str, int]) -> None:
+        """Tell it where the server listens."""
+        if self._process is not None:
+            self._process.connect(address)
+
+    def close(self) -> None:
+        """End it."""
+        if self._process is not None:
+            self._process.stop()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import typer
 
-from radarsim.addons.recording.run_recording import RunRecording
+from radarsim.addons.recording.run_recording import RecordOption, RunRecording
 from radarsim.autonomy.commands.map_options import (
     DensityOption,
     EchoesOption,
@@ -61,7 +61,6 @@ from radarsim.cli.options import (
     server_address,
 )
 from radarsim.cli.output import MESSAGE_FORM, start_log
-from radarsim.cli.recorded_host import RecordOption
 
 if TYPE_CHECKING:
     from radarsim.autonomy.commands.map_files import MapOutput

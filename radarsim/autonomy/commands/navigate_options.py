@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from radarsim.addons.recording.run_recording import RecordOption
 from radarsim.autonomy.navigation.options import (
     ROBOT,
     Algorithm,
@@ -39,7 +40,6 @@ from radarsim.cli.options import (
     read_point,
     read_pose,
 )
-from radarsim.cli.recorded_host import RecordOption
 
 if TYPE_CHECKING:
     from radarsim.autonomy.navigation.mission import Mission

@@ -33,7 +33,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from radarsim.protocol.reports import Greeting, to_bytes
@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from radarsim.protocol.dialect import Dialect
     from radarsim.server.host.echo_writer import EchoWriter
     from radarsim.simulation.simulation import ScanEchoes, Simulation, TickOutput
+    from radarsim.simulation.vehicle import Vehicle
 
 COMMANDS_PER_TICK = 20  # of a client; real ones send a few
 # Units of work of all clients together in a tick: for commands on arrival, for the
@@ -57,6 +58,38 @@ COMMANDS_PER_TICK = 20  # of a client; real ones send a few
 ARRIVAL_WORK = 100
 FIRST_WORK = 60
 WAITING_WORK = 60
+
+
+class HostObserver:
+    """Is told what is done to a host: to record it, or to follow it.
+
+    A method must not raise, nor do anything to the host. Each does nothing unless a
+    subclass overrides it.
+    """
+
+    def begin(self, simulation: Simulation) -> None:
+        """Simulated time begins."""
+
+    def connect(self, client: int) -> None:
+        """A client has been added."""
+
+    def disconnect(self, client: int) -> None:
+        """A client and its robot have been removed."""
+
+    def receive(self, client: int, data: bytes) -> None:
+        """A client has sent bytes, none of whose commands has been executed yet."""
+
+    def execute(self, client: int, vehicle: Vehicle | None) -> None:
+        """Commands of a client may have been executed; it has this robot now."""
+
+    def step(self) -> None:
+        """A tick comes next; simulated time passes in it if it has begun."""
+
+    def take(self, client: int, data: bytes) -> None:
+        """A client is sent bytes."""
+
+    def finish(self, client: int, data: bytes) -> None:
+        """A client that sends no more is sent its last bytes, or none."""
 
 
 class Host:
@@ -69,6 +102,7 @@ class Host:
         config: SimulationConfig | None = None,
         seed: int = 0,
         begins: bool = True,
+        observers: Iterable[HostObserver] = (),
     ) -> None:
         """Create a simulation of a scene, without robots and clients.
 
@@ -78,6 +112,7 @@ class Host:
             seed: Seed of all random numbers.
             begins: Whether there is a simulation from now on; else ``make_simulation``
                 makes it, and it begins with ``begin``.
+            observers: Told what is done to the host, one after the other.
 
         Raises:
             PresetError: If the configuration does not fit the robot classes.
@@ -88,6 +123,7 @@ class Host:
         self._dialect = config.dialect
         self._clients: dict[int, Client] = {}
         self._last_number = 0
+        self._observers = list(observers)
         # Clients of whom there is something to do; in a tick no others are looked at.
         self._waiting: set[int] = set()  # have commands that wait
         self._spent: set[int] = set()  # have used up some of their commands
@@ -141,6 +177,12 @@ class Host:
             lambda: {v.number: v.robot.name for v in simulation.vehicles}
         )
         self._commands.begin(simulation)
+        for observer in self._observers:
+            observer.begin(simulation)
+
+    def add_observer(self, observer: HostObserver) -> None:
+        """Tell one more what is done to the host from now on."""
+        self._observers.append(observer)
 
     def connect(self) -> int:
         """Add a client, and greet it.
@@ -154,6 +196,8 @@ class Host:
         greeting = Greeting(self._scene.level)
         client.replies.append(to_bytes([greeting.encode(self._dialect)]))
         self._queue_replies(client)
+        for observer in self._observers:
+            observer.connect(client.number)
         return client.number
 
     def disconnect(self, number: int) -> None:
@@ -163,6 +207,8 @@ class Host:
         self._commands.despawn(client)
         for numbers in (self._waiting, self._spent, self._replying, self._unsent):
             numbers.discard(number)
+        for observer in self._observers:
+            observer.disconnect(number)
 
     def receive(self, number: int, data: bytes) -> list[Diagnostic]:
         """Execute what a client sent, as far as its budget for this tick allows.
@@ -171,6 +217,8 @@ class Host:
             Diagnostics of commands without effect.
         """
         client = self._clients[number]
+        for observer in self._observers:
+            observer.receive(number, data)
         if client.lines.overflow is not None:
             return []
         waits = bool(client.pending)
@@ -180,6 +228,8 @@ class Host:
             self._waiting.add(number)
         if client.lines.overflow is not None:
             diagnostics.append(Diagnostic("line", str(client.lines.overflow)))
+        for observer in self._observers:
+            observer.execute(number, client.vehicle)
         return diagnostics
 
     def is_busy(self, number: int) -> bool:
@@ -214,17 +264,23 @@ class Host:
         Returns:
             Numbers of clients with diagnostics of commands that had waited.
         """
+        for observer in self._observers:
+            observer.step()
+        # Only their commands are executed in a tick.
+        waiting = sorted(self._waiting)
         for number in self._spent:
             self._clients[number].command_budget = COMMANDS_PER_TICK
         self._spent.clear()
         self._arrival_work, self._first_work = ARRIVAL_WORK, FIRST_WORK
         diagnostics = self._handle_waiting()
-        if not self.has_begun:
-            return diagnostics
-        self.simulation.step()
-        self._queue_outputs(self.simulation.collect_reports())
-        for number in sorted(self._replying):
-            self._queue_replies(self._clients[number])
+        if self.has_begun:
+            self.simulation.step()
+            self._queue_outputs(self.simulation.collect_reports())
+            for number in sorted(self._replying):
+                self._queue_replies(self._clients[number])
+        for observer in self._observers:
+            for number in waiting:
+                observer.execute(number, self._clients[number].vehicle)
         return diagnostics
 
     def clients_to_send(self) -> list[int]:
@@ -233,12 +289,19 @@ class Host:
 
     def take(self, number: int) -> bytes:
         """Return and remove what is to be sent to a client: whole lines, in order."""
-        return self._take(number)
+        data = self._take(number)
+        if data:
+            for observer in self._observers:
+                observer.take(number, data)
+        return data
 
     def finish(self, number: int) -> bytes:
         """Return the replies that are due to a client that sends no more."""
         self._queue_replies(self._clients[number])
-        return self._take(number)
+        data = self._take(number)
+        for observer in self._observers:
+            observer.finish(number, data)
+        return data
 
     def _take(self, number: int) -> bytes:
         self._unsent.discard(number)

@@ -13,10 +13,10 @@ from rosbags.highlevel import AnyReader
 from radarsim.addons.recording.bag_folder import create_folder, file_name
 from radarsim.addons.recording.bag_reader import BagReader, repair
 from radarsim.addons.recording.bag_writer import CHUNK_BYTES
+from radarsim.addons.recording.host_recorder import HostCall
 from radarsim.addons.recording.recording_process import PROGRAM, frame_of, opening_of
 from radarsim.errors import RecordingError
 from radarsim.scene.scene import Scene
-from radarsim.server.host.recorded_host import HostCall
 
 TIMEOUT = 240  # s that a busy machine may need
 
@@ -70,13 +70,13 @@ def test_bag_of_a_killed_process_is_repaired(
     process = start(folder, run)
     assert process.stdin is not None
     wait_until_idle(folder / file_name(folder))
-    until = chance.randrange(len(run.calls))
-    for call in run.calls[:until]:
-        process.stdin.write(frame_of(call))
+    until = chance.randrange(len(run.events))
+    for event in run.events[:until]:
+        process.stdin.write(frame_of(event))
         time.sleep(chance.random() / 1000)
     kill(process)
     calls = repaired_calls(folder)
-    expected = recorded_runs.without_descriptions(run.calls[:until])
+    expected = recorded_runs.calls_in(run.events[:until])
     assert calls == expected[: len(calls)]
 
 
@@ -87,12 +87,12 @@ def test_at_most_one_chunk_is_lost(
     folder = tmp_path / "run"
     process = start(folder, run)
     assert process.stdin is not None
-    for call in run.calls:
-        process.stdin.write(frame_of(call))
+    for event in run.events:
+        process.stdin.write(frame_of(event))
     wait_until_idle(folder / file_name(folder))
     kill(process)
     calls = repaired_calls(folder)
-    expected = recorded_runs.without_descriptions(run.calls)
+    expected = run.calls
     assert calls == expected[: len(calls)]
     lost = expected[len(calls) :]
     assert sum(len(call.data) for call in lost) < CHUNK_BYTES

@@ -18,6 +18,7 @@ from processes import start_radarsim
 from radarsim.addons.recording import recording_process
 from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder, file_name
 from radarsim.addons.recording.bag_reader import BagReader, repair
+from radarsim.addons.recording.host_recorder import CallKind, HostCall, RunEvent
 from radarsim.addons.recording.recording_process import (
     PROGRAM,
     RecordingProcess,
@@ -26,7 +27,6 @@ from radarsim.addons.recording.recording_process import (
 )
 from radarsim.client import Client
 from radarsim.scene.scene import Scene
-from radarsim.server.host.recorded_host import CallKind, HostCall
 
 DISK_SIZES = range(8_000, 64_000, 7_000)  # bytes
 TIMEOUT = 240  # s that a busy machine may need
@@ -145,12 +145,12 @@ def test_wrong_map_leaves_no_folder(tmp_path: Path) -> None:
     assert not folder.exists()
 
 
-def feed(folder: Path, calls: list[HostCall], limit: int | None) -> str:
-    """Pass calls to the program of a recording process; return what it says.
+def feed(folder: Path, events: list[RunEvent], limit: int | None) -> str:
+    """Pass events to the program of a recording process; return what it says.
 
     Args:
         folder: Folder to create.
-        calls: The calls.
+        events: The events.
         limit: Largest size of its files, bytes, as if the disk were full then.
     """
     create_folder(folder)
@@ -169,7 +169,7 @@ def feed(folder: Path, calls: list[HostCall], limit: int | None) -> str:
         env=env,
         preexec_fn=restrict,  # noqa: PLW1509 - it changes limits only
     )
-    told = [opening_of(folder, RecordingInfo(version="1")), *map(frame_of, calls)]
+    told = [opening_of(folder, RecordingInfo(version="1")), *map(frame_of, events)]
     _, errors = process.communicate(b"".join(told), timeout=TIMEOUT)
     return errors.decode()
 
@@ -186,12 +186,12 @@ def test_full_disk_ends_the_recording_with_a_sentence(
 ) -> None:
     run = recorded_runs.run_two_clients(foliage_room)
     folder = tmp_path / "run"
-    errors = feed(folder, run.calls, limit)
+    errors = feed(folder, run.events, limit)
     assert errors.count("\n") == 1
     assert "ends: the file would be too large; the server goes on" in errors
     repair(folder)
     calls = list(BagReader(folder).calls())
-    assert calls == recorded_runs.without_descriptions(run.calls)[: len(calls)]
+    assert calls == run.calls[: len(calls)]
 
 
 def test_process_records_all_calls(foliage_room: Scene, tmp_path: Path) -> None:
@@ -199,11 +199,11 @@ def test_process_records_all_calls(foliage_room: Scene, tmp_path: Path) -> None:
     folder = tmp_path / "run"
     create_folder(folder)
     process = RecordingProcess(folder, run.info)
-    for call in run.calls:
-        process.add(call)
+    for event in run.events:
+        process.add(event)
     assert process.close()
     calls = list(BagReader(folder).calls())
-    assert calls == recorded_runs.without_descriptions(run.calls)
+    assert calls == run.calls
 
 
 def test_recording_that_falls_behind_ends(

@@ -8,10 +8,16 @@ from typing import Any
 import pytest
 from web_pages import Page, open_page
 
+from radarsim.addons.recording.host_recorder import (
+    CallKind,
+    HostCall,
+    HostRecorder,
+    RunEvent,
+)
 from radarsim.client import AsyncClient
 from radarsim.geometry import Pose2
 from radarsim.scene.scene import Scene
-from radarsim.server.host.recorded_host import CallKind, HostCall, RecordedHost
+from radarsim.server.host import Host
 from radarsim.server.tcp_server import Server
 
 QUIET = 50  # ticks; scans of a robot come each 20
@@ -23,11 +29,12 @@ class Wire:
     def __init__(self, scene: Scene) -> None:
         self.calls: list[HostCall] = []
         self._news = asyncio.Event()
-        self.host = RecordedHost(self._take, scene)
+        self.host = Host(scene, observers=[HostRecorder(self._take)])
 
-    def _take(self, call: HostCall) -> None:
-        self.calls.append(call)
-        self._news.set()
+    def _take(self, event: RunEvent) -> None:
+        if isinstance(event, HostCall):
+            self.calls.append(event)
+            self._news.set()
 
     def copies(self, since: int = 0) -> list[int]:
         """Return the ticks at which copies were sent, from a call on."""

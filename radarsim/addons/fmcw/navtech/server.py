@@ -29,6 +29,7 @@ from radarsim.addons.fmcw.navtech.messages import (
     MessageType,
     RadarConfiguration,
 )
+from radarsim.server.host import HostObserver
 from radarsim.server.peer_connections import PeerConnection, PeerServer, RefusalLog
 
 if TYPE_CHECKING:
@@ -45,8 +46,8 @@ MOST_UNSENT: Final = 262_144  # bytes; some 60 directions
 PATIENCE: Final = 10.0  # s
 
 
-class NavtechServer(PeerServer):
-    """Serves what the radar of one robot receives."""
+class NavtechServer(PeerServer, HostObserver):
+    """Serves what the radar of one robot receives; an observer of its host."""
 
     def __init__(self, *, port: int = PORT, robot: str | None = None) -> None:
         """Create a server that does not listen yet.
@@ -77,7 +78,7 @@ class NavtechServer(PeerServer):
         self._listen_to(None)
         await asyncio.sleep(0)  # sockets are closed in the next round of the loop
 
-    def tick(self) -> None:
+    def step(self) -> None:
         """Follow the robot, which can come or leave, and listen while clients do."""
         if self._simulation is None:
             return

@@ -5,11 +5,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import recorded_runs
 
 import radarsim
 from radarsim.addons.fmcw.antennas import LATENCY, SeenSector
 from radarsim.addons.fmcw.rotation import Sector
+from radarsim.addons.fmcw.turn_collector import RecordedTurn, TurnCollector
 from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder
+from radarsim.addons.recording.host_recorder import (
+    HostRecorder,
+    ReceivedTurn,
+    RunEvent,
+)
 from radarsim.addons.recording.recorder import Recorder
 from radarsim.addons.recording.repetition import repeat_run
 from radarsim.geometry import Pose3
@@ -17,8 +24,6 @@ from radarsim.presets.robots import load_robot
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
-from radarsim.server.host.recorded_host import CallKind, HostCall, RecordedHost
-from radarsim.server.host.turn_collector import RecordedTurn, TurnCollector
 from radarsim.simulation.config import SimulationConfig
 
 INIT = b"INIT {ClassName USARBot.P3AT_Navtech} {Name R1} {Start RobotStart1}\r\n"
@@ -27,18 +32,19 @@ TICKS = 2 * TURN + 3 + LATENCY  # the first turn is not received
 
 
 @pytest.fixture(scope="module")
-def calls(foliage_room: Scene) -> list[HostCall]:
+def events(foliage_room: Scene) -> list[RunEvent]:
     """A run with one turn."""
-    calls: list[HostCall] = []
-    host = RecordedHost(calls.append, foliage_room, spectra=True, begins=False)
+    events: list[RunEvent] = []
+    recorder = HostRecorder(events.append, spectra=True)
+    host = Host(foliage_room, begins=False, observers=[recorder])
     host.begin(host.make_simulation())
     client = host.connect()
     host.receive(client, INIT)
     for _ in range(TICKS):
         host.step()
         host.take(client)
-    host.end_recording()
-    return calls
+    recorder.end()
+    return events
 
 
 def expected_counts(scene: Scene) -> np.ndarray[tuple[int, int], np.dtype[np.uint8]]:
@@ -56,13 +62,13 @@ def expected_counts(scene: Scene) -> np.ndarray[tuple[int, int], np.dtype[np.uin
 
 
 def test_turn_is_what_the_radar_receives_there(
-    calls: list[HostCall], foliage_room: Scene, tmp_path: Path
+    events: list[RunEvent], foliage_room: Scene, tmp_path: Path
 ) -> None:
     folder = tmp_path / "run"
     create_folder(folder)
     recorder = Recorder(folder, RecordingInfo(version="1"))
-    for call in calls:
-        recorder.add(call)
+    for event in events:
+        recorder.add(event)
     recorder.close()
     recording = radarsim.load_recording(folder)
     (turn,) = recording.turns("R1/Navtech")
@@ -80,17 +86,17 @@ def test_turn_is_what_the_radar_receives_there(
 
 
 def test_recorded_spectra_change_nothing_else(
-    calls: list[HostCall], foliage_room: Scene
+    events: list[RunEvent], foliage_room: Scene
 ) -> None:
-    (turn,) = [call for call in calls if call.kind is CallKind.TURN]
-    assert RecordedTurn.from_bytes(turn.data).scanner == "Navtech"
+    (turn,) = [event.turn for event in events if isinstance(event, ReceivedTurn)]
+    assert turn.scanner == "Navtech"
     host = Host(foliage_room, begins=False)
-    assert repeat_run(host, calls).difference is None
+    assert repeat_run(host, recorded_runs.calls_in(events)).difference is None
 
 
 def test_spectra_are_recorded_on_request_only(foliage_room: Scene) -> None:
-    calls: list[HostCall] = []
-    host = RecordedHost(calls.append, foliage_room)
+    events: list[RunEvent] = []
+    host = Host(foliage_room, observers=[HostRecorder(events.append)])
     host.receive(host.connect(), INIT)
     (carrier,) = host.simulation.antennas.carriers()
     (antenna,) = host.simulation.antennas.of(carrier)

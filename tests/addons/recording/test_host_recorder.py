@@ -1,12 +1,18 @@
-"""A recorded host does what a host does, and reports each call."""
+"""What a recorder reports of a host, which does nothing else for it."""
 
 import pytest
 import recorded_runs
 
+from radarsim.addons.recording.host_recorder import (
+    CallKind,
+    HostCall,
+    HostRecorder,
+    RobotDescription,
+    RunEvent,
+)
 from radarsim.addons.recording.repetition import repeat_run
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
-from radarsim.server.host.recorded_host import CallKind, HostCall, RecordedHost
 
 INIT = b"INIT {ClassName P3AT} {Name R1} {Start RobotStart1}\r\n"
 SETTING = (
@@ -14,21 +20,21 @@ SETTING = (
 )
 
 
-def calls_of(scene: Scene, *received: bytes) -> list[HostCall]:
-    """Return the calls of one client that sends something in each of some ticks."""
-    calls: list[HostCall] = []
-    host = RecordedHost(calls.append, scene)
+def events_of(scene: Scene, *received: bytes) -> list[RunEvent]:
+    """Return the events of one client that sends something in each of some ticks."""
+    events: list[RunEvent] = []
+    host = Host(scene, observers=[HostRecorder(events.append)])
     client = host.connect()
     for data in received:
         host.receive(client, data)
         for _ in range(120):  # who replaces its robot has to wait a second
             host.step()
         host.take(client)
-    return calls
+    return events
 
 
-def described(calls: list[HostCall]) -> list[bytes]:
-    return [call.data for call in calls if call.kind is CallKind.ROBOT]
+def described(events: list[RunEvent]) -> list[str]:
+    return [event.text for event in events if isinstance(event, RobotDescription)]
 
 
 def test_clients_are_sent_the_same_as_by_a_plain_host(foliage_room: Scene) -> None:
@@ -47,30 +53,32 @@ def test_ticks_before_the_beginning_are_counted(foliage_room: Scene) -> None:
 
 
 def test_takes_of_nothing_are_no_calls(foliage_room: Scene) -> None:
-    calls: list[HostCall] = []
-    host = RecordedHost(calls.append, foliage_room)
+    events: list[RunEvent] = []
+    host = Host(foliage_room, observers=[HostRecorder(events.append)])
     client = host.connect()
     assert host.take(client)
     assert not host.take(client)
-    assert [call.kind for call in calls].count(CallKind.TAKE) == 1
+    assert [call.kind for call in recorded_runs.calls_in(events)].count(
+        CallKind.TAKE
+    ) == 1
 
 
 def test_robot_is_described_once(foliage_room: Scene) -> None:
-    (text,) = described(calls_of(foliage_room, INIT, b"DRIVE {Left 1}\r\n"))
-    name, *lines = text.decode().split("\r\n")
+    (text,) = described(events_of(foliage_room, INIT, b"DRIVE {Left 1}\r\n"))
+    name, *lines = text.split("\r\n")
     assert name == "R1"
     assert [line.split()[0] for line in lines if line] == ["GEO", "CONF"] * 2
-    assert "{Name lms200}" in text.decode()
+    assert "{Name lms200}" in text
 
 
 @pytest.mark.parametrize("change", [SETTING, INIT.replace(b"R1", b"R2")])
 def test_changed_robot_is_described_again(foliage_room: Scene, change: bytes) -> None:
-    texts = described(calls_of(foliage_room, INIT, change))
+    texts = described(events_of(foliage_room, INIT, change))
     assert len(texts) == 2
     assert texts[0] != texts[1]
 
 
 def test_robot_of_a_command_that_waits_is_described(foliage_room: Scene) -> None:
     many = b"GETSTARTPOSES\r\n" * 40
-    texts = described(calls_of(foliage_room, many + INIT, b"", b"", b""))
+    texts = described(events_of(foliage_room, many + INIT, b"", b"", b""))
     assert len(texts) == 1

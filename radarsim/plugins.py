@@ -1,0 +1,63 @@
+"""Parts that the core finds by name: commands, sensors, and what else there is.
+
+A door is a group of entries. The core asks for those of a group, and never imports what
+is behind them, so that it runs without. The entries of this package are in ``OWN``;
+other packages hand in theirs as entry points of the same group in their metadata.
+"""
+
+import functools
+from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
+from typing import Any, Final
+
+from radarsim.errors import MissingPackage
+
+# Not in pyproject.toml: that is read from the metadata of an installation, which a
+# source tree may not have, and which takes 20 ms where many packages are installed.
+OWN: Final[dict[str, dict[str, str]]] = {
+    # Options of 'radarsim serve', and what they start beside the server.
+    "radarsim.serve": {
+        "navtech": "radarsim.addons.fmcw.navtech.serving:NavtechOptions",
+        "record": "radarsim.addons.recording.run_recording:RecordOptions",
+        "web": "radarsim.addons.web.commander_process:WebOptions",
+    },
+}
+
+
+def names(group: str) -> list[str]:
+    """Return the names of the entries of a group that are there, in order."""
+    return sorted(
+        {each for each in OWN.get(group, {}) if has(group, each)} | {*_installed(group)}
+    )
+
+
+@functools.cache
+def has(group: str, name: str) -> bool:
+    """Return whether there is an entry of this name; nothing heavy is imported."""
+    own = OWN.get(group, {}).get(name)
+    if own is None:
+        return name in _installed(group)
+    try:
+        return find_spec(own.partition(":")[0]) is not None
+    except ModuleNotFoundError:  # of a folder around it
+        return False
+
+
+@functools.cache
+def load(group: str, name: str) -> Any:
+    """Import and return what an entry stands for.
+
+    Raises:
+        MissingPackage: If it is not there; it names the part that is missing.
+    """
+    own = OWN.get(group, {}).get(name)
+    if not has(group, name):
+        part = ".".join(own.split(".")[:3]) if own else f"{name!r} of {group!r}"
+        raise MissingPackage(f"{part} is not installed")
+    entry = _installed(group)[name] if own is None else EntryPoint(name, own, group)
+    return entry.load()
+
+
+@functools.cache
+def _installed(group: str) -> dict[str, EntryPoint]:
+    return {entry.name: entry for entry in entry_points(group=group)}
