@@ -29,6 +29,7 @@ WHEEL_LIMITS: Final = (1e-3, 1e3)  # m and drive units; plausible for a robot on
 MAX_BEAMS: Final = 100_000
 MAX_MOUNT_DISTANCE: Final = 10.0  # m from the robot's centre
 _PRINTED = 0.01  # rad by which rounding may enlarge a whole turn
+_FAR: Final = 1e3  # m; assumed range of beams without return, to compute their bearings
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,6 +203,46 @@ def beam_angles(scan: RangeScan) -> Floats:
     digits, and over half a circle its error would add up to half a degree.
     """
     return np.linspace(-scan.fov / 2, scan.fov / 2, len(scan.ranges))
+
+
+def no_return(max_range: float) -> float:
+    """Return the range, m, from which on nothing has come back on a beam.
+
+    Args:
+        max_range: Reported range of a beam without return, m; ``inf`` if there is none.
+    """
+    if not math.isfinite(max_range):
+        return max_range
+    # Ranges have two decimals, rounded by most servers; the original cuts them off, and
+    # in single precision. MaxRange has more: a beam of 5.609 m without return reads
+    # 5.61 or 5.60, and one of 2.3 m may read 2.29.
+    nothing = math.floor(100 * float(np.float32(max_range))) / 100
+    return nothing - 1e-6  # as 100ths have no exact binary form
+
+
+def from_centre(
+    ranges: Floats, angles: Floats, mount: Pose3, max_range: float
+) -> tuple[Floats, Floats]:
+    """Convert a scan to bearings and ranges from the robot's centre.
+
+    Args:
+        ranges: (N,) m from the scanner.
+        angles: (N,) rad, counter-clockwise from the scanner's front.
+        mount: Pose of the scanner in the body frame; level, at any height.
+        max_range: Range of a beam without return, m.
+
+    Returns:
+        (N,) rad, counter-clockwise from the robot's front, in [-pi, pi), and (N,) m,
+        ``inf`` without return.
+    """
+    returned = ranges < no_return(max_range)
+    lengths = np.where(returned, ranges, _FAR)
+    angles = angles + mount.yaw
+    x = mount.x + lengths * np.cos(angles)
+    y = mount.y + lengths * np.sin(angles)
+    bearings = np.arctan2(y, x)
+    bearings[bearings >= math.pi] = -math.pi
+    return bearings, np.where(returned, np.hypot(x, y), math.inf)
 
 
 def hull(geo: RobotGeo) -> tuple[float, float, float]:

@@ -12,7 +12,7 @@ import pytest
 from processes import start_radarsim
 
 from radarsim.autonomy.mapping.export import commander_png
-from radarsim.autonomy.navigation.options import Algorithm
+from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.files import PICTURE_MARK
 from radarsim.lab.figures import beam_scatter as scatter
 from radarsim.lab.figures import bug_runs as bugs

@@ -22,8 +22,8 @@ from processes import start_radarsim
 from radarsim.addons.testing import UsarsimServer
 from radarsim.autonomy.commands.navigate_view import headline
 from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED, NavigationRun
+from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.mission import Mission
-from radarsim.autonomy.navigation.options import Algorithm
 from radarsim.autonomy.navigation.runner import Result
 from radarsim.protocol.commands import Drive, parse_command
 from radarsim.protocol.dialect import COMPAT

@@ -1,5 +1,5 @@
 from dataclasses import replace
-from math import inf, nan, pi, radians
+from math import cos, inf, nan, pi, radians, sin
 
 import numpy as np
 import pytest
@@ -11,10 +11,13 @@ from radarsim.client.robot_info import (
     ScannerDescriptions,
     ScannerInfo,
     beam_angles,
+    from_centre,
+    no_return,
 )
 from radarsim.errors import ClientError
 from radarsim.geometry import Pose3
 from radarsim.protocol.dialect import COMPAT
+from radarsim.protocol.numbers import NumberFormat, Rounding
 from radarsim.protocol.reports import (
     ItemGeo,
     NameConf,
@@ -209,3 +212,47 @@ def _printed(report: Report) -> Report:
     read = decode_report(report.encode(COMPAT))
     assert read is not None
     return read
+
+
+ANGLES = np.radians(np.arange(-179.5, 180.0))
+
+
+@given(
+    st.floats(-0.5, 0.5),
+    st.floats(-0.5, 0.5),
+    st.floats(-pi, pi),
+    st.integers(0, 359),
+)
+def test_beam_end_is_the_same_point_from_the_centre(
+    x: float, y: float, yaw: float, beam: int
+) -> None:
+    ranges = np.full(360, 3.0)
+    bearings, lengths = from_centre(ranges, ANGLES, Pose3(x, y, 0.2, yaw=yaw), 80.0)
+    angle = ANGLES[beam] + yaw
+    seen = (x + 3 * cos(angle), y + 3 * sin(angle))
+    result = lengths[beam] * np.array([cos(bearings[beam]), sin(bearings[beam])])
+    assert result == pytest.approx(seen, abs=1e-9)
+    assert np.all((bearings >= -pi) & (bearings < pi))
+
+
+def test_beam_without_return_is_infinite_and_keeps_its_bearing() -> None:
+    ranges = np.array([80.0, 79.0, 85.0])
+    angles = np.array([-pi, 0.0, 1.0])
+    bearings, lengths = from_centre(ranges, angles, Pose3(0.2, 0, 0.2), 80.0)
+    assert lengths.tolist() == [inf, pytest.approx(79.2), inf]
+    assert bearings == pytest.approx([-pi, 0, 1.0], abs=1e-3)
+
+
+@pytest.mark.parametrize("rounding", [Rounding.NEAREST, Rounding.TRUNCATED])
+@given(max_range=st.floats(0.1, 200.0), nearer=st.floats(0.03, 100.0))
+def test_no_return_is_told_from_returns_however_ranges_are_rounded(
+    rounding: Rounding, max_range: float, nearer: float
+) -> None:
+    wire = NumberFormat(2, rounding)
+    limit = no_return(round(max_range, 6))
+    assert float(wire.format(max_range)) >= limit
+    assert float(wire.format(max(max_range - nearer, 0.0))) < limit
+
+
+def test_without_a_maximum_range_every_range_is_a_return() -> None:
+    assert no_return(inf) == inf

@@ -4,7 +4,8 @@ import math
 from typing import Any, Final
 
 from radarsim.addons.web.requests import BadRequest, Explain
-from radarsim.addons.web.robot_view import NO_RETURN, RobotView, SeenScan
+from radarsim.addons.web.robot_view import RobotView, SeenScan
+from radarsim.client.robot_info import no_return
 
 ENDS: Final = ("hit", "spent", "rain")  # kinds of echoes that may end a beam
 OUT_OF_RANGE: Final = "out_of_range"
@@ -36,7 +37,7 @@ def explain_beam(robot: RobotView, request: Explain) -> dict[str, Any]:
     max_range = robot.scanner(request.scanner).max_range
     rows = _rows(seen, request.beam)
     reading = float(seen.scan.ranges[request.beam])
-    has_return = reading < max_range - NO_RETURN
+    has_return = reading < no_return(max_range)
     end = _end(rows, reading if has_return else None)
     return {
         "op": "explanation",

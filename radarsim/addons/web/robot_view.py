@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from radarsim.client import RobotInfo
-from radarsim.client.robot_info import DEFAULT_MOUNT
+from radarsim.client.robot_info import DEFAULT_MOUNT, no_return
 from radarsim.errors import PresetError
 from radarsim.geometry import Pose2, Pose3, wrap_angle
 from radarsim.presets.robots import RobotModel
@@ -29,7 +29,6 @@ from radarsim.simulation.config import SimulationConfig
 
 MOTION_WINDOW: Final = 0.5  # s that the speeds are measured over
 REMEMBERED_SCANS: Final = 50  # of a scanner, for questions about their beams
-NO_RETURN: Final = 0.006  # m; ranges this near to the largest have none
 POSES: Final = (GroundTruth, Ins, Odometry)
 
 
@@ -238,6 +237,6 @@ def _complete(
 
 def ranges_in_cm(scan: RangeScan, max_range: float) -> np.ndarray:
     """Return the ranges of a scan in whole cm, (N,) uint16; 65535 for no return."""
-    has_return = scan.ranges < max_range - NO_RETURN
+    has_return = scan.ranges < no_return(max_range)
     centimetres = np.minimum(np.rint(scan.ranges * 100), 65534)
     return np.where(has_return, centimetres, 65535).astype("<u2")

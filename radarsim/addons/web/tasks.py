@@ -27,8 +27,8 @@ from radarsim.autonomy.exploration.exploration import (
     Outcome,
 )
 from radarsim.autonomy.exploration.options import StrategyName
+from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.mission import Mission, run_mission
-from radarsim.autonomy.navigation.options import Algorithm
 from radarsim.autonomy.navigation.run_log import RunLog
 from radarsim.autonomy.navigation.runner import NavigationStep
 from radarsim.errors import RadarsimError, expected_one_of

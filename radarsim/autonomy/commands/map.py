@@ -34,7 +34,7 @@ from radarsim.autonomy.commands.map_options import (
     WayOption,
 )
 from radarsim.autonomy.exploration.options import StrategyName
-from radarsim.autonomy.navigation.options import ROBOT
+from radarsim.autonomy.navigation.algorithms import ROBOT
 from radarsim.cli.options import (
     DriveUnit,
     DriveUnitOption,

@@ -8,7 +8,7 @@ from typing import Annotated, Final
 import typer
 
 from radarsim.autonomy.exploration.options import StrategyName
-from radarsim.autonomy.navigation.options import ROBOT
+from radarsim.autonomy.navigation.algorithms import ROBOT
 from radarsim.cli.options import check_positive
 
 _RESOLUTION_RANGE: Final = 0.005, 1  # m; finer, a room would have millions of cells

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from radarsim.addons.recording.run_recording import RecordOption
-from radarsim.autonomy.navigation.options import (
+from radarsim.autonomy.navigation.algorithms import (
     ROBOT,
     Algorithm,
     GiveUp,

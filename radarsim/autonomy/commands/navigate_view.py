@@ -6,8 +6,8 @@ from typing import Final
 
 from radarsim.autonomy.commands.film import drawn_robot
 from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED, NavigationRun
+from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.controller import Activity
-from radarsim.autonomy.navigation.options import Algorithm
 from radarsim.autonomy.plotting.film import Pixels
 from radarsim.autonomy.plotting.outlines import Outline, outlines_of
 from radarsim.autonomy.plotting.run_film import RunFrames, first_extent

@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from radarsim.autonomy.navigation.options import Algorithm, Rule
+from radarsim.autonomy.navigation.algorithms import Algorithm, Rule
 from radarsim.cli.compile_progress import compile_now, with_bar
 from radarsim.cli.options import JsonOption, check_writable
 from radarsim.cli.output import print_lines

@@ -28,19 +28,17 @@ from radarsim.autonomy.navigation.control import (
     StandstillDetector,
     StuckDetector,
     Twist,
-    check_beams,
 )
 from radarsim.autonomy.navigation.mission import (
+    DrivePlan,
     check_field_of_view,
-    choose_start,
-    safety_distance_for,
+    spawn_robot,
 )
-from radarsim.autonomy.navigation.observation import Observation
-from radarsim.autonomy.navigation.options import ROBOT
+from radarsim.autonomy.navigation.observation import Observation, check_beams
 from radarsim.autonomy.navigation.runner import TripMeter
-from radarsim.client import Client, DriveUnit, RobotInfo
+from radarsim.client import Client
 from radarsim.errors import ClientError, MappingError, NavigationError
-from radarsim.geometry import Point, Pose2
+from radarsim.geometry import Point
 
 RADIUS = 12.0  # m
 TIME_LIMIT = 3600.0  # s
@@ -59,50 +57,30 @@ class Outcome(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ExplorationPlan:
-    """The plan of an exploration.
+class ExplorationPlan(DrivePlan):
+    """The plan of an exploration: a robot, as in ``DrivePlan``, and how it maps.
+
+    Along waypoints the scanner need not cover a full circle.
 
     Attributes:
         strategy: Exploration strategy.
         waypoints: Points to drive to in turn instead, m, map frame; empty for the
             strategy.
         motion_source: Where the robot's motion between scans is read from.
-        echoes: Whether to ask the server for echoes.
-        resolution: Side of a cell of the map, m.
-        map_range: Range of the scanner that is mapped, m.
-        robot_class: Robot to spawn; to explore, its scanner has to see all around.
-        start: Name of a start pose; the server's first one if there is no pose either.
-        pose: Start pose, if it is none of the server's.
-        scanner: Name of the scanner to map with; the first one by default.
-        safety_distance: m from the robot's center; None for the one that follows from
-            ``penetration_depth``.
-        penetration_depth: How far the sensor sees into foliage unnoticed, m.
-        wall_on_left: Whether walls are followed on the left.
-        speed_limits: Greatest speeds.
-        radius: Greatest distance from the start where no walls enclose the area, m.
-        time_limit: Limit of the server's time, s.
-        timeout: Longest time without a scan, s.
-        drive_unit: Unit of the server's wheel speeds.
+        resolution: Side of a cell of the map, m, above 0.
+        map_range: Range of the scanner that is mapped, m, above 0; ``inf`` for all.
+        radius: Greatest distance from the start where no walls enclose the area, m,
+            above 0.
     """
 
     strategy: StrategyName = StrategyName.AUTO
     waypoints: tuple[Point, ...] = ()
     motion_source: MotionSource = "ins"
-    echoes: bool = True
     resolution: float = RESOLUTION
     map_range: float = math.inf
-    robot_class: str = ROBOT
-    start: str | None = None
-    pose: Pose2 | None = None
-    scanner: str | None = None
-    safety_distance: float | None = None
-    penetration_depth: float = 0.0
-    wall_on_left: bool = True
-    speed_limits: SpeedLimits = field(default_factory=lambda: SpeedLimits(speed=0.4))
     radius: float = RADIUS
+    speed_limits: SpeedLimits = field(default_factory=lambda: SpeedLimits(speed=0.4))
     time_limit: float = TIME_LIMIT
-    timeout: float = 2.0
-    drive_unit: DriveUnit = "rad_per_s"
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,32 +186,36 @@ class Exploration:
                     self.mapper.finish()
 
     def _prepare(self, client: Client) -> tuple[ControlLoop, Strategy]:
-        plan = self.plan
-        start = None if plan.pose is not None else choose_start(client, plan.start)
-        client.spawn(plan.robot_class, start=start, pose=plan.pose)
-        robot = client.robot_info(drive_unit=plan.drive_unit)
-        scanner = robot.scanner(plan.scanner)
-        settings = self._settings_for(robot)
+        """Spawn the robot, and create what its reports are passed to."""
+        plan, robot = self.plan, spawn_robot(client, self.plan)
+        info, scanner = robot.info, robot.scanner
+        self.safety_distance = robot.safety_distance
+        self.settings = ExplorationSettings(
+            bumpers=Bumpers(safety_distance=robot.safety_distance),
+            speed_limits=robot.speed_limits,
+            wall_on_left=plan.wall_on_left,
+            radius=plan.radius,
+        )
         if not plan.waypoints:
-            check_field_of_view(settings.bumpers, scanner)
+            check_field_of_view(self.settings.bumpers, scanner)
         if plan.echoes:
             client.echoes(scanner.name)
-        mapper_settings = MapperSettings(
-            slam=SlamSettings(motion_source=plan.motion_source),
-            resolution=plan.resolution,
-            map_range=plan.map_range,
-            echo_wait=1.0 if plan.echoes else 0.0,
-            robot_radius=min(robot.length, robot.width) / 2,
-        )
-        radius = mapper_settings.robot_radius
+        # under the hull for sure, however the robot is turned
+        radius = min(info.length, info.width) / 2
         self.mapper = Mapper(
             scanner,
-            mapper_settings,
+            MapperSettings(
+                slam=SlamSettings(motion_source=plan.motion_source),
+                resolution=plan.resolution,
+                map_range=plan.map_range,
+                echo_wait=1.0 if plan.echoes else 0.0,
+                robot_radius=radius,
+            ),
             clock=client.transport.time,
             grid=None if self._join is None else self._join(radius),
         )
-        strategy = self._create_strategy(settings)
-        return ControlLoop(client, robot, self.mapper, timeout=plan.timeout), strategy
+        strategy = self._create_strategy(self.settings)
+        return ControlLoop(client, info, self.mapper, timeout=plan.timeout), strategy
 
     def _create_strategy(self, settings: ExplorationSettings) -> Strategy:
         plan = self.plan
@@ -242,22 +224,6 @@ class Exploration:
         if plan.waypoints:
             return WaypointFollower(settings, plan.waypoints)
         return create_strategy(plan.strategy, settings, self._rng)
-
-    def _settings_for(self, robot: RobotInfo) -> ExplorationSettings:
-        plan = self.plan
-        safety = safety_distance_for(
-            robot, plan.safety_distance, plan.penetration_depth
-        )
-        self.safety_distance = safety
-        self.settings = ExplorationSettings(
-            bumpers=Bumpers(safety_distance=safety),
-            speed_limits=SpeedLimits(
-                min(plan.speed_limits.speed, robot.top_speed), plan.speed_limits.turn
-            ),
-            wall_on_left=plan.wall_on_left,
-            radius=plan.radius,
-        )
-        return self.settings
 
     def _explore(
         self, loop: ControlLoop, strategy: Strategy

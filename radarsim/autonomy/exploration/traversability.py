@@ -19,6 +19,7 @@ import numpy as np
 from scipy import ndimage
 
 from radarsim.autonomy.mapping.occupancy_grid import Mask, OccupancyGrid, distance_field
+from radarsim.autonomy.navigation.algorithms import ROBOT_RADIUS
 from radarsim.autonomy.navigation.path_planning import (
     CHEAP,
     COSTLY,
@@ -33,7 +34,7 @@ TILE_SIZE: Final = 0.1  # m, about
 HOLE_RADIUS: Final = 0.25  # m, of the smallest hole that counts as unknown
 ESCAPE_RADIUS: Final = 1.0  # m around a robot that is too near to something
 ESCAPE_COST: Final = 10.0
-ROBOT_RADIUS: Final = 0.4  # m; half the diagonal of a P3AT
+ROBOT_MARGIN: Final = 0.03  # m around another robot, whose pose is an estimate
 _PADDING: Final = 4  # unknown tiles around the map
 
 
@@ -67,7 +68,9 @@ class TraversabilityMap:
         x_centers, y_centers = self.tile_centers()
         for robot_x, robot_y in robots:
             away = np.hypot(x_centers - robot_x, y_centers[:, None] - robot_y)
-            self._clearance = np.minimum(self._clearance, away - ROBOT_RADIUS)
+            self._clearance = np.minimum(
+                self._clearance, away - (ROBOT_RADIUS + ROBOT_MARGIN)
+            )
         self._step_cost = step_cost(self._clearance, safety)
 
     @cached_property

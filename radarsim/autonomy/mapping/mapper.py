@@ -18,10 +18,13 @@ from radarsim.autonomy.mapping.rebuildable_grid import RebuildableGrid, ScanGrid
 from radarsim.autonomy.mapping.scan import Layer, PlanarScan, read_scan
 from radarsim.autonomy.mapping.slam import Slam, SlamSettings
 from radarsim.autonomy.mapping.trajectory import Trajectory
-from radarsim.autonomy.navigation.observation import Observation, ScanClock, from_centre
-from radarsim.autonomy.navigation.observation_builder import EchoCollector
+from radarsim.autonomy.navigation.observation import (
+    EchoCollector,
+    Observation,
+    ScanClock,
+)
 from radarsim.client import ScannerInfo
-from radarsim.client.robot_info import same_name
+from radarsim.client.robot_info import from_centre, same_name
 from radarsim.geometry import Pose2
 from radarsim.protocol.reports import (
     EchoLine,

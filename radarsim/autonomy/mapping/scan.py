@@ -19,6 +19,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from radarsim.client.robot_info import no_return
 from radarsim.geometry import Floats, Pose2
 from radarsim.jit import njit_cached
 from radarsim.protocol.reports import RangeScan, TargetEchoes
@@ -56,7 +57,7 @@ _LEAVE, _SHEET, _HIT, _SPENT, _RAIN = 1, 2, 3, 4, 5
 _END_OF_ECHO: Final = np.array(
     [*[BeamEnd.BLIND] * 3, BeamEnd.HIT, BeamEnd.SPENT, BeamEnd.AIR], np.int8
 )
-ROUNDING: Final = 0.006  # m; how far a range on the wire may be below the maximum
+ROUNDING: Final = 0.006  # m; how far an echo on the wire may be beyond the maximum
 
 
 class BeamHits(NamedTuple):
@@ -152,7 +153,7 @@ def read_scan(
     """
     ranges = np.asarray(report.ranges, np.float64)
     angles: Floats = np.linspace(-report.fov / 2, report.fov / 2, len(ranges))
-    returned = ranges < max_range - ROUNDING
+    returned = ranges < no_return(max_range)
     ends = np.where(returned, BeamEnd.UNSURE, BeamEnd.NOTHING).astype(np.int8)
     known_range = np.where(returned, ranges, max_range)
     if echoes is None:

@@ -25,8 +25,8 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Protocol
 
+from radarsim.autonomy.navigation.algorithms import GiveUp
 from radarsim.autonomy.navigation.control import distance
-from radarsim.autonomy.navigation.options import GiveUp
 from radarsim.geometry import Pose2
 
 LEAST_CIRCUIT = 1.5  # m; a shorter closed path is no circuit

@@ -8,6 +8,7 @@ its boundary policy says. What is beyond the goal is no obstacle.
 import math
 from collections.abc import Sequence
 
+from radarsim.autonomy.navigation.algorithms import Algorithm, Rule
 from radarsim.autonomy.navigation.boundary_memory import (
     FollowedObstacle,
     StandingObstacle,
@@ -32,7 +33,6 @@ from radarsim.autonomy.navigation.controller import (
     ControllerSettings,
 )
 from radarsim.autonomy.navigation.observation import Observation
-from radarsim.autonomy.navigation.options import Algorithm, Rule
 from radarsim.autonomy.navigation.wall_following import (
     BumperWallFollower,
     FollowMode,

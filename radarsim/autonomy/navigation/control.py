@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Final, NoReturn, Protocol
 
 from radarsim.autonomy.navigation.observation import Observation
-from radarsim.client import Client, RobotInfo, ScannerInfo
-from radarsim.errors import ClientError, ClientTimeout, NavigationError
+from radarsim.client import Client, RobotInfo
+from radarsim.errors import ClientTimeout, NavigationError
 from radarsim.geometry import Pose2, wrap_angle
 from radarsim.protocol.reports import Report
 
@@ -146,21 +146,6 @@ class StandstillDetector:
 def _has_moved(before: Pose2, now: Pose2) -> bool:
     turned = abs(wrap_angle(now.yaw - before.yaw))
     return moved(before, now) > _LEAST_MOVE or turned > _LEAST_TURN
-
-
-def check_beams(count: int, scanner: ScannerInfo) -> None:
-    """Refuse a scan of so few beams that some bumper may see nothing.
-
-    Args:
-        count: Number of beams of the scan.
-        scanner: The scanner that sent it.
-
-    Raises:
-        ClientError: If it has less than half of the beams that the server announced.
-    """
-    if count < scanner.beams / 2:
-        text = f"scan of {count} ranges from {scanner.name[:80]!r}"
-        raise ClientError(f"{text}, expected {scanner.beams}")
 
 
 class ObservationSource(Protocol):

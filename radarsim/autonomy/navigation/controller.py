@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from radarsim.autonomy.navigation.algorithms import Algorithm, GiveUp
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import (
     STOP,
@@ -18,7 +19,6 @@ from radarsim.autonomy.navigation.control import (
     moved,
 )
 from radarsim.autonomy.navigation.observation import Observation
-from radarsim.autonomy.navigation.options import Algorithm, GiveUp
 from radarsim.geometry import Point, Pose2
 
 TOLERANCE = 0.1  # m from the goal at which it is reached

@@ -1,31 +1,21 @@
 """Missions: spawn a robot, query its properties, and drive it to its goals."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from radarsim.autonomy.navigation.bug import Bug
-from radarsim.autonomy.navigation.bumpers import LEAST_SHARE, Bumpers
-from radarsim.autonomy.navigation.control import SpeedLimits
-from radarsim.autonomy.navigation.controller import (
-    TOLERANCE,
-    Controller,
-    ControllerSettings,
-)
-from radarsim.autonomy.navigation.options import (
+from radarsim.autonomy.navigation.algorithms import (
     ROBOT,
     Algorithm,
     GiveUp,
     PoseSource,
     Rule,
+    controller_class,
 )
-from radarsim.autonomy.navigation.path_planning import PathPlanning
-from radarsim.autonomy.navigation.runner import (
-    NavigationStep,
-    Navigator,
-    Result,
-)
-from radarsim.autonomy.navigation.tangent_bug import TangentBug
+from radarsim.autonomy.navigation.bumpers import LEAST_SHARE, Bumpers
+from radarsim.autonomy.navigation.control import SpeedLimits
+from radarsim.autonomy.navigation.controller import TOLERANCE, ControllerSettings
+from radarsim.autonomy.navigation.runner import NavigationStep, Navigator, Result
 from radarsim.client import Client, DriveUnit, RobotInfo, ScannerInfo
 from radarsim.errors import ClientTimeout, NavigationError, expected_one_of
 from radarsim.geometry import Point, Pose2
@@ -34,54 +24,100 @@ MARGIN = 0.13  # m added to the least safety distance, for noise and braking
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mission:
-    """A navigation mission.
+class DrivePlan:
+    """What missions and explorations have in common: a robot, and how it drives.
 
     Attributes:
-        algorithm: Bug1, Bug2, TangentBug, or paths planned on what is seen.
-        goals: Waypoints in turn, the last one the goal, m, map frame.
         robot_class: Class of the robot; its scanner has to cover a full circle.
         start: Name of a start pose; the server's first one if there is no pose either.
-        pose: Start pose, map frame, if it is not one of the map's.
-        scanner: Name of the scanner to steer by; the first one by default.
-        safety_distance: m from the robot's centre; None for the least one that
-            ``penetration_depth`` allows, and a margin.
-        penetration_depth: How far the sensor sees into foliage, m.
-        bumpers: Number of bumpers.
-        share: Share of a bumper's beams that press it.
-        rule: When a bumper is pressed.
+        pose: Start pose, map frame, if it is not one of the map's; m and rad.
+        scanner: Name of the scanner to use; the first one by default.
+        safety_distance: Distance from the robot's centre to what blocks it, m, above 0;
+            None for the least one that ``penetration_depth`` allows, and a margin.
+        penetration_depth: How far the sensor sees into foliage unnoticed, m, at least
+            0.
         wall_on_left: Whether boundaries are followed on the robot's left.
-        give_up: When Bug2 concludes that there is no path.
-        pose_source: The sensor that poses are taken from.
         echoes: Whether to ask the server for echoes: what blocks robots then counts
             where a beam first meets it, even if the beam goes through.
-        speed_limits: Greatest speeds.
-        tolerance: Distance from a goal at which it is reached, m.
-        time_limit: Longest run, s of server time.
-        timeout: Time without a scan after which the run is given up, s.
+        speed_limits: Greatest speed, m/s, and turn rate, rad/s, each above 0.
+        time_limit: Longest run, s of server time, above 0; ``inf`` for no limit.
+        timeout: Time without a scan after which the run is given up, s, above 0.
         drive_unit: Unit in which the server expects wheel speeds.
     """
 
-    algorithm: Algorithm
-    goals: tuple[Point, ...]
     robot_class: str = ROBOT
     start: str | None = None
     pose: Pose2 | None = None
     scanner: str | None = None
     safety_distance: float | None = None
     penetration_depth: float = 0.0
-    bumpers: int = 8
-    share: float = LEAST_SHARE
-    rule: Rule = Rule.SHARE
     wall_on_left: bool = True
-    give_up: GiveUp = GiveUp.HIT_POINT
-    pose_source: PoseSource = PoseSource.INS
     echoes: bool = True
     speed_limits: SpeedLimits = field(default_factory=SpeedLimits)
-    tolerance: float = TOLERANCE
     time_limit: float = math.inf
     timeout: float = 2.0
     drive_unit: DriveUnit = "rad_per_s"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mission(DrivePlan):
+    """A navigation mission: a robot, as in ``DrivePlan``, and its goals.
+
+    Attributes:
+        algorithm: Bug1, Bug2, TangentBug, or paths planned on what is seen.
+        goals: Waypoints in turn, the last one the goal, m, map frame; at least one.
+        bumpers: Number of bumpers, 4 to 36.
+        share: Share of a bumper's beams that press it, above 0 and at most 1.
+        rule: When a bumper is pressed.
+        give_up: When Bug2 concludes that there is no path.
+        pose_source: The sensor that poses are taken from.
+        tolerance: Distance from a goal at which it is reached, m, above 0.
+    """
+
+    algorithm: Algorithm
+    goals: tuple[Point, ...]
+    bumpers: int = 8
+    share: float = LEAST_SHARE
+    rule: Rule = Rule.SHARE
+    give_up: GiveUp = GiveUp.HIT_POINT
+    pose_source: PoseSource = PoseSource.INS
+    tolerance: float = TOLERANCE
+
+
+@dataclass(frozen=True, slots=True)
+class SpawnedRobot:
+    """A robot that a plan has spawned.
+
+    Attributes:
+        info: Its properties.
+        scanner: The scanner to use.
+        safety_distance: m.
+        speed_limits: Those of the plan, as far as the robot can drive that fast.
+    """
+
+    info: RobotInfo
+    scanner: ScannerInfo
+    safety_distance: float
+    speed_limits: SpeedLimits
+
+
+def spawn_robot(client: Client, plan: DrivePlan) -> SpawnedRobot:
+    """Spawn the robot of a plan, and ask for its properties.
+
+    Raises:
+        ClientError: If the server does not send what is needed.
+        NavigationError: If the robot cannot do what the plan asks for.
+    """
+    start = None if plan.pose is not None else choose_start(client, plan.start)
+    client.spawn(plan.robot_class, start=start, pose=plan.pose)
+    info = client.robot_info(drive_unit=plan.drive_unit)
+    limits = plan.speed_limits
+    return SpawnedRobot(
+        info,
+        info.scanner(plan.scanner),
+        safety_distance_for(info, plan.safety_distance, plan.penetration_depth),
+        SpeedLimits(min(limits.speed, info.top_speed), limits.turn),
+    )
 
 
 def run_mission(
@@ -100,55 +136,36 @@ def run_mission(
         ClientError: If the server does not send what is needed.
         NavigationError: If the robot cannot do what the mission asks for.
     """
-    start = None if mission.pose is not None else choose_start(client, mission.start)
-    client.spawn(mission.robot_class, start=start, pose=mission.pose)
-    robot_info = client.robot_info(drive_unit=mission.drive_unit)
-    scanner = robot_info.scanner(mission.scanner)
+    robot = spawn_robot(client, mission)
     bumpers = Bumpers(
-        safety_distance=safety_distance_for(
-            robot_info, mission.safety_distance, mission.penetration_depth
-        ),
+        safety_distance=robot.safety_distance,
         count=mission.bumpers,
         share=mission.share,
         rule=mission.rule,
     )
-    check_field_of_view(bumpers, scanner)
-    limits = mission.speed_limits
+    check_field_of_view(bumpers, robot.scanner)
     settings = ControllerSettings(
         algorithm=mission.algorithm,
         bumpers=bumpers,
-        speed_limits=SpeedLimits(min(limits.speed, robot_info.top_speed), limits.turn),
+        speed_limits=robot.speed_limits,
         wall_on_left=mission.wall_on_left,
         give_up=mission.give_up,
         tolerance=mission.tolerance,
     )
     navigator = Navigator(
         client,
-        robot_info,
-        scanner,
+        robot.info,
+        robot.scanner,
         pose_source=mission.pose_source,
         timeout=mission.timeout,
         echoes=mission.echoes,
     )
     return navigator.run(
-        create_controller(mission.goals, settings),
+        controller_class(mission.algorithm)(mission.goals, settings),
         bumpers,
         time_limit=mission.time_limit,
         observe=observe,
     )
-
-
-def create_controller(
-    goals: Sequence[Point], settings: ControllerSettings
-) -> Controller:
-    """Create what decides how to move, by the algorithm of the settings."""
-    match settings.algorithm:
-        case Algorithm.PLANNED:
-            return PathPlanning(goals, settings)
-        case Algorithm.TANGENT_BUG:
-            return TangentBug(goals, settings)
-        case Algorithm.BUG1 | Algorithm.BUG2:
-            return Bug(goals, settings)
 
 
 def choose_start(client: Client, wanted: str | None) -> str | None:

@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from radarsim.autonomy.navigation.algorithms import PoseSource
 from radarsim.autonomy.navigation.bumpers import Bumpers, pressed_names
 from radarsim.autonomy.navigation.control import (
     STOP,
@@ -23,12 +24,11 @@ from radarsim.autonomy.navigation.control import (
 )
 from radarsim.autonomy.navigation.controller import Activity, Controller
 from radarsim.autonomy.navigation.moving_things import Waiting
-from radarsim.autonomy.navigation.observation import Observation
-from radarsim.autonomy.navigation.observation_builder import (
+from radarsim.autonomy.navigation.observation import (
     ECHO_WAIT,
+    Observation,
     ObservationBuilder,
 )
-from radarsim.autonomy.navigation.options import PoseSource
 from radarsim.client import Client, RobotInfo, ScannerInfo
 from radarsim.errors import TooNearError
 from radarsim.geometry import Point, Pose2

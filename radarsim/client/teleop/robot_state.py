@@ -7,8 +7,13 @@ from typing import Final
 
 import numpy as np
 
-from radarsim.autonomy.navigation.observation import from_centre
-from radarsim.client.robot_info import RobotInfo, ScannerInfo, beam_angles, same_name
+from radarsim.client.robot_info import (
+    RobotInfo,
+    ScannerInfo,
+    beam_angles,
+    from_centre,
+    same_name,
+)
 from radarsim.geometry import Floats, Pose2, Pose3, wrap_angle
 from radarsim.protocol.reports import (
     GroundTruth,
@@ -20,7 +25,6 @@ from radarsim.protocol.reports import (
     Touch,
 )
 
-RANGE_MARGIN: Final = 0.01  # m; ranges within this of the largest range are no returns
 RATE_SCANS: Final = 11  # scans that the scan rate is measured over
 MOTION_WINDOW: Final = 0.5  # s that the speed is measured over
 POSES: Final[tuple[type[GroundTruth | Ins | Odometry], ...]] = (
@@ -85,7 +89,7 @@ class RobotState:
             self.scan.ranges[seen],
             beam_angles(self.scan)[seen],
             self.scanner.mount,
-            self.scanner.max_range - RANGE_MARGIN,
+            self.scanner.max_range,
         )
         ended = np.isfinite(ranges)
         bearings, ranges = bearings[ended], ranges[ended]

@@ -7,8 +7,8 @@ from radarsim.autonomy.evaluation.navigation_run import (
     NavigationRun,
 )
 from radarsim.autonomy.evaluation.trials import load_trial
+from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.mission import Mission
-from radarsim.autonomy.navigation.options import Algorithm
 from radarsim.autonomy.plotting.outlines import outlines_of
 from radarsim.autonomy.plotting.runs import RunView, SteeringSensor, run_figure
 from radarsim.lab.figures.figure import ROBOT, DrawnFigure

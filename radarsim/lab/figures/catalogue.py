@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
-from radarsim.autonomy.navigation.options import Algorithm
+from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.lab.figures.beam_scatter import draw_scatter
 from radarsim.lab.figures.bug_runs import draw_bug
 from radarsim.lab.figures.dust import LASER, RADAR, draw_all_readings, draw_readings

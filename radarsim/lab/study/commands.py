@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from radarsim import __version__
-from radarsim.autonomy.navigation.options import Algorithm
+from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.cli.compile_progress import compile_now, with_bar
 from radarsim.cli.output import print_lines, print_message
 from radarsim.errors import describe_os_error

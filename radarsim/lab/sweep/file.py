@@ -16,7 +16,7 @@ from pydantic import (
 )
 
 from radarsim.autonomy.exploration.options import StrategyName
-from radarsim.autonomy.navigation.options import Algorithm
+from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.errors import (
     PresetError,
     SweepError,

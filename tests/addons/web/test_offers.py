@@ -1,7 +1,7 @@
 from radarsim.addons.web.offers import make_offers
 from radarsim.addons.web.robot_view import RobotView
 from radarsim.autonomy.exploration.options import StrategyName
-from radarsim.autonomy.navigation.options import Algorithm
+from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.presets.robots import Item, load_robot, robot_names
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.simulation.config import SimulationConfig

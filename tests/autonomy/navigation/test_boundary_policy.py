@@ -5,6 +5,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
+from radarsim.autonomy.navigation.algorithms import GiveUp
 from radarsim.autonomy.navigation.boundary_policy import (
     Bug1Policy,
     Bug2Policy,
@@ -12,7 +13,6 @@ from radarsim.autonomy.navigation.boundary_policy import (
     Landmark,
     Step,
 )
-from radarsim.autonomy.navigation.options import GiveUp
 from radarsim.geometry import Pose2
 
 RADIUS = 3.0

@@ -7,11 +7,11 @@ import shapely.affinity
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from radarsim.autonomy.navigation.algorithms import Algorithm, GiveUp, Rule
 from radarsim.autonomy.navigation.bug import Bug
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits
 from radarsim.autonomy.navigation.controller import Activity, ControllerSettings
-from radarsim.autonomy.navigation.options import Algorithm, GiveUp, Rule
 from radarsim.geometry import Pose2
 
 

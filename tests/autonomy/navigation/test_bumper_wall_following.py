@@ -7,11 +7,11 @@ import pytest
 import shapely
 import shapely.affinity
 
+from radarsim.autonomy.navigation.algorithms import Algorithm, Rule
 from radarsim.autonomy.navigation.bug import Bug
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits, Twist
 from radarsim.autonomy.navigation.controller import Activity, ControllerSettings
-from radarsim.autonomy.navigation.options import Algorithm, Rule
 from radarsim.autonomy.navigation.wall_following import (
     BumperWallFollower,
     FollowMode,

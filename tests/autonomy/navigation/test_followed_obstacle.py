@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
+from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.bug import Bug
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits
 from radarsim.autonomy.navigation.controller import ControllerSettings
 from radarsim.autonomy.navigation.observation import Observation
-from radarsim.autonomy.navigation.options import Algorithm
 from radarsim.geometry import Floats, Point, Pose2
 
 RADIUS = 0.1  # m, of the poles

@@ -3,8 +3,8 @@ from typing import Any
 
 import pytest
 
+from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.mission import MARGIN, Mission, run_mission
-from radarsim.autonomy.navigation.options import Algorithm
 from radarsim.autonomy.navigation.runner import NavigationStep, Result
 from radarsim.client import Client
 from radarsim.errors import ClientError, NavigationError

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import shapely
 
+from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.bug import Bug
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import STOP, Twist
 from radarsim.autonomy.navigation.controller import ControllerSettings
 from radarsim.autonomy.navigation.moving_things import PATIENCE, MotionDetector, Waiting
-from radarsim.autonomy.navigation.options import Algorithm
 from radarsim.geometry import Pose2
 
 World = Callable[..., Any]

@@ -6,38 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radarsim.autonomy.navigation.observation import Observation, ScanClock, from_centre
-from radarsim.geometry import Pose2, Pose3
-
-ANGLES = np.radians(np.arange(-179.5, 180.0))
-
-
-@given(
-    st.floats(-0.5, 0.5),
-    st.floats(-0.5, 0.5),
-    st.floats(-math.pi, math.pi),
-    st.integers(0, 359),
-)
-def test_beam_end_is_the_same_point_from_the_centre(
-    x: float, y: float, yaw: float, beam: int
-) -> None:
-    ranges = np.full(360, 3.0)
-    bearings, lengths = from_centre(ranges, ANGLES, Pose3(x, y, 0.2, yaw=yaw), 80.0)
-    angle = ANGLES[beam] + yaw
-    seen = (x + 3 * math.cos(angle), y + 3 * math.sin(angle))
-    result = lengths[beam] * np.array(
-        [math.cos(bearings[beam]), math.sin(bearings[beam])]
-    )
-    assert result == pytest.approx(seen, abs=1e-9)
-    assert np.all((bearings >= -math.pi) & (bearings < math.pi))
-
-
-def test_beam_without_return_is_infinite_and_keeps_its_bearing() -> None:
-    ranges = np.array([80.0, 79.0, 85.0])
-    angles = np.array([-math.pi, 0.0, 1.0])
-    bearings, lengths = from_centre(ranges, angles, Pose3(0.2, 0, 0.2), 80.0)
-    assert lengths.tolist() == [math.inf, pytest.approx(79.2), math.inf]
-    assert bearings == pytest.approx([-math.pi, 0, 1.0], abs=1e-3)
+from radarsim.autonomy.navigation.observation import Observation, ScanClock
+from radarsim.geometry import Pose2
 
 
 def test_points_are_beam_ends_in_the_map_frame() -> None:

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import shapely
 
+from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits
 from radarsim.autonomy.navigation.controller import Activity, ControllerSettings
 from radarsim.autonomy.navigation.observation import Observation
-from radarsim.autonomy.navigation.options import Algorithm
 from radarsim.autonomy.navigation.path_planning import (
     ObstacleGrid,
     PathPlanning,

@@ -10,12 +10,12 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
+from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.bug import Bug
 from radarsim.autonomy.navigation.bumpers import Bumpers, pressed_names
 from radarsim.autonomy.navigation.control import STOP, SpeedLimits, Twist
 from radarsim.autonomy.navigation.controller import Activity, ControllerSettings
 from radarsim.autonomy.navigation.observation import Observation
-from radarsim.autonomy.navigation.options import Algorithm
 from radarsim.autonomy.navigation.run_log import CELL, GoalLine, RunLog
 from radarsim.autonomy.navigation.runner import NavigationStep
 from radarsim.geometry import Pose2

@@ -4,10 +4,10 @@ from typing import Any, Protocol
 import pytest
 import shapely
 
+from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits
 from radarsim.autonomy.navigation.controller import Activity, ControllerSettings
-from radarsim.autonomy.navigation.options import Algorithm
 from radarsim.autonomy.navigation.tangent_bug import TangentBug
 from radarsim.geometry import Pose2
 

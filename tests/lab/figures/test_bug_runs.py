@@ -2,7 +2,7 @@ import functools
 
 import pytest
 
-from radarsim.autonomy.navigation.options import Algorithm
+from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.lab.figures.bug_runs import CLOSED, OPEN, draw_bug, run
 
 drawn_bug = functools.cache(draw_bug)
