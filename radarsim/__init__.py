@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from radarsim.errors import MapError, PresetError, RadarsimError
     from radarsim.geometry import Pose2, Pose3
     from radarsim.plotting.comparison import compare
+    from radarsim.plotting.plan import plot_scene as plot_scene
+    from radarsim.plotting.scans import as_svg as as_svg
+    from radarsim.plotting.scans import plot_scan as plot_scan
     from radarsim.raycast.attenuation import EventKind
     from radarsim.rng import generator_for
     from radarsim.scene.map_file import load_map, shipped_maps
@@ -28,7 +31,8 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-# Modules are imported on first use, so that the command line starts fast.
+# Modules are imported on first use, so that the command line starts fast, and so that
+# values such as scenes and scans can be drawn by what lies above them.
 _MODULES = {
     "Echoes": "radarsim.sensors.echoes",
     "EventKind": "radarsim.raycast.attenuation",
@@ -47,11 +51,14 @@ _MODULES = {
     "SimulationConfig": "radarsim.simulation.config",
     "StartPose": "radarsim.scene.scene",
     "Target": "radarsim.sensors.echoes",
+    "as_svg": "radarsim.plotting.scans",
     "compare": "radarsim.plotting.comparison",
     "generator_for": "radarsim.rng",
     "load_map": "radarsim.scene.map_file",
     "load_recording": "radarsim.addons.recording.recording",
     "load_sensor": "radarsim.sensors.range_scanner",
+    "plot_scan": "radarsim.plotting.scans",
+    "plot_scene": "radarsim.plotting.plan",
     "shipped_maps": "radarsim.scene.map_file",
 }
 

@@ -1,8 +1,8 @@
-"""Parts that the core finds by name: commands, sensors, and what else there is.
+"""What the core finds by name and never imports: commands, sensors, servers.
 
-A door is a group of entries. The core asks for those of a group, and never imports what
-is behind them, so that it runs without. The entries of this package are in ``OWN``;
-other packages hand in theirs as entry points of the same group in their metadata.
+A door of the core is a group of entries. Without what is behind them, the core runs as
+well. Entries of this package are in ``OWN``; other packages hand in theirs as entry
+points of the same groups.
 """
 
 import functools
@@ -15,6 +15,14 @@ from radarsim.errors import MissingPackage
 # Not in pyproject.toml: that is read from the metadata of an installation, which a
 # source tree may not have, and which takes 20 ms where many packages are installed.
 OWN: Final[dict[str, dict[str, str]]] = {
+    # Radars, by the section of a sensor preset that describes them.
+    "radarsim.sensors": {"fmcw": "radarsim.addons.fmcw.radar:FmcwRadar"},
+    # Scanners of robots that are read beside the simulation, at times of their own.
+    "radarsim.items": {"fmcw": "radarsim.addons.fmcw.antennas:Antennas"},
+    # What 'radarsim explain' can print instead of what a beam meets.
+    "radarsim.explanations": {
+        "budget": "radarsim.addons.fmcw.budget_report:print_budget"
+    },
     # Options of 'radarsim serve', and what they start beside the server.
     "radarsim.serve": {
         "navtech": "radarsim.addons.fmcw.navtech.serving:NavtechOptions",
@@ -26,9 +34,8 @@ OWN: Final[dict[str, dict[str, str]]] = {
 
 def names(group: str) -> list[str]:
     """Return the names of the entries of a group that are there, in order."""
-    return sorted(
-        {each for each in OWN.get(group, {}) if has(group, each)} | {*_installed(group)}
-    )
+    own = [each for each in OWN.get(group, {}) if has(group, each)]
+    return sorted({*own, *_installed(group)})
 
 
 @functools.cache

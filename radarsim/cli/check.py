@@ -57,7 +57,7 @@ def check(
         if lines:
             print_lines((title, *(f"  {line}" for line in lines)))
     if plot is not None:
-        from radarsim.plotting import draw_scene
+        from radarsim.plotting.scans import draw_scene
 
         write_file(plot, draw_scene(scene, form=form), "--plot")
         print_message(f"wrote {plot}")

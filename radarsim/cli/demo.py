@@ -27,7 +27,8 @@ def demo(
 ) -> None:
     """Draw what radar and laser see of a room behind bushes, in one picture."""
     _check_out(out)
-    from radarsim.plotting import compare, render
+    from radarsim.plotting.comparison import compare
+    from radarsim.plotting.style import render
 
     figure = compare(MAP, "laser", "radar", start=START)
     figure.suptitle(TITLE, fontsize="x-large", fontweight="bold")

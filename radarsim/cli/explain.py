@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from radarsim import plugins
 from radarsim.cli.options import (
     MapArgument,
     SeedOption,
@@ -68,8 +69,7 @@ def explain(
     scanner = load_scanner(sensor, settings)
     scene, sensor_pose = load_scene_and_pose(map_, start=start, pose=pose)
     if budget:
-        from radarsim.addons.fmcw.budget_report import print_budget
-
+        print_budget = plugins.load("radarsim.explanations", "budget")
         print_budget(scanner, scene, sensor_pose, beam, format_ == "json")
         return
     beams = scanner.settings.beams

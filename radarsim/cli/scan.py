@@ -84,7 +84,7 @@ def scan(
     rng = generator_for(seed, sensor)
     scans = [scanner.scan(scene, sensor_pose, rng) for _ in range(count)]
     if format_.is_picture:
-        from radarsim.plotting import draw_scans
+        from radarsim.plotting.scans import draw_scans
 
         robot = _robot_pose(scene, start)
         data = draw_scans(scene, scans, robot=robot, form=format_.value)

@@ -6,6 +6,7 @@ from typing import Any, Final
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from radarsim import plugins
 from radarsim.errors import PresetError, expected_one_of
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.presets.preset_files import (
@@ -67,6 +68,12 @@ def load_settings(name: str, /, **settings: Any) -> SensorSettings:
         raise PresetError(
             f"sensor {name}: detector {loaded.detector!r}, expected 'penetration', as"
             " it has no spectrum"
+        )
+    # An error here, not at the first scan: a robot would have been spawned by then.
+    if loaded.has_detector and not plugins.has("radarsim.sensors", "fmcw"):
+        raise PresetError(
+            f"sensor {name}: detector {loaded.detector!r} needs radarsim.addons.fmcw,"
+            " which is not installed"
         )
     return loaded
 

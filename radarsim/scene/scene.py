@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+import radarsim
 from radarsim.geometry import Floats, Pose3
-from radarsim.late_plotting import load_plotting
 from radarsim.scene.material import Material
 from radarsim.scene.shapes import Faces
 
@@ -143,7 +143,7 @@ class Scene:
 
     def _repr_html_(self) -> str:
         """Return the plan as SVG, for notebooks."""
-        return str(load_plotting().as_svg(self.plot()))
+        return radarsim.as_svg(self.plot())
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw the plan with the names of objects and starts.
@@ -156,8 +156,7 @@ class Scene:
         Returns:
             The axes; ``scene.plot().figure.savefig("plan.png")`` writes a file.
         """
-        axes: Axes = load_plotting().plot_scene(self, ax)
-        return axes
+        return radarsim.plot_scene(self, ax)
 
     @cached_property
     def bounds(self) -> Floats:

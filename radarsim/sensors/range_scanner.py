@@ -3,10 +3,11 @@
 import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
+from radarsim import plugins
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.presets.sensors import load_fmcw_settings, load_settings
@@ -30,11 +31,6 @@ from radarsim.sensors.scan_plan import (
     aim_scans_apart,
     draw_scans,
 )
-from radarsim.sensors.targets import find_targets, scan_of
-
-if TYPE_CHECKING:
-    from radarsim.addons.fmcw.radar import FmcwRadar
-    from radarsim.addons.fmcw.spectrum import Spectrum
 
 NO_RAIN: Final = np.zeros((2, 0))
 SENSOR_HEIGHT: Final = 0.346  # m; height of a P3AT's scanner above the floor
@@ -111,24 +107,27 @@ class RangeScanner:
         return RangeScanner(self.name, settings, self._fmcw)
 
     @cached_property
-    def fmcw(self) -> "FmcwRadar":
-        """The FMCW radar that it is.
+    def fmcw(self) -> Any:
+        """The FMCW radar that it is, a ``radarsim.addons.fmcw.radar.FmcwRadar``.
 
         Raises:
             PresetError: If its preset describes none.
+            MissingPackage: If the add-on is not there.
         """
-        from radarsim.addons.fmcw.radar import FmcwRadar  # noqa: PLC0415 - scipy is slow
-
         settings = load_fmcw_settings(self.name, **self._fmcw)
-        return FmcwRadar(self.name, settings, self.settings)
+        make_radar = plugins.load("radarsim.sensors", "fmcw")
+        return make_radar(self.name, settings, self.settings)
 
     def spectrum(
         self,
         scene: Scene,
         pose: Pose3 | Sequence[float],
         rng: np.random.Generator,
-    ) -> "Spectrum":
+    ) -> Any:
         """Record a turn as an FMCW radar: the power in each direction and range bin.
+
+        Returns:
+            A ``radarsim.addons.fmcw.spectrum.Spectrum``.
 
         Args:
             scene: From ``load_map``.
@@ -138,6 +137,7 @@ class RangeScanner:
 
         Raises:
             PresetError: If its preset describes no FMCW radar.
+            MissingPackage: If the add-on is not there.
             ValueError: If the pose is invalid.
         """
         return self.fmcw.spectrum(scene, sensor_pose(scene, pose), rng)
@@ -192,11 +192,11 @@ class RangeScanner:
     def _scan_by_detector(
         self, scene: Scene, pose: Pose3, rng: np.random.Generator | None
     ) -> Scan:
-        """Take a scan of the targets in a spectrum; the rays are those of its beams."""
+        """Take a scan of what the detector of the FMCW radar finds."""
         if rng is None:
             raise ValueError(f"no rng, expected a Generator for sensor {self.name!r}")
-        targets = find_targets(self.fmcw.spectrum(scene, pose, rng), self.settings)
-        return scan_of(self.name, self.settings, pose, targets, scene, self.fmcw)
+        scan: Scan = self.fmcw.scan(scene, pose, rng)
+        return scan
 
     def plan(
         self,

@@ -3,11 +3,14 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+import radarsim
 from radarsim.errors import import_optional
 from radarsim.geometry import Floats, Pose3
-from radarsim.late_plotting import load_plotting
 from radarsim.raycast.aimed_rays import Sides
 from radarsim.raycast.rays import Rays
 from radarsim.scene.scene import Scene
@@ -17,7 +20,19 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
 
-    from radarsim.sensors.targets import Targets
+
+class Targets(NamedTuple):
+    """Targets of one turn, beam by beam from the right, the nearest first; T of them.
+
+    Attributes:
+        beams: (T,) int64, number of the beam.
+        ranges: (T,) m.
+        dbm: (T,) received power, dBm.
+    """
+
+    beams: NDArray[np.int64]
+    ranges: Floats
+    dbm: Floats
 
 
 # Not frozen: Python would take three times as long to set the attributes.
@@ -53,7 +68,7 @@ class Scan:
     find_cast: Callable[[], Rays]
     find_echoes: Callable[[], Echoes]
     scene: Scene | None = None
-    targets: "Targets | None" = None
+    targets: Targets | None = None
 
     def __repr__(self) -> str:
         read = sum(map(math.isfinite, self.ranges.tolist()))
@@ -67,7 +82,7 @@ class Scan:
         """Return the picture as SVG, for notebooks; None without a map."""
         if self.scene is None:
             return None
-        return str(load_plotting().as_svg(self.plot()))
+        return radarsim.as_svg(self.plot())
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw rays, echoes and readings over the plan of the map.
@@ -85,8 +100,7 @@ class Scan:
         """
         if self.scene is None:
             raise ValueError("scan without a map, expected one from RangeScanner.scan")
-        axes: Axes = load_plotting().plot_scan(self.scene, self, ax)
-        return axes
+        return radarsim.plot_scan(self.scene, self, ax)
 
     @property
     def cast(self) -> Rays:

@@ -86,6 +86,15 @@ class SimulationConfig:
             for item in named:
                 self._check_item(item)
 
+    def check_scanners(self, model: RobotModel) -> None:
+        """Check the scanners of a robot class, which can need a part that is missing.
+
+        Raises:
+            PresetError: If that is so, or a setting does not fit.
+        """
+        for item in model.items_of("RangeScanner"):
+            self.scanner_settings(item)
+
     def _check_item(self, item: Item) -> None:
         if item.type == "RangeScanner":
             self.scanner_settings(item)

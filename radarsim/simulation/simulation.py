@@ -5,22 +5,18 @@ due are taken. The rays of all scans of a tick are cast together. A robot that h
 nothing due costs nothing but its motion.
 """
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import islice
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarsim.addons.fmcw.antennas import Antennas, SeenTurn, TurnTargets
+from radarsim import plugins
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.presets.items import sonar_settings
 from radarsim.presets.robots import RobotModel
-from radarsim.presets.sensor_settings import SensorSettings
-from radarsim.protocol.periodic_reports import ReportGroup
-from radarsim.protocol.reports import RangeScan, Report, Status
+from radarsim.protocol.reports import RangeScan, Report
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.robot_boxes import Boxes
@@ -30,17 +26,23 @@ from radarsim.robots.fleet import Fleet
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles, overlaps
 from radarsim.scene.scene import Scene
-from radarsim.sensors.echoes import Echoes
 from radarsim.sensors.motion_readings import INS_DRIFT_INTERVAL
 from radarsim.sensors.range_scanner import load_sensor
 from radarsim.sensors.scan_batch import BatchRanges, scan_ranges
 from radarsim.sensors.scan_plan import ScanRequest
 from radarsim.sensors.sonar import SonarArray
-from radarsim.sensors.targets import read_ranges
 from radarsim.simulation.clock import TICK, Clock, Schedule, ticks_of
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.ray_items import RayItem, read_together
 from radarsim.simulation.reading_table import Program, ReadingTable
+from radarsim.simulation.tick_output import (
+    DueScan,
+    ScanDetails,
+    ScanEchoes,
+    ScannerItems,
+    TickOutput,
+    report_scan,
+)
 from radarsim.simulation.vehicle import MountedScanner, Vehicle
 
 SEARCH_RADIUS = 1.0  # m around an occupied place
@@ -48,59 +50,8 @@ SEARCH_RADIUS = 1.0  # m around an occupied place
 # millisecond or two: so these delay no one else, however many robots are watched.
 MAX_SHOWN: Final = 4
 DRIFT_TICKS: Final = ticks_of(INS_DRIFT_INTERVAL)
+ITEMS_GROUP: Final = "radarsim.items"  # of plugins
 NOTHING: Final = Boxes(np.zeros((0, 8)))
-
-
-@dataclass(frozen=True, slots=True)
-class ScanEchoes:
-    """The echoes of one scan.
-
-    Attributes:
-        scanner: Name of the scanner item.
-        echoes: All echoes of the scan.
-        is_requested: Whether the robot's client asked for them, and not only watchers.
-    """
-
-    scanner: str
-    echoes: Echoes
-    is_requested: bool
-
-
-class TickOutput(NamedTuple):
-    """The reports of one robot in one tick.
-
-    Attributes:
-        group: The status, if it is due, and readings of items that cast no rays.
-        numbers: The numbers of these.
-        cast: Readings of sonars and GPS.
-        echoes: Echoes and targets of the scans of scanners that list them.
-        scans: Scans.
-    """
-
-    group: ReportGroup
-    numbers: Sequence[float]
-    cast: Sequence[Report]
-    echoes: Sequence[ScanEchoes | TurnTargets]
-    scans: Sequence[RangeScan]
-
-    @property
-    def has_status(self) -> bool:
-        """Whether the status is due, which is the first of the group."""
-        return bool(self.group.forms) and self.group.forms[0].report is Status
-
-    @property
-    def status(self) -> Status | None:
-        """The status; None when it is not due."""
-        return next((r for r in self._built if isinstance(r, Status)), None)
-
-    @property
-    def readings(self) -> tuple[Report, ...]:
-        """Readings of all items but scanners, poses first."""
-        return (*[r for r in self._built if not isinstance(r, Status)], *self.cast)
-
-    @property
-    def _built(self) -> tuple[Report, ...]:
-        return self.group.build(self.numbers)
 
 
 class Simulation:
@@ -110,7 +61,7 @@ class Simulation:
         scene: The scene.
         config: Configuration of all robots.
         seed: Seed of all random numbers.
-        antennas: The turning antennas of FMCW radars.
+        scanner_items: Scanners that add-ons read, by the name of the add-on's entry.
     """
 
     def __init__(
@@ -128,7 +79,10 @@ class Simulation:
         self._mortal: dict[Vehicle, None] = {}  # those whose battery runs out
         self._reporting: Schedule[Vehicle] = Schedule(self._clock)
         self._drifting: Schedule[Vehicle] = Schedule(self._clock)
-        self.antennas = Antennas(scene, self._clock)
+        self.scanner_items: dict[str, ScannerItems] = {
+            name: plugins.load(ITEMS_GROUP, name)(scene, self._clock)
+            for name in plugins.names(ITEMS_GROUP)
+        }
         self._warm_up()
 
     @property
@@ -192,7 +146,8 @@ class Simulation:
             gps_origin=self.scene.gps_origin,
         )
         self._vehicles[vehicle.number] = vehicle
-        self.antennas.add(vehicle)
+        for items in self.scanner_items.values():
+            items.add(vehicle)
         if vehicle.battery.runs_out:
             self._mortal[vehicle] = None
         if vehicle.drift.end > vehicle.drift.first:
@@ -220,7 +175,8 @@ class Simulation:
         """Remove a robot from the simulation."""
         del self._vehicles[vehicle.number]
         self._fleet.remove(vehicle.robot)
-        self.antennas.remove(vehicle)
+        for items in self.scanner_items.values():
+            items.remove(vehicle)
         self._mortal.pop(vehicle, None)
         self._reporting.remove(vehicle)
         self._drifting.remove(vehicle)
@@ -242,7 +198,7 @@ class Simulation:
         Returns:
             What each robot reports, by its number; robots without a report are missing.
         """
-        turned = self._turn_antennas()
+        read_by_others = self._read_scanner_items()
         reporting = self._reporting.due()
         if not reporting:
             return {}
@@ -253,12 +209,12 @@ class Simulation:
         ray_items = [(v, item) for v, items in due for item in items.ray_items]
         boxes = self.boxes() if scanners or ray_items else NOTHING
         scans: dict[int, list[RangeScan]] = {v.number: [] for v in reporting}
-        echoes: dict[int, list[ScanEchoes | TurnTargets]] = {}
+        echoes: dict[int, list[ScanEchoes | ScanDetails]] = {}
         listing = self._select_listing(scanners)
         taken = self._scan(scanners, listing, boxes)
         for (vehicle, mounted), ranges in zip(scanners, taken.ranges, strict=True):
             name, settings = mounted.item.name, mounted.scanner.settings
-            report = _scan_report(self.time, name, settings, ranges)
+            report = report_scan(self.time, name, settings, ranges)
             scans[vehicle.number].append(report)
         for k, (vehicle, mounted) in enumerate(scanners):
             if not listing[k]:
@@ -266,7 +222,11 @@ class Simulation:
             is_requested = vehicle.has_echoes_enabled(mounted.item)
             found = ScanEchoes(mounted.item.name, taken.scans[k].echoes, is_requested)
             echoes.setdefault(vehicle.number, []).append(found)
-        self._add_turns(turned, scans, echoes)
+        for due_scan in read_by_others:
+            number = due_scan.vehicle.number
+            scans[number].append(due_scan.scan)
+            if due_scan.details is not None:
+                echoes.setdefault(number, []).append(due_scan.details)
         cast = self._cast(ray_items, boxes)
         self._fleet.touched([v.robot.slot for v in reporting if v.has_touch])
         numbers = iter(self._compute([(v, items.program) for v, items in due]))
@@ -281,28 +241,16 @@ class Simulation:
             for vehicle, items in due
         }
 
-    def _turn_antennas(self) -> list[SeenTurn]:
-        """Turn the antennas of radars for a tick; return the turns that are there."""
-        turned = self.antennas.turn(self.boxes)
-        for turn in turned:
-            self._reporting.request(turn.vehicle)
-        return turned
-
-    def _add_turns(
-        self,
-        turned: Sequence[SeenTurn],
-        scans: dict[int, list[RangeScan]],
-        echoes: dict[int, list[ScanEchoes | TurnTargets]],
-    ) -> None:
-        """Add turns to the scans of robots, and to their echoes if they are listed."""
-        for turn in turned:
-            number, settings = turn.vehicle.number, turn.settings
-            ranges = read_ranges(turn.targets, settings)
-            ranges[np.isinf(ranges)] = settings.max_range
-            name = turn.mounted.item.name
-            scans[number].append(_scan_report(turn.time, name, settings, ranges))
-            if turn.is_listed:
-                echoes.setdefault(number, []).append(turn.listed)
+    def _read_scanner_items(self) -> list[DueScan]:
+        """Let add-ons pass a tick; robots of which they read something report it."""
+        due_scans = [
+            due_scan
+            for items in self.scanner_items.values()
+            for due_scan in items.read_due(self.boxes)
+        ]
+        for due_scan in due_scans:
+            self._reporting.request(due_scan.vehicle)
+        return due_scans
 
     def _compute(self, programs: Sequence[tuple[Vehicle, Program]]) -> list[float]:
         """Return what programs write for robots, one after the other."""
@@ -417,10 +365,3 @@ class Simulation:
             number += 1
             unique = f"{name} ({number})"
         return unique
-
-
-def _scan_report(
-    time: float, name: str, settings: SensorSettings, ranges: Floats
-) -> RangeScan:
-    resolution, fov = math.radians(settings.resolution_deg), settings.fov_deg
-    return RangeScan(time, name, resolution, math.radians(fov), ranges)

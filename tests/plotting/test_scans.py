@@ -15,7 +15,6 @@ from matplotlib.figure import Figure
 import radarsim
 from radarsim import Material, Part, Scan, Scene
 from radarsim.geometry import Floats
-from radarsim.plotting import draw_scans, plot_scans
 from radarsim.plotting.palette import RADAR, Family, family_of
 from radarsim.plotting.ray_segments import (
     FULL_OPACITY,
@@ -24,6 +23,7 @@ from radarsim.plotting.ray_segments import (
     line_opacity,
     line_width,
 )
+from radarsim.plotting.scans import draw_scans, plot_scans
 from radarsim.plotting.sight import BeamEnd, find_sight
 from radarsim.plotting.style import FORMS, area_style, scan_points
 from radarsim.raycast.attenuation import EventKind

@@ -17,7 +17,9 @@ from radarsim.addons.fmcw.antennas import (
     Result,
     SeenSector,
     Worker,
+    antennas_of,
 )
+from radarsim.addons.fmcw.targets import beams_of, read_ranges
 from radarsim.addons.fmcw.turn_receiver import Look, Received, TurnReceiver
 from radarsim.geometry import Pose3
 from radarsim.presets.robots import load_robot
@@ -27,7 +29,7 @@ from radarsim.protocol.reports import (
     decode_report,
 )
 from radarsim.scene.scene import Scene
-from radarsim.sensors.targets import Targets, beams_of, read_ranges
+from radarsim.sensors.scan import Targets
 from radarsim.server.host import Host
 from radarsim.simulation.config import SimulationConfig
 
@@ -78,7 +80,7 @@ def play(
     """Return what the client of a robot, or else a watcher of it, is sent."""
     host = Host(scene)
     if worker is not None:
-        host.simulation.antennas.worker = worker
+        antennas_of(host.simulation).worker = worker
     client = host.connect()
     watcher = host.connect()
     for command in (INIT, *commands):
@@ -152,8 +154,8 @@ def test_radar_that_is_heard_again_starts_anew(foliage_room: Scene) -> None:
     """While nobody listens, its antenna stands; the robot drives on."""
     host = Host(foliage_room, config=WITHOUT_DETECTOR)
     host.receive(host.connect(), INIT + b"DRIVE {Left 3} {Right 3}\r\n")
-    (carrier,) = host.simulation.antennas.carriers()
-    (antenna,) = host.simulation.antennas.of(carrier)
+    (carrier,) = antennas_of(host.simulation).carriers()
+    (antenna,) = antennas_of(host.simulation).of(carrier)
     heard: list[SeenSector] = []
     antenna.listeners.append(heard.append)
     for _ in range(TURN + 12):

@@ -23,7 +23,8 @@ from radarsim.protocol.reports import (
 )
 from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
-from radarsim.simulation.simulation import MAX_SHOWN, Simulation, TickOutput
+from radarsim.simulation.simulation import MAX_SHOWN, Simulation
+from radarsim.simulation.tick_output import TickOutput
 from radarsim.simulation.vehicle import Vehicle
 
 STILL = {"sigma": 0, "position_bias": 0, "angle_bias": 0}

@@ -23,16 +23,17 @@ from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 import numpy as np
 
+from radarsim.addons.fmcw.targets import read_ranges
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
-from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.processes import BackgroundThread
+from radarsim.protocol.targets import target_lines
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.rng import NumberedStreams, generator_for
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import load_sensor
-from radarsim.sensors.targets import Targets
 from radarsim.simulation.clock import TICK, Clock
+from radarsim.simulation.tick_output import DueScan, ScanDetails, report_scan
 from radarsim.simulation.vehicle import MountedScanner, Vehicle
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
         Received,
         TurnReceiver,
     )
+    from radarsim.simulation.simulation import Simulation
 
 STANDING: Final = (0.0, 0.0, 0.0)  # m/s
 # In a tick no more antennas turn: each takes a good part of a processor.
@@ -61,55 +63,6 @@ class SeenSector(NamedTuple):
     """
 
     sector: Sector
-    time: float
-
-
-class SeenTurn(NamedTuple):
-    """What the detector of a scanner found in a turn.
-
-    Attributes:
-        mounted: The scanner.
-        vehicle: Its robot.
-        targets: The targets.
-        settings: Settings of the scanner when the turn began.
-        time: When the antenna had looked into its last direction, s.
-    """
-
-    mounted: MountedScanner
-    vehicle: Vehicle
-    targets: Targets
-    settings: SensorSettings
-    time: float
-
-    @property
-    def is_listed(self) -> bool:
-        """Whether the robot's client, or watchers, get the targets."""
-        return self._is_requested or self.vehicle.shows_echoes
-
-    @property
-    def listed(self) -> TurnTargets:
-        """The targets as they are reported."""
-        name = self.mounted.item.name
-        return TurnTargets(name, self.targets, self._is_requested, self.time)
-
-    @property
-    def _is_requested(self) -> bool:
-        return self.vehicle.has_targets_enabled(self.mounted.item)
-
-
-class TurnTargets(NamedTuple):
-    """The targets of one turn of a radar.
-
-    Attributes:
-        scanner: Name of the scanner item.
-        targets: The targets.
-        is_requested: Whether the robot's client asked for them, and not only watchers.
-        time: As in ``SeenTurn``.
-    """
-
-    scanner: str
-    targets: Targets
-    is_requested: bool
     time: float
 
 
@@ -198,9 +151,9 @@ class Antenna:
         self.computed.append(_Computed(ticks, self.since, result))
         self.turned = ticks
 
-    def receive(self, ticks: int) -> list[SeenTurn]:
-        """Tell listeners what is received in a tick, and return whole turns."""
-        turns = []
+    def receive(self, ticks: int) -> list[DueScan]:
+        """Tell listeners what is received, and return the scans of whole turns."""
+        scans = []
         while self.computed and self.computed[0].tick + LATENCY <= ticks:
             _, since, result = self.computed.popleft()
             try:
@@ -217,14 +170,23 @@ class Antenna:
                 for listener in (*self.listeners, *self.observers):
                     listener(SeenSector(sector, _time_of(sector, since)))
             if received.turn and self.mounted.scanner.settings.has_detector:
-                turns.append(self._seen(received.turn, since))
-        return turns
+                scans.append(self._read(received.turn, since))
+        return scans
 
-    def _seen(self, turn: FoundTurn, since: int) -> SeenTurn:
+    def _read(self, turn: FoundTurn, since: int) -> DueScan:
+        """Return the scan that reads what was found in a turn."""
         assert self.receiver is not None
-        settings = self.receiver.radar.settings
-        time = _time_after(turn.number + 1, settings, since)
-        return SeenTurn(self.mounted, self.vehicle, turn.targets, turn.settings, time)
+        vehicle, item = self.vehicle, self.mounted.item
+        time = _time_after(turn.number + 1, self.receiver.radar.settings, since)
+        ranges = read_ranges(turn.targets, turn.settings)
+        ranges[np.isinf(ranges)] = turn.settings.max_range
+        details = None
+        is_requested = vehicle.has_targets_enabled(item)
+        if is_requested or vehicle.shows_echoes:
+            lines = target_lines(time, item.name, *turn.targets)
+            details = ScanDetails(lines, is_requested)
+        scan = report_scan(time, item.name, turn.settings, ranges)
+        return DueScan(vehicle, scan, details)
 
     def _directions(self, settings: FmcwSettings, ticks: int) -> int:
         """Return how many directions are passed in a tick."""
@@ -276,6 +238,10 @@ class Antennas:
         self._scene, self._clock = scene, clock
         self._antennas: dict[int, list[Antenna]] = {}
 
+    def warm_up(self) -> None:
+        """Load or compile what antennas need, so that no client waits for it."""
+        _warm_up()
+
     def add(self, vehicle: Vehicle) -> None:
         """Add the antennas of a robot."""
         carried = [Antenna(vehicle, each) for each in vehicle.scanners if each.has_fmcw]
@@ -299,8 +265,8 @@ class Antennas:
         """Return the robots that have antennas, in the order of spawning."""
         return [carried[0].vehicle for carried in self._antennas.values()]
 
-    def turn(self, find_boxes: Callable[[], Boxes]) -> list[SeenTurn]:
-        """Turn all that turn for a tick; return the turns that are received in it.
+    def read_due(self, find_boxes: Callable[[], Boxes]) -> list[DueScan]:
+        """Turn all that turn for a tick; return the scans that are received in it.
 
         Args:
             find_boxes: Returns the robots.
@@ -310,15 +276,21 @@ class Antennas:
             boxes = find_boxes()
             for antenna in turning:
                 antenna.advance(self._scene, ticks, boxes, self.worker)
-        return [turn for each in self._every() for turn in each.receive(ticks)]
+        return [scan for each in self._every() for scan in each.receive(ticks)]
 
     def _every(self) -> list[Antenna]:
         return [each for carried in self._antennas.values() for each in carried]
 
 
+def antennas_of(simulation: Simulation) -> Antennas:
+    """Return all antennas of a simulation."""
+    antennas = simulation.scanner_items["fmcw"]
+    assert isinstance(antennas, Antennas)
+    return antennas
+
+
 @cache
-def warm_up() -> None:
-    """Load or compile what antennas need, so that no client waits for it."""
+def _warm_up() -> None:
     from radarsim.addons.fmcw.beat_signal import NO_TONES  # noqa: PLC0415
     from radarsim.addons.fmcw.detection import DETECTORS  # noqa: PLC0415
     from radarsim.addons.fmcw.rotation import Rotation  # noqa: PLC0415

@@ -24,6 +24,7 @@ from radarsim.addons.fmcw.ray_fan import (
 )
 from radarsim.addons.fmcw.scattering import scene_scattering
 from radarsim.addons.fmcw.spectrum import Spectrum
+from radarsim.addons.fmcw.targets import find_targets, scan_of
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
@@ -32,6 +33,7 @@ from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer, tracer_of
 from radarsim.rng import NumberedStreams
 from radarsim.scene.scene import Scene
+from radarsim.sensors.scan import Scan
 
 MAX_LOSS_DB: Final = 75.0  # one way, at which a ray ends: 150 dB, far below the noise
 STANDING: Final = (0.0, 0.0, 0.0)  # m/s
@@ -59,6 +61,7 @@ class FmcwRadar:
     Attributes:
         name: Name of its preset.
         settings: Its settings.
+        sensor: Settings of its range scanner.
         ray_class: The class of its rays.
         full_power: The power with which they start.
     """
@@ -72,10 +75,11 @@ class FmcwRadar:
             name: Name of its preset.
             settings: Its settings.
             sensor: Those of its range scanner: the band of the materials, the decibels
-                in a unit of density, and how many mirrors are followed.
+                in a unit of density, how many mirrors are followed, and the detector.
         """
         self.name = name
         self.settings = settings
+        self.sensor = sensor
         self.ray_class = RayClass(
             RADAR,
             BANDS_GHZ.index(sensor.band_ghz),
@@ -102,6 +106,17 @@ class FmcwRadar:
     def ranges(self) -> Floats:
         """Ranges of the bins, (B,) m."""
         return np.asarray(self.settings.bin_size * np.arange(self.settings.bins))
+
+    def scan(self, scene: Scene, pose: Pose3, rng: np.random.Generator) -> Scan:
+        """Scan a scene: the targets that the detector finds in a turn.
+
+        Args:
+            scene: The map.
+            pose: Pose of the antenna, map frame.
+            rng: As for ``spectrum``.
+        """
+        targets = find_targets(self.spectrum(scene, pose, rng), self.sensor)
+        return scan_of(self, pose, targets, scene)
 
     def spectrum(
         self,

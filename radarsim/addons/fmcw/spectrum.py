@@ -16,7 +16,6 @@ from radarsim.addons.fmcw.radar_equation import (
     window_of,
 )
 from radarsim.geometry import Floats, Pose3
-from radarsim.late_plotting import load_plotting
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.scene.scene import Scene
 
@@ -121,8 +120,9 @@ class Spectrum:
         Raises:
             ValueError: If there is no such view or azimuth.
         """
-        axes: Axes = load_plotting().plot_spectrum(self, ax, view=view, azimuth=azimuth)
-        return axes
+        from radarsim.addons.fmcw.plots import plot_spectrum  # noqa: PLC0415 - slow
+
+        return plot_spectrum(self, ax, view=view, azimuth=azimuth)
 
 
 def counts_of(settings: FmcwSettings, power: NDArray[np.float32]) -> NDArray[np.uint8]:

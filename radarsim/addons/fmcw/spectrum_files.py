@@ -54,7 +54,7 @@ def as_picture(turn: Spectrum, form: str, shown: Shown, detector: Detector) -> b
     Raises:
         typer.BadParameter: If it has no such direction.
     """
-    from radarsim.plotting import draw_spectrum
+    from radarsim.addons.fmcw.plots import draw_spectrum
 
     last = len(turn.angles) - 1
     if shown.azimuth > last:

@@ -9,10 +9,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from radarsim.addons.fmcw.rotation import Rotation, Sector
+from radarsim.addons.fmcw.targets import find_targets, join_targets
 from radarsim.geometry import Pose3
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.raycast.robot_boxes import Boxes
-from radarsim.sensors.targets import Targets, find_targets
+from radarsim.sensors.scan import Targets
 
 if TYPE_CHECKING:
     import numpy as np
@@ -115,4 +116,4 @@ class TurnReceiver:
         self._targets.append(find_targets(sector.spectrum, self._settings))
         if not sector.ends_turn:
             return None
-        return FoundTurn(sector.turn, Targets.join(self._targets), self._settings)
+        return FoundTurn(sector.turn, join_targets(self._targets), self._settings)

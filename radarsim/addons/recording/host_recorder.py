@@ -12,6 +12,7 @@ from collections.abc import Callable
 from enum import IntEnum
 from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
+from radarsim.addons.fmcw.antennas import antennas_of
 from radarsim.addons.fmcw.turn_collector import RecordedTurn, TurnCollector
 from radarsim.addons.recording.messages import TopicMessage
 from radarsim.protocol.reports import to_bytes
@@ -188,7 +189,7 @@ class HostRecorder(HostObserver):
             self._record(ReceivedTurn(self._tick, client, turn))
 
         assert self._simulation is not None  # there is a robot
-        for antenna in self._simulation.antennas.of(vehicle):
+        for antenna in antennas_of(self._simulation).of(vehicle):
             collector = TurnCollector(antenna.mounted.item.name, report)
             antenna.observers.append(collector.take)
 

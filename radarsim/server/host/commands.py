@@ -267,6 +267,7 @@ class CommandHandler:
         """Spawn a robot, which replaces the client's previous one."""
         try:
             model = self._model(command.class_name)
+            self._config.check_scanners(model)
         except PresetError as error:
             return Diagnostic("class", str(error))
         self._count_spawn(client)

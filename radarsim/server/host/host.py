@@ -37,7 +37,6 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from radarsim.protocol.reports import Greeting, to_bytes
-from radarsim.protocol.targets import target_lines
 from radarsim.scene.scene import Scene
 from radarsim.server.host.commands import CommandHandler, Handled
 from radarsim.server.host.connection import Client, Diagnostic
@@ -45,10 +44,10 @@ from radarsim.server.host.watchers import Watchers
 from radarsim.simulation.config import SimulationConfig
 
 if TYPE_CHECKING:
-    from radarsim.addons.fmcw.antennas import TurnTargets
     from radarsim.protocol.dialect import Dialect
     from radarsim.server.host.echo_writer import EchoWriter
-    from radarsim.simulation.simulation import ScanEchoes, Simulation, TickOutput
+    from radarsim.simulation.simulation import Simulation
+    from radarsim.simulation.tick_output import ScanDetails, ScanEchoes, TickOutput
     from radarsim.simulation.vehicle import Vehicle
 
 COMMANDS_PER_TICK = 20  # of a client; real ones send a few
@@ -159,15 +158,16 @@ class Host:
 
     def make_simulation(self) -> Simulation:
         """Load or compile the engine, and create a simulation; in any thread."""
-        from radarsim.addons.fmcw import antennas
         from radarsim.protocol import line_writer
         from radarsim.server.host import echo_order
         from radarsim.simulation.simulation import Simulation
 
         line_writer.warm_up()
         echo_order.warm_up()
-        antennas.warm_up()
-        return Simulation(self._scene, config=self._config, seed=self._seed)
+        simulation = Simulation(self._scene, config=self._config, seed=self._seed)
+        for items in simulation.scanner_items.values():
+            items.warm_up()
+        return simulation
 
     def begin(self, simulation: Simulation) -> None:
         """Begin a simulation that ``make_simulation`` has made."""
@@ -440,19 +440,18 @@ class Host:
                 requested += lines
         return requested, shown
 
-    def _lines_of(self, scan: ScanEchoes | TurnTargets, dialect: Dialect) -> bytes:
-        """Return the lines of the echoes or the targets of a scan."""
+    def _lines_of(self, scan: ScanEchoes | ScanDetails, dialect: Dialect) -> bytes:
+        """Return the lines of the echoes of a scan, or of what else belongs to it."""
         from radarsim.protocol.line_writer import (
             ReportBlock,
             encode_blocks,
         )
-        from radarsim.simulation.simulation import ScanEchoes
+        from radarsim.simulation.tick_output import ScanEchoes
 
         if isinstance(scan, ScanEchoes):
             time = self.simulation.time
             return self._echo_writer.write(time, scan.scanner, scan.echoes, dialect)
-        reports = target_lines(scan.time, scan.scanner, *scan.targets)
-        return encode_blocks([ReportBlock(reports, dialect)])[0]
+        return encode_blocks([ReportBlock(scan.reports, dialect)])[0]
 
 
 def _split_lines(output: TickOutput, lines: bytes) -> tuple[bytes, bytes, bytes]:

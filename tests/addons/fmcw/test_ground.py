@@ -21,7 +21,9 @@ FLOOR = Material("floor", backscatter_db=-25)
 
 @pytest.fixture(scope="module")
 def radar() -> FmcwRadar:
-    return radarsim.load_sensor("navtech_cts350x", fmcw={"sidelobe_db": -300}).fmcw
+    scanner = radarsim.load_sensor("navtech_cts350x", fmcw={"sidelobe_db": -300})
+    radar: FmcwRadar = scanner.fmcw
+    return radar
 
 
 def ground(width: float, material: Material) -> Scene:

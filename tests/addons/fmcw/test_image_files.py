@@ -17,7 +17,8 @@ TIME = 1_547_131_046_353_776  # us
 @pytest.fixture(scope="module")
 def turn(foliage_room: Scene) -> Spectrum:
     radar = radarsim.load_sensor("navtech_cts350x")
-    return radar.spectrum(foliage_room, (-8, 0, 0), radarsim.generator_for(0))
+    turn: Spectrum = radar.spectrum(foliage_room, (-8, 0, 0), radarsim.generator_for(0))
+    return turn
 
 
 def pixels(data: bytes) -> "np.ndarray[tuple[int, int], np.dtype[np.uint8]]":

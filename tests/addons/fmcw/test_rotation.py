@@ -18,7 +18,8 @@ EYE = Pose3(-8.0, 0.0, 0.5, 0.0, 0.0, 0.3)
 @pytest.fixture(scope="module")
 def radar() -> FmcwRadar:
     settings = {"azimuths": 90, "bins": 600, "rays_across": 4, "beamwidth_az_deg": 6}
-    return radarsim.load_sensor("navtech_cts350x", fmcw=settings).fmcw
+    radar: FmcwRadar = radarsim.load_sensor("navtech_cts350x", fmcw=settings).fmcw
+    return radar
 
 
 def turns_of(sectors: list[Sector], turn: int) -> np.ndarray:

@@ -8,8 +8,9 @@ import pytest
 import recorded_runs
 
 import radarsim
-from radarsim.addons.fmcw.antennas import LATENCY, SeenSector
+from radarsim.addons.fmcw.antennas import LATENCY, SeenSector, antennas_of
 from radarsim.addons.fmcw.rotation import Sector
+from radarsim.addons.fmcw.spectrum import Spectrum
 from radarsim.addons.fmcw.turn_collector import RecordedTurn, TurnCollector
 from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder
 from radarsim.addons.recording.host_recorder import (
@@ -54,11 +55,10 @@ def expected_counts(scene: Scene) -> np.ndarray[tuple[int, int], np.dtype[np.uin
     lift = Pose3(0.0, 0.0, model.origin_height)
     pose = scene.starts[0].pose.compose(lift).compose(item.mount)
     radar = SimulationConfig().scanner(item).fmcw
-    counts = radar.spectrum(
-        scene, pose, radarsim.generator_for(0, "R1", "Navtech")
-    ).counts
-    assert counts.ndim == 2
-    return counts
+    rng = radarsim.generator_for(0, "R1", "Navtech")
+    turn: Spectrum = radar.spectrum(scene, pose, rng)
+    assert turn.counts.ndim == 2
+    return turn.counts
 
 
 def test_turn_is_what_the_radar_receives_there(
@@ -98,8 +98,8 @@ def test_spectra_are_recorded_on_request_only(foliage_room: Scene) -> None:
     events: list[RunEvent] = []
     host = Host(foliage_room, observers=[HostRecorder(events.append)])
     host.receive(host.connect(), INIT)
-    (carrier,) = host.simulation.antennas.carriers()
-    (antenna,) = host.simulation.antennas.of(carrier)
+    (carrier,) = antennas_of(host.simulation).carriers()
+    (antenna,) = antennas_of(host.simulation).of(carrier)
     assert not antenna.observers
 
 

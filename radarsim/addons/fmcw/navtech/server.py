@@ -21,6 +21,7 @@ import logging
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
+from radarsim.addons.fmcw.antennas import antennas_of
 from radarsim.addons.fmcw.image_files import ENCODER_COUNTS
 from radarsim.addons.fmcw.navtech.messages import (
     Direction,
@@ -93,10 +94,11 @@ class NavtechServer(PeerServer, HostObserver):
         self._listen_to(antenna if is_wanted else None)
 
     def _find_antenna(self, simulation: Simulation) -> Antenna | None:
-        for vehicle in simulation.antennas.carriers():
+        antennas = antennas_of(simulation)
+        for vehicle in antennas.carriers():
             name = vehicle.robot.name.casefold()
             if self._robot is None or name == self._robot.casefold():
-                return simulation.antennas.of(vehicle)[0]
+                return antennas.of(vehicle)[0]
         return None
 
     def _listen_to(self, antenna: Antenna | None) -> None:

@@ -12,7 +12,7 @@ field of view, are left out.
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,34 +22,11 @@ from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.raycast.rays import Rays
 from radarsim.scene.scene import Scene
 from radarsim.sensors.echoes import Echoes
-from radarsim.sensors.scan import Scan
+from radarsim.sensors.scan import Scan, Targets
 
 if TYPE_CHECKING:
     from radarsim.addons.fmcw.radar import FmcwRadar
     from radarsim.addons.fmcw.spectrum import Spectrum
-
-
-class Targets(NamedTuple):
-    """Targets of one turn, beam by beam from the right, the nearest first; T of them.
-
-    Attributes:
-        beams: (T,) int64, number of the beam.
-        ranges: (T,) m.
-        dbm: (T,) received power, dBm.
-    """
-
-    beams: NDArray[np.int64]
-    ranges: Floats
-    dbm: Floats
-
-    @classmethod
-    def join(cls, parts: Sequence["Targets"]) -> "Targets":
-        """Return the targets of several parts of a turn."""
-        beams, ranges, dbm = (
-            np.concatenate([part[k] for part in parts]) for k in range(3)
-        )
-        order = np.lexsort((ranges, beams))
-        return cls(beams[order].astype(np.int64), ranges[order], dbm[order])
 
 
 def find_targets(spectrum: "Spectrum", settings: SensorSettings) -> Targets:
@@ -64,7 +41,14 @@ def find_targets(spectrum: "Spectrum", settings: SensorSettings) -> Targets:
     )
     beams = beams_of(found.angles, settings)
     seen = (beams >= 0) & (found.ranges <= settings.max_range)
-    return Targets.join([Targets(beams[seen], found.ranges[seen], found.dbm[seen])])
+    return join_targets([Targets(beams[seen], found.ranges[seen], found.dbm[seen])])
+
+
+def join_targets(parts: Sequence[Targets]) -> Targets:
+    """Return the targets of several parts of a turn."""
+    beams, ranges, dbm = (np.concatenate(column) for column in zip(*parts, strict=True))
+    order = np.lexsort((ranges, beams))
+    return Targets(beams[order].astype(np.int64), ranges[order], dbm[order])
 
 
 def beams_of(angles: Floats, settings: SensorSettings) -> NDArray[np.int64]:
@@ -93,27 +77,19 @@ def read_ranges(targets: Targets, settings: SensorSettings) -> Floats:
     return ranges
 
 
-def scan_of(
-    name: str,
-    settings: SensorSettings,
-    pose: Pose3,
-    targets: Targets,
-    scene: Scene,
-    radar: "FmcwRadar",
-) -> Scan:
+def scan_of(radar: "FmcwRadar", pose: Pose3, targets: Targets, scene: Scene) -> Scan:
     """Return the scan that reads targets.
 
     Its rays are the middles of its beams, and lose power as those of the spectrum do.
     It lists no echoes: a spectrum does not tell the objects that targets are.
 
     Args:
-        name: Name of the sensor.
-        settings: Its settings.
+        radar: The radar.
         pose: Its pose, map frame.
         targets: What its detector found.
         scene: The map.
-        radar: Its FMCW radar.
     """
+    settings = radar.sensor
     steps = np.arange(settings.beams) * settings.resolution_deg
     angles: Floats = np.radians(steps - settings.fov_deg / 2)
     ahead = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1)
@@ -130,11 +106,19 @@ def scan_of(
     )
     none, nowhere = np.zeros(0), np.zeros(0, np.int64)
     echoes = Echoes(
-        *(nowhere, np.zeros(0, np.int8), none, none, np.zeros(0, np.uint8)),
-        *(none, none, nowhere, scene.parts, settings),
+        beams=nowhere,
+        sides=np.zeros(0, np.int8),
+        ranges=none,
+        fronts=none,
+        kinds=np.zeros(0, np.uint8),
+        power=none,
+        strength=none,
+        parts=nowhere,
+        scene_parts=scene.parts,
+        settings=settings,
     )
     return Scan(
-        sensor=name,
+        sensor=radar.name,
         pose=pose,
         angles=angles,
         ranges=read_ranges(targets, settings),

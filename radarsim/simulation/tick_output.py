@@ -1,0 +1,132 @@
+"""What robots report in one tick, and who else than the simulation reads scanners."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+from radarsim.geometry import Floats
+from radarsim.presets.sensor_settings import SensorSettings
+from radarsim.protocol.periodic_reports import ReportGroup
+from radarsim.protocol.reports import RangeScan, Report, Status
+from radarsim.raycast.robot_boxes import Boxes
+from radarsim.sensors.echoes import Echoes
+from radarsim.simulation.vehicle import Vehicle
+
+
+@dataclass(frozen=True, slots=True)
+class ScanEchoes:
+    """The echoes of one scan.
+
+    Attributes:
+        scanner: Name of the scanner item.
+        echoes: All echoes of the scan.
+        is_requested: Whether the robot's client asked for them, and not only watchers.
+    """
+
+    scanner: str
+    echoes: Echoes
+    is_requested: bool
+
+
+class ScanDetails(NamedTuple):
+    """What belongs to one scan of a scanner of an add-on, besides its ranges.
+
+    Attributes:
+        reports: Such as targets; they come before the scan.
+        is_requested: As of ``ScanEchoes``.
+    """
+
+    reports: Sequence[Report]
+    is_requested: bool
+
+
+class TickOutput(NamedTuple):
+    """The reports of one robot in one tick.
+
+    Attributes:
+        group: The status, if it is due, and readings of items that cast no rays.
+        numbers: The numbers of these.
+        cast: Readings of sonars and GPS.
+        echoes: What belongs to scans, of scanners that list it.
+        scans: Scans.
+    """
+
+    group: ReportGroup
+    numbers: Sequence[float]
+    cast: Sequence[Report]
+    echoes: Sequence[ScanEchoes | ScanDetails]
+    scans: Sequence[RangeScan]
+
+    @property
+    def has_status(self) -> bool:
+        """Whether the status is due, which is the first of the group."""
+        return bool(self.group.forms) and self.group.forms[0].report is Status
+
+    @property
+    def status(self) -> Status | None:
+        """The status; None when it is not due."""
+        return next((r for r in self._built if isinstance(r, Status)), None)
+
+    @property
+    def readings(self) -> tuple[Report, ...]:
+        """Readings of all items but scanners, poses first."""
+        return (*[r for r in self._built if not isinstance(r, Status)], *self.cast)
+
+    @property
+    def _built(self) -> tuple[Report, ...]:
+        return self.group.build(self.numbers)
+
+
+class DueScan(NamedTuple):
+    """What a scanner of an add-on reads in a tick.
+
+    Attributes:
+        vehicle: The robot that carries it.
+        scan: The reading.
+        details: What belongs to it; None if nobody gets that.
+    """
+
+    vehicle: Vehicle
+    scan: RangeScan
+    details: ScanDetails | None
+
+
+class ScannerItems(Protocol):
+    """Those scanners of all robots that an add-on reads, at times of its own.
+
+    There is one for each add-on in the group ``radarsim.items`` of ``plugins``, made
+    from the scene and the clock of a simulation.
+    """
+
+    def warm_up(self) -> None:
+        """Load and compile all that is needed, so that no client waits for it."""
+
+    def add(self, vehicle: Vehicle) -> None:
+        """Read those scanners of a robot from now on that are of this kind."""
+
+    def remove(self, vehicle: Vehicle) -> None:
+        """Read those of a robot no more."""
+
+    def read_due(self, find_boxes: Callable[[], Boxes]) -> Sequence[DueScan]:
+        """Pass a tick, and return the readings that are due in it.
+
+        Args:
+            find_boxes: Returns the robots.
+        """
+        ...
+
+
+def report_scan(
+    time: float, name: str, settings: SensorSettings, ranges: Floats
+) -> RangeScan:
+    """Return what a scanner reports.
+
+    Args:
+        time: s.
+        name: Name of the item.
+        settings: Settings of the scanner.
+        ranges: (N,) m; the maximum range where nothing came back.
+    """
+    resolution, fov = math.radians(settings.resolution_deg), settings.fov_deg
+    return RangeScan(time, name, resolution, math.radians(fov), ranges)
