@@ -1,12 +1,17 @@
-"""Messages for values that pydantic has rejected."""
+"""The words for what is wrong: in maps and other YAML files, settings and requests.
+
+Models of pydantic find most of it. `yaml_reader` adds the place in the file; checks of
+maps that concern several keys have their own words, in `scene.map_checks`.
+"""
 
 import re
 from collections.abc import Callable
 from typing import Any, Final
 
+from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from radarsim.errors import did_you_mean
+from radarsim.errors import did_you_mean, expected_one_of
 
 _DECIMAL_COMMA: Final = re.compile(r"[+-]?[0-9]{1,20},[0-9]{1,20}", re.ASCII)
 _EXPECTED: Final = {
@@ -57,6 +62,32 @@ def describe_invalid(details: ErrorDetails) -> str:
     if error_type == "value_error":
         return str(context["error"])
     return f"{short_repr(details['input'])}, {_expected(details, context)}"
+
+
+def describe_unknown_key(key: str, known: list[str]) -> str:
+    """Return what a key of a file could have been, which has no such key."""
+    return f"unknown key, expected one of {known}{did_you_mean(key, known)}"
+
+
+def describe_settings(error: ValidationError, model: type[BaseModel]) -> list[str]:
+    """Return what is wrong with settings that are given by name, each with its name.
+
+    Args:
+        error: What the model has raised.
+        model: The model, whose fields are the settings.
+    """
+    problems = []
+    for details in error.errors():
+        name = ".".join(str(step) for step in details["loc"])
+        text = describe_invalid(details)
+        if details["type"] == "extra_forbidden":
+            text = f"no setting {expected_one_of(name, sorted(model.model_fields))}"
+        elif details["type"] == "value_error" and name:
+            text = f"{name}: {short_repr(details['input'])}, {text}"
+        elif name:
+            text = f"{name}: {text}"
+        problems.append(text)
+    return problems
 
 
 def short_repr(value: object) -> str:

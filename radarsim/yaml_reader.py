@@ -35,8 +35,7 @@ from yaml.events import (
     SequenceStartEvent,
 )
 
-from radarsim.errors import did_you_mean
-from radarsim.validation import describe_invalid, short_repr
+from radarsim.validation import describe_invalid, describe_unknown_key, short_repr
 
 KeyPath: TypeAlias = tuple[str | int, ...]
 Position: TypeAlias = tuple[int, int]  # line and column, from 1
@@ -181,8 +180,7 @@ class YamlFile:
         if unknown:
             message = "unknown key"
             if known and len(keys) == 1:
-                meant = did_you_mean(str(keys[0]), known)
-                message += f", expected one of {known}{meant}"
+                message = describe_unknown_key(str(keys[0]), known)
         else:
             message = describe_invalid(details)
         return self.problem((*at, *keys), message, of_key=unknown)

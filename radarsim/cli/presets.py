@@ -15,9 +15,9 @@ from radarsim.cli.options import JsonOption
 from radarsim.errors import expected_one_of
 
 if TYPE_CHECKING:
-    from radarsim.presets.materials import LibraryEntry
     from radarsim.presets.preset_files import SourcedValue
     from radarsim.presets.sensors import SensorPreset
+    from radarsim.scene.material import LibraryEntry
 
 _Preset = TypeVar("_Preset")
 _UNITS: Final = {"g_per_m3": "g/m3", "mm_per_h": "mm/h"}
@@ -30,8 +30,7 @@ NamesArgument = Annotated[
 
 def sensors(names: NamesArgument = None, *, as_json: JsonOption = False) -> None:
     """List the sensors: their numbers, sources and confidence."""
-    from radarsim.presets.items import item_presets
-    from radarsim.presets.sensors import sensor_presets
+    from radarsim.presets.sensors import item_presets, sensor_presets
 
     chosen = _choose("sensor", names, {**sensor_presets(), **item_presets()})
     if as_json:
@@ -54,7 +53,7 @@ def sensors(names: NamesArgument = None, *, as_json: JsonOption = False) -> None
 
 def materials(names: NamesArgument = None, *, as_json: JsonOption = False) -> None:
     """List the library of materials: their numbers, sources and confidence."""
-    from radarsim.presets.materials import library
+    from radarsim.scene.material import library
 
     chosen = _choose("material", names, library())
     if as_json:
@@ -100,8 +99,8 @@ def _sensor_overview(presets: Mapping[str, SensorPreset]) -> Table:
 
 def _material_overview(entries: Mapping[str, LibraryEntry]) -> Table:
     """Return a row for each material, with the loss of beams in it."""
-    from radarsim.presets.materials import library_material
     from radarsim.presets.sensor_settings import BANDS_GHZ
+    from radarsim.scene.material import library_material
 
     table = Table(box=None, pad_edge=False, collapse_padding=True)
     table.add_column("name", no_wrap=True)

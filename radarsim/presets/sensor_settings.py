@@ -1,4 +1,22 @@
-"""The settings of a scanner: values, limits, and which combinations are valid."""
+"""The settings of scanners, sonars and GPS receivers: values, limits, combinations.
+
+Theory of operation
+===================
+The setting ``side_offset_uu``, N, is an offset in Unreal units, 250 to the metre, not
+an angle: the angle depends on the distance at which the offset holds. At D metres, rays
+N units to either side are ``atan(N / (250 D))`` off the beam. So 50 units are 0.573
+degrees at 20 m and 0.115 degrees at 100 m. Divergent rays keep that angle, and are N
+units off at D only; perpendicular and lateral rays keep the offset N, and the angle at
+which it appears shrinks with distance.
+
+An antenna is specified by its beamwidth: the angle between the two directions in which
+it radiates half of its peak power. Side rays in these directions are half a beamwidth
+off. An antenna that sends and receives weighs each direction twice, so the effective
+beam is narrower: a Gaussian with the standard deviation ``two_way_deviation``.
+
+Sources: the noise model of a thesis on a radar for USARSim, section 4.3; USARSim's
+scale of units.
+"""
 
 import math
 from typing import Annotated, Final, Literal, Self
@@ -12,6 +30,8 @@ Positive = Annotated[float, Field(ge=1e-3, le=1e5, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, le=1e5, allow_inf_nan=False)]
 Angle = Annotated[float, Field(ge=1e-4, le=360, allow_inf_nan=False)]
 Width = Annotated[float, Field(ge=0, le=90, allow_inf_nan=False)]
+RightAngle = Annotated[float, Field(ge=1, le=90, allow_inf_nan=False)]
+METRES_PER_UNIT: Final = 1 / 250  # USARSim's scale of Unreal units
 MAX_RAYS = 1_000_000  # in one scan
 MAX_FINITE_POWER = 1e12
 MAX_NODES = 100  # of a quadrature in a row; beyond it the outer weights underflow
@@ -237,3 +257,75 @@ class SensorSettings(BaseModel):
                 f"cone_rays {self.cone_rays} over two widths, expected a product of"
                 " two numbers above 1, such as 9 or 16"
             )
+
+
+class SonarSettings(BaseModel):
+    """All settings of a sonar.
+
+    Attributes:
+        beam_angle_deg: Angle of the whole cone, degrees.
+        min_range: Shortest range that is read, m; shorter ones read it as well.
+        max_range: Longest range that is read, m; so does a cone without return.
+        max_incidence_deg: Largest angle between a ray and the normal of a surface that
+            sends sound back, degrees; the ray on the axis has no such limit.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    beam_angle_deg: RightAngle
+    min_range: NotNegative
+    max_range: Positive
+    max_incidence_deg: RightAngle
+
+
+class GpsSettings(BaseModel):
+    """All settings of a GPS receiver.
+
+    Attributes:
+        max_noise: Three standard deviations of north and east with 4 satellites, m.
+        min_noise: Three standard deviations of north and east with 12 satellites, m.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    max_noise: NotNegative
+    min_noise: NotNegative
+
+
+def offset_angle(side_offset_uu: float, distance: float) -> float:
+    """Return the angle at which an offset appears, rad.
+
+    Args:
+        side_offset_uu: N, Unreal units.
+        distance: D, m, above 0.
+
+    >>> round(math.degrees(offset_angle(50, 20)), 3)
+    0.573
+    """
+    return math.atan(side_offset_uu * METRES_PER_UNIT / distance)
+
+
+def offset_units(angle: float, distance: float) -> float:
+    """Return the offset that appears at an angle: N, Unreal units.
+
+    Args:
+        angle: Angle between the beam and a side ray, rad.
+        distance: D, m.
+
+    >>> round(offset_units(math.radians(1.8) / 2, 100))
+    393
+    """
+    return math.tan(angle) * distance / METRES_PER_UNIT
+
+
+def two_way_deviation(beamwidth: float) -> float:
+    """Return the standard deviation of a Gaussian beam, transmit and receive combined.
+
+    Args:
+        beamwidth: Between the one-way half-power points, in any unit, which is the
+            unit of the result.
+
+    >>> round(two_way_deviation(1.0), 4)
+    0.3003
+    """
+    return beamwidth / (4 * math.sqrt(math.log(2)))

@@ -1,13 +1,13 @@
-"""Sensor presets: named settings of scanners."""
+"""Presets of sensors: named settings of scanners, and those of sonars and GPS."""
 
-import functools
 import re
-from typing import Any, Final
+from functools import cache
+from typing import Final, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from radarsim import plugins
-from radarsim.errors import PresetError, expected_one_of
+from radarsim.errors import PresetError
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.presets.preset_files import (
     SourcedValue,
@@ -15,17 +15,22 @@ from radarsim.presets.preset_files import (
     read_preset,
     unknown_preset,
 )
-from radarsim.presets.sensor_settings import SensorSettings
-from radarsim.validation import describe_invalid, short_repr
+from radarsim.presets.sensor_settings import (
+    GpsSettings,
+    SensorSettings,
+    SonarSettings,
+)
+from radarsim.validation import describe_settings
 from radarsim.yaml_reader import parse_plain
 
 MOST_SETTINGS: Final = len(SensorSettings.model_fields) + 1  # that are parsed at once
 
 _NEXT_SETTING: Final = re.compile(r"[\s,]+(?=[A-Za-z_]\w*\s*=)")
+_Settings = TypeVar("_Settings", bound=BaseModel)
 
 
 class SensorPreset(BaseModel):
-    """The file of a sensor preset.
+    """The file of a preset of a scanner or of another item that casts rays.
 
     Attributes:
         about: Description; the first sentence names the sensor.
@@ -40,34 +45,38 @@ class SensorPreset(BaseModel):
     fmcw: dict[str, SourcedValue] = {}
 
 
-@functools.cache
+@cache
 def sensor_presets() -> dict[str, SensorPreset]:
-    """Read all presets, by name, in alphabetical order."""
+    """Read the presets of all scanners, by name, in alphabetical order."""
     return {
         name: SensorPreset.model_validate(read_preset("sensors", name))
         for name in preset_names("sensors")
     }
 
 
-def load_settings(name: str, /, **settings: Any) -> SensorSettings:
+@cache
+def item_presets() -> dict[str, SensorPreset]:
+    """Read the presets of sonars and GPS receivers, named after the item's type."""
+    return {
+        name: SensorPreset.model_validate(read_preset("items", name))
+        for name in preset_names("items")
+    }
+
+
+def load_settings(name: str, /, **settings: object) -> SensorSettings:
     """Return the settings of a preset, with some of them changed.
 
     Raises:
         PresetError: If there is no such preset or setting, or a value is invalid; one
             line for each problem.
     """
-    presets = sensor_presets()
-    if name not in presets:
-        raise unknown_preset("sensor", name, preset_names("sensors"))
-    values = {key: setting.value for key, setting in presets[name].settings.items()}
-    try:
-        loaded = SensorSettings.model_validate({**values, **settings})
-    except ValidationError as error:
-        raise PresetError(_describe(name, error, SensorSettings)) from None
-    if loaded.has_detector and not presets[name].fmcw:
+    preset = _scanner_preset(name)
+    label = f"sensor {name}"
+    loaded = _validate(label, SensorSettings, preset.settings, settings)
+    if loaded.has_detector and not preset.fmcw:
         raise PresetError(
-            f"sensor {name}: detector {loaded.detector!r}, expected 'penetration', as"
-            " it has no spectrum"
+            f"{label}: detector {loaded.detector!r}, expected 'penetration', as it has"
+            " no spectrum"
         )
     # An error here, not at the first scan: a robot would have been spawned by then.
     if loaded.has_detector and not plugins.has("radarsim.sensors", "fmcw"):
@@ -78,24 +87,37 @@ def load_settings(name: str, /, **settings: Any) -> SensorSettings:
     return loaded
 
 
-def load_fmcw_settings(name: str, /, **settings: Any) -> FmcwSettings:
+def load_fmcw_settings(name: str, /, **settings: object) -> FmcwSettings:
     """Return the settings of a preset's FMCW radar, with some of them changed.
 
     Raises:
         PresetError: If there is no such preset or setting, or it has no such radar, or
             a value is invalid; one line for each problem.
     """
-    presets = sensor_presets()
-    if name not in presets:
-        raise unknown_preset("sensor", name, preset_names("sensors"))
-    if not presets[name].fmcw:
-        known = ", ".join(each for each, preset in presets.items() if preset.fmcw)
+    preset = _scanner_preset(name)
+    if not preset.fmcw:
+        known = ", ".join(each for each in sensor_presets() if has_fmcw(each))
         raise PresetError(f"sensor {name}: no spectrum, expected one of {known}")
-    values = {key: setting.value for key, setting in presets[name].fmcw.items()}
-    try:
-        return FmcwSettings.model_validate({**values, **settings})
-    except ValidationError as error:
-        raise PresetError(_describe(name, error, FmcwSettings)) from None
+    return _validate(f"sensor {name}", FmcwSettings, preset.fmcw, settings)
+
+
+def sonar_settings(**settings: object) -> SonarSettings:
+    """Return the settings of the sonar's preset, with some of them changed.
+
+    Raises:
+        PresetError: As ``load_settings``.
+    """
+    preset = item_presets()["sonar"]
+    return _validate("sonar", SonarSettings, preset.settings, settings)
+
+
+def gps_settings(**settings: object) -> GpsSettings:
+    """Return the settings of the GPS receiver's preset, with some of them changed.
+
+    Raises:
+        PresetError: As ``load_settings``.
+    """
+    return _validate("gps", GpsSettings, item_presets()["gps"].settings, settings)
 
 
 def has_fmcw(name: str) -> bool:
@@ -103,23 +125,27 @@ def has_fmcw(name: str) -> bool:
     return name in sensor_presets() and bool(sensor_presets()[name].fmcw)
 
 
-def _describe(name: str, error: ValidationError, model: type[BaseModel]) -> str:
-    lines = []
-    for problem in error.errors():
-        path = ".".join(str(step) for step in problem["loc"])
-        text = describe_invalid(problem)
-        if problem["type"] == "extra_forbidden":
-            expected = expected_one_of(path, sorted(model.model_fields))
-            text = f"no setting {expected}"
-        elif problem["type"] == "value_error" and path:
-            text = f"{path}: {short_repr(problem['input'])}, {text}"
-        elif path:
-            text = f"{path}: {text}"
-        lines.append(f"sensor {name}: {text}")
-    return "\n".join(lines)
+def _scanner_preset(name: str) -> SensorPreset:
+    if name not in sensor_presets():
+        raise unknown_preset("sensor", name, preset_names("sensors"))
+    return sensor_presets()[name]
 
 
-def parse_settings(text: str) -> dict[str, Any]:
+def _validate(
+    label: str,
+    model: type[_Settings],
+    preset: dict[str, SourcedValue],
+    changes: dict[str, object],
+) -> _Settings:
+    values = {key: setting.value for key, setting in preset.items()}
+    try:
+        return model.model_validate({**values, **changes})
+    except ValidationError as error:
+        problems = describe_settings(error, model)
+        raise PresetError("\n".join(f"{label}: {text}" for text in problems)) from None
+
+
+def parse_settings(text: str) -> dict[str, object]:
     """Parse several ``KEY=VALUE`` with commas or blanks between them.
 
     Raises:
@@ -134,7 +160,7 @@ def parse_settings(text: str) -> dict[str, Any]:
     return dict(map(parse_setting, texts))
 
 
-def parse_setting(text: str) -> tuple[str, Any]:
+def parse_setting(text: str) -> tuple[str, object]:
     """Parse ``KEY=VALUE``; the value is a number, a word, or a comma-separated list.
 
     Raises:

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
-from radarsim.presets.materials import ALBEDO
 from radarsim.raycast.intersect import COLLECT, IGNORE, OPAQUE
 from radarsim.raycast.rays import RADAR, SONAR, RayClass
 from radarsim.raycast.traced_scene import MaterialTable
-from radarsim.scene.material import Material
+from radarsim.scene.material import ALBEDO, Material
 from radarsim.scene.reflectors import REFLECTOR
 from radarsim.scene.scene import Part, bounds_of
 

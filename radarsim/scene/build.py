@@ -5,7 +5,7 @@ What reads meshes is imported at the first mesh, since numba takes long to be im
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -13,7 +13,6 @@ import numpy as np
 
 from radarsim.errors import MAX_NAMES, expected_one_of
 from radarsim.geometry import Floats, rotation_matrix
-from radarsim.presets.materials import library_material
 from radarsim.scene.copies import BuildError, place_copies
 from radarsim.scene.map_checks import Problem
 from radarsim.scene.map_schema import (
@@ -23,7 +22,7 @@ from radarsim.scene.map_schema import (
     MaterialEntry,
     ObjectEntry,
 )
-from radarsim.scene.material import Material
+from radarsim.scene.material import Material, library_material
 from radarsim.scene.mesh_files import (
     MAX_TRIANGLES,
     MeshBudget,
@@ -47,9 +46,20 @@ LIMITS: Final = {
 _Piece: TypeAlias = tuple[Material, Mesh]
 
 
-def from_library(name: str) -> Material:
-    """Return a material of the library, with its default amount."""
-    return Material(name, **asdict(library_material(name)))
+# Keys of an entry that are attributes of the material, and replace those of the base.
+_PLAIN_KEYS: Final = {
+    "solid",
+    "absorption_db",
+    "laser_absorption_db",
+    "attenuation_db",
+    "sheet_attenuation_db",
+    "backscatter_db",
+    "albedo",
+    "constant_gamma",
+    "specular_db",
+    "slope_deg",
+    "transmission_db",
+}
 
 
 def make_material(name: str, entry: MaterialEntry) -> Material:
@@ -62,77 +72,40 @@ def make_material(name: str, entry: MaterialEntry) -> Material:
     """
     base = Material(name)
     if entry.based_on is not None:
-        amounts = {"g_per_m3": entry.g_per_m3, "mm_per_h": entry.mm_per_h}
-        base = Material(name, **asdict(library_material(entry.based_on, **amounts)))
-    changes = {
-        **_radar_properties(entry),
-        **_light_properties(entry),
-        **_surface_properties(entry),
-        **_scattering_properties(entry, base),
-    }
-    return replace(base, **changes)
-
-
-def _scattering_properties(entry: MaterialEntry, base: Material) -> dict[str, Any]:
-    """Return what matters only to a radar that counts in decibels."""
-    properties: dict[str, Any] = {}
-    has_units = entry.density is not None and math.isfinite(entry.density)
-    if has_units and any(base.radar_db) and not (entry.db_per_m or entry.sheet_loss):
-        properties["attenuation_db"] = base.radar_db
-    if entry.absorption_db is not None:
-        properties["backscatter_db"] = base.backscatter_db - entry.absorption_db
-        if base.specular_db is not None:
-            properties["specular_db"] = base.specular_db - entry.absorption_db
-    names = (
-        *("attenuation_db", "sheet_attenuation_db", "backscatter_db", "albedo"),
-        *("constant_gamma", "specular_db", "slope_deg"),
-    )
-    given = {name: getattr(entry, name) for name in names}
-    return properties | {k: value for k, value in given.items() if value is not None}
-
-
-def _radar_properties(entry: MaterialEntry) -> dict[str, Any]:
-    if all(x is None for x in (entry.density, entry.db_per_m, entry.sheet_loss)):
-        return {}
-    density = entry.density or 0.0
-    properties: dict[str, Any] = {
-        "density": density,
-        "radar_db": entry.db_per_m or (0.0, 0.0, 0.0),
-        "sheet_loss": entry.sheet_loss,
-    }
-    if math.isfinite(density):
-        properties |= {"radar_mirror": False, "absorption_db": 0.0}
-        properties["transmission_db"] = None
-    return properties
-
-
-def _light_properties(entry: MaterialEntry) -> dict[str, Any]:
-    if entry.laser_density is None and entry.laser_db_per_m is None:
-        return {}
-    density = entry.laser_density or 0.0
-    properties: dict[str, Any] = {
-        "laser_density": density,
-        "laser_db": entry.laser_db_per_m or 0.0,
-    }
-    if math.isfinite(density):
-        properties |= {"laser_mirror": False, "laser_absorption_db": 0.0}
-    return properties
-
-
-def _surface_properties(entry: MaterialEntry) -> dict[str, Any]:
-    given: dict[str, Any] = {
-        "solid": entry.solid,
-        "transmission_db": entry.transmission_db,
-        "absorption_db": entry.absorption_db,
-        "laser_absorption_db": entry.laser_absorption_db,
-    }
-    properties = {key: value for key, value in given.items() if value is not None}
+        library = library_material(
+            entry.based_on, g_per_m3=entry.g_per_m3, mm_per_h=entry.mm_per_h
+        )
+        base = replace(library, name=name)
+    given = entry.model_dump(exclude_none=True)
+    changes: dict[str, Any] = {}
+    if given.keys() & {"density", "db_per_m", "sheet_loss"}:
+        changes["density"] = given.get("density", 0.0)
+        changes["radar_db"] = given.get("db_per_m", (0.0, 0.0, 0.0))
+        changes["sheet_loss"] = entry.sheet_loss
+        if math.isfinite(changes["density"]):
+            changes |= {"radar_mirror": False, "absorption_db": 0.0}
+            changes["transmission_db"] = None
+    if given.keys() & {"laser_density", "laser_db_per_m"}:
+        changes["laser_density"] = given.get("laser_density", 0.0)
+        changes["laser_db"] = given.get("laser_db_per_m", 0.0)
+        if math.isfinite(changes["laser_density"]):
+            changes |= {"laser_mirror": False, "laser_absorption_db": 0.0}
     if entry.mirror is not None:
-        properties["radar_mirror"] = entry.mirror in ("radar", "both")
-        properties["laser_mirror"] = entry.mirror in ("laser", "both")
-        if not properties["radar_mirror"]:
-            properties["transmission_db"] = entry.transmission_db
-    return properties
+        changes["radar_mirror"] = entry.mirror in ("radar", "both")
+        changes["laser_mirror"] = entry.mirror in ("laser", "both")
+        if not changes["radar_mirror"]:
+            changes["transmission_db"] = None  # nothing but a mirror is a pane
+    # A density is a number of one experiment, which says nothing about decibels: a
+    # radar that counts in these goes on seeing the base. A loss in dB replaces it.
+    has_density = math.isfinite(given.get("density", math.inf))
+    if has_density and any(base.radar_db) and not (entry.db_per_m or entry.sheet_loss):
+        changes["attenuation_db"] = base.radar_db
+    if entry.absorption_db is not None:  # what is absorbed does not come back
+        changes["backscatter_db"] = base.backscatter_db - entry.absorption_db
+        if base.specular_db is not None:
+            changes["specular_db"] = base.specular_db - entry.absorption_db
+    changes |= {key: value for key, value in given.items() if key in _PLAIN_KEYS}
+    return replace(base, **changes)
 
 
 class Room:

@@ -14,9 +14,14 @@ from pydantic import ValidationError
 
 from radarsim.errors import MapError, did_you_mean
 from radarsim.geometry import Floats
-from radarsim.presets.materials import AMOUNTS, library, library_entry, library_names
 from radarsim.scene.map_schema import MAX_EXTENT, START_NAME, MaterialEntry
-from radarsim.scene.material import Material
+from radarsim.scene.material import (
+    AMOUNTS,
+    Material,
+    library,
+    library_entry,
+    library_names,
+)
 from radarsim.validation import short_repr
 from radarsim.yaml_reader import KeyPath, YamlFile
 

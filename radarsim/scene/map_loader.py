@@ -15,11 +15,9 @@ from pydantic import ValidationError
 
 from radarsim.errors import expected_one_of
 from radarsim.geometry import Pose3
-from radarsim.presets.materials import library_names
 from radarsim.scene.build import (
     PartBuilder,
     Room,
-    from_library,
     make_material,
     make_reflectors,
 )
@@ -51,7 +49,7 @@ from radarsim.scene.map_schema import (
     VariantEntry,
     unknown_material,
 )
-from radarsim.scene.material import Material
+from radarsim.scene.material import Material, library_material, library_names
 from radarsim.scene.reflectors import REFLECTOR, Reflector
 from radarsim.scene.scene import GPS_ORIGIN, Part, Scene, StartPose, Trial
 from radarsim.validation import short_repr
@@ -192,7 +190,7 @@ class MapLoader:
     def _material(self, name: str, materials: dict[str, Material]) -> Material:
         """Return a material by its name; one of the library is added to the map's."""
         if name not in materials:
-            materials[name] = from_library(name)
+            materials[name] = library_material(name)
         return materials[name]
 
     def _objects(

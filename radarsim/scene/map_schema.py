@@ -23,9 +23,8 @@ from pydantic import (
 )
 
 from radarsim.errors import did_you_mean, expected_one_of, list_names
-from radarsim.presets.materials import library_names
 from radarsim.presets.sensor_settings import BANDS_GHZ
-from radarsim.scene.material import OPAQUE
+from radarsim.scene.material import OPAQUE, library_names
 from radarsim.scene.mesh_files import MeshError, find_inside
 from radarsim.scene.scene import GPS_ORIGIN
 from radarsim.validation import point_hint, rejection, short_repr

@@ -1,9 +1,47 @@
-"""Materials: how they attenuate and reflect beams, and whether they stop robots."""
+"""Materials: how they attenuate and reflect beams, and whether they stop robots.
+
+The library describes vegetation, walls and weather. Each of its materials is a file in
+``presets/materials/``, whose every number states its source. Where amounts matter, as
+in smoke, the file has the loss for one gramme in a cubic metre or the power law of
+rain, and a default amount. All losses are one-way. Light means that of a laser of
+905 nm.
+"""
 
 import math
 from dataclasses import dataclass, fields
+from functools import cache
+from typing import Any, Final, Literal, TypeAlias
 
-OPAQUE = math.inf
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from radarsim.errors import PresetError
+from radarsim.presets.preset_files import (
+    SourcedValue,
+    preset_names,
+    read_preset,
+    unknown_preset,
+)
+from radarsim.presets.sensor_settings import BANDS_GHZ
+
+OPAQUE: Final = math.inf
+ALBEDO: Final = 0.2  # of foliage
+BACKSCATTER_DB: Final = -10.0  # of a rough surface of which nothing is known
+SLOPE_DEG: Final = 2.0  # of facets of which only the reflection is known
+
+Losses: TypeAlias = tuple[float, float, float]  # in each of ``BANDS_GHZ``
+Amount: TypeAlias = Literal["g_per_m3", "mm_per_h"]
+AMOUNTS: Final[tuple[Amount, ...]] = ("g_per_m3", "mm_per_h")
+
+# The radar cross section of rain per volume, dB(m^2/m^3), in each band: that of drops
+# of the sizes of Marshall and Palmer by Mie's theory, computed for this project at 24,
+# 77 and 94 GHz.
+RAIN_RATES: Final = (1.0, 5.0, 12.5, 25.0, 50.0, 100.0)  # mm/h
+RAIN_REFLECTIVITY_DB: Final = (
+    (-53.4, -43.0, -37.5, -33.7, -30.2, -27.0),
+    (-39.3, -33.6, -30.9, -29.0, -27.2, -25.5),
+    (-38.8, -33.7, -31.2, -29.5, -27.8, -26.2),
+)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -58,21 +96,21 @@ class Material:
     laser_density: float = OPAQUE
     solid: bool = True
     sheet_loss: float | None = None
-    radar_db: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    radar_db: Losses = (0.0, 0.0, 0.0)
     laser_db: float = 0.0
     absorption_db: float = 0.0
     laser_absorption_db: float = 0.0
     radar_mirror: bool = False
     laser_mirror: bool = False
     rain: float = 0.0
-    attenuation_db: tuple[float, float, float] | None = None
-    sheet_attenuation_db: tuple[float, float, float] | None = None
-    backscatter_db: float = -10.0
-    albedo: float = 0.2
+    attenuation_db: Losses | None = None
+    sheet_attenuation_db: Losses | None = None
+    backscatter_db: float = BACKSCATTER_DB
+    albedo: float = ALBEDO
     constant_gamma: bool = False
     specular_db: float | None = None
-    slope_deg: float = 2.0
-    transmission_db: tuple[float, float, float] | None = None
+    slope_deg: float = SLOPE_DEG
+    transmission_db: Losses | None = None
 
     def __repr__(self) -> str:
         """Return the call that makes it, without what is by default."""
@@ -87,3 +125,158 @@ class Material:
     def penetrable(self) -> bool:
         """Whether radar or laser beams enter it, so that its inside matters."""
         return math.isfinite(self.density) or math.isfinite(self.laser_density)
+
+
+class LibraryEntry(BaseModel):
+    """A file of the library.
+
+    Attributes:
+        about: Description in one or two sentences.
+        numbers: Values by name; a map may set the same names. ``density`` is a word or
+            0; ``db_per_m`` is the loss per metre in each of ``BANDS_GHZ``, dB;
+            ``db_per_g`` the loss per metre for one gramme in a cubic metre, dB;
+            ``rain_k`` R^``rain_alpha`` the loss in rain of R mm/h, dB/km;
+            ``backscatter_db`` what a surface returns to a radar head-on, dB, and
+            ``albedo`` the share of a loss that is scattered; ``specular_db`` what
+            facets reflect that face a radar, dB, and ``slope_deg`` their rms slope,
+            degrees; ``transmission_db`` the loss on the way through a pane, in each
+            band, dB.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    about: str
+    numbers: dict[str, SourcedValue]
+
+    @property
+    def amount(self) -> Amount | None:
+        """The amount that scales its losses; None for a material without one."""
+        return next((name for name in AMOUNTS if name in self.numbers), None)
+
+
+def library_names() -> tuple[str, ...]:
+    """Return the names of all materials of the library, sorted."""
+    return preset_names("materials")
+
+
+def library() -> dict[str, LibraryEntry]:
+    """Read the whole library, by name, in alphabetical order."""
+    return {name: library_entry(name) for name in library_names()}
+
+
+@cache
+def library_entry(name: str) -> LibraryEntry:
+    """Read the file of a material.
+
+    Raises:
+        PresetError: If there is no such material.
+    """
+    if name not in library_names():
+        raise unknown_preset("material", name, library_names())
+    return LibraryEntry.model_validate(read_preset("materials", name))
+
+
+def library_material(
+    name: str, *, g_per_m3: float | None = None, mm_per_h: float | None = None
+) -> Material:
+    """Return a material of the library.
+
+    Args:
+        name: One of ``library_names()``.
+        g_per_m3: Mass of smoke, dust or water in a cubic metre of air; None for the
+            default of the file.
+        mm_per_h: Rate of rain; None for the default of the file.
+
+    Raises:
+        PresetError: If there is no such material, or an amount does not apply to it.
+
+    >>> library_material("smoke", g_per_m3=1).laser_db
+    23.0
+    """
+    entry = library_entry(name)
+    values: dict[str, Any] = {key: n.value for key, n in entry.numbers.items()}
+    for key, amount in (("g_per_m3", g_per_m3), ("mm_per_h", mm_per_h)):
+        if amount is None:
+            continue
+        if key != entry.amount:
+            expected = entry.amount or "no amount"
+            raise PresetError(f"material {name!r}: {key} {amount}, expected {expected}")
+        values[key] = amount
+    none = dict.fromkeys(map(str, BANDS_GHZ), 0.0)
+    radar_db = _by_band(values.get("db_per_m", none))
+    laser_db = float(values.get("laser_db_per_m", 0.0))
+    if entry.amount == "mm_per_h":
+        rate = values["mm_per_h"]
+        laws = zip(
+            _by_band(values["rain_k"]), _by_band(values["rain_alpha"]), strict=True
+        )
+        first, second, third = (rain_attenuation(k, alpha, rate) for k, alpha in laws)
+        radar_db = first, second, third
+        laser_db = rain_attenuation(
+            values["laser_rain_k"], values["laser_rain_alpha"], rate
+        )
+    elif entry.amount == "g_per_m3":
+        grammes = values["g_per_m3"]
+        first, second, third = (grammes * db for db in _by_band(values["db_per_g"]))
+        radar_db = first, second, third
+        laser_db = grammes * values["laser_db_per_g"]
+    mirror = values.get("mirror", "none")
+    transmission = values.get("transmission_db")
+    return Material(
+        name,
+        density=OPAQUE if values.get("density") == "opaque" else 0.0,
+        laser_density=OPAQUE if values.get("laser_density") == "opaque" else 0.0,
+        solid=values["solid"],
+        radar_db=radar_db,
+        laser_db=laser_db,
+        absorption_db=values.get("absorption_db", 0.0),
+        laser_absorption_db=values.get("laser_absorption_db", 0.0),
+        radar_mirror=mirror in ("radar", "both"),
+        laser_mirror=mirror in ("laser", "both"),
+        rain=float(values.get("mm_per_h", 0.0)),
+        backscatter_db=float(values.get("backscatter_db", BACKSCATTER_DB)),
+        albedo=float(values.get("albedo", ALBEDO)),
+        specular_db=values.get("specular_db"),
+        slope_deg=float(values.get("slope_deg", SLOPE_DEG)),
+        transmission_db=None if transmission is None else _by_band(transmission),
+    )
+
+
+def _by_band(numbers: dict[str, float]) -> Losses:
+    first, second, third = (float(numbers[str(band)]) for band in BANDS_GHZ)
+    return first, second, third
+
+
+def rain_attenuation(k: float, alpha: float, mm_per_h: float) -> float:
+    """Return the one-way loss in rain by the power law k R^alpha of ITU-R P.838, dB/m.
+
+    Args:
+        k: Loss at 1 mm/h, dB/km.
+        alpha: Exponent of the rain rate.
+        mm_per_h: R, rate of the rain.
+
+    >>> round(1000 * rain_attenuation(0.22106804, 0.95320005, 26.48052), 6)  # 29 GHz
+    5.021802
+    """
+    return float(k * mm_per_h**alpha / 1000)
+
+
+def rain_reflectivity(band: int, mm_per_h: float) -> float:
+    """Return the radar cross section of a cubic metre of rain, m^2/m^3.
+
+    Between the tabulated rates it is a power of the rain rate.
+
+    Args:
+        band: Index into ``BANDS_GHZ``.
+        mm_per_h: Rate of the rain; outside 1 to 100 the law is extrapolated.
+
+    >>> round(rain_reflectivity(1, 25), 5)
+    0.00126
+    """
+    if mm_per_h <= 0:
+        return 0.0
+    rates, decibels = np.log10(RAIN_RATES), np.array(RAIN_REFLECTIVITY_DB[band])
+    rate = np.log10(mm_per_h)
+    i = int(np.clip(np.searchsorted(rates, rate) - 1, 0, len(rates) - 2))
+    slope = (decibels[i + 1] - decibels[i]) / (rates[i + 1] - rates[i])
+    return float(10 ** ((decibels[i] + slope * (rate - rates[i])) / 10))

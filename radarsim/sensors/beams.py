@@ -35,12 +35,13 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.jit import njit_cached
-from radarsim.presets.divergence import (
+from radarsim.presets.sensor_settings import (
+    BANDS_GHZ,
     METRES_PER_UNIT,
+    SensorSettings,
     offset_angle,
     two_way_deviation,
 )
-from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
 from radarsim.raycast.aimed_rays import (
     ALL,
     DRAWN,

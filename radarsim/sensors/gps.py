@@ -22,7 +22,7 @@ from typing import Final
 import numpy as np
 
 from radarsim.geometry import Floats
-from radarsim.presets.items import GpsSettings
+from radarsim.presets.sensor_settings import GpsSettings
 from radarsim.raycast.attenuation import Outcome
 from radarsim.raycast.rays import Rays, Traces
 from radarsim.sensors.sonar import SONAR_CLASS

@@ -29,10 +29,10 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.jit import njit_cached, njit_inline
-from radarsim.presets.rain_reflectivity import rain_reflectivity
 from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.tracer import Tracer
+from radarsim.scene.material import rain_reflectivity
 from radarsim.sensors.echo_extraction import EchoColumns
 from radarsim.sensors.echo_strength import ENTER, LEAVE, START_INSIDE
 

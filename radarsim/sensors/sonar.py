@@ -25,7 +25,7 @@ from typing import Final
 import numpy as np
 
 from radarsim.geometry import Floats, Pose3
-from radarsim.presets.items import SonarSettings
+from radarsim.presets.sensor_settings import SonarSettings
 from radarsim.raycast.rays import SONAR, RayClass, Rays, Traces
 
 SONAR_CLASS: Final = RayClass(SONAR)

@@ -15,15 +15,15 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
 
 from radarsim.errors import PresetError, expected_one_of
-from radarsim.presets.items import (
-    GpsSettings,
-    SonarSettings,
+from radarsim.presets.robots import Item, RobotModel, load_robot, robot_names
+from radarsim.presets.sensor_settings import GpsSettings, SensorSettings, SonarSettings
+from radarsim.presets.sensors import (
     gps_settings,
+    has_fmcw,
+    load_fmcw_settings,
+    load_settings,
     sonar_settings,
 )
-from radarsim.presets.robots import Item, RobotModel, load_robot, robot_names
-from radarsim.presets.sensor_settings import SensorSettings
-from radarsim.presets.sensors import has_fmcw, load_fmcw_settings, load_settings
 from radarsim.protocol.dialect import COMPAT, MAX_WHEEL_SPEEDS, Dialect, DriveUnit
 from radarsim.robots.motion import WheelDrive
 from radarsim.sensors.motion_readings import InsNoise

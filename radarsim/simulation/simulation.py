@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarsim import plugins
 from radarsim.geometry import Floats, Pose2, Pose3
-from radarsim.presets.items import sonar_settings
 from radarsim.presets.robots import RobotModel
+from radarsim.presets.sensors import sonar_settings
 from radarsim.protocol.reports import RangeScan, Report
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.rays import Rays

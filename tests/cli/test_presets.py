@@ -2,7 +2,7 @@ import json
 from collections.abc import Callable
 from typing import Any
 
-from radarsim.presets.materials import library_names
+from radarsim.scene.material import library_names
 
 Command = Callable[..., Any]
 

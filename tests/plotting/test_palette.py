@@ -1,7 +1,6 @@
 """Colours that one picture shows differ, also for the colour-blind."""
 
 import itertools
-from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -21,8 +20,7 @@ from radarsim.plotting.palette import (
     sensor_colour,
 )
 from radarsim.plotting.style import area_style
-from radarsim.presets.materials import library_material
-from radarsim.scene.material import Material
+from radarsim.scene.material import Material, library_material
 
 # Machado, Oliveira and Fernandes 2009, severity 1, for linear RGB.
 SIGHTS = {
@@ -112,7 +110,7 @@ def test_family_follows_from_name_and_properties(
     ],
 )
 def test_library_materials_have_the_expected_family(name: str, family: Family) -> None:
-    assert family_of(Material(name, **asdict(library_material(name)))) == family
+    assert family_of(library_material(name)) == family
 
 
 def test_radars_have_one_colour_and_lasers_another() -> None:

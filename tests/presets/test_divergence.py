@@ -3,7 +3,7 @@ import math
 import pytest
 from oracles.gaussian_beam import side_ray_angle
 
-from radarsim.presets.divergence import METRES_PER_UNIT, offset_angle, offset_units
+from radarsim.presets.sensor_settings import METRES_PER_UNIT, offset_angle, offset_units
 
 WIDTH = math.radians(1.8)  # between the one-way half-power points of a beam
 

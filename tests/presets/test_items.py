@@ -1,7 +1,7 @@
 import pytest
 
 from radarsim.errors import PresetError
-from radarsim.presets.items import gps_settings, item_presets, sonar_settings
+from radarsim.presets.sensors import gps_settings, item_presets, sonar_settings
 
 
 def test_numbers_of_the_sonar_are_those_of_the_original_server() -> None:

@@ -4,15 +4,16 @@ from typing import get_args
 import pytest
 
 from radarsim.errors import PresetError
-from radarsim.presets.materials import (
+from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
+from radarsim.scene.map_schema import MaterialEntry
+from radarsim.scene.material import (
     AMOUNTS,
-    MaterialProperties,
+    Material,
     library,
     library_entry,
     library_material,
     library_names,
 )
-from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
 
 PLANTS = (
     *("sparse_foliage", "twigs", "woodland", "foliage", "dense_foliage"),
@@ -38,6 +39,9 @@ def test_materials_have_numbers_for_each_radar_band() -> None:
 def test_every_number_has_a_source(name: str) -> None:
     entry = library_entry(name)
     assert entry.about
+    derived = {"db_per_g", "rain_k", "rain_alpha"}
+    known = {*MaterialEntry.model_fields, *derived, *(f"laser_{k}" for k in derived)}
+    assert entry.numbers.keys() <= known
     for number in entry.numbers.values():
         assert len(number.source) > 8
 
@@ -121,7 +125,8 @@ def test_unknown_material_is_rejected_with_the_known_names() -> None:
 
 
 def test_all_properties_of_a_material() -> None:
-    assert library_material("brick") == MaterialProperties(
+    assert library_material("brick") == Material(
+        "brick",
         density=math.inf,
         laser_density=math.inf,
         solid=True,

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from oracles.permittivity import P2040, bulk_loss, permittivity, reflectance
 
-from radarsim.presets.materials import library_entry, library_material
+from radarsim.scene.material import library_entry, library_material
 
 BANDS = (24, 77, 94)
 INDEX = st.floats(1.1, 10)

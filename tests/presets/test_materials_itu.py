@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from oracles.hydrometeors import PowerLaw, fog_attenuation, polarised
 
-from radarsim.presets.materials import library_entry, library_material
+from radarsim.scene.material import library_entry, library_material
 
 BANDS = (24, 77, 94)
 

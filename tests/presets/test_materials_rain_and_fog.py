@@ -13,7 +13,7 @@ from oracles.hydrometeors import (
 )
 from oracles.particles import extinction_in_db, grain_extinction
 
-from radarsim.presets.materials import (
+from radarsim.scene.material import (
     library_entry,
     library_material,
     rain_attenuation,

@@ -11,7 +11,7 @@ from oracles.particles import (
     grain_extinction,
 )
 
-from radarsim.presets.materials import library_material
+from radarsim.scene.material import library_material
 
 SOIL = 4.5 - 0.25j, 2.65  # permittivity, g/cm^3
 BANDS = (24, 77, 94)

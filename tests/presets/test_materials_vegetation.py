@@ -3,7 +3,7 @@
 import pytest
 from oracles.vegetation import convert_band, p833, p833_most, weissberger
 
-from radarsim.presets.materials import library_material
+from radarsim.scene.material import library_material
 
 
 @pytest.mark.parametrize(

@@ -1,14 +1,13 @@
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from radarsim.errors import MapError
-from radarsim.presets.materials import library_material, library_names
-from radarsim.scene.build import from_library
 from radarsim.scene.map_file import load_map
-from radarsim.scene.material import OPAQUE, Material
+from radarsim.scene.material import OPAQUE, Material, library_material, library_names
 from radarsim.scene.scene import Scene
 
 NUMBER = "expected a number from 0 to 1e+06, or one for each of 24, 77, 94"
@@ -128,10 +127,7 @@ def test_entry_becomes_a_material(entry: str, attributes: dict[str, Any]) -> Non
 @pytest.mark.parametrize("name", library_names())
 def test_entry_may_be_based_on_any_library_material(name: str) -> None:
     result = material(f"{{based_on: {name}}}")
-    told_of = library_material(name)
-    assert result.name == "m"
-    for field in type(told_of).__dataclass_fields__:
-        assert getattr(result, field) == getattr(told_of, field)
+    assert result == replace(library_material(name), name="m")
     assert result.sheet_loss is None
 
 
@@ -213,7 +209,7 @@ def test_entry_may_be_based_on_any_library_material(name: str) -> None:
 def test_entry_overrides_its_base(
     entry: str, base: str, attributes: dict[str, Any]
 ) -> None:
-    expected = from_library(base)
+    expected = library_material(base)
     for field in Material.__dataclass_fields__:
         value = attributes.get(field, getattr(expected, field))
         assert getattr(material(entry), field) == ("m" if field == "name" else value)
@@ -391,7 +387,7 @@ def test_object_may_have_a_library_material_without_an_entry() -> None:
         "  - {name: c, sphere: 1, material: hedge}\n"
     )
     assert list(scene.materials) == ["wood", "hedge"]
-    assert scene.parts[0].material == from_library("hedge")
+    assert scene.parts[0].material == library_material("hedge")
     assert scene.parts[1].material == Material("wood", 0.5)
     assert scene.parts[2].material is scene.parts[0].material
 
@@ -401,13 +397,13 @@ def test_mesh_may_have_library_materials() -> None:
     (part,) = load(
         "objects:\n  - {name: a, mesh: plate.obj, materials: {Tin: metal}}"
     ).parts
-    assert part.material == from_library("metal")
+    assert part.material == library_material("metal")
 
 
 @pytest.mark.parametrize(
     ("text", "air"),
     [
-        pytest.param("air: fog", from_library("fog"), id="of the library"),
+        pytest.param("air: fog", library_material("fog"), id="of the library"),
         pytest.param(
             "materials:\n  fog: {density: 0.01, laser_density: 1, solid: false}\n"
             "air: fog",

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from map_texts import objects, problems
 
-from radarsim.presets.materials import library_names
 from radarsim.scene.build import LIMITS
+from radarsim.scene.material import library_names
 
 pytestmark = pytest.mark.usefixtures("mesh_folder")
 KEYS = (

@@ -3,9 +3,8 @@ from pathlib import Path
 import pytest
 
 from radarsim.errors import MapError
-from radarsim.scene.build import from_library
 from radarsim.scene.map_file import load_map, load_variants
-from radarsim.scene.material import Material
+from radarsim.scene.material import Material, library_material
 
 YARD = """\
 version: 1
@@ -47,7 +46,7 @@ def problems(text: str, name: str = "m.yaml", *, every: bool = False) -> list[st
 def test_variant_overrides_air_and_materials_and_adds_objects() -> None:
     scene = load_map("yard.yaml@dust")
     assert (scene.name, scene.level) == ("yard@dust", "DM-Yard")
-    assert scene.air == from_library("dust")
+    assert scene.air == library_material("dust")
     assert [part.object_name for part in scene.parts] == ["bush", "puff"]
     assert scene.parts[0].material == Material("leaf", 0.1)
     assert scene.materials["bark"] == Material("bark")
@@ -57,7 +56,7 @@ def test_variant_overrides_air_and_materials_and_adds_objects() -> None:
 def test_map_without_variant_has_nothing_of_its_variants() -> None:
     scene = load_map(Path("yard.yaml"))
     assert scene.name == "yard"
-    assert scene.air == from_library("fog")
+    assert scene.air == library_material("fog")
     assert scene.materials["leaf"] == Material("leaf", 0.7)
     assert [part.object_name for part in scene.parts] == ["bush"]
 
@@ -65,7 +64,7 @@ def test_map_without_variant_has_nothing_of_its_variants() -> None:
 def test_variant_may_have_no_air_or_no_difference() -> None:
     assert load_map("yard.yaml@clear").air is None
     same = load_map("yard.yaml@same")
-    assert same.air == from_library("fog")
+    assert same.air == library_material("fog")
     assert (same.name, len(same.parts)) == ("yard@same", 1)
 
 

@@ -8,8 +8,11 @@ from hypothesis import strategies as st
 from oracles.gaussian_beam import side_ray_angle
 
 from radarsim.geometry import Floats, Pose3
-from radarsim.presets.divergence import offset_units, two_way_deviation
-from radarsim.presets.sensor_settings import SensorSettings
+from radarsim.presets.sensor_settings import (
+    SensorSettings,
+    offset_units,
+    two_way_deviation,
+)
 from radarsim.presets.sensors import load_settings
 from radarsim.raycast.aimed_rays import AimedRays, Sides
 from radarsim.rng import generator_for

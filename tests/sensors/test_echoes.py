@@ -12,7 +12,7 @@ from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
-from radarsim.scene.build import from_library
+from radarsim.scene.material import library_material
 from radarsim.scene.shapes import box, cylinder
 from radarsim.sensors.echoes import Target
 
@@ -252,7 +252,7 @@ def test_range_is_that_of_the_last_echo(foliage_room: Scene) -> None:
 def test_metal_plate_that_faces_a_radar_answers(
     sensor: str, settings: dict[str, float]
 ) -> None:
-    metal = from_library("metal")
+    metal = library_material("metal")
     world = scene(block("plate", metal, (0.1, 3, 3), (10, 0, 0)))
     radar = radarsim.load_sensor(
         sensor, return_mode="all", ray_choice="together", **settings
@@ -268,7 +268,7 @@ def test_metal_plate_that_faces_a_radar_answers(
 
 
 def test_sensors_of_the_thesis_and_lasers_see_only_what_mirrors_show() -> None:
-    world = scene(block("plate", from_library("metal"), (0.1, 3, 3), (10, 0, 0)))
+    world = scene(block("plate", library_material("metal"), (0.1, 3, 3), (10, 0, 0)))
     for sensor in ("radar", "thesis", "laser", "sick"):
         scan = radarsim.load_sensor(sensor).scan(world, (0, 0, 0), generator_for(1))
         assert np.isinf(scan.ranges).all(), sensor
@@ -278,7 +278,9 @@ def test_sensors_of_the_thesis_and_lasers_see_only_what_mirrors_show() -> None:
 def test_metal_plate_that_is_turned_away_stays_dark(angle_deg: float) -> None:
     vertices, faces = box(0.1, 3, 3)
     turned = vertices @ Pose3(0, 0, 0, yaw=math.radians(angle_deg)).rotation().T
-    plate = Part("plate", from_library("metal"), turned + np.array([10, 0, 0]), faces)
+    plate = Part(
+        "plate", library_material("metal"), turned + np.array([10, 0, 0]), faces
+    )
     radar = radarsim.load_sensor("radar", fov_deg=4, resolution_deg=2, glint_deg=1)
     scan = radar.scan(scene(plate), (0, 0, 0), generator_for(1))
     assert np.isinf(scan.ranges).all()
@@ -286,7 +288,7 @@ def test_metal_plate_that_is_turned_away_stays_dark(angle_deg: float) -> None:
 
 def test_pane_shows_itself_and_what_is_behind_it() -> None:
     """6.5 dB one way at 77 GHz: 13 dB out and back, half of it at each face."""
-    pane = block("pane", from_library("glass"), (0.006, 4, 4), (4, 0, 0))
+    pane = block("pane", library_material("glass"), (0.006, 4, 4), (4, 0, 0))
     world = scene(pane, block("wall", WALL, (1, 9, 4), (8, 0, 0)))
     # pitched, so that it does not face the beam
     radar = radarsim.load_sensor(

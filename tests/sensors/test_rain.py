@@ -10,14 +10,14 @@ import pytest
 import radarsim
 from radarsim import Material, Part, Pose2, Pose3, Scan, Scene, SimulationConfig
 from radarsim.geometry import Floats
-from radarsim.presets.rain_reflectivity import (
-    RATES,
-    REFLECTIVITY_DB,
-    rain_reflectivity,
-)
 from radarsim.presets.robots import load_robot
 from radarsim.presets.sensors import load_settings
 from radarsim.rng import generator_for
+from radarsim.scene.material import (
+    RAIN_RATES,
+    RAIN_REFLECTIVITY_DB,
+    rain_reflectivity,
+)
 from radarsim.scene.shapes import box
 from radarsim.sensors.rain import contrast
 from radarsim.simulation.simulation import Simulation
@@ -54,8 +54,8 @@ def chances(q: float, cell: float, max_range: float, from_: float = 1.0) -> Floa
 
 
 def test_reflectivity_interpolates_its_table_by_power_laws() -> None:
-    for band, row in enumerate(REFLECTIVITY_DB):
-        for rate, decibels in zip(RATES, row, strict=True):
+    for band, row in enumerate(RAIN_REFLECTIVITY_DB):
+        for rate, decibels in zip(RAIN_RATES, row, strict=True):
             found = 10 * math.log10(rain_reflectivity(band, rate))
             assert found == pytest.approx(decibels)
     assert rain_reflectivity(1, 0) == 0.0

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Floats, Pose3
-from radarsim.presets.items import sonar_settings
+from radarsim.presets.sensors import sonar_settings
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material

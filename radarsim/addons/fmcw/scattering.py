@@ -31,10 +31,9 @@ import numpy as np
 
 from radarsim.geometry import Floats
 from radarsim.jit import njit_inline
-from radarsim.presets.rain_reflectivity import rain_reflectivity
 from radarsim.raycast.rays import RayClass
 from radarsim.raycast.tracer import Tracer
-from radarsim.scene.material import Material
+from radarsim.scene.material import Material, rain_reflectivity
 
 OVERLAP: Final = 4.0  # by how much the ranges of a ray reach over those of the next
 _LEVEL: Final = 1e-6  # how far the normal of level ground is off the vertical, at most

@@ -170,7 +170,7 @@ def _import(
 
 def _check_materials(options: ImportOptions, imported: ImportedMap) -> None:
     """Refuse materials of options that neither the library nor the file has."""
-    from radarsim.presets.materials import library_names
+    from radarsim.scene.material import library_names
 
     known = [*library_names(), *imported.materials]
     named = {"--default-material": [options.default_material]}

@@ -14,9 +14,9 @@ from radarsim.addons.imports.imported_map import ImportedMap, ImportOptions
 from radarsim.addons.imports.source_file import read_bytes, wrong
 from radarsim.errors import ForeignFileError
 from radarsim.geometry import Pose3
-from radarsim.presets.materials import library_names
 from radarsim.scene.gltf import split_glb
 from radarsim.scene.map_schema import MaterialEntry
+from radarsim.scene.material import library_names
 from radarsim.scene.mesh_files import MAX_FILE_BYTES, MeshError
 from radarsim.scene.meshes import read_surfaces
 from radarsim.validation import describe_invalid, short_repr

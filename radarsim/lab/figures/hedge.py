@@ -42,7 +42,7 @@ from radarsim.lab.figures.foliage_wall import (
 from radarsim.plotting.annotations import as_words
 from radarsim.plotting.palette import LASER, MARKER, RADAR
 from radarsim.plotting.style import scan_points
-from radarsim.presets.divergence import METRES_PER_UNIT
+from radarsim.presets.sensor_settings import METRES_PER_UNIT
 from radarsim.sensors.range_scanner import load_sensor
 from radarsim.sensors.scan import Scan
 

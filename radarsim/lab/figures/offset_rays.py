@@ -16,8 +16,8 @@ from radarsim.plotting.annotations import draw_scale_bar
 from radarsim.plotting.palette import LEFT_RAY, MARKER, RIGHT_RAY
 from radarsim.plotting.plan import draw_robot
 from radarsim.plotting.ray_segments import line_opacity, split_rays
-from radarsim.presets.divergence import METRES_PER_UNIT
 from radarsim.presets.robots import load_robot
+from radarsim.presets.sensor_settings import METRES_PER_UNIT
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.sensors.beams import LEFT, RIGHT

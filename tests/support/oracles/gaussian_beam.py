@@ -2,7 +2,7 @@
 
 import math
 
-from radarsim.presets.divergence import two_way_deviation
+from radarsim.presets.sensor_settings import two_way_deviation
 
 
 def side_ray_angle(beamwidth: float) -> float:
