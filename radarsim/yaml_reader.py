@@ -22,14 +22,14 @@ from typing import Any, TypeAlias
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
-from yaml import YAMLError
+from yaml import MarkedYAMLError
 from yaml.cyaml import CParser
 from yaml.events import (
     AliasEvent,
     DocumentStartEvent,
     Event,
     MappingEndEvent,
-    NodeEvent,
+    MappingStartEvent,
     ScalarEvent,
     SequenceEndEvent,
     SequenceStartEvent,
@@ -39,6 +39,9 @@ from radarsim.validation import describe_invalid, describe_unknown_key, short_re
 
 KeyPath: TypeAlias = tuple[str | int, ...]
 Position: TypeAlias = tuple[int, int]  # line and column, from 1
+_ValueEvent: TypeAlias = (
+    AliasEvent | ScalarEvent | SequenceStartEvent | MappingStartEvent
+)
 
 MAX_BYTES = 1024 * 1024
 MAX_VALUES = 500_000  # with aliases expanded
@@ -73,12 +76,12 @@ class Node:
     """
 
     position: Position
-    value: Any
+    value: object
     key_positions: dict[str, Position] | None = None
     size: int = 1
     depth: int = 0
 
-    def to_plain(self) -> Any:
+    def to_plain(self) -> object:
         """Return the value without positions."""
         if isinstance(self.value, dict):
             return {key: node.to_plain() for key, node in self.value.items()}
@@ -126,7 +129,7 @@ class YamlFile:
     """
 
     path: Path
-    data: Any
+    data: object
     problems: tuple[str, ...]
     _root: Node
 
@@ -217,7 +220,7 @@ def parse_yaml(path: Path, text: str) -> YamlFile:
     return YamlFile(path, root.to_plain(), tuple(problems), root)
 
 
-def parse_plain(text: str) -> Any:
+def parse_plain(text: str) -> object:
     """Parse YAML text of which no positions are needed; numbers may be infinite.
 
     Raises:
@@ -251,16 +254,13 @@ def compose(text: str, *, finite: bool = True) -> tuple[Node, list[YamlProblem]]
     composer = _Composer(CParser(text).get_event, finite=finite)
     try:
         return composer.compose(), composer.problems
-    except YAMLError as error:
-        raise UnreadableYaml(*_describe(error, text)) from error
-
-
-def _describe(error: Any, text: str) -> tuple[Position, str]:
-    """Return position and message of a parser's error; at most the end of the text."""
-    mark = error.problem_mark or error.context_mark
-    line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
-    end = _position_at(text, len(text))
-    return min((line, column), end), f"not YAML: {error.problem or error.context}"
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        position = (mark.line + 1, mark.column + 1) if mark else (1, 1)
+        # libyaml may point behind the end of a text that breaks off
+        position = min(position, _position_at(text, len(text)))
+        message = f"not YAML: {error.problem or error.context}"
+        raise UnreadableYaml(position, message) from error
 
 
 def _position_at(text: str, index: int) -> Position:
@@ -287,34 +287,31 @@ class _Composer:
                 raise UnreadableYaml(
                     _position(event), "a second document, expected one"
                 )
-            if isinstance(event, NodeEvent):
+            if isinstance(event, _ValueEvent):
                 root = self._node(event)
         return root or Node((1, 1), None)
 
-    def _node(self, event: Any) -> Node:
-        kind = type(event)
-        if kind is AliasEvent:
-            return self._alias(event)
+    def _node(self, event: _ValueEvent) -> Node:
+        if isinstance(event, AliasEvent):
+            node = self._anchors.get(event.anchor)
+            if node is None:  # missing, or the alias is inside of what it names
+                name = short_repr(event.anchor)
+                self._report(event, f"alias {name}, expected an anchor before it")
+                return Node(_position(event), None)
+            # with all that it stands for: a few lines may expand to gigabytes
+            self._count(event, node.size, len(self._keys) + node.depth)
+            return node
         self._count(event, 1, len(self._keys))
         if event.tag is not None:
             self._report(event, f"tag {short_repr(event.tag)}, expected none")
-        if kind is ScalarEvent:
+        if isinstance(event, ScalarEvent):
             node = Node(_position(event), self._scalar(event))
-        elif kind is SequenceStartEvent:
+        elif isinstance(event, SequenceStartEvent):
             node = self._sequence(event)
         else:
             node = self._mapping(event)
         if event.anchor is not None:
             self._anchors[event.anchor] = node
-        return node
-
-    def _alias(self, event: Any) -> Node:
-        node = self._anchors.get(event.anchor)
-        if node is None:  # missing, or the alias is inside of the node that it names
-            message = f"alias {short_repr(event.anchor)}, expected an anchor before it"
-            self._report(event, message)
-            return Node(_position(event), None)
-        self._count(event, node.size, len(self._keys) + node.depth)
         return node
 
     def _sequence(self, event: Event) -> Node:
@@ -341,7 +338,7 @@ class _Composer:
         totals = _size_and_depth(values.values())
         return Node(_position(event), values, positions, *totals)
 
-    def _key(self, event: Any) -> str:
+    def _key(self, event: _ValueEvent) -> str:
         if isinstance(event, ScalarEvent) and event.tag is None:
             return str(event.value)
         self._keys.append("?")
@@ -350,7 +347,7 @@ class _Composer:
         self._report(event, "a key that is no plain text, expected a name")
         return ""
 
-    def _scalar(self, event: ScalarEvent) -> Any:
+    def _scalar(self, event: ScalarEvent) -> object:
         text = event.value
         if event.style:  # quoted, or a block of text
             return text

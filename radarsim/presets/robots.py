@@ -201,7 +201,7 @@ def read_robot(path: Path, seen: tuple[Path, ...] = ()) -> RobotModel:
         ) from error
 
 
-def _with_base(data: Any, path: Path, seen: tuple[Path, ...]) -> Any:
+def _with_base(data: object, path: Path, seen: tuple[Path, ...]) -> object:
     if not isinstance(data, dict) or "based_on" not in data:
         return data
     changed = {key: value for key, value in data.items() if key != "based_on"}
@@ -219,7 +219,7 @@ def _with_base(data: Any, path: Path, seen: tuple[Path, ...]) -> Any:
     return base | changed | {"items": list(items.values())}
 
 
-def _are_named(items: Any) -> bool:
+def _are_named(items: object) -> bool:
     return isinstance(items, list) and all(
         isinstance(item, dict) and "name" in item for item in items
     )

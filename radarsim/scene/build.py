@@ -1,11 +1,12 @@
-"""Build materials and parts from the entries of a map file.
+"""Build materials, and the parts of objects and their copies, from a map's entries.
 
 What reads meshes is imported at the first mesh, since numba takes long to be imported.
 """
 
 import math
-from collections.abc import Mapping
-from dataclasses import replace
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from radarsim.errors import MAX_NAMES, expected_one_of
 from radarsim.geometry import Floats, rotation_matrix
-from radarsim.scene.copies import BuildError, place_copies
+from radarsim.rng import generator_for
 from radarsim.scene.map_checks import Problem
 from radarsim.scene.map_schema import (
     MAX_EXTENT,
@@ -21,6 +22,7 @@ from radarsim.scene.map_schema import (
     MAX_PARTS,
     MaterialEntry,
     ObjectEntry,
+    ScatterEntry,
 )
 from radarsim.scene.material import Material, library_material
 from radarsim.scene.mesh_files import (
@@ -43,7 +45,27 @@ LIMITS: Final = {
     "triangles": MAX_TRIANGLES,
 }
 
+MAX_ATTEMPTS: Final = 200  # random positions for a copy, before the area counts as full
+CELLS_ALONG: Final = 10_000  # of an area's longer side, at most
+
+_COLUMN: Final = 4 * CELLS_ALONG  # numbers of cells in a column, more than there are
+_AROUND: Final = [i * _COLUMN + j for i in (-1, 0, 1) for j in (-1, 0, 1)]
+_DRAWS: Final = 1000  # numbers that are drawn at once
+
+_Position: TypeAlias = tuple[float, float]
 _Piece: TypeAlias = tuple[Material, Mesh]
+
+
+class BuildError(Exception):
+    """An object cannot be built.
+
+    Attributes:
+        problems: The keys inside of the object, each with what is wrong there.
+    """
+
+    def __init__(self, problems: list[Problem]) -> None:
+        super().__init__(problems)
+        self.problems = problems
 
 
 # Keys of an entry that are attributes of the material, and replace those of the base.
@@ -141,7 +163,7 @@ class PartBuilder:
         self._folder = folder
         self._budget = MeshBudget()
         self._surfaces: dict[str, list[Surface] | MeshError] = {}
-        self._joined: dict[tuple[Any, ...], list[_Piece]] = {}
+        self._joined: dict[tuple[object, ...], list[_Piece]] = {}
 
     def build(
         self, entry: ObjectEntry, materials: Mapping[str, Material], room: Room
@@ -188,23 +210,48 @@ class PartBuilder:
         if entry.reflector is not None:
             return [(REFLECTOR, octahedron(entry.reflector.trihedral or POINT_EDGE))]
         if entry.mesh is None:
-            return [(materials[entry.material or ""], _build_primitive(entry))]
+            if entry.box is not None:
+                mesh = box(*entry.box)
+            elif entry.cylinder is not None:
+                mesh = cylinder(*entry.cylinder)
+            else:
+                mesh = sphere(entry.sphere or 0.0)
+            return [(materials[entry.material or ""], mesh)]
+        pieces = []
+        for material, (vertices, faces) in self._mesh(entry, entry.mesh, materials):
+            scaled = vertices * entry.scale
+            if entry.up_axis == "y":
+                x, y, z = scaled.T
+                scaled = np.column_stack([x, -z, y])
+            pieces.append((material, (scaled, faces)))
+        return pieces
+
+    def _mesh(
+        self, entry: ObjectEntry, mesh: str, materials: Mapping[str, Material]
+    ) -> list[_Piece]:
+        """Return the file's surfaces, joined for each material, as they are in it."""
+        # Joining takes seconds for a large mesh. A variant may have another material of
+        # the same name, which may need a closed volume where the map's did not.
         given = tuple((entry.materials or {}).items())
-        key = (entry.mesh, entry.material, given, *materials.values())
+        key = (mesh, entry.material, given, *materials.values())
         if key not in self._joined:
-            surfaces = self._read(entry.mesh)
-            groups = _group_by_material(entry, surfaces)
-            self._joined[key] = _join_groups(entry.mesh, groups, materials)
-        return [
-            (material, (_to_metres(entry, vertices), faces))
-            for material, (vertices, faces) in self._joined[key]
-        ]
+            pieces: list[_Piece] = []
+            problems: list[Problem] = []
+            for name, members in _group_by_material(entry, self._read(mesh)).items():
+                try:
+                    pieces.append((materials[name], _join(materials[name], members)))
+                except MeshError as error:
+                    problems.append((("mesh",), f"{mesh!r}: {error}"))
+            if problems:
+                raise BuildError(problems)
+            self._joined[key] = pieces
+        return self._joined[key]
 
     def _read(self, mesh: str) -> list["Surface"]:
         from radarsim.scene.meshes import read_surfaces  # noqa: PLC0415 - see above
 
         if mesh not in self._surfaces:
-            try:
+            try:  # once: hundreds of objects may have the same broken file
                 path = find_inside(self._folder, self._folder, mesh)
                 surfaces = read_surfaces(path, self._folder, self._budget)
                 self._surfaces[mesh] = [surface.welded() for surface in surfaces]
@@ -231,32 +278,6 @@ def make_reflectors(entry: ObjectEntry) -> list[Reflector]:
         edge = None if trihedral is None else copy.scale * trihedral
         reflectors.append(Reflector(copy.name, (x, y, z), edge, rcs_dbsm))
     return reflectors
-
-
-def _join_groups(
-    mesh: str, groups: dict[str, list["Surface"]], materials: Mapping[str, Material]
-) -> list[_Piece]:
-    """Join the surfaces of each material into one mesh, in the unit of the file."""
-    pieces: list[_Piece] = []
-    problems: list[Problem] = []
-    for name, members in groups.items():
-        try:
-            pieces.append((materials[name], _join(materials[name], members)))
-        except MeshError as error:
-            problems.append((("mesh",), f"{mesh!r}: {error}"))
-    if problems:
-        raise BuildError(problems)
-    return pieces
-
-
-def _build_primitive(entry: ObjectEntry) -> Mesh:
-    if entry.box is not None:
-        length, width, height = entry.box
-        return box(length, width, height)
-    if entry.cylinder is not None:
-        radius, height = entry.cylinder
-        return cylinder(radius, height)
-    return sphere(entry.sphere or 0.0)
 
 
 def _join(material: Material, surfaces: list["Surface"]) -> Mesh:
@@ -308,10 +329,116 @@ def _group_by_material(
     return groups
 
 
-def _to_metres(entry: ObjectEntry, vertices: Floats) -> Floats:
-    """Convert a mesh file's vertices to metres with z up."""
-    scaled = vertices * entry.scale
-    if entry.up_axis == "z":
-        return scaled
-    x, y, z = scaled.T
-    return np.column_stack([x, -z, y])
+@dataclass(frozen=True, eq=False)
+class Copy:
+    """One copy of an object.
+
+    Attributes:
+        name: The object's name, with a number if there are several copies.
+        position: (3,) m, of its origin.
+        scale: Factor of its size.
+    """
+
+    name: str
+    position: Floats
+    scale: float = 1.0
+
+
+def copy_names(name: str, count: int | None) -> Iterator[str]:
+    """Yield the names of an object's copies, ``name_1``, ``name_2``; or just its own.
+
+    Args:
+        name: The object's own name.
+        count: None for an object that is neither repeated nor scattered.
+    """
+    if count is None:
+        yield name
+    else:
+        yield from (f"{name}_{number}" for number in range(1, count + 1))
+
+
+def place_copies(entry: ObjectEntry) -> list[Copy]:
+    """Place an object's copies.
+
+    Scattered positions are drawn one after the other from a stream of the entry's own
+    seed and name, so that a larger count does not move the first copies.
+
+    Raises:
+        BuildError: If the area is too small for so many copies so far apart.
+    """
+    origin = np.array(entry.position, dtype=np.float64)
+    if entry.scatter is not None:
+        return _scatter_copies(entry.name, origin, entry.scatter)
+    step = np.array(entry.repeat.step) if entry.repeat else np.zeros(3)
+    names = copy_names(entry.name, entry.copies)
+    return [Copy(name, origin + i * step) for i, name in enumerate(names)]
+
+
+def _scatter_copies(name: str, origin: Floats, scatter: ScatterEntry) -> list[Copy]:
+    draws = _draw_forever(generator_for(scatter.seed, "scatter", name))
+    (left, lower), (right, upper) = scatter.area
+    smallest, largest = scatter.scale
+    width, height, spread = right - left, upper - lower, largest - smallest
+    placed = _Neighbourhood(scatter.min_distance, max(width, height))
+    offsets: list[tuple[float, float, float]] = []
+    scales: list[float] = []
+    for number in range(scatter.count):
+        for _ in range(MAX_ATTEMPTS):
+            x, y = left + width * next(draws), lower + height * next(draws)
+            if placed.add(x, y, x - left, y - lower):
+                break
+        else:
+            text = f"the area is full after {number} copies, expected {scatter.count}"
+            raise BuildError([(("scatter",), text)])
+        offsets.append((x, y, 0.0))
+        scales.append(smallest + spread * next(draws))
+    names = copy_names(name, scatter.count)
+    positions = origin + np.array(offsets)
+    return [Copy(*each) for each in zip(names, positions, scales, strict=True)]
+
+
+def _draw_forever(rng: np.random.Generator) -> Iterator[float]:
+    """Yield numbers from 0 to 1, those that ``rng.random()`` returns one by one."""
+    while True:
+        yield from rng.random(_DRAWS).tolist()
+
+
+class _Neighbourhood:
+    """Positions in an area that are at least some distance apart, in cells of a grid.
+
+    A cell is a little larger than the distance, so that rounding hides no neighbour
+    behind the cells around it. The grid starts in the area's corner and has cells of
+    its scale: no cell has many of its positions, however small it is.
+    """
+
+    def __init__(self, distance: float, side: float) -> None:
+        """Start without positions.
+
+        Args:
+            distance: Least distance, m; 0 for any.
+            side: Length of the area's longer side, m.
+        """
+        self._distance = distance
+        self._size = max(distance * 1.001, side / CELLS_ALONG)
+        self._cells: defaultdict[int, list[_Position]] = defaultdict(list)
+
+    def add(self, x: float, y: float, right: float, up: float) -> bool:
+        """Add a position, unless another one is too near.
+
+        Args:
+            x: East, m.
+            y: North, m.
+            right: Distance from the area's left side, m, at least 0.
+            up: Distance from the area's lower side, m, at least 0.
+        """
+        least = self._distance
+        if least == 0:
+            return True
+        cells = self._cells
+        cell = int(right / self._size) * _COLUMN + int(up / self._size)
+        for offset in _AROUND:
+            for a, b in cells.get(cell + offset, ()):
+                if math.sqrt((a - x) * (a - x) + (b - y) * (b - y)) < least:
+                    return False
+        cells[cell].append((x, y))
+        return True

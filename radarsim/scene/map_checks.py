@@ -8,7 +8,7 @@ The problems of a map file, of which the first are told and all are counted.
 
 import math
 from collections.abc import Collection, Iterable, Iterator
-from typing import Any, Final, TypeAlias
+from typing import Final, TypeAlias
 
 from pydantic import ValidationError
 
@@ -48,7 +48,7 @@ _EXCLUSIVE = (
 )
 
 
-def material_problems(item: Any) -> Iterator[Problem]:
+def material_problems(item: object) -> Iterator[Problem]:
     """Check a raw material: it states what a radar loses, in compatible ways."""
     if not isinstance(item, dict):
         return
@@ -65,7 +65,7 @@ def material_problems(item: Any) -> Iterator[Problem]:
     yield from _amount_problems(item, given)
 
 
-def _amount_problems(item: dict[str, Any], given: set[str]) -> Iterator[Problem]:
+def _amount_problems(item: dict[str, object], given: set[str]) -> Iterator[Problem]:
     """Check that amounts are given only of materials that have them."""
     for key in sorted(given & set(AMOUNTS)):
         base = item.get("based_on")
@@ -116,7 +116,7 @@ def air_problems(material: Material) -> Iterator[Problem]:
         yield (), f"{short_repr(material.name)} is {wrong}, {expected}"
 
 
-def object_problems(item: Any) -> Iterator[Problem]:
+def object_problems(item: object) -> Iterator[Problem]:
     """Check a raw object: one shape, one material key, one form of placement."""
     if not isinstance(item, dict):
         return
@@ -135,7 +135,7 @@ def object_problems(item: Any) -> Iterator[Problem]:
         yield ("position",), f"{short_repr(item['position'])}, {message}"
 
 
-def unknown_materials(item: Any, own: Collection[str]) -> Iterator[str]:
+def unknown_materials(item: object, own: Collection[str]) -> Iterator[str]:
     """Yield the names in a raw object that neither the map nor the library has."""
     if isinstance(item, dict):
         several = item.get("materials")
@@ -158,7 +158,7 @@ def _shape_problems(given: set[str]) -> Iterator[Problem]:
             yield (key,), "expected only for a mesh"
 
 
-def trial_problems(item: Any, starts: Iterable[Any]) -> Iterator[Problem]:
+def trial_problems(item: object, starts: Iterable[object]) -> Iterator[Problem]:
     """Check a raw trial: its start is one of the map's, valid or not.
 
     Names that no start may have are not proposed.
@@ -184,7 +184,7 @@ def extent_problems(bounds: Floats) -> Iterator[Problem]:
         yield (), f"{extents} m, expected at most {MAX_EXTENT:g} m in each direction"
 
 
-def _is_off_centre(position: Any) -> bool:
+def _is_off_centre(position: object) -> bool:
     return isinstance(position, list) and any(position[:2])
 
 

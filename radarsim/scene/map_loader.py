@@ -9,21 +9,21 @@ import math
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from itertools import islice
-from typing import Any, Final, TypeAlias, TypeVar
+from typing import Final, TypeAlias, TypeVar
 
 from pydantic import ValidationError
 
 from radarsim.errors import expected_one_of
 from radarsim.geometry import Pose3
 from radarsim.scene.build import (
+    BuildError,
     PartBuilder,
     Room,
+    copy_names,
     make_material,
     make_reflectors,
 )
-from radarsim.scene.copies import BuildError, copy_names
 from radarsim.scene.map_checks import (
-    Problem,
     ProblemList,
     air_problems,
     extent_problems,
@@ -56,7 +56,7 @@ from radarsim.validation import short_repr
 from radarsim.yaml_reader import KeyPath, YamlFile
 
 _AnyEntry = TypeVar("_AnyEntry", bound=Entry)
-_Layer: TypeAlias = tuple[KeyPath, dict[str, Any]]  # key path and raw entries
+_Layer: TypeAlias = tuple[KeyPath, dict[str, object]]  # key path and raw entries
 _Object: TypeAlias = tuple[ObjectEntry | None, bool]  # None, or whether it is valid
 
 
@@ -91,7 +91,7 @@ class MapLoader:
         if len(variants) > MAX_VARIANTS or entries > MAX_ENTRIES:
             text = f"{len(variants)} variants of {entries} objects in all"
             expected = f"expected at most {MAX_VARIANTS} of {MAX_ENTRIES}"
-            self._report(("variants",), [((), f"{text}, {expected}")])
+            self.problems.report(("variants",), [((), f"{text}, {expected}")])
             return
         for name, _ in variants:
             if not self.problems.full:
@@ -105,10 +105,10 @@ class MapLoader:
         if not self._file.problems:
             found = "nothing in the file" if data is None else short_repr(data)
             message = f"{found}, expected keys like 'version' and 'objects'"
-            self._report((), [((), message)])
+            self.problems.report((), [((), message)])
         return Scene(self._file.path.stem, "")
 
-    def _scene(self, data: dict[str, Any], variant: str | None) -> Scene:
+    def _scene(self, data: dict[str, object], variant: str | None) -> Scene:
         stem = self._file.path.stem
         header = self._validate(Header, {"level": stem, **data}, ())
         layers = list(self._layers(data, variant))
@@ -119,19 +119,27 @@ class MapLoader:
         trial = self._trial(data)
         # What is too much is told before anything is built of the rest.
         parts = () if self._is_too_much else tuple(self._parts(entries, materials))
-        reflectors = () if self._is_too_much else tuple(self._reflectors(entries))
+        reflectors: list[Reflector] = []
+        for _, entry in () if self._is_too_much else entries:
+            with suppress(BuildError):  # of copies, which is told of the parts
+                reflectors += make_reflectors(entry)
         if reflectors:
             materials.setdefault(REFLECTOR.name, REFLECTOR)
-        level = header.level if header else stem
-        name = stem if variant is None else f"{stem}@{variant}"
-        origin = header.gps_origin_deg if header else GPS_ORIGIN
         scene = Scene(
-            *(name, level, parts, starts, materials, air, trial, origin, reflectors)
+            stem if variant is None else f"{stem}@{variant}",
+            header.level if header else stem,
+            parts,
+            starts,
+            materials,
+            air,
+            trial,
+            header.gps_origin_deg if header else GPS_ORIGIN,
+            tuple(reflectors),
         )
-        self._report(("objects",), extent_problems(scene.bounds))
+        self.problems.report(("objects",), extent_problems(scene.bounds))
         return scene
 
-    def _layers(self, data: dict[str, Any], variant: str | None) -> Iterator[_Layer]:
+    def _layers(self, data: dict[str, object], variant: str | None) -> Iterator[_Layer]:
         """Yield the map's own entries, and then those of the variant."""
         yield (), data
         if variant is None:
@@ -141,7 +149,7 @@ class MapLoader:
             text = expected_one_of(variant, list(variants))
             if not variants:
                 text = f"{short_repr(variant)}, but the map has no variants"
-            self._report(("variants",), [((), text)])
+            self.problems.report(("variants",), [((), text)])
             return
         at = ("variants", variant)
         layer = {} if variants[variant] is None else variants[variant]
@@ -153,22 +161,18 @@ class MapLoader:
         materials: dict[str, Material] = {}
         invalid: set[str] = set()
         for at, item in self._entries(layers, "materials", MAX_MATERIALS):
-            if at not in self._made:
-                self._made[at] = self._make_material(at, item)
             name = str(at[-1])
+            if at not in self._made:
+                entry = self._validate(MaterialEntry, item, at)
+                valid = self.problems.report(at, material_problems(item))
+                material = Material(name)
+                if entry is not None and valid:
+                    material = make_material(name, entry)
+                    valid = self.problems.report(at, surface_problems(entry, material))
+                self._made[at] = material, valid and entry is not None
             materials[name], valid = self._made[at]
             (invalid.discard if valid else invalid.add)(name)
         return materials, invalid
-
-    def _make_material(self, at: KeyPath, item: Any) -> tuple[Material, bool]:
-        """Return a material, and whether it is valid."""
-        name = str(at[-1])
-        entry = self._validate(MaterialEntry, item, at)
-        valid = self._report(at, material_problems(item))
-        if entry is None or not valid:
-            return Material(name), False
-        material = make_material(name, entry)
-        return material, self._report(at, surface_problems(entry, material))
 
     def _air(
         self, layers: list[_Layer], materials: dict[str, Material], invalid: set[str]
@@ -180,11 +184,11 @@ class MapLoader:
             return None
         at = (*parent, "air")
         if name not in materials and name not in library_names():
-            self._report(at, [((), unknown_material(name, materials))])
+            self.problems.report(at, [((), unknown_material(name, materials))])
             return None
         material = self._material(name, materials)
         if name not in invalid:
-            self._report(at, air_problems(material))
+            self.problems.report(at, air_problems(material))
         return material
 
     def _material(self, name: str, materials: dict[str, Material]) -> Material:
@@ -200,24 +204,29 @@ class MapLoader:
         taken: dict[str, KeyPath] = {}
         room = Room()
         for at, item in self._entries(layers, "objects", MAX_OBJECTS):
+            # An entry of the map is the same in all variants, unless they lack another
+            # one of its materials.
             key = at, frozenset(unknown_materials(item, materials))
             if key not in self._validated:
-                self._validated[key] = self._object(at, item, materials)
+                context = {"materials": materials, "folder": self._folder}
+                found = self._validate(ObjectEntry, item, at, context)
+                valid = self.problems.report(at, object_problems(item))
+                self._validated[key] = found, valid
             entry, valid = self._validated[key]
             try:
                 room.take((entry and entry.copies) or 1, "objects")
             except BuildError as error:
                 self._is_too_much = True
-                self._report(at, error.problems)
+                self.problems.report(at, error.problems)
                 continue
-            self._claim(at, _object_names(entry, item), taken)
+            # A name is taken even by an entry that is wrong otherwise.
+            name = item.get("name") if isinstance(item, dict) else None
+            if entry is not None:
+                self._claim(at, copy_names(entry.name, entry.copies), taken)
+            elif isinstance(name, str):
+                self._claim(at, [name], taken)
             if entry is not None and valid:
                 yield at, entry
-
-    def _object(self, at: KeyPath, item: Any, materials: Iterable[str]) -> _Object:
-        context = {"materials": materials, "folder": self._folder}
-        entry = self._validate(ObjectEntry, item, at, context)
-        return entry, self._report(at, object_problems(item))
 
     def _parts(
         self,
@@ -233,15 +242,7 @@ class MapLoader:
             try:
                 yield from self._build(at, entry, used, room)
             except BuildError as error:
-                self._report(at, error.problems)
-
-    def _reflectors(
-        self, entries: Iterable[tuple[KeyPath, ObjectEntry]]
-    ) -> Iterator[Reflector]:
-        """Create the point reflectors; problems with their copies were reported."""
-        for _, entry in entries:
-            with suppress(BuildError):
-                yield from make_reflectors(entry)
+                self.problems.report(at, error.problems)
 
     def _build(
         self, at: KeyPath, entry: ObjectEntry, used: dict[str, Material], room: Room
@@ -263,7 +264,7 @@ class MapLoader:
             raise built
         return built
 
-    def _starts(self, data: dict[str, Any]) -> Iterator[StartPose]:
+    def _starts(self, data: dict[str, object]) -> Iterator[StartPose]:
         taken: dict[str, KeyPath] = {}
         for at, item in self._entries([((), data)], "starts", MAX_STARTS):
             entry = self._validate(StartEntry, item, at)
@@ -273,13 +274,13 @@ class MapLoader:
                 pose = Pose3(x, y, z, yaw=math.radians(entry.yaw_deg))
                 yield StartPose(entry.name, pose)
 
-    def _trial(self, data: dict[str, Any]) -> Trial | None:
+    def _trial(self, data: dict[str, object]) -> Trial | None:
         item = data.get("trial")
         if item is None:
             return None
         entry = self._validate(TrialEntry, item, ("trial",))
         starts = [start for _, start in _entries([((), data)], "starts")]
-        valid = self._report(("trial",), trial_problems(item, starts))
+        valid = self.problems.report(("trial",), trial_problems(item, starts))
         if entry is None or not valid:
             return None
         x, y = entry.goal
@@ -288,9 +289,9 @@ class MapLoader:
     def _validate(
         self,
         model: type[_AnyEntry],
-        item: Any,
+        item: object,
         at: KeyPath,
-        context: dict[str, Any] | None = None,
+        context: dict[str, object] | None = None,
     ) -> _AnyEntry | None:
         """Validate an entry by itself; report its problems and return None if any."""
         try:
@@ -320,47 +321,36 @@ class MapLoader:
             if other != at:
                 entry = ".".join(str(key) for key in other)
                 text = f"{short_repr(name)}, expected a name not used by {entry}"
-                self._report(at, [(("name",), text)])
+                self.problems.report(at, [(("name",), text)])
                 return
-
-    def _report(self, at: KeyPath, problems: Iterable[Problem]) -> bool:
-        """Record problems of an entry; return whether there are none."""
-        return self.problems.report(at, problems)
 
     def _entries(
         self, layers: list[_Layer], key: str, most: int
-    ) -> Iterator[tuple[KeyPath, Any]]:
+    ) -> Iterator[tuple[KeyPath, object]]:
         """Yield the raw entries of a section in all layers, each with its key path."""
         count = sum(_count(layer, key) for _, layer in layers)
         if count > most:
             self._is_too_much = True
             text = f"{count} {key}, expected at most {most} in all"
-            self._report((key,), [((), text)])
+            self.problems.report((key,), [((), text)])
         yield from islice(_entries(layers, key), most)
 
 
-def _object_names(entry: ObjectEntry | None, item: Any) -> Iterable[str]:
-    if entry is not None:
-        return copy_names(entry.name, entry.copies)
-    name = item.get("name") if isinstance(item, dict) else None
-    return [name] if isinstance(name, str) else []
-
-
-def _pairs(data: Any, key: str) -> list[tuple[str, Any]]:
+def _pairs(data: object, key: str) -> list[tuple[str, object]]:
     section = data.get(key) if isinstance(data, dict) else None
     return list(section.items()) if isinstance(section, dict) else []
 
 
-def _count(layer: Any, key: str) -> int:
+def _count(layer: object, key: str) -> int:
     section = layer.get(key) if isinstance(layer, dict) else None
     return len(section) if isinstance(section, list | dict) else 0
 
 
-def _entries(layers: Iterable[_Layer], key: str) -> Iterator[tuple[KeyPath, Any]]:
+def _entries(layers: Iterable[_Layer], key: str) -> Iterator[tuple[KeyPath, object]]:
     """Yield the raw entries of a section in all layers, each with its key path."""
     for parent, layer in layers:
         section = layer.get(key)
-        items: Iterable[tuple[str | int, Any]] = []
+        items: Iterable[tuple[str | int, object]] = []
         if key == "materials":
             items = _pairs(layer, key)
         elif isinstance(section, list):

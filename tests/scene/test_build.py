@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radarsim.scene.copies import BuildError, copy_names, place_copies
+from radarsim.scene.build import BuildError, copy_names, place_copies
 from radarsim.scene.map_schema import ObjectEntry
 
 

@@ -10,8 +10,7 @@ from map_texts import HEAD, objects, problems
 
 from radarsim.errors import MapError
 from radarsim.rng import generator_for
-from radarsim.scene.build import LIMITS
-from radarsim.scene.copies import MAX_ATTEMPTS, place_copies
+from radarsim.scene.build import LIMITS, MAX_ATTEMPTS, place_copies
 from radarsim.scene.map_checks import MAX_TOLD
 from radarsim.scene.map_file import load_map, load_variants
 from radarsim.scene.map_schema import (
