@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from radarsim.cli.legacy_sensor import load_scanner, load_scene_and_pose
 from radarsim.cli.options import (
     MapArgument,
     SeedOption,
@@ -15,7 +16,6 @@ from radarsim.cli.options import (
     SensorStartOption,
 )
 from radarsim.cli.output import print_lines
-from radarsim.cli.scan import load_scanner, load_scene_and_pose
 
 
 class Ray(StrEnum):

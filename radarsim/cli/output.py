@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final, TextIO
 
-import typer
+import click
 
 from radarsim.errors import escape_lines, escape_unprintable
 
@@ -26,7 +26,7 @@ MESSAGE_FORM: Final = "radarsim: %(message)s"  # of logs that look like messages
 
 def print_lines(lines: Iterable[object]) -> None:
     """Print lines on stdout."""
-    typer.echo("\n".join(escape_unprintable(str(line)) for line in lines))
+    click.echo("\n".join(escape_unprintable(str(line)) for line in lines))
 
 
 def print_message(text: str) -> None:

@@ -8,20 +8,20 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from functools import partial
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
+import click
 import typer
 
 from radarsim.addons.web.commander_process import CommanderProcess, commander_process
 from radarsim.cli.compile_progress import compile_progress
-from radarsim.cli.config_file import ConfigOption
+from radarsim.cli.legacy_config_file import ConfigOption
 from radarsim.cli.options import (
     DEFAULT_MAX_CLIENTS,
     DEFAULT_PORT,
     DriveUnit,
     MapArgument,
     SeedOption,
-    read_item_settings,
 )
 from radarsim.cli.output import program_name, start_log
 from radarsim.cli.radar_port import NavtechOption, RadarPort
@@ -253,12 +253,12 @@ def check_item_settings(config: SimulationConfig) -> None:
     """Check the settings of ``--set``.
 
     Raises:
-        typer.BadParameter: If one does not fit.
+        click.BadParameter: If one does not fit.
     """
     try:
         config.check()
     except PresetError as error:
-        raise typer.BadParameter(str(error), param_hint="--set") from None
+        raise click.BadParameter(str(error), param_hint="--set") from None
 
 
 def make_image_server(host: Host, port: int | None) -> ImageServer | None:
@@ -281,11 +281,11 @@ def load_served_host(
     map_: str | None,
     *,
     seed: int | None,
-    settings: list[str] | None,
+    settings: Mapping[str, Mapping[str, Any]],
     drive_unit: DriveUnit,
     record: Callable[[HostCall], None] | None = None,
 ) -> Host | None:
-    """Create the host that ``--serve`` of other commands asks for, if it does.
+    """Create the host of the map that another command is given, if it is.
 
     ``record`` is as in ``load_host``.
 
@@ -297,9 +297,7 @@ def load_served_host(
 
     if map_ is None:
         return None
-    config = SimulationConfig(
-        drive_unit=drive_unit.value, item_settings=read_item_settings(settings or [])
-    )
+    config = SimulationConfig(drive_unit=drive_unit.value, item_settings=settings)
     return load_host(map_, config, seed=seed or 0, record=record)
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import TYPE_CHECKING, Any, Final, Self, TypeAlias
 
 from radarsim import __version__
 from radarsim.cli.options import DriveUnit
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from radarsim.client import Client
     from radarsim.server.host import Host
     from radarsim.server.host.recorded_host import HostCall
+
+ItemSettings: TypeAlias = Mapping[str, Mapping[str, Any]]  # by items and keys
 
 MAP_INTERVAL: Final = 1.0  # s between messages of a map
 
@@ -60,9 +63,9 @@ class RunRecording:
                 raise RecordingError(text)
 
     def load_host(
-        self, map_: str | None, *, seed: int | None, settings: list[str] | None
+        self, map_: str | None, *, seed: int | None, settings: ItemSettings
     ) -> Host | None:
-        """Create the host that ``--serve`` asks for, if it does.
+        """Create the host of the map that is given, if one is.
 
         Raises:
             MapError: If the map is wrong.

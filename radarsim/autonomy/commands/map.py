@@ -55,6 +55,7 @@ from radarsim.cli.options import (
     check_start,
     given_options,
     penetration_depth,
+    read_item_settings,
     read_point,
     read_pose,
     refuse_options,
@@ -166,7 +167,8 @@ def map_(
         drive_unit=drive_unit.value,
     )
     output.check(served=serve)
-    served = recording.load_host(serve, seed=seed, settings=settings)
+    items = read_item_settings(settings or [])
+    served = recording.load_host(serve, seed=seed, settings=items)
     check_start(start, pose, None if served is None else served.simulation.scene)
     raise typer.Exit(_explore(plan, output, address, served, seed or 0, robots))
 

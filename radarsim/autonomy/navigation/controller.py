@@ -19,9 +19,10 @@ from radarsim.autonomy.navigation.control import (
 )
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.options import Algorithm, GiveUp
-from radarsim.geometry import Point, Pose2
+from radarsim.autonomy.navigation.plans import TOLERANCE
+from radarsim.geometry import Pose2
 
-TOLERANCE = 0.1  # m from the goal at which it is reached
+Point = tuple[float, float]
 
 
 class Activity(StrEnum):

@@ -2,86 +2,28 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 
 from radarsim.autonomy.navigation.bug import Bug
-from radarsim.autonomy.navigation.bumpers import LEAST_SHARE, Bumpers
+from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits
 from radarsim.autonomy.navigation.controller import (
-    TOLERANCE,
     Controller,
     ControllerSettings,
+    Point,
 )
-from radarsim.autonomy.navigation.options import (
-    ROBOT,
-    Algorithm,
-    GiveUp,
-    PoseSource,
-    Rule,
-)
+from radarsim.autonomy.navigation.options import ROBOT, Algorithm
 from radarsim.autonomy.navigation.path_planning import PathPlanning
+from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.runner import (
     NavigationStep,
     Navigator,
     Result,
 )
 from radarsim.autonomy.navigation.tangent_bug import TangentBug
-from radarsim.client import Client, DriveUnit, RobotInfo, ScannerInfo
+from radarsim.client import Client, RobotInfo, ScannerInfo
 from radarsim.errors import ClientTimeout, NavigationError, expected_one_of
-from radarsim.geometry import Point, Pose2
 
 MARGIN = 0.13  # m added to the least safety distance, for noise and braking
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Mission:
-    """A navigation mission.
-
-    Attributes:
-        algorithm: Bug1, Bug2, TangentBug, or paths planned on what is seen.
-        goals: Waypoints in turn, the last one the goal, m, map frame.
-        robot_class: Class of the robot; its scanner has to cover a full circle.
-        start: Name of a start pose; the server's first one if there is no pose either.
-        pose: Start pose, map frame, if it is not one of the map's.
-        scanner: Name of the scanner to steer by; the first one by default.
-        safety_distance: m from the robot's centre; None for the least one that
-            ``penetration_depth`` allows, and a margin.
-        penetration_depth: How far the sensor sees into foliage, m.
-        bumpers: Number of bumpers.
-        share: Share of a bumper's beams that press it.
-        rule: When a bumper is pressed.
-        wall_on_left: Whether boundaries are followed on the robot's left.
-        give_up: When Bug2 concludes that there is no path.
-        pose_source: The sensor that poses are taken from.
-        echoes: Whether to ask the server for echoes: what blocks robots then counts
-            where a beam first meets it, even if the beam goes through.
-        speed_limits: Greatest speeds.
-        tolerance: Distance from a goal at which it is reached, m.
-        time_limit: Longest run, s of server time.
-        timeout: Time without a scan after which the run is given up, s.
-        drive_unit: Unit in which the server expects wheel speeds.
-    """
-
-    algorithm: Algorithm
-    goals: tuple[Point, ...]
-    robot_class: str = ROBOT
-    start: str | None = None
-    pose: Pose2 | None = None
-    scanner: str | None = None
-    safety_distance: float | None = None
-    penetration_depth: float = 0.0
-    bumpers: int = 8
-    share: float = LEAST_SHARE
-    rule: Rule = Rule.SHARE
-    wall_on_left: bool = True
-    give_up: GiveUp = GiveUp.HIT_POINT
-    pose_source: PoseSource = PoseSource.INS
-    echoes: bool = True
-    speed_limits: SpeedLimits = field(default_factory=SpeedLimits)
-    tolerance: float = TOLERANCE
-    time_limit: float = math.inf
-    timeout: float = 2.0
-    drive_unit: DriveUnit = "rad_per_s"
 
 
 def run_mission(
@@ -113,12 +55,13 @@ def run_mission(
         rule=mission.rule,
     )
     check_field_of_view(bumpers, scanner)
-    limits = mission.speed_limits
     settings = ControllerSettings(
         algorithm=mission.algorithm,
         bumpers=bumpers,
-        speed_limits=SpeedLimits(min(limits.speed, robot_info.top_speed), limits.turn),
-        wall_on_left=mission.wall_on_left,
+        speed_limits=SpeedLimits(
+            min(mission.speed, robot_info.top_speed), mission.turn_speed
+        ),
+        wall_on_left=mission.side == "left",
         give_up=mission.give_up,
         tolerance=mission.tolerance,
     )

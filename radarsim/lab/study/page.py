@@ -14,8 +14,8 @@ from radarsim import __version__
 from radarsim.autonomy.evaluation.task_runner import read_log
 from radarsim.autonomy.evaluation.trials import GOAL_TOLERANCE
 from radarsim.autonomy.mapping.occupancy_grid import RESOLUTION
-from radarsim.autonomy.navigation.controller import TOLERANCE
 from radarsim.autonomy.navigation.options import Algorithm
+from radarsim.autonomy.navigation.plans import TOLERANCE
 from radarsim.files import write_atomically
 from radarsim.lab.figures.page import GENERATOR, STYLE
 from radarsim.lab.study.chart import draw_study

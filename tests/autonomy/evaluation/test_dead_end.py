@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from radarsim.autonomy.evaluation.trials import Drive, config_with_sensor, drive_mission
-from radarsim.autonomy.navigation.mission import Mission
 from radarsim.autonomy.navigation.options import Algorithm
+from radarsim.autonomy.navigation.plans import Mission
 from radarsim.scene.map_file import load_map
 from radarsim.server.host import Host
 
