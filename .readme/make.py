@@ -15,7 +15,7 @@ COMMANDS = (
     "radarsim demo demo.png",
     "radarsim scan foliage_room --sensor radar --start RobotStart1 -o scan.png",
     "radarsim.lab.plants plants --figure shrub.png",
-    "radarsim navigate --algorithm bug2 --serve bug_u_trap --plot navigate.png",
+    "radarsim navigate bug_u_trap --algorithm bug2 --plot navigate.png",
     "radarsim map map/ --serve foliage_room",
     "radarsim sweep foliage_thickness -o sweep",
 )

@@ -15,6 +15,13 @@ from radarsim.errors import MissingPackage
 # Not in pyproject.toml: that is read from the metadata of an installation, which a
 # source tree may not have, and which takes 20 ms where many packages are installed.
 OWN: Final[dict[str, dict[str, str]]] = {
+    # Tables of commands, in the order of 'radarsim --help'.
+    "radarsim.commands": {
+        "core": "radarsim.cli.core_commands:COMMANDS",
+        "autonomy": "radarsim.autonomy.commands:COMMANDS",
+        "addons": "radarsim.addons.commands:COMMANDS",
+        "lab": "radarsim.lab.commands:COMMANDS",
+    },
     # Radars, by the section of a sensor preset that describes them.
     "radarsim.sensors": {"fmcw": "radarsim.addons.fmcw.radar:FmcwRadar"},
     # Scanners of robots that are read beside the simulation, at times of their own.

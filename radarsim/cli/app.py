@@ -1,103 +1,116 @@
-"""The typer application: all commands, and how the process ends.
-
-Modules of commands import what is heavy inside their functions, so that
-``radarsim --help`` answers at once.
-"""
+"""The program: its commands, and how the process ends."""
 
 import os
 import platform
 import sys
 import traceback
+from collections.abc import Iterable, Sequence
+from functools import cached_property
 from pathlib import Path
-from typing import Annotated
+from typing import Any, Final
 
-import typer
+import click
 
 from radarsim import __version__
-from radarsim.addons.fmcw.commands import spectrum
-from radarsim.addons.imports.commands import import_
-from radarsim.addons.recording.commands import recording, replay
-from radarsim.addons.ros.commands import ros
-from radarsim.addons.web.commands import commander
-from radarsim.autonomy.commands.map import map_
-from radarsim.autonomy.commands.navigate import navigate
-from radarsim.autonomy.commands.trials import trials
-from radarsim.cli.check import check
-from radarsim.cli.compile_progress import with_compile_progress
-from radarsim.cli.demo import demo
-from radarsim.cli.docs import docs
-from radarsim.cli.drive import drive
-from radarsim.cli.explain import explain
-from radarsim.cli.new import new
-from radarsim.cli.output import print_message
-from radarsim.cli.presets import materials, sensors
-from radarsim.cli.scan import scan
-from radarsim.cli.serve import serve
-from radarsim.cli.usage import PlainGroup
-from radarsim.errors import RadarsimError, describe_os_error
-from radarsim.lab.bench.commands import bench
-from radarsim.lab.figures.commands import figures
-from radarsim.lab.study.commands import study
-from radarsim.lab.sweep.commands import sweep
+from radarsim.cli.completion import completion_options
+from radarsim.cli.entries import CommandEntry, load_entries
+from radarsim.cli.output import print_message, program_name
+from radarsim.cli.usage import describe_usage_error
+from radarsim.errors import RadarsimError, describe_os_error, expected_one_of
 from radarsim.processes import INTERRUPTED, ignore_signals
 
-app = typer.Typer(
-    no_args_is_help=True,
-    cls=PlainGroup,
-    pretty_exceptions_enable=False,
+USAGE_ERROR: Final = 2  # exit code
+
+
+class EntryGroup(click.Group):
+    """A group of commands that are imported when they are used."""
+
+    def __init__(
+        self, name: str, entries: Iterable[CommandEntry] | None = None, **options: Any
+    ) -> None:
+        """Make a group.
+
+        Args:
+            name: Its name.
+            entries: Its commands; by default all that packages hand in.
+            options: As those of ``click.Group``.
+        """
+        super().__init__(name, no_args_is_help=True, **options)
+        self._given = entries
+
+    @cached_property
+    def entries(self) -> dict[str, CommandEntry]:
+        """The entries of its commands by their names."""
+        entries = load_entries() if self._given is None else self._given
+        return {each.name: each for each in entries}
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of commands, in the order of help."""
+        return list(self.entries)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import a command; None if there is none of that name."""
+        entry = self.entries.get(cmd_name)
+        return None if entry is None else entry.load()
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command that is meant, and its arguments.
+
+        Raises:
+            click.BadParameter: If there is no such command.
+        """
+        if args[0] not in self.entries and not ctx.resilient_parsing:
+            text = expected_one_of(args[0], self.entries)
+            raise click.BadParameter(text, ctx, param_hint="COMMAND")
+        return super().resolve_command(ctx, args)
+
+    def format_commands(
+        self, ctx: click.Context, formatter: click.HelpFormatter
+    ) -> None:
+        """Write the names of commands and what they do, by their headings."""
+        groups: dict[str, list[tuple[str, str]]] = {}
+        for name, entry in self.entries.items():
+            groups.setdefault(entry.group, []).append((name, entry.help))
+        for title, rows in groups.items():
+            with formatter.section(title):
+                formatter.write_dl(rows)
+
+
+class _Program(EntryGroup):
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run a command; click would print an empty line for an interrupt."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            sys.exit(INTERRUPTED)
+
+    def main(self, args: Sequence[str] | None = None, *_: Any, **options: Any) -> Any:
+        """Run a command, and exit with its code, or 2 after an error of usage."""
+        options |= {"prog_name": program_name(), "complete_var": "_RADARSIM_COMPLETE"}
+        try:
+            code = super().main(args, standalone_mode=False, **options)
+        except click.UsageError as error:
+            if isinstance(error, click.exceptions.NoArgsIsHelpError):
+                click.echo(error.message, err=True)
+            else:
+                print_message(describe_usage_error(error))
+            code = USAGE_ERROR
+        sys.exit(code if isinstance(code, int) else 0)
+
+
+app = _Program(
+    "radarsim",
+    help="A USARSim server without Unreal: a P3AT whose radar sees through foliage.",
+    params=completion_options(),
     context_settings={
         "help_option_names": ["-h", "--help"],
         "auto_envvar_prefix": "RADARSIM",
+        "max_content_width": 88,
     },
-    help="A USARSim server without Unreal: a P3AT whose radar sees through foliage.",
 )
-
-
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        typer.echo(f"radarsim {__version__}")
-        raise typer.Exit
-
-
-@app.callback()
-def _root(
-    *,
-    version: Annotated[
-        bool,
-        typer.Option(
-            "--version",
-            callback=_print_version,
-            is_eager=True,
-            help="Print the version and exit.",
-        ),
-    ] = False,
-) -> None:
-    pass
-
-
-app.command()(with_compile_progress(demo))
-app.command()(serve)
-app.command()(with_compile_progress(check))
-app.command()(new)
-app.command("import")(import_)
-app.command()(with_compile_progress(scan))
-app.command()(with_compile_progress(spectrum))
-app.command()(with_compile_progress(explain))
-app.command()(sensors)
-app.command()(materials)
-app.command()(drive)
-app.command()(commander)
-app.command()(with_compile_progress(navigate))
-app.command()(with_compile_progress(trials))
-app.command()(with_compile_progress(study))
-app.command()(with_compile_progress(sweep))
-app.command("map")(with_compile_progress(map_))
-app.command()(with_compile_progress(figures))
-app.command()(with_compile_progress(replay))
-app.add_typer(recording, name="recording")
-app.command()(ros)
-app.command()(docs)
-app.command()(with_compile_progress(bench))
+click.version_option(__version__, message="radarsim %(version)s")(app)
 
 
 def _replace_closed_streams() -> None:

@@ -3,8 +3,19 @@
 Nothing that compiles is imported: a shell asks whenever Tab is pressed.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from typing import Final
+
+import click
+import click.shell_completion
+
+# Where shells look for what completes the words of a program.
+_FILES: Final = {
+    "bash": ".local/share/bash-completion/completions/radarsim",
+    "fish": ".config/fish/completions/radarsim.fish",
+    "zsh": ".zfunc/_radarsim",
+}
 
 
 def complete_map(incomplete: str) -> Iterator[str]:
@@ -37,3 +48,61 @@ def complete_robot(incomplete: str) -> Iterator[str]:
 
 def _beginning(incomplete: str, names: Iterable[str]) -> Iterator[str]:
     return (name for name in sorted(names) if name.startswith(incomplete))
+
+
+_WORDS: Final[dict[str, Callable[[str], Iterable[str]]]] = {
+    "maps": complete_map,
+    "sensors": complete_sensor,
+    "robots": complete_robot,
+}
+
+
+def complete_words(kind: str, incomplete: str) -> Iterable[str]:
+    """Return the words of a kind that begin so: maps, sensors or robots."""
+    return _WORDS[kind](incomplete)
+
+
+def completion_options() -> list[click.Parameter]:
+    """Return the options that give completion to a shell."""
+    shell = click.Choice(["bash", "fish", "zsh"])
+    return [
+        click.Option(
+            ["--install-completion"],
+            type=shell,
+            is_eager=True,
+            expose_value=False,
+            callback=_install,
+            help="Let this shell complete commands, options and names.",
+        ),
+        click.Option(
+            ["--show-completion"],
+            type=shell,
+            is_eager=True,
+            expose_value=False,
+            callback=_show,
+            help="Print what a shell has to read for that.",
+        ),
+    ]
+
+
+def _script(shell: str) -> str:
+    kind = click.shell_completion.get_completion_class(shell)
+    assert kind is not None
+    return kind(click.Group(), {}, "radarsim", "_RADARSIM_COMPLETE").source()
+
+
+def _show(ctx: click.Context, _: click.Parameter, shell: str | None) -> None:
+    if shell is not None and not ctx.resilient_parsing:
+        click.echo(_script(shell))
+        ctx.exit()
+
+
+def _install(ctx: click.Context, _: click.Parameter, shell: str | None) -> None:
+    if shell is None or ctx.resilient_parsing:
+        return
+    path = Path.home() / _FILES[shell]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(_script(shell), encoding="utf-8")
+    how = "; add its folder to fpath in ~/.zshrc" if shell == "zsh" else ""
+    click.echo(f"wrote {path}{how}; new shells complete")
+    ctx.exit()

@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Final
 
-import typer
+import click
+from click.core import ParameterSource
 
 from radarsim.errors import describe_os_error
 
+if TYPE_CHECKING:
+    from radarsim.yaml_reader import YamlFile
 
-def read_config(context: typer.Context, path: Path | None) -> Path | None:
+_FILE: Final = "radarsim.config_file"  # in what click keeps for a command
+
+
+def read_config(
+    ctx: click.Context, param: click.Parameter, path: Path | None
+) -> Path | None:
     """Use the keys of a file as values of options that are not given.
 
     Keys are the long names of options, with underscores; the argument is ``map``.
 
     Raises:
-        typer.BadParameter: If it cannot be read, or has a key that is no option.
+        click.BadParameter: If it cannot be read, or has a key that is no option.
     """
     if path is None:
         return None
@@ -25,41 +33,34 @@ def read_config(context: typer.Context, path: Path | None) -> Path | None:
     try:
         file = read_yaml(path)
     except OSError as error:
-        raise typer.BadParameter(f"{path}: {describe_os_error(error)}") from None
+        raise click.BadParameter(f"{path}: {describe_os_error(error)}") from None
     if file.problems:
-        raise typer.BadParameter(file.problems[0])
+        raise click.BadParameter(file.problems[0])
     data = {} if file.data is None else file.data
     if not isinstance(data, dict):
-        raise typer.BadParameter(f"{path}:1: expected keys such as 'map' and 'port'")
-    names = _names(context.command)
-    defaults: dict[str, Any] = {}
-    for key, value in data.items():
-        if key not in names:
-            expected = f"unknown key, expected one of {sorted(names)}"
-            raise typer.BadParameter(file.problem([key], expected, of_key=True))
-        defaults[names[key]] = value
-    context.default_map = {**(context.default_map or {}), **defaults}
+        raise click.BadParameter(f"{path}:1: expected keys such as 'map' and 'port'")
+    known = {_key(each): str(each.name) for each in ctx.command.params if each != param}
+    known.pop("help_all", None)
+    for key in data:
+        if key not in known:
+            expected = f"unknown key, expected one of {sorted(known)}"
+            raise click.BadParameter(file.problem([key], expected, of_key=True))
+    given = {known[key]: value for key, value in data.items()}
+    ctx.default_map = {**(ctx.default_map or {}), **given}
+    ctx.meta[_FILE] = file
     return path
 
 
-def _names(command: Any) -> dict[str, str]:
-    """Return the names of parameters by the keys that stand for them."""
-    names = {}
-    for param in command.params:
-        for name in param.opts:
-            key = name.removeprefix("--").replace("-", "_").rstrip("_")
-            if not key.startswith("_") and key not in ("config", "help"):
-                names[key] = param.name
-    return names
+def describe_place(error: click.BadParameter) -> str:
+    """Return the message of a wrong value in a file with its place; else nothing."""
+    ctx, param = error.ctx, error.param
+    file: YamlFile | None = None if ctx is None else ctx.meta.get(_FILE)
+    if file is None or ctx is None or param is None:
+        return ""
+    if ctx.get_parameter_source(str(param.name)) is not ParameterSource.DEFAULT_MAP:
+        return ""
+    return f"--config: {file.problem([_key(param)], error.message)}"
 
 
-ConfigOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--config",
-        metavar="FILE",
-        is_eager=True,
-        callback=read_config,
-        help="YAML file with values of options that are not given, and the map.",
-    ),
-]
+def _key(param: click.Parameter) -> str:
+    return str(param.name).rstrip("_")

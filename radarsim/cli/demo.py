@@ -15,7 +15,7 @@ TITLE: Final = "To a laser the bushes are a wall; a radar sees through them"
 _NEXT: Final = f"""\
 Try next:
   {{0}} explain {MAP} --sensor radar --start {START} --beam 92
-  {{0}} navigate --algorithm bug2 --serve bug_u_trap --plot run.png
+  {{0}} navigate bug_u_trap --algorithm bug2 --plot run.png
   {{0}} serve {MAP} --web 0
 """
 

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from radarsim import plugins
+from radarsim.cli.legacy_sensor import load_scanner, load_scene_and_pose
 from radarsim.cli.options import (
     MapArgument,
     SeedOption,
@@ -16,7 +17,6 @@ from radarsim.cli.options import (
     SensorStartOption,
 )
 from radarsim.cli.output import print_lines
-from radarsim.cli.scan import load_scanner, load_scene_and_pose
 
 
 class Ray(StrEnum):

@@ -6,23 +6,21 @@ Nothing heavy is imported at the top: ``radarsim --help`` answers at once.
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
+import click
 import typer
 
 from radarsim.cli.completion import complete_map, complete_sensor
-from radarsim.errors import (
-    PresetError,
-    describe_os_error,
-    did_you_mean,
-    expected_one_of,
-)
-from radarsim.files import write_atomically
-from radarsim.processes import raise_on_signals
+from radarsim.cli.files import PICTURE_FORMS as PICTURE_FORMS
+from radarsim.cli.files import check_ending as check_ending
+from radarsim.cli.files import check_writable as check_writable
+from radarsim.cli.files import list_endings as list_endings
+from radarsim.cli.files import write_file as write_file
+from radarsim.errors import PresetError, did_you_mean, expected_one_of
 
 if TYPE_CHECKING:
     from radarsim.geometry import Pose2
@@ -33,8 +31,6 @@ DEFAULT_PORT: Final = 3000  # of USARSim
 DEFAULT_MAX_CLIENTS: Final = 1024
 
 _GIVEN: Final = "COMMANDLINE"  # source of an option
-
-PICTURE_FORMS: Final = ("png", "svg", "pdf")  # endings of files that plots go into
 
 
 class DriveUnit(StrEnum):
@@ -196,7 +192,7 @@ def read_point(text: str, hint: str) -> tuple[float, float]:
         hint: Name of the option.
 
     Raises:
-        typer.BadParameter: If these are not two finite numbers.
+        click.BadParameter: If these are not two finite numbers.
     """
     x, y = _read_numbers(text, "X,Y", hint)
     return x, y
@@ -210,7 +206,7 @@ def read_pose(text: str, hint: str) -> Pose2:
         hint: Name of the option.
 
     Raises:
-        typer.BadParameter: If these are not three finite numbers.
+        click.BadParameter: If these are not three finite numbers.
     """
     from radarsim.geometry import Pose2
 
@@ -224,7 +220,7 @@ def _read_numbers(text: str, form: str, hint: str) -> list[float]:
     except ValueError:
         numbers = []
     if len(numbers) != form.count(",") + 1 or not all(map(math.isfinite, numbers)):
-        raise typer.BadParameter(f"{text[:80]!r}, expected {form}", param_hint=hint)
+        raise click.BadParameter(f"{text[:80]!r}, expected {form}", param_hint=hint)
     return numbers
 
 
@@ -232,7 +228,7 @@ def read_item_settings(texts: list[str]) -> dict[str, dict[str, Any]]:
     """Read ``ITEM.KEY=VALUE`` texts of ``--set`` into settings by item.
 
     Raises:
-        typer.BadParameter: If a text has another form.
+        click.BadParameter: If a text has another form.
     """
     from radarsim.presets.sensors import parse_setting
 
@@ -241,10 +237,10 @@ def read_item_settings(texts: list[str]) -> dict[str, dict[str, Any]]:
         try:
             path, value = parse_setting(text)
         except PresetError as error:
-            raise typer.BadParameter(str(error), param_hint="--set") from None
+            raise click.BadParameter(str(error), param_hint="--set") from None
         item, dot, key = path.partition(".")
         if not dot or not item or not key:
-            raise typer.BadParameter(
+            raise click.BadParameter(
                 f"setting {text[:80]!r}, expected ITEM.KEY=VALUE", param_hint="--set"
             )
         settings.setdefault(item, {})[key] = value
@@ -262,7 +258,7 @@ def check_server_options(
     """Refuse options of a served map without ``--serve``, and of a server with it.
 
     Raises:
-        typer.BadParameter: If there are any.
+        click.BadParameter: If there are any.
     """
     if serve is None:
         others = {"--seed": seed, "--set": settings or None}
@@ -279,11 +275,11 @@ def refuse_options(options: Mapping[str, object], text: str) -> None:
         text: The error message for them.
 
     Raises:
-        typer.BadParameter: If there are any.
+        click.BadParameter: If there are any.
     """
     for name, value in options.items():
         if value is not None:
-            raise typer.BadParameter(text, param_hint=name)
+            raise click.BadParameter(text, param_hint=name)
 
 
 def given_options(context: typer.Context) -> dict[str, str]:
@@ -299,16 +295,16 @@ def check_start(start: str | None, pose: str | None, scene: Scene | None) -> Non
     """Check that only one start is given, and that the map has it, if it is known.
 
     Raises:
-        typer.BadParameter: If there are two starts, or the map has no such start.
+        click.BadParameter: If there are two starts, or the map has no such start.
     """
     if start is None:
         return
     if pose is not None:
-        raise typer.BadParameter("expected only one of --start and --pose")
+        raise click.BadParameter("expected only one of --start and --pose")
     if scene is not None and scene.start(start) is None:
         names = [each.name for each in scene.starts]
         text = expected_one_of(start, names)
-        raise typer.BadParameter(text, param_hint="--start")
+        raise click.BadParameter(text, param_hint="--start")
 
 
 def server_address(host: str | None, port: int | None) -> tuple[str, int]:
@@ -321,49 +317,6 @@ def penetration_depth(foliage_density: float | None, power: float) -> float:
     return 0.0 if foliage_density is None else power / foliage_density
 
 
-def list_endings(known: Sequence[str]) -> str:
-    """Return the kinds of files that there are, in words.
-
-    >>> list_endings(["json", "csv", "png"])
-    'a .json, .csv or .png file'
-    """
-    *others, last = (f".{each}" for each in known)
-    return f"a {', '.join(others)} or {last} file" if others else f"a {last} file"
-
-
-def check_ending(path: Path, known: Sequence[str], hint: str) -> str:
-    """Return the ending of a file's name, in lower case and without the dot.
-
-    Args:
-        path: The file to be written.
-        known: The endings that are possible.
-        hint: Name of the option that asks for it.
-
-    Raises:
-        typer.BadParameter: If it is none of them.
-    """
-    ending = path.suffix.lower().removeprefix(".")
-    if ending not in known:
-        text = f"{path}, expected {list_endings(known)}"
-        raise typer.BadParameter(text, param_hint=hint)
-    return ending
-
-
-def check_writable(path: Path, hint: str) -> None:
-    """Check, as far as possible, that a file can be written later.
-
-    Args:
-        path: The file to be written.
-        hint: Name of the option that asks for it.
-
-    Raises:
-        typer.BadParameter: If its folder is missing or not writable, or it is a folder.
-    """
-    if reason := _obstacle_to_writing(path):
-        text = f"cannot write {path}: {reason}"
-        raise typer.BadParameter(text, param_hint=hint)
-
-
 def check_robot(robot: str, served: object | None) -> None:
     """Check the class of a robot: no simulation here has another than the shipped ones.
 
@@ -373,7 +326,7 @@ def check_robot(robot: str, served: object | None) -> None:
             classes, so that only a probable error in a name without package counts.
 
     Raises:
-        typer.BadParameter: If the class is unknown, or probably misspelt.
+        click.BadParameter: If the class is unknown, or probably misspelt.
     """
     from radarsim.presets.robots import robot_names
 
@@ -385,36 +338,4 @@ def check_robot(robot: str, served: object | None) -> None:
         if package or not did_you_mean(name, robot_names()):
             return
         text += f" A class of another server has a package: USARBot.{name[:80]}"
-    raise typer.BadParameter(text, param_hint="--robot")
-
-
-def _obstacle_to_writing(path: Path) -> str:
-    target = Path(os.path.realpath(path))
-    try:
-        if not path.parent.is_dir() or not target.parent.is_dir():
-            return "no such folder"
-        if path.is_dir():
-            return "a folder of that name"
-    except OSError as error:  # the folder may not be entered
-        return describe_os_error(error)
-    return "" if os.access(path.parent, os.W_OK | os.X_OK) else "no permission"
-
-
-def write_file(path: Path, data: bytes, hint: str = "-o") -> None:
-    """Write a file as a whole or not at all; see ``write_atomically``.
-
-    Args:
-        path: The file to be written.
-        data: Contents of the file.
-        hint: Name of the option that asks for it.
-
-    Raises:
-        typer.BadParameter: If it cannot be written.
-    """
-    try:
-        with raise_on_signals():  # which leaves no temporary file
-            write_atomically({path: data})
-    except OSError as error:
-        reason = _obstacle_to_writing(path) or describe_os_error(error)
-        text = f"cannot write {path}: {reason}"
-        raise typer.BadParameter(text, param_hint=hint) from None
+    raise click.BadParameter(text, param_hint="--robot")

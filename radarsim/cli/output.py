@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final, TextIO
 
-import typer
+import click
 
 from radarsim.errors import escape_lines, escape_unprintable
 
@@ -26,12 +26,12 @@ MESSAGE_FORM: Final = "radarsim: %(message)s"  # of logs that look like messages
 
 def print_lines(lines: Iterable[object]) -> None:
     """Print lines on stdout."""
-    typer.echo("\n".join(escape_unprintable(str(line)) for line in lines))
+    click.echo("\n".join(escape_unprintable(str(line)) for line in lines))
 
 
 def print_now(line: str) -> None:
     """Print a line on stdout at once, for programs that wait for it."""
-    typer.echo(line)
+    click.echo(line)
     sys.stdout.flush()
 
 

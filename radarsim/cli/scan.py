@@ -7,31 +7,28 @@ import io
 import json
 import math
 import sys
+from dataclasses import dataclass
 from enum import StrEnum
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
-import typer
+import click
+import numpy as np
+from annotated_types import Ge
 
-from radarsim.cli.options import (
-    MapArgument,
-    SeedOption,
-    SensorOption,
-    SensorPoseOption,
-    SensorSettingsOption,
-    SensorStartOption,
-    check_writable,
-    list_endings,
-    write_file,
-)
+from radarsim.cli.compile_progress import with_compile_progress
+from radarsim.cli.fields import MapName, OutputFile, Seed, SensorName, Setting
+from radarsim.cli.files import check_writable, list_endings, write_file
+from radarsim.cli.output import print_lines
 from radarsim.errors import PresetError, expected_one_of
+from radarsim.plans import Form, Option, read_numbers
 
 if TYPE_CHECKING:
-    from radarsim.geometry import Pose2, Pose3
+    from pathlib import Path
+
+    from radarsim.geometry import Pose3
     from radarsim.scene.scene import Scene
     from radarsim.sensors.range_scanner import RangeScanner
     from radarsim.sensors.scan import Scan
-
 
 _OTHER_PICTURES = ("gif", "jpeg", "jpg", "tif", "tiff", "webp", "eps", "ps", "bmp")
 
@@ -51,128 +48,140 @@ class ScanFormat(StrEnum):
         return self not in (ScanFormat.JSON, ScanFormat.CSV)
 
 
-def scan(
-    map_: MapArgument,
-    *,
-    sensor: SensorOption,
-    start: SensorStartOption = None,
-    pose: SensorPoseOption = None,
-    settings: SensorSettingsOption = None,
-    seed: SeedOption = 0,
-    count: Annotated[
-        int, typer.Option(min=1, help="Number of scans; more than 1 make a list.")
-    ] = 1,
-    format_: Annotated[
-        ScanFormat | None,
-        typer.Option(
-            "--format", help="Output format; by default the suffix of -o, or json."
-        ),
-    ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", help="Write to this file instead of stdout."),
-    ] = None,
-) -> None:
-    """Scan a map without a server."""
-    from radarsim.rng import generator_for
-
-    format_ = _choose_format(format_, output)
-    if output is not None:
-        check_writable(output, "-o")
-    scanner = load_scanner(sensor, settings)
-    scene, sensor_pose = load_scene_and_pose(map_, start=start, pose=pose)
-    rng = generator_for(seed, sensor)
-    scans = [scanner.scan(scene, sensor_pose, rng) for _ in range(count)]
-    if format_.is_picture:
-        from radarsim.plotting.scans import draw_scans
-
-        robot = _robot_pose(scene, start)
-        data = draw_scans(scene, scans, robot=robot, form=format_.value)
-    else:
-        text = _as_json(scans) if format_ is ScanFormat.JSON else _as_csv(scans)
-        data = text.encode()
-    if output is not None:
-        write_file(output, data)
-    elif format_.is_picture and sys.stdout.isatty():
-        raise typer.BadParameter("a picture for a terminal, expected -o FILE")
-    else:
-        sys.stdout.buffer.write(data)
+def _read_pose(text: str) -> tuple[float, ...]:
+    """Read ``X,Y,YAW_DEG`` or ``X,Y,Z,ROLL,PITCH,YAW_DEG`` into m and rad."""
+    numbers = read_numbers(text)
+    if len(numbers) not in (3, 6):
+        raise ValueError(f"{text!r}, expected 3 or 6 numbers")
+    at = 2 if len(numbers) == 3 else 3
+    return (*numbers[:at], *map(math.radians, numbers[at:]))
 
 
-def load_scanner(sensor: str, settings: list[str] | None) -> RangeScanner:
-    """Create a scanner from a preset and ``KEY=VALUE`` texts.
+SensorPose = Annotated[
+    tuple[float, ...],
+    Form("X,Y,YAW_DEG or X,Y,Z,ROLL,PITCH,YAW_DEG", _read_pose),
+    Option(metavar="X,Y,YAW_DEG"),
+]
 
-    Raises:
-        typer.BadParameter: If the preset or a setting is wrong.
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlacedSensor:
+    """A sensor at a place in a map.
+
+    Attributes:
+        sensor: Preset of the sensor; see 'radarsim sensors'.
+        start: Place the sensor where a P3AT at this start pose carries it.
+        pose: Pose of the sensor in the map frame; or X,Y,Z,ROLL,PITCH,YAW_DEG.
+        settings: Change a setting of the sensor; repeat it for others.
+        seed: Seed of all random numbers.
     """
-    from radarsim.presets.sensors import parse_setting
-    from radarsim.sensors.range_scanner import load_sensor
 
-    try:
-        return load_sensor(sensor, **dict(map(parse_setting, settings or [])))
-    except PresetError as error:
-        raise typer.BadParameter(str(error)) from None
+    option_group: ClassVar = "Sensor"
+    one_required: ClassVar = (("start", "pose"),)
+
+    sensor: SensorName
+    start: str | None = None
+    pose: SensorPose | None = None
+    settings: Annotated[tuple[Setting, ...], Option(names=("--set",))] = ()
+    seed: Seed = 0
+
+    def load_scanner(self) -> RangeScanner:
+        """Create the scanner.
+
+        Raises:
+            click.BadParameter: If the preset or a setting is wrong.
+        """
+        from radarsim.sensors.range_scanner import load_sensor
+
+        try:
+            return load_sensor(self.sensor, **dict(self.settings))
+        except PresetError as error:
+            raise click.BadParameter(str(error)) from None
+
+    def find_pose(self, scene: Scene) -> Pose3:
+        """Return the pose of the sensor in a map.
+
+        Raises:
+            click.BadParameter: If the map has no such start.
+        """
+        from radarsim.presets.robots import load_robot
+        from radarsim.sensors.range_scanner import sensor_pose
+
+        if self.start is None:
+            return sensor_pose(scene, self.pose or ())
+        start = scene.start(self.start)
+        if start is None:
+            names = [start.name for start in scene.starts]
+            text = expected_one_of(self.start, names)
+            if not names:
+                text = f"{self.start[:80]!r}, expected --pose: the map has no starts"
+            raise click.BadParameter(text, param_hint="--start")
+        return load_robot("P3AT").scanner_pose(start.pose)
 
 
-def load_scene_and_pose(
-    map_: str, *, start: str | None, pose: str | None
-) -> tuple[Scene, Pose3]:
-    """Load a map, and return it with the pose of the sensor in it.
+@with_compile_progress
+def scan(
+    map_: MapName,
+    plan: PlacedSensor,
+    *,
+    count: Annotated[int, Ge(1)] = 1,
+    format_: ScanFormat | None = None,
+    output: OutputFile = None,
+) -> None:
+    """Scan a map without a server.
 
     Args:
-        map_: Name of a map, or path of a map file.
-        start: Name of a start pose, or None.
-        pose: Text of 3 or 6 numbers with commas between them, or None.
-
-    Raises:
-        MapError: If the map is wrong.
-        typer.BadParameter: If not exactly one of start and pose is given, or it is
-            wrong.
+        map_: A map file, or the name of a shipped map; @VARIANT may follow.
+        plan: The sensor and its place.
+        count: Number of scans; more than 1 make a list.
+        format_: Output format; by default the suffix of -o, or json.
+        output: Write to this file instead of stdout.
     """
+    from radarsim.rng import generator_for
     from radarsim.scene.map_file import load_map
 
-    if (start is None) == (pose is None):
-        raise typer.BadParameter("expected one of --start and --pose")
+    chosen = _choose_format(format_, output)
+    if output is not None:
+        check_writable(output, "-o")
+    scanner = plan.load_scanner()
     scene = load_map(map_)
-    if start is not None:
-        return scene, _pose_at_start(scene, start)
-    return scene, _read_pose(scene, pose or "")
+    pose = plan.find_pose(scene)
+    rng = generator_for(plan.seed, plan.sensor)
+    scans = [scanner.scan(scene, pose, rng) for _ in range(count)]
+    if output is not None:
+        write_file(output, _as_bytes(scans, scene, plan.start, chosen))
+    elif not sys.stdout.isatty():
+        sys.stdout.buffer.write(_as_bytes(scans, scene, plan.start, chosen))
+    elif chosen.is_picture:
+        raise click.BadParameter("a picture for a terminal, expected -o FILE")
+    else:
+        print_lines(_summary(scans))
 
 
-def _pose_at_start(scene: Scene, name: str) -> Pose3:
-    from radarsim.presets.robots import load_robot
-
-    start = scene.start(name)
-    if start is None:
-        names = [start.name for start in scene.starts]
-        text = expected_one_of(name, names)
-        if not names:
-            text = f"{name[:80]!r}, expected --pose: the map has no starts"
-        raise typer.BadParameter(text, param_hint="--start")
-    return load_robot("P3AT").scanner_pose(start.pose)
-
-
-def _read_pose(scene: Scene, text: str) -> Pose3:
-    from radarsim.sensors.range_scanner import sensor_pose
-
-    try:
-        numbers = [float(number) for number in text.split(",")]
-        if len(numbers) == 6:
-            numbers[3:5] = [math.radians(number) for number in numbers[3:5]]
-        numbers[-1] = math.radians(numbers[-1])
-        return sensor_pose(scene, numbers)
-    except ValueError:
-        raise typer.BadParameter(
-            f"{text!r}, expected X,Y,YAW_DEG or X,Y,Z,ROLL,PITCH,YAW_DEG",
-            param_hint="--pose",
-        ) from None
+def _summary(scans: list[Scan]) -> list[str]:
+    """Return what a person wants to know of scans, and how to get their numbers."""
+    lines = []
+    for each in scans:
+        ranges, pose = each.ranges[np.isfinite(each.ranges)], each.pose
+        lines.append(
+            f"{each.sensor} at {pose.x:.2f} {pose.y:.2f} {pose.z:.2f},"
+            f" {len(ranges)} of {len(each.ranges)} beams return"
+        )
+        if ranges.size:
+            nearest = int(np.argmin(each.ranges))
+            lines.append(
+                f"  nearest {ranges.min():.2f} m"
+                f" at {math.degrees(each.angles[nearest]):.0f} degrees,"
+                f" median {np.median(ranges):.2f} m, farthest {ranges.max():.2f} m"
+            )
+    return [*lines, "all numbers: -o FILE.json or FILE.csv, or a pipe; a picture: .png"]
 
 
 def _choose_format(format_: ScanFormat | None, output: Path | None) -> ScanFormat:
     """Return the format that is asked for, or that the ending of a file tells.
 
     Raises:
-        typer.BadParameter: If the ending tells no format, or another one.
+        click.BadParameter: If the ending tells no format, or another one.
     """
     ending = "" if output is None else output.suffix.lower().removeprefix(".")
     told = ScanFormat(ending) if ending in list(ScanFormat) else None
@@ -180,27 +189,30 @@ def _choose_format(format_: ScanFormat | None, output: Path | None) -> ScanForma
         text = f"{output}, expected {list_endings(list(ScanFormat))}"
         if ending not in _OTHER_PICTURES:
             text += ", or --format"
-        raise typer.BadParameter(text, param_hint="-o")
+        raise click.BadParameter(text, param_hint="-o")
     if format_ is not None and told not in (None, format_):
         text = f"{format_}, expected {told} as {output} has this ending"
-        raise typer.BadParameter(text, param_hint="--format")
+        raise click.BadParameter(text, param_hint="--format")
     return format_ or told or ScanFormat.JSON
 
 
-def _robot_pose(scene: Scene, start: str | None) -> Pose2 | None:
-    """Return where the robot stands that carries the sensor; None without a start."""
+def _as_bytes(
+    scans: list[Scan], scene: Scene, start: str | None, form: ScanFormat
+) -> bytes:
+    """Return scans in a format; a picture shows the robot that stands at a start."""
+    if form is ScanFormat.JSON:  # one scan as an object, several as a list
+        plain = [each.to_dict() for each in scans]
+        data = plain if len(plain) > 1 else plain[0]
+        return f"{json.dumps(data, allow_nan=False)}\n".encode()
+    if form is ScanFormat.CSV:
+        return _as_csv(scans).encode()
     from radarsim.geometry import Pose2
+    from radarsim.plotting.scans import draw_scans
 
     found = None if start is None else scene.start(start)
-    if found is None:
-        return None
-    return Pose2(found.pose.x, found.pose.y, found.pose.yaw)
-
-
-def _as_json(scans: list[Scan]) -> str:
-    """Return one scan as an object, several as a list."""
-    plain = [scan.to_dict() for scan in scans]
-    return json.dumps(plain if len(plain) > 1 else plain[0], allow_nan=False) + "\n"
+    at = None if found is None else found.pose
+    robot = None if at is None else Pose2(at.x, at.y, at.yaw)
+    return draw_scans(scene, scans, robot=robot, form=form.value)
 
 
 def _as_csv(scans: list[Scan]) -> str:
@@ -208,10 +220,10 @@ def _as_csv(scans: list[Scan]) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["scan", "beam", "angle", "range", "ray"])
-    for number, scan in enumerate(scans):
-        plain = scan.to_dict()
+    for number, each in enumerate(scans):
+        plain = each.to_dict()
         rays = plain["rays"] or [None] * len(plain["ranges"])
-        rows = zip(scan.angles.tolist(), plain["ranges"], rays, strict=True)
+        rows = zip(each.angles.tolist(), plain["ranges"], rays, strict=True)
         for beam, row in enumerate(rows):
             writer.writerow([number, beam, *row])
     return text.getvalue()

@@ -7,19 +7,19 @@ import logging
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
+import click
 import typer
 
 from radarsim.cli.compile_progress import compile_progress
-from radarsim.cli.config_file import ConfigOption
+from radarsim.cli.legacy_config_file import ConfigOption
 from radarsim.cli.options import (
     DEFAULT_MAX_CLIENTS,
     DEFAULT_PORT,
     DriveUnit,
     MapArgument,
     SeedOption,
-    read_item_settings,
 )
 from radarsim.cli.output import print_now, program_name, start_log
 from radarsim.cli.serve_extension import (
@@ -235,12 +235,12 @@ def check_item_settings(config: SimulationConfig) -> None:
     """Check the settings of ``--set``.
 
     Raises:
-        typer.BadParameter: If one does not fit.
+        click.BadParameter: If one does not fit.
     """
     try:
         config.check()
     except PresetError as error:
-        raise typer.BadParameter(str(error), param_hint="--set") from None
+        raise click.BadParameter(str(error), param_hint="--set") from None
 
 
 def make_image_server(host: Host, port: int | None) -> ImageServer | None:
@@ -263,11 +263,11 @@ def load_served_host(
     map_: str | None,
     *,
     seed: int | None,
-    settings: list[str] | None,
+    settings: Mapping[str, Mapping[str, Any]],
     drive_unit: DriveUnit,
     observers: Iterable[HostObserver] = (),
 ) -> Host | None:
-    """Create the host that ``--serve`` of other commands asks for, if it does.
+    """Create the host of the map that another command is given, if it is.
 
     ``observers`` are as in ``load_host``.
 
@@ -279,9 +279,7 @@ def load_served_host(
 
     if map_ is None:
         return None
-    config = SimulationConfig(
-        drive_unit=drive_unit.value, item_settings=read_item_settings(settings or [])
-    )
+    config = SimulationConfig(drive_unit=drive_unit.value, item_settings=settings)
     return load_host(map_, config, seed=seed or 0, observers=observers)
 
 

@@ -14,6 +14,8 @@ from .conftest import RunCommand
 
 SCAN = ("scan", "empty_room", "--sensor", "laser", "--start", "RobotStart1")
 
+BUG = ("--algorithm", "bug1", "--goal", "1,1")
+
 
 @pytest.fixture
 def taken_port() -> Iterator[str]:
@@ -30,16 +32,16 @@ def free_port() -> str:
 @pytest.mark.parametrize(
     "command",
     [
-        ("navigate", "--algorithm", "bug1", "--goal", "1,1"),
-        ("map", "{}/m"),
-        ("map", "{}/m", "--host", "localhost"),
+        ("navigate", *BUG, "--connect", "127.0.0.1:{}"),
+        ("map", "{}/m", "--port", "{}"),
+        ("map", "{}/m", "--host", "localhost", "--port", "{}"),
     ],
 )
 def test_without_a_server_the_command_that_starts_one_is_told(
     radarsim: RunCommand, tmp_path: Path, free_port: str, command: tuple[str, ...]
 ) -> None:
-    words = (word.format(tmp_path) for word in command)
-    run = radarsim(*words, "--port", free_port)
+    words = (each.format(tmp_path if "/" in each else free_port) for each in command)
+    run = radarsim(*words)
     assert run.code == 1
     assert f"radarsim serve foliage_room --port {free_port}\n" in run.err
     assert "rrno" not in run.err
@@ -57,8 +59,8 @@ def test_similar_class_of_another_server_is_named_with_its_package(
     radarsim: RunCommand, free_port: str, robot: str, code: int, told: str
 ) -> None:
     run = radarsim(
-        *("navigate", "--algorithm", "bug1", "--goal", "1,1"),
-        *("--robot", robot, "--port", free_port),
+        *("navigate", *BUG, "--connect", f"127.0.0.1:{free_port}"),
+        *("--robot", robot),
     )
     assert run.code == code
     assert told in run.err
@@ -67,8 +69,7 @@ def test_similar_class_of_another_server_is_named_with_its_package(
 
 def test_a_server_elsewhere_cannot_be_started_from_here(radarsim: RunCommand) -> None:
     run = radarsim(
-        *("navigate", "--algorithm", "bug1", "--goal", "1,1"),
-        *("--host", "nowhere.invalid"),
+        *("navigate", *BUG, "--connect", "nowhere.invalid:3000"),
     )
     assert run.code == 1
     assert "no server at nowhere.invalid:3000: " in run.err
@@ -168,7 +169,7 @@ def plain_user() -> Iterator[None]:
     [
         ("check", "{}/map.yaml"),
         (*SCAN, "-o", "{}/scan.json"),
-        ("navigate", "--algorithm", "bug1", "--serve", "bug_box", "--plot", "{}/a.png"),
+        ("navigate", "bug_box", "--algorithm", "bug1", "--plot", "{}/a.png"),
         ("map", "{}/m", "--serve", "empty_room"),
         ("map", "{}/m/", "--serve", "empty_room"),
         ("figures", "{}", "--only", "1"),

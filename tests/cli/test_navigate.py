@@ -23,7 +23,7 @@ from radarsim.addons.testing import UsarsimServer
 from radarsim.autonomy.commands.navigate_view import headline
 from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED, NavigationRun
 from radarsim.autonomy.navigation.algorithms import Algorithm
-from radarsim.autonomy.navigation.mission import Mission
+from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.runner import Result
 from radarsim.protocol.commands import Drive, parse_command
 from radarsim.protocol.dialect import COMPAT
@@ -32,9 +32,10 @@ from radarsim.server.host import Host
 
 Command = Callable[..., Any]
 BUG2 = ("navigate", "--algorithm", "bug2")
-BOX = (*BUG2, "--serve", "bug_box", "--speed", "0.6")
+BOX = (*BUG2, "bug_box", "--speed", "0.6")
 NEAR = (*BUG2, "--goal", "-6.5,0")  # of RobotStart1 in the empty room
 FAR = (*BUG2, "--goal", "8,0")
+SERVER = ("--connect", "127.0.0.1:1")
 fast_server = pytest.mark.usarsim(map="empty_room", speed=6)
 
 
@@ -197,7 +198,7 @@ def test_same_seed_gives_the_same_run_and_another_seed_another(
 
 
 def test_no_path_exits_with_3(radarsim: Command) -> None:
-    run = radarsim(*BUG2, "--serve", "bug_closed_box", "--speed", "0.5")
+    run = radarsim(*BUG2, "bug_closed_box", "--speed", "0.5")
     assert run.code == 3
     assert run.text.startswith("no path by bug2: -0.40 0.20\n")
 
@@ -223,7 +224,7 @@ def test_impossible_mission_is_reported_in_json(radarsim: Command) -> None:
 
 def test_options_reach_robot_and_bug(radarsim: Command) -> None:
     run = radarsim(
-        *(*BUG2, "--serve", "empty_room", "--pose", "-8,1,90", "--goal", "-8,2.5"),
+        *(*BUG2, "empty_room", "--pose", "-8,1,90", "--goal", "-8,2.5"),
         *("--bumpers", "4", "--share", "0.5", "--rule", "share", "--side", "right"),
         *("--give-up", "line", "--pose-from", "ground_truth", "--speed", "0.5"),
         *("--drive-unit", "rev_per_s", "--foliage-density", "5", "--scanner", "lms200"),
@@ -240,16 +241,19 @@ def test_options_reach_robot_and_bug(radarsim: Command) -> None:
 @pytest.mark.parametrize(
     ("options", "texts"),
     [
-        pytest.param([*BUG2], ["--goal", "nowhere"], id="no goal"),
+        pytest.param([*BUG2, *SERVER], ["--goal", "nowhere"], id="no goal"),
         pytest.param(
-            [*BUG2, "--serve", "empty_room"],
+            [*BUG2, "empty_room"],
             ["nowhere", "the map 'empty_room' has no trial"],
             id="no trial",
         ),
-        pytest.param([*NEAR, "--seed", "1"], ["--seed", "--serve"], id="seed"),
-        pytest.param([*NEAR, "--set", "a.b=1"], ["--set", "--serve"], id="set"),
-        pytest.param([*BOX, "--port", "3000"], ["--port", "no --serve"], id="port"),
-        pytest.param([*BOX, "--host", "me"], ["--host", "no --serve"], id="host"),
+        pytest.param([*NEAR], ["missing: one of MAP and --connect;"], id="nowhere"),
+        pytest.param([*NEAR, *SERVER, "--seed", "1"], ["--seed", "MAP"], id="seed"),
+        pytest.param([*NEAR, *SERVER, "--set", "a.b=1"], ["--set", "MAP"], id="set"),
+        pytest.param([*BOX, *SERVER], ["one of MAP and --connect"], id="server"),
+        pytest.param([*NEAR, "--connect", "me"], ["HOST:PORT"], id="no port"),
+        pytest.param([*NEAR, "--connect", "me:x"], ["HOST:PORT"], id="word"),
+        pytest.param([*NEAR, "--connect", "me:0"], ["HOST:PORT"], id="port 0"),
         pytest.param([*BOX, "--goal", "1"], ["'1'", "X,Y"], id="short goal"),
         pytest.param([*BOX, "--goal", "1,inf"], ["'1,inf'"], id="infinite goal"),
         pytest.param([*BOX, "--goal", "a,b"], ["'a,b'"], id="goal in words"),
@@ -311,8 +315,8 @@ def test_start_in_a_bush_is_an_error_that_names_it(
         "  - {name: juniper, sphere: 2.0, position: [-5, 0, 0.6], material: leaves}\n"
         "starts: [{name: RobotStart1, position: [-5, 0, 0]}]\n"
     )
-    for command in ([*BUG2, "--goal", "6,0"], ["map", str(tmp_path / "out/")]):
-        run = radarsim(*command, "--serve", str(path))
+    for command in ([*BUG2, "--goal", "6,0"], ["map", str(tmp_path / "o/"), "--serve"]):
+        run = radarsim(*command, str(path))
         assert run.code == 1
         assert "INIT at (-5.00, 0.00) in ['juniper'], expected a free place" in run.err
         assert "compile" not in run.err
@@ -321,7 +325,7 @@ def test_start_in_a_bush_is_an_error_that_names_it(
 def test_trace_overwrites_only_traces(radarsim: Command, tmp_path: Path) -> None:
     trace = tmp_path / "run.csv"
     trace.write_text("my,own,table\n1,2,3\n")
-    command = [*NEAR, "--serve", "empty_room", "--trace", str(trace)]
+    command = [*NEAR, "empty_room", "--trace", str(trace)]
     run = radarsim(*command)
     assert run.code == 2
     assert "run.csv is not a trace by radarsim, expected another file" in run.err
@@ -336,7 +340,7 @@ def test_trace_overwrites_only_traces(radarsim: Command, tmp_path: Path) -> None
 def test_files_of_a_failed_run_are_written(radarsim: Command, tmp_path: Path) -> None:
     trace, plot = tmp_path / "run.csv", tmp_path / "run.svg"
     run = radarsim(
-        *(*BUG2, "--serve", "foliage_room", "--start", "RobotStart1", "--goal", "8,0"),
+        *(*BUG2, "foliage_room", "--start", "RobotStart1", "--goal", "8,0"),
         *("--time-limit", "25", "--trace", str(trace), "--plot", str(plot)),
     )
     assert run.code == 1
@@ -362,7 +366,7 @@ def test_goal_is_reached_over_tcp(
     radarsim: Command, relay: Callable[..., Relay]
 ) -> None:
     middle = relay()
-    run = radarsim(*NEAR, "--port", str(middle.port), "--json")
+    run = radarsim(*NEAR, "--connect", f"127.0.0.1:{middle.port}", "--json")
     told = json.loads(run.text)
     assert (run.code, told["outcome"]) == (0, "reached")
     assert told["path_length"] == pytest.approx(1.4, abs=0.2)
@@ -387,7 +391,7 @@ def test_robot_is_stopped_when_the_server_fails(
     radarsim: Command, relay: Callable[..., Relay], fault: str, text: str
 ) -> None:
     middle = relay(fault)
-    run = radarsim(*FAR, "--port", str(middle.port), "--timeout", "0.8")
+    run = radarsim(*FAR, "--connect", f"127.0.0.1:{middle.port}", "--timeout", "0.8")
     assert (run.code, run.out) == (1, b"")
     assert f"radarsim: {text}" in run.err
     if fault == "drops":
@@ -412,8 +416,8 @@ def test_signal_stops_the_robot_and_the_trace_is_written(
 ) -> None:
     middle = relay()
     trace = tmp_path / "run.csv"
-    port = str(middle.port)
-    with start_radarsim(*FAR, "--port", port, "--trace", str(trace)) as process:
+    server = f"127.0.0.1:{middle.port}"
+    with start_radarsim(*FAR, "--connect", server, "--trace", str(trace)) as process:
         deadline = time.monotonic() + 240
         while len(middle.driven) < 10 and time.monotonic() < deadline:
             time.sleep(0.01)
@@ -434,7 +438,7 @@ def test_signal_stops_the_robot_and_the_trace_is_written(
 def test_missing_server_is_an_error(radarsim: Command) -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
-    run = radarsim(*NEAR, "--port", str(port))
+    run = radarsim(*NEAR, "--connect", f"127.0.0.1:{port}")
     assert (run.code, run.out) == (1, b"")
     assert run.err.startswith(f"radarsim: no server at 127.0.0.1:{port}")
 

@@ -3,8 +3,8 @@
 import os
 from pathlib import Path
 
+import click
 import pytest
-import typer
 
 from radarsim.cli.options import check_writable, write_file
 
@@ -29,10 +29,10 @@ def test_unwritable_file_is_refused_before_and_after(
     tmp_path: Path, name: str, reason: str
 ) -> None:
     (tmp_path / "folder").mkdir()
-    with pytest.raises(typer.BadParameter, match=f"{name}: {reason}") as caught:
+    with pytest.raises(click.BadParameter, match=f"{name}: {reason}") as caught:
         check_writable(tmp_path / name, "--trace")
     assert caught.value.param_hint == "--trace"
-    with pytest.raises(typer.BadParameter, match=f"cannot write .*{name}: ") as caught:
+    with pytest.raises(click.BadParameter, match=f"cannot write .*{name}: ") as caught:
         write_file(tmp_path / name, b"", "--trace")
     assert caught.value.param_hint == "--trace"
 
@@ -40,6 +40,6 @@ def test_unwritable_file_is_refused_before_and_after(
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
 def test_folder_without_write_permission_is_refused(tmp_path: Path) -> None:
     tmp_path.chmod(0o500)
-    with pytest.raises(typer.BadParameter, match="no permission"):
+    with pytest.raises(click.BadParameter, match="no permission"):
         check_writable(tmp_path / "run.csv", "--trace")
     tmp_path.chmod(0o700)

@@ -52,8 +52,8 @@ def hostile_map(tmp_path: Path) -> Path:
             ("explain", "{map}", *("--sensor", "radar", "--beam", "90"), *options)
             for options in (("--start", "RobotStart1"), ("--pose", "1,0,0"))
         ),
-        ("navigate", "--algorithm", "bug2", "--serve", "{map}", "--time-limit", "1"),
-        ("navigate", *("--algorithm", "bug2", "--serve", "{map}", "--json")),
+        ("navigate", "{map}", "--algorithm", "bug2", "--time-limit", "1"),
+        ("navigate", *("{map}", "--algorithm", "bug2", "--json")),
     ],
 )
 def test_names_in_a_map_are_escaped(
@@ -103,7 +103,18 @@ def test_markup_in_the_name_of_a_map_stays_text(
         (("scan", "empty_room", "--sensor", "radar", "--pose", HOSTILE), 2),
         (("scan", "empty_room", "--sensor", "radar", "--start", HOSTILE), 2),
         (("navigate", "--algorithm", HOSTILE), 2),
-        (("navigate", "--algorithm", "bug1", "--goal", "1,1", "--host", HOSTILE), 1),
+        (
+            (
+                "navigate",
+                "--algorithm",
+                "bug1",
+                "--goal",
+                "1,1",
+                "--connect",
+                f"{HOSTILE}:1",
+            ),
+            1,
+        ),
         (("trials", "--maps", HOSTILE), 1),
         (("figures", f"/dev/null/{HOSTILE}"), 2),
         (("docs", HOSTILE), 2),

@@ -49,7 +49,7 @@ def test_simulated_run_is_recorded_and_verified(
     run_command: Command, tmp_path: Path
 ) -> None:
     folder = tmp_path / "run"
-    words = ("--algorithm", "bug2", "--serve", "empty_room", "--goal", "5,0")
+    words = ("empty_room", "--algorithm", "bug2", "--goal", "5,0")
     run = run_command("navigate", *words, *FIRST_SECONDS, "--record", str(folder))
     assert f"recorded in {folder}" in run.err
     verified = run_command("replay", str(folder), "--verify")
@@ -82,8 +82,16 @@ def test_run_on_a_server_elsewhere_is_recorded(
     run_command: Command, usarsim_server: UsarsimServer, tmp_path: Path
 ) -> None:
     folder = tmp_path / "run"
-    port = str(usarsim_server.address[1])
-    words = ("--algorithm", "bug2", "--goal", "5,0", "--port", port, *FIRST_SECONDS)
+    server = f"127.0.0.1:{usarsim_server.address[1]}"
+    words = (
+        "--algorithm",
+        "bug2",
+        "--goal",
+        "5,0",
+        "--connect",
+        server,
+        *FIRST_SECONDS,
+    )
     run = run_command("navigate", *words, "--record", str(folder))
     assert f"recorded in {folder}" in run.err
     recording = radarsim.load_recording(folder)

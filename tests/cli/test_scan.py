@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from processes import on_terminal
 
 Command = Callable[..., Any]
 START = ("--start", "RobotStart1")
@@ -155,6 +156,15 @@ def test_file_without_an_ending_holds_json(radarsim: Command, tmp_path: Path) ->
     )
     assert run.code == 0
     assert len(json.loads(path.read_text())["ranges"]) == 181
+
+
+def test_terminal_gets_a_summary_and_how_to_get_the_numbers() -> None:
+    text = on_terminal("scan", "empty_room", "--sensor", "laser", *START)
+    lines = text.removesuffix("\x1b[0m").splitlines()  # colorama, for numba, adds it
+    *_, first, second, last = lines  # it may compile before
+    assert first.endswith("laser at -7.79 0.00 0.35, 181 of 181 beams return")
+    assert second.startswith("  nearest 6.40 m at -90 degrees, median ")
+    assert "-o FILE.json" in last
 
 
 def test_picture_is_written_to_a_pipe(radarsim: Command) -> None:

@@ -1,8 +1,8 @@
 from collections.abc import Callable
 from typing import Any
 
+import click
 import pytest
-import typer
 
 from radarsim.cli.options import DEFAULT_MAX_CLIENTS, read_item_settings
 from radarsim.cli.serve import announce
@@ -21,7 +21,7 @@ def test_settings_are_grouped_by_item() -> None:
 
 @pytest.mark.parametrize("text", ["max_range=20", ".max_range=20", "lms200.=2", "a.b"])
 def test_setting_without_item_key_or_value_is_a_usage_error(text: str) -> None:
-    with pytest.raises(typer.BadParameter, match="expected"):
+    with pytest.raises(click.BadParameter, match="expected"):
         read_item_settings([text])
 
 

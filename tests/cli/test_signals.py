@@ -17,7 +17,7 @@ COMMANDS = {
     "check": ("check", "foliage_room"),
     "serve": ("serve", "empty_room", "--port", "0"),
     "map": ("map", "{}/", "--serve", "empty_room", "--time-limit", "2"),
-    "navigate": ("navigate", "--algorithm", "bug2", "--serve", "bug_box"),
+    "navigate": ("navigate", "bug_box", "--algorithm", "bug2"),
     "trials": ("trials", "--maps", "bug_box,bug_u_trap", "--seeds", "1"),
     "demo": ("demo", "{}/demo.png"),
     "figures": ("figures", "{}", "--only", "2,3,6"),

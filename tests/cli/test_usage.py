@@ -67,7 +67,7 @@ def test_wrong_map_gives_one_exit_code_wherever_it_is_named(
     commands = [
         ("check", "bug_bx"),
         ("scan", "bug_bx", "--sensor", "radar", "--pose", "0,0,0"),
-        ("navigate", "--algorithm", "bug1", "--serve", "bug_bx"),
+        ("navigate", "bug_bx", "--algorithm", "bug1"),
         ("trials", "--maps", "bug_bx"),
     ]
     runs = [radarsim(*command) for command in commands]

@@ -7,7 +7,7 @@ import pytest
 from .conftest import RunCommand
 
 SCAN = ("scan", "empty_room", "--start", "RobotStart1", "--sensor")
-BUG = ("navigate", "--algorithm", "bug1", "--serve", "bug_box")
+BUG = ("navigate", "bug_box", "--algorithm", "bug1")
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,8 @@
 """``radarsim`` in processes of their own."""
 
 import os
+import pty
+import select
 import subprocess
 import sys
 from typing import IO, Any
@@ -17,3 +19,26 @@ def start_radarsim(
     env = {k: v for k, v in os.environ.items() if not k.startswith("COVERAGE")}
     command = (sys.executable, "-m", "radarsim", *words)
     return subprocess.Popen(command, stdout=stdout, stderr=subprocess.PIPE, env=env)
+
+
+def on_terminal(*words: str, **variables: str) -> str:
+    """Return what a command prints on a terminal."""
+    outer, inner = pty.openpty()
+    environment = {**os.environ, "TERM": "xterm-256color", **variables}
+    with subprocess.Popen(
+        (sys.executable, "-m", "radarsim", *words),
+        stdin=inner,
+        stdout=inner,
+        stderr=inner,
+        env=environment,
+    ) as process:
+        os.close(inner)
+        text = b""
+        while select.select([outer], [], [], 60)[0]:
+            try:
+                text += os.read(outer, 65536)
+            except OSError:  # the other end is closed
+                break
+    os.close(outer)
+    assert process.returncode in (0, 2)
+    return text.decode()

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from radarsim.cli.legacy_sensor import load_scene_and_pose
 from radarsim.cli.options import (
     MapArgument,
     SeedOption,
@@ -21,7 +22,6 @@ from radarsim.cli.options import (
     refuse_options,
     write_file,
 )
-from radarsim.cli.scan import load_scene_and_pose
 from radarsim.errors import PresetError
 
 if TYPE_CHECKING:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Annotated, Any, Final, Self
+from typing import TYPE_CHECKING, Annotated, Any, Final, Self, TypeAlias
 
 import typer
 
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from radarsim.autonomy.proxy.tcp_proxy import DataCallback
     from radarsim.client import Client
     from radarsim.server.host import Host
+
+ItemSettings: TypeAlias = Mapping[str, Mapping[str, Any]]  # by items and keys
 
 MAP_INTERVAL: Final = 1.0  # s between messages of a map
 
@@ -143,9 +146,9 @@ class RunRecording:
                 raise RecordingError(text)
 
     def load_host(
-        self, map_: str | None, *, seed: int | None, settings: list[str] | None
+        self, map_: str | None, *, seed: int | None, settings: ItemSettings
     ) -> Host | None:
-        """Create the host that ``--serve`` asks for, if it does.
+        """Create the host of the map that is given, if one is.
 
         Raises:
             MapError: If the map is wrong.

@@ -28,7 +28,8 @@ from radarsim.autonomy.exploration.exploration import (
 )
 from radarsim.autonomy.exploration.options import StrategyName
 from radarsim.autonomy.navigation.algorithms import Algorithm
-from radarsim.autonomy.navigation.mission import Mission, run_mission
+from radarsim.autonomy.navigation.mission import run_mission
+from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.run_log import RunLog
 from radarsim.autonomy.navigation.runner import NavigationStep
 from radarsim.errors import RadarsimError, expected_one_of
@@ -205,6 +206,7 @@ class GoingTo:
             goals=(request.goal,),
             pose=HERE,
             safety_distance=safety_distance,
+            time_limit=math.inf,
         )
 
     def run(self, client: RobotClient, tell: Tell) -> str:

@@ -1,1 +1,17 @@
-"""The commands ``navigate``, ``map`` and ``trials``."""
+"""The commands ``navigate``, ``map`` and ``trials``, as entries."""
+
+from typing import Final
+
+from radarsim.cli.core_commands import AUTONOMY, old
+from radarsim.cli.entries import CommandEntry
+
+COMMANDS: Final = (
+    CommandEntry(
+        "navigate",
+        "radarsim.autonomy.commands.navigate:navigate",
+        "Drive a robot to a goal; exit with 3 if there is no path.",
+        AUTONOMY,
+    ),
+    old("map", "Explore with a robot and map what it senses.", AUTONOMY),
+    old("trials", "Run navigators on several maps, and score them.", AUTONOMY),
+)

@@ -7,9 +7,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-import typer
+import click
 
-from radarsim.cli.options import check_writable
+from radarsim.cli.files import check_writable
 from radarsim.cli.output import print_message
 from radarsim.errors import PresetError
 
@@ -35,7 +35,7 @@ def check_film(path: Path | None) -> None:
     """Check before a run that it can be filmed.
 
     Raises:
-        typer.BadParameter: If the file cannot be written, its ending names no format,
+        click.BadParameter: If the file cannot be written, its ending names no format,
             or a package for its format is missing.
     """
     if path is None:
@@ -44,11 +44,11 @@ def check_film(path: Path | None) -> None:
 
     check_writable(path, HINT)
     if path.exists() and not path.is_file():
-        raise typer.BadParameter(f"{path}, expected a regular file", param_hint=HINT)
+        raise click.BadParameter(f"{path}, expected a regular file", param_hint=HINT)
     try:
         film_format(path)
     except ValueError as error:
-        raise typer.BadParameter(str(error), param_hint=HINT) from None
+        raise click.BadParameter(str(error), param_hint=HINT) from None
 
 
 @contextmanager
@@ -66,7 +66,7 @@ def filmed(
         A function to be called after each scan with its time, s.
 
     Raises:
-        typer.BadParameter: If the film of a run that succeeded cannot be written.
+        click.BadParameter: If the film of a run that succeeded cannot be written.
     """
     if path is None:
         yield lambda _: None
@@ -82,4 +82,4 @@ def filmed(
             print_message(f"wrote {path}")
     if film.error is not None:
         text = f"cannot write {path}: {film.error.strerror or film.error}"
-        raise typer.BadParameter(text, param_hint=HINT)
+        raise click.BadParameter(text, param_hint=HINT)

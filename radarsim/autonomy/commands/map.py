@@ -54,7 +54,7 @@ from radarsim.cli.options import (
     check_server_options,
     check_start,
     given_options,
-    penetration_depth,
+    read_item_settings,
     read_point,
     read_pose,
     refuse_options,
@@ -127,7 +127,6 @@ def map_(
     from radarsim.autonomy.commands.map_files import MapFiles, MapOutput
     from radarsim.autonomy.commands.map_proxy import FollowedMapping
     from radarsim.autonomy.exploration.exploration import ExplorationPlan
-    from radarsim.autonomy.navigation.control import SpeedLimits
 
     recording = RunRecording(record, drive_unit)
     files = MapFiles(out, mode.value, robots)
@@ -157,15 +156,17 @@ def map_(
         pose=None if pose is None else read_pose(pose, "--pose"),
         scanner=scanner,
         safety_distance=safety_distance,
-        penetration_depth=penetration_depth(foliage_density, penetration_power),
-        speed_limits=SpeedLimits(speed=speed),
+        foliage_density=foliage_density,
+        penetration_power=penetration_power,
+        speed=speed,
         radius=radius,
         time_limit=time_limit,
         timeout=timeout,
         drive_unit=drive_unit.value,
     )
     output.check(served=serve)
-    served = recording.load_host(serve, seed=seed, settings=settings)
+    items = read_item_settings(settings or [])
+    served = recording.load_host(serve, seed=seed, settings=items)
     check_start(start, pose, None if served is None else served.simulation.scene)
     raise typer.Exit(_explore(plan, output, address, served, seed or 0, robots))
 

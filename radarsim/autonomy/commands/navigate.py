@@ -3,79 +3,167 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-import typer
+import click
 
-from radarsim.addons.recording.run_recording import RunRecording
-from radarsim.autonomy.commands.navigate_options import NavigateOptions
-from radarsim.cli.option_class import with_options
-from radarsim.cli.options import (
-    PICTURE_FORMS,
-    check_ending,
-    check_server_options,
-    check_writable,
-    server_address,
-    write_file,
-)
+from radarsim.autonomy.navigation.plans import Mission
+from radarsim.cli.compile_progress import with_compile_progress
+from radarsim.cli.fields import LOCAL_SERVER, Json, RunFiles, Simulation
+from radarsim.cli.files import PICTURE_FORMS, check_ending, check_writable, write_file
 from radarsim.cli.output import MESSAGE_FORM, print_lines, print_message, start_log
+from radarsim.errors import expected_one_of
 from radarsim.processes import raise_on_signals
 
 if TYPE_CHECKING:
     from radarsim.autonomy.evaluation.navigation_run import NavigationRun
     from radarsim.autonomy.navigation.run_log import Row
+    from radarsim.scene.scene import Scene
 
 EXIT_CODES: Final = {"reached": 0, "no_path": 3}
 
 
-@with_options(NavigateOptions)
-def navigate(options: NavigateOptions) -> None:
-    """Drive a robot to a goal; exit with 3 if there is no path."""
-    from radarsim.autonomy.commands.film import check_film
-    from radarsim.autonomy.evaluation.navigation_run import NavigationRun
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NavigationFiles(RunFiles):
+    """Files that a run of a navigator is written into.
 
-    check_server_options(
-        options.serve,
-        host=options.host,
-        port=options.port,
-        seed=options.seed,
-        settings=options.settings,
-    )
-    _check_files(options.trace, options.plot)
-    check_film(options.film)
-    recording = RunRecording(options.record, options.drive_unit)
-    served = recording.load_host(
-        options.serve, seed=options.seed, settings=options.settings
-    )
-    run = NavigationRun(options.mission(served), served)
+    Attributes:
+        trace: Write a CSV file with a row for each scan.
+        plot: Draw the run into a .png, .svg or .pdf.
+    """
+
+    trace: Path | None = None
+    plot: Path | None = None
+
+    def check(self) -> None:
+        """Check before the run that its files can be written after it.
+
+        Raises:
+            click.BadParameter: If one cannot.
+        """
+        from radarsim.autonomy.commands.film import check_film
+
+        for hint, path in (("--trace", self.trace), ("--plot", self.plot)):
+            if path is not None:
+                check_writable(path, hint)
+        if self.trace is not None and self.trace.exists() and not _is_trace(self.trace):
+            text = f"{self.trace} is not a trace by radarsim, expected another file"
+            raise click.BadParameter(text, param_hint="--trace")
+        if self.plot is not None:
+            check_ending(self.plot, PICTURE_FORMS, "--plot")
+        check_film(self.film)
+
+    @contextmanager
+    def written(self, run: NavigationRun) -> Iterator[None]:
+        """Write trace and plot after a run, however it ends."""
+        from radarsim.autonomy.commands.navigate_view import view_of
+        from radarsim.autonomy.plotting.runs import draw_run
+
+        try:
+            yield
+        finally:
+            if self.trace is not None:
+                write_file(self.trace, run.run_log.as_csv().encode(), "--trace")
+                print_message(f"wrote {self.trace}")
+            if self.plot is not None and run.run_log.rows:
+                form = check_ending(self.plot, PICTURE_FORMS, "--plot")
+                write_file(self.plot, draw_run(view_of(run), form=form), "--plot")
+                print_message(f"wrote {self.plot}")
+
+
+@with_compile_progress
+def navigate(
+    where: Simulation,
+    mission: Mission,
+    files: NavigationFiles,
+    *,
+    as_json: Json = False,
+) -> int:
+    """Drive a robot to a goal; exit with 3 if there is no path.
+
+    The trial of a map provides start, goal and safety distance where no option does.
+
+    Args:
+        where: The simulation or the server.
+        mission: The mission.
+        files: What to write.
+        as_json: Print JSON, for programs.
+
+    Returns:
+        The exit code.
+    """
+    from radarsim.addons.recording.run_recording import RunRecording
+    from radarsim.autonomy.evaluation.navigation_run import NavigationRun
+    from radarsim.cli.options import DriveUnit, check_robot
+
+    files.check()
+    recording = RunRecording(files.record, DriveUnit(mission.drive_unit))
+    settings = where.item_settings()
+    served = recording.load_host(where.map, seed=where.seed, settings=settings)
+    check_robot(mission.robot_class, served)
+    scene = None if served is None else served.simulation.scene
+    run = NavigationRun(complete_mission(mission, scene), served)
     run.connect = recording.connect
     start_log(logging.WARNING, MESSAGE_FORM)
     with (
         raise_on_signals(),
         recording,
-        _write_files(run, options.trace, options.plot),
-        _print_result(run, as_json=options.as_json),
+        files.written(run),
+        _print_result(run, as_json=as_json),
+        _shown(run, files) as observe,
     ):
-        address = server_address(options.host, options.port)
-        _execute(run, address, options.film, options.film_speed)
+        run.execute(where.connect or LOCAL_SERVER, observe)
     if run.error:
         print_message(run.error)
-    raise typer.Exit(EXIT_CODES.get(run.outcome, 1))
+    return EXIT_CODES.get(run.outcome, 1)
 
 
-def _execute(
-    run: NavigationRun, address: tuple[str, int], film: Path | None, film_speed: float
-) -> None:
-    """Drive, show the progress, and film it if a file is given."""
+def complete_mission(mission: Mission, scene: Scene | None) -> Mission:
+    """Return a mission with what the trial of a map provides, and nothing else does.
+
+    Args:
+        mission: The mission as it is given.
+        scene: The map; None for a server.
+
+    Raises:
+        click.BadParameter: If there is no goal, or no such start.
+    """
+    trial = None if scene is None else scene.trial
+    if scene is not None and mission.start is not None:
+        names = [each.name for each in scene.starts]
+        if scene.start(mission.start) is None:
+            text = expected_one_of(mission.start, names)
+            raise click.BadParameter(text, param_hint="--start")
+    if not mission.goals and trial is None:
+        text = "nowhere to go, expected X,Y, or a map that has a trial"
+        if scene is not None:
+            text = f"nowhere to go, expected X,Y: the map {scene.name!r} has no trial"
+        raise click.BadParameter(text, param_hint="--goal")
+    if trial is None:
+        return mission
+    has_start = mission.start is not None or mission.pose is not None
+    is_safe = mission.safety_distance is not None or mission.foliage_density is not None
+    return replace(
+        mission,
+        goals=mission.goals or (trial.goal,),
+        start=mission.start if has_start else trial.start,
+        safety_distance=mission.safety_distance if is_safe else trial.safety_distance,
+    )
+
+
+@contextmanager
+def _shown(run: NavigationRun, files: RunFiles) -> Iterator[Callable[[Row], None]]:
+    """Show the progress of a run, and film it if a file is given."""
     from radarsim.autonomy.commands.film import filmed
     from radarsim.autonomy.commands.navigate_report import run_progress
     from radarsim.autonomy.commands.navigate_view import RunCamera
 
     with (
-        filmed(film, RunCamera(run).draw, film_speed) as update_film,
+        filmed(files.film, RunCamera(run).draw, files.film_speed) as update_film,
         run_progress(run.run_log) as update,
     ):
 
@@ -83,19 +171,7 @@ def _execute(
             update(row)
             update_film(row.time)
 
-        run.execute(address, observe)
-
-
-def _check_files(trace: Path | None, plot: Path | None) -> None:
-    """Check before the run that its files can be written after it."""
-    for hint, path in (("--trace", trace), ("--plot", plot)):
-        if path is not None:
-            check_writable(path, hint)
-    if trace is not None and trace.exists() and not _is_trace(trace):
-        text = f"{trace} is not a trace by radarsim, expected another file"
-        raise typer.BadParameter(text, param_hint="--trace")
-    if plot is not None:
-        check_ending(plot, PICTURE_FORMS, "--plot")
+        yield observe
 
 
 @contextmanager
@@ -116,30 +192,6 @@ def _print_result(run: NavigationRun, *, as_json: bool) -> Iterator[None]:
             print_lines(as_text(run))
         raise
     print_lines([result_as_json(run)] if as_json else as_text(run))
-
-
-@contextmanager
-def _write_files(
-    run: NavigationRun, trace: Path | None, plot: Path | None
-) -> Iterator[None]:
-    """Write the files after a run, however it ends."""
-    try:
-        yield
-    finally:
-        if trace is not None:
-            write_file(trace, run.run_log.as_csv().encode(), "--trace")
-            print_message(f"wrote {trace}")
-        if plot is not None and run.run_log.rows:
-            form = check_ending(plot, PICTURE_FORMS, "--plot")
-            write_file(plot, _draw(run, form), "--plot")
-            print_message(f"wrote {plot}")
-
-
-def _draw(run: NavigationRun, form: str) -> bytes:
-    from radarsim.autonomy.commands.navigate_view import view_of
-    from radarsim.autonomy.plotting.runs import draw_run
-
-    return draw_run(view_of(run), form=form)
 
 
 def _is_trace(path: Path) -> bool:

@@ -9,7 +9,8 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from radarsim.autonomy.navigation.mission import Mission, run_mission
+from radarsim.autonomy.navigation.mission import run_mission
+from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.run_log import Row, RunLog
 from radarsim.autonomy.navigation.runner import NavigationStep, Result
 from radarsim.client import Client

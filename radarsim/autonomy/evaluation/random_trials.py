@@ -28,7 +28,7 @@ from scipy.sparse.csgraph import dijkstra
 from radarsim.autonomy.evaluation.task_runner import read_log, run_tasks
 from radarsim.autonomy.evaluation.trials import SCANNER, SENSORS, Drive, drive_mission
 from radarsim.autonomy.navigation.algorithms import Algorithm
-from radarsim.autonomy.navigation.mission import Mission
+from radarsim.autonomy.navigation.plans import Mission
 from radarsim.geometry import Floats, Point
 from radarsim.scene.map_file import load_map
 from radarsim.scene.random_maps import (

@@ -16,7 +16,8 @@ from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
 from radarsim.autonomy.evaluation.shortest_path import shortest_path
 from radarsim.autonomy.evaluation.task_runner import in_order, run_tasks
 from radarsim.autonomy.navigation.algorithms import ROBOT, Algorithm, Rule
-from radarsim.autonomy.navigation.mission import Mission, run_mission
+from radarsim.autonomy.navigation.mission import run_mission
+from radarsim.autonomy.navigation.plans import Mission
 from radarsim.client import Client
 from radarsim.errors import ClientError, MapError, NavigationError, TooNearError
 from radarsim.presets.robots import load_robot

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Generator, Iterator
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
@@ -24,17 +24,13 @@ from radarsim.autonomy.mapping.slam import MotionSource, SlamSettings
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import (
     ControlLoop,
-    SpeedLimits,
     StandstillDetector,
     StuckDetector,
     Twist,
 )
-from radarsim.autonomy.navigation.mission import (
-    DrivePlan,
-    check_field_of_view,
-    spawn_robot,
-)
+from radarsim.autonomy.navigation.mission import check_field_of_view, spawn_robot
 from radarsim.autonomy.navigation.observation import Observation, check_beams
+from radarsim.autonomy.navigation.plans import DrivePlan
 from radarsim.autonomy.navigation.runner import TripMeter
 from radarsim.client import Client
 from radarsim.errors import ClientError, MappingError, NavigationError
@@ -79,7 +75,7 @@ class ExplorationPlan(DrivePlan):
     resolution: float = RESOLUTION
     map_range: float = math.inf
     radius: float = RADIUS
-    speed_limits: SpeedLimits = field(default_factory=lambda: SpeedLimits(speed=0.4))
+    speed: float = 0.4
     time_limit: float = TIME_LIMIT
 
 
@@ -193,7 +189,7 @@ class Exploration:
         self.settings = ExplorationSettings(
             bumpers=Bumpers(safety_distance=robot.safety_distance),
             speed_limits=robot.speed_limits,
-            wall_on_left=plan.wall_on_left,
+            wall_on_left=plan.side == "left",
             radius=plan.radius,
         )
         if not plan.waypoints:

@@ -25,10 +25,10 @@ from numpy.typing import NDArray
 
 from radarsim.autonomy.navigation.algorithms import Rule
 from radarsim.autonomy.navigation.observation import Observation, wrap_angles
+from radarsim.autonomy.navigation.plans import LEAST_SHARE
 from radarsim.geometry import Floats
 
 BAND = 0.5  # m beyond the safety distance
-LEAST_SHARE = 0.1
 MOST = 36  # bumpers; narrower sectors would hold too few beams
 
 FOUR = ("front", "left", "back", "right")

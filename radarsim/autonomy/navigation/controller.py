@@ -19,9 +19,8 @@ from radarsim.autonomy.navigation.control import (
     moved,
 )
 from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.navigation.plans import TOLERANCE
 from radarsim.geometry import Point, Pose2
-
-TOLERANCE = 0.1  # m from the goal at which it is reached
 
 
 class Activity(StrEnum):

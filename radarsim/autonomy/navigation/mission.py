@@ -2,86 +2,21 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from radarsim.autonomy.navigation.algorithms import (
     ROBOT,
-    Algorithm,
-    GiveUp,
-    PoseSource,
-    Rule,
     controller_class,
 )
-from radarsim.autonomy.navigation.bumpers import LEAST_SHARE, Bumpers
+from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits
-from radarsim.autonomy.navigation.controller import TOLERANCE, ControllerSettings
+from radarsim.autonomy.navigation.controller import ControllerSettings
+from radarsim.autonomy.navigation.plans import DrivePlan, Mission
 from radarsim.autonomy.navigation.runner import NavigationStep, Navigator, Result
-from radarsim.client import Client, DriveUnit, RobotInfo, ScannerInfo
+from radarsim.client import Client, RobotInfo, ScannerInfo
 from radarsim.errors import ClientTimeout, NavigationError, expected_one_of
-from radarsim.geometry import Point, Pose2
 
 MARGIN = 0.13  # m added to the least safety distance, for noise and braking
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DrivePlan:
-    """What missions and explorations have in common: a robot, and how it drives.
-
-    Attributes:
-        robot_class: Class of the robot; its scanner has to cover a full circle.
-        start: Name of a start pose; the server's first one if there is no pose either.
-        pose: Start pose, map frame, if it is not one of the map's; m and rad.
-        scanner: Name of the scanner to use; the first one by default.
-        safety_distance: Distance from the robot's centre to what blocks it, m, above 0;
-            None for the least one that ``penetration_depth`` allows, and a margin.
-        penetration_depth: How far the sensor sees into foliage unnoticed, m, at least
-            0.
-        wall_on_left: Whether boundaries are followed on the robot's left.
-        echoes: Whether to ask the server for echoes: what blocks robots then counts
-            where a beam first meets it, even if the beam goes through.
-        speed_limits: Greatest speed, m/s, and turn rate, rad/s, each above 0.
-        time_limit: Longest run, s of server time, above 0; ``inf`` for no limit.
-        timeout: Time without a scan after which the run is given up, s, above 0.
-        drive_unit: Unit in which the server expects wheel speeds.
-    """
-
-    robot_class: str = ROBOT
-    start: str | None = None
-    pose: Pose2 | None = None
-    scanner: str | None = None
-    safety_distance: float | None = None
-    penetration_depth: float = 0.0
-    wall_on_left: bool = True
-    echoes: bool = True
-    speed_limits: SpeedLimits = field(default_factory=SpeedLimits)
-    time_limit: float = math.inf
-    timeout: float = 2.0
-    drive_unit: DriveUnit = "rad_per_s"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Mission(DrivePlan):
-    """A navigation mission: a robot, as in ``DrivePlan``, and its goals.
-
-    Attributes:
-        algorithm: Bug1, Bug2, TangentBug, or paths planned on what is seen.
-        goals: Waypoints in turn, the last one the goal, m, map frame; at least one.
-        bumpers: Number of bumpers, 4 to 36.
-        share: Share of a bumper's beams that press it, above 0 and at most 1.
-        rule: When a bumper is pressed.
-        give_up: When Bug2 concludes that there is no path.
-        pose_source: The sensor that poses are taken from.
-        tolerance: Distance from a goal at which it is reached, m, above 0.
-    """
-
-    algorithm: Algorithm
-    goals: tuple[Point, ...]
-    bumpers: int = 8
-    share: float = LEAST_SHARE
-    rule: Rule = Rule.SHARE
-    give_up: GiveUp = GiveUp.HIT_POINT
-    pose_source: PoseSource = PoseSource.INS
-    tolerance: float = TOLERANCE
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,12 +46,11 @@ def spawn_robot(client: Client, plan: DrivePlan) -> SpawnedRobot:
     start = None if plan.pose is not None else choose_start(client, plan.start)
     client.spawn(plan.robot_class, start=start, pose=plan.pose)
     info = client.robot_info(drive_unit=plan.drive_unit)
-    limits = plan.speed_limits
     return SpawnedRobot(
         info,
         info.scanner(plan.scanner),
         safety_distance_for(info, plan.safety_distance, plan.penetration_depth),
-        SpeedLimits(min(limits.speed, info.top_speed), limits.turn),
+        SpeedLimits(min(plan.speed, info.top_speed), plan.turn_speed),
     )
 
 
@@ -148,7 +82,7 @@ def run_mission(
         algorithm=mission.algorithm,
         bumpers=bumpers,
         speed_limits=robot.speed_limits,
-        wall_on_left=mission.wall_on_left,
+        wall_on_left=mission.side == "left",
         give_up=mission.give_up,
         tolerance=mission.tolerance,
     )

@@ -8,7 +8,7 @@ from radarsim.autonomy.evaluation.navigation_run import (
 )
 from radarsim.autonomy.evaluation.trials import load_trial
 from radarsim.autonomy.navigation.algorithms import Algorithm
-from radarsim.autonomy.navigation.mission import Mission
+from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.plotting.outlines import outlines_of
 from radarsim.autonomy.plotting.runs import RunView, SteeringSensor, run_figure
 from radarsim.lab.figures.figure import ROBOT, DrawnFigure
@@ -46,9 +46,7 @@ def draw_bug(seed: int, *, algorithm: Algorithm) -> DrawnFigure:
     runs = [run(map_, algorithm, seed) for map_ in (OPEN, CLOSED)]
     drawing = run_figure([_view(each) for each in runs], text=_TEXT)
     options = f"--algorithm {algorithm.value} --seed {seed}"
-    commands = [
-        f"radarsim navigate --serve {map_} {options}" for map_ in (OPEN, CLOSED)
-    ]
+    commands = [f"radarsim navigate {map_} {options}" for map_ in (OPEN, CLOSED)]
     return DrawnFigure(
         (drawing,), _caption(algorithm), tuple(commands), _details(*runs)
     )

@@ -21,7 +21,7 @@ from radarsim.autonomy.evaluation.shortest_path import shortest_path
 from radarsim.autonomy.evaluation.trials import SCANNER, drive_mission
 from radarsim.autonomy.exploration.exploration import ExplorationPlan
 from radarsim.autonomy.navigation.algorithms import Algorithm
-from radarsim.autonomy.navigation.mission import Mission
+from radarsim.autonomy.navigation.plans import Mission
 from radarsim.errors import ClientError, MappingError, NavigationError
 from radarsim.geometry import Point
 from radarsim.rng import generator_for

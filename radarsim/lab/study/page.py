@@ -15,7 +15,7 @@ from radarsim.autonomy.evaluation.task_runner import read_log
 from radarsim.autonomy.evaluation.trials import GOAL_TOLERANCE
 from radarsim.autonomy.mapping.occupancy_grid import RESOLUTION
 from radarsim.autonomy.navigation.algorithms import Algorithm
-from radarsim.autonomy.navigation.controller import TOLERANCE
+from radarsim.autonomy.navigation.plans import TOLERANCE
 from radarsim.files import PAGE_MARK, write_atomically
 from radarsim.lab.figures.page import STYLE
 from radarsim.lab.study.chart import draw_study

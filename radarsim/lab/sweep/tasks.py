@@ -23,7 +23,7 @@ from radarsim.autonomy.evaluation.trials import SCANNER, drive_mission
 from radarsim.autonomy.exploration.exploration import ExplorationPlan
 from radarsim.autonomy.exploration.options import StrategyName
 from radarsim.autonomy.navigation.algorithms import ROBOT, Algorithm
-from radarsim.autonomy.navigation.mission import Mission
+from radarsim.autonomy.navigation.plans import Mission
 from radarsim.errors import (
     ClientError,
     MapError,

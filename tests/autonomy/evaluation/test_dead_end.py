@@ -6,7 +6,7 @@ import pytest
 
 from radarsim.autonomy.evaluation.trials import Drive, config_with_sensor, drive_mission
 from radarsim.autonomy.navigation.algorithms import Algorithm
-from radarsim.autonomy.navigation.mission import Mission
+from radarsim.autonomy.navigation.plans import Mission
 from radarsim.scene.map_file import load_map
 from radarsim.server.host import Host
 

@@ -9,7 +9,6 @@ from radarsim.autonomy.evaluation.map_score import score_mapper
 from radarsim.autonomy.evaluation.mapping_run import MappingRun
 from radarsim.autonomy.exploration.exploration import Exploration, ExplorationPlan
 from radarsim.autonomy.mapping.trajectory import trajectory_errors
-from radarsim.autonomy.navigation.control import SpeedLimits
 from radarsim.client import Client
 from radarsim.geometry import Pose2
 from radarsim.protocol.reports import Odometry, Report
@@ -42,9 +41,7 @@ def test_matching_along_a_corridor_is_no_worse_than_the_motion_alone(
     path = tmp_path / "corridor.yaml"
     path.write_text(CORRIDOR)
     config = SimulationConfig(item_settings={"lms200": {"max_range": 6.0}})
-    plan = ExplorationPlan(
-        waypoints=((18.0, 0.0),), speed_limits=SpeedLimits(speed=0.6)
-    )
+    plan = ExplorationPlan(waypoints=((18.0, 0.0),), speed=0.6)
     run = MappingRun(plan, Host(load_map(path), config=config, seed=3))
     run.run(("", 0))
     errors = run.result.to_dict()["pose_errors"]
@@ -80,7 +77,7 @@ def test_a_ring_closes_and_has_each_wall_once(tmp_path: Path, seed: int) -> None
     path = tmp_path / "ring.yaml"
     path.write_text(RING)
     config = SimulationConfig(item_settings={"lms200": {"max_range": 8.0}})
-    plan = ExplorationPlan(waypoints=AROUND, speed_limits=SpeedLimits(speed=0.6))
+    plan = ExplorationPlan(waypoints=AROUND, speed=0.6)
     run = MappingRun(plan, Host(load_map(path), config=config, seed=seed))
     run.run(("", 0))
     run.judge()
@@ -121,7 +118,7 @@ def test_a_ring_closes_with_odometry_that_drifts(tmp_path: Path, seed: int) -> N
     host = Host(load_map(path), config=config, seed=seed)
     plan = ExplorationPlan(
         waypoints=AROUND,
-        speed_limits=SpeedLimits(speed=0.6),
+        speed=0.6,
         motion_source="odometry",
     )
     exploration = Exploration(plan, generator_for(seed, "exploring"))

@@ -30,7 +30,6 @@ from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import (
     CellClass,
 )
-from radarsim.autonomy.navigation.control import SpeedLimits
 from radarsim.client import Client
 from radarsim.geometry import Floats
 from radarsim.rng import generator_for
@@ -125,7 +124,7 @@ def drive(name: str, waypoints: FollowMode, robot: Robot, speed: float) -> Drive
     plan = ExplorationPlan(
         waypoints=waypoints,
         robot_class=class_name,
-        speed_limits=SpeedLimits(speed=speed),
+        speed=speed,
     )
     exploration = Exploration(plan, generator_for(0, "exploring"))
     config = SimulationConfig(item_settings={"lms200": dict(settings)})

@@ -7,7 +7,8 @@ import pytest
 from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
 from radarsim.autonomy.evaluation.random_trials import load_random_map
 from radarsim.autonomy.navigation.algorithms import Algorithm
-from radarsim.autonomy.navigation.mission import Mission, run_mission
+from radarsim.autonomy.navigation.mission import run_mission
+from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.runner import NavigationStep
 from radarsim.client import Client
 from radarsim.geometry import Pose2

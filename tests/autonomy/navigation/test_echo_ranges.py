@@ -9,12 +9,13 @@ import pytest
 from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
 from radarsim.autonomy.evaluation.random_trials import load_random_map
 from radarsim.autonomy.navigation.algorithms import Algorithm
-from radarsim.autonomy.navigation.mission import Mission, run_mission
+from radarsim.autonomy.navigation.mission import run_mission
 from radarsim.autonomy.navigation.observation import (
     EchoCollector,
     blocked_ranges,
     blocking_echoes,
 )
+from radarsim.autonomy.navigation.plans import Mission
 from radarsim.client import Client
 from radarsim.protocol.reports import EchoLine, RangeScan, TargetEchoes
 from radarsim.scene.random_maps import Disc, RandomMap

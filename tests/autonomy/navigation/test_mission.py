@@ -4,7 +4,8 @@ from typing import Any
 import pytest
 
 from radarsim.autonomy.navigation.algorithms import Algorithm
-from radarsim.autonomy.navigation.mission import MARGIN, Mission, run_mission
+from radarsim.autonomy.navigation.mission import MARGIN, run_mission
+from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.runner import NavigationStep, Result
 from radarsim.client import Client
 from radarsim.errors import ClientError, NavigationError
@@ -108,14 +109,15 @@ def test_safety_distance_below_what_is_seen_into_foliage_is_an_error(
     with pytest.raises(
         NavigationError, match=r"1\.371 m, .* 1\.00 m seen into foliage"
     ):
-        run(empty_room, safety_distance=1.3, penetration_depth=1.0)
+        run(empty_room, safety_distance=1.3, foliage_density=1.0)
 
 
 @pytest.mark.parametrize("penetration_depth", [0.0, 0.8])
 def test_default_safety_distance_is_hull_foliage_and_margin(
     empty_room: Scene, penetration_depth: float
 ) -> None:
-    result = run(empty_room, penetration_depth=penetration_depth, time_limit=0.1)
+    density = 1 / penetration_depth if penetration_depth else None
+    result = run(empty_room, foliage_density=density, time_limit=0.1)
     expected = HALF_DIAGONAL + penetration_depth + MARGIN
     assert result.safety_distance == pytest.approx(expected, abs=1e-3)
 
@@ -131,20 +133,19 @@ def test_wheel_speeds_are_in_the_unit_of_the_server(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("wall_on_left", "sign"),
-    [pytest.param(True, -1, id="left"), pytest.param(False, 1, id="right")],
+    ("side", "sign"), [pytest.param("left", -1), pytest.param("right", 1)]
 )
 def test_robot_turns_the_boundary_to_the_chosen_side(
-    foliage_room: Scene, wall_on_left: bool, sign: int
+    foliage_room: Scene, side: str, sign: int
 ) -> None:
     turns: list[float] = []
     plan = mission(
         goals=((8.0, 0.0),),
         start="RobotStart1",
         safety_distance=2.0,
-        wall_on_left=wall_on_left,
+        side=side,
         time_limit=30.0,
     )
     with Client(InProcessTransport(Host(foliage_room))) as client:
         run_mission(client, plan, lambda moment: turns.append(moment.twist.turn))
-    assert max(turns, key=abs) * sign == pytest.approx(plan.speed_limits.turn)
+    assert max(turns, key=abs) * sign == pytest.approx(plan.turn_speed)

@@ -9,7 +9,8 @@ import pytest
 
 from radarsim.autonomy.navigation.algorithms import Algorithm, PoseSource
 from radarsim.autonomy.navigation.controller import Activity
-from radarsim.autonomy.navigation.mission import Mission, run_mission
+from radarsim.autonomy.navigation.mission import run_mission
+from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.runner import NavigationStep, Result
 from radarsim.client import Client
 from radarsim.errors import ClientError, NavigationError

@@ -1,0 +1,119 @@
+"""Plans of robots that drive by themselves; nothing heavy is imported here."""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal, TypeAlias
+
+from annotated_types import Gt, Interval, Unit
+
+from radarsim.autonomy.navigation.algorithms import (
+    ROBOT,
+    Algorithm,
+    GiveUp,
+    PoseSource,
+    Rule,
+)
+from radarsim.geometry import Pose2
+from radarsim.plans import RARE, Form, Option, PointXY, read_numbers
+from radarsim.protocol.dialect import DriveUnit
+
+LEAST_SHARE = 0.1  # of a bumper's beams
+TOLERANCE = 0.1  # m from the goal at which it is reached
+
+
+def read_pose(text: str) -> Pose2:
+    """Read ``X,Y,YAW_DEG``.
+
+    Raises:
+        ValueError: If these are not three finite numbers.
+    """
+    x, y, yaw_deg = read_numbers(text)
+    return Pose2(x, y, math.radians(yaw_deg))
+
+
+Metres: TypeAlias = Annotated[float, Gt(0), Unit("m")]
+Seconds: TypeAlias = Annotated[float, Gt(0), Unit("s")]
+MapPose: TypeAlias = Annotated[Pose2, Form("X,Y,YAW_DEG", read_pose)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DrivePlan:
+    """A robot that drives by itself.
+
+    Attributes:
+        robot_class: Class of the robot; its scanner has to see all the way round.
+        start: Name of a start pose of the map; the first one by default.
+        pose: Start here instead, map frame.
+        scanner: Scanner to steer by; the first one by default.
+        safety_distance: Distance to keep between the robot's centre and obstacles; by
+            default what its size and the density of foliage require.
+        foliage_density: Density of the thinnest foliage that it may meet, 1/m, for
+            servers that send no echoes: the radar sees into it.
+        penetration_power: Penetration power of the radar, for the density of foliage.
+        echoes: Ask the server for the echoes of each beam, or use ranges alone: what
+            blocks robots then counts where a beam first meets it, even if the beam
+            goes through.
+        speed: Maximum speed; the robot's own limit holds as well.
+        turn_speed: Maximum speed of turning on the spot.
+        side: Side on which the robot keeps boundaries.
+        drive_unit: Unit in which the server takes wheel speeds.
+        timeout: Give up after this time without a scan.
+        time_limit: Longest duration of the run, in the server's time.
+    """
+
+    option_group: ClassVar = "Robot"
+    at_most_one: ClassVar = (("start", "pose"),)
+
+    robot_class: Annotated[str, Option(names=("--robot",), words="robots")] = ROBOT
+    start: str | None = None
+    pose: MapPose | None = None
+    scanner: Annotated[str | None, RARE] = None
+    safety_distance: Metres | None = None
+    foliage_density: Annotated[float | None, Gt(0), Unit("per_m"), RARE] = None
+    penetration_power: Annotated[float, Gt(0), RARE] = 1.0
+    echoes: Annotated[bool, RARE] = True
+    speed: Annotated[float, Gt(0), Unit("m/s")] = 0.3
+    turn_speed: Annotated[float, Gt(0), Unit("rad/s"), RARE] = 0.8
+    side: Annotated[Literal["left", "right"], RARE] = "left"
+    drive_unit: Annotated[DriveUnit, RARE] = "rad_per_s"
+    timeout: Annotated[Seconds, RARE] = 2.0
+    time_limit: Annotated[Seconds, Option(may_be_infinite=True)] = 3600.0
+
+    @property
+    def penetration_depth(self) -> float:
+        """How far a radar sees into foliage, m; 0 if its density is not given."""
+        if self.foliage_density is None:
+            return 0.0
+        return self.penetration_power / self.foliage_density
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mission(DrivePlan):
+    """A navigation mission.
+
+    Attributes:
+        algorithm: How to get around obstacles: as a bug, or by paths planned on what
+            is seen.
+        goals: Goal, map frame; several are reached in turn.
+        bumpers: Number of bumpers.
+        share: Share of a bumper's beams that press it.
+        rule: A bumper is pressed if a share of its beams is near, or if all are in the
+            band; 'thesis' also follows boundaries by bumpers alone.
+        give_up: Where Bug2 decides that there is no path: back at the hit point, or at
+            the line to the goal, no nearer to it.
+        pose_source: Sensor from which the pose is read.
+        tolerance: Distance from a goal at which it is reached.
+    """
+
+    option_group: ClassVar = "Mission"
+
+    algorithm: Algorithm
+    goals: Annotated[tuple[PointXY, ...], Option(names=("--goal",))] = ()
+    bumpers: Annotated[int, Interval(ge=4, le=36), RARE] = 8
+    share: Annotated[float, Interval(gt=0, le=1), RARE] = LEAST_SHARE
+    rule: Annotated[Rule, RARE] = Rule.SHARE
+    give_up: Annotated[GiveUp, RARE] = GiveUp.HIT_POINT
+    pose_source: Annotated[PoseSource, Option(names=("--pose-from",), is_rare=True)] = (
+        PoseSource.INS
+    )
+    tolerance: Annotated[Metres, RARE] = TOLERANCE

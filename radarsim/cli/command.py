@@ -1,0 +1,313 @@
+"""Commands made of functions, whose parameters are plans, options and arguments.
+
+A parameter whose type is a dataclass stands for all fields of it, so that a command's
+options are what Python users pass, and its help is their documentation::
+
+    def scan(map_: MapName, plan: PlacedSensor, *, count: Annotated[int, Ge(1)] = 1):
+        '''Scan a map without a server.
+
+Args:
+            count: Number of scans.
+        '''
+
+A function returns its exit code, or None for 0.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import is_dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+import click
+from annotated_types import Unit
+from click.core import ParameterSource
+from click.shell_completion import CompletionItem
+
+from radarsim.cli.completion import complete_words
+from radarsim.cli.config_file import read_config
+from radarsim.errors import expected_one_of
+from radarsim.plans import (
+    REQUIRED,
+    Form,
+    PlanField,
+    parameter_fields,
+    plan_fields,
+)
+
+NAMES_WIDTH: Final = 26  # columns of names of options in help
+_METAVARS: Final = {int: "N", float: "NUMBER", Path: "FILE"}
+
+
+class FieldType(click.ParamType[Any]):
+    """Reads the value of a field from a text, or from a file of options."""
+
+    name = "text"
+
+    def __init__(self, field: PlanField) -> None:
+        self._field = field
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> Any:
+        """Return the value of a text.
+
+        Raises:
+            click.BadParameter: If it has another form, or is not in the range.
+        """
+        field, form = self._field, self._field.marker(Form)
+        if field.choices and value not in field.choices:
+            self.fail(expected_one_of(str(value), field.choices), param, ctx)
+        if form is None:
+            return self._validate(value, param, ctx)
+        try:
+            return form.read(str(value))
+        except ValueError:
+            self.fail(f"{str(value)[:80]!r}, expected {form.name}", param, ctx)
+
+    @property
+    def metavar(self) -> str:
+        """What stands for the value in help."""
+        field = self._field
+        unit, form = field.marker(Unit), field.marker(Form)
+        if field.option.metavar or field.option.is_argument:
+            return field.option.metavar or field.name.rstrip("_").upper()
+        if form is not None:
+            return form.name
+        if unit is not None:
+            return unit.unit.upper()
+        return "|".join(field.choices) or _METAVARS.get(field.type, "NAME")
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Return the words that a shell offers."""
+        field = self._field
+        if field.option.words:
+            words = complete_words(field.option.words, incomplete)
+        elif field.type is Path:
+            return [CompletionItem(incomplete, type="file")]
+        else:
+            words = (each for each in field.choices if each.startswith(incomplete))
+        return [CompletionItem(each) for each in words]
+
+    def _validate(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> Any:
+        from pydantic import ConfigDict, TypeAdapter, ValidationError
+
+        from radarsim.validation import describe_invalid
+
+        field = self._field
+        config = ConfigDict(allow_inf_nan=field.option.may_be_infinite)
+        kind: Any = Annotated.__class_getitem__((field.type, field, *field.markers))  # type: ignore[attr-defined]
+        adapter = TypeAdapter(kind, config=config)
+        try:
+            return adapter.validate_python(value)
+        except ValidationError as error:
+            self.fail(describe_invalid(error.errors()[0]), param, ctx)
+
+
+class PlanCommand(click.Command):
+    """A command that builds the plans of a function, and calls it.
+
+    Attributes:
+        fields: Fields by the names of click's parameters.
+    """
+
+    def __init__(self, name: str, function: Callable[..., object]) -> None:
+        """Make a command.
+
+        Args:
+            name: Name on the command line.
+            function: What it does.
+
+        Raises:
+            ValueError: If two fields have the same option.
+        """
+        self.fields: dict[str, PlanField] = {}
+        self._function = function
+        self._plans: dict[str, type] = {}
+        self._keys: dict[str, dict[str, str]] = {}  # of parameters, by their fields
+        params = []
+        for parameter in parameter_fields(function):
+            owned: Iterable[PlanField] = (parameter,)
+            if is_dataclass(parameter.type) and isinstance(parameter.type, type):
+                self._plans[parameter.name] = parameter.type
+                owned = plan_fields(parameter.type)
+            keys = self._keys[parameter.name] = {}
+            for field in owned:
+                param = _make_param(field)
+                key = keys[field.name] = str(param.name)
+                if key in self.fields:
+                    raise ValueError(f"{name}: two options are named {key}")
+                self.fields[key] = field
+                params.append(param)
+        if any(field.option.is_rare for field in self.fields.values()):
+            params.append(_help_all())
+        text = inspect.getdoc(function) or ""
+        super().__init__(name, params=params, help=text.partition("\n\nArgs:\n")[0])
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Read the words of a command line.
+
+        Raises:
+            click.UsageError: If something is wrong, missing, or too much.
+        """
+        # No parameter is required by click, which would name only the first missing.
+        rest = super().parse_args(ctx, args)
+        if ctx.resilient_parsing:  # a shell asks what is possible
+            return rest
+        if self.missing(ctx):
+            raise click.MissingParameter(ctx=ctx)
+        given = self._given(ctx)
+        for names in self._sets("one_required", "at_most_one"):
+            found = [key for key in names if key in given]
+            if len(found) > 1:
+                one = "one" if names in self._sets("one_required") else "only one"
+                raise click.BadParameter(f"expected {one} of {self._listed(names)}")
+        for key in given:
+            needs = self.fields[key].option.needs
+            if needs and not given.intersection(needs):
+                text = f"expected {self._listed(needs, ' or ')} with it"
+                raise click.BadParameter(text, ctx, param_hint=self._shown(key))
+        return rest
+
+    def missing(self, ctx: click.Context) -> list[str]:
+        """Return the names of all that has to be given and is not."""
+        given = self._given(ctx)
+        required = {k for k, each in self.fields.items() if each.default is REQUIRED}
+        names = [self._shown(key) for key in self.fields if key in required - given]
+        sets = (keys for keys in self._sets("one_required") if given.isdisjoint(keys))
+        return [*names, *(f"one of {self._listed(keys)}" for keys in sets)]
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Call the function with its plans."""
+        given = self._given(ctx)
+        values: dict[str, Any] = {}
+        for name, keys in self._keys.items():
+            found = {
+                field: ctx.params[key] for field, key in keys.items() if key in given
+            }
+            plan = self._plans.get(name)
+            values |= found if plan is None else {name: plan(**found)}
+        return self._function(**values)
+
+    def collect_usage_pieces(self, ctx: click.Context) -> list[str]:
+        """Return the words of the line of usage."""
+        arguments = (each for each in self.fields.values() if each.option.is_argument)
+        return ["[OPTIONS]", *map(_argument_usage, arguments)]
+
+    def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the help: arguments, then options by their groups."""
+        shows_all = bool(ctx.meta.get("radarsim.help_all"))
+        self.format_usage(ctx, formatter)
+        self.format_help_text(ctx, formatter)
+        groups: dict[str, list[tuple[str, str]]] = {}
+        for param in self.get_params(ctx):
+            field = self.fields.get(str(param.name))
+            if field is None:
+                record = param.get_help_record(ctx)
+                groups.setdefault("Options", []).append(record or ("", ""))
+            elif shows_all or not field.option.is_rare:
+                title = "Arguments" if field.option.is_argument else field.group
+                record = _names(param, field), _help(field)
+                groups.setdefault(title or "Options", []).append(record)
+        for title, rows in groups.items():
+            with formatter.section(title):
+                formatter.write_dl(rows, col_max=NAMES_WIDTH)
+
+    def _given(self, ctx: click.Context) -> set[str]:
+        """Return what is given, in the command, the environment or a file."""
+        absent = (None, ParameterSource.DEFAULT)
+        return {
+            key for key in self.fields if ctx.get_parameter_source(key) not in absent
+        }
+
+    def _sets(self, *names: str) -> Iterator[tuple[str, ...]]:
+        """Yield the sets of fields that exclude each other, as keys."""
+        for parameter, plan in self._plans.items():
+            for name in names:
+                for each in getattr(plan, name, ()):
+                    yield tuple(self._keys[parameter][field] for field in each)
+
+    def _listed(self, keys: Iterable[str], word: str = " and ") -> str:
+        return word.join(map(self._shown, keys))
+
+    def _shown(self, key: str) -> str:
+        (param,) = (each for each in self.params if each.name == key)
+        return shown_name(param)
+
+
+def shown_name(param: click.Parameter) -> str:
+    """Return the name of an option or an argument in messages."""
+    if isinstance(param, click.Argument) and isinstance(param.type, FieldType):
+        return param.type.metavar
+    return max(param.opts, key=len)
+
+
+def _make_param(field: PlanField) -> click.Parameter:
+    """Return click's option or argument for a field."""
+    option, kind = field.option, FieldType(field)
+    name = field.name.rstrip("_").replace("_", "-")
+    if option.is_argument:
+        nargs = -1 if field.is_repeated else 1
+        return click.Argument([field.name], type=kind, required=False, nargs=nargs)
+    names = list(option.names or (f"--{name}",))
+    if field.type is bool and field.default is True:
+        names = [f"--{name}/--no-{name}"]
+    if field.type is bool:
+        return click.Option(names, is_flag=True)
+    callback = read_config if option.is_config_file else None
+    return click.Option(
+        names,
+        type=kind,
+        multiple=field.is_repeated,
+        is_eager=option.is_config_file,
+        callback=callback,
+    )
+
+
+def _help_all() -> click.Option:
+    def show(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+        if wanted and not ctx.resilient_parsing:
+            ctx.meta["radarsim.help_all"] = True
+            click.echo(ctx.get_help())
+            ctx.exit()
+
+    return click.Option(
+        ["--help-all"],
+        is_flag=True,
+        is_eager=True,
+        expose_value=False,
+        callback=show,
+        help="Show the rarer options as well.",
+    )
+
+
+def _argument_usage(field: PlanField) -> str:
+    name = FieldType(field).metavar + "..." * field.is_repeated
+    return name if field.default is REQUIRED else f"[{name}]"
+
+
+def _names(param: click.Parameter, field: PlanField) -> str:
+    """Return the names of a parameter for help, with what stands for its value."""
+    if field.option.is_argument:
+        return _argument_usage(field)
+    names = ", ".join((*param.opts, *param.secondary_opts))
+    return names if field.type is bool else f"{names} {FieldType(field).metavar}"
+
+
+def _help(field: PlanField) -> str:
+    """Return the help of a field, with its default."""
+    default = field.default
+    if default is REQUIRED and not field.option.is_argument:
+        return f"{field.help} [required]"
+    if default is REQUIRED or default in (None, "", ()) or isinstance(default, bool):
+        return field.help
+    text = default.value if isinstance(default, Enum) else default
+    shown = f"{text:g}" if isinstance(text, float) else str(text)
+    return f"{field.help} [default: {shown}]"

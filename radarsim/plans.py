@@ -1,0 +1,210 @@
+"""Plans: dataclasses that Python users pass, and whose fields are options of commands.
+
+A field is documented once, in the section ``Attributes:`` of its class, and its range
+is part of its type: ``speed: Annotated[float, Gt(0), Unit("m/s")] = 0.3``. Base classes
+are shared. A plan may have these class variables:
+
+- ``option_group``: the heading of its options in the help of commands;
+- ``one_required``: sets of fields of which exactly one has to be given;
+- ``at_most_one``: sets of fields of which no two may be given.
+"""
+
+import inspect
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, dataclass, fields, replace
+from enum import Enum
+from types import NoneType, UnionType
+from typing import (
+    Annotated,
+    Any,
+    Final,
+    Literal,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
+
+REQUIRED: Final = inspect.Parameter.empty  # the default of what has none
+_SECTION: Final = re.compile(r"\n(?:Attributes|Args):\n((?:(?: +.*)?\n)*)")
+_ENTRY: Final = re.compile(r"^ {4}(\w+): (.*(?:\n {5,}.*)*)", re.MULTILINE)
+
+Marker = TypeVar("Marker")
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """How a command shows a field, as far as its name and type do not tell.
+
+    Attributes:
+        names: Such as ``("-o", "--output")``; by default the field's, with hyphens.
+        is_argument: Whether it is given by its position, without a name.
+        metavar: What stands for the value in help.
+        is_rare: Whether only ``--help-all`` lists it.
+        words: What a shell completes: ``maps``, ``sensors`` or ``robots``.
+        needs: Fields of which one has to be given with it.
+        is_config_file: Whether it is a file with values of the other options.
+        may_be_infinite: Whether a number may be ``inf``.
+    """
+
+    names: tuple[str, ...] = ()
+    is_argument: bool = False
+    metavar: str = ""
+    is_rare: bool = False
+    words: str = ""
+    needs: tuple[str, ...] = ()
+    is_config_file: bool = False
+    may_be_infinite: bool = False
+
+
+RARE: Final = Option(is_rare=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """How a value is written.
+
+    Attributes:
+        name: The form, such as ``X,Y``.
+        read: Returns the value of a text; raises a ValueError for another form.
+    """
+
+    name: str
+    read: Callable[[str], object]
+
+
+@dataclass(frozen=True, slots=True)
+class PlanField:
+    """A field of a plan, or a parameter of a function.
+
+    Attributes:
+        name: Its name in Python.
+        type: Type of the value; of one value, if it is repeated.
+        markers: What ``Annotated`` adds to the type.
+        is_repeated: Whether it holds any number of values.
+        default: ``REQUIRED`` if it has none.
+        help: Its documentation.
+        group: Heading of its class.
+    """
+
+    name: str
+    type: Any
+    markers: tuple[object, ...]
+    is_repeated: bool
+    default: object
+    help: str
+    group: str = ""
+
+    def marker(self, kind: type[Marker]) -> Marker | None:
+        """Return the last marker of a kind, or None."""
+        found = [each for each in self.markers if isinstance(each, kind)]
+        return found[-1] if found else None
+
+    @property
+    def option(self) -> Option:
+        """How a command shows it: all markers together, the last one first."""
+        merged = Option()
+        for each in self.markers:
+            if isinstance(each, Option):
+                own = {f.name: getattr(each, f.name) for f in fields(Option)}
+                merged = replace(merged, **{k: v for k, v in own.items() if v})
+        return merged
+
+    @property
+    def choices(self) -> tuple[str, ...]:
+        """The words that are possible; empty if it is no choice of words."""
+        if get_origin(self.type) is Literal:
+            return tuple(map(str, get_args(self.type)))
+        if isinstance(self.type, type) and issubclass(self.type, Enum):
+            return tuple(str(each.value) for each in self.type)
+        return ()
+
+
+def read_point(text: str) -> tuple[float, float]:
+    """Read ``X,Y``.
+
+    Raises:
+        ValueError: If these are not two finite numbers.
+    """
+    x, y = read_numbers(text)
+    return x, y
+
+
+def read_numbers(text: str) -> list[float]:
+    """Read finite numbers with commas between them.
+
+    Raises:
+        ValueError: If they are none.
+    """
+    numbers = [float(number) for number in text.split(",")]
+    if not all(map(math.isfinite, numbers)):
+        raise ValueError("expected finite numbers")
+    return numbers
+
+
+PointXY = Annotated[tuple[float, float], Form("X,Y", read_point)]
+
+
+def plan_fields(plan: type) -> tuple[PlanField, ...]:
+    """Return the fields of a dataclass with their documentation, its own ones first."""
+    texts: dict[str, str] = {}
+    owners: dict[str, type] = {}
+    for owner in reversed(plan.__mro__):
+        texts |= read_help(owner.__doc__ or "")
+        owners |= dict.fromkeys(vars(owner).get("__annotations__", ()), owner)
+    hints = get_type_hints(plan, include_extras=True)
+    found = []
+    known = sorted(fields(plan), key=lambda each: plan.__mro__.index(owners[each.name]))
+    for each in known:
+        default = REQUIRED if each.default is MISSING else each.default
+        if each.default_factory is not MISSING:
+            default = each.default_factory()
+        help_ = texts.get(each.name, "")
+        parts = _split_hint(hints[each.name])
+        group = getattr(owners[each.name], "option_group", "")
+        found.append(PlanField(each.name, *parts, default, help_, group))
+    return tuple(found)
+
+
+def parameter_fields(function: Callable[..., object]) -> tuple[PlanField, ...]:
+    """Return the parameters of a function with their documentation."""
+    texts = read_help(function.__doc__ or "")
+    hints = get_type_hints(function, include_extras=True)
+    return tuple(
+        PlanField(name, *_split_hint(hints[name]), each.default, texts.get(name, ""))
+        for name, each in inspect.signature(function).parameters.items()
+    )
+
+
+def read_help(docstring: str) -> Mapping[str, str]:
+    r"""Return the documentation of fields or parameters by their names.
+
+    Args:
+        docstring: Of a class or a function, in Google's style.
+
+    >>> read_help("Drive.\n\nAttributes:\n    speed: Maximum, ``m/s``.")
+    {'speed': 'Maximum, m/s.'}
+    """
+    section = _SECTION.search(f"{inspect.cleandoc(docstring)}\n")
+    entries = _ENTRY.findall(section[1]) if section else []
+    return {name: " ".join(text.replace("``", "").split()) for name, text in entries}
+
+
+def _split_hint(hint: Any) -> tuple[Any, tuple[object, ...], bool]:
+    """Return the type of a value, its markers, and whether it is repeated."""
+    origin, inner = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        if any(isinstance(each, Form) for each in inner[1:]):
+            return inner[0], inner[1:], False  # all of it is one text
+        kind, markers, is_repeated = _split_hint(inner[0])
+        return kind, (*markers, *inner[1:]), is_repeated
+    if origin in (Union, UnionType):
+        (kept,) = (each for each in inner if each is not NoneType)
+        return _split_hint(kept)
+    if origin is list or (origin is tuple and inner[-1] is Ellipsis):
+        kind, markers, _ = _split_hint(inner[0])
+        return kind, markers, True
+    return hint, (), False
