@@ -151,7 +151,7 @@ def _check_ports(
         typer.BadParameter: If two ports are the same.
         ServerError: If a port is in use, or reserved.
     """
-    from radarsim.server.lifecycle import check_port
+    from radarsim.listening import check_port
 
     places = [(option, host, port) for option, port in own.items()]
     for each in beside:

@@ -4,24 +4,19 @@ A beam has one or several nodes, from each of which a ray can be cast: one is dr
 random for each beam, or all are cast. Scans are aimed before they are traced, by
 ``aim_scans``, or ray by ray while they are traced, see ``trace_kernel``; the numbers
 are the same.
-
-Where the rays of a call come from, as the kernel takes it: packed into one array.
-
-Either all rays are given, or the beams of a sensor, of which scans have rays.
-
-Scans whose rays are aimed while they are traced.
 """
 
 from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
-from numba import types
+from numba.np.numpy_support import carray
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.jit import njit_cached, njit_inline
+from radarsim.jit import Int, njit_cached, njit_inline
+from radarsim.raycast.intersect import pointer
 from radarsim.raycast.rays import RayClass, RayColumns, Rays
-from radarsim.raycast.traced_scene import PackedArrays, pack, unpacker
+from radarsim.raycast.traced_scene import PackedArrays, Words, pack
 
 Sides: TypeAlias = NDArray[np.int8]
 Nodes: TypeAlias = NDArray[np.int16]
@@ -94,12 +89,13 @@ class Frame(NamedTuple):
 
 
 @njit_inline
-def node_of(edges: Any, chance: Any) -> Any:
+def node_of(edges: Floats, chance: float) -> int:
     """Return the node that a random number selects: how many edges it has reached."""
     low, high = 0, len(edges)
     if high <= FEW_EDGES:
         # All are compared: where branches depend on random numbers, the processor
-        # guesses them wrong, and a beam would take three times as long.
+        # guesses them wrong, and to aim a beam would take three times as long (row a of
+        # ``radarsim bench``).
         for k in range(high):
             low += edges[k] <= chance
         return low
@@ -113,7 +109,7 @@ def node_of(edges: Any, chance: Any) -> Any:
 
 
 @njit_inline
-def fill_frame(poses: Any, scan: Any, frame: Any) -> None:
+def fill_frame(poses: Floats, scan: int, frame: Frame) -> None:
     """Set a frame to a pose; see ``geometry.rotation_matrix``, which it equals."""
     cr, sr = np.cos(poses[scan, 3]), np.sin(poses[scan, 3])
     cp, sp = np.cos(poses[scan, 4]), np.sin(poses[scan, 4])
@@ -131,7 +127,12 @@ def fill_frame(poses: Any, scan: Any, frame: Any) -> None:
 
 @njit_inline
 def aim_ray(
-    table: Any, frame: Any, beam: Any, node: Any, origin: Any, direction: Any
+    table: NodeTable,
+    frame: Frame,
+    beam: Int,
+    node: Int,
+    origin: Floats,
+    direction: Floats,
 ) -> None:
     """Transform the ray of a node of a beam to the map frame.
 
@@ -156,10 +157,13 @@ def aim_ray(
 
 
 @njit_inline
-def _aim_scan(table: Any, frame: Any, choice: Any, chances: Any, rays: Any) -> None:
+def _aim_scan(
+    table: NodeTable, frame: Frame, choice: int, chances: Floats, rays: AimedRays
+) -> None:
     """Aim the rays of one scan; arguments as in ``aim_scans``.
 
-    The loop is here and not there, where it would count references to the arrays.
+    The loop is here and not there, where it would count references to the arrays (row a
+    of ``radarsim bench``).
     """
     beams, i = table.directions.shape[1], 0
     rays_per_beam = len(rays.nodes) // max(beams, 1)
@@ -176,7 +180,9 @@ def _aim_scan(table: Any, frame: Any, choice: Any, chances: Any, rays: Any) -> N
 
 
 @njit_cached
-def aim_scans(poses: Any, choice: Any, chances: Any, *columns: Any) -> None:
+def aim_scans(
+    poses: Floats, choice: int, chances: Floats, *columns: NDArray[Any]
+) -> None:
     """Select the rays of scans, and transform them to the map frame.
 
     Columns come one by one: numba takes twice as long to unpack tuples of arrays.
@@ -204,19 +210,12 @@ def aim_scans(poses: Any, choice: Any, chances: Any, *columns: Any) -> None:
 
 
 NO_TABLE: Final = NodeTable(
-    *(np.zeros((0, 0, 3)), np.zeros((0, 0, 3)), np.zeros(0), np.zeros(0, np.int8))
-)
-# The leaves of a packed source: their types, and the numbers of their dimensions.
-LEAVES: Final = (
-    *((types.float64, 2), (types.float64, 2), (types.float64, 1), (types.float64, 1)),
-    *((types.uint8, 1), (types.int64, 1)),
-    *((types.float64, 3), (types.float64, 3), (types.float64, 1), (types.int8, 1)),
-    (types.float64, 0),
+    np.zeros((0, 0, 3)), np.zeros((0, 0, 3)), np.zeros(0), np.zeros(0, np.int8)
 )
 
 
 class RaySource(NamedTuple):
-    """Where rays come from.
+    """Where the rays of a call come from.
 
     Attributes:
         rays: The rays; for scans one row with what their rays have in common.
@@ -229,21 +228,36 @@ class RaySource(NamedTuple):
     radius: float
 
 
+SOURCE_DTYPES: Final = "f8 f8 f8 f8 u1 i8 f8 f8 f8 i1 f8"
+
+
 def pack_source(
     rays: RayColumns, table: NodeTable = NO_TABLE, radius: float = 0.0
 ) -> PackedArrays:
     """Pack a source; arguments as the attributes of ``RaySource``."""
-    return pack((*rays, *table, radius), LEAVES)
-
-
-_leaves_of: Any = unpacker(LEAVES)
+    return pack([*rays, *table, np.array([radius])], SOURCE_DTYPES)
 
 
 @njit_cached
-def unpack_source(words: Any) -> Any:
-    """Return the ``RaySource`` of the words of a packed one."""
-    leaves = _leaves_of(words)
-    return RaySource(RayColumns(*leaves[:6]), NodeTable(*leaves[6:10]), leaves[10])
+def unpack_source(words: Words) -> RaySource:
+    """Return the source of the words of a packed one, in the order of its arrays."""
+    rays = RayColumns(
+        carray(pointer(words[0, 0]), (words[0, 1], words[0, 2]), np.float64),
+        carray(pointer(words[1, 0]), (words[1, 1], words[1, 2]), np.float64),
+        carray(pointer(words[2, 0]), words[2, 1], np.float64),
+        carray(pointer(words[3, 0]), words[3, 1], np.float64),
+        carray(pointer(words[4, 0]), words[4, 1], np.uint8),
+        carray(pointer(words[5, 0]), words[5, 1], np.int64),
+    )
+    nodes = words[6, 1], words[6, 2], words[6, 3]
+    starts = words[7, 1], words[7, 2], words[7, 3]
+    table = NodeTable(
+        carray(pointer(words[6, 0]), nodes, np.float64),
+        carray(pointer(words[7, 0]), starts, np.float64),
+        carray(pointer(words[8, 0]), words[8, 1], np.float64),
+        carray(pointer(words[9, 0]), words[9, 1], np.int8),
+    )
+    return RaySource(rays, table, carray(pointer(words[10, 0]), 1, np.float64)[0])
 
 
 class SensorRays:
@@ -296,5 +310,12 @@ class UnaimedScans(NamedTuple):
         choice = DRAWN if self.chances.size else ALL
         aim_scans(self.places, choice, self.chances, *sensor.table, *aimed)
         rows = np.zeros(len(aimed.nodes), np.int64)
-        columns: list[Any] = [column[rows] for column in sensor.limits[2:]]
-        return Rays(*[aimed.origins, aimed.directions, *columns, sensor.ray_classes])
+        return Rays(
+            aimed.origins,
+            aimed.directions,
+            sensor.limits.max_range[rows],
+            sensor.limits.power[rows],
+            sensor.limits.class_index[rows],
+            sensor.limits.carrier_id[rows],
+            sensor.ray_classes,
+        )

@@ -28,13 +28,14 @@ the point where the power runs out.
 """
 
 from enum import IntEnum
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.jit import njit_cached, njit_inline
+from radarsim.jit import Int, njit_cached, njit_inline
+from radarsim.raycast.crossings import Crossing, Crossings
 
 ROUNDING: Final = 1e-12  # share of the initial power that may be left by rounding
 
@@ -120,7 +121,7 @@ class RayState(NamedTuple):
             also those for which there is no row. Empty if none are requested.
     """
 
-    crossings: NDArray[np.void]
+    crossings: Crossings
     winding: NDArray[np.int32]
     touched: NDArray[np.int32]
     seen: NDArray[np.uint8]
@@ -143,7 +144,7 @@ class Progress(NamedTuple):
     t: float
     power: float
     min_power: float
-    spent_in: np.int64
+    spent_in: Int
 
 
 class SegmentEnd(NamedTuple):
@@ -155,9 +156,9 @@ class SegmentEnd(NamedTuple):
         part: The opaque part there; -1 for the maximum range.
     """
 
-    crossed: int
+    crossed: Int
     t: float
-    part: int
+    part: Int
 
 
 class RayEnd(NamedTuple):
@@ -173,13 +174,13 @@ class RayEnd(NamedTuple):
 
     t: float
     outcome: int
-    part: int
+    part: Int
     power: float
 
 
 @njit_cached
 def new_ray_state(
-    parts: int, crossings: NDArray[np.void], events: NDArray[np.void]
+    parts: int, crossings: Crossings, events: NDArray[np.void]
 ) -> RayState:
     """Allocate the state of a ray.
 
@@ -201,7 +202,7 @@ def new_ray_state(
 
 
 @njit_inline
-def update_winding(state: Any, part: Any, sign: Any) -> Any:
+def update_winding(state: RayState, part: int, sign: int) -> int:
     """Add to a part's winding number, and keep the list of enclosing parts.
 
     Returns:
@@ -232,7 +233,7 @@ def update_winding(state: Any, part: Any, sign: Any) -> Any:
 
 
 @njit_inline
-def reset_winding(state: Any) -> None:
+def reset_winding(state: RayState) -> None:
     """Set all winding numbers to zero."""
     for i in range(state.sizes[0]):
         part = state.touched[i]
@@ -244,7 +245,13 @@ def reset_winding(state: Any) -> None:
 
 @njit_inline
 def record_event(
-    state: Any, ray: Any, t: Any, kind: Any, part: Any, power: Any, absorbed: Any
+    state: RayState,
+    ray: Int,
+    t: float,
+    kind: int,
+    part: Int,
+    power: float,
+    absorbed: float,
 ) -> None:
     """Append an event if events are requested; ``t`` is m from the segment's start."""
     last = state.events.size - 1
@@ -268,7 +275,7 @@ def record_event(
 
 
 @njit_inline
-def start_ray(ray: Any, power: Any, state: Any) -> Any:
+def start_ray(ray: Int, power: float, state: RayState) -> Progress:
     """Return the ``Progress`` at the start of a ray whose winding numbers are set.
 
     Args:
@@ -284,7 +291,7 @@ def start_ray(ray: Any, power: Any, state: Any) -> Any:
 
 
 @njit_inline
-def _density(state: Any, costs: Any) -> Any:
+def _density(state: RayState, costs: RayCosts) -> float:
     total = costs.air
     for i in range(state.sizes[1]):
         total += costs.density[state.enclosing[i]]
@@ -292,14 +299,16 @@ def _density(state: Any, costs: Any) -> Any:
 
 
 @njit_inline
-def _innermost(state: Any, costs: Any) -> Any:
+def _innermost(state: RayState, costs: RayCosts) -> np.int64:
     """Return the last entered of the enclosing parts, or the air if there is none."""
     n = state.sizes[1]
     return np.int64(state.enclosing[n - 1]) if n else np.int64(costs.air_part)
 
 
 @njit_inline
-def _cross_surface(state: Any, costs: Any, crossing: Any, power: Any) -> Any:
+def _cross_surface(
+    state: RayState, costs: RayCosts, crossing: Crossing, power: float
+) -> tuple[int, float]:
     """Pass through one surface.
 
     Returns:
@@ -315,7 +324,9 @@ def _cross_surface(state: Any, costs: Any, crossing: Any, power: Any) -> Any:
 
 
 @njit_inline
-def advance_ray(ray: Any, progress: Any, limit: Any, costs: Any, state: Any) -> Any:
+def advance_ray(
+    ray: Int, progress: Progress, limit: SegmentEnd, costs: RayCosts, state: RayState
+) -> Progress:
     """Go from crossing to crossing as far as the power lasts.
 
     Args:
@@ -357,7 +368,9 @@ def advance_ray(ray: Any, progress: Any, limit: Any, costs: Any, state: Any) -> 
 
 
 @njit_inline
-def end_ray(ray: Any, progress: Any, end: Any, absorption: Any, state: Any) -> Any:
+def end_ray(
+    ray: Int, progress: Progress, end: SegmentEnd, absorption: float, state: RayState
+) -> RayEnd:
     """Return the ``RayEnd``, record it as an event, and reset the winding numbers.
 
     Args:
@@ -373,7 +386,7 @@ def end_ray(ray: Any, progress: Any, end: Any, absorption: Any, state: Any) -> A
     if spent_in >= 0:
         record_event(state, ray, at, _SPENT, spent_in, 0.0, 0.0)
         return RayEnd(t, END_SPENT, spent_in, 0.0)
-    part: Any = np.int64(end.part)
+    part = np.int64(end.part)
     if part < 0:
         record_event(state, ray, at, _OUT_OF_RANGE, part, power, 0.0)
         return RayEnd(t, _END_NOTHING, part, power)
@@ -386,7 +399,7 @@ def end_ray(ray: Any, progress: Any, end: Any, absorption: Any, state: Any) -> A
 
 
 @njit_inline
-def is_absorbed(power: Any, min_power: Any, absorption: Any) -> Any:
+def is_absorbed(power: float, min_power: float, absorption: float) -> bool:
     """Return whether a surface absorbs all the power of a ray."""
     # An infinite power minus an infinite absorption would be NaN.
-    return np.isinf(absorption) or absorption - power > min_power
+    return bool(np.isinf(absorption) or absorption - power > min_power)

@@ -21,11 +21,13 @@ Rule 4: the depth is a mean of the corners' depths with weights of one sign, so 
 grazing line is given a crossing outside the triangle.
 """
 
-from typing import Any, Final
+from typing import Final, Protocol, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from radarsim.jit import njit_inline
+from radarsim.geometry import Floats
+from radarsim.jit import Int, njit_inline
 
 LINE_SIZE: Final = 6  # length of the arrays that `project_line` fills
 AXES_SIZE: Final = 3
@@ -38,15 +40,26 @@ TINY: Final = 1e-30
 # One surface that a ray crosses: its distance, m; the part that it belongs to; and its
 # sign, which is added to the part's winding number: 1 on entering, -1 on leaving.
 CROSSING: Final = np.dtype([("t", "f8"), ("part", "i4"), ("sign", "i4")])
+Crossings: TypeAlias = NDArray[np.void]  # of CROSSING
+
+
+class Crossing(Protocol):
+    """A row of CROSSING, as kernels see it."""
+
+    t: float
+    part: int
+    sign: int
 
 
 @njit_inline
-def _flush_to_zero(number: Any) -> Any:
+def _flush_to_zero(number: float) -> float:
     return 0.0 if abs(number) < TINY else number
 
 
 @njit_inline
-def project_line(origin: Any, direction: Any, line: Any, axes: Any) -> None:
+def project_line(
+    origin: Floats, direction: Floats, line: Floats, axes: NDArray[np.uint64]
+) -> None:
     """Compute the shear that makes a line the third axis, for ``cross_triangle``.
 
     Args:
@@ -72,7 +85,7 @@ def project_line(origin: Any, direction: Any, line: Any, axes: Any) -> None:
 
 
 @njit_inline
-def _edge_side(ax: Any, ay: Any, bx: Any, by: Any) -> Any:
+def _edge_side(ax: float, ay: float, bx: float, by: float) -> float:
     """Return twice the signed area of the origin and an edge from a to b.
 
     The sign is the side of the edge on which the line passes; it is 0 only for an edge
@@ -89,7 +102,9 @@ def _edge_side(ax: Any, ay: Any, bx: Any, by: Any) -> Any:
 
 
 @njit_inline
-def cross_triangle(line: Any, axes: Any, corners: Any) -> Any:
+def cross_triangle(
+    line: Floats, axes: NDArray[np.uint64], corners: Floats
+) -> tuple[int, float]:
     """Intersect a line with one triangle.
 
     Args:
@@ -102,7 +117,8 @@ def cross_triangle(line: Any, axes: Any, corners: Any) -> Any:
         it misses; and the distance along the line, m.
     """
     first, second, third = axes[0], axes[1], axes[2]
-    # Unsigned, because signed indices could count from the end, and that costs time.
+    # Unsigned, because signed indices could count from the end. That costs time in the
+    # innermost of all loops: rows a and h of ``radarsim bench``.
     b_first, c_first = np.uint64(3), np.uint64(6)
     az = corners[third] - line[2]
     bz = corners[third + b_first] - line[2]
@@ -127,7 +143,7 @@ def cross_triangle(line: Any, axes: Any, corners: Any) -> Any:
 
 
 @njit_inline
-def _comes_after(one: Any, other: Any) -> Any:
+def _comes_after(one: Crossing, other: Crossing) -> bool:
     """Order by distance; at equal distances by part, and entering before leaving."""
     if one.t != other.t:
         return one.t > other.t
@@ -137,19 +153,20 @@ def _comes_after(one: Any, other: Any) -> Any:
 
 
 @njit_inline
-def _swap(one: Any, other: Any) -> None:
+def _swap(one: Crossing, other: Crossing) -> None:
     one.t, other.t = other.t, one.t
     one.part, other.part = other.part, one.part
     one.sign, other.sign = other.sign, one.sign
 
 
 @njit_inline
-def sort_crossings(crossings: Any, count: Any) -> None:
+def sort_crossings(crossings: Crossings, count: Int) -> None:
     """Sort the first ``count`` crossings in place.
 
-    This is Shell's sort with gaps of 3k + 1: it needs no memory, which inlined
-    functions must not allocate, and most rays have few crossings.
+    This is Shell's sort with gaps of 3k + 1.
     """
+    # It needs no memory, which inlined functions must not allocate; and most rays have
+    # a few crossings, for which no other way is faster.
     gap = 1
     while gap < count // 3:
         gap = 3 * gap + 1

@@ -37,9 +37,12 @@ that part alone is smaller than one around the triangle, and fewer rays meet it.
 """
 
 import ctypes
+import functools
+import importlib.metadata
 import math
 import weakref
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -50,9 +53,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
-from radarsim.jit import c_callback
+from radarsim.jit import Pointer, c_callback
 from radarsim.raycast.crossings import TINY
-from radarsim.raycast.embree_library import open_library
 from radarsim.raycast.intersect import (
     CORNERS_BYTES,
     SceneHandle,
@@ -60,6 +62,86 @@ from radarsim.raycast.intersect import (
     on_primitive,
     pointer,
 )
+
+PROPERTY_VERSION: Final = 0
+PROPERTY_USER_GEOMETRY: Final = 100
+
+# Names as in Embree's header, and the types of the result and of the arguments.
+_POINTER, _INT, _UINT = ctypes.c_void_p, ctypes.c_int, ctypes.c_uint
+_BOOL = ctypes.c_bool
+SIGNATURES: Final[dict[str, tuple[type | None, list[type]]]] = {
+    "rtcNewDevice": (_POINTER, [ctypes.c_char_p]),
+    "rtcGetDeviceProperty": (ctypes.c_ssize_t, [_POINTER, _INT]),
+    "rtcGetDeviceError": (_INT, [_POINTER]),
+    "rtcReleaseDevice": (None, [_POINTER]),
+    "rtcNewScene": (_POINTER, [_POINTER]),
+    "rtcCommitScene": (None, [_POINTER]),
+    "rtcReleaseScene": (None, [_POINTER]),
+    "rtcNewGeometry": (_POINTER, [_POINTER, _INT]),
+    "rtcSetGeometryUserPrimitiveCount": (None, [_POINTER, _UINT]),
+    "rtcSetGeometryUserData": (None, [_POINTER, _POINTER]),
+    "rtcSetGeometryBoundsFunction": (None, [_POINTER, _POINTER, _POINTER]),
+    "rtcSetGeometryIntersectFunction": (None, [_POINTER, _POINTER]),
+    "rtcCommitGeometry": (None, [_POINTER]),
+    "rtcAttachGeometry": (_UINT, [_POINTER, _POINTER]),
+    "rtcReleaseGeometry": (None, [_POINTER]),
+    "rtcPointQuery": (_BOOL, [_POINTER] * 5),
+    "rtcIntersect1": (None, [_POINTER, _POINTER, _POINTER]),
+}
+
+
+@functools.cache
+def open_library() -> ctypes.CDLL:
+    """Open the Embree 4 in the wheel of embreex.
+
+    Raises:
+        EngineError: If there is none, or one of another version or build.
+    """
+    try:
+        files = importlib.metadata.files("embreex") or []
+    except importlib.metadata.PackageNotFoundError:
+        files = []
+    return load_library([Path(str(f.locate())) for f in files if "embree4" in f.name])
+
+
+def load_library(paths: list[Path]) -> ctypes.CDLL:
+    """Open the only file of a list, and check that it is Embree 4.
+
+    Raises:
+        EngineError: If there is not one file, or it is not Embree 4.
+    """
+    if len(paths) != 1:
+        names = [path.name for path in paths]
+        raise EngineError(f"{names!r} in embreex, expected one library of Embree 4")
+    try:
+        library = ctypes.CDLL(str(paths[0]))
+        # Without declared types ctypes would cut pointers to 32 bits.
+        for name, (result, arguments) in SIGNATURES.items():
+            function = getattr(library, name)
+            function.restype, function.argtypes = result, arguments
+    except (OSError, AttributeError) as error:
+        raise EngineError(f"cannot use {paths[0]}: {error}") from error
+    expect_version(library)
+    return library
+
+
+def expect_version(library: ctypes.CDLL) -> None:
+    """Check for version 4, built with user geometries.
+
+    Raises:
+        EngineError: If the library is another one.
+    """
+    device = library.rtcNewDevice(None)
+    if not device:
+        raise EngineError("Embree made no device, expected one with its defaults")
+    version = library.rtcGetDeviceProperty(device, PROPERTY_VERSION)
+    boxes = library.rtcGetDeviceProperty(device, PROPERTY_USER_GEOMETRY)
+    library.rtcReleaseDevice(device)
+    if version // 10000 != 4 or not boxes:
+        raise EngineError(
+            f"Embree {version}, user geometries {bool(boxes)}, expected 4xxxx and True"
+        )
+
 
 SLAB_BLOCK: Final = 50_000  # triangles of which intermediate results fit into memory
 
@@ -112,7 +194,7 @@ _BLOCK: Final = 100_000  # triangles of which intermediate results fit into memo
 
 
 @c_callback
-def _on_bounds(call: Any) -> None:
+def _on_bounds(call: Pointer) -> None:
     """Write the bounding box of a triangle; Embree calls this.
 
     Args:
@@ -262,9 +344,8 @@ class EmbreeScene:
             self.add_slice(height)
 
 
-def _address_of(function: Any) -> np.uint64:
-    address: Any = ctypes.cast(function, ctypes.c_void_p).value
-    return np.uint64(address)
+def _address_of(function: "ctypes._NamedFuncPointer") -> np.uint64:
+    return np.uint64(ctypes.cast(function, ctypes.c_void_p).value or 0)
 
 
 class FirstHits:

@@ -7,21 +7,32 @@ Embree and the callback share one buffer: Embree's structures come first, and th
 callback finds the fields after them by the address of the context that it is given.
 """
 
-from typing import Any, Final, NamedTuple
+from collections.abc import Callable
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
+from numba.core.base import BaseContext
+from numba.core.typing import Signature
 from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.jit import c_callback, c_predicate, njit_cached, njit_inline
+from radarsim.jit import (
+    Int,
+    Pointer,
+    c_callback,
+    c_predicate,
+    njit_cached,
+    njit_inline,
+)
 from radarsim.raycast.crossings import (
     AXES_SIZE,
     LINE_SIZE,
+    Crossings,
     cross_triangle,
     project_line,
 )
@@ -32,6 +43,7 @@ BEHIND: Final = -5e-324  # m, the greatest number below 0
 IGNORE: Final = 0
 COLLECT: Final = 1
 OPAQUE: Final = 2
+Roles: TypeAlias = NDArray[np.uint8]
 
 # The buffer in words of 4 bytes: Embree's RTCRayHit (128 bytes), RTCIntersectArguments
 # (128 bytes) and RTCRayQueryContext (64 bytes), and then the fields of the callback.
@@ -135,57 +147,58 @@ class RayBuffer(NamedTuple):
     address: np.uint64
 
 
-def _cast_to_pointer(_typing: Any, _address: Any) -> Any:  # pragma: no cover - numba's
+# What follows generates machine code, as numba's ``intrinsic`` asks for: functions get
+# the types of their arguments, and return a signature and a function that writes LLVM.
+# A call through ctypes would need Python's lock, and numba has no pointers to functions
+# that are known only at run time.
+_Generator = Callable[[BaseContext, ir.IRBuilder, Signature, list[ir.Value]], ir.Value]
+
+
+def _cast_to_pointer(
+    _typing: BaseContext, _address: types.Type
+) -> tuple[Signature, _Generator]:  # pragma: no cover - numba's
     """Reinterpret an integer as an address."""
 
-    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+    def generate(
+        _context: BaseContext,
+        builder: ir.IRBuilder,
+        _signature: Signature,
+        args: list[ir.Value],
+    ) -> ir.Value:
         return builder.inttoptr(args[0], cgutils.voidptr_t)
 
     return types.voidptr(types.uintp), generate
 
 
-def _generate_intersect(
-    _typing: Any, _function: Any, _scene: Any, _ray: Any, _arguments: Any
-) -> Any:  # pragma: no cover - numba's
-    """Call ``rtcIntersect1`` at an address, without Python and its lock."""
+def _call_address(
+    _typing: BaseContext, _function: types.Type, arguments: types.BaseTuple
+) -> tuple[Signature, _Generator]:  # pragma: no cover - numba's
+    """Call the C function at an address with other addresses; drop what it returns."""
 
-    def generate(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        kind = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t] * 3)
+    def generate(
+        context: BaseContext,
+        builder: ir.IRBuilder,
+        _signature: Signature,
+        args: list[ir.Value],
+    ) -> ir.Value:
+        kind = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t] * len(arguments))
         callee = builder.inttoptr(args[0], kind.as_pointer())
-        pointers = [builder.inttoptr(arg, cgutils.voidptr_t) for arg in args[1:]]
-        builder.call(callee, pointers)
+        addresses = cgutils.unpack_tuple(builder, args[1])
+        builder.call(
+            callee, [builder.inttoptr(a, cgutils.voidptr_t) for a in addresses]
+        )
         return context.get_dummy_value()
 
-    return types.void(*[types.uintp] * 4), generate
+    addresses = types.UniTuple(types.uintp, len(arguments))
+    return types.void(types.uintp, addresses), generate
 
 
-def _generate_point_query(
-    _typing: Any, _function: Any, _scene: Any, _buffer: Any, _callback: Any
-) -> Any:  # pragma: no cover - numba's
-    """Call ``rtcPointQuery`` at an address with the address of its callback."""
-
-    def generate(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        kind = ir.FunctionType(ir.IntType(8), [cgutils.voidptr_t] * 5)
-        callee = builder.inttoptr(args[0], kind.as_pointer())
-        word = ir.Constant(args[2].type, 4)
-        places = [
-            builder.add(args[2], builder.mul(word, ir.Constant(args[2].type, offset)))
-            for offset in (0, QUERY_CONTEXT_WORD, QUERY_FIELDS_WORD)
-        ]
-        order = [args[1], places[0], places[1], args[3], places[2]]
-        builder.call(callee, [builder.inttoptr(a, cgutils.voidptr_t) for a in order])
-        return context.get_dummy_value()
-
-    return types.void(*[types.uintp] * 4), generate
-
-
-pointer: Any = intrinsic(_cast_to_pointer)
-_call_intersect: Any = intrinsic(_generate_intersect)
-_call_point_query: Any = intrinsic(_generate_point_query)
+pointer: Callable[[np.uint64], Pointer] = intrinsic(_cast_to_pointer)
+_call: Callable[[np.uint64, tuple[np.uint64, ...]], None] = intrinsic(_call_address)
 
 
 @c_callback
-def on_primitive(call: Any) -> None:
+def on_primitive(call: Pointer) -> None:
     """Intersect a triangle whose box the ray meets; Embree calls this.
 
     Args:
@@ -235,7 +248,7 @@ def on_primitive(call: Any) -> None:
 
 
 @njit_cached
-def new_ray_buffer(handle: Any, crossings: Any) -> Any:
+def new_ray_buffer(handle: SceneHandle, crossings: Crossings) -> RayBuffer:
     """Allocate a ``RayBuffer`` for a scene's handle and a list of CROSSING."""
     buffer = _aligned(BUFFER_SIZE)
     words = buffer.view(np.uint32)
@@ -254,7 +267,7 @@ def new_ray_buffer(handle: Any, crossings: Any) -> Any:
 
 
 @njit_cached
-def _aligned(size: Any) -> Any:
+def _aligned(size: int) -> NDArray[np.uint64]:
     """Allocate an aligned array of ``size`` words of 8 bytes."""
     raw = np.zeros(size + ALIGNMENT // 8, np.uint64)
     skipped = (ALIGNMENT - raw.ctypes.data % ALIGNMENT) % ALIGNMENT // 8
@@ -262,7 +275,7 @@ def _aligned(size: Any) -> Any:
 
 
 @njit_inline
-def _set_scene(handle: Any, buffer: Any, row: Any) -> None:
+def _set_scene(handle: SceneHandle, buffer: RayBuffer, row: int) -> None:
     """Let the next queries search one of the scenes of a handle."""
     buffer.fields[SCENE] = handle.scenes[row, 0]
     buffer.fields[TRIANGLES] = handle.scenes[row, 1]
@@ -272,7 +285,11 @@ def _set_scene(handle: Any, buffer: Any, row: Any) -> None:
 
 @njit_inline
 def select_scene(
-    handle: Any, buffer: Any, origin: Any, direction: Any, unsliced: Any
+    handle: SceneHandle,
+    buffer: RayBuffer,
+    origin: Floats,
+    direction: Floats,
+    unsliced: Floats,
 ) -> None:
     """Choose the scene of the next queries: a slice if the ray is level and one fits.
 
@@ -298,24 +315,25 @@ def select_scene(
 
 
 @njit_inline
-def opaque_triangle(handle: Any, buffer: Any) -> Any:
+def opaque_triangle(handle: SceneHandle, buffer: RayBuffer) -> Int:
     """Return the index, in the whole scene, of the last opaque triangle found."""
     fields = buffer.fields
     k = fields[STOP_TRIANGLE]
     if fields[ROW] == 0:
         return np.int64(k)
-    return handle.sliced[np.int64(handle.scenes[fields[ROW], 3] + k)]
+    triangle: np.int64 = handle.sliced[np.int64(handle.scenes[fields[ROW], 3] + k)]
+    return triangle
 
 
 @njit_inline
 def _run_query(
-    handle: Any,
-    buffer: Any,
-    origin: Any,
-    direction: Any,
-    orientation: Any,
-    near: Any,
-    far: Any,
+    handle: SceneHandle,
+    buffer: RayBuffer,
+    origin: Floats,
+    direction: Floats,
+    orientation: float,
+    near: float,
+    far: float,
 ) -> None:
     """Let Embree traverse the scene along the direction or, with -1, against it."""
     words, floats = buffer.words, buffer.floats
@@ -341,12 +359,16 @@ def _run_query(
     buffer.reals[SKIPPED] = skipped
     arguments = buffer.address + np.uint64(ARGUMENTS_WORD * 4)
     scene = buffer.fields[SCENE]
-    _call_intersect(handle.intersect, scene, buffer.address, arguments)
+    _call(handle.intersect, (scene, buffer.address, arguments))
 
 
 @njit_inline
 def _prepare(
-    buffer: Any, roles: Any, origin: Any, direction: Any, interval: Any
+    buffer: RayBuffer,
+    roles: Roles,
+    origin: Floats,
+    direction: Floats,
+    interval: Interval,
 ) -> None:
     """Start an empty list of the surfaces in an interval of a line."""
     fields, reals = buffer.fields, buffer.reals
@@ -361,8 +383,12 @@ def _prepare(
 
 @njit_inline
 def intersect_backward(
-    handle: Any, buffer: Any, roles: Any, origin: Any, direction: Any
-) -> Any:
+    handle: SceneHandle,
+    buffer: RayBuffer,
+    roles: Roles,
+    origin: Floats,
+    direction: Floats,
+) -> np.int64:
     """Collect the surfaces behind a ray's origin.
 
     Args:
@@ -376,15 +402,20 @@ def intersect_backward(
         The number of surfaces, unsorted and with distances below 0 in the buffer's list
         of crossings; if they do not fit, only the first of them are there.
     """
-    _prepare(buffer, roles, origin, direction, (-np.inf, BEHIND, np.inf))
+    _prepare(buffer, roles, origin, direction, Interval(-np.inf, BEHIND, np.inf))
     _run_query(handle, buffer, origin, direction, -1.0, 0.0, np.inf)
     return np.int64(buffer.fields[COUNT])
 
 
 @njit_inline
 def intersect_forward(
-    handle: Any, buffer: Any, roles: Any, origin: Any, direction: Any, interval: Any
-) -> Any:
+    handle: SceneHandle,
+    buffer: RayBuffer,
+    roles: Roles,
+    origin: Floats,
+    direction: Floats,
+    interval: Interval,
+) -> tuple[np.int64, float, np.int64]:
     """Collect the surfaces of an interval up to the first opaque one.
 
     A surface at the very origin is ahead, and never also in the list of
@@ -421,8 +452,22 @@ QUERY_FIELDS_WORD: Final = 128
 QUERY_BUFFER_SIZE: Final = QUERY_FIELDS_WORD // 2 + 3
 
 
+class QueryBuffer(NamedTuple):
+    """The memory of one point query, seen in three ways.
+
+    Attributes:
+        words: The whole buffer as integers of 8 bytes.
+        query: The whole buffer as reals of 4 bytes, of which the query comes first.
+        fields: The callback's fields as integers of 8 bytes.
+    """
+
+    words: NDArray[np.uint64]
+    query: NDArray[np.float32]
+    fields: NDArray[np.uint64]
+
+
 @c_predicate
-def on_nearby_primitive(call: Any) -> Any:
+def on_nearby_primitive(call: Pointer) -> bool:
     """Check a triangle whose box is within the radius; Embree calls this.
 
     Args:
@@ -445,16 +490,20 @@ def on_nearby_primitive(call: Any) -> Any:
 
 
 @njit_cached
-def new_query_buffer() -> Any:
-    """Allocate the buffer of a point query: all of it, the query, and the fields."""
-    buffer = _aligned(QUERY_BUFFER_SIZE)
-    return buffer, buffer.view(np.float32), buffer[QUERY_FIELDS_WORD // 2 :]
+def new_query_buffer() -> QueryBuffer:
+    """Allocate a buffer."""
+    words = _aligned(QUERY_BUFFER_SIZE)
+    return QueryBuffer(words, words.view(np.float32), words[QUERY_FIELDS_WORD // 2 :])
 
 
 @njit_inline
 def is_opaque_nearby(
-    handle: Any, roles: Any, point: Any, radius: Any, work: Any
-) -> Any:
+    handle: SceneHandle,
+    roles: Roles,
+    point: Floats,
+    radius: float,
+    buffer: QueryBuffer,
+) -> bool:
     """Return whether something opaque may be within a radius around a point.
 
     The boxes around triangles count instead of the triangles: False is certain, and
@@ -465,16 +514,17 @@ def is_opaque_nearby(
         roles: (P,) uint8.
         point: (3,) m, relative to the scene's centre.
         radius: m.
-        work: From ``new_query_buffer``.
+        buffer: From ``new_query_buffer``.
     """
-    buffer, query, fields = work
+    query, fields = buffer.query, buffer.fields
     for axis in range(3):
         query[axis] = point[axis]
     query[RADIUS_WORD] = radius
     fields[0], fields[1] = handle.scenes[0, 2], np.uint64(roles.ctypes.data)
     fields[2] = 0
-    address = np.uint64(buffer.ctypes.data)
-    _call_point_query(
-        handle.point_query, handle.scenes[0, 0], address, handle.on_nearby
-    )
-    return fields[2] == np.uint64(1)
+    address = np.uint64(buffer.words.ctypes.data)
+    context = address + np.uint64(4 * QUERY_CONTEXT_WORD)
+    user_data = address + np.uint64(4 * QUERY_FIELDS_WORD)
+    addresses = handle.scenes[0, 0], address, context, handle.on_nearby, user_data
+    _call(handle.point_query, addresses)
+    return bool(fields[2] == np.uint64(1))

@@ -1,16 +1,21 @@
 """Follow one ray segment by segment to its end, as machine code.
 
 A segment is traversed window by window, so that in dense foliage Embree does not
-collect hundreds of surfaces that the ray never reaches.
+collect hundreds of surfaces that the ray never reaches (rows a, d and h of ``radarsim
+bench``).
+
+A mirror reflects a ray, unless the ray meets it so nearly head-on that it comes
+straight back: then the mirror ends it like any other surface, and answers. The surface
+of a pane is a mirror that passes a part. A ray has one way on, and takes the stronger.
 """
 
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.jit import njit_inline
+from radarsim.jit import Int, njit_inline
 from radarsim.raycast.attenuation import (
     END_HIT,
     END_SPENT,
@@ -19,6 +24,7 @@ from radarsim.raycast.attenuation import (
     T_START,
     Progress,
     RayCosts,
+    RayEnd,
     RayState,
     SegmentEnd,
     advance_ray,
@@ -33,22 +39,16 @@ from radarsim.raycast.crossings import sort_crossings
 from radarsim.raycast.intersect import (
     Interval,
     RayBuffer,
+    Roles,
+    SceneHandle,
     intersect_backward,
     intersect_forward,
+    opaque_triangle,
     select_scene,
 )
 from radarsim.raycast.rays import is_valid_ray
-from radarsim.raycast.reflection import (
-    ENDS,
-    PASSED,
-    REFLECTED,
-    WayOn,
-    end_before_mirror,
-    find_way_on,
-    go_on,
-    incidence_of,
-)
-from radarsim.raycast.robot_boxes import BoxIndex, intersect_boxes
+from radarsim.raycast.robot_boxes import BoxIndex, box_incidence, intersect_boxes
+from radarsim.raycast.traced_scene import MaterialTable, TracedScene
 
 UNKNOWN: Final = -2  # instead of a part: the ray goes on where the window ends
 # The first window is as long as the path on which the densest volume takes all power,
@@ -56,6 +56,8 @@ UNKNOWN: Final = -2  # instead of a part: the ray goes on where the window ends
 FIRST_WINDOW: Final = 1.4
 WINDOW_GROWTH: Final = 4.0
 RANGE_TOLERANCE: Final = 1e-9  # m; a surface this far beyond the range is within
+MIRROR_OFFSET: Final = 1e-9  # m; the next segment starts this far before a mirror
+ENDS, REFLECTED, PASSED = 0, 1, 2  # how a ray goes on from an opaque surface
 
 
 class Workspace(NamedTuple):
@@ -86,28 +88,24 @@ class RayStatus(NamedTuple):
         reflections: How many more mirrors reflect it.
     """
 
-    row: int
+    row: Int
     ray_class: int
-    carrier_id: int
+    carrier_id: Int
     reflections: int
 
 
-class RayLimits(NamedTuple):
-    """A ray to be traced, apart from where it is.
+class WayOn(NamedTuple):
+    """How a ray goes on from an opaque surface.
 
     Attributes:
-        i: The number of the ray.
-        max_range: m.
-        power: The power that it starts with.
-        ray_class: The index of its class.
-        carrier_id: The robot box that does not stop it; -1 for none.
+        way: ``ENDS``, ``REFLECTED`` or ``PASSED``.
+        cost: Power that the surface takes.
+        is_bounce: Whether it is one of those of which a ray has a limited number.
     """
 
-    i: int
-    max_range: float
-    power: float
-    ray_class: int
-    carrier_id: int
+    way: int
+    cost: float
+    is_bounce: bool
 
 
 class TraceColumns(NamedTuple):
@@ -121,7 +119,130 @@ class TraceColumns(NamedTuple):
 
 
 @njit_inline
-def _is_in_bounds(materials: Any, k: Any, origin: Any, margin: Any) -> Any:
+def _opaque_normal(scene: TracedScene, work: Workspace) -> tuple[float, float, float]:
+    """Return the unit normal of the triangle at which the last segment ended."""
+    triangles, k = scene.triangles, opaque_triangle(scene.handle, work.buffer)
+    ax, ay = triangles[k, 3] - triangles[k, 0], triangles[k, 4] - triangles[k, 1]
+    bx, by = triangles[k, 6] - triangles[k, 0], triangles[k, 7] - triangles[k, 1]
+    az, bz = triangles[k, 5] - triangles[k, 2], triangles[k, 8] - triangles[k, 2]
+    nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    length = np.sqrt(nx * nx + ny * ny + nz * nz)
+    return nx / length, ny / length, nz / length
+
+
+@njit_inline
+def _find_way_on(
+    ray: RayStatus,
+    progress: Progress,
+    end: SegmentEnd,
+    scene: TracedScene,
+    work: Workspace,
+) -> WayOn:
+    """Return the way on from the end of a segment; a ray that is absorbed ends."""
+    part = end.part
+    if progress.spent_in >= 0 or not 0 <= part < work.state.winding.size:
+        return WayOn(ENDS, 0.0, False)
+    way = _way_on_from(ray, part, scene, work)
+    if is_absorbed(progress.power, progress.min_power, way.cost):
+        return WayOn(ENDS, way.cost, False)
+    return way
+
+
+@njit_inline
+def _way_on_from(
+    ray: RayStatus, part: Int, scene: TracedScene, work: Workspace
+) -> WayOn:
+    """Return the way on from the opaque surface of a part, whatever power is left."""
+    materials, direction, ray_class = scene.materials, work.direction, ray.ray_class
+    absorbed = materials.absorption[ray_class, part]
+    if not materials.mirror[ray_class, part]:
+        return WayOn(ENDS, absorbed, False)
+    passing = materials.passing[ray_class, part]
+    nx, ny, nz = _opaque_normal(scene, work)
+    along = nx * direction[0] + ny * direction[1] + nz * direction[2]
+    if along > 0.0 and passing < np.inf:  # a ray inside a pane leaves it
+        return WayOn(PASSED, passing, False)
+    if ray.reflections <= 0 or abs(along) >= materials.glint[ray_class]:
+        return WayOn(ENDS, absorbed, False)
+    if passing <= absorbed:  # each half of the loss on either way
+        return WayOn(PASSED, passing, True)
+    # A reflected wave passes the mirror out and back.
+    return WayOn(REFLECTED, 2.0 * absorbed, True)
+
+
+@njit_inline
+def _end_before_mirror(
+    ray: RayStatus, end: SegmentEnd, scene: TracedScene, work: Workspace
+) -> SegmentEnd:
+    """Drop the crossings that coincide with a mirror at the end of a segment.
+
+    The next segment starts a little before the mirror, and would cross them again.
+    """
+    mirror = scene.materials.mirror[ray.ray_class]
+    part, count = end.part, end.crossed
+    if ray.reflections <= 0 or part < 0 or part >= mirror.size or not mirror[part]:
+        return end
+    nx, ny, nz = _opaque_normal(scene, work)
+    direction, crossings = work.direction, work.state.crossings
+    along = abs(nx * direction[0] + ny * direction[1] + nz * direction[2])
+    # Along a slanted ray the offset from the mirror's plane is longer.
+    near = end.t - MIRROR_OFFSET / max(along, MIRROR_OFFSET)
+    while count > 0 and crossings[count - 1].t >= near:
+        count -= 1
+    return SegmentEnd(count, end.t, part)
+
+
+@njit_inline
+def _go_on(way: int, scene: TracedScene, t: float, work: Workspace) -> None:
+    """Set origin and direction of the segment that follows the last one.
+
+    Args:
+        way: ``REFLECTED`` or ``PASSED``.
+        scene: The ``TracedScene``.
+        t: Length of the last segment, m.
+        work: The workspace.
+    """
+    origin, direction = work.origin, work.direction
+    if way == PASSED:
+        for axis in range(3):
+            origin[axis] += (t + MIRROR_OFFSET) * direction[axis]
+        return
+    nx, ny, nz = _opaque_normal(scene, work)
+    along = nx * direction[0] + ny * direction[1] + nz * direction[2]
+    if along > 0.0:  # the back of the triangle is hit
+        nx, ny, nz, along = -nx, -ny, -nz, -along
+    origin[0] += t * direction[0] + MIRROR_OFFSET * nx
+    origin[1] += t * direction[1] + MIRROR_OFFSET * ny
+    origin[2] += t * direction[2] + MIRROR_OFFSET * nz
+    direction[0] -= 2.0 * along * nx
+    direction[1] -= 2.0 * along * ny
+    direction[2] -= 2.0 * along * nz
+
+
+@njit_inline
+def _incidence_of(end: RayEnd, scene: TracedScene, work: Workspace) -> float:
+    """Return the cosine between a ray and the normal of the surface that it hit.
+
+    Args:
+        end: The ``RayEnd``; NaN is returned if it is no hit.
+        scene: The ``TracedScene``.
+        work: The workspace, as the last segment left it.
+    """
+    if end.outcome != END_HIT:
+        return np.nan
+    direction, parts = work.direction, work.state.winding.size
+    if end.part >= parts:  # a robot
+        t = end.t - work.state.segment[T_START]
+        return box_incidence(scene.boxes, end.part - parts, work.origin, direction, t)
+    nx, ny, nz = _opaque_normal(scene, work)
+    along: float = nx * direction[0] + ny * direction[1] + nz * direction[2]
+    return min(abs(along), 1.0)
+
+
+@njit_inline
+def _is_in_bounds(
+    materials: MaterialTable, k: int, origin: Floats, margin: float
+) -> bool:
     for axis in range(3):
         if origin[axis] < materials.low[k, axis] - margin:
             return False
@@ -131,7 +252,9 @@ def _is_in_bounds(materials: Any, k: Any, origin: Any, margin: Any) -> Any:
 
 
 @njit_inline
-def _is_near_volume(materials: Any, roles: Any, origin: Any, margin: Any) -> Any:
+def _is_near_volume(
+    materials: MaterialTable, roles: Roles, origin: Floats, margin: float
+) -> bool:
     """Return whether a point is in the bounds of a volume that the ray penetrates."""
     count = materials.volume.size
     # The last row bounds all volumes: one test is enough for most rays.
@@ -144,7 +267,7 @@ def _is_near_volume(materials: Any, roles: Any, origin: Any, margin: Any) -> Any
 
 
 @njit_inline
-def _find_enclosing(handle: Any, roles: Any, work: Any) -> Any:
+def _find_enclosing(handle: SceneHandle, roles: Roles, work: Workspace) -> Int:
     """Set the winding numbers at a ray's origin; return the number of crossings behind.
 
     If the list has too little room for them, no number is set.
@@ -161,7 +284,13 @@ def _find_enclosing(handle: Any, roles: Any, work: Any) -> Any:
 
 
 @njit_inline
-def _next_opaque(handle: Any, roles: Any, interval: Any, limit: Any, work: Any) -> Any:
+def _next_opaque(
+    handle: SceneHandle,
+    roles: Roles,
+    interval: Interval,
+    limit: SegmentEnd,
+    work: Workspace,
+) -> SegmentEnd:
     """Find what stops a ray in an interval, and the crossings before it.
 
     Args:
@@ -176,6 +305,7 @@ def _next_opaque(handle: Any, roles: Any, interval: Any, limit: Any, work: Any) 
         and its part is ``UNKNOWN`` if the ray may go on from there.
     """
     crossings = work.state.crossings
+    part: Int
     count, t, part = intersect_forward(
         handle, work.buffer, roles, work.origin, work.direction, interval
     )
@@ -193,7 +323,13 @@ def _next_opaque(handle: Any, roles: Any, interval: Any, limit: Any, work: Any) 
 
 
 @njit_inline
-def _march(ray: Any, progress: Any, limit: Any, scene: Any, work: Any) -> Any:
+def _march(
+    ray: RayStatus,
+    progress: Progress,
+    limit: SegmentEnd,
+    scene: TracedScene,
+    work: Workspace,
+) -> tuple[Progress, SegmentEnd, Int]:
     """Follow a segment window by window to its end.
 
     Args:
@@ -218,7 +354,7 @@ def _march(ray: Any, progress: Any, limit: Any, scene: Any, work: Any) -> Any:
         end = _next_opaque(scene.handle, roles, interval, limit, work)
         if end.crossed > work.state.crossings.size:
             return progress, end, end.crossed
-        end = end_before_mirror(ray, end, scene, work)
+        end = _end_before_mirror(ray, end, scene, work)
         progress = advance_ray(ray.row, progress, end, costs, work.state)
         if progress.spent_in >= 0 or end.part != UNKNOWN:
             return progress, end, 0
@@ -228,7 +364,7 @@ def _march(ray: Any, progress: Any, limit: Any, scene: Any, work: Any) -> Any:
 
 
 @njit_inline
-def _start_segment(scene: Any, t: Any, work: Any) -> None:
+def _start_segment(scene: TracedScene, t: float, work: Workspace) -> None:
     """Store where a segment starts, for its events; ``t`` is the distance before it."""
     segment = work.state.segment
     segment[T_START] = t
@@ -241,8 +377,12 @@ def _start_segment(scene: Any, t: Any, work: Any) -> None:
 
 @njit_inline
 def _trace_segment(
-    ray: Any, progress: Any, max_range: Any, scene: Any, work: Any
-) -> Any:
+    ray: RayStatus,
+    progress: Progress,
+    max_range: float,
+    scene: TracedScene,
+    work: Workspace,
+) -> tuple[Progress, SegmentEnd, Int]:
     """Follow a ray along a straight line to what stops it.
 
     Args:
@@ -264,8 +404,12 @@ def _trace_segment(
         if needed > state.crossings.size:
             return progress, SegmentEnd(0, 0.0, -1), needed
     t, box = intersect_boxes(
-        *(work.box_index, scene.boxes, ray.carrier_id),
-        *(work.origin, work.direction, max_range),
+        work.box_index,
+        scene.boxes,
+        ray.carrier_id,
+        work.origin,
+        work.direction,
+        max_range,
     )
     # Boxes are numbered after the parts.
     limit = SegmentEnd(0, t, state.winding.size + box if box >= 0 else -1)
@@ -276,22 +420,24 @@ def _trace_segment(
 
 
 @njit_inline
-def _find_way_on(ray: Any, progress: Any, end: Any, scene: Any, work: Any) -> Any:
-    """Return the ``WayOn`` from the end of a segment; a ray that is absorbed ends."""
-    if progress.spent_in >= 0 or not 0 <= end.part < work.state.winding.size:
-        return WayOn(ENDS, 0.0, False)
-    on = find_way_on(ray, end.part, scene, work)
-    if is_absorbed(progress.power, progress.min_power, on.cost):
-        return WayOn(ENDS, on.cost, False)
-    return on
-
-
-@njit_inline
-def trace_ray(given: Any, scene: Any, work: Any, traces: Any) -> Any:
+def trace_ray(
+    i: Int,
+    max_range: float,
+    power: float,
+    ray_class: int,
+    carrier_id: Int,
+    scene: TracedScene,
+    work: Workspace,
+    traces: TraceColumns,
+) -> Int:
     """Trace one ray.
 
     Args:
-        given: The ``RayLimits``.
+        i: The number of the ray.
+        max_range: m.
+        power: The power that it starts with.
+        ray_class: The index of its class.
+        carrier_id: The robot box that does not stop it; -1 for none.
         scene: The ``TracedScene``.
         work: The workspace, with origin, map frame, and direction of the ray.
         traces: The ``TraceColumns`` to be filled.
@@ -300,7 +446,6 @@ def trace_ray(given: Any, scene: Any, work: Any, traces: Any) -> Any:
         As ``trace_rays``.
     """
     origin, direction, state = work.origin, work.direction, work.state
-    i, max_range, power, ray_class, carrier_id = given
     materials = scene.materials
     valid = is_valid_ray(origin, direction, max_range, power)
     if not valid or ray_class >= len(materials.air):
@@ -326,7 +471,7 @@ def trace_ray(given: Any, scene: Any, work: Any, traces: Any) -> Any:
         kind = SHEET if way == PASSED else MIRRORED
         record_event(state, i, progress.t, kind, end.part, progress.power, cost)
         reset_winding(state)
-        go_on(way, scene, progress.t, work)
+        _go_on(way, scene, progress.t, work)
         if way == REFLECTED:
             carrier_id = -1  # in a mirror a robot sees itself
         _start_segment(scene, t + progress.t, work)
@@ -334,16 +479,11 @@ def trace_ray(given: Any, scene: Any, work: Any, traces: Any) -> Any:
         progress = Progress(0.0, left, progress.min_power, np.int64(-1))
         reflections -= int(is_bounce)
     ray_end = end_ray(i, progress, end, cost, state)
-    _write_trace(traces, i, ray_end)
+    is_seen = ray_end.outcome in (END_HIT, END_SPENT)
+    traces.ranges[i] = ray_end.t if is_seen else np.inf
+    traces.outcomes[i] = ray_end.outcome
+    traces.parts[i] = ray_end.part
+    traces.power[i] = ray_end.power
     if traces.incidence.size:
-        traces.incidence[i] = incidence_of(ray_end, scene, work)
+        traces.incidence[i] = _incidence_of(ray_end, scene, work)
     return 0
-
-
-@njit_inline
-def _write_trace(traces: Any, i: Any, end: Any) -> None:
-    is_seen = end.outcome in (END_HIT, END_SPENT)
-    traces.ranges[i] = end.t if is_seen else np.inf
-    traces.outcomes[i] = end.outcome
-    traces.parts[i] = end.part
-    traces.power[i] = end.power

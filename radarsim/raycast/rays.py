@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise
-from typing import Any, Final, NamedTuple, NoReturn
+from typing import Final, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,11 +116,11 @@ class Rays:
             every = (each for batch in batches for each in batch.ray_classes)
             classes = tuple(dict.fromkeys(every))
             batches = [batch.with_classes(classes) for batch in batches]
-        columns: list[Any] = [
-            np.concatenate([getattr(batch, name) for batch in batches])
+        columns = {
+            name: np.concatenate([getattr(batch, name) for batch in batches])
             for name in RayColumns._fields
-        ]
-        return cls(*[*columns, classes])
+        }
+        return cls(**columns, ray_classes=classes)
 
     def with_classes(self, ray_classes: tuple[RayClass, ...]) -> "Rays":
         """Return the same rays indexing another tuple, which contains their classes."""
@@ -142,8 +142,8 @@ class Rays:
 
     def take(self, rows: NDArray[np.int64]) -> "Rays":
         """Return the rays in the given rows."""
-        columns: list[Any] = [getattr(self, name)[rows] for name in RayColumns._fields]
-        return Rays(*[*columns, self.ray_classes])
+        columns = {name: getattr(self, name)[rows] for name in RayColumns._fields}
+        return Rays(**columns, ray_classes=self.ray_classes)
 
 
 class Traces(NamedTuple):
@@ -223,42 +223,39 @@ class Event:
 
 
 def columns_of(rays: Rays) -> RayColumns:
-    """Return the columns in the memory layout that the kernels expect.
+    """Return the columns, checked: kernels would read beyond the ends of shorter ones.
 
     Raises:
         EngineError: If the shape or dtype of a column is not that of ``Rays``.
     """
     n = len(rays.origins)
-    vectors, numbers = (n, 3), (n,)
+    for name, dtype in _DTYPES.items():
+        array = getattr(rays, name)
+        shape = (n, 3) if name in ("origins", "directions") else (n,)
+        if array.shape != shape:
+            raise EngineError(f"{name} of shape {array.shape}, expected {shape}")
+        if array.dtype != dtype:
+            raise EngineError(f"{name} of {array.dtype}, expected {dtype}")
     return RayColumns(
-        _plain("origins", rays.origins, vectors, _FLOAT),
-        _plain("directions", rays.directions, vectors, _FLOAT),
-        _plain("max_range", rays.max_range, numbers, _FLOAT),
-        _plain("power", rays.power, numbers, _FLOAT),
-        _plain("class_index", rays.class_index, numbers, _UINT8),
-        _plain("carrier_id", rays.carrier_id, numbers, _INT),
+        rays.origins,
+        rays.directions,
+        rays.max_range,
+        rays.power,
+        rays.class_index,
+        rays.carrier_id,
     )
 
 
-_FLOAT, _UINT8, _INT = np.dtype(np.float64), np.dtype(np.uint8), np.dtype(np.int64)
-
-
-def _plain(
-    name: str, array: NDArray[Any], shape: tuple[int, ...], dtype: np.dtype[Any]
-) -> NDArray[Any]:
-    """Return a column, copied if it is not contiguous and writeable.
-
-    The layout is part of an array's type: another would compile everything anew.
-    """
-    if array.shape != shape:
-        raise EngineError(f"{name} of shape {array.shape}, expected {shape}")
-    if array.dtype != dtype:
-        raise EngineError(f"{name} of {array.dtype}, expected {dtype}")
-    return array if array.flags.carray else array.copy()
+_DTYPES: Final = {name: np.dtype("f8") for name in RayColumns._fields} | {
+    "class_index": np.dtype("u1"),
+    "carrier_id": np.dtype("i8"),
+}
 
 
 @njit_inline
-def is_valid_ray(origin: Any, direction: Any, max_range: Any, power: Any) -> Any:
+def is_valid_ray(
+    origin: Floats, direction: Floats, max_range: float, power: float
+) -> bool:
     """Return whether a ray has finite coordinates and range, and a unit direction."""
     length = 0.0
     for axis in range(3):

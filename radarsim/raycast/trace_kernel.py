@@ -2,9 +2,8 @@
 
 Rays are given one by one, or as scans: then each is aimed right before it is traced, so
 that one call does all there is to a scan but the drawing of random numbers. There is
-one kernel for both, because most of its code is the tracing, which is compiled once.
-
-Whether nothing opaque is near a point.
+one kernel for both, because most of its code is the tracing, which takes half a minute
+to compile (row f of ``radarsim bench``).
 """
 
 from typing import Any, Final, NamedTuple
@@ -13,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.jit import njit_cached, njit_inline
+from radarsim.jit import Int, njit_cached, njit_inline
 from radarsim.raycast.aimed_rays import (
     Frame,
     Nodes,
-    NodeTable,
+    RaySource,
     Sides,
     aim_ray,
     fill_frame,
@@ -27,43 +26,19 @@ from radarsim.raycast.aimed_rays import (
 from radarsim.raycast.attenuation import new_ray_state
 from radarsim.raycast.crossings import CROSSING
 from radarsim.raycast.intersect import (
+    QueryBuffer,
     is_opaque_nearby,
     new_query_buffer,
     new_ray_buffer,
 )
-from radarsim.raycast.propagate import RayLimits, TraceColumns, Workspace, trace_ray
+from radarsim.raycast.propagate import TraceColumns, Workspace, trace_ray
 from radarsim.raycast.robot_boxes import (
     index_boxes,
     index_boxes_around,
     is_box_near,
     new_box_index,
 )
-from radarsim.raycast.traced_scene import unpack_scene
-
-
-@njit_inline
-def is_clear(
-    scene: Any, ray_class: Any, point: Any, radius: Any, carrier_id: Any, query: Any
-) -> Any:
-    """Return whether there is certainly nothing opaque around a point.
-
-    Args:
-        scene: The ``TracedScene``.
-        ray_class: The index of the class for which something is opaque.
-        point: (3,) m, relative to the scene's centre.
-        radius: m.
-        carrier_id: Id of the box that does not count; -1 for none.
-        query: From ``new_query_buffer``.
-
-    Returns:
-        False also where something is only a little farther away.
-    """
-    reach = radius + scene.handle.margin
-    if is_box_near(scene.boxes, carrier_id, point, reach):
-        return False
-    roles = scene.materials.forward_roles[ray_class]
-    return not is_opaque_nearby(scene.handle, roles, point, reach, query)
-
+from radarsim.raycast.traced_scene import TracedScene, Words, unpack_scene
 
 CLEARANCE_CLASS: Final = 1  # index of the class for which something may hide a ray
 CARRIER: Final = 6  # column of ``UnaimedScans.places``
@@ -97,98 +72,98 @@ NO_SCANS: Final = ScanColumns(
 )
 
 
-class Aim(NamedTuple):
-    """The scans of a call, and how their rays are aimed.
+@njit_inline
+def _is_clear(
+    scene: TracedScene,
+    point: Floats,
+    radius: float,
+    carrier_id: Int,
+    query: QueryBuffer,
+) -> bool:
+    """Return whether there is certainly nothing opaque around a point.
 
-    Attributes:
-        scans: The scans.
-        table: The nodes of all beams.
-        radius: As in ``RaySource``.
-        rays_per_scan: M.
-        rays_per_beam: Number of rays of each beam.
-        frame: The frame of the sensor whose rays come next.
+    Args:
+        scene: The scene.
+        point: (3,) m, relative to the scene's centre.
+        radius: m.
+        carrier_id: Id of the box that does not count; -1 for none.
         query: From ``new_query_buffer``.
+
+    Returns:
+        False also where something is only a little farther away.
     """
-
-    scans: ScanColumns
-    table: NodeTable
-    radius: float
-    rays_per_scan: int
-    rays_per_beam: int
-    frame: Frame
-    query: Any
+    reach = radius + scene.handle.margin
+    if is_box_near(scene.boxes, carrier_id, point, reach):
+        return False
+    roles = scene.materials.forward_roles[CLEARANCE_CLASS]
+    return not is_opaque_nearby(scene.handle, roles, point, reach, query)
 
 
 @njit_inline
-def _start_scan(scan: Any, aim: Any, scene: Any, work: Any) -> Any:
-    """Prepare for the rays of a scan; return whether it has to be traced."""
-    scans, radius, origin = aim.scans, aim.radius, work.origin
-    fill_frame(scans.places, scan, aim.frame)
-    for axis in range(3):
-        origin[axis] = aim.frame.position[axis] - scene.centre[axis]
-    index_boxes(
-        *(work.box_index, scene.boxes),
-        *(origin[0], origin[1], radius, aim.rays_per_scan),
-    )
-    carrier_id = scans.places[scan, CARRIER]
-    is_traced = radius == 0.0 or is_clear(
-        scene, CLEARANCE_CLASS, origin, radius, carrier_id, aim.query
-    )
-    scans.clear[scan] = is_traced
-    return is_traced
-
-
-@njit_inline
-def _aim_next(i: Any, scan: Any, k: Any, aim: Any, work: Any) -> None:
-    """Set the workspace to ray ``k`` of a scan, the ``i``-th of all."""
-    scans, table = aim.scans, aim.table
-    beam, node = k, 0
-    if aim.rays_per_beam > 1:  # else there is nothing to divide
-        beam, node = k // aim.rays_per_beam, k % aim.rays_per_beam
-    if scans.chances.size:
-        node = node_of(table.edges, scans.chances[scan, beam])
-    scans.nodes[i] = node
-    scans.ray_sides[i] = table.sides[node]
-    aim_ray(table, aim.frame, beam, node, work.origin, work.direction)
-
-
-@njit_inline
-def _take_given(i: Any, rays: Any, work: Any) -> None:
-    """Set the workspace to a given ray."""
-    for axis in range(3):
-        work.origin[axis] = rays.origins[i, axis]
-        work.direction[axis] = rays.directions[i, axis]
-
-
-@njit_inline
-def _trace_all(aim: Any, scene: Any, rays: Any, work: Any, traces: Any) -> Any:
+def _trace_all(
+    source: RaySource,
+    scans: ScanColumns,
+    frame: Frame,
+    query: QueryBuffer,
+    scene: TracedScene,
+    work: Workspace,
+    traces: TraceColumns,
+) -> tuple[Int, int]:
     """Trace all rays; return the first two results of ``trace_rays``.
 
-    The loop is here and not there, where it would count references to the arrays.
+    The loop is here and not there, where it would count references to the arrays (row a
+    of ``radarsim bench``).
     """
-    scans, count = aim.scans, len(traces.ranges)
+    rays, table, radius = source
+    origin, direction, count = work.origin, work.direction, len(traces.ranges)
     are_scans = len(scans.places) > 0
-    i: Any = 0
-    first, end, scan, crowded = 0, 0, -1, 0
+    rays_per_scan = count // max(len(scans.places), 1)
+    rays_per_beam = rays_per_scan // max(table.directions.shape[1], 1)
+    i: Int = 0
+    # Rays that start together, of one scan or near each other, begin and end here.
+    first: Int = 0
+    end: Int = 0
+    scan, crowded = -1, 0
     while i < count:
         if i == end and are_scans:
-            first, scan, end = end, scan + 1, end + aim.rays_per_scan
-            if not _start_scan(scan, aim, scene, work):
+            first, scan, end = end, scan + 1, end + rays_per_scan
+            fill_frame(scans.places, scan, frame)
+            for axis in range(3):
+                origin[axis] = frame.position[axis] - scene.centre[axis]
+            index_boxes(
+                work.box_index, scene.boxes, origin[0], origin[1], radius, rays_per_scan
+            )
+            own_id = scans.places[scan, CARRIER]
+            is_traced = radius == 0.0 or _is_clear(scene, origin, radius, own_id, query)
+            scans.clear[scan] = is_traced
+            if not is_traced:
                 i, crowded = end, crowded + 1
                 continue
         elif i == end:
-            end = index_boxes_around(work.box_index, scene, rays, i)
-        row: Any = i
+            end = index_boxes_around(
+                work.box_index, scene.boxes, rays.origins, scene.centre, i
+            )
+        row: Int = i
         if are_scans:
             row, carrier_id = 0, int(scans.places[scan, CARRIER])
-            _aim_next(i, scan, i - first, aim, work)
+            beam, node = i - first, 0
+            if rays_per_beam > 1:  # else there is nothing to divide
+                beam, node = beam // rays_per_beam, beam % rays_per_beam
+            if scans.chances.size:
+                node = node_of(table.edges, scans.chances[scan, beam])
+            scans.nodes[i] = node
+            scans.ray_sides[i] = table.sides[node]
+            aim_ray(table, frame, beam, node, origin, direction)
         else:
             carrier_id = rays.carrier_id[i]
-            _take_given(i, rays, work)
-        limits = RayLimits(
-            i, rays.max_range[row], rays.power[row], rays.class_index[row], carrier_id
+            for axis in range(3):
+                origin[axis] = rays.origins[i, axis]
+                direction[axis] = rays.directions[i, axis]
+        max_range, power = rays.max_range[row], rays.power[row]
+        ray_class = rays.class_index[row]
+        code = trace_ray(
+            i, max_range, power, ray_class, carrier_id, scene, work, traces
         )
-        code = trace_ray(limits, scene, work, traces)
         if code:
             return code, crowded
         i += 1
@@ -197,25 +172,24 @@ def _trace_all(aim: Any, scene: Any, rays: Any, work: Any, traces: Any) -> Any:
 
 @njit_cached
 def trace_rays(
-    scene_words: Any,
-    source_words: Any,
-    boxes: Any,
-    max_crossings: Any,
-    events: Any,
-    *columns: Any,
-) -> Any:
+    scene_words: Words,
+    source_words: Words,
+    boxes: Floats,
+    max_crossings: int,
+    events: NDArray[np.void],
+    *columns: NDArray[Any],
+) -> tuple[int, int, float, float]:
     """Trace rays one after the other.
 
-    Columns come one by one: numba takes twice as long to unpack tuples of arrays.
-
     Args:
-        scene_words: The words of the ``PackedScene``.
+        scene_words: The words of the packed scene.
         source_words: The words of the packed ``RaySource``; of the single row of scans
             the carrier is not read.
         boxes: (B, 10) the boxes of the robots, from ``Boxes.table``.
         max_crossings: How many crossings of one segment there is room for.
         events: As in ``RayState``.
-        columns: The ``TraceColumns`` to be filled, and the ``ScanColumns``.
+        columns: The ``TraceColumns`` to be filled, and the ``ScanColumns``; one by one,
+            because numba takes twice as long to unpack tuples of arrays (row d).
 
     Returns:
         0; or the number of surfaces on a segment that has more than there is room for;
@@ -223,16 +197,14 @@ def trace_rays(
         height, m, of the last level ray that found no slice, and how many did not.
     """
     traces, scans = TraceColumns(*columns[:5]), ScanColumns(*columns[5:])
-    scene = unpack_scene(scene_words, boxes)
-    rays, table, radius = unpack_source(source_words)
+    scene, source = unpack_scene(scene_words, boxes), unpack_source(source_words)
     crossings = np.zeros(max_crossings, CROSSING)
     state = new_ray_state(scene.materials.density.shape[1], crossings, events)
     buffer = new_ray_buffer(scene.handle, crossings)
     index = new_box_index(len(boxes))
     work = Workspace(buffer, state, np.zeros(3), np.zeros(3), index)
-    per_scan = len(traces.ranges) // max(len(scans.places), 1)
-    per_beam = per_scan // max(table.directions.shape[1], 1)
     frame = Frame(np.zeros(3), np.zeros((3, 3)))
-    aim = Aim(scans, table, radius, per_scan, per_beam, frame, new_query_buffer())
-    code, crowded = _trace_all(aim, scene, rays, work, traces)
-    return code, crowded, scene.unsliced[0], scene.unsliced[1]
+    code, crowded = _trace_all(
+        source, scans, frame, new_query_buffer(), scene, work, traces
+    )
+    return int(code), crowded, scene.unsliced[0], scene.unsliced[1]

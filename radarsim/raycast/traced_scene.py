@@ -1,108 +1,55 @@
-"""A scene as kernels take it: some twenty arrays, packed into one.
+"""A scene as kernels take it: some twenty arrays, passed as the addresses of all.
 
-Many arrays in one argument of a kernel.
-
-Numba takes about 0.2 us to unpack each array among the arguments of a call, and a scan
-of a hundred rays takes 20 us. So arrays that stay the same are passed in one: ``pack``
-writes their addresses and shapes into it, from which a function made by ``unpacker``
-makes them again, within the kernel.
+numba takes 0.1 to 0.2 us to unpack each array among the arguments of a call, and a scan
+of ten beams takes 12 us in all (row d of ``radarsim bench``; row j has many short
+scans). So what stays the same from call to call is passed in one array: ``pack`` writes
+addresses and shapes into it, from which the kernel makes the arrays again.
 """
 
 from collections.abc import Sequence
-from functools import partial
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic
-from numba.np import arrayobj
+from numba.np.numpy_support import carray
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.jit import njit_cached
-from radarsim.raycast.intersect import SceneHandle
+from radarsim.raycast.intersect import Roles, SceneHandle, pointer
 
-# compiled into kernels
-WORDS: Final = 4  # for each leaf: its address, and its lengths in three dimensions
+# For each array: its address, and its lengths in up to three dimensions.
+Words = NDArray[np.uint64]
 
 
 class PackedArrays(NamedTuple):
-    """Arrays in one array, which is valid as long as this object exists.
+    """Arrays in one array.
 
     Attributes:
-        words: For each leaf its address, and its lengths in three dimensions.
-        leaves: All arrays, and numbers as arrays.
+        words: What describes them; valid as long as they exist.
+        arrays: The arrays.
     """
 
-    words: NDArray[np.uint64]
-    leaves: list[NDArray[Any]]
+    words: Words
+    arrays: list[NDArray[Any]]
 
 
-def pack(given: Sequence[Any], kinds: Sequence[Any]) -> PackedArrays:
-    """Pack arrays and numbers.
+def pack(arrays: Sequence[NDArray[Any]], dtypes: str) -> PackedArrays:
+    """Pack arrays of at most three dimensions.
 
     Args:
-        given: Arrays of at most three dimensions, and numbers.
-        kinds: For each its type and the number of its dimensions, 0 for a number.
+        arrays: The arrays.
+        dtypes: The type of each that the kernel assumes, as numpy writes it, separated
+            by spaces.
     """
-    leaves = [
-        np.ascontiguousarray(leaf, str(kind))
-        for leaf, (kind, _) in zip(given, kinds, strict=True)
+    kept = [
+        np.ascontiguousarray(array, dtype)
+        for array, dtype in zip(arrays, dtypes.split(), strict=True)
     ]
-    words = np.zeros((len(leaves), WORDS), np.uint64)
-    for row, leaf in zip(words, leaves, strict=True):
-        row[0] = leaf.ctypes.data
-        row[1 : 1 + leaf.ndim] = leaf.shape
-    return PackedArrays(words.ravel(), leaves)
-
-
-def unpacker(kinds: Sequence[Any]) -> Any:
-    """Return a function for kernels: it makes a tuple of the leaves from their words.
-
-    Args:
-        kinds: As for ``pack``.
-    """
-    leaf_types = [types.Array(kind, n, "C") if n else kind for kind, n in kinds]
-
-    def leaves_of(_typing: Any, _words: Any) -> Any:  # pragma: no cover - numba's
-        """Make the leaves that the words describe."""
-
-        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            words = context.make_array(signature.args[0])(context, builder, args[0])
-            place = partial(cgutils.gep_inbounds, builder, words.data)
-            leaves = []
-            for i, kind in enumerate(leaf_types):
-                numbers = [builder.load(place(WORDS * i + k)) for k in range(WORDS)]
-                leaves.append(_make_leaf(context, builder, kind, numbers))
-            return context.make_tuple(builder, signature.return_type, leaves)
-
-        of_leaves: Any = types.Tuple
-        return of_leaves(leaf_types)(types.Array(types.uint64, 1, "C")), generate
-
-    return intrinsic(leaves_of)
-
-
-def _make_leaf(
-    context: Any, builder: Any, kind: Any, numbers: Any
-) -> Any:  # pragma: no cover - numba's
-    """Read a number, or describe an array that is not counted, at an address."""
-    item = kind.dtype if isinstance(kind, types.Array) else kind
-    data = context.get_data_type(item).as_pointer()
-    address = builder.inttoptr(numbers[0], data)
-    if item is kind:
-        return builder.load(address)
-    size = context.get_abi_sizeof(context.get_data_type(item))
-    shape, width = numbers[1 : 1 + kind.ndim], context.get_constant(types.intp, size)
-    strides = [width]
-    for length in reversed(shape[1:]):
-        strides.insert(0, builder.mul(length, strides[0]))
-    array = context.make_array(kind)(context, builder)
-    _populate(array, address, shape, strides, width, None)
-    return array._getvalue()
-
-
-_populate: Any = arrayobj.populate_array
+    words = np.zeros((len(kept), 4), np.uint64)
+    for row, array in zip(words, kept, strict=True):
+        row[0] = array.ctypes.data
+        row[1 : 1 + array.ndim] = array.shape
+    return PackedArrays(words, kept)
 
 
 class MaterialTable(NamedTuple):
@@ -142,8 +89,8 @@ class MaterialTable(NamedTuple):
     max_reflections: NDArray[np.int64]
     glint: Floats
     max_density: Floats
-    forward_roles: NDArray[np.uint8]
-    backward_roles: NDArray[np.uint8]
+    forward_roles: Roles
+    backward_roles: Roles
     volume: NDArray[np.int32]
     low: Floats
     high: Floats
@@ -161,7 +108,7 @@ class TracedScene(NamedTuple):
         unsliced: (2,) zeros at first, updated by ``select_scene``.
     """
 
-    handle: Any
+    handle: SceneHandle
     centre: Floats
     materials: MaterialTable
     triangles: Floats
@@ -169,50 +116,54 @@ class TracedScene(NamedTuple):
     unsliced: Floats
 
 
-class PackedScene(NamedTuple):
-    """A scene in one array.
-
-    Attributes:
-        words: The array, valid as long as this object exists.
-        arrays: What it describes.
-        handle: The ``SceneHandle``.
-    """
-
-    words: NDArray[np.uint64]
-    arrays: PackedArrays
-    handle: SceneHandle
-
-
-# The leaves of a packed scene: their types, and the numbers of their dimensions.
-HANDLE: Final = (
-    *((types.uint64, 0), (types.uint64, 0), (types.uint64, 0)),
-    *((types.uint64, 2), (types.float64, 1), (types.int64, 1)),
-    *((types.float64, 0), (types.float64, 0)),
-)
-MATERIALS: Final = (
-    *((types.float64, 2), (types.float64, 2), (types.float64, 2), (types.uint8, 2)),
-    *((types.float64, 2), (types.float64, 1), (types.int64, 1)),
-    *((types.float64, 1), (types.float64, 1)),
-    *((types.uint8, 2), (types.uint8, 2)),
-    *((types.int32, 1), (types.float64, 2), (types.float64, 2)),
-)
-LEAVES: Final = (*HANDLE, *MATERIALS, (types.float64, 1), (types.float64, 2))
+# The types of the arrays in a packed scene: those of its handle, and the others.
+HANDLE_DTYPES: Final = "u8 u8 f8 i8 f8"
+SCENE_DTYPES: Final = f"{HANDLE_DTYPES} f8 f8 f8 u1 f8 f8 i8 f8 f8 u1 u1 i4 f8 f8 f8 f8"
 
 
 def pack_scene(
     handle: SceneHandle, centre: Floats, materials: MaterialTable, triangles: Floats
-) -> PackedScene:
+) -> PackedArrays:
     """Pack a scene; arguments as the attributes of ``TracedScene``."""
-    arrays = pack((*handle, *materials, centre, triangles), LEAVES)
-    return PackedScene(arrays.words, arrays, handle)
-
-
-_leaves_of: Any = unpacker(LEAVES)
+    addresses = np.array([handle.intersect, handle.point_query, handle.on_nearby])
+    scenes = handle.scenes, handle.heights, handle.sliced
+    lengths = np.array([handle.radius, handle.margin])
+    return pack(
+        [addresses, *scenes, lengths, *materials, centre, triangles], SCENE_DTYPES
+    )
 
 
 @njit_cached
-def unpack_scene(words: Any, boxes: Any) -> Any:
-    """Return the ``TracedScene`` of a ``PackedScene``'s words."""
-    leaves = _leaves_of(words)
-    handle, materials = SceneHandle(*leaves[:8]), MaterialTable(*leaves[8:22])
-    return TracedScene(handle, leaves[22], materials, leaves[23], boxes, np.zeros(2))
+def unpack_scene(words: Words, boxes: Floats) -> TracedScene:
+    """Return the scene of the words of a packed one, in the order of ``pack_scene``."""
+    addresses = carray(pointer(words[0, 0]), 3, np.uint64)
+    lengths = carray(pointer(words[4, 0]), 2, np.float64)
+    handle = SceneHandle(
+        addresses[0],
+        addresses[1],
+        addresses[2],
+        carray(pointer(words[1, 0]), (words[1, 1], words[1, 2]), np.uint64),
+        carray(pointer(words[2, 0]), words[2, 1], np.float64),
+        carray(pointer(words[3, 0]), words[3, 1], np.int64),
+        lengths[0],
+        lengths[1],
+    )
+    materials = MaterialTable(
+        carray(pointer(words[5, 0]), (words[5, 1], words[5, 2]), np.float64),
+        carray(pointer(words[6, 0]), (words[6, 1], words[6, 2]), np.float64),
+        carray(pointer(words[7, 0]), (words[7, 1], words[7, 2]), np.float64),
+        carray(pointer(words[8, 0]), (words[8, 1], words[8, 2]), np.uint8),
+        carray(pointer(words[9, 0]), (words[9, 1], words[9, 2]), np.float64),
+        carray(pointer(words[10, 0]), words[10, 1], np.float64),
+        carray(pointer(words[11, 0]), words[11, 1], np.int64),
+        carray(pointer(words[12, 0]), words[12, 1], np.float64),
+        carray(pointer(words[13, 0]), words[13, 1], np.float64),
+        carray(pointer(words[14, 0]), (words[14, 1], words[14, 2]), np.uint8),
+        carray(pointer(words[15, 0]), (words[15, 1], words[15, 2]), np.uint8),
+        carray(pointer(words[16, 0]), words[16, 1], np.int32),
+        carray(pointer(words[17, 0]), (words[17, 1], words[17, 2]), np.float64),
+        carray(pointer(words[18, 0]), (words[18, 1], words[18, 2]), np.float64),
+    )
+    centre = carray(pointer(words[19, 0]), words[19, 1], np.float64)
+    triangles = carray(pointer(words[20, 0]), (words[20, 1], words[20, 2]), np.float64)
+    return TracedScene(handle, centre, materials, triangles, boxes, np.zeros(2))

@@ -18,7 +18,7 @@ Rule 3: coordinates are relative to the centre of the scene, so that they are sm
 
 import functools
 from collections.abc import Sequence
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -28,19 +28,20 @@ from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.raycast.aimed_rays import (
     Nodes,
-    SensorRays,
     Sides,
     UnaimedScans,
     pack_source,
 )
 from radarsim.raycast.attenuation import EVENT, EventKind
 from radarsim.raycast.embree import EmbreeScene, Mesh
+from radarsim.raycast.intersect import SceneHandle
 from radarsim.raycast.material_table import (
     centre_of,
     find_volumes,
     material_table,
     scattering_of,
 )
+from radarsim.raycast.propagate import TraceColumns
 from radarsim.raycast.rays import (
     Event,
     RayClass,
@@ -50,13 +51,8 @@ from radarsim.raycast.rays import (
     reject_ray,
 )
 from radarsim.raycast.robot_boxes import NO_BOXES, Boxes
-from radarsim.raycast.trace_kernel import NO_SCANS, trace_rays
-from radarsim.raycast.traced_scene import (
-    MaterialTable,
-    PackedArrays,
-    PackedScene,
-    pack_scene,
-)
+from radarsim.raycast.trace_kernel import NO_SCANS, ScanColumns, trace_rays
+from radarsim.raycast.traced_scene import MaterialTable, PackedArrays, pack_scene
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import box
@@ -84,18 +80,6 @@ class TracedScans(NamedTuple):
     sides: Sides
     clear: NDArray[np.bool_]
     crowded: int
-
-
-class _GivenRays(NamedTuple):
-    """Rays that are aimed; names as in ``SensorRays``.
-
-    Attributes:
-        ray_classes: Their classes.
-        source: The packed ``RaySource``.
-    """
-
-    ray_classes: tuple[RayClass, ...]
-    source: PackedArrays
 
 
 class Tracer:
@@ -131,7 +115,9 @@ class Tracer:
         self._air = air
         self._tables: dict[tuple[RayClass, ...], MaterialTable] = {}
         self._scattering: dict[RayClass, Floats] = {}
-        self._packed: dict[tuple[RayClass, ...], PackedScene] = {}
+        # The scene for kernels, and its handle: it is packed anew after a slice was
+        # added.
+        self._packed: dict[tuple[RayClass, ...], tuple[PackedArrays, SceneHandle]] = {}
         self._scene = EmbreeScene(
             [Mesh(part.vertices - self._centre, part.faces) for part in parts]
         )
@@ -176,10 +162,9 @@ class Tracer:
         Raises:
             EngineError: If a ray or a column of the rays is invalid.
         """
-        given = _GivenRays(rays.ray_classes, pack_source(columns_of(rays)))
-        size = len(rays.origins)
+        source, size = pack_source(columns_of(rays)), len(rays.origins)
         traces, code, _ = self._run(
-            given, size, NO_SCANS, boxes, events=events, incidence=incidence
+            source, rays.ray_classes, size, NO_SCANS, boxes, events, incidence
         )
         if code < 0:
             reject_ray(rays, -1 - code)
@@ -209,9 +194,9 @@ class Tracer:
         n = count * sensor.rays_per_scan
         nodes, sides = np.zeros(n, np.int16), np.zeros(n, np.int8)
         clear = np.zeros(count, np.bool_)
-        columns = chances, places, nodes, sides, clear
+        columns = ScanColumns(chances, places, nodes, sides, clear)
         traces, code, crowded = self._run(
-            sensor, n, columns, boxes, events=events, incidence=incidence
+            sensor.source, sensor.ray_classes, n, columns, boxes, events, incidence
         )
         if code < 0:
             reject_ray(scans.aim(), -1 - code)
@@ -244,31 +229,32 @@ class Tracer:
             self._tables[ray_classes] = table
         return table
 
-    def _packed_for(self, ray_classes: tuple[RayClass, ...]) -> PackedScene:
-        """Return the scene for kernels; packed anew after a slice was added."""
-        packed, handle = self._packed.get(ray_classes), self._scene.handle
-        if packed is None or packed.handle is not handle:
-            table = self._table_for(ray_classes)
-            packed = pack_scene(handle, self._centre, table, self._scene.triangles)
-            self._packed[ray_classes] = packed
+    def _packed_for(self, ray_classes: tuple[RayClass, ...]) -> PackedArrays:
+        found, handle = self._packed.get(ray_classes), self._scene.handle
+        if found is not None and found[1] is handle:
+            return found[0]
+        table = self._table_for(ray_classes)
+        packed = pack_scene(handle, self._centre, table, self._scene.triangles)
+        self._packed[ray_classes] = packed, handle
         return packed
 
     def _run(
         self,
-        given: _GivenRays | SensorRays,
+        source: PackedArrays,
+        ray_classes: tuple[RayClass, ...],
         size: int,
-        scans: tuple[Any, ...],
+        scans: ScanColumns,
         boxes: Boxes | None,
-        *,
         events: bool,
         incidence: bool,
     ) -> tuple[Traces, int, int]:
         """Trace rays; all of them again with more memory if it was too little.
 
         Args:
-            given: The rays, or the sensor of the scans.
+            source: The packed ``RaySource``.
+            ray_classes: The classes of its rays.
             size: The number of rays.
-            scans: The ``ScanColumns``.
+            scans: The scans; none for given rays.
             boxes: The robots.
             events: As in ``trace``.
             incidence: As in ``trace``.
@@ -278,10 +264,10 @@ class Tracer:
             scans that are not clear.
         """
         room = max(self._events_per_ray * size, INITIAL_CAPACITY) if events else 0
-        packed = self._packed_for(given.ray_classes)
+        packed = self._packed_for(ray_classes)
         table = NO_BOXES if boxes is None else boxes.table(self._centre)
         while True:
-            columns: tuple[Any, Any, Any, Any, Any] = (  # the ``TraceColumns``
+            columns = TraceColumns(
                 np.zeros(size),
                 np.zeros(size, np.uint8),
                 np.zeros(size, np.int64),
@@ -291,7 +277,7 @@ class Tracer:
             rows = np.zeros(room + 1, EVENT) if room else NO_EVENTS
             needed, crowded, height, unsliced = trace_rays(
                 packed.words,
-                given.source.words,
+                source.words,
                 table,
                 self._max_crossings,
                 rows,

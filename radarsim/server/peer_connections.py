@@ -10,7 +10,7 @@ import logging
 from abc import ABC, abstractmethod
 from typing import Any, Final
 
-from radarsim.server.lifecycle import configure_socket, listen, peer_name
+from radarsim.listening import configure_socket, listen, peer_name
 
 log = logging.getLogger("radarsim.server")
 

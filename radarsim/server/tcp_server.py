@@ -8,14 +8,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
-from radarsim.server.engine_loader import EngineLoader
-from radarsim.server.host import Diagnostic, Host
-from radarsim.server.lifecycle import (
+from radarsim.listening import (
     configure_socket,
     exit_code_of_signal,
     listen,
     peer_name,
 )
+from radarsim.server.engine_loader import EngineLoader
+from radarsim.server.host import Diagnostic, Host
 from radarsim.server.peer_connections import RefusalLog
 from radarsim.server.read_turns import ReadAllowance, ReadTurns
 from radarsim.simulation.clock import TICK

@@ -15,8 +15,14 @@ from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.raycast import embree
 from radarsim.raycast.crossings import CROSSING
-from radarsim.raycast.embree import EmbreeScene, FirstHits, Mesh
-from radarsim.raycast.embree_library import expect_version, load_library, open_library
+from radarsim.raycast.embree import (
+    EmbreeScene,
+    FirstHits,
+    Mesh,
+    expect_version,
+    load_library,
+    open_library,
+)
 from radarsim.raycast.intersect import (
     BEHIND,
     COLLECT,
@@ -129,7 +135,7 @@ def ahead(
     count, t, part = intersect_forward(
         scene.handle, block, role_table, start, direction, span
     )
-    return sorted(crossings[:count].tolist()), t, part
+    return sorted(crossings[:count].tolist()), t, int(part)
 
 
 SLAB = [(1.0, 0, 1), (2.0, 0, -1)]

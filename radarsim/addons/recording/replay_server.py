@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from radarsim.addons.recording.host_recorder import CallKind, HostCall
 from radarsim.errors import RecordingError
-from radarsim.server.lifecycle import exit_code_of_signal, listen, peer_name
+from radarsim.listening import exit_code_of_signal, listen, peer_name
 from radarsim.simulation.clock import seconds
 
 log = logging.getLogger("radarsim.addons.recording")

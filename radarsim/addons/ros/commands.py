@@ -144,7 +144,7 @@ def _make_server(host: str, port: int, origins: Sequence[str]) -> RosSide:
 async def _run(settings: BridgeSettings, side: RosSide) -> int:
     """Bridge until a signal comes."""
     from radarsim.addons.ros.bridge import run_bridge
-    from radarsim.server.lifecycle import exit_code_of_signal
+    from radarsim.listening import exit_code_of_signal
 
     with exit_code_of_signal() as exit_code:
         running = asyncio.ensure_future(run_bridge(settings, side))

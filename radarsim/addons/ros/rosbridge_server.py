@@ -12,7 +12,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from radarsim.addons.recording.messages import TopicMessage
 from radarsim.addons.ros.live_topics import DriveCallback
 from radarsim.addons.ros.rosbridge import LONGEST_MESSAGE, RosbridgeClient, TopicBoard
-from radarsim.server.lifecycle import bind
+from radarsim.listening import bind
 from radarsim.server.web_server import Doors, WebServer
 
 MOST_ANSWERS: Final = 1000  # that wait for a client which does not read

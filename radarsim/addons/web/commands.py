@@ -108,7 +108,7 @@ def commander(
     child: ChildOption = False,
 ) -> None:
     """See, drive and explain robots in a browser."""
-    from radarsim.server.lifecycle import check_port
+    from radarsim.listening import check_port
 
     with cure_of_port({"--web": web}):  # before imports that take long
         check_port(web_host, web)

@@ -16,7 +16,7 @@ from radarsim.addons.web.activities import import_algorithms, load_algorithms
 from radarsim.addons.web.app import create_app
 from radarsim.addons.web.commander import Commander
 from radarsim.addons.web.requests import LONGEST_MESSAGE
-from radarsim.server.lifecycle import bind, exit_code_of_signal
+from radarsim.listening import bind, exit_code_of_signal
 from radarsim.server.web_server import Doors, WebServer
 from radarsim.simulation.config import SimulationConfig
 

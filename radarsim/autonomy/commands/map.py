@@ -185,8 +185,7 @@ def _explore(
         The exit code.
     """
     from radarsim.autonomy.commands.map_run import explore, explore_together
-    from radarsim.autonomy.evaluation.mapping_run import MappingRun
-    from radarsim.autonomy.evaluation.multi_robot_run import MultiRobotRun
+    from radarsim.autonomy.evaluation.mapping_run import MappingRun, MultiRobotRun
     from radarsim.autonomy.exploration.compilation import warm_up
 
     check_robot(plan.robot_class, served)

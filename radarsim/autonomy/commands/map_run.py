@@ -11,8 +11,11 @@ import numpy as np
 
 from radarsim.autonomy.commands.film import filmed
 from radarsim.autonomy.commands.map_files import MapCamera, MapOutput, save_map
-from radarsim.autonomy.evaluation.mapping_run import MappingResult, MappingRun
-from radarsim.autonomy.evaluation.multi_robot_run import MultiRobotRun
+from radarsim.autonomy.evaluation.mapping_run import (
+    MappingResult,
+    MappingRun,
+    MultiRobotRun,
+)
 from radarsim.autonomy.exploration.exploration import Exploration, ExplorationStep
 from radarsim.autonomy.exploration.multi_robot import MultiRobotExploration
 from radarsim.autonomy.proxy.traffic_mapper import TrafficMapper

@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from radarsim.autonomy.evaluation.map_truth import Truth, find_floor
+from radarsim.autonomy.evaluation.navigation_run import rounded
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import (
     CellClass,
@@ -76,12 +77,9 @@ class MapScore:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the score for JSON, with shares rounded to four digits."""
-        rounded = {
-            key: round(value, 4) if isinstance(value, float) else value
-            for key, value in asdict(self).items()
-        }
-        rounded["told_apart"] = rounded.pop("class_accuracy")
-        return rounded
+        values: dict[str, Any] = rounded(asdict(self), 4)
+        values["told_apart"] = values.pop("class_accuracy")
+        return values
 
 
 def score_map(

@@ -1,13 +1,13 @@
-"""One mapping run: an exploration, its server, and its evaluated result.
+"""One mapping run: the exploration of one robot or several, its server, its result.
 
-The server is either one in this process, which runs in lockstep with the client and
+The server is either one in this process, which runs in lockstep with the clients and
 whose scene the map is compared with, or one that listens on a TCP port.
 """
 
 import json
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,13 +15,18 @@ from typing import Any
 import numpy as np
 
 from radarsim.autonomy.evaluation.map_score import MapScore, score_mapper
-from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED, GroundTruthMonitor
+from radarsim.autonomy.evaluation.navigation_run import (
+    INTERRUPTED,
+    GroundTruthMonitor,
+    rounded,
+)
 from radarsim.autonomy.exploration.exploration import (
     Exploration,
     ExplorationPlan,
     ExplorationStep,
     Outcome,
 )
+from radarsim.autonomy.exploration.multi_robot import MultiRobotExploration, Observer
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import CellClass
 from radarsim.autonomy.mapping.trajectory import (
@@ -31,6 +36,7 @@ from radarsim.autonomy.mapping.trajectory import (
 )
 from radarsim.autonomy.navigation.runner import TripMeter
 from radarsim.client import Client
+from radarsim.geometry import Pose2
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
@@ -88,7 +94,7 @@ class MappingResult:
             "time": round(self.trip.time, 3),
             "path_length": round(self.trip.length, 3),
             "left_out": [[round(x, 3), round(y, 3)] for x, y in self.unreached],
-            "safety_distance": _rounded(self.safety_distance, 3),
+            "safety_distance": rounded(self.safety_distance, 3),
             "scans": 0 if self.mapper is None else self.mapper.scans,
             "scans_left_out": self._scans_left_out(),
             "loop_closures": 0 if self.mapper is None else self.mapper.slam.closures,
@@ -126,6 +132,22 @@ class MappingResult:
             self.error = str(error) if is_failure else INTERRUPTED
             raise
 
+    def begin(self, plan: ExplorationPlan, host: Host | None) -> None:
+        """Note what is known before the run."""
+        self.robot_class = plan.robot_class
+        self.scene = None if host is None else host.simulation.scene
+
+    def link(self, host: Host) -> InProcessTransport:
+        """Return a link to a server in this process; all of them have one monitor."""
+        self.monitor = self.monitor or GroundTruthMonitor(host)
+        return InProcessTransport(host, after_tick=self.monitor.watch)
+
+    def complete(self, exploration: Exploration | MultiRobotExploration) -> None:
+        """Note what is known after the run, however it ended."""
+        self.outcome, self.trip = exploration.outcome.value, exploration.trip
+        self.mapper, self.unreached = exploration.mapper, exploration.unreached
+        self.safety_distance = exploration.safety_distance
+
     def judge(self) -> None:
         """Compare the map with the scene, if both are known."""
         mapper, robot, start = self.mapper, self.robot_class, self.trip.start
@@ -154,6 +176,85 @@ class MappingResult:
         return json.dumps(self.to_dict(), allow_nan=False)
 
 
+@dataclass(slots=True)
+class MultiRobotResult(MappingResult):
+    """How a map was made by several robots; ``mapper`` is that of the first one.
+
+    Attributes:
+        exploration: The robots, where their maps are, and their errors.
+    """
+
+    exploration: MultiRobotExploration | None = None
+
+    @property
+    def robots(self) -> int:
+        """Number of robots that explored, on the map or not."""
+        return len(self._placed())
+
+    @property
+    def trajectories(self) -> dict[int, Trajectory]:
+        """The trajectory of each robot that is on the map, map frame, from 1."""
+        return {
+            number: robot.mapper.trajectory.moved_by(frame)
+            for number, (robot, frame) in enumerate(self._placed(), 1)
+            if robot.mapper is not None and frame is not None
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result for JSON; counts and paths are those of all robots."""
+        # ``super`` without arguments does not work in classes with slots
+        result = MappingResult.to_dict(self)
+        robots = [
+            self._describe(number, robot, frame)
+            for number, (robot, frame) in enumerate(self._placed())
+        ]
+        mappers = [r.mapper for r, _ in self._placed() if r.mapper is not None]
+        result["scans"] = sum(mapper.scans for mapper in mappers)
+        result["loop_closures"] = sum(mapper.slam.closures for mapper in mappers)
+        result["scans_left_out"] |= {
+            key: sum(mapper.left_out[key] for mapper in mappers)
+            for key in ("no_pose", "no_echoes")
+        }
+        return {**result, "robots": robots}
+
+    def _pose_errors(self) -> dict[str, float | None] | None:
+        pairs = [_errors(robot, frame) for robot, frame in self._placed()]
+        known = [pair for pair in pairs if pair is not None]
+        if not known:
+            return None
+        motions = [motion for _, motion in known if motion is not None]
+        motion = _combined(motions).ate if motions else None
+        return describe_errors(_combined([errors for errors, _ in known]), motion)
+
+    def _placed(self) -> list[tuple[Exploration, Pose2 | None]]:
+        """Return each robot, and where its map is on the shared one."""
+        if self.exploration is None:
+            return []
+        maps = self.exploration.maps
+        frames = [each.frame for each in maps]
+        frames += [None] * (len(self.exploration.robots) - len(frames))
+        return list(zip(self.exploration.robots, frames, strict=True))
+
+    def _describe(
+        self, number: int, robot: Exploration, frame: Pose2 | None
+    ) -> dict[str, Any]:
+        assert self.exploration is not None
+        pair = _errors(robot, frame)
+        x_y_yaw = None
+        if frame is not None:
+            x_y_yaw = [round(frame.x, 4), round(frame.y, 4)]
+            x_y_yaw.append(round(math.degrees(frame.yaw), 3))
+        return {
+            "start": robot.plan.start,
+            "outcome": robot.outcome.value,
+            "path_length": round(robot.trip.length, 3),
+            "scans": 0 if robot.mapper is None else robot.mapper.scans,
+            "aligned": x_y_yaw,
+            "ate": None if pair is None else round(pair[0].ate, 5),
+            "error": self.exploration.errors[number] or None,
+        }
+
+
 class MappingRun:
     """Runs an exploration and keeps its result, also of a run that fails.
 
@@ -176,8 +277,7 @@ class MappingRun:
         self.exploration = Exploration(plan, generator_for(seed, "exploring"))
         name = "way" if plan.waypoints else plan.strategy.value
         self.result = MappingResult(name, plan.motion_source)
-        self.result.robot_class = plan.robot_class
-        self.result.scene = None if host is None else host.simulation.scene
+        self.result.begin(plan, host)
         self.connect: Callable[[str, int], Client] = Client.connect
         self._host = host
 
@@ -197,11 +297,15 @@ class MappingRun:
             MappingError: If no map can be made of what it sends.
             NavigationError: If the robot cannot do what is asked of it.
         """
+        result = self.result
         try:
-            with self.result.noting_errors(), self._connect(address) as client:
+            with result.noting_errors(), self._connect(address) as client:
                 self.exploration.run(client, observe)
         finally:
-            self._complete_result()
+            result.complete(self.exploration)
+            is_interrupted = result.error in ("", INTERRUPTED)
+            if result.outcome == Outcome.BROKEN_OFF and not is_interrupted:
+                result.outcome = Outcome.FAILED.value
 
     def judge(self) -> None:
         """Compare the map with the scene, if both are known."""
@@ -210,19 +314,68 @@ class MappingRun:
     def _connect(self, address: tuple[str, int]) -> Client:
         if self._host is None:
             return self.connect(*address)
-        monitor = GroundTruthMonitor(self._host)
-        self.result.monitor = monitor
-        return Client(InProcessTransport(self._host, after_tick=monitor.watch))
+        return Client(self.result.link(self._host))
 
-    def _complete_result(self) -> None:
-        result, exploration = self.result, self.exploration
-        result.outcome, result.trip = exploration.outcome.value, exploration.trip
-        result.mapper = exploration.mapper
-        result.safety_distance = exploration.safety_distance
-        result.unreached = exploration.unreached
-        is_interrupted = result.error in ("", INTERRUPTED)
-        if exploration.outcome is Outcome.BROKEN_OFF and not is_interrupted:
-            result.outcome = Outcome.FAILED.value
+
+class MultiRobotRun:
+    """Runs several robots and keeps the result, also of a run that fails.
+
+    Attributes:
+        exploration: The robots.
+        result: Result of the run so far; complete once ``run`` has returned or raised.
+    """
+
+    def __init__(
+        self, plan: ExplorationPlan, robots: int, host: Host | None = None
+    ) -> None:
+        """Create a run that has not begun.
+
+        Args:
+            plan: The plan of each robot.
+            robots: Number of robots.
+            host: Server in this process; None for one that listens on a port.
+
+        Raises:
+            ValueError: If several robots cannot do what the plan says.
+        """
+        self.exploration = MultiRobotExploration(plan, robots)
+        self.result = MultiRobotResult(plan.strategy.value, plan.motion_source)
+        self.result.exploration = self.exploration
+        self.result.begin(plan, host)
+        self._host = host
+
+    def run(
+        self, address: tuple[str, int], observe: Observer = lambda *_: None
+    ) -> None:
+        """Connect, explore, and complete the result, however the run ends.
+
+        Args:
+            address: Host and port of the server, unless it is in this process.
+            observe: Called at every scan with the number of the robot.
+
+        Raises:
+            ClientError: If the server does not send what is needed.
+            MappingError: If no map can be made of what it sends.
+            NavigationError: If no robot can do what is asked of it.
+        """
+        try:
+            with self.result.noting_errors(), ExitStack() as stack:
+                clients = [
+                    stack.enter_context(self._connect(address))
+                    for _ in self.exploration.robots
+                ]
+                self.exploration.run(clients, observe)
+        finally:
+            self.result.complete(self.exploration)
+
+    def judge(self) -> None:
+        """Compare the map with the scene, if both are known."""
+        self.result.judge()
+
+    def _connect(self, address: tuple[str, int]) -> Client:
+        if self._host is None:
+            return Client.connect(*address)
+        return Client(self.result.link(self._host))
 
 
 def _cell_counts(mapper: Mapper | None) -> dict[str, float] | None:
@@ -247,10 +400,46 @@ def describe_errors(
     plain["motion_ate"] = math.nan if motion_ate is None else motion_ate
     for name in ("yaw", "yaw_max", "rpe_yaw"):
         plain[f"{name}_deg"] = math.degrees(plain.pop(name))
-    return {name: _rounded(value, 5) for name, value in plain.items()}
+    errors_of_poses: dict[str, float | None] = rounded(plain, 5)
+    return errors_of_poses
 
 
-def _rounded(value: float | None, digits: int) -> float | None:
-    if value is None or not math.isfinite(value):
+def _errors(
+    robot: Exploration, frame: Pose2 | None
+) -> tuple[TrajectoryErrors, TrajectoryErrors | None] | None:
+    """Compare a robot's poses, and those of its motion source, with the true ones."""
+    mapper = robot.mapper
+    if mapper is None or frame is None:
         return None
-    return round(value, digits)
+    alone = mapper.slam.dead_reckoning
+    try:
+        found = trajectory_errors(mapper.trajectory.moved_by(frame), mapper.truth)
+        motion = trajectory_errors(alone, mapper.truth) if len(alone) else None
+    except ValueError:
+        return None
+    return found, motion
+
+
+def _combined(errors: Sequence[TrajectoryErrors]) -> TrajectoryErrors:
+    """Return the errors of all poses of several trajectories."""
+    poses = np.array([each.poses for each in errors])
+
+    def mean_square(name: str) -> float:
+        values = np.array([getattr(each, name) for each in errors])
+        known = np.isfinite(values)
+        if not known.any():
+            return math.nan
+        squares = np.square(values[known])
+        return math.sqrt(float(np.average(squares, weights=poses[known])))
+
+    whole = asdict(errors[0])
+    whole |= {name: mean_square(name) for name in ("ate", "yaw", "rpe", "rpe_yaw")}
+    whole |= {
+        name: max(getattr(each, name) for each in errors)
+        for name in ("ate_max", "yaw_max")
+    }
+    whole |= {
+        "poses": int(poses.sum()),
+        "length": sum(each.length for each in errors),
+    }
+    return TrajectoryErrors(**whole)

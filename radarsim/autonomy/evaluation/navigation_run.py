@@ -25,12 +25,12 @@ STEP: Final = 0.02  # m between two positions of the true path
 
 
 class GroundTruthMonitor:
-    """Watches the robot of a simulation, tick by tick.
+    """Watches the robots of a simulation, tick by tick.
 
     Attributes:
-        collisions: How often the robot began to touch something.
-        path_length: Length of the true path of the robot's centre, m.
-        path: That path, in steps of at least ``STEP``.
+        collisions: How often a robot began to touch something, or another robot.
+        path_length: Length of the true paths of the robots' centres, m.
+        path: That of the robot that was first, in steps of at least ``STEP``.
     """
 
     def __init__(self, host: Host) -> None:
@@ -38,19 +38,24 @@ class GroundTruthMonitor:
         self.path_length = 0.0
         self.path: list[Position] = []
         self._simulation = host.simulation
-        self._touching = False
-        self._pose: Pose2 | None = None
+        self._touches: dict[int, bool] = {}  # by the number of the robot
+        self._poses: dict[int, Pose2] = {}
 
     def watch(self) -> None:
         """Update from the simulation; to be called after every tick."""
         for vehicle in self._simulation.vehicles:
-            pose, touching = vehicle.robot.pose, vehicle.robot.touched
-            self.collisions += touching and not self._touching
-            self._touching = touching
-            previous = self._pose or pose
+            number, pose = vehicle.number, vehicle.robot.pose
+            touches = vehicle.robot.touched
+            self.collisions += touches and not self._touches.get(number, False)
+            previous = self._poses.get(number, pose)
             self.path_length += math.hypot(pose.x - previous.x, pose.y - previous.y)
-            self._pose = pose
-            self._add_to_path(pose)
+            self._poses[number], self._touches[number] = pose, touches
+            if number == next(iter(self._poses)):
+                self._add_to_path(pose)
+
+    @property
+    def _pose(self) -> Pose2 | None:
+        return next(iter(self._poses.values()), None)
 
     @property
     def positions(self) -> Floats:
@@ -71,6 +76,17 @@ class GroundTruthMonitor:
 
 
 INTERRUPTED: Final = "interrupted"
+
+
+def rounded(value: Any, digits: int) -> Any:
+    """Round all numbers in a value; None stands for what is not finite, as in JSON."""
+    if isinstance(value, dict):
+        return {key: rounded(each, digits) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [rounded(each, digits) for each in value]
+    if isinstance(value, float):
+        return round(value, digits) + 0.0 if math.isfinite(value) else None
+    return value
 
 
 class NavigationRun:
@@ -179,21 +195,10 @@ class NavigationRun:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the summary for JSON: lengths to 1 mm, times to 1 ms."""
-        rounded: dict[str, Any] = _rounded(self.summary())
-        return rounded
+        values: dict[str, Any] = rounded(self.summary(), 3)
+        return values
 
     def _connect(self, address: tuple[str, int]) -> Client:
         if self.host is None or self.monitor is None:
             return self.connect(*address)
         return Client(InProcessTransport(self.host, after_tick=self.monitor.watch))
-
-
-def _rounded(value: Any) -> Any:
-    """Round all numbers in a value; None stands for what is not finite."""
-    if isinstance(value, dict):
-        return {key: _rounded(each) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [_rounded(each) for each in value]
-    if isinstance(value, float):
-        return round(value, 3) + 0.0 if math.isfinite(value) else None
-    return value

@@ -13,7 +13,7 @@ shared with navigators, nor with the free space of scenes: a truth of its own.
 import math
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,8 +26,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from radarsim.autonomy.evaluation.task_runner import read_log, run_tasks
-from radarsim.autonomy.evaluation.trials import SCANNER, SENSORS, Drive, drive_mission
-from radarsim.autonomy.navigation.algorithms import Algorithm
+from radarsim.autonomy.evaluation.trials import SCANNER, SENSORS, Row, run_plan
+from radarsim.autonomy.navigation.algorithms import ROBOT_RADIUS, Algorithm
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.geometry import Floats, Point
 from radarsim.scene.map_file import load_map
@@ -43,7 +43,6 @@ from radarsim.simulation.config import SimulationConfig
 
 CELL: Final = 0.05  # m
 HALF_PASSAGE: Final = 0.2  # m beyond the safety distance: half of what passages need
-ROBOT_RADIUS: Final = 0.37  # m; half the diagonal of a P3AT
 _MARGIN: Final = 3.0  # m of floor around everything
 # Moves to neighbours and knight's moves: a path is at most 2.8 % longer than the exact.
 _MOVES: Final = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (1, 2), (2, -1), (1, -2))
@@ -160,6 +159,21 @@ def _shifted(cells: NDArray[_Cell], dx: int, dy: int) -> NDArray[_Cell]:
 SIDE_OFFSETS: Final = (0, 25, 50)  # UU
 UU: Final = 0.004  # m
 TIME_LIMIT: Final = 1800.0  # s of simulated time
+RESULT: Final = (
+    "number",
+    "algorithm",
+    "family",
+    "sensor",
+    "side_offset",
+    "expected",
+    "outcome",
+    "collisions",
+    "path_length",
+    "shortest_path",
+    "time",
+    "note",
+    "correct",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,41 +204,18 @@ class RandomTrialSpec:
         return self.side_offset * UU if self.sensor == "radar" else 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class RandomTrialResult:
+@dataclass(frozen=True, kw_only=True)
+class RandomTrialResult(Row, RandomTrialSpec):
     """The result of a trial on a random map.
 
     Attributes:
-        number: Number of the map.
-        algorithm: The algorithm.
-        family: Family of the map.
-        sensor: Sensor preset.
-        side_offset: Offset of the radar's side beams, UU.
         expected: What a navigator has to tell, by the raster.
-        outcome: What it told: ``reached`` only if it is there, ``no_path``,
-            ``too_near`` or ``failed``.
-        collisions: How often the robot began to touch something.
-        path_length: Length of the true path, m.
-        shortest_path: Length of the shortest path by the raster, m, or None.
-        time: Simulated time, s.
-        note: Why it failed; empty if it did not.
     """
 
-    number: int
-    algorithm: str
-    family: str
-    sensor: str
-    side_offset: int
     expected: str
-    outcome: str
-    collisions: int
-    path_length: float
-    shortest_path: float | None
-    time: float
-    note: str
 
     @property
-    def is_correct(self) -> bool:
+    def correct(self) -> bool:
         """Whether the robot told what it has to, and touched nothing."""
         if self.collisions:
             return False
@@ -235,14 +226,7 @@ class RandomTrialResult:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, rounded to mm and ms."""
-        values = {
-            key: round(value, 3) if isinstance(value, float) else value
-            for key, value in asdict(self).items()
-        }
-        return {**values, "correct": self.is_correct}
-
-
-_KEYS: Final = {field.name for field in fields(RandomTrialResult)} | {"correct"}
+        return self.select(RESULT)
 
 
 def all_random_trials(
@@ -271,30 +255,13 @@ def read_results(file: Path) -> list[dict[str, Any]]:
         OSError: If the file exists and cannot be read.
         ValueError: If it has other lines.
     """
-    return read_log(file, _KEYS, "the result of a trial on a random map")
+    return read_log(file, RESULT, "the result of a trial on a random map")
 
 
 def run_random_trial(spec: RandomTrialSpec) -> RandomTrialResult:
     """Run one trial."""
     map_ = make_random_map(spec.number)
     truth = raster_truth(map_, SAFETY_DISTANCE, spec.reach)
-    drive = _drive(spec, map_)
-    return RandomTrialResult(
-        **asdict(spec),
-        family=spec.family,
-        sensor=spec.sensor,
-        side_offset=spec.side_offset,
-        expected=truth.expectation.value,
-        outcome=drive.outcome,
-        collisions=drive.collisions,
-        path_length=drive.path_length,
-        shortest_path=truth.shortest,
-        time=drive.time,
-        note=drive.note,
-    )
-
-
-def _drive(spec: RandomTrialSpec, map_: RandomMap) -> Drive:
     settings = {"sensor": spec.sensor, "fov_deg": 359, "resolution_deg": 1}
     if spec.sensor == "radar":
         settings["side_offset_uu"] = spec.side_offset
@@ -306,7 +273,9 @@ def _drive(spec: RandomTrialSpec, map_: RandomMap) -> Drive:
         safety_distance=SAFETY_DISTANCE,
         time_limit=TIME_LIMIT,
     )
-    return drive_mission(host, mission)
+    row = vars(run_plan(mission, host)) | {"shortest_path": truth.shortest}
+    expected = truth.expectation.value
+    return RandomTrialResult(**asdict(spec), **row, expected=expected)
 
 
 def load_random_map(map_: RandomMap) -> Scene:

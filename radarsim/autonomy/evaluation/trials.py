@@ -1,25 +1,34 @@
-"""Trials of navigators: runs in lockstep, scored by the ground truth and the map.
+"""Runs in lockstep, judged by the truth, and trials of navigators made of them.
 
-The score uses what the robot cannot measure: its true pose, what it touches, and the
-length of the shortest path.
+The judgement uses what the robot cannot measure: its true pose, what it touches, and
+the length of the shortest path.
 """
 
 import math
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from functools import cache
 from itertools import product
 from typing import Any
 
-from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
+from radarsim.autonomy.evaluation.map_score import MapScore
+from radarsim.autonomy.evaluation.mapping_run import MappingRun
+from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor, rounded
 from radarsim.autonomy.evaluation.shortest_path import shortest_path
 from radarsim.autonomy.evaluation.task_runner import in_order, run_tasks
+from radarsim.autonomy.exploration.exploration import ExplorationPlan
 from radarsim.autonomy.navigation.algorithms import ROBOT, Algorithm, Rule
 from radarsim.autonomy.navigation.mission import run_mission
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.client import Client
-from radarsim.errors import ClientError, MapError, NavigationError, TooNearError
+from radarsim.errors import (
+    ClientError,
+    MapError,
+    MappingError,
+    NavigationError,
+    TooNearError,
+)
 from radarsim.presets.robots import load_robot
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene, Trial
@@ -28,8 +37,13 @@ from radarsim.server.host.lockstep import InProcessTransport
 from radarsim.simulation.config import SimulationConfig
 
 MAPS = (
-    *("bug_box", "bug_u_trap", "bug_spiral", "bug_closed_box", "bug_maze"),
-    *("foliage_room", "hedge_garden"),
+    "bug_box",
+    "bug_u_trap",
+    "bug_spiral",
+    "bug_closed_box",
+    "bug_maze",
+    "foliage_room",
+    "hedge_garden",
 )
 SENSORS = ("radar", "laser")
 SCANNER = "lms200"
@@ -37,9 +51,111 @@ GOAL_TOLERANCE = 0.5  # m from the goal, in truth, up to which it counts as reac
 TIME_LIMIT = 3600.0  # s of simulated time
 
 
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """How a run went, in truth.
+
+    Attributes:
+        outcome: Of a drive ``reached`` if the robot reports that and is there,
+            ``no_path`` or ``too_near`` if it reports that, ``failed`` otherwise; of a
+            map how the exploration ended.
+        collisions: How often the robot began to touch something.
+        path_length: Length of the true path of the robot's centre, m.
+        shortest_path: Length of the shortest path for a robot that keeps half its
+            diagonal from everything solid, m; None if there is no path.
+        time: Simulated time, s.
+        circuits: Number of complete circuits around obstacles.
+        off: True distance to the goal at the end, m; nan without a goal.
+        note: Why the run failed; empty if it did not.
+        measured_length: Length of the path by the robot's own measurements, m; nan if
+            they were not needed.
+        score: Comparison of a map with the scene.
+    """
+
+    outcome: str
+    collisions: int
+    path_length: float
+    shortest_path: float | None = None
+    time: float
+    circuits: int = 0
+    off: float = math.nan
+    note: str = ""
+    measured_length: float = math.nan
+    score: MapScore | None = None
+
+    def select(self, names: Iterable[str], digits: int = 3) -> dict[str, Any]:
+        """Return some of the values, those of the score too, rounded for JSON."""
+        return {name: rounded(self._value(name), digits) for name in names}
+
+    def _value(self, name: str) -> Any:
+        return getattr(self if hasattr(self, name) else self.score, name, None)
+
+
+def run_plan(plan: Mission | ExplorationPlan, host: Host, *, seed: int = 0) -> Row:
+    """Run a plan in lockstep with a server of its own, and judge it by the truth.
+
+    Args:
+        plan: A drive to a goal, or an exploration, whose map is scored.
+        host: The server.
+        seed: Seed of exploration strategies that use chance.
+    """
+    if isinstance(plan, Mission):
+        return _drive(plan, host)
+    run, note = MappingRun(plan, host, seed=seed), ""
+    try:
+        run.run(("", 0))
+    except (ClientError, MappingError, NavigationError) as error:
+        note = str(error)
+    run.judge()
+    result, monitor = run.result, run.result.monitor
+    return Row(
+        outcome=result.outcome,
+        collisions=0 if monitor is None else monitor.collisions,
+        path_length=0.0 if monitor is None else monitor.path_length,
+        time=result.trip.time,
+        note=note,
+        measured_length=result.trip.length,
+        score=result.score,
+    )
+
+
+def _drive(mission: Mission, host: Host) -> Row:
+    monitor = GroundTruthMonitor(host)
+    outcome, note, circuits = "failed", "", 0
+    with Client(InProcessTransport(host, after_tick=monitor.watch)) as client:
+        try:
+            result = run_mission(client, mission)
+            outcome, circuits = result.outcome, result.circuits
+            limit = f"not there after {mission.time_limit:g} s"
+            note = "" if outcome != "failed" else limit
+        except (ClientError, NavigationError) as error:
+            outcome = "too_near" if isinstance(error, TooNearError) else "failed"
+            note = str(error)
+    off = monitor.distance(mission.goals[-1])
+    if outcome == "reached" and off > GOAL_TOLERANCE:
+        outcome, note = "failed", f"says reached, {off:.2f} m from the goal"
+    return Row(
+        outcome=outcome,
+        collisions=monitor.collisions,
+        path_length=monitor.path_length,
+        time=host.simulation.time,
+        circuits=circuits,
+        off=off,
+        note=note,
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class TrialSpec:
-    """One trial: which algorithm and sensor run on which map."""
+    """One trial: which algorithm and sensor run on which map.
+
+    Attributes:
+        map: Name of the map.
+        algorithm: Name of the algorithm.
+        sensor: Name of the sensor preset; all of them cover a full circle.
+        seed: Seed of the simulation.
+        rule: Rule of the bumpers.
+    """
 
     map: str
     algorithm: str
@@ -48,41 +164,9 @@ class TrialSpec:
     rule: str = Rule.SHARE.value
 
 
-@dataclass(frozen=True, slots=True)
-class TrialResult:
-    """The result of a trial.
-
-    Attributes:
-        map: Name of the map.
-        algorithm: Name of the algorithm.
-        sensor: Name of the sensor preset; all of them cover a full circle.
-        seed: Seed of the simulation.
-        rule: Rule of the bumpers.
-        outcome: ``reached`` if the robot reports that and is there, ``no_path`` or
-            ``too_near`` if it reports that, ``failed`` otherwise.
-        collisions: How often the robot began to touch something.
-        path_length: Length of the true path of the robot's centre, m.
-        shortest_path: Length of the shortest path for a robot that keeps half its
-            diagonal from everything solid, m; None if there is no path.
-        time: Simulated time, s.
-        circuits: Number of complete circuits around obstacles.
-        off: True distance to the goal at the end, m.
-        note: Why the trial failed; empty if it did not.
-    """
-
-    map: str
-    algorithm: str
-    sensor: str
-    seed: int
-    rule: str
-    outcome: str
-    collisions: int
-    path_length: float
-    shortest_path: float | None
-    time: float
-    circuits: int
-    off: float
-    note: str
+@dataclass(frozen=True)
+class TrialResult(Row, TrialSpec):
+    """The result of a trial."""
 
     @property
     def is_correct(self) -> bool:
@@ -92,11 +176,9 @@ class TrialResult:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, rounded to mm and ms."""
-        rounded = {"path_length", "shortest_path", "time", "off"}
-        return {
-            key: round(value, 3) if key in rounded and value is not None else value
-            for key, value in asdict(self).items()
-        }
+        left_out = ("measured_length", "score")
+        names = (field.name for field in fields(self))
+        return self.select(name for name in names if name not in left_out)
 
 
 def all_trials(
@@ -156,60 +238,25 @@ def run_trial(spec: TrialSpec) -> TrialResult:
         rule=Rule(spec.rule),
         time_limit=TIME_LIMIT,
     )
-    drive = drive_mission(host, mission)
-    return TrialResult(**asdict(spec), **asdict(drive), shortest_path=shortest)
+    row = vars(run_plan(mission, host)) | {"shortest_path": shortest}
+    return TrialResult(**asdict(spec), **row)
 
 
-@dataclass(frozen=True, slots=True)
-class Drive:
-    """How a mission went, in truth; attributes as in ``TrialResult``."""
-
-    outcome: str
-    collisions: int
-    path_length: float
-    time: float
-    circuits: int
-    off: float
-    note: str
-
-
-def drive_mission(host: Host, mission: Mission) -> Drive:
-    """Run a mission in lockstep with a server of its own, and score its outcome."""
-    monitor = GroundTruthMonitor(host)
-    outcome, note, circuits = "failed", "", 0
-    with Client(InProcessTransport(host, after_tick=monitor.watch)) as client:
-        try:
-            result = run_mission(client, mission)
-            outcome, circuits = result.outcome, result.circuits
-            limit = f"not there after {mission.time_limit:g} s"
-            note = "" if outcome != "failed" else limit
-        except (ClientError, NavigationError) as error:
-            outcome = "too_near" if isinstance(error, TooNearError) else "failed"
-            note = str(error)
-    off = monitor.distance(mission.goals[-1])
-    if outcome == "reached" and off > GOAL_TOLERANCE:
-        outcome, note = "failed", f"says reached, {off:.2f} m from the goal"
-    return Drive(
-        outcome=outcome,
-        collisions=monitor.collisions,
-        path_length=monitor.path_length,
-        time=host.simulation.time,
-        circuits=circuits,
-        off=off,
-        note=note,
-    )
+def shortest_for(scene: Scene, trial: Trial) -> float | None:
+    """Return the length of a trial's shortest path, m; None if there is none."""
+    start = scene.start(trial.start)
+    assert start is not None  # the map was checked when it was read
+    model = load_robot(ROBOT)
+    clearance = math.hypot(model.length, model.width) / 2
+    path = shortest_path(scene, (start.pose.x, start.pose.y), trial.goal, clearance)
+    return None if path is None else path[0]
 
 
 @cache
 def _prepare(map_: str) -> tuple[Scene, Trial, float | None]:
     """Load a map and compute its shortest path, once in a process."""
     scene, trial = load_trial(map_)
-    start = scene.start(trial.start)
-    assert start is not None  # the map was checked when it was read
-    model = load_robot(ROBOT)
-    clearance = math.hypot(model.length, model.width) / 2
-    path = shortest_path(scene, (start.pose.x, start.pose.y), trial.goal, clearance)
-    return scene, trial, None if path is None else path[0]
+    return scene, trial, shortest_for(scene, trial)
 
 
 def run_trials(

@@ -218,6 +218,11 @@ class MultiRobotExploration:
         trip.length = sum(robot.trip.length for robot in self.robots)
         return trip
 
+    @property
+    def safety_distance(self) -> float:
+        """Distance kept from obstacles, m; nan before the first robot is known."""
+        return self.robots[0].safety_distance
+
     def run(
         self, clients: Sequence[Client], observe: Observer = lambda *_: None
     ) -> None:

@@ -1,4 +1,7 @@
-"""Whether an obstacle still stands where it was when a robot went around it.
+"""The boundary that a robot follows, and what it remembers of it.
+
+Points between which the robot does not fit belong to one obstacle. So a robot that goes
+around one of two poles does not change to the other where that is as near.
 
 A robot that drives by looks like an obstacle, and a path around it closes like a
 circuit. So before a navigator concludes that there is no path, it looks again at the
@@ -10,13 +13,6 @@ hit point, and a circuit passes there again.
 The yaw of an INS drifts with the angles turned, so a point has gone only if beams go
 through wherever it may be by now. Otherwise a robot that has come back after a long
 circuit would not find what stands there.
-
-The boundary that TangentBug follows: where it is, and what is known of it.
-
-Which beams end on the obstacle that a robot follows, among others beside it.
-
-Points between which the robot does not fit belong to one obstacle. So a robot that goes
-around one of two poles does not change to the other where that is as near.
 """
 
 import math
@@ -94,7 +90,7 @@ DRIFT = 0.03  # rad; times the root of the angle turned, the drift of the yaw
 _BESIDE = 0.15  # m beside a point that beams still count as beams to it
 
 
-class StandingObstacle:
+class BoundaryMemory:
     """Keeps points of a boundary, to look at them again."""
 
     def __init__(self) -> None:
@@ -112,15 +108,16 @@ class StandingObstacle:
             yaw: The robot's, rad; to be told at every step.
             station: Length of the path along the boundary until there, m.
         """
-        self._turn_to(yaw)
+        self._turned, self._yaw = self._turned_until(yaw), yaw
         if not self._points or math.dist(point, self._points[-1]) >= SPACING:
             self._points.append(point)
             self._turned_at.append(self._turned)
             self._stations.append(station)
 
-    def _turn_to(self, yaw: float) -> None:
-        self._turned += 0.0 if self._yaw is None else abs(wrap_angle(yaw - self._yaw))
-        self._yaw = yaw
+    def _turned_until(self, yaw: float) -> float:
+        if self._yaw is None:
+            return self._turned
+        return self._turned + abs(wrap_angle(yaw - self._yaw))
 
     def begins_at(self, point: Point) -> bool:
         """Return whether most of its first points are near a point, m, map frame."""
@@ -146,20 +143,21 @@ class StandingObstacle:
         """
         points = np.array(self._points).reshape(-1, 2)
         pose = observation.pose
-        self._turn_to(pose.yaw)
-        drift = DRIFT * np.sqrt(self._turned - np.array(self._turned_at))
         x, y = (points - (pose.x, pose.y)).T
         distances = np.hypot(x, y)
         bearings = np.arctan2(y, x) - pose.yaw
+        # The yaw walks at random as the robot turns: it is off by the root of the turn
+        # since a point was seen. So all beams count on which the point may be by now.
+        turned = self._turned_until(pose.yaw) - np.array(self._turned_at)
+        spread = np.maximum(_BESIDE / np.maximum(distances, _BESIDE), math.radians(2))
+        spread += DRIFT * np.sqrt(turned)
         is_near = distances < MAX_DISTANCE
         distances, bearings = distances[is_near], bearings[is_near]
-        spread = np.maximum(_BESIDE / np.maximum(distances, _BESIDE), math.radians(2))
-        spread += drift[is_near]
         offsets = wrap_angles(bearings[:, None] - observation.bearings)
-        beams = np.where(
-            np.abs(offsets) <= spread[:, None], observation.ranges, math.inf
-        )
+        is_beam = np.abs(offsets) <= spread[is_near, None]
+        beams = np.where(is_beam, observation.ranges, math.inf)
         beyond = beams.min(axis=1, initial=math.inf) - distances
+        # What is hidden behind something nearer is neither gone nor known to stand.
         gone, standing = beyond > MARGIN, np.abs(beyond) <= MARGIN
         return bool(gone.sum() > standing.sum() or not standing.any())
 
@@ -169,20 +167,22 @@ class FollowedBoundary:
 
     Attributes:
         mode: How it is followed.
-        least: m to be followed before it is left for a place nearer to the goal.
+        memory: Points of it, to look at them again.
+        hit_place: The point of it that was hit, m, map frame.
         travelled: m along it.
+        least: m to be followed before it is left for a place nearer to the goal.
         reached_at: When the robot came beside it, s.
         goal_distance: Its least distance from the goal so far, m.
-        circled: Points of it, to look at them again.
     """
 
     def __init__(self, follower: WallFollower, mode: FollowMode) -> None:
         self.mode = mode
+        self.memory = BoundaryMemory()
+        self.hit_place: Point = (math.nan, math.nan)
+        self.travelled = 0.0
         self.least = 0.0
         self.reached_at = -math.inf
-        self.travelled = 0.0
         self.goal_distance = -math.inf  # so that it is not left before it is reached
-        self.circled = StandingObstacle()
         self._follower = follower
         self._obstacle: FollowedObstacle | None = None
         self._trail: Trail | None = None
@@ -195,8 +195,8 @@ class FollowedBoundary:
     def reach(self, observation: Observation, bearing: float) -> None:
         """Begin beside it, where a bumper is pressed towards a bearing, rad."""
         point = self._follower.hit_point(observation, self.mode, bearing)
-        place = point.point_from(observation.pose)
-        self._obstacle = FollowedObstacle(place, self._follower)
+        self.hit_place = point.point_from(observation.pose)
+        self._obstacle = FollowedObstacle(self.hit_place, self._follower)
         self.goal_distance, self.reached_at = math.inf, observation.time
 
     def look(self, observation: Observation, goal: Point) -> Observation:
@@ -209,16 +209,33 @@ class FollowedBoundary:
             self.goal_distance = min(self.goal_distance, nearest)
         return part
 
-    def closes(self, part: Observation, step: float) -> bool:
-        """Return whether the robot has come back to where it was on it.
+    def remember(self, part: Observation, step: float) -> None:
+        """Remember its nearest point.
 
         Args:
-            part: The part of the scan that shows it.
-            step: m that the robot has driven since the last scan.
+            part: The part of the newest scan that shows it.
+            step: m that the robot has driven along it since the last scan.
         """
         self.travelled += step
         if nearest := self._follower.boundary(part, self.mode):
-            self.circled.add(nearest.point_from(part.pose), part.pose.yaw)
+            place = nearest.point_from(part.pose)
+            self.memory.add(place, part.pose.yaw, self.travelled)
+
+    def is_what_was_hit(self, circuit_start: float) -> bool:
+        """Return whether a circuit, begun at m along the path, went around what it hit.
+
+        Where the robot hits something in a gap, what it follows may be the other side
+        of the gap; and in a gap that it follows it may get to another obstacle, and not
+        back.
+        """
+        hit = self.hit_place
+        return self.memory.begins_at(hit) and self.memory.passes(hit, circuit_start)
+
+    def closes(self, part: Observation, step: float) -> bool:
+        """Return whether the robot has come back to where it was on it.
+
+        Arguments are those of ``remember``, to be called before.
+        """
         pose, direction = part.pose, self._follower.tangent(part, self.mode)
         if self._trail is None:
             offset = self._follower.target_distance

@@ -20,14 +20,14 @@ thesis on navigation with a radar in USARSim, section 5.1.
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
-from typing import Protocol
 
 from radarsim.autonomy.navigation.algorithms import GiveUp
 from radarsim.autonomy.navigation.control import distance
-from radarsim.geometry import Pose2
+from radarsim.geometry import Point, Pose2
 
 LEAST_CIRCUIT = 1.5  # m; a shorter closed path is no circuit
 SPACING = 2.0  # m between landmarks on a boundary
@@ -100,24 +100,6 @@ class Step:
     free: bool
 
 
-class BoundaryPolicy(Protocol):
-    """Decides, step by step, how long to follow one boundary.
-
-    Attributes:
-        circuits: Number of complete circuits.
-        missed: Whether it leaves because the leave point was not found again.
-        circuit_start: Where on the path from the hit point the last circuit began, m.
-    """
-
-    circuits: int
-    missed: bool
-    circuit_start: float
-
-    def step(self, step: Step) -> Decision:
-        """Decide what to do next."""
-        ...
-
-
 class Trail:
     """Landmarks along a boundary, the hit point first; passing one closes a circuit.
 
@@ -143,23 +125,46 @@ class Trail:
         if travelled - self._landmarks[-1][0] >= SPACING:
             mark = Landmark(step.pose, step.direction, max_offset=self._max_offset)
             self._landmarks.append((travelled, mark))
+        # The landmarks that were just set are passed by noise alone.
         closing = [at for at in passed if travelled - at >= LEAST_CIRCUIT]
         return closing[0] if closing else None
 
 
-class Bug1Policy:
-    """Bug1: all the way around, then to the point nearest to the goal."""
+class BoundaryPolicy(ABC):
+    """Decides, step by step, how long to follow one boundary.
 
-    def __init__(
-        self, hit: Landmark, goal: tuple[float, float], max_offset: float
-    ) -> None:
+    Attributes:
+        circuits: Number of complete circuits.
+        missed: Whether it leaves because the leave point was not found again.
+        circuit_start: Where on the path from the hit point the last circuit began, m.
+    """
+
+    def __init__(self, hit: Landmark, goal: Point, max_offset: float) -> None:
+        """Create the policy at a hit point.
+
+        Args:
+            hit: The hit point.
+            goal: m, map frame.
+            max_offset: How far beside a landmark a path still passes it, m.
+        """
         self.circuits = 0
         self.missed = False
         self.circuit_start = 0.0
         self._trail = Trail(hit, max_offset)
         self._goal = goal
-        self._max_offset = max_offset
         self._travelled = 0.0
+
+    @abstractmethod
+    def step(self, step: Step) -> Decision:
+        """Decide what to do next."""
+
+
+class Bug1Policy(BoundaryPolicy):
+    """Bug1: all the way around, then to the point nearest to the goal."""
+
+    def __init__(self, hit: Landmark, goal: Point, max_offset: float) -> None:
+        super().__init__(hit, goal, max_offset)
+        self._max_offset = max_offset
         # goal distance, path length, pose and direction of every step
         self._steps: list[tuple[float, float, Pose2, float]] = []
         self._leave = hit
@@ -184,7 +189,7 @@ class Bug1Policy:
             (each for each in self._steps if each[1] >= began), key=lambda each: each[0]
         )
         self._leave = Landmark(pose, direction, max_offset=self._max_offset)
-        self._leave.passed(step.pose)
+        self._leave.passed(step.pose)  # from here on it knows on which side it is
         self._perimeter = self._travelled - began
         back = self._travelled - at
         self._onward = at - began <= back
@@ -196,9 +201,10 @@ class Bug1Policy:
         passed = self._leave.passed(step.pose, onward=self._onward)
         slack = max(1.0, 0.2 * self._return_length)
         close = distance(step.pose, self._leave.x, self._leave.y) < LEAST_GAIN
+        # Before that the robot may pass the landmark on another side of the obstacle.
         due = self._turned_back or self._travelled >= self._return_length - slack
         if due and (passed or close):
-            # a robot that lost its path cannot tell which obstacle hides the goal here
+            # A robot that lost its path cannot tell which obstacle hides the goal here
             self.missed = self._turned_back
             blocked = not step.free and not self.missed
             return Decision.NO_PATH if blocked else Decision.LEAVE
@@ -217,36 +223,32 @@ class Bug1Policy:
         return Decision.BACK
 
 
-class Bug2Policy:
+class Bug2Policy(BoundaryPolicy):
     """Bug2: until the line to the goal is met, nearer to the goal."""
 
     def __init__(
         self,
         hit: Landmark,
-        starts: Sequence[Pose2],
-        goal: tuple[float, float],
-        give_up: GiveUp,
+        goal: Point,
         max_offset: float,
+        *,
+        starts: Sequence[Pose2],
+        give_up: GiveUp,
     ) -> None:
         """Create the policy at a hit point.
 
         Args:
             hit: The hit point.
-            starts: Starts of the lines, at any of which it leaves; at least one. Where
-                it gives up at a line, that is the last one.
-            goal: Where they end, m.
-            give_up: When to conclude that there is no path.
+            goal: m, map frame.
             max_offset: How far beside a landmark a path still passes it, m.
+            starts: Starts of the lines to the goal, at any of which it leaves; at least
+                one. Where it gives up at a line, that is the last one.
+            give_up: When to conclude that there is no path.
         """
-        self.circuits = 0
-        self.missed = False
-        self.circuit_start = 0.0
+        super().__init__(hit, goal, max_offset)
         self._hit = hit
-        self._trail = Trail(hit, max_offset)
-        self._goal = goal
         self._lines = [_Line(start, goal) for start in starts]
         self._give_up = give_up
-        self._travelled = 0.0
         self._hit_distance = distance(Pose2(hit.x, hit.y), *goal)
 
     def step(self, step: Step) -> Decision:
@@ -270,7 +272,7 @@ class Bug2Policy:
 class _Line:
     """The line from a start to the goal, which Bug2 has to meet."""
 
-    def __init__(self, start: Pose2, goal: tuple[float, float]) -> None:
+    def __init__(self, start: Pose2, goal: Point) -> None:
         self._start, self._goal = start, goal
         self._side: float | None = None
 

@@ -15,10 +15,12 @@ from radarsim.autonomy.navigation.control import (
     STOP,
     SpeedLimits,
     Twist,
+    bearing_of,
     distance,
     moved,
 )
 from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.navigation.open_directions import leads_too_near
 from radarsim.autonomy.navigation.plans import TOLERANCE
 from radarsim.geometry import Point, Pose2
 
@@ -100,7 +102,26 @@ class Controller(ABC):
         return STOP if self.is_done else self._decide(observation, driven)
 
     def _is_at_goal(self, pose: Pose2) -> bool:
-        return distance(pose, *self.goals[0]) <= self._settings.tolerance
+        return self._goal_distance(pose) <= self._settings.tolerance
+
+    def _goal_distance(self, pose: Pose2) -> float:
+        return distance(pose, *self.goals[0])
+
+    def _goal_bearing(self, pose: Pose2) -> float:
+        return bearing_of(pose, *self.goals[0])
+
+    def _towards(self, pose: Pose2, point: Point) -> Twist:
+        """Return the twist towards a point, m, slower the nearer the goal is."""
+        # 5 cm/s are left at the goal itself, or the robot would never get there
+        most = 0.05 + 0.8 * self._goal_distance(pose)
+        return self._settings.speed_limits.towards(bearing_of(pose, *point), most=most)
+
+    def _head_for(self, observation: Observation, point: Point) -> Twist:
+        """Return the same, but only the turn where something ahead is too near."""
+        twist = self._towards(observation.pose, point)
+        safety_distance = self._settings.bumpers.safety_distance
+        is_near = leads_too_near(observation, safety_distance)
+        return Twist(0.0, twist.turn) if is_near else twist
 
     @abstractmethod
     def _begin_goal(self, pose: Pose2) -> None:

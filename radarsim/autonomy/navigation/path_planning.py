@@ -38,8 +38,6 @@ from scipy import ndimage
 from radarsim.autonomy.navigation.control import (
     STOP,
     Twist,
-    bearing_of,
-    distance,
     moved,
 )
 from radarsim.autonomy.navigation.controller import (
@@ -48,7 +46,6 @@ from radarsim.autonomy.navigation.controller import (
     ControllerSettings,
 )
 from radarsim.autonomy.navigation.observation import Observation
-from radarsim.autonomy.navigation.open_directions import leads_too_near
 from radarsim.geometry import Floats, Point, Pose2
 from radarsim.jit import njit_cached
 
@@ -256,9 +253,10 @@ class PathPlanning(Controller):
     def _decide(self, observation: Observation, _: float) -> Twist:
         if observation.time >= self._planned + INTERVAL:
             self._plan(observation)
-        if len(self._path):
-            return self._drive(observation)
-        return self._look(observation)
+        if not len(self._path):
+            return self._look(observation)
+        self._hopeless_since = None
+        return self._head_for(observation, self._next_point(observation.pose))
 
     def _plan(self, observation: Observation) -> None:
         """Add the scan to the grid, and plan a path on it."""
@@ -293,17 +291,6 @@ class PathPlanning(Controller):
         if observation.time - self._hopeless_since >= SURE_AFTER:
             self.activity = Activity.NO_PATH
         return STOP
-
-    def _drive(self, observation: Observation) -> Twist:
-        """Head for a point of the path, and only turn where something is too near."""
-        self._hopeless_since = None
-        pose = observation.pose
-        left = distance(pose, *self.goals[0])
-        bearing = bearing_of(pose, *self._next_point(pose))
-        twist = self._settings.speed_limits.towards(bearing, most=0.05 + 0.8 * left)
-        safety_distance = self._settings.bumpers.safety_distance
-        is_near = leads_too_near(observation, safety_distance)
-        return Twist(0.0, twist.turn) if is_near else twist
 
     def _next_point(self, pose: Pose2) -> Point:
         """Return the farthest point of the path to which the straight line is open."""

@@ -218,7 +218,7 @@ class TangentBug(Controller):
         """
         if way <= self._shortest_way + LONGER:
             return True
-        left = distance(pose, *self.goals[0])
+        left = self._goal_distance(pose)
         if math.dist(edge, self.goals[0]) > left or left > self._left_at - NEARER:
             return False
         self._left_at, self._shortest_way = left, way
@@ -238,8 +238,8 @@ class TangentBug(Controller):
 
     def _sees_goal(self, observation: Observation) -> bool:
         """Return whether the way straight to the goal is open."""
-        left = distance(observation.pose, *self.goals[0])
-        bearing = bearing_of(observation.pose, *self.goals[0])
+        left = self._goal_distance(observation.pose)
+        bearing = self._goal_bearing(observation.pose)
         # a goal may be as near to something as the safety distance
         is_last = left < self._settings.bumpers.pressed_below
         radius = self._radius - (GRAZE + NOISE / 2) * is_last
@@ -251,18 +251,6 @@ class TangentBug(Controller):
         safety_distance = self._settings.bumpers.safety_distance
         is_faced = abs(bearing_of(observation.pose, *point)) < ALIGNED
         return is_faced and leads_too_near(observation, safety_distance)
-
-    def _head_for(self, observation: Observation, point: Point) -> Twist:
-        """Turn to a point, drive there, and only turn where something is too near."""
-        pose = observation.pose
-        left = distance(pose, *self.goals[0])
-        twist = self._settings.speed_limits.towards(
-            bearing_of(pose, *point), most=0.05 + 0.8 * left
-        )
-        safety_distance = self._settings.bumpers.safety_distance
-        if leads_too_near(observation, safety_distance):
-            return Twist(0.0, twist.turn)
-        return twist
 
     def _hit(self, observation: Observation) -> Twist:
         """Turn to the boundary of what hides the goal, to follow it."""
@@ -280,12 +268,12 @@ class TangentBug(Controller):
 
     def _is_left(self, observation: Observation) -> bool:
         """Return whether to follow a boundary on the left: on the shorter way."""
-        pose, goal = observation.pose, self.goals[0]
+        pose = observation.pose
         directions = OpenDirections(observation, self._radius)
         edge, _ = self._best_edge(directions.edges(), directions, pose)
         if edge is None:
             return self._settings.wall_on_left
-        offset = bearing_of(pose, *edge) - bearing_of(pose, *goal)
+        offset = bearing_of(pose, *edge) - self._goal_bearing(pose)
         return math.sin(offset) < 0
 
     def _follow(
@@ -305,18 +293,19 @@ class TangentBug(Controller):
             return self._approach(observation, boundary)
         part = boundary.look(observation, goal)
         if self.activity is Activity.ALIGNING:
-            bearing = bearing_of(observation.pose, *goal)
+            bearing = self._goal_bearing(observation.pose)
             twist, done = self._follower.align(observation, boundary.mode, bearing)
             done = done or observation.time > boundary.reached_at + MOST_ALIGNING
             self.activity = Activity.FOLLOWING if done else Activity.ALIGNING
             return twist
+        boundary.remember(part, step)
         if boundary.closes(part, step):
             return self._conclude(observation, boundary)
         return self._follower.step(observation, boundary.mode, part)[0]
 
     def _approach(self, observation: Observation, boundary: FollowedBoundary) -> Twist:
         """Drive towards what hides the goal until that is in reach of the bumpers."""
-        bearing = bearing_of(observation.pose, *self.goals[0])
+        bearing = self._goal_bearing(observation.pose)
         (length,) = open_lengths(observation, np.array([bearing]), self._radius)
         ahead = self._settings.bumpers.towards(observation, bearing)
         is_held = self._is_held(observation, self.goals[0])
@@ -342,7 +331,7 @@ class TangentBug(Controller):
     def _conclude(self, observation: Observation, boundary: FollowedBoundary) -> Twist:
         """Conclude that there is no path, unless what was circled has gone."""
         self.circuits += 1
-        if self._gone < _MOST_GONE and boundary.circled.has_gone(observation):
+        if self._gone < _MOST_GONE and boundary.memory.has_gone(observation):
             self._gone += 1
             self._left_at = math.inf
             return self._leave(observation, self.goals[0])

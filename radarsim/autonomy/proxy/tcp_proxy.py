@@ -23,7 +23,7 @@ from typing import Any, TypeAlias
 
 from radarsim.autonomy.proxy.line_queue import Side
 from radarsim.errors import describe_os_error
-from radarsim.server.lifecycle import (
+from radarsim.listening import (
     configure_socket,
     exit_code_of_signal,
     listen,

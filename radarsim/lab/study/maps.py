@@ -9,20 +9,18 @@ The tasks of the study: drive to a goal, or map, with one sensor on one map.
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
 
-from radarsim.autonomy.evaluation.mapping_run import MappingRun
 from radarsim.autonomy.evaluation.shortest_path import shortest_path
-from radarsim.autonomy.evaluation.trials import SCANNER, drive_mission
+from radarsim.autonomy.evaluation.trials import SCANNER, run_plan
 from radarsim.autonomy.exploration.exploration import ExplorationPlan
-from radarsim.autonomy.navigation.algorithms import Algorithm
+from radarsim.autonomy.navigation.algorithms import ROBOT_RADIUS, Algorithm
 from radarsim.autonomy.navigation.plans import Mission
-from radarsim.errors import ClientError, MappingError, NavigationError
 from radarsim.geometry import Point
 from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map
@@ -191,12 +189,12 @@ RADAR: Final = "radar"
 SENSORS: Final = (RADAR, "physical", "hokuyo", "sick")
 QUICK: Final = ("smoke_corridor",)
 MAPPED: Final = ("hidden_room", "office")  # rooms with walls around
-ROBOT_RADIUS: Final = 0.37  # m; half the diagonal of a P3AT
 BEAMS: Final = {"fov_deg": 358, "resolution_deg": 2}  # as many as in half a circle by 1
 DRIVING_TIME: Final = 900.0  # s of simulated time
 MAPPING_TIME: Final = 120.0  # s of simulated time
-
-Row = dict[str, Any]
+MEASURED: Final = ("outcome", "collisions", "path_length", "time")
+SHARES: Final = ("reachable_coverage", "hidden_coverage", "within_two_cells")
+DRIVEN: Final = (*MEASURED[:3], "shortest_path", "time", "note")
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,62 +236,23 @@ def study_tasks(
     ]
 
 
-def run_study_task(task: StudyTask) -> Row:
+def run_study_task(task: StudyTask) -> dict[str, Any]:
     """Run a task and return its row, rounded to mm, ms, and four digits of shares."""
-    row = _map_row(task) if task.method == MAPPING else _drive_row(task)
-    return asdict(task) | {
-        key: round(value, 4 if "coverage" in key or "within" in key else 3)
-        if isinstance(value, float)
-        else value
-        for key, value in row.items()
-    }
-
-
-def _config(sensor: str) -> SimulationConfig:
-    return SimulationConfig(item_settings={SCANNER: {"sensor": sensor, **BEAMS}})
-
-
-def _drive_row(task: StudyTask) -> Row:
-    """Drive to the goal; what is right is decided by the robot's own size."""
     map_ = make_study_map(task.map, task.seed)
     scene = map_.load()
+    sensor = {"sensor": task.sensor, **BEAMS}
+    config = SimulationConfig(item_settings={SCANNER: sensor})
+    host = Host(scene, config=config, seed=task.seed)
+    if task.method == MAPPING:
+        row = run_plan(ExplorationPlan(time_limit=MAPPING_TIME), host, seed=task.seed)
+        note = {"note": row.note}
+        return asdict(task) | row.select(MEASURED) | row.select(SHARES, 4) | note
+    # what is right is decided by the robot's own size, not by its safety distance
     shortest = shortest_path(scene, map_.start, map_.goal, ROBOT_RADIUS)
-    host = Host(scene, config=_config(task.sensor), seed=task.seed)
+    length = None if shortest is None else shortest[0]
     mission = Mission(
         algorithm=Algorithm(task.method), goals=(map_.goal,), time_limit=DRIVING_TIME
     )
-    drive = drive_mission(host, mission)
-    expected = "no_path" if shortest is None else "reached"
-    return {
-        "expected": expected,
-        "outcome": drive.outcome,
-        "collisions": drive.collisions,
-        "path_length": drive.path_length,
-        "shortest_path": None if shortest is None else shortest[0],
-        "time": drive.time,
-        "note": drive.note,
-    }
-
-
-def _map_row(task: StudyTask) -> Row:
-    """Explore for a while, and compare the map with the scene."""
-    scene = make_study_map(task.map, task.seed).load()
-    host = Host(scene, config=_config(task.sensor), seed=task.seed)
-    run = MappingRun(ExplorationPlan(time_limit=MAPPING_TIME), host, seed=task.seed)
-    try:
-        run.run(("", 0))
-    except (ClientError, MappingError, NavigationError) as error:
-        run.result.error = str(error)
-    run.judge()
-    result, score, monitor = run.result, run.result.score, run.result.monitor
-    row: Row = {
-        "outcome": result.outcome,
-        "collisions": 0 if monitor is None else monitor.collisions,
-        "path_length": 0.0 if monitor is None else monitor.path_length,
-        "time": result.trip.time,
-        "reachable_coverage": None if score is None else score.reachable_coverage,
-        "hidden_coverage": None if score is None else score.hidden_coverage,
-        "within_two_cells": None if score is None else score.within_two_cells,
-        "note": result.error,
-    }
-    return row
+    row = replace(run_plan(mission, host), shortest_path=length)
+    expected = {"expected": "no_path" if shortest is None else "reached"}
+    return asdict(task) | expected | row.select(DRIVEN)

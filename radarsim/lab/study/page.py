@@ -14,7 +14,7 @@ from radarsim import __version__
 from radarsim.autonomy.evaluation.task_runner import read_log
 from radarsim.autonomy.evaluation.trials import GOAL_TOLERANCE
 from radarsim.autonomy.mapping.occupancy_grid import RESOLUTION
-from radarsim.autonomy.navigation.algorithms import Algorithm
+from radarsim.autonomy.navigation.algorithms import ROBOT_RADIUS, Algorithm
 from radarsim.autonomy.navigation.plans import TOLERANCE
 from radarsim.files import PAGE_MARK, write_atomically
 from radarsim.lab.figures.page import STYLE
@@ -32,7 +32,6 @@ from radarsim.lab.study.maps import (
     DRIVING_TIME,
     MAPPED,
     MAPPING_TIME,
-    ROBOT_RADIUS,
     SENSORS,
     StudyTask,
 )

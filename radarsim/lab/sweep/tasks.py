@@ -9,31 +9,25 @@ import math
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from radarsim import __version__
-from radarsim.autonomy.evaluation.mapping_run import MappingRun
-from radarsim.autonomy.evaluation.shortest_path import shortest_path
 from radarsim.autonomy.evaluation.task_runner import task_generator
-from radarsim.autonomy.evaluation.trials import SCANNER, drive_mission
+from radarsim.autonomy.evaluation.trials import SCANNER, run_plan, shortest_for
 from radarsim.autonomy.exploration.exploration import ExplorationPlan
 from radarsim.autonomy.exploration.options import StrategyName
-from radarsim.autonomy.navigation.algorithms import ROBOT, Algorithm
+from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.errors import (
-    ClientError,
     MapError,
-    MappingError,
-    NavigationError,
     SweepError,
     import_optional,
 )
 from radarsim.lab.sweep.file import Parameters, SweepFile
-from radarsim.presets.robots import load_robot
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import load_sensor
@@ -42,8 +36,21 @@ from radarsim.simulation.config import SimulationConfig
 
 ALL_AROUND: Final = {"fov_deg": 359, "resolution_deg": 1}
 MAP_VALUES: Final = (
-    *("coverage", "reachable_coverage", "hidden_coverage"),
-    *("within_two_cells", "false_obstacles"),
+    "coverage",
+    "reachable_coverage",
+    "hidden_coverage",
+    "within_two_cells",
+    "false_obstacles",
+)
+TRIAL_VALUES: Final = (
+    "outcome",
+    "collisions",
+    "path_length",
+    "time",
+    "circuits",
+    "off",
+    "note",
+    "shortest_path",
 )
 
 Row = dict[str, Any]
@@ -144,13 +151,7 @@ def unpacked(text: str | None, kind: type[np.generic]) -> Any:
 
 def _trial_rows(task: Parameters, scene: Scene) -> list[Row]:
     trial = scene.trial
-    start = None if trial is None else scene.start(trial.start)
     assert trial is not None
-    assert start is not None
-    robot = load_robot(ROBOT)
-    radius = math.hypot(robot.length, robot.width) / 2
-    place = (start.pose.x, start.pose.y)
-    shortest = shortest_path(scene, place, trial.goal, radius)
     mission = Mission(
         algorithm=Algorithm(task["algorithm"]),
         goals=(trial.goal,),
@@ -158,31 +159,20 @@ def _trial_rows(task: Parameters, scene: Scene) -> list[Row]:
         safety_distance=trial.safety_distance,
         time_limit=task["time_limit"],
     )
-    drive = drive_mission(_host(task, scene), mission)
-    shortest_length = None if shortest is None else shortest[0]
-    return [_rounded({**asdict(drive), "shortest_path": shortest_length})]
+    row = run_plan(mission, _host(task, scene))
+    row = replace(row, shortest_path=shortest_for(scene, trial))
+    return [row.select(TRIAL_VALUES, 4)]
 
 
 def _map_rows(task: Parameters, scene: Scene) -> list[Row]:
     plan = ExplorationPlan(
         strategy=StrategyName(task["strategy"]), time_limit=task["time_limit"]
     )
-    run = MappingRun(plan, _host(task, scene), seed=task["seed"])
-    try:
-        run.run(("", 0))
-    except (ClientError, MappingError, NavigationError) as error:
-        run.result.error = str(error)
-    run.judge()
-    result, monitor = run.result, run.result.monitor
-    row = {
-        "outcome": result.outcome,
-        "collisions": 0 if monitor is None else monitor.collisions,
-        "path_length": result.trip.length,
-        "time": result.trip.time,
-        "note": result.error,
-        **{name: getattr(result.score, name, None) for name in MAP_VALUES},
-    }
-    return [_rounded(row)]
+    row = run_plan(plan, _host(task, scene), seed=task["seed"])
+    # sweeps of maps have always told the length that the robot measured
+    row = replace(row, path_length=row.measured_length)
+    names = ("outcome", "collisions", "path_length", "time", "note", *MAP_VALUES)
+    return [row.select(names, 4)]
 
 
 def _host(task: Parameters, scene: Scene) -> Host:
@@ -191,13 +181,6 @@ def _host(task: Parameters, scene: Scene) -> Host:
     settings["sensor"] = settings.pop("name")
     config = SimulationConfig(item_settings={SCANNER: settings})
     return Host(scene, config=config, seed=task["seed"])
-
-
-def _rounded(row: Row) -> Row:
-    return {
-        key: round(value, 4) if isinstance(value, float) else value
-        for key, value in row.items()
-    }
 
 
 EXTRA: Final = "cluster"

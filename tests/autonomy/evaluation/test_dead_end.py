@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from radarsim.autonomy.evaluation.trials import Drive, config_with_sensor, drive_mission
+from radarsim.autonomy.evaluation.trials import Row, config_with_sensor, run_plan
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.scene.map_file import load_map
@@ -36,7 +36,7 @@ def _map(folder: Path) -> Path:
     return path
 
 
-def _drive(path: Path, sensor: str) -> Drive:
+def _drive(path: Path, sensor: str) -> Row:
     host = Host(load_map(path), config=config_with_sensor(sensor), seed=0)
     mission = Mission(
         algorithm=Algorithm.PLANNED,
@@ -44,7 +44,7 @@ def _drive(path: Path, sensor: str) -> Drive:
         safety_distance=0.5,
         time_limit=600.0,
     )
-    return drive_mission(host, mission)
+    return run_plan(mission, host)
 
 
 @pytest.mark.slow

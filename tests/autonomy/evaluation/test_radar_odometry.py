@@ -4,15 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from radar_odometry import RadarOdometry, Turn, cen2018_peaks, follow, turns_along
 
 import radarsim
-from radarsim.autonomy.evaluation.radar_odometry import (
-    RadarOdometry,
-    Turn,
-    cen2018_peaks,
-    follow,
-    turns_along,
-)
 from radarsim.geometry import Pose2, Pose3
 
 HEIGHT, SPEED = 0.546, 0.8  # m, m/s

@@ -16,12 +16,14 @@ from radarsim.autonomy.evaluation.random_trials import (
 from radarsim.autonomy.evaluation.task_runner import as_line
 
 DONE = RandomTrialResult(
-    *(3, "bug2", "traps", "laser", 0, "reached", "reached"),
+    number=3,
+    algorithm="bug2",
+    expected="reached",
+    outcome="reached",
     collisions=0,
     path_length=14.20049,
     shortest_path=12.1,
     time=55.0,
-    note="",
 )
 
 
@@ -41,8 +43,8 @@ def test_right_is_what_the_raster_allows(
     expected: str, outcome: str, is_correct: bool
 ) -> None:
     result = replace(DONE, expected=expected, outcome=outcome)
-    assert result.is_correct is is_correct
-    assert not replace(result, collisions=1).is_correct
+    assert result.correct is is_correct
+    assert not replace(result, collisions=1).correct
 
 
 def test_only_trials_without_a_line_are_run(tmp_path: Path) -> None:
@@ -80,7 +82,7 @@ def test_sensors_and_side_beams_take_turns() -> None:
 def test_random_map_is_told_rightly_and_nothing_touched(number: int) -> None:
     algorithm = ("bug1", "tangentbug", "bug2", "planned")[number % 4]
     result = run_random_trial(RandomTrialSpec(number, algorithm))
-    assert result.is_correct, json.dumps(result.to_dict())
+    assert result.correct, json.dumps(result.to_dict())
 
 
 @pytest.mark.slow
@@ -110,4 +112,4 @@ def test_random_map_is_told_rightly_and_nothing_touched(number: int) -> None:
 )
 def test_map_that_was_told_wrongly_once(number: int, algorithm: str) -> None:
     result = run_random_trial(RandomTrialSpec(number, algorithm))
-    assert result.is_correct, json.dumps(result.to_dict())
+    assert result.correct, json.dumps(result.to_dict())

@@ -10,7 +10,7 @@ import pytest
 from flat_world import Look
 from office_map import office_map
 
-from radarsim.autonomy.evaluation.multi_robot_run import MultiRobotRun
+from radarsim.autonomy.evaluation.mapping_run import MultiRobotRun
 from radarsim.autonomy.exploration import multi_robot as map_merger
 from radarsim.autonomy.exploration.exploration import ExplorationPlan, Outcome
 from radarsim.autonomy.exploration.multi_robot import MapMerger

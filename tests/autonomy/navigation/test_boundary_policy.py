@@ -77,7 +77,7 @@ def followed(policy: Bug2Policy) -> tuple[float, Decision]:
 
 
 def line(give_up: GiveUp, start: Pose2, goal: tuple[float, float]) -> Bug2Policy:
-    return Bug2Policy(mark(0.0), [start], goal, give_up, 0.7)
+    return Bug2Policy(mark(0.0), goal, 0.7, starts=[start], give_up=give_up)
 
 
 def test_line_of_bug2_ends_at_the_goal() -> None:
@@ -111,7 +111,9 @@ def test_bug2_leaves_at_whichever_of_several_lines_it_meets_first() -> None:
     )
     ends = []
     for lines in (starts, starts[:1]):
-        policy = Bug2Policy(mark(0.0), lines, goal, GiveUp.HIT_POINT, 0.7)
+        policy = Bug2Policy(
+            mark(0.0), goal, 0.7, starts=lines, give_up=GiveUp.HIT_POINT
+        )
         angle, verdict = followed(policy)
         assert verdict is Decision.LEAVE
         ends.append(angle)
@@ -132,7 +134,7 @@ def test_give_up_rules_differ_where_the_line_is_met_farther_away() -> None:
 def test_bug2_gives_up_at_its_last_line_only() -> None:
     """The circle crosses the first line at 132 degrees, no nearer to the goal."""
     goal, starts = (-2.0, -9.0), (Pose2(-2.0, 9.0), Pose2(5.5, 4.5))
-    policy = Bug2Policy(mark(0.0), starts, goal, GiveUp.LINE, 0.7)
+    policy = Bug2Policy(mark(0.0), goal, 0.7, starts=starts, give_up=GiveUp.LINE)
     angle, verdict = followed(policy)
     assert verdict is Decision.LEAVE
     assert math.degrees(angle) > 180

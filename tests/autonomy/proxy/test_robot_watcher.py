@@ -9,7 +9,7 @@ import pytest
 
 from radarsim.autonomy.proxy.line_queue import Side
 from radarsim.autonomy.proxy.observer import ConnectionState
-from radarsim.autonomy.proxy.robot_watcher import RobotWatcher, watch_until_signal
+from radarsim.autonomy.proxy.traffic_mapper import RobotWatcher, watch_until_signal
 from radarsim.client import AsyncClient
 from radarsim.errors import ClientError
 from radarsim.protocol.reports import GroundTruth

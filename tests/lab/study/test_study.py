@@ -14,12 +14,11 @@ from scipy import stats
 
 from radarsim import __version__
 from radarsim.autonomy.evaluation.shortest_path import shortest_path
-from radarsim.autonomy.navigation.algorithms import Algorithm
+from radarsim.autonomy.navigation.algorithms import ROBOT_RADIUS, Algorithm
 from radarsim.lab.study.findings import find_losses, headline, summary_sentences
 from radarsim.lab.study.maps import (
     MAPPING,
     QUICK,
-    ROBOT_RADIUS,
     StudyTask,
     make_study_map,
     run_study_task,

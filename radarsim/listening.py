@@ -1,4 +1,4 @@
-"""What servers share: signals that end them, listening, and socket options."""
+"""Listening: ports, options of sockets, and the signals that end what listens."""
 
 import asyncio
 import errno

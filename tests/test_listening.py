@@ -10,7 +10,7 @@ from typing import cast
 
 import pytest
 
-from radarsim.server.lifecycle import configure_socket, exit_code_of_signal
+from radarsim.listening import configure_socket, exit_code_of_signal
 
 CODES = [
     pytest.param(signal.SIGINT, 130, id="interrupt"),

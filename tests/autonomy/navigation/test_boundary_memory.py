@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import pytest
 import shapely
 
-from radarsim.autonomy.navigation.boundary_memory import StandingObstacle
+from radarsim.autonomy.navigation.boundary_memory import BoundaryMemory
 from radarsim.geometry import Pose2
 
 BOX = shapely.box(1, -1, 2, 1)
@@ -33,7 +33,7 @@ class World(Protocol):
 def test_obstacle_has_gone_if_beams_go_through_where_it_was(
     flatland: World, shapes: list[shapely.Polygon], has_gone: bool, yaw: float
 ) -> None:
-    obstacle = StandingObstacle()
+    obstacle = BoundaryMemory()
     ring = BOX.exterior
     for along in range(int(ring.length * 10)):
         point = ring.interpolate(along / 10)
@@ -47,7 +47,7 @@ def test_obstacle_that_is_seen_at_a_drifted_yaw_has_not_gone(
     flatland: World, stands: bool
 ) -> None:
     """After a circuit of many turns the INS is some degrees off."""
-    obstacle, poles = StandingObstacle(), []
+    obstacle, poles = BoundaryMemory(), []
     for k in range(20):
         angle = k * math.tau / 20
         pole = 2 * math.cos(angle), 2 * math.sin(angle)
@@ -71,14 +71,14 @@ def test_obstacle_that_is_seen_at_a_drifted_yaw_has_not_gone(
 def test_boundary_begins_where_it_was_hit(
     points: list[tuple[float, float]], begins: bool
 ) -> None:
-    obstacle = StandingObstacle()
+    obstacle = BoundaryMemory()
     for point in points:
         obstacle.add(point, 0.0)
     assert obstacle.begins_at((0.0, 0.0)) is begins
 
 
 def test_circuit_passes_what_was_hit_only_where_it_was_there_again() -> None:
-    obstacle = StandingObstacle()
+    obstacle = BoundaryMemory()
     for station in range(10):  # away from the hit, and around something else
         obstacle.add((min(station, 5.0), max(station - 5.0, 0.0)), 0.0, station)
     assert obstacle.passes((0.1, 0.3), 0.0)
