@@ -20,7 +20,7 @@ Rule: arrays are created outside of the kernels, which then take half as long to
 compile.
 """
 
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ from radarsim.scene.shapes import Faces
 
 Labels: TypeAlias = NDArray[np.int32]
 _Integers: TypeAlias = NDArray[np.int32]
+_Number = TypeVar("_Number", np.float64, np.int32)
 
 
 class Connections(NamedTuple):
@@ -148,7 +149,7 @@ def measure_components(
     return sizes
 
 
-def _readable(array: NDArray[Any], dtype: Any) -> NDArray[Any]:
+def _readable(array: NDArray[_Number], dtype: type[_Number]) -> NDArray[_Number]:
     """Return an array in the one form for which kernels are compiled."""
     view = np.ascontiguousarray(array, dtype).view()
     view.flags.writeable = False
@@ -173,8 +174,10 @@ class _VertexTable(NamedTuple):
 
 
 @njit_inline
-def _find_slot(table: _VertexTable, vertex: Any) -> Any:
+def _find_slot(table: _VertexTable, vertex: int) -> np.uint64:
     """Return the slot of a vertex's position, or the free one where it belongs."""
+    # Mixed as by splitmix64: coordinates on a grid differ in few bits, and a plain hash
+    # would put a whole plane of vertices into one run of slots.
     mixed = np.uint64(0)
     for axis in range(3):
         if table.positions[vertex, axis] != 0.0:  # both zeros are equal
@@ -198,7 +201,9 @@ def _find_slot(table: _VertexTable, vertex: Any) -> Any:
 
 
 @njit_cached
-def _merge(table: _VertexTable, faces: Any, numbers: Any, merged: Any) -> Any:
+def _merge(
+    table: _VertexTable, faces: Faces, numbers: _Integers, merged: Faces
+) -> tuple[int, int]:
     """Number the vertices, and write the faces that keep their corners.
 
     Args:
@@ -213,6 +218,7 @@ def _merge(table: _VertexTable, faces: Any, numbers: Any, merged: Any) -> Any:
     """
     count = rows = 0
     for face in range(len(faces)):
+        # three quarters full: probes become long, so begin again with more slots
         if 4 * count > 3 * len(table.slots) - 12:
             return count, -1
         for corner in range(3):
@@ -274,12 +280,12 @@ class _Forest(NamedTuple):
 
 
 @njit_inline
-def _next(corner: Any) -> Any:
+def _next(corner: int) -> int:
     return corner + 1 if corner < 2 else 0
 
 
 @njit_inline
-def _sort_sides(faces: Any, sides: _Sides) -> None:
+def _sort_sides(faces: Faces, sides: _Sides) -> None:
     """Sort the sides of all faces; ``starts`` is 0 before."""
     starts = sides.starts
     for face in range(len(faces)):
@@ -296,34 +302,37 @@ def _sort_sides(faces: Any, sides: _Sides) -> None:
 
 
 @njit_inline
-def _find_root(forest: _Forest, face: Any) -> Any:
+def _find_root(forest: _Forest, face: int) -> tuple[int, bool]:
     """Return a face's root, and whether the face disagrees with it; shorten the way."""
     parents, flips = forest
     flipped = False
     while parents[face] != face:
         parent = parents[face]
         flips[face] ^= flips[parent]
-        parents[face] = parents[parent]
+        parents[face] = parents[parent]  # halves the way for whoever comes next
         flipped ^= flips[face]
         face = parents[face]
     return face, flipped
 
 
 @njit_inline
-def _join(forest: _Forest, face: Any, other: Any, disagree: Any) -> Any:
+def _join(forest: _Forest, face: int, other: int, disagree: bool) -> bool:
     """Join the trees of two faces; return whether they contradict, being of one."""
     root, is_flipped = _find_root(forest, face)
     other_root, other_is_flipped = _find_root(forest, other)
     roots_disagree = disagree ^ is_flipped ^ other_is_flipped
     if root == other_root:
         return roots_disagree
+    # the lower face is the root, so that components are numbered by first faces
     forest.parents[max(root, other_root)] = min(root, other_root)
     forest.flips[max(root, other_root)] = roots_disagree
     return False
 
 
 @njit_cached
-def _unite(faces: Any, sides: _Sides, edges: _Edges, forest: _Forest) -> Any:
+def _unite(
+    faces: Faces, sides: _Sides, edges: _Edges, forest: _Forest
+) -> tuple[int, int, bool, bool]:
     """Unite faces that share edges; return the counts of ``Connections``.
 
     Args:
@@ -341,19 +350,21 @@ def _unite(faces: Any, sides: _Sides, edges: _Edges, forest: _Forest) -> Any:
             face, corner = sides.sides[place] // 3, sides.sides[place] % 3
             begin, end = faces[face, corner], faces[face, _next(corner)]
             high, step = (end, 1) if begin < end else (begin, -1)
-            if places[high] < sides.starts[vertex]:
+            if places[high] < sides.starts[vertex]:  # left by an earlier vertex
                 places[high], users[high], balance[high] = place, 1, step
                 open_edges += 1
                 unpaired_edges += 1
                 continue
             users[high] += 1
             unpaired_edges += int(users[high] == 3) - int(users[high] == 2)
+            # neighbours agree if they run along their edge in opposite directions
             disagree = balance[high] == step
             open_edges -= int(balance[high] != 0)
             balance[high] += step
             open_edges += int(balance[high] != 0)
             first = sides.sides[places[high]]
             other, opposite = first // 3, _next(_next(first % 3))
+            # equal triangles share all edges: cheap to exclude here, slow to search for
             may_coincide |= users[high] > 2
             may_coincide |= faces[other, opposite] == faces[face, _next(_next(corner))]
             has_one_side |= _join(forest, face, other, disagree)
@@ -361,7 +372,7 @@ def _unite(faces: Any, sides: _Sides, edges: _Edges, forest: _Forest) -> Any:
 
 
 @njit_cached
-def _label(forest: _Forest, labels: Any) -> Any:
+def _label(forest: _Forest, labels: Labels) -> int:
     """Fill labels, and make ``flips`` relative to roots; return how many there are."""
     components = 0
     for face in range(len(labels)):
@@ -378,7 +389,7 @@ def _label(forest: _Forest, labels: Any) -> Any:
 
 @njit_cached
 def _measure(
-    vertices: Any, faces: Any, labels: Any, origins: Any, sizes: Sizes
+    vertices: Floats, faces: Faces, labels: Labels, origins: Floats, sizes: Sizes
 ) -> None:
     """Add up the sizes of components; arguments as of ``measure_components``."""
     for face in range(len(faces)):

@@ -38,10 +38,6 @@ _OrientedSurface: TypeAlias = tuple[Floats, OrientedFaces]
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 
-_OPTIONS: dict[str, dict[str, Any]] = {
-    ".ply": {"skip_materials": True},
-}
-
 
 @dataclass(frozen=True, eq=False)
 class Surface:
@@ -175,36 +171,30 @@ def _read(content: bytes, suffix: str, files: MeshFiles) -> list[Surface]:
     """Read the surfaces in the content of a file."""
     if suffix == ".obj":
         return [Surface(*piece) for piece in read_obj(content, files.budget)]
-    scene = _parse(_prepare(content, suffix, files), suffix, files)
-    surfaces = (_surface(scene, node) for node in scene.graph.nodes_geometry)
-    return [surface for surface in surfaces if surface is not None]
-
-
-def _prepare(content: bytes, suffix: str, files: MeshFiles) -> bytes:
-    """Check a file's counts, and drop what does not matter here."""
-    match suffix:
-        case ".glb" | ".gltf":
-            return reduce_gltf(content, suffix, files)
-        case ".ply":
-            check_ply(content, files.budget)
-        case _:
-            check_stl(content, files.budget)
-    return content
-
-
-def _parse(content: bytes, suffix: str, files: Any) -> Any:
-    """Parse what `_prepare` has returned."""
+    options: dict[str, Any] = {}
+    # Parsers allocate what a header counts, and spend seconds on each of many small
+    # pieces, so a file of a few hundred bytes is counted before they get it.
+    if suffix in (".glb", ".gltf"):
+        content, suffix = reduce_gltf(content, suffix, files), ".gltf"
+    elif suffix == ".ply":
+        check_ply(content, files.budget)
+        options["skip_materials"] = True
+    else:
+        check_stl(content, files.budget)
     import trimesh  # noqa: PLC0415 - slow, see above
 
+    resolver: Any = files
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return trimesh.load_scene(
+        scene = trimesh.load_scene(
             io.BytesIO(content),
-            file_type="gltf" if suffix == ".glb" else suffix[1:],
-            resolver=files,
+            file_type=suffix[1:],
+            resolver=resolver,
             process=False,
-            **_OPTIONS.get(suffix, {}),
+            **options,
         )
+    surfaces = (_surface(scene, node) for node in scene.graph.nodes_geometry)
+    return [surface for surface in surfaces if surface is not None]
 
 
 def _reason(error: BaseException) -> str:

@@ -4,7 +4,6 @@ Source: the specification of glTF 2.0, 3.9 and 5.19: any material may have ``ext
 and Blender writes custom properties there.
 """
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -53,38 +52,17 @@ def import_gltf(path: Path, options: ImportOptions, folder: Path) -> ImportedMap
         raise wrong(path, 1, f"expected a file below the map's folder, {str(folder)!r}")
     try:
         names = sorted({each.material or "" for each in read_surfaces(file, inside)})
-        described = _read_extras(content, file.suffix.lower())
+        is_binary = file.suffix.lower() == ".glb"
+        json = split_glb(content)[0] if is_binary else content
+        described = _File.model_validate_json(json).materials
+    except ValidationError as error:
+        reason = describe_invalid(error.errors()[0])
+        raise ForeignFileError(f"{path}:1: {reason}") from error
     except MeshError as error:
         reason = str(error).removeprefix(f"{file.name!r}: ")
         raise ForeignFileError(f"{path}:1: {reason}") from error
     imported = ImportedMap(path, options)
-    own = _own_materials(path, imported, described, names)
-    imported.materials.update(own)
-    materials = {name: _choose(name or path.stem, own, imported) for name in names}
-    mesh = file.relative_to(inside).as_posix()
-    shape = {"mesh": mesh, "up_axis": "y", "materials": materials}
-    imported.add(path.stem, shape, Pose3(0.0, 0.0, 0.0))
-    return imported
-
-
-def _read_extras(content: bytes, suffix: str) -> list[_Material]:
-    """Return the materials of a file that has been read as a mesh before.
-
-    Raises:
-        MeshError: If they are no materials.
-    """
-    text = split_glb(content)[0] if suffix == ".glb" else content
-    try:
-        return _File.model_validate_json(text).materials
-    except ValidationError as error:
-        raise MeshError(describe_invalid(error.errors()[0])) from error
-
-
-def _own_materials(
-    path: Path, imported: ImportedMap, described: list[_Material], names: list[str]
-) -> dict[str, dict[str, Any]]:
-    """Return the materials of the map that extras describe, by name."""
-    own: dict[str, dict[str, Any]] = {}
+    own = imported.materials
     for material in described:
         if not material.name or material.name not in names:
             if material.extras:
@@ -95,12 +73,20 @@ def _own_materials(
         if keys and own.setdefault(material.name, keys) != keys:
             text = f"two materials are called {short_repr(material.name)}"
             raise wrong(path, 1, f"{text}, expected the same extras")
-    return own
+    materials = {}
+    for name in names:  # a pattern of the user's counts before the file
+        used = name or path.stem
+        known = used if used in own or used in library_names() else None
+        materials[name] = imported.material_of(used, known)
+    mesh = file.relative_to(inside).as_posix()
+    shape = {"mesh": mesh, "up_axis": "y", "materials": materials}
+    imported.add(path.stem, shape, Pose3(0.0, 0.0, 0.0))
+    return imported
 
 
 def _known_keys(
     path: Path, imported: ImportedMap, material: _Material
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Return the extras that are keys of a map's material.
 
     Raises:
@@ -124,9 +110,3 @@ def _known_keys(
         text = f"the extras of {name}: {where}: {describe_invalid(first)}"
         raise wrong(path, 1, text) from error
     return keys
-
-
-def _choose(name: str, own: Mapping[str, object], imported: ImportedMap) -> str:
-    """Return the map's material for one of the file: a pattern's counts first."""
-    by_name = name if name in own or name in library_names() else None
-    return imported.material_of(name, by_name)

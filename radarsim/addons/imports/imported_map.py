@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import yaml
 
@@ -41,18 +41,6 @@ class ImportOptions:
     model_paths: tuple[Path, ...] = ()
     start: tuple[float, float, float] | None = None
 
-    def pattern_material(self, name: str) -> str | None:
-        """Return the material of the first pattern that fits a name; None if none."""
-        fitting = (
-            m for pattern, m in self.materials.items() if self.fits(name, pattern)
-        )
-        return next(fitting, None)
-
-    @staticmethod
-    def fits(name: str, pattern: str) -> bool:
-        """Return whether a pattern fits a name, in any case."""
-        return fnmatchcase(name.casefold(), pattern.casefold())
-
 
 class ImportedMap:
     """Collects the objects of a map.
@@ -74,13 +62,13 @@ class ImportedMap:
         """
         self.options = options
         self.notes: list[str] = []
-        self.materials: dict[str, dict[str, Any]] = {}
+        self.materials: dict[str, dict[str, object]] = {}
         self.defaulted: list[str] = []
         self.start = (0.0, 0.0, 0.0, 0.0)
         if options.start is not None:
             self.start = (*options.start[:2], 0.0, options.start[2])
         self._source = source
-        self._objects: list[dict[str, Any]] = []
+        self._objects: list[dict[str, object]] = []
         self._names: dict[str, int] = {}
         self._unused = dict.fromkeys(options.materials)  # patterns
 
@@ -95,13 +83,15 @@ class ImportedMap:
             name: The name.
             known: The material that it has without a pattern; None for the default.
         """
-        for pattern in self.options.materials:
-            if self.options.fits(name, pattern):
-                self._unused.pop(pattern, None)
-        chosen = self.options.pattern_material(name) or known
-        if chosen is None:
+        patterns = self.options.materials
+        fitting = [p for p in patterns if fnmatchcase(name.casefold(), p.casefold())]
+        for pattern in fitting:
+            self._unused.pop(pattern, None)
+        if fitting:
+            return patterns[fitting[0]]
+        if known is None:
             self.defaulted.append(name)
-        return chosen or self.options.default_material
+        return known or self.options.default_material
 
     def warnings(self) -> list[str]:
         """Return which patterns fit nothing, and what got the default material."""
@@ -115,7 +105,7 @@ class ImportedMap:
         return lines
 
     def add(
-        self, name: str, shape: Mapping[str, Any], pose: Pose3, material: str = ""
+        self, name: str, shape: Mapping[str, object], pose: Pose3, material: str = ""
     ) -> None:
         """Add an object.
 
@@ -136,11 +126,11 @@ class ImportedMap:
             **shape,
             "position": rounded(pose.position()),
         }
-        angles = pose.roll, pose.pitch, pose.yaw
-        if max(map(abs, angles[:2])) > LEVEL:
-            keys["rotation_deg"] = rounded(map_degrees(angles))
+        angles = rounded(map(math.degrees, (pose.roll, pose.pitch, pose.yaw)))
+        if max(abs(pose.roll), abs(pose.pitch)) > LEVEL:
+            keys["rotation_deg"] = angles
         elif abs(pose.yaw) > LEVEL:
-            keys["yaw_deg"] = rounded(map_degrees(angles))[2]
+            keys["yaw_deg"] = angles[2]
         if "materials" not in shape:
             keys["material"] = material or self.material_of(name)
         self._objects.append(keys)
@@ -154,9 +144,15 @@ class ImportedMap:
         Raises:
             ForeignFileError: If it would not be a map.
         """
+        if not self._objects:
+            text = f"{self._source}: nothing in it becomes an object of a map"
+            raise ForeignFileError(text)
         *position, yaw = self.start
         start = {"name": "RobotStart1", "position": rounded(position)}
-        head = {"version": 1, "level": f"DM-{_level(self._source.stem)}"}
+        stem = self._source.stem
+        signs = [c if c.isascii() and (c.isalnum() or c in "-_") else "_" for c in stem]
+        level = "".join(signs)[: MAX_NAME - 3] or "world"
+        head: dict[str, object] = {"version": 1, "level": f"DM-{level}"}
         if self.materials:
             head["materials"] = self.materials
         lines = [
@@ -167,13 +163,7 @@ class ImportedMap:
             f"starts:\n  - {_inline({**start, 'yaw_deg': round(yaw, 4)})}\n",
         ]
         text = "".join(lines)
-        self._check(file, text)
-        return text
-
-    def _check(self, file: Path, text: str) -> None:
-        if not self._objects:
-            text = f"{self._source}: nothing in it becomes an object of a map"
-            raise ForeignFileError(text)
+        # What is written has to be a map: names and sizes of other programs may not be.
         loader = MapLoader(parse_yaml(file, text))
         loader.load()
         try:
@@ -181,8 +171,9 @@ class ImportedMap:
         except MapError as error:
             first = error.problems[0].removeprefix(f"{file}:")
             reason = first.partition(": ")[2]
-            text = f"{self._source}: does not become a map: {reason}"
-            raise ForeignFileError(text) from error
+            told = f"{self._source}: does not become a map: {reason}"
+            raise ForeignFileError(told) from error
+        return text
 
     def _unique(self, name: str) -> str:
         """Return a name that a map file may have, and that no object has."""
@@ -194,17 +185,7 @@ class ImportedMap:
         return self._unique(f"{wanted}_{count}")
 
 
-def map_degrees(angles: tuple[float, ...]) -> list[float]:
-    """Return angles in degrees."""
-    return [math.degrees(angle) for angle in angles]
-
-
-def _level(stem: str) -> str:
-    letters = [c if c.isascii() and (c.isalnum() or c in "-_") else "_" for c in stem]
-    return "".join(letters)[: MAX_NAME - 3] or "world"
-
-
-def _inline(content: Mapping[str, Any]) -> str:
+def _inline(content: Mapping[str, object]) -> str:
     text: str = yaml.dump(
         dict(content),
         Dumper=_DUMPER,

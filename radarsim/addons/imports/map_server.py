@@ -4,16 +4,14 @@ Source: the documentation of nav2_map_server.
 """
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Gt
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from radarsim.addons.imports.imported_map import ImportedMap, ImportOptions
 from radarsim.addons.imports.plan_picture import (
-    Mask,
     Plan,
     add_floor,
     add_walls,
@@ -22,7 +20,7 @@ from radarsim.addons.imports.plan_picture import (
 )
 from radarsim.addons.imports.source_file import find_beside
 from radarsim.errors import ForeignFileError, describe_os_error
-from radarsim.geometry import Pose3
+from radarsim.geometry import Floats, Pose3
 from radarsim.yaml_reader import YamlFile, read_yaml
 
 KNOWN = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
@@ -65,7 +63,14 @@ def import_map_server(path: Path, options: ImportOptions) -> ImportedMap:
     file, keys = _read(path)
     line = int(file.place(["image"]).rsplit(":", 2)[1])
     brightness, is_opaque = read_picture(find_beside(path, line, keys.image))
-    occupied, free = _classify(brightness, is_opaque, keys)
+    probability: Floats
+    if keys.mode == "raw":  # percent; more, as 255, is unknown
+        is_opaque = is_opaque & (brightness <= 100)
+        probability = brightness / 100
+    else:
+        probability = (brightness if keys.negate else 255.0 - brightness) / 255
+    occupied = is_opaque & (probability > keys.occupied_thresh)
+    free = is_opaque & (probability < keys.free_thresh)
     imported = ImportedMap(path, options)
     x, y, yaw = keys.origin
     side = keys.resolution
@@ -96,19 +101,3 @@ def _read(path: Path) -> tuple[YamlFile, MapServerKeys]:
         return file, MapServerKeys.model_validate(file.data)
     except ValidationError as error:
         raise ForeignFileError(file.validation_problems(error)[0]) from error
-
-
-def _classify(
-    brightness: NDArray[np.uint8], is_opaque: Mask, keys: MapServerKeys
-) -> tuple[Mask, Mask]:
-    """Return which cells are occupied, and which are free."""
-    probability: NDArray[Any]
-    if keys.mode == "raw":
-        is_opaque = is_opaque & (brightness <= 100)
-        probability = brightness / 100
-    else:
-        dark = 255.0 - brightness
-        probability = (brightness if keys.negate else dark) / 255
-    occupied = is_opaque & (probability > keys.occupied_thresh)
-    free = is_opaque & (probability < keys.free_thresh)
-    return occupied, free

@@ -19,15 +19,6 @@ MAX_PIXELS: Final = 64_000_000
 FLOOR_DEPTH: Final = 0.2  # m
 
 
-class Rectangle(NamedTuple):
-    """Cells of a picture from a row and a column up to others, without these."""
-
-    top: int
-    left: int
-    bottom: int
-    right: int
-
-
 class Plan(NamedTuple):
     """Where cells are: the first row is the northernmost.
 
@@ -91,14 +82,9 @@ def add_walls(
         name: What the names of boxes begin with.
         height: Height of the boxes, m.
     """
-    for number, each in enumerate(rectangles(occupied), 1):
-        size = (
-            (each.right - each.left) * plan.width,
-            (each.bottom - each.top) * plan.height,
-            height,
-        )
-        middle = (each.top + each.bottom) / 2, (each.left + each.right) / 2
-        pose = plan.pose(*middle, height / 2)
+    for number, (top, left, bottom, right) in enumerate(rectangles(occupied), 1):
+        size = (right - left) * plan.width, (bottom - top) * plan.height, height
+        pose = plan.pose((top + bottom) / 2, (left + right) / 2, height / 2)
         shape = {"box": [round(side, 5) for side in size]}
         imported.add(f"{name}_{number}", shape, pose, imported.material_of(name))
 
@@ -111,20 +97,23 @@ def add_floor(imported: ImportedMap, shape: tuple[int, int], plan: Plan) -> None
     imported.add("floor", {"box": [round(side, 5) for side in size]}, pose)
 
 
-def rectangles(cells: Mask) -> Iterator[Rectangle]:
+def rectangles(cells: Mask) -> Iterator[tuple[int, int, int, int]]:
     """Yield rectangles that cover cells, each of these once.
+
+    Each is top, left, bottom and right; rows and columns end before the last two.
 
     Each one begins with a whole run of cells in a row, and goes on down the rows as
     long as all cells below it are there.
     """
     left = cells.copy()
     for top in range(len(left)):
-        for first, last in _runs(left[top]):
+        edges = np.flatnonzero(np.diff(np.pad(left[top].astype(np.int8), 1)))
+        for first, last in edges.reshape(-1, 2).tolist():
             bottom = top + 1
             while bottom < len(left) and left[bottom, first:last].all():
                 bottom += 1
             left[top:bottom, first:last] = False
-            yield Rectangle(top, first, bottom, last)
+            yield top, first, bottom, last
 
 
 def roomiest(free: Mask) -> tuple[int, int] | None:
@@ -152,9 +141,3 @@ def place_start(imported: ImportedMap, free: Mask, plan: Plan) -> bool:
         pose = plan.pose(row + 0.5, column + 0.5, 0.0)
         imported.start = (pose.x, pose.y, 0.0, math.degrees(pose.yaw))
     return found is not None
-
-
-def _runs(row: Mask) -> list[tuple[int, int]]:
-    """Return where runs of true values begin and end."""
-    edges = np.flatnonzero(np.diff(np.pad(row.astype(np.int8), 1)))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 from xml.parsers import expat
 
 from scipy.spatial.transform import Rotation
@@ -221,7 +221,7 @@ class _SdfFile:
             name = "_".join(dict.fromkeys((*names, collision.name)))
             self._map.add(name, shape, pose)
 
-    def _shape(self, element: XmlElement) -> dict[str, Any] | None:
+    def _shape(self, element: XmlElement) -> dict[str, object] | None:
         """Return the keys of a map file for a shape; None if it is left out."""
 
         def sizes(tag: str, count: int = 1) -> list[float]:
@@ -234,7 +234,7 @@ class _SdfFile:
                 raise wrong(self._path, found.line, text)
             return values
 
-        shapes: dict[str, Callable[[], dict[str, Any] | None]] = {
+        shapes: dict[str, Callable[[], dict[str, object] | None]] = {
             "box": lambda: {"box": sizes("size", 3)},
             "sphere": lambda: {"sphere": sizes("radius")[0]},
             "cylinder": lambda: {"cylinder": [*sizes("radius"), *sizes("length")]},
@@ -246,7 +246,7 @@ class _SdfFile:
         self._note(element, f"<{element.tag}> is left out{reason}")
         return None
 
-    def _mesh(self, mesh: XmlElement) -> dict[str, Any] | None:
+    def _mesh(self, mesh: XmlElement) -> dict[str, object] | None:
         uri = mesh.text_of("uri")
         if not uri.lower().endswith(MESHES):
             expected = ", ".join(MESHES)
@@ -263,7 +263,7 @@ class _SdfFile:
             reason = "is not there" if file is None else "is not below the map's folder"
             self._note(mesh, f"the mesh {uri!r} is left out: it {reason}")
             return None
-        keys: dict[str, Any] = {"mesh": file.relative_to(self._folder).as_posix()}
+        keys: dict[str, object] = {"mesh": file.relative_to(self._folder).as_posix()}
         return keys if scale[0] == 1 else {**keys, "scale": scale[0]}
 
     def _include(self, include: XmlElement, outer: Pose3, prefix: str) -> None:
@@ -311,22 +311,21 @@ class _SdfFile:
             text = f"its pose is relative to {relative!r}"
             self._note(found, f"<{element.tag}> {element.name!r} is left out: {text}")
             return None
-        return outer.compose(self._read_pose(found))
-
-    def _read_pose(self, element: XmlElement) -> Pose3:
-        text = element.text.strip()
+        text = found.text.strip()
         if not text:
-            return Pose3(0.0, 0.0, 0.0)
-        if element.attributes.get("rotation_format") == "quat_xyzw":
-            x, y, z, *quaternion = parse_numbers(self._path, element.line, text, 7)
+            return outer.compose(Pose3(0.0, 0.0, 0.0))
+        if found.attributes.get("rotation_format") == "quat_xyzw":
+            x, y, z, *quaternion = parse_numbers(self._path, found.line, text, 7)
             if not any(quaternion):
-                raise wrong(self._path, element.line, "a quaternion of length 0")
-            yaw, pitch, roll = Rotation.from_quat(quaternion).as_euler("ZYX")
-            return Pose3(x, y, z, float(roll), float(pitch), float(yaw))
-        x, y, z, *angles = parse_numbers(self._path, element.line, text, 6)
-        if element.attributes.get("degrees") in ("true", "1"):
-            angles = [math.radians(angle) for angle in angles]
-        return Pose3(x, y, z, *angles)
+                raise wrong(self._path, found.line, "a quaternion of length 0")
+            yaw, pitch, roll = map(
+                float, Rotation.from_quat(quaternion).as_euler("ZYX")
+            )
+        else:
+            x, y, z, roll, pitch, yaw = parse_numbers(self._path, found.line, text, 6)
+            if found.attributes.get("degrees") in ("true", "1"):
+                roll, pitch, yaw = map(math.radians, (roll, pitch, yaw))
+        return outer.compose(Pose3(x, y, z, roll, pitch, yaw))
 
     def _note(self, element: XmlElement, text: str) -> None:
         self._map.note(self._path, element.line, text)

@@ -79,20 +79,7 @@ class Block:
         return inside
 
 
-def read_blocks(model: Entity) -> list[Block]:
-    """Return the blocks of a model, in units of their own.
-
-    Raises:
-        ForeignFileError: If a block has too few or too many points, or is flat.
-    """
-    return [
-        _read_block(child)
-        for child in model.all_children()
-        if child.root_kind == "block"
-    ]
-
-
-def scale_blocks(
+def _scale_blocks(
     blocks: list[Block], size: tuple[float, float, float]
 ) -> Iterable[Block]:
     """Yield blocks scaled so that they fill a model of a size together."""
@@ -236,11 +223,12 @@ class _Importer:
             return
         centre = pose.compose(_pose(model.get("origin")))
         body = _Body(model, _name(model), size, centre)
-        blocks = read_blocks(model)
+        children = model.all_children()
+        blocks = [_read_block(each) for each in children if each.root_kind == "block"]
         if bitmap := model.get("bitmap"):
             self._add_plan(body, bitmap)
         elif blocks:
-            for block in scale_blocks(blocks, size):
+            for block in _scale_blocks(blocks, size):
                 self._add_block(body, block)
         else:
             self._add_box(body, size, Pose3(0.0, 0.0, size[2] / 2))
@@ -258,7 +246,9 @@ class _Importer:
         dark = is_opaque & (brightness <= DARK)
         if not dark.any():
             raise wrong(bitmap.path, bitmap.line, "a picture without dark pixels")
-        dark = _crop(dark)
+        # Stage crops a picture to what is dark in it, and scales that to the model.
+        rows, columns = (np.flatnonzero(dark.any(axis)) for axis in (1, 0))
+        dark = dark[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
         width, length, height = body.size
         given = body.model.get("size")
         if given is None or len(given.values) < 3:
@@ -310,12 +300,6 @@ def _plan(cells: Mask, size: tuple[float, float], centre: Pose3) -> Plan:
     rows, columns = cells.shape
     corner = centre.compose(Pose3(-size[0] / 2, -size[1] / 2, 0.0))
     return Plan(size[0] / columns, size[1] / rows, corner, rows)
-
-
-def _crop(cells: Mask) -> Mask:
-    """Return the rows and columns from the first to the last that has a cell."""
-    rows, columns = (np.flatnonzero(cells.any(axis)) for axis in (1, 0))
-    return cells[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
 
 
 def _pose(given: Property | None) -> Pose3:

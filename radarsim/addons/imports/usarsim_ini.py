@@ -12,7 +12,6 @@ right and z down. Comments begin with a semicolon.
 
 import math
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeAlias
@@ -22,7 +21,6 @@ from pydantic import ValidationError
 
 from radarsim.addons.imports.source_file import place, read_text, rounded, wrong
 from radarsim.errors import ForeignFileError, expected_one_of
-from radarsim.geometry import Pose3
 from radarsim.presets.robots import RobotModel, load_robot, robot_names
 from radarsim.protocol.message import pose_from_wire
 from radarsim.validation import describe_invalid, short_repr
@@ -214,30 +212,27 @@ def _parse_struct(text: str, at: int) -> tuple[Struct, int]:
             at = text.index(",", at) + 1
 
 
-def _item_of(path: Path, number: int, part: Struct) -> dict[str, Any] | None:
+def _item_of(path: Path, number: int, part: Struct) -> dict[str, object] | None:
     """Return a part as an item; None if there is none of its class."""
     known = ITEMS.get(_class_of(part).casefold())
     if known is None:
         return None
-    pose = pose_from_wire(
-        [
-            *_vector(path, number, part, "position"),
-            *_vector(path, number, part, "direction"),
-        ]
-    )
+    position = _vector(path, number, part, "position")
+    direction = _vector(path, number, part, "direction")
+    pose = pose_from_wire([*position, *direction])
     type_, sensor = known
     name = part.get("itemname")
-    item = {"type": type_, "name": name if isinstance(name, str) and name else type_}
-    item |= dict(_mount(pose))
-    return item if sensor is None else {**item, "sensor": sensor}
-
-
-def _mount(pose: Pose3) -> Iterator[tuple[str, Any]]:
+    item: dict[str, object] = {"type": type_, "name": type_}
+    if isinstance(name, str) and name:
+        item["name"] = name
     if any(pose.position()):
-        yield "position", rounded(pose.position())
+        item["position"] = rounded(pose.position())
     angles = pose.roll, pose.pitch, pose.yaw
     if any(angles):
-        yield "rotation_deg", rounded(map(math.degrees, angles))
+        item["rotation_deg"] = rounded(map(math.degrees, angles))
+    if sensor is not None:
+        item["sensor"] = sensor
+    return item
 
 
 def _class_of(part: Struct) -> str:
