@@ -21,16 +21,9 @@
 
 Programming errors stay ValueError, TypeError and AssertionError.
 
-Text from maps, clients, servers and command lines, safe to be shown on a terminal.
-
-A terminal obeys escape sequences, and text can change the direction of what stands
-around it. Names of objects and files may contain either.
-
-Plain words for the errors of the operating system, the same ones everywhere.
-
-Messages about unknown names: what was expected, and what was probably meant.
-
-Packages that radarsim does not need, but can use.
+Below the exceptions stand the words that their messages share: names from outside
+without escape sequences, which a terminal would obey; what an unknown name may mean;
+and plain words for the errors of the operating system.
 """
 
 import errno

@@ -3,10 +3,11 @@
 Checks of raw data do not need a valid entry, so that a key which is wrong by itself
 does not hide the problems of other keys.
 
-The problems of a map file, of which the first are told and all are counted.
+`ProblemList` collects what is found: the first problems are told, all are counted.
 """
 
 import math
+import re
 from collections.abc import Collection, Iterable, Iterator
 from typing import Final, TypeAlias
 
@@ -169,7 +170,7 @@ def trial_problems(item: object, starts: Iterable[object]) -> Iterator[Problem]:
     entries = (start for start in starts if isinstance(start, dict))
     names = [n for start in entries if isinstance(n := start.get("name"), str)]
     if name.casefold() not in (n.casefold() for n in names):
-        valid = [each for each in names if START_NAME.fullmatch(each)]
+        valid = [each for each in names if re.fullmatch(START_NAME, each)]
         expected = "expected the name of a start"
         if valid or not names:
             expected = f"expected one of {short_repr(valid)}{did_you_mean(name, valid)}"
@@ -195,13 +196,9 @@ class ProblemList:
     """Collects the problems of a map file; those of the file as YAML come first.
 
     Problems of several variants are told once.
-
-    Attributes:
-        found: How many have been found.
     """
 
     def __init__(self, file: YamlFile) -> None:
-        self.found = 0
         self._file = file
         self._told: dict[str, None] = {}
         self._reported: set[Problem] = set()  # those of entries that are told
@@ -215,17 +212,18 @@ class ProblemList:
 
     def report(self, at: KeyPath, problems: Iterable[Problem]) -> bool:
         """Add problems of an entry at a key path; return whether there are none."""
-        before = self.found
+        valid = True
         for keys, text in problems:
+            valid = False
             problem = (*at, *keys), text
             if problem in self._reported:
-                self.found += 1
-            elif self.full:
-                self._count(1)
+                continue  # by another variant
+            if self.full:  # to find a place in the file takes long, so only count
+                self._untold += 1
             else:
                 self._reported.add(problem)
                 self._add([self._file.problem(*problem)])
-        return self.found == before
+        return valid
 
     def report_invalid(
         self, error: ValidationError, at: KeyPath, known: Iterable[str]
@@ -234,7 +232,7 @@ class ProblemList:
         most = 0 if self.full else MAX_TOLD
         if most:
             self._add(self._file.validation_problems(error, at, known=known, most=most))
-        self._count(max(error.error_count() - most, 0))
+        self._untold += max(error.error_count() - most, 0)
 
     def raise_all(self) -> None:
         """Raise what has been found.
@@ -249,17 +247,9 @@ class ProblemList:
         if self._told:
             raise MapError(list(self._told))
 
-    def _count(self, number: int) -> None:
-        """Count problems that are not told."""
-        self.found += number
-        self._untold += number
-
     def _add(self, problems: Iterable[str]) -> None:
         for problem in problems:
-            if problem in self._told:
-                self.found += 1
-            elif self.full:
-                self._count(1)
+            if self.full and problem not in self._told:
+                self._untold += 1
             else:
-                self.found += 1
                 self._told[problem] = None

@@ -46,7 +46,7 @@ MAX_LEVEL = 200.0  # dB, of what returns to a radar
 MIN_SLOPE = 0.2  # degrees, of facets
 MAX_SLOPE = 30.0
 
-START_NAME = re.compile(r"(Robot|Player|ComSt)[A-Za-z]*[0-9]*(_[0-9])?")
+START_NAME = r"(Robot|Player|ComSt)[A-Za-z]*[0-9]*(_[0-9])?"
 _BAND_KEYS = [str(band) for band in BANDS_GHZ]
 
 Bands: TypeAlias = tuple[float, float, float]
@@ -58,20 +58,15 @@ def _name(value: str) -> str:
     return value
 
 
-def _level(value: str) -> str:
-    if not re.fullmatch(
-        r"[!-z|~]+", value
-    ):  # printable ASCII without blanks and braces
-        expected = "expected ASCII without blanks and braces"
-        raise ValueError(f"{short_repr(value)}, {expected}")
-    return value
+def _matching(pattern: str, expected: str) -> AfterValidator:
+    """Return the validator of a text that has to match a pattern from end to end."""
 
+    def check(value: str) -> str:
+        if not re.fullmatch(pattern, value):
+            raise ValueError(f"{short_repr(value)}, expected {expected}")
+        return value
 
-def _start_name(value: str) -> str:
-    if not START_NAME.fullmatch(value):
-        expected = "expected Robot, Player or ComSt, then letters, then digits"
-        raise ValueError(f"{short_repr(value)}, {expected}")
-    return value
+    return AfterValidator(check)
 
 
 def _ordered(value: list[Any]) -> list[Any]:
@@ -96,13 +91,6 @@ def unknown_material(value: str, own: Iterable[str]) -> str:
     meant = did_you_mean(value, (*library_names(), *names))
     expected = f"expected one of {list_names(names)}, {library}"
     return f"{short_repr(value)}, {expected}{meant}"
-
-
-def _variant(value: str) -> str:
-    if not re.fullmatch(r"[A-Za-z0-9_-]+", value):
-        expected = "expected letters, digits, '_' and '-'"
-        raise ValueError(f"{short_repr(value)}, {expected}")
-    return value
 
 
 def _mesh_file(value: str, info: ValidationInfo) -> str:
@@ -168,7 +156,18 @@ Text: TypeAlias = Annotated[str, Strict()]
 Whole: TypeAlias = Annotated[int, Strict()]
 MaterialName: TypeAlias = Annotated[Text, AfterValidator(_known_material)]
 MeshFile: TypeAlias = Annotated[Text, AfterValidator(_mesh_file)]
-VariantName: TypeAlias = Annotated[Text, AfterValidator(_variant)]
+LevelName: TypeAlias = Annotated[
+    # one word of a line on the wire
+    Text, MaxLen(MAX_NAME), _matching(r"[!-z|~]+", "ASCII without blanks and braces")
+]
+StartName: TypeAlias = Annotated[
+    Text,
+    MaxLen(MAX_START_NAME),
+    _matching(START_NAME, "Robot, Player or ComSt, then letters, then digits"),
+]
+VariantName: TypeAlias = Annotated[
+    Text, _matching(r"[A-Za-z0-9_-]+", "letters, digits, '_' and '-'")
+]
 Density: TypeAlias = Annotated[float, PlainValidator(_density)]
 Decibels: TypeAlias = Annotated[Real, Ge(0), Le(MAX_DB)]
 Level: TypeAlias = Annotated[Real, Ge(-MAX_LEVEL), Le(MAX_LEVEL)]
@@ -192,7 +191,7 @@ class Header(Entry):
     """
 
     version: Literal[1]
-    level: Annotated[Text, MaxLen(MAX_NAME), AfterValidator(_level)]
+    level: LevelName
     materials: dict[Text, Any] | None = None
     objects: list[Any] | None = None
     starts: list[Any] | None = None
@@ -375,7 +374,7 @@ class ObjectEntry(Entry):
 class StartEntry(Entry):
     """A pose on the floor where robots start."""
 
-    name: Annotated[Text, MaxLen(MAX_START_NAME), AfterValidator(_start_name)]
+    name: StartName
     position: Vector
     yaw_deg: Real = 0.0
 

@@ -129,6 +129,9 @@ class _Maker:
         self.start = (-HALF_LENGTH - 0.5, self.between(-side, side))
         self.goal = (HALF_LENGTH - 1.0, self.between(-side, side))
 
+    # Each map is the sequence of its draws: a draw more, less or elsewhere gives other
+    # maps for all numbers, and results of trials no longer compare.
+
     def between(self, low: float, high: float) -> float:
         return float(self.rng.uniform(low, high))
 
@@ -138,8 +141,12 @@ class _Maker:
         if self.family not in ("mazes", "offices") and self.between(0, 1) < _FENCED:
             solids += self.fence()
         return RandomMap(
-            *(self.number, self.family, tuple(solids)),
-            *(self.density, self.start, self.goal),
+            self.number,
+            self.family,
+            tuple(solids),
+            self.density,
+            self.start,
+            self.goal,
         )
 
     def scattered(self, count: int, draw: Callable[[Point], Solid]) -> Iterator[Solid]:

@@ -23,15 +23,15 @@ CYLINDER_SIDES = 64  # the middle of a side is 0.12 % of the radius too deep
 _BOX_CORNERS = np.array(
     [[x, y, z] for z in (-0.5, 0.5) for y in (-0.5, 0.5) for x in (-0.5, 0.5)]
 )
-_BOX_TRIANGLES = [
-    *([0, 2, 3], [0, 3, 1]),  # bottom
-    *([4, 5, 7], [4, 7, 6]),  # top
-    *([0, 1, 5], [0, 5, 4]),  # right, -y
-    *([2, 6, 7], [2, 7, 3]),  # left, +y
-    *([0, 4, 6], [0, 6, 2]),  # back, -x
-    *([1, 3, 7], [1, 7, 5]),  # front, +x
+_BOX_SIDES = [  # two triangles each
+    [[0, 2, 3], [0, 3, 1]],  # bottom
+    [[4, 5, 7], [4, 7, 6]],  # top
+    [[0, 1, 5], [0, 5, 4]],  # right, -y
+    [[2, 6, 7], [2, 7, 3]],  # left, +y
+    [[0, 4, 6], [0, 6, 2]],  # back, -x
+    [[1, 3, 7], [1, 7, 5]],  # front, +x
 ]
-_BOX_FACES = np.array(_BOX_TRIANGLES, dtype=np.int32)
+_BOX_FACES = np.array(_BOX_SIDES, dtype=np.int32).reshape(-1, 3)
 
 
 def box(length: float, width: float, height: float) -> Mesh:
