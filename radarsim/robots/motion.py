@@ -192,8 +192,8 @@ def _move(
     robots[slot, WALL_GAP] -= sweep
     robots[slot, ROBOT_GAP] -= sweep + closing
     # Nothing can be in reach before the gaps are used up (rules 1 and 2 of collisions).
-    # Most moves end here. With a look for walls in each, a step would take twice as long:
-    # row j of ``radarsim bench``.
+    # Most moves end here. With a look for walls in each, a step would take twice as
+    # long: row j of ``radarsim bench``.
     robots_are_far = robots[slot, ROBOT_GAP] > MARGIN
     if robots_are_far and robots[slot, WALL_GAP] > MARGIN:
         robots[slot, BLOCKED] = False
