@@ -28,8 +28,7 @@ from radarsim.robots.obstacles import Obstacles, overlaps
 from radarsim.scene.scene import Scene
 from radarsim.sensors.motion_readings import INS_DRIFT_INTERVAL
 from radarsim.sensors.range_scanner import load_sensor
-from radarsim.sensors.scan_batch import BatchRanges, scan_ranges
-from radarsim.sensors.scan_plan import ScanRequest
+from radarsim.sensors.scanning import BatchRanges, ScanRequest, scan_ranges
 from radarsim.sensors.sonar import SonarArray
 from radarsim.simulation.clock import TICK, Clock, Schedule, ticks_of
 from radarsim.simulation.config import SimulationConfig
