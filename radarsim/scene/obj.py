@@ -230,7 +230,7 @@ def _group(owners: _Integers) -> Iterator[tuple[int, _Integers]]:
     order = np.argsort(owners, kind="stable")
     numbers, firsts = np.unique(owners[order], return_index=True)
     groups = np.split(order, firsts[1:])
-    # the order in which trimesh returned them: names and numbers of parts depend on it
+    # parts of a scene are in this order, and what refers to them by number
     for index in np.argsort(order[firsts])[::-1].tolist():
         yield int(numbers[index]), groups[index]
 
