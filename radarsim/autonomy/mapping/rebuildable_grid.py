@@ -6,9 +6,10 @@ the new one replaces it when it holds all scans.
 """
 
 from dataclasses import replace
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid
 from radarsim.autonomy.mapping.scan import BeamHits, PlanarScan
@@ -144,7 +145,7 @@ class RebuildableGrid:
         return self._standing[robot] <= SCANS_STANDING
 
 
-def _converted(scan: PlanarScan, whole: Any, real: Any) -> PlanarScan:
+def _converted(scan: PlanarScan, whole: DTypeLike, real: DTypeLike) -> PlanarScan:
     """Return a scan whose numbers are of other types."""
     hits = scan.hits
     converted = BeamHits(

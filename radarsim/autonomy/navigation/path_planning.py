@@ -29,7 +29,7 @@ this rule, so that what one of them can reach is what all can reach.
 import heapq
 import math
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,7 +118,13 @@ def may_join_outside(passable: NDArray[np.bool_], start: Cell, end: Cell) -> boo
 
 
 @njit_cached
-def _search(cost: Any, row: Any, column: Any, targets: Any, parents: Any) -> Any:
+def _search(
+    cost: Floats,
+    row: int,
+    column: int,
+    targets: NDArray[np.bool_],
+    parents: NDArray[np.int64],
+) -> int:
     """Visit cells by cost until one is a target (Dijkstra); return it, or -1.
 
     Unlike ``scipy.sparse.csgraph`` it stops at the first target, needs no graph, and
@@ -132,9 +138,9 @@ def _search(cost: Any, row: Any, column: Any, targets: Any, parents: Any) -> Any
         so_far, cell = heapq.heappop(queue)
         i, j = cell // columns, cell % columns
         if so_far > best[i, j]:
-            continue
+            continue  # a cheaper way here has been found since this was queued
         if targets[i, j]:
-            return cell
+            return int(cell)
         for di in range(-1, 2):
             for dj in range(-1, 2):
                 k, n = i + di, j + dj
@@ -145,7 +151,7 @@ def _search(cost: Any, row: Any, column: Any, targets: Any, parents: Any) -> Any
                     best[k, n] = total
                     parents[k, n] = cell
                     heapq.heappush(queue, (total, np.int64(k * columns + n)))
-    return np.int64(-1)
+    return -1
 
 
 CELL: Final = 0.1  # m
