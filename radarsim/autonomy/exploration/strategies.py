@@ -19,8 +19,8 @@ from radarsim.autonomy.exploration.coverage import (
     ContourStrategy,
     RandomBounce,
     SpiralCoverage,
+    frontier_strategy,
 )
-from radarsim.autonomy.exploration.frontier import frontier_strategy
 from radarsim.autonomy.exploration.options import StrategyName
 from radarsim.autonomy.exploration.path_follower import (
     MAP_INTERVAL,

@@ -99,6 +99,7 @@ class RebuildableGrid:
         number = len(trajectory) - 1
         self._add(self.grid, StoredScan(trajectory, number, scan))
         if self._is_worth_keeping(id(trajectory), trajectory.poses[-1]):
+            # in half the memory, since all scans of a run are kept
             compact = _converted(scan, np.int32, np.float32)
             self.scans.append(StoredScan(trajectory, number, compact))
         self._continue(SCANS_AT_ONCE)

@@ -143,6 +143,7 @@ class Slam:
         self._reckon(scan.time, prior)
         self._prior = prior
         self.trajectory.add(scan.time, self.pose)
+        # The first scans count wherever the robot is: they alone have the start's pose.
         is_keyframe = len(places) > 0 and self._is_keyframe()
         if is_keyframe:
             self._map.add(Keyframe(self.pose, points, self._length))
@@ -182,6 +183,8 @@ class Slam:
 
     def _moved(self, pose: Pose2, before: Pose2, after: Pose2) -> Pose2:
         """Return a pose after the motion from one reported pose to another."""
+        # Odometry measures motions on the robot's axes; an INS has a heading of its own,
+        # and reports motions on the axes of the map.
         if self.settings.motion_source != "ins":
             return pose.compose(after.relative_to(before))
         x, y = pose.x + after.x - before.x, pose.y + after.y - before.y
@@ -210,7 +213,8 @@ class Slam:
         starts = np.array([[pose.x, pose.y, pose.yaw] for pose in candidates])
         table = self._map.points.table
         best = candidates[best_start(table, points, starts)]
-        # The best start can lead to a local optimum; unchanged motion is tried too.
+        # The best start of a sample can lead to a local optimum; unchanged motion is
+        # tried too.
         fits = [
             fit(table, points, pose, pose, sigma) for pose in (best, candidates[-1])
         ]
@@ -235,6 +239,7 @@ class Slam:
         if self._fit is None:
             return
         closure = self._closer.closure(self._map, self._fit)
+        # the graph refuses a closure that contradicts those before
         poses = None if closure is None else self._graph.close(*closure)
         if poses is not None:
             self.closures += 1
@@ -246,18 +251,19 @@ class Slam:
         if self._anchorings >= MOST_ANCHORINGS or self._length < due:
             return
         self._anchorings += 1
+        # A loop has tied the map to its start already.
         if self.closures or len(self._map) <= FIRST_KEYFRAMES:
             return
         correction = find_correction(self._map, FIRST_KEYFRAMES)
         if correction is None:
             return
+        # Off by less than the first scans can tell: it stays where it is, for good.
         if self._anchorings == 1 and abs(correction.yaw) < LEAST_TURN:
             self._anchorings = MOST_ANCHORINGS
             return
         self._move(self._graph.move(FIRST_KEYFRAMES, correction))
 
     def _move(self, poses: list[Pose2]) -> None:
-        """Move all keyframes to other poses, and the trajectory with them."""
         self.revision += 1
         self._map.move(poses)
         self.pose = poses[-1]

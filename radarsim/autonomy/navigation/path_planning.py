@@ -189,6 +189,7 @@ class ObstacleGrid:
         ends = observation.blocking_points()
         near = np.hypot(*(ends - (pose.x, pose.y)).T) < MAX_DISTANCE
         met = self._mask(*ends[near].T)
+        # A cell in which one beam ends and which another passes is an edge: it gains.
         change = np.where(met, _GAIN, np.where(passed, -_LOSS, 0))
         self._evidence = np.clip(self._evidence + change, _LEAST, _MOST).astype(
             np.int16
@@ -273,6 +274,7 @@ class PathPlanning(Controller):
         self._planned = observation.time
         cost = self._grid.cost(self._settings.bumpers.safety_distance)
         start, end = self._grid.cell((pose.x, pose.y)), self._grid.cell(goal)
+        # It is too near to something, by noise or as that has moved: it may leave.
         if not math.isfinite(cost[start]):
             rows, columns = np.indices(cost.shape)
             near = np.hypot(rows - start[0], columns - start[1]) * CELL < ESCAPE_RADIUS
@@ -304,6 +306,7 @@ class PathPlanning(Controller):
         nearest = int(distances.argmin())
         ahead, away = self._path[nearest:], distances[nearest:]
         within = int((away > LOOKAHEAD).argmax()) if away.max() > LOOKAHEAD else None
+        # Never nearer, as a robot that heads for where it is turns on the spot forever.
         chosen = ahead[min(2, len(ahead) - 1)]
         for point in ahead[:within][::-1]:
             if self._is_cheap(pose, point):

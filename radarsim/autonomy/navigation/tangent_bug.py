@@ -111,7 +111,7 @@ def crosses_any(
 
 
 def _side(begin: Floats, end: Floats, point: Floats) -> Floats:
-    """Return the cross product that tells on which side of a line a point is."""
+    # the sign of the cross product
     along, to = end - begin, point - begin
     cross: Floats = along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0]
     return cross
