@@ -183,7 +183,7 @@ class Slam:
 
     def _moved(self, pose: Pose2, before: Pose2, after: Pose2) -> Pose2:
         """Return a pose after the motion from one reported pose to another."""
-        # Odometry measures motions on the robot's axes; an INS has a heading of its own,
+        # Odometry measures on the axes of the robot; an INS has a heading of its own,
         # and reports motions on the axes of the map.
         if self.settings.motion_source != "ins":
             return pose.compose(after.relative_to(before))
