@@ -190,20 +190,17 @@ class ContourStrategy:
         return path_follower.step(observation)
 
     def _wall_tiles(self, floor: TraversabilityMap, observation: Observation) -> Mask:
-        """Return the tiles along walls that were not followed."""
         targets = floor.outer_boundary(floor.reachable(observation.pose))
         for point in self._track:
             targets &= ~floor.disc(*point, FOLLOWED_RADIUS)
         return targets
 
     def _drive_ahead(self, observation: Observation) -> Twist:
-        """Drive straight on until something is ahead."""
         if self._settings.bumpers.towards(observation, 0.0).blocked:
             return self._arrive(observation)
         return Twist(self._settings.speed_limits.speed, 0.0)
 
     def _arrive(self, observation: Observation) -> Twist:
-        """Choose the nearest point of a wall to align with."""
         self.activity = "aligning"
         nearest = int(observation.ranges.argmin())
         range_ = float(observation.ranges[nearest])
@@ -315,7 +312,6 @@ class SpiralCoverage:
         return self._path_follower.step(observation)
 
     def _choose(self, observation: Observation, *, has_arrived: bool) -> None:
-        """Find the next point on the spiral that can be reached."""
         floor = self._path_follower.floor
         assert floor is not None
         reachable = floor.reachable(observation.pose)
@@ -398,7 +394,6 @@ class RandomBounce:
         return float(self._rng.choice(free)) if free else math.pi
 
     def _end_leg(self, pose: Pose2, grid: OccupancyGrid) -> None:
-        """Update ``is_done`` at the end of a straight stretch."""
         floor = self._settings.traversability(grid)
         remaining = floor.area(floor.unvisited & floor.reachable(pose))
         if self._unvisited_area - remaining > MIN_GAIN:

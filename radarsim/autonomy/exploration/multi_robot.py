@@ -126,7 +126,6 @@ class MapMerger:
         return True
 
     def _reference(self, number: int) -> list[Keyframe]:
-        """Return the keyframes of all other robots that are on the shared map."""
         return [
             Keyframe(
                 self._maps[other].frame_pose.compose(each.pose),
@@ -291,7 +290,6 @@ class MultiRobotExploration:
     def _drive(
         self, steps: Sequence[Generator[ExplorationStep]], observe: Observer
     ) -> None:
-        """Step all robots in turn until none drives any more."""
         driving = dict(enumerate(steps))
         while driving:
             # One scan of each in turn: in lockstep the same seed gives the same map.

@@ -95,7 +95,6 @@ class AutoStrategy:
         return STOP if self._current is None else self._current.step(observation, grid)
 
     def _is_misfit(self, observation: Observation) -> bool:
-        """Return whether an open area has turned out enclosed, or the reverse."""
         if observation.time < self._checked + MAP_INTERVAL:
             return False
         self._checked = observation.time

@@ -168,7 +168,6 @@ class SharedTargetStrategy:
         return twist if is_moving else STOP
 
     def _twist(self, observation: Observation, grid: OccupancyGrid) -> Twist:
-        """Return the twist that leads to the robot's target."""
         if self._turn > 0:
             return self._turn_round(observation)
         robots = self._board.other_robots(self._number)
@@ -211,7 +210,6 @@ class SharedTargetStrategy:
         )
 
     def _targets(self, floor: TraversabilityMap) -> list[tuple[Mask, str]]:
-        """Return what is to be driven to, the most urgent first, and its name."""
         found = [(floor.frontiers, "frontier")]
         if self._fills:
             found.append((floor.unvisited, "filling"))

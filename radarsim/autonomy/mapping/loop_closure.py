@@ -157,7 +157,6 @@ def _steps(limit: float, step: float) -> Floats:
 
 
 def _around(known: KeyframeMap, number: int) -> list[Keyframe]:
-    """Return the keyframes that were left behind with an old one."""
     station = known.keyframes[number].station
     return [
         each

@@ -235,7 +235,6 @@ class Slam:
         return is_far or abs(motion.yaw) > settings.keyframe_angle
 
     def _close_loop(self) -> None:
-        """Move everything if the robot is back at a place where it has been before."""
         if self._fit is None:
             return
         closure = self._closer.closure(self._map, self._fit)
@@ -246,7 +245,6 @@ class Slam:
             self._move(poses)
 
     def _anchor(self) -> None:
-        """Move everything to where the first scans show that it is, a few times."""
         due = (self._anchorings + 1) * ANCHOR_INTERVAL
         if self._anchorings >= MOST_ANCHORINGS or self._length < due:
             return

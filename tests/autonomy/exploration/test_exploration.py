@@ -144,9 +144,7 @@ def test_laser_maps_no_foliage_and_nothing_behind_it(foliage_room: Scene) -> Non
 
 
 def test_safety_distance_is_larger_without_echoes(foliage_room: Scene) -> None:
-    exploration = run(
-        foliage_room, echoes=False, foliage_density=0.7, time_limit=2.0
-    )
+    exploration = run(foliage_room, echoes=False, foliage_density=0.7, time_limit=2.0)
     assert exploration.safety_distance == pytest.approx(0.371 + 1.43 + 0.13, abs=0.01)
     assert exploration.mapper is not None
     assert not (exploration.mapper.grid.classes() == CellClass.FOLIAGE).any()
