@@ -175,14 +175,17 @@ def decode_message(line: str) -> Message:
     return Message(verb, parse_segments(line))
 
 
+def parse_segments(text: str) -> tuple[tuple[str, str], ...]:
+    """Return key and value of each segment in a text with closed braces."""
+    groups = [group.split(maxsplit=1) for group in _SEGMENT.findall(text)]
+    return tuple(
+        [(key, rest[0].rstrip() if rest else "") for key, *rest in filter(None, groups)]
+    )
+
+
 @functools.cache
 def _inner_keys(keys: tuple[str, ...]) -> re.Pattern[str]:
     return re.compile(rf"\s({'|'.join(keys)})\s", re.IGNORECASE)
-
-
-def _split(group: str) -> tuple[str, str]:
-    key, *rest = group.split(maxsplit=1)
-    return key, rest[0].rstrip() if rest else ""
 
 
 def _find_open_brace(line: str) -> int:

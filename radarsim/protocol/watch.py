@@ -94,7 +94,7 @@ class Watch:
     """
 
     verb: ClassVar[str] = "WATCH"
-    keys: ClassVar[tuple[str, ...]] = ("Robots", "Echoes")
+    keys: ClassVar[Sequence[str]] = ("Robots", "Echoes")
 
     robots: RobotChoice
     echoes: RobotChoice = RobotChoice()
