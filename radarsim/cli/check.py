@@ -1,13 +1,11 @@
 """``radarsim check``: what a map contains, or its errors."""
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from radarsim.cli.options import (
+from radarsim.cli.compile_progress import with_compile_progress
+from radarsim.cli.fields import MapName
+from radarsim.cli.files import (
     PICTURE_FORMS,
-    MapArgument,
     check_ending,
     check_writable,
     write_file,
@@ -16,24 +14,18 @@ from radarsim.cli.output import print_lines, print_message
 from radarsim.errors import MapError
 
 
-def check(
-    map_: MapArgument,
-    *,
-    strict: Annotated[
-        bool,
-        typer.Option(
-            "--strict",
-            help="Exit with 1 if a start is not free or the trial has no path.",
-        ),
-    ] = False,
-    plot: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="Draw the plan with names; .png, .svg or .pdf."
-        ),
-    ] = None,
-) -> None:
-    """Read a map and print what is in it, or all its errors."""
+@with_compile_progress
+def check(map_: MapName, *, plot: Path | None = None, strict: bool = False) -> int:
+    """Read a map and print what is in it, or all its errors.
+
+    Args:
+        map_: A map file, or the name of a shipped map; @VARIANT may follow.
+        plot: Draw the plan with names into a .png, .svg or .pdf.
+        strict: Exit with 1 if a start is not free or the trial has no path.
+
+    Returns:
+        The exit code.
+    """
     if plot is not None:
         form = check_ending(plot, PICTURE_FORMS, "--plot")
         check_writable(plot, "--plot")
@@ -50,7 +42,7 @@ def check(
         }
     except MapError as error:
         print_lines(error.problems)
-        raise typer.Exit(1) from None
+        return 1
     print_lines(summary)
     names = [variant.name for variant in variants]
     for title, lines in {"variants": names, **doubts}.items():
@@ -61,5 +53,4 @@ def check(
 
         write_file(plot, draw_scene(scene, form=form), "--plot")
         print_message(f"wrote {plot}")
-    if strict and any(doubts.values()):
-        raise typer.Exit(1)
+    return int(strict and any(doubts.values()))

@@ -10,23 +10,25 @@ Args:
             count: Number of scans.
         '''
 
-A function returns its exit code, or None for 0.
+A function returns its exit code, or None for 0. A parameter that is marked with
+``PlansOf`` gets the plans of all parts of the program that hand in one.
 """
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import is_dataclass
+from dataclasses import dataclass, is_dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, NamedTuple
 
 import click
 from annotated_types import Unit
 from click.core import ParameterSource
 from click.shell_completion import CompletionItem
 
+from radarsim import plugins
 from radarsim.cli.completion import complete_words
 from radarsim.cli.config_file import read_config
 from radarsim.errors import expected_one_of
@@ -40,6 +42,24 @@ from radarsim.plans import (
 
 NAMES_WIDTH: Final = 26  # columns of names of options in help
 _METAVARS: Final = {int: "N", float: "NUMBER", Path: "FILE"}
+
+
+@dataclass(frozen=True, slots=True)
+class PlansOf:
+    """Marks the parameter of a function for plans that parts of the program hand in.
+
+    Attributes:
+        group: Group of the entries of these plans; see ``radarsim.plugins``.
+    """
+
+    group: str
+
+
+class _Plan(NamedTuple):
+    parameter: str  # of the function
+    type: type
+    keys: dict[str, str]  # of click's parameters, by fields
+    is_one_of_many: bool
 
 
 class FieldType(click.ParamType[Any]):
@@ -130,22 +150,32 @@ class PlanCommand(click.Command):
         """
         self.fields: dict[str, PlanField] = {}
         self._function = function
-        self._plans: dict[str, type] = {}
-        self._keys: dict[str, dict[str, str]] = {}  # of parameters, by their fields
-        params = []
+        self._plans: list[_Plan] = []
+        self._values: dict[str, str] = {}  # parameters by the keys of their own options
+        params: list[click.Parameter] = []
+
+        def add(field: PlanField) -> str:
+            param = _make_param(field)
+            key = str(param.name)
+            if key in self.fields:
+                raise ValueError(f"{name}: two options are named {key}")
+            self.fields[key] = field
+            params.append(param)
+            return key
+
         for parameter in parameter_fields(function):
-            owned: Iterable[PlanField] = (parameter,)
-            if is_dataclass(parameter.type) and isinstance(parameter.type, type):
-                self._plans[parameter.name] = parameter.type
-                owned = plan_fields(parameter.type)
-            keys = self._keys[parameter.name] = {}
-            for field in owned:
-                param = _make_param(field)
-                key = keys[field.name] = str(param.name)
-                if key in self.fields:
-                    raise ValueError(f"{name}: two options are named {key}")
-                self.fields[key] = field
-                params.append(param)
+            group = parameter.marker(PlansOf)
+            if group is not None:
+                names = plugins.names(group.group)
+                plans = [plugins.load(group.group, each) for each in names]
+            elif is_dataclass(parameter.type) and isinstance(parameter.type, type):
+                plans = [parameter.type]
+            else:
+                self._values[add(parameter)] = parameter.name
+                continue
+            for plan in plans:
+                keys = {each.name: add(each) for each in plan_fields(plan)}
+                self._plans.append(_Plan(parameter.name, plan, keys, group is not None))
         if any(field.option.is_rare for field in self.fields.values()):
             params.append(_help_all())
         text = inspect.getdoc(function) or ""
@@ -187,13 +217,13 @@ class PlanCommand(click.Command):
     def invoke(self, ctx: click.Context) -> Any:
         """Call the function with its plans."""
         given = self._given(ctx)
-        values: dict[str, Any] = {}
-        for name, keys in self._keys.items():
-            found = {
-                field: ctx.params[key] for field, key in keys.items() if key in given
-            }
-            plan = self._plans.get(name)
-            values |= found if plan is None else {name: plan(**found)}
+        values = {
+            name: ctx.params[key] for key, name in self._values.items() if key in given
+        }
+        for name, plan, keys, is_one_of_many in self._plans:
+            found = {f: ctx.params[key] for f, key in keys.items() if key in given}
+            made = plan(**found)
+            values[name] = (*values.get(name, ()), made) if is_one_of_many else made
         return self._function(**values)
 
     def collect_usage_pieces(self, ctx: click.Context) -> list[str]:
@@ -229,10 +259,10 @@ class PlanCommand(click.Command):
 
     def _sets(self, *names: str) -> Iterator[tuple[str, ...]]:
         """Yield the sets of fields that exclude each other, as keys."""
-        for parameter, plan in self._plans.items():
+        for plan in self._plans:
             for name in names:
-                for each in getattr(plan, name, ()):
-                    yield tuple(self._keys[parameter][field] for field in each)
+                for each in getattr(plan.type, name, ()):
+                    yield tuple(plan.keys[field] for field in each)
 
     def _listed(self, keys: Iterable[str], word: str = " and ") -> str:
         return word.join(map(self._shown, keys))

@@ -3,11 +3,13 @@
 from pathlib import Path
 from typing import Annotated, Final
 
-import typer
+import click
 
-from radarsim.cli.options import check_ending, check_writable, write_file
+from radarsim.cli.compile_progress import with_compile_progress
+from radarsim.cli.files import check_ending, check_writable, write_file
 from radarsim.cli.output import print_lines, program_name
 from radarsim.files import is_by_radarsim
+from radarsim.plans import Option
 
 MAP: Final = "foliage_room"
 START: Final = "RobotStart1"
@@ -20,13 +22,20 @@ Try next:
 """
 
 
+@with_compile_progress
 def demo(
-    out: Annotated[
-        Path, typer.Argument(metavar="[OUT]", help="The picture, a PNG file.")
-    ] = Path("radarsim_demo.png"),
+    out: Annotated[Path, Option(is_argument=True)] = Path("radarsim_demo.png"),
 ) -> None:
-    """Draw what radar and laser see of a room behind bushes, in one picture."""
-    _check_out(out)
+    """Draw what radar and laser see of a room behind bushes, in one picture.
+
+    Args:
+        out: The picture, a PNG file.
+    """
+    check_ending(out, ["png"], "OUT")
+    check_writable(out, "OUT")
+    if out.exists() and not is_by_radarsim(out):
+        text = f"{out} is not by radarsim, expected another file"
+        raise click.BadParameter(text, param_hint="OUT")
     from radarsim.plotting.comparison import compare
     from radarsim.plotting.style import render
 
@@ -34,13 +43,4 @@ def demo(
     figure.suptitle(TITLE, fontsize="x-large", fontweight="bold")
     write_file(out, render(figure, "png"), "OUT")
     print_lines([out])
-    typer.echo(_NEXT.format(program_name()), err=True, nl=False)
-
-
-def _check_out(out: Path) -> None:
-    """Check that a picture can be written, and that no other file is in its place."""
-    check_ending(out, ["png"], "OUT")
-    check_writable(out, "OUT")
-    if out.exists() and not is_by_radarsim(out):
-        text = f"{out} is not by radarsim, expected another file"
-        raise typer.BadParameter(text, param_hint="OUT")
+    click.echo(_NEXT.format(program_name()), err=True, nl=False)

@@ -9,9 +9,10 @@ import sys
 from pathlib import Path
 from typing import Annotated, Final
 
-import typer
+import click
 
 from radarsim.errors import expected_one_of
+from radarsim.plans import Option
 from radarsim.processes import signal_handlers
 
 FOLDER: Final = Path(__file__).parent.parent / "docs"
@@ -20,17 +21,16 @@ _COMMENT = re.compile(r"^<!--.*?-->\n", re.MULTILINE | re.DOTALL)
 _LINK_TO_PAGE = re.compile(r"\[([^\]]+)\]\((\w+)\.md(?:#[\w-]+)?\)")
 
 
-def docs(
-    topic: Annotated[
-        str,
-        typer.Argument(metavar="TOPIC", help="Topic to show; 'index' lists them all."),
-    ] = "index",
-) -> None:
-    """Show a page of the manual; without a topic, the list of topics."""
+def docs(topic: Annotated[str, Option(is_argument=True)] = "index") -> None:
+    """Show a page of the manual; without a topic, the list of topics.
+
+    Args:
+        topic: Topic to show; 'index' lists them all.
+    """
     topics = sorted(page.stem for page in FOLDER.glob("*.md"))
     if topic not in topics:
         text = expected_one_of(topic, topics)
-        raise typer.BadParameter(text, param_hint="TOPIC")
+        raise click.BadParameter(text, param_hint="TOPIC")
     text = (FOLDER / f"{topic}.md").read_text(encoding="utf-8")
     if sys.stdout.isatty():
         _page(_prepare_for_terminal(text))

@@ -7,50 +7,49 @@ import sys
 from functools import partial
 from typing import Annotated
 
-import typer
+from annotated_types import Gt, Unit
 
-from radarsim.cli.options import DriveUnit, DriveUnitOption, check_positive, check_robot
+from radarsim.cli.fields import RobotName, Server, check_robot
 from radarsim.cli.output import MESSAGE_FORM, print_message, start_log
+from radarsim.plans import RARE
 from radarsim.processes import set_exit_code_of_sigterm
+from radarsim.protocol.dialect import DriveUnit
 
 
 def drive(
+    server: Server,
     *,
-    host: Annotated[str, typer.Option(help="Host of the server.")] = "127.0.0.1",
-    port: Annotated[
-        int, typer.Option(min=1, max=65535, help="Port of the server.")
-    ] = 3000,
-    robot: Annotated[str, typer.Option(help="Class of the robot.")] = "P3AT",
-    start: Annotated[
-        str | None,
-        typer.Option(help="Name of a start pose of the map; the first by default."),
-    ] = None,
-    scanner: Annotated[
-        str | None, typer.Option(help="Scanner to show; the first by default.")
-    ] = None,
-    speed: Annotated[
-        float,
-        typer.Option(
-            metavar="M_PER_S",
-            callback=check_positive,
-            help="Speed of driving at first; + and - change it.",
-        ),
-    ] = 0.4,
-    drive_unit: DriveUnitOption = DriveUnit.RAD_PER_S,
-) -> None:
-    """Drive a robot from the keyboard, and see what it senses."""
+    robot: RobotName = "P3AT",
+    start: str | None = None,
+    speed: Annotated[float, Gt(0), Unit("m/s")] = 0.4,
+    scanner: Annotated[str | None, RARE] = None,
+    drive_unit: Annotated[DriveUnit, RARE] = "rad_per_s",
+) -> int:
+    """Drive a robot from the keyboard, and see what it senses.
+
+    Args:
+        server: The server.
+        robot: Class of the robot.
+        start: Name of a start pose of the map; the first by default.
+        speed: Speed of driving at first; + and - change it.
+        scanner: Scanner to show; the first by default.
+        drive_unit: Unit in which the server takes wheel speeds.
+
+    Returns:
+        The exit code.
+    """
     from radarsim.client.teleop.teleop import TeleopSettings
     from radarsim.client.teleop.teleop import drive as drive_robot
 
     if problem := _terminal_problem():
         print_message(f"{problem}, expected a terminal to drive at")
-        raise typer.Exit(2)
+        return 2
     check_robot(robot, served=None)
-    settings = TeleopSettings(robot, start, scanner, speed, drive_unit.value)
+    settings = TeleopSettings(robot, start, scanner, speed, drive_unit)
     # Driving has no end of its own: whoever stops it ends it as it should end.
     start_log(logging.WARNING, MESSAGE_FORM)
-    driving = drive_robot(host, port, settings, partial(set_exit_code_of_sigterm, 0))
-    raise typer.Exit(asyncio.run(driving))
+    on_start = partial(set_exit_code_of_sigterm, 0)
+    return asyncio.run(drive_robot(*server.connect, settings, on_start))
 
 
 def _terminal_problem() -> str | None:

@@ -1,87 +1,330 @@
 """``radarsim explain``: everything that one beam meets."""
 
-import json
-from enum import StrEnum
-from typing import Annotated
+from __future__ import annotations
 
-import typer
+import json
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import click
+import numpy as np
+from annotated_types import Ge
 
 from radarsim import plugins
-from radarsim.cli.legacy_sensor import load_scanner, load_scene_and_pose
-from radarsim.cli.options import (
-    MapArgument,
-    SeedOption,
-    SensorOption,
-    SensorPoseOption,
-    SensorSettingsOption,
-    SensorStartOption,
-)
+from radarsim.cli.compile_progress import with_compile_progress
+from radarsim.cli.fields import MapName
 from radarsim.cli.output import print_lines
+from radarsim.cli.scan import PlacedSensor
+from radarsim.plans import RARE
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from radarsim.raycast.rays import Event
+    from radarsim.scene.scene import Part, Scene
+    from radarsim.sensors.range_scanner import RangeScanner
+    from radarsim.sensors.scan import Scan
 
 
-class Ray(StrEnum):
-    """Which ray of a beam to explain."""
-
-    DRAWN = "drawn"
-    RIGHT = "right"
-    CENTRE = "centre"
-    LEFT = "left"
-
-
-class ExplanationFormat(StrEnum):
-    """Output formats of an explanation."""
-
-    TEXT = "text"
-    JSON = "json"
-
-
+@with_compile_progress
 def explain(
-    map_: MapArgument,
+    map_: MapName,
+    plan: PlacedSensor,
     *,
-    sensor: SensorOption,
-    beam: Annotated[
-        int, typer.Option(min=0, help="Number of the beam, from 0 at the right.")
-    ],
-    start: SensorStartOption = None,
-    pose: SensorPoseOption = None,
-    settings: SensorSettingsOption = None,
-    seed: SeedOption = 0,
-    ray: Annotated[
-        Ray,
-        typer.Option(help="The ray that 'scan' draws with this seed, or another one."),
-    ] = Ray.DRAWN,
-    budget: Annotated[
-        bool,
-        typer.Option(
-            "--budget",
-            help="Print the link budget of an FMCW radar in dB; --beam is its azimuth,"
-            " clockwise from 0 straight ahead.",
-        ),
-    ] = False,
-    format_: Annotated[
-        ExplanationFormat, typer.Option("--format", help="Output format.")
-    ] = ExplanationFormat.TEXT,
+    beam: Annotated[int, Ge(0)],
+    format_: Literal["text", "json"] = "text",
+    ray: Annotated[Literal["drawn", "right", "centre", "left"], RARE] = "drawn",
+    budget: Annotated[bool, RARE] = False,
 ) -> None:
-    """Print everything that one beam meets."""
-    from radarsim.cli.explain_report import as_text, explain_beam, with_single_ray
-    from radarsim.rng import generator_for
+    """Print everything that one beam meets.
 
-    scanner = load_scanner(sensor, settings)
-    scene, sensor_pose = load_scene_and_pose(map_, start=start, pose=pose)
+    Args:
+        map_: A map file, or the name of a shipped map; @VARIANT may follow.
+        plan: The sensor and its place.
+        beam: Number of the beam, from 0 at the right.
+        format_: Output format.
+        ray: The ray that 'scan' draws with this seed, or another one.
+        budget: Print the link budget of an FMCW radar in dB; --beam is its azimuth,
+            clockwise from 0 straight ahead.
+    """
+    from radarsim.rng import generator_for
+    from radarsim.scene.map_file import load_map
+
+    scanner = plan.load_scanner()
+    scene = load_map(map_)
+    pose = plan.find_pose(scene)
     if budget:
         print_budget = plugins.load("radarsim.explanations", "budget")
-        print_budget(scanner, scene, sensor_pose, beam, format_ == "json")
+        print_budget(scanner, scene, pose, beam, format_ == "json")
         return
     beams = scanner.settings.beams
     if beam >= beams:
-        raise typer.BadParameter(
-            f"{beam}, expected 0 to {beams - 1}", param_hint="--beam"
-        )
-    if ray is not Ray.DRAWN:
-        scanner = with_single_ray(scanner, ray.value)
-    scan = scanner.scan(scene, sensor_pose, generator_for(seed, sensor))
+        text = f"{beam}, expected 0 to {beams - 1}"
+        raise click.BadParameter(text, param_hint="--beam")
+    if ray != "drawn":
+        scanner = with_single_ray(scanner, ray)
+    scan = scanner.scan(scene, pose, generator_for(plan.seed, plan.sensor))
     explanation = explain_beam(scene, scanner, scan, beam)
-    if format_ is ExplanationFormat.JSON:
-        typer.echo(json.dumps(explanation, allow_nan=False))
+    if format_ == "json":
+        click.echo(json.dumps(explanation, allow_nan=False))
     else:
         print_lines(as_text(explanation))
+
+
+def with_single_ray(scanner: RangeScanner, ray: str) -> RangeScanner:
+    """Return the scanner with only one of the three rays of its beams.
+
+    Raises:
+        click.BadParameter: If its beams do not consist of three rays.
+    """
+    from radarsim.sensors.beams import CENTRE, LEFT, RIGHT
+    from radarsim.sensors.range_scanner import RangeScanner
+
+    sides = {"right": RIGHT, "centre": CENTRE, "left": LEFT}
+    settings = scanner.settings
+    count = settings.rays_per_beam
+    if settings.has_side_rays and settings.side_mode != "cone":
+        weights = tuple(float(side == sides[ray]) for side in (RIGHT, CENTRE, LEFT))
+        update = {"ray_weights": weights, "ray_choice": "drawn"}
+        return RangeScanner(scanner.name, settings.model_copy(update=update))
+    if count == 1 and ray == "centre":
+        return scanner
+    expected = "drawn or centre" if count == 1 else "drawn"
+    raise click.BadParameter(
+        f"{ray!r}, expected {expected}: {scanner.name}'s beams have {count}"
+        f" {'ray' if count == 1 else 'rays'}",
+        param_hint="--ray",
+    )
+
+
+def explain_beam(
+    scene: Scene, scanner: RangeScanner, scan: Scan, beam: int
+) -> dict[str, Any]:
+    """Return everything that a ray of a scan met, for JSON.
+
+    Args:
+        scene: The scene that was scanned.
+        scanner: The scanner.
+        scan: Its scan.
+        beam: Number of the beam.
+    """
+    from radarsim.raycast.attenuation import EventKind
+    from radarsim.raycast.tracer import tracer_of
+
+    settings, tracer = scanner.settings, tracer_of(scene)
+    cast = scan.cast.take(np.array([beam]))
+    events = tracer.explain(cast)[0]
+    one, power = 1.0, settings.penetration_power
+    if scan.targets is not None:  # its power is in decibels
+        one = cast.ray_classes[0].power_per_db
+        power = float(cast.power[0]) / one
+        events = [_in_units(event, one) for event in events]
+    echoes = scan.echoes
+    rain = (echoes.beams == beam) & (echoes.kinds == EventKind.RAIN)
+    return {
+        "sensor": scanner.name,
+        "beam": beam,
+        "angle": float(scanner.angles[beam]),
+        "ray": None if scan.rays is None else int(scan.rays[beam]),
+        "one_of": _rays_together(scan),
+        "origin": cast.origins[0].tolist(),
+        "direction": cast.directions[0].tolist(),
+        **_explain_events(events, tracer.parts, power),
+        # The reading need not be the distance at which this ray ends.
+        "range": _finite(float(scan.ranges[beam])),
+        "rain": float(echoes.ranges[rain][0]) if rain.any() else None,
+        "return_mode": settings.return_mode,
+        "detector": settings.detector,
+        "targets": _targets(scan, beam),
+        "air": tracer.densities(scan.cast.ray_classes[0])[1] / one,
+    }
+
+
+def _in_units(event: Event, unit: float) -> Event:
+    """Return an event with its powers in other units."""
+    return replace(event, power=event.power / unit, absorbed=event.absorbed / unit)
+
+
+def _rays_together(scan: Scan) -> int:
+    """Return how many rays of a beam answer together."""
+    settings = scan.echoes.settings
+    together = settings.combines_rays and scan.targets is None
+    return settings.rays_per_beam if together else 1
+
+
+def _targets(scan: Scan, beam: int) -> list[dict[str, float]] | None:
+    """Return what a detector found in a beam; None for a scanner without one."""
+    targets = scan.targets
+    if targets is None:
+        return None
+    rows = np.flatnonzero(targets.beams == beam)
+    return [
+        {"range": float(targets.ranges[row]), "dbm": float(targets.dbm[row])}
+        for row in rows
+    ]
+
+
+def _explain_events(
+    events: Sequence[Event], parts: Sequence[Part], power: float
+) -> dict[str, Any]:
+    """Return the volumes that a ray of this power crossed, and how it ended."""
+    from radarsim.raycast.attenuation import EventKind
+
+    crossings: list[dict[str, Any]] = []
+    entered: dict[int, dict[str, Any]] = {}
+    mirrors: list[dict[str, Any]] = []
+    for event in events[:-1]:
+        if event.kind is EventKind.SHEET:
+            crossings.append(_sheet_row(event, parts))
+        elif event.kind is EventKind.MIRRORED:
+            mirrors.append(_mirror_row(event, parts))
+        elif event.kind is EventKind.LEAVE:
+            entered.pop(event.part).update(exit=event.t, power_after=_power(event))
+        else:
+            row = _row(event, parts)
+            row["starts_inside"] = event.kind is EventKind.START_INSIDE
+            entered[event.part] = row
+            crossings.append(entered[event.part])
+    end = events[-1]
+    for row in entered.values():
+        row["power_after"] = _power(end)
+    # Behind the end of the ray, less what is absorbed there.
+    left = _finite(end.power - end.absorbed)
+    if end.kind is EventKind.ABSORBED:
+        left = 0.0
+    return {
+        "power": _finite(power),
+        "crossings": crossings,
+        "mirrors": mirrors,
+        "outcome": end.kind.name.lower(),
+        "distance": end.t,
+        "object": parts[end.part].object_name if end.part >= 0 else None,
+        "material": parts[end.part].material.name if end.part >= 0 else None,
+        "power_left": left,
+    }
+
+
+def _row(event: Event, parts: Sequence[Part]) -> dict[str, Any]:
+    """Return the row of a volume that the ray enters."""
+    part = parts[event.part]
+    return {
+        "object": part.object_name,
+        "material": part.material.name,
+        "starts_inside": False,
+        "entry": event.t,
+        "exit": None,
+        "power_before": _power(event),
+        "power_after": _power(event),
+    }
+
+
+def _sheet_row(event: Event, parts: Sequence[Part]) -> dict[str, Any]:
+    after = _finite(event.power - event.absorbed)
+    return {**_row(event, parts), "exit": event.t, "power_after": after}
+
+
+def _mirror_row(event: Event, parts: Sequence[Part]) -> dict[str, Any]:
+    part = parts[event.part]
+    return {
+        "object": part.object_name,
+        "material": part.material.name,
+        "at": event.t,
+        "position": list(event.position),
+        "power_before": _power(event),
+        "power_after": _finite(event.power - event.absorbed),
+    }
+
+
+def _power(event: Event) -> float | None:
+    return _finite(event.power)
+
+
+def _finite(value: float) -> float | None:
+    """Return a number as JSON can hold it: None for an infinite one."""
+    return value if math.isfinite(value) else None
+
+
+def as_text(report: dict[str, Any]) -> list[str]:
+    """Return an explanation as sentences, one a line."""
+    names = {None: "", -1: ", right ray", 0: ", centre ray", 1: ", left ray"}
+    ray = names[report["ray"]]
+    degrees = math.degrees(report["angle"])
+    if report["one_of"] > 1:
+        ray += f", one of {report['one_of']} that answer together"
+    # What a detector reads from a spectrum has lost decibels; None for other scans.
+    full = report["power"] if report["targets"] is not None else None
+    lines = [f"{report['sensor']}, beam {report['beam']} at {degrees:.2f} deg{ray}"]
+    if full is None:
+        lines.append(f"sent with power {_power_text(report['power'])}")
+    else:
+        lines.append(f"followed to a loss of {full:.1f} dB one way")
+    if report["air"]:
+        taken = f"{report['air']:.6f} {'of it' if full is None else 'dB'} per metre"
+        lines.append(f"everywhere: the air takes {taken}")
+    met = [(row["entry"], _crossing_text(row, full)) for row in report["crossings"]]
+    met += [(row["at"], _mirror_text(row, full)) for row in report["mirrors"]]
+    if report["rain"] is not None:
+        met.append((report["rain"], f"{report['rain']:.4f} m: rain shows"))
+    lines += [text for _, text in sorted(met, key=lambda event: event[0])]
+    end = f"{report['distance']:.4f} m"
+    part = f"{report['object']} ({report['material']})"
+    endings = {
+        "hit": f"{end}: hits {part}",
+        "spent": f"{end}: spent in {part}",
+        "out_of_range": f"{end}: out of range",
+        "absorbed": f"{end}: absorbed by {part}",
+    }
+    left = report["power_left"]
+    if full is None:
+        rest = f"power left {_power_text(left)}"
+    else:
+        rest = f"loss {full - left:.1f} dB"
+    lines.append(f"{endings[report['outcome']]}, {rest}")
+    if report["targets"] is not None:
+        lines += [
+            f"{target['range']:.4f} m: a target of {target['dbm']:.1f} dBm"
+            for target in report["targets"]
+        ]
+        detector = f" by its detector {report['detector']!r}"
+    else:
+        detector = ""
+    return [*lines, _reading_text(report) + detector]
+
+
+def _reading_text(report: dict[str, Any]) -> str:
+    """Return what a beam reads, as a sentence."""
+    if report["range"] is None:
+        return "reads nothing"
+    mirrored = any(row["at"] < report["range"] for row in report["mirrors"])
+    ghost = ", a ghost: it was mirrored on its way" if mirrored else ""
+    mode = report["return_mode"]
+    found = "echo" if report["targets"] is None else "target"
+    which = f", its {mode} {found}" if mode in ("first", "strongest") else ""
+    return f"reads {report['range']:.4f} m{which}{ghost}"
+
+
+def _crossing_text(row: dict[str, Any], full: float | None) -> str:
+    entry = f"{row['entry']:.4f} m: enters"
+    enters = "starts inside" if row["starts_inside"] else entry
+    leaves = "stays in" if row["exit"] is None else f"leaves at {row['exit']:.4f} m"
+    volume = f"{row['object']} ({row['material']})"
+    return f"{enters} {volume}, {leaves}, {_change_text(row, full)}"
+
+
+def _mirror_text(row: dict[str, Any], full: float | None) -> str:
+    x, y, z = row["position"]
+    mirror = f"{row['object']} ({row['material']}) at ({x:.2f}, {y:.2f}, {z:.2f})"
+    return f"{row['at']:.4f} m: mirrored by {mirror}, {_change_text(row, full)}"
+
+
+def _change_text(row: dict[str, Any], full: float | None) -> str:
+    """Return how power falls; or, with a number of decibels, how the loss grows."""
+    before, after = row["power_before"], row["power_after"]
+    if full is None:
+        return f"power {_power_text(before)} to {_power_text(after)}"
+    return f"loss {full - before:.1f} to {full - after:.1f} dB"
+
+
+def _power_text(power: float | None) -> str:
+    return "unlimited" if power is None else f"{power:.4f}"

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, NamedTuple, Self
 
-from annotated_types import Ge, Gt
+import click
+from annotated_types import Ge, Gt, Interval
 
-from radarsim.errors import PresetError
+from radarsim.errors import PresetError, did_you_mean, expected_one_of
 from radarsim.plans import RARE, Form, Option
 
 DEFAULT_PORT: Final = 3000  # of USARSim
@@ -41,6 +43,20 @@ def read_item_setting(text: str) -> tuple[str, str, Any]:
     return item, key, value
 
 
+def group_settings(
+    settings: Iterable[tuple[str, str, Any]],
+) -> dict[str, dict[str, Any]]:
+    """Return settings of items by the items.
+
+    >>> group_settings([("lms200", "max_range", 20), ("lms200", "fov_deg", 90)])
+    {'lms200': {'max_range': 20, 'fov_deg': 90}}
+    """
+    found: dict[str, dict[str, Any]] = {}
+    for item, key, value in settings:
+        found.setdefault(item, {})[key] = value
+    return found
+
+
 class ServerAddress(NamedTuple):
     """Host and port of a server."""
 
@@ -69,6 +85,7 @@ MapName = Annotated[str, Option(is_argument=True, metavar="MAP", words="maps")]
 SensorName = Annotated[str, Option(words="sensors")]
 RobotName = Annotated[str, Option(words="robots")]
 Seed = Annotated[int, Ge(0)]
+Port = Annotated[int, Interval(ge=0, le=65535)]
 Setting = Annotated[tuple[str, Any], Form("KEY=VALUE", read_setting)]
 ItemSetting = Annotated[tuple[str, str, Any], Form("ITEM.KEY=VALUE", read_item_setting)]
 Address = Annotated[ServerAddress, Form("HOST:PORT", ServerAddress.read)]
@@ -111,10 +128,7 @@ class Simulation:
 
     def item_settings(self) -> dict[str, dict[str, Any]]:
         """Return the settings by items."""
-        found: dict[str, dict[str, Any]] = {}
-        for item, key, value in self.settings:
-            found.setdefault(item, {})[key] = value
-        return found
+        return group_settings(self.settings)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,3 +148,27 @@ class RunFiles:
     record: Annotated[Path | None, Option(metavar="DIR")] = None
     film: Path | None = None
     film_speed: Annotated[float, Gt(0), RARE] = 6.0
+
+
+def check_robot(robot: str, served: object | None) -> None:
+    """Check the class of a robot: no simulation here has another than the shipped ones.
+
+    Args:
+        robot: Name of the class; a package may precede it.
+        served: The simulation in this process; None for a server, which may know more
+            classes, so that only a probable error in a name without package counts.
+
+    Raises:
+        click.BadParameter: If the class is unknown, or probably misspelt.
+    """
+    from radarsim.presets.robots import robot_names
+
+    package, _, name = robot.rpartition(".")
+    if name.casefold() in (known.casefold() for known in robot_names()):
+        return
+    text = expected_one_of(name, robot_names())
+    if served is None:
+        if package or not did_you_mean(name, robot_names()):
+            return
+        text += f" A class of another server has a package: USARBot.{name[:80]}"
+    raise click.BadParameter(text, param_hint="--robot")

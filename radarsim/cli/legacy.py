@@ -9,23 +9,10 @@ from typing import Annotated
 import typer
 
 from radarsim import __version__
-from radarsim.addons.fmcw.commands import spectrum
-from radarsim.addons.imports.commands import import_
-from radarsim.addons.recording.commands import recording, replay
-from radarsim.addons.ros.commands import ros
-from radarsim.addons.web.commands import commander
 from radarsim.autonomy.commands.map import map_
 from radarsim.autonomy.commands.trials import trials
-from radarsim.cli.check import check
 from radarsim.cli.compile_progress import with_compile_progress
-from radarsim.cli.demo import demo
-from radarsim.cli.docs import docs
-from radarsim.cli.drive import drive
-from radarsim.cli.explain import explain
 from radarsim.cli.legacy_usage import PlainGroup
-from radarsim.cli.new import new
-from radarsim.cli.presets import materials, sensors
-from radarsim.cli.serve import serve
 from radarsim.lab.bench.commands import bench
 from radarsim.lab.figures.commands import figures
 from radarsim.lab.study.commands import study
@@ -65,24 +52,9 @@ def _root(
     pass
 
 
-app.command()(with_compile_progress(demo))
-app.command()(serve)
-app.command()(with_compile_progress(check))
-app.command()(new)
-app.command("import")(import_)
-app.command()(with_compile_progress(spectrum))
-app.command()(with_compile_progress(explain))
-app.command()(sensors)
-app.command()(materials)
-app.command()(drive)
-app.command()(commander)
 app.command()(with_compile_progress(trials))
 app.command()(with_compile_progress(study))
 app.command()(with_compile_progress(sweep))
 app.command("map")(with_compile_progress(map_))
 app.command()(with_compile_progress(figures))
-app.command()(with_compile_progress(replay))
-app.add_typer(recording, name="recording")
-app.command()(ros)
-app.command()(docs)
 app.command()(with_compile_progress(bench))

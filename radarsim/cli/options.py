@@ -15,12 +15,13 @@ import click
 import typer
 
 from radarsim.cli.completion import complete_map, complete_sensor
+from radarsim.cli.fields import check_robot as check_robot
 from radarsim.cli.files import PICTURE_FORMS as PICTURE_FORMS
 from radarsim.cli.files import check_ending as check_ending
 from radarsim.cli.files import check_writable as check_writable
 from radarsim.cli.files import list_endings as list_endings
 from radarsim.cli.files import write_file as write_file
-from radarsim.errors import PresetError, did_you_mean, expected_one_of
+from radarsim.errors import PresetError, expected_one_of
 
 if TYPE_CHECKING:
     from radarsim.geometry import Pose2
@@ -150,6 +151,14 @@ TimeLimitOption = Annotated[
     ),
 ]
 
+RecordOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        help="Record the run in a new folder, as a bag of ROS 2 that 'radarsim replay'"
+        " repeats. Needs the extra 'record'.",
+    ),
+]
 FilmOption = Annotated[
     Path | None,
     typer.Option(
@@ -315,27 +324,3 @@ def server_address(host: str | None, port: int | None) -> tuple[str, int]:
 def penetration_depth(foliage_density: float | None, power: float) -> float:
     """Return how far a radar sees into foliage, m; 0 if the density is not given."""
     return 0.0 if foliage_density is None else power / foliage_density
-
-
-def check_robot(robot: str, served: object | None) -> None:
-    """Check the class of a robot: no simulation here has another than the shipped ones.
-
-    Args:
-        robot: Name of the class; a package may precede it.
-        served: The simulation in this process; None for a server, which may know more
-            classes, so that only a probable error in a name without package counts.
-
-    Raises:
-        click.BadParameter: If the class is unknown, or probably misspelt.
-    """
-    from radarsim.presets.robots import robot_names
-
-    package, _, name = robot.rpartition(".")
-    if name.casefold() in (known.casefold() for known in robot_names()):
-        return
-    text = expected_one_of(name, robot_names())
-    if served is None:
-        if package or not did_you_mean(name, robot_names()):
-            return
-        text += f" A class of another server has a package: USARBot.{name[:80]}"
-    raise click.BadParameter(text, param_hint="--robot")

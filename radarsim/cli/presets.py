@@ -7,12 +7,13 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Final, TypeVar
 
-import typer
+import click
 from rich.console import Console
 from rich.table import Table
 
-from radarsim.cli.options import JsonOption
+from radarsim.cli.fields import Json
 from radarsim.errors import expected_one_of
+from radarsim.plans import Option
 
 if TYPE_CHECKING:
     from radarsim.presets.preset_files import SourcedValue
@@ -22,14 +23,16 @@ if TYPE_CHECKING:
 _Preset = TypeVar("_Preset")
 _UNITS: Final = {"g_per_m3": "g/m3", "mm_per_h": "mm/h"}
 
-NamesArgument = Annotated[
-    list[str] | None,
-    typer.Argument(metavar="NAME", help="Names to list; all by default."),
-]
+_Names = Annotated[tuple[str, ...], Option(is_argument=True, metavar="NAME")]
 
 
-def sensors(names: NamesArgument = None, *, as_json: JsonOption = False) -> None:
-    """List the sensors: their numbers, sources and confidence."""
+def sensors(names: _Names = (), *, as_json: Json = False) -> None:
+    """List the sensors: their numbers, sources and confidence.
+
+    Args:
+        names: Names to list; all by default.
+        as_json: Print JSON, for programs.
+    """
     from radarsim.presets.sensors import item_presets, sensor_presets
 
     chosen = _choose("sensor", names, {**sensor_presets(), **item_presets()})
@@ -39,7 +42,7 @@ def sensors(names: NamesArgument = None, *, as_json: JsonOption = False) -> None
             for number in preset["settings"].values():
                 if number["value"] == math.inf:  # not allowed in JSON
                     number["value"] = None
-        typer.echo(json.dumps(plain, indent=2, allow_nan=False))
+        click.echo(json.dumps(plain, indent=2, allow_nan=False))
         return
     console = Console(soft_wrap=False)
     if not names:
@@ -51,14 +54,19 @@ def sensors(names: NamesArgument = None, *, as_json: JsonOption = False) -> None
             console.print(_details(title, "setting", each.fmcw))
 
 
-def materials(names: NamesArgument = None, *, as_json: JsonOption = False) -> None:
-    """List the library of materials: their numbers, sources and confidence."""
+def materials(names: _Names = (), *, as_json: Json = False) -> None:
+    """List the library of materials: their numbers, sources and confidence.
+
+    Args:
+        names: Names to list; all by default.
+        as_json: Print JSON, for programs.
+    """
     from radarsim.scene.material import library
 
     chosen = _choose("material", names, library())
     if as_json:
         plain = {name: entry.model_dump() for name, entry in chosen.items()}
-        typer.echo(json.dumps(plain, indent=2, allow_nan=False))
+        click.echo(json.dumps(plain, indent=2, allow_nan=False))
         return
     console = Console(soft_wrap=False)
     if not names:
@@ -68,11 +76,11 @@ def materials(names: NamesArgument = None, *, as_json: JsonOption = False) -> No
 
 
 def _choose(
-    noun: str, names: Sequence[str] | None, presets: Mapping[str, _Preset]
+    noun: str, names: Sequence[str], presets: Mapping[str, _Preset]
 ) -> dict[str, _Preset]:
-    for name in names or ():
+    for name in names:
         if name not in presets:
-            raise typer.BadParameter(f"{noun} {expected_one_of(name, presets)}")
+            raise click.BadParameter(f"{noun} {expected_one_of(name, presets)}")
     return {name: presets[name] for name in names or presets}
 
 

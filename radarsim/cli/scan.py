@@ -77,7 +77,7 @@ class PlacedSensor:
     """
 
     option_group: ClassVar = "Sensor"
-    one_required: ClassVar = (("start", "pose"),)
+    one_required: ClassVar[tuple[tuple[str, ...], ...]] = (("start", "pose"),)
 
     sensor: SensorName
     start: str | None = None

@@ -7,18 +7,19 @@ from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
+import click
 import httpx
 import pytest
-import typer
 from commands import Run, run_in_process
 from processes import start_radarsim
 
 from radarsim.addons.web.commands import announce_commander, read_token
-from radarsim.cli.server_options import DialectName, ServerOptions
+from radarsim.cli.serving import ServerOptions
 
 RunCommand = Callable[..., Run]
 
 TIMEOUT = 240.0  # s
+NOBODY = ("--connect", "127.0.0.1:1")
 
 
 def read_url(process: subprocess.Popen[bytes]) -> str:
@@ -88,6 +89,18 @@ def test_server_tells_when_its_commander_has_ended_and_goes_on() -> None:
         server.communicate(timeout=TIMEOUT)
 
 
+def test_commander_of_a_map_serves_it() -> None:
+    with start_radarsim("commander", "empty_room", "--web", "0") as program:
+        try:
+            assert program.stdout is not None
+            told = program.stdout.readline().decode()
+            assert told.startswith("radarsim: listening on 127.0.0.1:")
+            assert is_served(read_url(program))
+        finally:
+            program.send_signal(signal.SIGINT)
+        assert program.wait(TIMEOUT) == 130
+
+
 @pytest.mark.parametrize("text", [None, "version: 1\nobjects: 3\n"])
 def test_wrong_map_is_told_before_an_address_is(
     radarsim: RunCommand, tmp_path: Path, text: str | None
@@ -95,7 +108,7 @@ def test_wrong_map_is_told_before_an_address_is(
     file = tmp_path / "wrong.yaml"
     if text is not None:
         file.write_text(text)
-    run = radarsim("commander", "--web", "0", "--map", str(file))
+    run = radarsim("commander", *NOBODY, "--web", "0", "--draw", str(file))
     assert (run.code, run.out) == (1, b"")
     assert "wrong.yaml" in run.err
 
@@ -113,7 +126,7 @@ def test_commander_of_a_server_that_cannot_start_ends_as_well() -> None:
 @pytest.mark.parametrize("end", [(signal.SIGTERM, 0), (signal.SIGINT, 130)])
 def test_signal_ends_the_commander(end: tuple[signal.Signals, int]) -> None:
     number, code = end
-    with start_radarsim("commander", "--port", "1", "--web", "0") as program:
+    with start_radarsim("commander", *NOBODY, "--web", "0") as program:
         try:
             assert is_served(read_url(program))  # also without a server
         finally:
@@ -131,9 +144,9 @@ def test_token_is_read_from_a_file(tmp_path: Path) -> None:
 def test_wrong_token_file_is_a_usage_error(tmp_path: Path, data: bytes) -> None:
     file = tmp_path / "token"
     file.write_bytes(data)
-    with pytest.raises(typer.BadParameter, match="token"):
+    with pytest.raises(click.BadParameter, match="token"):
         read_token(file)
-    with pytest.raises(typer.BadParameter, match="token"):
+    with pytest.raises(click.BadParameter, match="token"):
         read_token(tmp_path / "none")
 
 
@@ -153,13 +166,18 @@ def test_ports_of_server_and_page_differ(radarsim: RunCommand) -> None:
 def test_wrong_setting_of_the_server_is_a_usage_error(
     radarsim: RunCommand, setting: str
 ) -> None:
-    run = radarsim("commander", "--web", "0", "--set", setting)
+    run = radarsim("commander", *NOBODY, "--web", "0", "--set", setting)
     assert run.code == 2
     assert "--set" in run.err
 
 
 @pytest.mark.parametrize(
-    "words", [["serve", "empty_room", "--port", "0"], ["commander"]]
+    "words",
+    [
+        ["serve", "empty_room", "--port", "0"],
+        ["commander", "empty_room"],
+        ["commander", *NOBODY],
+    ],
 )
 def test_port_in_use_is_told_with_its_cure(
     radarsim: RunCommand, words: list[str]
@@ -183,11 +201,11 @@ def test_page_reads_any_token_from_the_address(
 def test_page_gets_the_classes_that_the_server_gets(tmp_path: Path) -> None:
     file = tmp_path / "tall.yaml"
     file.write_text("based_on: P3AT\nname: Tall\n")
-    options = ServerOptions(DialectName.UDK, None, None, [file])
+    options = ServerOptions(dialect="udk", robots=(file,))
     words = options.words()
     assert words == ["--dialect", "udk", "--robots", str(file)]
     assert [each.name for each in options.config().robots] == ["Tall"]
     file.write_text("based_on: P3AT\nname: 7\n")
-    run = run_in_process("commander", *words, "--web", "0")
+    run = run_in_process("commander", *NOBODY, *words, "--web", "0")
     assert run.code == 1
     assert f"{file}:2" in run.err

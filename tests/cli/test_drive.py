@@ -102,7 +102,7 @@ def test_keys_drive_the_robot_and_the_terminal_is_restored(
     terminal: Terminal, host: Host, port: int
 ) -> None:
     before = terminal.attributes()
-    with start(terminal, "--port", str(port)) as process:
+    with start(terminal, "--connect", f"127.0.0.1:{port}") as process:
         wait_until(lambda: b"lms200" in terminal.shown)
         assert terminal.attributes() != before
         ((vehicle,)) = host.simulation.vehicles
@@ -128,7 +128,7 @@ def test_sigterm_is_the_end_of_a_drive_and_restores_the_terminal(
     terminal: Terminal, port: int
 ) -> None:
     before = terminal.attributes()
-    with start(terminal, "--port", str(port)) as process:
+    with start(terminal, "--connect", f"127.0.0.1:{port}") as process:
         wait_until(lambda: b"lms200" in terminal.shown)
         for _ in range(2):
             process.send_signal(signal.SIGTERM)
@@ -145,7 +145,7 @@ def test_signal_before_the_robot_is_there_is_no_end_of_a_drive(
     terminal: Terminal, number: int, code: int
 ) -> None:
     with socket.create_server(("127.0.0.1", 0)) as silent:
-        options = ("--port", str(silent.getsockname()[1]))
+        options = ("--connect", f"127.0.0.1:{silent.getsockname()[1]}")
         with start(terminal, *options) as process, silent.accept()[0]:
             process.send_signal(number)
             assert process.wait(timeout=240) == code
@@ -158,7 +158,7 @@ def test_terminal_is_restored_when_the_server_disconnects(
 ) -> None:
     before = terminal.attributes()
     thread = ServerThread(host, speed=1.0)
-    with start(terminal, "--port", str(thread.begin()[1])) as process:
+    with start(terminal, "--connect", f"127.0.0.1:{thread.begin()[1]}") as process:
         wait_until(lambda: b"lms200" in terminal.shown)
         thread.finish()
         assert process.wait(timeout=240) == 1
@@ -178,8 +178,9 @@ def test_misspelt_robot_ends_the_command_before_it_connects(
     terminal: Terminal,
 ) -> None:
     with socket.create_server(("127.0.0.1", 0)) as silent:
-        port = str(silent.getsockname()[1])
-        with start(terminal, "--robot", "P3AT_Radar361", "--port", port) as process:
+        server = f"127.0.0.1:{silent.getsockname()[1]}"
+        words = ("--robot", "P3AT_Radar361", "--connect", server)
+        with start(terminal, *words) as process:
             assert process.wait(timeout=240) == 2
         silent.setblocking(False)
         with pytest.raises(BlockingIOError):
@@ -193,7 +194,7 @@ def test_misspelt_robot_ends_the_command_before_it_connects(
         pytest.param([], "stdin is no terminal, expected a terminal", id="no terminal"),
         pytest.param(["--speed", "0"], "expected above 0", id="speed zero"),
         pytest.param(["--speed", "inf"], "expected above 0", id="speed infinite"),
-        pytest.param(["--port", "0"], "--port", id="port"),
+        pytest.param(["--connect", "a:0"], "--connect: 'a:0'", id="port"),
         pytest.param(["--drive-unit", "knots"], "knots", id="unit"),
     ],
 )

@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 import pytest
 
-from radarsim.cli.options import check_writable, write_file
+from radarsim.cli.files import check_writable, write_file
 
 
 def test_written_file_has_the_contents(tmp_path: Path) -> None:

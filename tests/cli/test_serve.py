@@ -1,28 +1,32 @@
 from collections.abc import Callable
 from typing import Any
 
-import click
 import pytest
 
-from radarsim.cli.options import DEFAULT_MAX_CLIENTS, read_item_settings
-from radarsim.cli.serve import announce
+from radarsim.cli.fields import read_item_setting
+from radarsim.cli.serve import DEFAULT_MAX_CLIENTS
+from radarsim.cli.serving import ServerOptions, announce
 from radarsim.server.tcp_server import MAX_CLIENTS
 
 Command = Callable[..., Any]
 
 
-def test_settings_are_grouped_by_item() -> None:
-    texts = ["lms200.max_range=20", "InsTest.sigma=0", "lms200.side_offset_uu=0"]
-    assert read_item_settings(texts) == {
-        "lms200": {"max_range": 20, "side_offset_uu": 0},
-        "InsTest": {"sigma": 0},
-    }
-
-
 @pytest.mark.parametrize("text", ["max_range=20", ".max_range=20", "lms200.=2", "a.b"])
-def test_setting_without_item_key_or_value_is_a_usage_error(text: str) -> None:
-    with pytest.raises(click.BadParameter, match="expected"):
-        read_item_settings([text])
+def test_setting_without_item_key_or_value_is_a_usage_error(
+    radarsim: Command, text: str
+) -> None:
+    run = radarsim("serve", "empty_room", "--set", text)
+    assert run.code == 2
+    assert run.err == f"radarsim: --set: {text!r}, expected ITEM.KEY=VALUE\n"
+
+
+@pytest.mark.parametrize(
+    "text", ["a.b=20", "a.b=1,2,1", "a.b=inf", "a.b=first", 'a.b="7"', "a.b=true"]
+)
+def test_page_reads_the_settings_that_the_server_has(text: str) -> None:
+    options = ServerOptions(settings=(read_item_setting(text),))
+    assert options.words()[:3] == ["--dialect", "compat", "--set"]
+    assert read_item_setting(options.words()[3]) == options.settings[0]
 
 
 @pytest.mark.parametrize(
@@ -65,8 +69,8 @@ def test_foreign_address_is_an_error_in_one_line(radarsim: Command) -> None:
     ("address", "command"),
     [
         (("127.0.0.1", 3000), "radarsim drive;"),
-        (("127.0.0.1", 4000), "radarsim drive --port 4000;"),
-        (("192.0.2.1", 3000), "radarsim drive --host 192.0.2.1;"),
+        (("127.0.0.1", 4000), "radarsim drive --connect 127.0.0.1:4000;"),
+        (("192.0.2.1", 3000), "radarsim drive --connect 192.0.2.1:3000;"),
     ],
 )
 def test_next_step_is_told_to_a_person_on_stderr(

@@ -73,7 +73,7 @@ def test_detections_are_a_row_each(
     "options",
     [
         pytest.param((), id="from above"),
-        pytest.param(("--view", "polar", "--range", "20"), id="polar"),
+        pytest.param(("--view", "polar", "--max-range", "20"), id="polar"),
         pytest.param(
             ("--view", "ascope", "--azimuth", "3", "--detector", "k"), id="A-scope"
         ),

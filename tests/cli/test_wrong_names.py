@@ -84,8 +84,9 @@ def test_names_in_a_map_are_suggested(radarsim: RunCommand, tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("command", "expected"),
     [
-        (("drive", "--port", "x"), "'x', expected a whole number"),
-        (("drive", "--port", "99999"), "'99999', expected at most 65535"),
+        (("drive", "--connect", "a:99999"), "'a:99999', expected HOST:PORT"),
+        (("serve", "a", "--port", "x"), "'x', expected a whole number"),
+        (("serve", "a", "--port", "99999"), "'99999', expected at most 65535"),
         (("serve", "a", "--speed", "x"), "'x', expected a number"),
         (("serve", "a", "--seed", "-1"), "'-1', expected at least 0"),
         (("navigate", "--algorithm", "x"), "'x', expected one of ['bug1', 'bug2',"),

@@ -49,8 +49,8 @@ def serve_robots(
 @contextmanager
 def show(address: tuple[str, int], *words: str) -> Iterator[Served]:
     """Serve the page of a server that runs already."""
-    host, port = address
-    words = ("commander", "--host", host, "--port", str(port), *words, "--web", "0")
+    server = f"{address[0]}:{address[1]}"
+    words = ("commander", "--connect", server, *words, "--web", "0")
     with _run("commander on", *words) as (process, told):
         yield Served(process, address, _read_url(told))
 

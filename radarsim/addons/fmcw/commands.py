@@ -1,263 +1,373 @@
-"""``radarsim spectrum``: turns of an FMCW radar as pictures, images or numbers."""
+"""``radarsim spectrum``: turns of an FMCW radar as pictures, images or numbers.
+
+``explain --budget`` prints the link budget of one direction of it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from enum import StrEnum
+import csv
+import io
+import json
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
 
-import typer
+import click
+from annotated_types import Ge, Gt, Interval, Unit
 
-from radarsim.cli.legacy_sensor import load_scene_and_pose
-from radarsim.cli.options import (
-    MapArgument,
-    SeedOption,
-    SensorOption,
-    SensorPoseOption,
-    SensorStartOption,
-    check_ending,
-    check_positive,
-    check_writable,
-    refuse_options,
-    write_file,
-)
-from radarsim.errors import PresetError
+from radarsim.cli.compile_progress import with_compile_progress
+from radarsim.cli.fields import MapName
+from radarsim.cli.files import check_ending, check_writable, write_file
+from radarsim.cli.output import print_lines
+from radarsim.cli.scan import PlacedSensor
+from radarsim.errors import PresetError, describe_os_error
+from radarsim.plans import RARE, Option
 
 if TYPE_CHECKING:
+    from radarsim.addons.fmcw.budget import Budget, Entry
+    from radarsim.addons.fmcw.detection import Detections
+    from radarsim.addons.fmcw.rotation import DrivenPath, RecordedTurn
     from radarsim.addons.fmcw.spectrum import Spectrum
-    from radarsim.addons.fmcw.spectrum_files import Detector, Shown
+    from radarsim.geometry import Pose3
+    from radarsim.scene.scene import Scene
     from radarsim.sensors.range_scanner import RangeScanner
 
-_ENDINGS = ("png", "svg", "pdf", "npz", "csv")
+_ENDINGS: Final = ("png", "svg", "pdf", "npz", "csv")
+_LABELS: Final = 38  # columns of labels in a link budget
 
 
-class View(StrEnum):
-    """How a picture shows a turn."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlacedRadar(PlacedSensor):
+    """An FMCW radar at a place in a map, or on a path.
 
-    CARTESIAN = "cartesian"
-    POLAR = "polar"
-    ASCOPE = "ascope"
-
-
-class ImageLayout(StrEnum):
-    """The data sets whose images can be written."""
-
-    OXFORD = "oxford"
-    BOREAS = "boreas"
-    RADIATE = "radiate"
-
-
-class DetectorName(StrEnum):
-    """The detectors of targets."""
-
-    CA = "ca"
-    OS = "os"
-    K = "k"
-
-
-OutputOption = Annotated[
-    Path,
-    typer.Option(
-        "-o",
-        "--output",
-        help="File to write: .png, .svg or .pdf, .npz with all numbers, or .csv with"
-        " the detections. With --path a folder.",
-    ),
-]
-PathOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--path",
-        metavar="FILE.tum",
-        help="Record all turns along a path of the antenna, as in a data set.",
-    ),
-]
-SettingsOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="KEY=VALUE",
-        help="Change a setting of the sensor; of its FMCW radar: fmcw.KEY=VALUE.",
-    ),
-]
-ViewOption = Annotated[
-    View | None,
-    typer.Option(help="What the picture shows.", show_default="cartesian"),
-]
-AzimuthOption = Annotated[
-    int | None,
-    typer.Option(min=0, help="Direction of the A-scope.", show_default="0"),
-]
-RangeOption = Annotated[
-    float | None,
-    typer.Option(
-        "--max-range",
-        "--range",
-        metavar="M",
-        callback=check_positive,
-        help="Longest range in the picture; by default what is above the noise.",
-    ),
-]
-LayoutOption = Annotated[
-    ImageLayout | None,
-    typer.Option(
-        help="Write an image as in a data set, not a picture.",
-        show_default="oxford with --path",
-    ),
-]
-DetectorOption = Annotated[
-    DetectorName | None,
-    typer.Option(help="Detector of targets.", show_default="ca for .csv"),
-]
-PfaOption = Annotated[
-    float, typer.Option(help="False alarms in a bin of noise, for ca and os.")
-]
-StrongestOption = Annotated[
-    int, typer.Option(min=1, help="Bins of each direction, for k.")
-]
-CountOption = Annotated[
-    int, typer.Option(min=1, help="Number of turns, for .npz and .csv.")
-]
-
-
-def spectrum(
-    map_: MapArgument,
-    *,
-    sensor: SensorOption,
-    output: OutputOption,
-    start: SensorStartOption = None,
-    pose: SensorPoseOption = None,
-    path: PathOption = None,
-    settings: SettingsOption = None,
-    view: ViewOption = None,
-    azimuth: AzimuthOption = None,
-    reach: RangeOption = None,
-    layout: LayoutOption = None,
-    detector: DetectorOption = None,
-    pfa: PfaOption = 1e-4,
-    strongest: StrongestOption = 12,
-    count: CountOption = 1,
-    seed: SeedOption = 0,
-) -> None:
-    """Record turns of an FMCW radar: the power over range in each direction."""
-    from radarsim.addons.fmcw.spectrum_files import Detector, Shown
-    from radarsim.rng import generator_for
-
-    pictures = {"--view": view, "--azimuth": azimuth, "--range": reach}
-    if path is not None:
-        others = {"--start": start, "--pose": pose, "--detector": detector, **pictures}
-        refuse_options(others, "expected no --path with it")
-        scanner = _load_radar(sensor, settings)
-        _record_path(map_, scanner, path, layout or ImageLayout.OXFORD, output, seed)
-        return
-    ending = check_ending(output, _ENDINGS, "-o")
-    _check_combinations(ending, pictures, layout, count)
-    if azimuth is not None and view is not View.ASCOPE:
-        raise typer.BadParameter("expected --view ascope", param_hint="--azimuth")
-    _check_pfa(pfa)
-    check_writable(output, "-o")
-    scanner = _load_radar(sensor, settings)
-    scene, sensor_pose = load_scene_and_pose(map_, start=start, pose=pose)
-    rng = generator_for(seed, sensor)
-    turns = [scanner.spectrum(scene, sensor_pose, rng) for _ in range(count)]
-    shown = Shown((view or View.CARTESIAN).value, azimuth or 0, reach)
-    found = Detector(detector.value if detector else None, pfa, strongest)
-    write_file(output, _contents(turns, ending, layout, shown, found))
-
-
-def _contents(
-    turns: list[Spectrum],
-    ending: str,
-    layout: ImageLayout | None,
-    shown: Shown,
-    detector: Detector,
-) -> bytes:
-    """Return the contents of the file."""
-    from radarsim.addons.fmcw.image_files import image_of
-    from radarsim.addons.fmcw.spectrum_files import as_csv, as_npz, as_picture
-
-    if layout is not None:
-        return image_of(turns[0], layout.value)
-    if ending == "npz":
-        return as_npz(turns)
-    if ending == "csv":
-        return as_csv(turns, detector)
-    return as_picture(turns[0], ending, shown, detector)
-
-
-def _record_path(
-    map_: str,
-    scanner: RangeScanner,
-    path: Path,
-    layout: ImageLayout,
-    folder: Path,
-    seed: int,
-) -> None:
-    """Write the turns along a path, and say how many they are."""
-    from radarsim.addons.fmcw.rotation import turns_along
-    from radarsim.addons.fmcw.spectrum_files import load_path, write_sequence
-    from radarsim.rng import generator_for
-    from radarsim.scene.map_file import load_map
-
-    scene = load_map(map_)
-    way = load_path(path, scene)
-    rng = generator_for(seed, scanner.name)
-    turns = turns_along(scanner.fmcw, scene, way, rng)
-    number = write_sequence(folder, layout.value, turns)
-    typer.echo(f"{number} turns along {way.duration:.1f} s in {folder}", err=True)
-
-
-def _check_combinations(
-    ending: str,
-    pictures: Mapping[str, object],
-    layout: ImageLayout | None,
-    count: int,
-) -> None:
-    """Refuse options that the kind of file has no use for.
-
-    Raises:
-        typer.BadParameter: If there is one.
+    Attributes:
+        path: Record all turns along a path of the antenna, a .tum file, as in a data
+            set.
+        settings: Change a setting of the sensor; of its FMCW radar: fmcw.KEY=VALUE.
     """
-    if layout is not None:
-        refuse_options(pictures, "expected no --layout with it")
-        if ending != "png":
-            raise typer.BadParameter(
-                f"a .{ending} file, expected .png with --layout", param_hint="-o"
-            )
-    elif ending in ("npz", "csv"):
-        refuse_options(pictures, f"expected a picture, not a .{ending} file")
-    if count > 1 and ending not in ("npz", "csv"):
-        raise typer.BadParameter(
-            f"{count}, expected 1 for a .{ending} file", param_hint="--count"
-        )
 
+    one_required: ClassVar[tuple[tuple[str, ...], ...]] = (("start", "pose", "path"),)
 
-def _check_pfa(pfa: float) -> None:
-    if not 0 < pfa < 1:
-        raise typer.BadParameter(
-            f"{pfa!r}, expected above 0 and below 1", param_hint="--pfa"
-        )
+    path: Annotated[Path | None, RARE] = None
 
+    def load_scanner(self) -> RangeScanner:
+        """Create the scanner.
 
-def _load_radar(sensor: str, settings: list[str] | None) -> RangeScanner:
-    """Create a scanner with an FMCW radar from a preset and ``KEY=VALUE`` texts.
+        Raises:
+            click.BadParameter: If it is no FMCW radar, or a setting is wrong.
+        """
+        from radarsim.sensors.range_scanner import load_sensor
 
-    Raises:
-        typer.BadParameter: If the preset or a setting is wrong.
-    """
-    from radarsim.presets.sensors import parse_setting
-    from radarsim.sensors.range_scanner import load_sensor
-
-    try:
-        values = dict(map(parse_setting, settings or []))
+        values = dict(self.settings)
         fmcw = {
             key.removeprefix("fmcw."): values.pop(key)
             for key in list(values)
             if key.startswith("fmcw.")
         }
-        scanner = load_sensor(sensor, fmcw=fmcw, **values)
-        _ = scanner.fmcw
+        try:
+            scanner = load_sensor(self.sensor, fmcw=fmcw, **values)
+            _ = scanner.fmcw
+        except PresetError as error:
+            raise click.BadParameter(str(error)) from None
+        return scanner
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shown:
+    """What a picture shows.
+
+    Attributes:
+        view: What the picture shows; cartesian by default.
+        azimuth: Direction of the A-scope; 0 by default.
+        max_range: Longest range in the picture; by default what is above the noise.
+    """
+
+    option_group: ClassVar = "Picture"
+
+    view: Literal["cartesian", "polar", "ascope"] | None = None
+    azimuth: Annotated[int | None, Ge(0), RARE] = None
+    max_range: Annotated[float | None, Gt(0), Unit("m"), RARE] = None
+
+    def refuse(self, text: str) -> None:
+        """Refuse all that is given.
+
+        Raises:
+            click.BadParameter: If anything is.
+        """
+        for name, value in asdict(self).items():
+            if value is not None:
+                hint = f"--{name.replace('_', '-')}"
+                raise click.BadParameter(text, param_hint=hint)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Detector:
+    """How targets are detected.
+
+    Attributes:
+        detector: Detector of targets; ca for .csv by default.
+        pfa: False alarms in a bin of noise, for ca and os.
+        strongest: Bins of each direction, for k.
+    """
+
+    option_group: ClassVar = "Detector"
+
+    detector: Annotated[Literal["ca", "os", "k"] | None, RARE] = None
+    pfa: Annotated[float, Interval(gt=0, lt=1), RARE] = 1e-4
+    strongest: Annotated[int, Ge(1), RARE] = 12
+
+    def detect(self, turn: Spectrum) -> Detections:
+        """Return the targets in a turn."""
+        name = self.detector or "ca"
+        return turn.detections(name, pfa=self.pfa, count=self.strongest)
+
+
+@with_compile_progress
+def spectrum(
+    map_: MapName,
+    plan: PlacedRadar,
+    shown: Shown,
+    detector: Detector,
+    *,
+    output: Annotated[Path, Option(names=("-o", "--output"))],
+    count: Annotated[int, Ge(1)] = 1,
+    layout: Annotated[Literal["oxford", "boreas", "radiate"] | None, RARE] = None,
+) -> None:
+    """Record turns of an FMCW radar: the power over range in each direction.
+
+    Args:
+        map_: A map file, or the name of a shipped map; @VARIANT may follow.
+        plan: The radar and its place.
+        shown: What a picture shows.
+        detector: How targets are detected.
+        output: File to write: .png, .svg or .pdf, .npz with all numbers, or .csv with
+            the detections. With --path a folder.
+        count: Number of turns, for .npz and .csv.
+        layout: Write an image as in a data set, not a picture; oxford by default with
+            --path.
+    """
+    from radarsim.addons.fmcw.image_files import image_of
+    from radarsim.rng import generator_for
+    from radarsim.scene.map_file import load_map
+
+    if plan.path is not None:
+        shown.refuse("expected no --path with it")
+        if detector.detector is not None:
+            text = "expected no --path with it"
+            raise click.BadParameter(text, param_hint="--detector")
+        scanner = plan.load_scanner()
+        scene = load_map(map_)
+        _record_path(scanner, scene, plan.path, layout or "oxford", output, plan.seed)
+        return
+    ending = check_ending(output, _ENDINGS, "-o")
+    if layout is not None:
+        shown.refuse("expected no --layout with it")
+        if ending != "png":
+            text = f"a .{ending} file, expected .png with --layout"
+            raise click.BadParameter(text, param_hint="-o")
+    elif ending in ("npz", "csv"):
+        shown.refuse(f"expected a picture, not a .{ending} file")
+    if count > 1 and ending not in ("npz", "csv"):
+        text = f"{count}, expected 1 for a .{ending} file"
+        raise click.BadParameter(text, param_hint="--count")
+    if shown.azimuth is not None and shown.view != "ascope":
+        raise click.BadParameter("expected --view ascope", param_hint="--azimuth")
+    check_writable(output, "-o")
+    scanner = plan.load_scanner()
+    scene = load_map(map_)
+    pose = plan.find_pose(scene)
+    rng = generator_for(plan.seed, plan.sensor)
+    turns = [scanner.spectrum(scene, pose, rng) for _ in range(count)]
+    if layout is not None:
+        data = image_of(turns[0], layout)
+    elif ending == "npz":
+        data = _as_npz(turns)
+    elif ending == "csv":
+        data = _as_csv(turns, detector)
+    else:
+        data = _as_picture(turns[0], ending, shown, detector)
+    write_file(output, data)
+
+
+def _record_path(
+    scanner: RangeScanner,
+    scene: Scene,
+    path: Path,
+    layout: str,
+    folder: Path,
+    seed: int,
+) -> None:
+    """Write the turns along a path, and say how many they are."""
+    from radarsim.addons.fmcw.rotation import turns_along
+    from radarsim.rng import generator_for
+
+    way = _load_path(path, scene)
+    turns = turns_along(scanner.fmcw, scene, way, generator_for(seed, scanner.name))
+    number = _write_sequence(folder, layout, turns)
+    click.echo(f"{number} turns along {way.duration:.1f} s in {folder}", err=True)
+
+
+def _as_picture(turn: Spectrum, form: str, shown: Shown, detector: Detector) -> bytes:
+    """Draw a turn.
+
+    Raises:
+        click.BadParameter: If it has no such direction.
+    """
+    from radarsim.addons.fmcw.plots import draw_spectrum
+
+    last, azimuth = len(turn.angles) - 1, shown.azimuth or 0
+    if azimuth > last:
+        text = f"{azimuth}, expected 0 to {last}"
+        raise click.BadParameter(text, param_hint="--azimuth")
+    return draw_spectrum(
+        turn,
+        view=shown.view or "cartesian",
+        azimuth=azimuth,
+        reach=shown.max_range,
+        detections=detector.detect(turn) if detector.detector else None,
+        form=form,
+    )
+
+
+def _as_npz(turns: list[Spectrum]) -> bytes:
+    """Return all numbers of turns as a NumPy archive."""
+    import numpy as np
+
+    data = io.BytesIO()
+    np.savez_compressed(
+        data,
+        angles=turns[0].angles,
+        ranges=turns[0].ranges,
+        noise_floor=turns[0].noise_floor,
+        pose=np.array(turns[0].pose.numbers()),
+        power=np.stack([turn.power for turn in turns]),
+        counts=np.stack([turn.counts for turn in turns]),
+    )
+    return data.getvalue()
+
+
+def _as_csv(turns: list[Spectrum], detector: Detector) -> bytes:
+    """Return a row for each detection, by default of ``ca``."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["turn", "azimuth", "angle", "range", "dbm"])
+    for number, turn in enumerate(turns):
+        found = detector.detect(turn)
+        for row, angle, range_, dbm in zip(
+            found.rows.tolist(),
+            found.angles.tolist(),
+            found.ranges.tolist(),
+            found.dbm.tolist(),
+            strict=True,
+        ):
+            writer.writerow(
+                [number, row, f"{angle:.6f}", f"{range_:.4f}", f"{dbm:.2f}"]
+            )
+    return text.getvalue().encode()
+
+
+def _load_path(path: Path, scene: Scene) -> DrivenPath:
+    """Read the path of an antenna; one without heights is at that of a robot's scanner.
+
+    Raises:
+        click.BadParameter: If it cannot be read, or is no path.
+    """
+    import numpy as np
+
+    from radarsim.addons.fmcw.rotation import read_tum
+    from radarsim.sensors.range_scanner import SENSOR_HEIGHT
+
+    try:
+        way = read_tum(path.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        text = f"cannot read {path}: {describe_os_error(error)}"
+        raise click.BadParameter(text, param_hint="--path") from None
+    except ValueError as error:
+        raise click.BadParameter(f"{path}: {error}", param_hint="--path") from None
+    if way.positions[:, 2].any():
+        return way
+    floor = [scene.floor_at(x, y) for x, y, _ in way.positions.tolist()]
+    return way.at_heights(np.array(floor) + SENSOR_HEIGHT)
+
+
+def _write_sequence(folder: Path, layout: str, turns: Iterable[RecordedTurn]) -> int:
+    """Write turns as a data set has them, with their poses; return their number.
+
+    Args:
+        folder: Created if it is missing.
+        layout: Of which data set.
+        turns: The turns.
+
+    Raises:
+        click.BadParameter: If a file cannot be written.
+    """
+    from radarsim.addons.fmcw.image_files import (
+        file_name,
+        folder_of,
+        image_of,
+        list_file,
+        list_line,
+    )
+
+    images = folder / folder_of(layout)
+    try:
+        images.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        text = f"cannot make {images}: {describe_os_error(error)}"
+        raise click.BadParameter(text, param_hint="-o") from None
+    lines, poses = [], ["# time x y z qx qy qz qw, of the antenna in the middle\n"]
+    for number, turn in enumerate(turns, 1):
+        time_us = round(turn.time * 1e6)
+        name = file_name(turn.spectrum, layout, time_us=time_us, number=number)
+        write_file(images / name, image_of(turn.spectrum, layout, time_us=time_us))
+        lines.append(list_line(layout, name, time_us))
+        poses.append(turn.tum_line())
+    write_file(folder / list_file(layout), "".join(lines).encode())
+    write_file(folder / "poses.tum", "".join(poses).encode())
+    return len(lines)
+
+
+def print_budget(
+    scanner: RangeScanner, scene: Scene, pose: Pose3, azimuth: int, as_json: bool
+) -> None:
+    """Print the link budget of a direction.
+
+    Raises:
+        click.BadParameter: If the sensor is no FMCW radar, or has no such direction.
+    """
+    from radarsim.addons.fmcw.budget import link_budget
+
+    try:
+        budget = link_budget(scanner.fmcw, scene, pose, azimuth)
     except PresetError as error:
-        raise typer.BadParameter(str(error)) from None
-    return scanner
+        raise click.BadParameter(str(error)) from None
+    except ValueError as error:
+        raise click.BadParameter(str(error), param_hint="--beam") from None
+    if as_json:
+        click.echo(json.dumps(asdict(budget)))
+    else:
+        print_lines(budget_lines(budget))
+
+
+def budget_lines(budget: Budget) -> Iterator[str]:
+    """Yield the lines of a link budget."""
+    angle = -math.degrees(budget.angle)
+    yield f"azimuth {budget.azimuth}, {angle:.1f} deg clockwise from straight ahead"
+    for number, entry in enumerate(budget.entries):
+        yield _line(entry, "dBm" if number == 0 else "dB")
+    for echo in budget.echoes:
+        yield ""
+        yield f"{echo.object_name} ({echo.material}), {echo.kind} at {echo.range:.2f} m"
+        for entry in echo.entries:
+            yield _line(entry, "dB")
+        yield f"  {'received':{_LABELS}}{echo.received:8.1f} dBm"
+        yield f"  {'noise':{_LABELS}}{budget.noise:8.1f} dBm"
+        yield f"  {'signal to noise':{_LABELS}}{echo.received - budget.noise:8.1f} dB"
+    if not budget.echoes:
+        yield "nothing comes back"
+
+
+def _line(entry: Entry, unit: str) -> str:
+    return f"  {entry.label:{_LABELS}}{entry.db:8.1f} {unit}"

@@ -2,132 +2,97 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
 
-import typer
+import click
+from annotated_types import Gt, Unit
 
-from radarsim.cli.options import (
-    check_ending,
-    check_positive,
-    check_writable,
-    read_pose,
-    write_file,
-)
+from radarsim.cli.files import check_ending, check_writable, write_file
 from radarsim.cli.output import print_lines, print_message
 from radarsim.errors import expected_one_of
+from radarsim.plans import RARE, Form, Option, read_numbers
 
 if TYPE_CHECKING:
     from radarsim.addons.imports.imported_map import ImportedMap, ImportOptions
 
+Kind: TypeAlias = Literal["map_server", "sdf", "stage", "gltf", "ini"]
 
-class Kind(StrEnum):
-    """Kinds of files."""
-
-    MAP_SERVER = "map_server"
-    SDF = "sdf"
-    STAGE = "stage"
-    GLTF = "gltf"
-    INI = "ini"
-
-
-_ENDINGS = {
-    ".yaml": Kind.MAP_SERVER,
-    ".yml": Kind.MAP_SERVER,
-    ".sdf": Kind.SDF,
-    ".glb": Kind.GLTF,
-    ".gltf": Kind.GLTF,
-    ".ini": Kind.INI,
+_ENDINGS: Final[dict[str, Kind]] = {
+    ".yaml": "map_server",
+    ".yml": "map_server",
+    ".sdf": "sdf",
+    ".glb": "gltf",
+    ".gltf": "gltf",
+    ".ini": "ini",
 }
 
-FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="The file.")]
-OutOption = Annotated[
-    Path, typer.Option("-o", "--output", metavar="FILE", help="The file to write.")
-]
-KindOption = Annotated[
-    Kind | None,
-    typer.Option(
-        "--from", help="Kind of the file.", show_default="by its ending and content"
-    ),
-]
-MaterialOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="PATTERN=NAME",
-        help="Material of objects with such names, as '*hedge*=hedge'; repeat it, the"
-        " first that fits counts.",
-    ),
-]
-DefaultMaterialOption = Annotated[
-    str, typer.Option(metavar="NAME", help="Material of all else.")
-]
-WallHeightOption = Annotated[
-    float,
-    typer.Option(
-        metavar="M", callback=check_positive, help="Height of the walls of plans."
-    ),
-]
-ModelPathOption = Annotated[
-    list[Path] | None,
-    typer.Option(
-        metavar="DIR",
-        help="Folder with models or files that worlds include; repeat it.",
-    ),
-]
-StartOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="X,Y,YAW_DEG",
-        help="Pose of the start, m.",
-        show_default="where a plan has most room, else the origin",
-    ),
-]
-RobotOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="CLASS", help="Robot class to import, where a file has several."
-    ),
-]
-StrictOption = Annotated[
-    bool,
-    typer.Option(
-        "--strict", help="Write nothing, and exit with 1, if anything is left out."
-    ),
-]
+
+def _read_pattern(text: str) -> tuple[str, str]:
+    pattern, sign, name = text.partition("=")
+    if not (pattern and sign and name):
+        raise ValueError(f"{text!r}, expected PATTERN=NAME")
+    return pattern, name
+
+
+def _read_start(text: str) -> tuple[float, float, float]:
+    x, y, yaw_deg = read_numbers(text)
+    return x, y, yaw_deg
+
+
+_Material = Annotated[tuple[str, str], Form("PATTERN=NAME", _read_pattern)]
+_Start = Annotated[tuple[float, float, float], Form("X,Y,YAW_DEG", _read_start)]
 
 
 def import_(
-    file: FileArgument,
+    file: Annotated[Path, Option(is_argument=True)],
     *,
-    output: OutOption,
-    kind: KindOption = None,
-    material: MaterialOption = None,
-    default_material: DefaultMaterialOption = "concrete",
-    wall_height: WallHeightOption = 2.0,
-    model_path: ModelPathOption = None,
-    start: StartOption = None,
-    robot: RobotOption = None,
-    strict: StrictOption = False,
-) -> None:
-    """Make a map, or a robot class, of a file of another program."""
+    output: Annotated[Path, Option(names=("-o", "--output"))],
+    kind: Annotated[Kind | None, Option(names=("--from",))] = None,
+    start: _Start | None = None,
+    robot: Annotated[str | None, Option(metavar="CLASS")] = None,
+    material: Annotated[tuple[_Material, ...], RARE] = (),
+    default_material: Annotated[str, RARE] = "concrete",
+    wall_height: Annotated[float, Gt(0), Unit("m"), RARE] = 2.0,
+    model_path: Annotated[tuple[Path, ...], Option(metavar="DIR", is_rare=True)] = (),
+    strict: Annotated[bool, RARE] = False,
+) -> int:
+    """Make a map, or a robot class, of a file of another program.
+
+    Args:
+        file: The file.
+        output: The file to write.
+        kind: Kind of the file; by default what its ending and its content tell.
+        start: Pose of the start; by default where a plan has most room, else the
+            origin.
+        robot: Robot class to import, where a file has several.
+        material: Material of objects with such names, as '*hedge*=hedge'; repeat it,
+            the first that fits counts.
+        default_material: Material of all else.
+        wall_height: Height of the walls of plans.
+        model_path: Folder with models or files that worlds include; repeat it.
+        strict: Write nothing, and exit with 1, if anything is left out.
+
+    Returns:
+        The exit code.
+    """
     check_ending(output, ["yaml", "yml"], "-o")
     check_writable(output, "-o")
     if output.exists():
         text = f"{str(output)!r} exists, expected the name of a new file"
-        raise typer.BadParameter(text, param_hint="-o")
+        raise click.BadParameter(text, param_hint="-o")
     from radarsim.addons.imports.imported_map import ImportOptions
 
     options = ImportOptions(
-        materials=dict(_read_pattern(text) for text in material or ()),
+        materials=dict(material),
         default_material=default_material,
         wall_height=wall_height,
-        model_paths=tuple(model_path or ()),
-        start=None if start is None else _read_start(start),
+        model_paths=model_path,
+        start=start,
     )
     kind = kind or _kind_of(file)
     warnings: list[str] = []
-    if kind is Kind.INI:
+    if kind == "ini":
         text, notes = _import_robot(file, robot)
     else:
         imported = _import(kind, file, options, output.parent)
@@ -137,34 +102,35 @@ def import_(
     if notes:
         print_lines(notes)
         if strict:
-            raise typer.Exit(1)
+            return 1
     for warning in warnings:
         print_message(warning)
     write_file(output, text.encode(), "-o")
     print_message(f"wrote {output}")
+    return 0
 
 
 def _import(
     kind: Kind, file: Path, options: ImportOptions, folder: Path
 ) -> ImportedMap:
     match kind:
-        case Kind.MAP_SERVER:
+        case "map_server":
             from radarsim.addons.imports.map_server import import_map_server
 
             return import_map_server(file, options)
-        case Kind.SDF:
+        case "sdf":
             from radarsim.addons.imports.sdf import import_sdf
 
             return import_sdf(file, options, folder)
-        case Kind.STAGE:
+        case "stage":
             from radarsim.addons.imports.stage import import_stage
 
             return import_stage(file, options)
-        case Kind.GLTF:
+        case "gltf":
             from radarsim.addons.imports.gltf import import_gltf
 
             return import_gltf(file, options, folder)
-        case Kind.INI:
+        case "ini":
             raise AssertionError("it has no map")
 
 
@@ -179,7 +145,7 @@ def _check_materials(options: ImportOptions, imported: ImportedMap) -> None:
         for name in names:
             if name not in known:
                 text = f"material {expected_one_of(name, known)}"
-                raise typer.BadParameter(text, param_hint=hint)
+                raise click.BadParameter(text, param_hint=hint)
 
 
 def _import_robot(file: Path, name: str | None) -> tuple[str, list[str]]:
@@ -197,24 +163,9 @@ def _kind_of(file: Path) -> Kind:
     if ending == ".world":  # of Gazebo, or of Stage
         from radarsim.addons.imports.sdf import is_xml
 
-        return Kind.SDF if is_xml(file) else Kind.STAGE
+        return "sdf" if is_xml(file) else "stage"
     kind = _ENDINGS.get(ending)
     if kind is None:
         text = f"{str(file)!r}, expected --from with it"
-        raise typer.BadParameter(text, param_hint="FILE")
+        raise click.BadParameter(text, param_hint="FILE")
     return kind
-
-
-def _read_pattern(text: str) -> tuple[str, str]:
-    pattern, sign, name = text.partition("=")
-    if not (pattern and sign and name):
-        expected = "expected PATTERN=NAME"
-        raise typer.BadParameter(f"{text!r}, {expected}", param_hint="--material")
-    return pattern, name
-
-
-def _read_start(text: str) -> tuple[float, float, float]:
-    import math
-
-    pose = read_pose(text, "--start")
-    return pose.x, pose.y, math.degrees(pose.yaw)

@@ -11,61 +11,51 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+import click
+from annotated_types import Ge, Gt
 from rich.console import Console
 from rich.table import Column, Table
 
 from radarsim import __version__
-from radarsim.cli.options import DEFAULT_PORT, check_positive
+from radarsim.cli.app import EntryGroup
+from radarsim.cli.compile_progress import with_compile_progress
+from radarsim.cli.entries import CommandEntry
 from radarsim.cli.output import print_message, start_log
-from radarsim.cli.serve import announce
-from radarsim.cli.server_options import ListenHostOption, ListenPortOption
+from radarsim.cli.serving import Listener, announce
 from radarsim.errors import RecordingError
+from radarsim.plans import RARE, Option
 
 if TYPE_CHECKING:
     from radarsim.addons.recording.bag_reader import BagReader
     from radarsim.server.host import Host
 
-FolderArgument = Annotated[
-    Path, typer.Argument(metavar="DIR", help="Folder of the recording.")
-]
-VerifyOption = Annotated[
-    bool,
-    typer.Option(
-        "--verify",
-        help="Instead, simulate the run again from the recorded commands, and"
-        " compare all that clients were sent; exit with 1 if a byte differs.",
-    ),
-]
-VerifiedMapOption = Annotated[
-    str | None,
-    typer.Option("--map", help="The map to verify with; the recorded one if none."),
-]
-ClientOption = Annotated[
-    int | None,
-    typer.Option(
-        min=1, help="Number of the recorded client to play; the busiest if none."
-    ),
-]
-PlayingSpeedOption = Annotated[
-    float,
-    typer.Option(
-        callback=check_positive, help="Recorded seconds per second of real time."
-    ),
-]
+Folder = Annotated[Path, Option(is_argument=True, metavar="DIR")]
 
 
+@with_compile_progress
 def replay(
-    folder: FolderArgument,
+    folder: Folder,
+    listener: Listener,
     *,
-    verify: VerifyOption = False,
-    map_: VerifiedMapOption = None,
-    client: ClientOption = None,
-    host: ListenHostOption = "127.0.0.1",
-    port: ListenPortOption = DEFAULT_PORT,
-    speed: PlayingSpeedOption = 1.0,
-) -> None:
-    """Play a recording to clients of the protocol, as they were sent it."""
+    speed: Annotated[float, Gt(0)] = 1.0,
+    verify: bool = False,
+    map_: Annotated[str | None, Option(words="maps"), RARE] = None,
+    client: Annotated[int | None, Ge(1), RARE] = None,
+) -> int:
+    """Play a recording to clients of the protocol, as they were sent it.
+
+    Args:
+        folder: Folder of the recording.
+        listener: Where to listen.
+        speed: Recorded seconds per second of real time.
+        verify: Instead, simulate the run again from the recorded commands, and compare
+            all that clients were sent; exit with 1 if a byte differs.
+        map_: The map to verify with; the recorded one if none.
+        client: Number of the recorded client to play; the busiest if none.
+
+    Returns:
+        The exit code.
+    """
     from radarsim.addons.recording.bag_folder import check_installed
 
     check_installed()
@@ -78,21 +68,19 @@ def replay(
 
     bag = BagReader(folder)
     if verify:
-        _verify(bag, map_)
-        return
+        return _verify(bag, map_)
     start_log(logging.WARNING, "%(asctime)s %(levelname)s %(message)s")
     recorded = choose_client(recorded_clients(bag.calls()), client)
     _warn_of_end(bag)
     server = ReplayServer(recorded, speed=speed)
-    raise typer.Exit(asyncio.run(server.serve(host, port, announce)))
+    return asyncio.run(server.serve(listener.host, listener.port, announce))
 
 
-def _verify(bag: BagReader, map_: str | None) -> None:
-    """Simulate a run again, and tell whether it is the same.
+def _verify(bag: BagReader, map_: str | None) -> int:
+    """Simulate a run again, tell whether it is the same, and return the exit code.
 
     Raises:
         RecordingError: If the map has changed.
-        typer.Exit: If something differs.
     """
     from radarsim.addons.recording.repetition import repeat_run
 
@@ -101,12 +89,13 @@ def _verify(bag: BagReader, map_: str | None) -> None:
     result = repeat_run(_host(bag, map_), bag.calls())
     if result.difference is not None:
         print_message(f"{bag.folder}: differs at {result.difference}")
-        raise typer.Exit(1)
+        return 1
     _warn_of_end(bag)
-    typer.echo(
+    click.echo(
         f"{bag.folder}: {result.ticks / 100:g} s of {result.clients} clients,"
         f" {result.bytes} bytes: all the same"
     )
+    return 0
 
 
 def _host(bag: BagReader, map_: str | None) -> Host:
@@ -148,12 +137,12 @@ def end_text(bag: BagReader) -> str:
     return f"it breaks off; 'radarsim recording repair {bag.folder}' makes it whole"
 
 
-recording = typer.Typer(no_args_is_help=True, help="Look into recordings.")
+def info(folder: Folder) -> None:
+    """Print what a recording contains.
 
-
-@recording.command()
-def info(folder: FolderArgument) -> None:
-    """Print what a recording contains."""
+    Args:
+        folder: Folder of the recording.
+    """
     from radarsim.addons.recording.bag_folder import check_installed
 
     check_installed()
@@ -166,8 +155,8 @@ def info(folder: FolderArgument) -> None:
         counts[message.topic, message.message.type] += 1
         last = max(last, message.time)
     conditions = bag.info
-    typer.echo(f"{folder}: {last / 1e9:.2f} s, radarsim {conditions.version}")
-    typer.echo(
+    click.echo(f"{folder}: {last / 1e9:.2f} s, radarsim {conditions.version}")
+    click.echo(
         f"map {conditions.map or conditions.level}, seed {conditions.seed},"
         f" dialect {conditions.dialect}"
     )
@@ -176,15 +165,32 @@ def info(folder: FolderArgument) -> None:
         table.add_row(topic, type_, str(count))
     Console().print(table)
     if not bag.is_complete:
-        typer.echo(end_text(bag))
+        click.echo(end_text(bag))
 
 
-@recording.command()
-def repair(folder: FolderArgument) -> None:
-    """Complete a recording that breaks off, with all that can be read of it."""
+def repair(folder: Folder) -> None:
+    """Complete a recording that breaks off, with all that can be read of it.
+
+    Args:
+        folder: Folder of the recording.
+    """
     from radarsim.addons.recording.bag_folder import check_installed
 
     check_installed()
     from radarsim.addons.recording.bag_reader import repair as repair_bag
 
-    typer.echo(f"{folder}: complete, {repair_bag(folder)} messages")
+    click.echo(f"{folder}: complete, {repair_bag(folder)} messages")
+
+
+recording = EntryGroup(
+    "recording",
+    (
+        CommandEntry("info", f"{__name__}:info", "Print what a recording contains."),
+        CommandEntry(
+            "repair",
+            f"{__name__}:repair",
+            "Complete a recording that breaks off, with all that can be read of it.",
+        ),
+    ),
+    help="Look into recordings.",
+)

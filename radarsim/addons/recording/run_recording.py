@@ -8,15 +8,14 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Annotated, Any, Final, Self, TypeAlias
-
-import typer
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self, TypeAlias
 
 from radarsim import __version__
-from radarsim.cli.options import DriveUnit
 from radarsim.cli.output import print_message
-from radarsim.cli.serve_extension import ServedMap, ServeExtension
+from radarsim.cli.serving import ServedMap, ServeExtension
 from radarsim.errors import RecordingError
+from radarsim.plans import Option
+from radarsim.protocol.dialect import DriveUnit
 
 if TYPE_CHECKING:
     from radarsim.addons.recording.bag_folder import RecordingInfo
@@ -32,41 +31,27 @@ ItemSettings: TypeAlias = Mapping[str, Mapping[str, Any]]  # by items and keys
 
 MAP_INTERVAL: Final = 1.0  # s between messages of a map
 
-RecordOption = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="DIR",
-        help="Record the run in a new folder, as a bag of ROS 2 that 'radarsim replay'"
-        " repeats. Needs the extra 'record'.",
-    ),
-]
-
 
 @dataclass(frozen=True, slots=True)
 class RecordOptions:
     """Options of ``radarsim serve``.
 
     Attributes:
-        record: Folder to create for the recording; None for none.
-        record_spectra: Whether what FMCW radars receive is recorded as well.
+        record: Record the run in a new folder, as a bag of ROS 2 that 'radarsim replay'
+            repeats. Needs the extra 'record'.
+        record_spectra: Record what FMCW radars receive as well, some 180 MB a minute.
     """
 
-    record: RecordOption = None
-    record_spectra: Annotated[
-        bool,
-        typer.Option(
-            help="Record what FMCW radars receive as well, some 180 MB a minute."
-        ),
-    ] = False
+    option_group: ClassVar = "Beside the server"
+
+    record: Annotated[Path | None, Option(metavar="DIR")] = None
+    record_spectra: Annotated[bool, Option(is_rare=True, needs=("record",))] = False
 
     def extension(self, served: ServedMap) -> ServeRecording | None:
         """See ``ExtensionOptions.extension``."""
-        if self.record is not None:
-            return ServeRecording(self.record, served, spectra=self.record_spectra)
-        if self.record_spectra:
-            hint = "--record-spectra"
-            raise typer.BadParameter("expected --record with it", param_hint=hint)
-        return None
+        if self.record is None:
+            return None
+        return ServeRecording(self.record, served, spectra=self.record_spectra)
 
 
 class ServeRecording(ServeExtension):
@@ -152,9 +137,9 @@ class RunRecording:
 
         Raises:
             MapError: If the map is wrong.
-            typer.BadParameter: If a setting of an item is wrong.
+            click.BadParameter: If a setting of an item is wrong.
         """
-        from radarsim.cli.serve import load_served_host
+        from radarsim.cli.serving import load_served_host
 
         if self.folder is not None and map_ is not None:
             from radarsim.addons.recording.host_recorder import HostRecorder
@@ -232,7 +217,7 @@ class RunRecording:
         from radarsim.addons.recording.recording_process import RecordingProcess
         from radarsim.addons.recording.wire_recorder import WireRecorder
 
-        unit: Any = self._drive_unit.value  # one of its literals
+        unit = self._drive_unit
         info = self._info or RecordingInfo(version=__version__, drive_unit=unit)
         create_folder(self.folder)
         is_patient = self._recorder is not None  # simulated time waits as well

@@ -4,123 +4,93 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import sys
 from collections.abc import Sequence
-from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
-import typer
+from annotated_types import Interval
 
-from radarsim.cli.completion import complete_robot
-from radarsim.cli.options import (
-    DriveUnit,
-    DriveUnitOption,
-    HostOption,
-    PortOption,
-    server_address,
-)
-from radarsim.cli.output import print_message, start_log
-from radarsim.cli.serve import cure_of_port
+from radarsim.cli.fields import Port, RobotName, Server
+from radarsim.cli.output import print_message, print_now, start_log
+from radarsim.cli.serving import cure_of_port
 from radarsim.errors import import_optional
+from radarsim.plans import RARE, Option
+from radarsim.protocol.dialect import DriveUnit
 
 if TYPE_CHECKING:
     from radarsim.addons.ros.bridge import BridgeSettings, RosSide
 
-ROSBRIDGE_PORT = 9090
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BridgeOptions:
+    """How programs of ROS reach the bridge.
 
-class Bridge(StrEnum):
-    """Ways to programs of ROS."""
+    Attributes:
+        bridge: JSON over a WebSocket, for roslibpy, roslibjs and Foxglove; or DDS, for
+            ROS 2 itself, which needs the extra 'dds'.
+        web: Port of rosbridge; 0 takes a free one.
+        web_host: Address on which rosbridge listens.
+        origin: Site whose pages may use rosbridge, such as http://localhost:8080;
+            repeat it for others.
+        domain: Domain of DDS, as ROS_DOMAIN_ID.
+        interface: Network interface of DDS; lo stays on this machine.
+    """
 
-    ROSBRIDGE = "rosbridge"
-    DDS = "dds"
+    option_group: ClassVar = "Bridge"
 
-
-BridgeOption = Annotated[
-    Bridge,
-    typer.Option(
-        help="JSON over a WebSocket, for roslibpy, roslibjs and Foxglove; or DDS, for"
-        " ROS 2 itself, which needs the extra 'dds'."
-    ),
-]
-RobotOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="CLASS",
-        autocompletion=complete_robot,
-        help="Spawn a robot of this class, which follows cmd_vel.",
-    ),
-]
-NameOption = Annotated[str, typer.Option(help="Name of that robot.")]
-StartNameOption = Annotated[str | None, typer.Option(help="Name of its start pose.")]
-EchoesOption = Annotated[
-    bool, typer.Option(help="Publish the echoes and targets of all scanners as well.")
-]
-MappedOption = Annotated[
-    str | None,
-    typer.Option(
-        "--map",
-        metavar="ROBOT",
-        help="Map this robot, and publish the map each second.",
-    ),
-]
-WebHostOption = Annotated[str, typer.Option(help="Address on which rosbridge listens.")]
-WebPortOption = Annotated[
-    int, typer.Option(min=0, max=65535, help="Port of rosbridge; 0 takes a free one.")
-]
-OriginOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="URL",
-        help="Site whose pages may use rosbridge, such as http://localhost:8080; repeat"
-        " it for others.",
-    ),
-]
-DomainOption = Annotated[
-    int, typer.Option(min=0, max=232, help="Domain of DDS, as ROS_DOMAIN_ID.")
-]
-InterfaceOption = Annotated[
-    str, typer.Option(help="Network interface of DDS; lo stays on this machine.")
-]
+    bridge: Literal["rosbridge", "dds"] = "rosbridge"
+    web: Port = 9090
+    web_host: Annotated[str, RARE] = "127.0.0.1"
+    origin: Annotated[tuple[str, ...], Option(metavar="URL", is_rare=True)] = ()
+    domain: Annotated[int, Interval(ge=0, le=232), RARE] = 0
+    interface: Annotated[str, RARE] = "lo"
 
 
 def ros(
+    server: Server,
+    options: BridgeOptions,
     *,
-    bridge: BridgeOption = Bridge.ROSBRIDGE,
-    host: HostOption = None,
-    port: PortOption = None,
-    robot: RobotOption = None,
-    name: NameOption = "R1",
-    start: StartNameOption = None,
-    echoes: EchoesOption = False,
-    mapped: MappedOption = None,
-    drive_unit: DriveUnitOption = DriveUnit.RAD_PER_S,
-    web_host: WebHostOption = "127.0.0.1",
-    web: WebPortOption = ROSBRIDGE_PORT,
-    origin: OriginOption = None,
-    domain: DomainOption = 0,
-    interface: InterfaceOption = "lo",
-) -> None:
-    """Publish what the robots of a server sense as topics of ROS 2, and drive one."""
+    robot: RobotName | None = None,
+    start: str | None = None,
+    map_: Annotated[str | None, Option(metavar="ROBOT")] = None,
+    name: Annotated[str, RARE] = "R1",
+    echoes: Annotated[bool, RARE] = False,
+    drive_unit: Annotated[DriveUnit, RARE] = "rad_per_s",
+) -> int:
+    """Publish what the robots of a server sense as topics of ROS 2, and drive one.
+
+    Args:
+        server: The server.
+        options: How programs of ROS reach the bridge.
+        robot: Spawn a robot of this class, which follows cmd_vel.
+        start: Name of its start pose.
+        map_: Map this robot, and publish the map each second.
+        name: Name of that robot.
+        echoes: Publish the echoes and targets of all scanners as well.
+        drive_unit: Unit in which the server takes wheel speeds.
+
+    Returns:
+        The exit code.
+    """
     from radarsim.addons.ros.bridge import BridgeSettings
 
     start_log(logging.WARNING, "%(asctime)s %(levelname)s %(message)s")
     logging.getLogger("uvicorn").setLevel(logging.ERROR)  # peers cannot fill the log
     settings = BridgeSettings(
-        server=server_address(host, port),
+        server=server.connect,
         robot_class=robot,
         robot_name=name,
         start=start,
         echoes=echoes,
-        mapped=mapped,
-        drive_unit=drive_unit.value,
+        mapped=map_,
+        drive_unit=drive_unit,
     )
-    if bridge is Bridge.DDS:
-        side = _join_domain(domain, interface)
+    if options.bridge == "dds":
+        side = _join_domain(options.domain, options.interface)
     else:
-        side = _make_server(web_host, web, origin or ())
-    with cure_of_port({"--web": web}):
-        raise typer.Exit(asyncio.run(_run(settings, side)))
+        side = _make_server(options.web_host, options.web, options.origin)
+    with cure_of_port({"--web": options.web}):
+        return asyncio.run(_run(settings, side))
 
 
 def _join_domain(domain: int, interface: str) -> RosSide:
@@ -135,8 +105,7 @@ def _join_domain(domain: int, interface: str) -> RosSide:
     from radarsim.addons.ros.dds import DdsParticipant
 
     side = DdsParticipant(domain, interface)
-    typer.echo(f"radarsim: DDS domain {domain} on {interface}")
-    sys.stdout.flush()
+    print_now(f"radarsim: DDS domain {domain} on {interface}")
     return side
 
 
@@ -168,5 +137,4 @@ async def _run(settings: BridgeSettings, side: RosSide) -> int:
 
 def announce(address: tuple[str, int]) -> None:
     """Tell programs on stdout that clients of rosbridge can connect."""
-    typer.echo(f"radarsim: rosbridge on ws://{address[0]}:{address[1]}")
-    sys.stdout.flush()
+    print_now(f"radarsim: rosbridge on ws://{address[0]}:{address[1]}")

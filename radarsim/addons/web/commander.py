@@ -249,7 +249,7 @@ class Commander:
 
     def _send_triangles(self, viewer: Viewer, _: Triangles) -> None:
         if self._scene is None:
-            raise BadRequest("no map is known; start the commander with --map")
+            raise BadRequest("no map is known; start the commander with --draw")
         viewer.send(self._scene.triangles, "triangles")
 
     # What browsers are told

@@ -1,145 +1,177 @@
-"""``radarsim commander``: see, drive and explain robots in a browser."""
+"""``radarsim commander``: see, drive and explain robots in a browser.
+
+``serve --web`` runs it as a process of its own beside the server, with which it ends.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import logging
+import subprocess
 import sys
+import threading
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 from urllib.parse import urlencode
 
-import typer
+import click
 
-from radarsim.cli.options import DEFAULT_PORT, DriveUnit
-from radarsim.cli.output import print_message, start_log
-from radarsim.cli.serve import check_item_settings, cure_of_port
-from radarsim.cli.server_options import DialectName, ServerOptions
-from radarsim.errors import describe_os_error
+from radarsim.cli.fields import Address, MapName, Port
+from radarsim.cli.output import print_message, print_now, start_log
+from radarsim.cli.serving import (
+    Listener,
+    ServedMap,
+    ServeExtension,
+    ServerOptions,
+    check_item_settings,
+    cure_of_port,
+)
+from radarsim.errors import ServerError, describe_os_error
+from radarsim.plans import RARE, Option
 from radarsim.processes import exit_immediately, set_exit_code_of_sigterm
 
 if TYPE_CHECKING:
     from radarsim.addons.web.program import CommanderSettings
 
-LONGEST_TOKEN = 200  # characters
+END_TIMEOUT: Final = 5.0  # s that it has to end by itself
+ANY_ADDRESS: Final = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # where to reach them
+# The modules are found where this process has found them.
+PROGRAM: Final = (
+    "import sys; end = sys.argv.index('commander');"
+    "sys.path[:] = sys.argv[1:end]; sys.argv[1:end] = [];"
+    "from radarsim.cli import main; main()"
+)
+OPTION: Final = "--web"
+LONGEST_TOKEN: Final = 200  # characters
 
 
-ServerHostOption = Annotated[str, typer.Option(help="Host of the server.")]
-ServerPortOption = Annotated[
-    int, typer.Option(min=1, max=65535, help="Port of the server.")
-]
-WebPortOption = Annotated[
-    int,
-    typer.Option(min=0, max=65535, help="Port of the web page; 0 takes a free one."),
-]
-WebHostOption = Annotated[
-    str, typer.Option(help="Address on which browsers reach the page.")
-]
-TokenFileOption = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE", help="Read the token from here instead of making a new one."
-    ),
-]
-ServedMapOption = Annotated[
-    str | None,
-    typer.Option(
-        "--map",
-        metavar="MAP",
-        help="The map that the server serves, to be drawn; @VARIANT may follow.",
-    ),
-]
-ServedDialectOption = Annotated[
-    DialectName, typer.Option(help="Dialect of the server.")
-]
-ServedUnitOption = Annotated[
-    DriveUnit | None,
-    typer.Option(
-        help="Unit in which the server takes wheel speeds; the dialect's by default."
-    ),
-]
-ServedItemSettingsOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="ITEM.KEY=VALUE",
-        help="Setting with which the server was started, so that the page shows it.",
-    ),
-]
-ServedRobotsOption = Annotated[
-    list[Path] | None,
-    typer.Option(
-        "--robots",
-        metavar="FILE",
-        help="File of a robot class with which the server was started, so that the page"
-        " offers it; repeat it.",
-    ),
-]
-RecordToOption = Annotated[
-    Path,
-    typer.Option(
-        metavar="DIR",
-        file_okay=False,
-        help="Folder in which the page's recordings get folders of their own.",
-    ),
-]
-ChildOption = Annotated[
-    bool,
-    typer.Option(
-        hidden=True,
-        help="Read host and port of the server from stdin, and end with it.",
-    ),
-]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShownServer(ServerOptions):
+    """The server whose robots a page shows.
+
+    Attributes:
+        map: A map to serve: its file, or the name of a shipped map; @VARIANT may
+            follow.
+        connect: Show the robots of this server instead.
+        draw: The map that it serves, to be drawn; without it the page shows robots and
+            scans alone.
+        dialect: Dialect of the server.
+        settings: Setting of the robots' items, such as lms200.max_range=20, on the
+            server.
+        drive_unit: Unit in which the server takes wheel speeds; the dialect's by
+            default.
+        robots: File of another robot class of the server; repeat it.
+    """
+
+    option_group: ClassVar = "Server"
+    one_required: ClassVar = (("map", "connect"),)
+
+    map: MapName | None = None
+    connect: Address | None = None
+    draw: Annotated[
+        str | None,
+        Option(metavar="MAP", words="maps", is_rare=True, needs=("connect",)),
+    ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PageOptions:
+    """The page.
+
+    Attributes:
+        web: Port of the web page; 0 takes a free one.
+        web_host: Address on which browsers reach the page.
+        web_token_file: Read the token from here instead of making a new one.
+        record_to: Folder in which the page's recordings get folders of their own.
+    """
+
+    option_group: ClassVar = "Page"
+
+    web: Port = 8000
+    web_host: Annotated[str, RARE] = "127.0.0.1"
+    web_token_file: Annotated[Path | None, RARE] = None
+    record_to: Annotated[Path, Option(metavar="DIR", is_rare=True)] = Path()
+
+    def words(self) -> list[str]:
+        """Return them as words of a command line."""
+        words = ["--web", str(self.web), "--web-host", self.web_host]
+        if self.web_token_file is not None:
+            words += ["--web-token-file", str(self.web_token_file)]
+        return [*words, "--record-to", str(self.record_to)]
+
+    def extension(self, served: ServedMap) -> CommanderExtension:
+        """Return the page beside a server."""
+        return CommanderExtension(self, served)
 
 
 def commander(
+    server: ShownServer,
+    page: PageOptions,
     *,
-    host: ServerHostOption = "127.0.0.1",
-    port: ServerPortOption = DEFAULT_PORT,
-    web: WebPortOption = 8000,
-    web_host: WebHostOption = "127.0.0.1",
-    web_token_file: TokenFileOption = None,
-    map_: ServedMapOption = None,
-    dialect: ServedDialectOption = DialectName.COMPAT,
-    drive_unit: ServedUnitOption = None,
-    settings: ServedItemSettingsOption = None,
-    robots: ServedRobotsOption = None,
-    record_to: RecordToOption = Path(),
-    child: ChildOption = False,
-) -> None:
-    """See, drive and explain robots in a browser."""
+    child: Annotated[bool, Option(is_rare=True, needs=("map",))] = False,
+) -> int:
+    """See, drive and explain robots in a browser.
+
+    A map is served on a free port; 'radarsim serve MAP --web PORT' has more options.
+
+    Args:
+        server: The server.
+        page: The page.
+        child: Start no server, but read its host and port from stdin, and end with it.
+
+    Returns:
+        The exit code.
+    """
+    if server.map is not None and not child:
+        from radarsim.cli.serve import LogOptions, serve
+
+        return serve(
+            server.map,
+            Listener(port=0),
+            server,
+            log_options=LogOptions(),
+            extensions=(page,),
+        )
     from radarsim.listening import check_port
 
-    with cure_of_port({"--web": web}):  # before imports that take long
-        check_port(web_host, web)
+    if page.record_to.is_file():
+        text = f"{page.record_to} is a file, expected a folder"
+        raise click.BadParameter(text, param_hint="--record-to")
+    with cure_of_port({OPTION: page.web}):  # before imports that take long
+        check_port(page.web_host, page.web)
     from radarsim.addons.web.program import CommanderSettings
     from radarsim.server.web_server import make_token
 
     # The parent says what is wrong with the options that it passes on, and ends.
-    server = _read_address() if child else (host, port)
-    config = ServerOptions(dialect, drive_unit, settings, robots or ()).config()
+    address = server.connect or _read_address()
+    config = server.config()
     if not child:
         check_item_settings(config)
-    token = make_token() if web_token_file is None else read_token(web_token_file)
-    if web_host not in ("127.0.0.1", "localhost", "::1"):
+    token = make_token()
+    if page.web_token_file is not None:
+        token = read_token(page.web_token_file)
+    if page.web_host not in ("127.0.0.1", "localhost", "::1"):
         print_message(
-            f"whoever reaches {web_host} and knows the token can drive the robots"
+            f"whoever reaches {page.web_host} and knows the token can drive the robots"
         )
-    _run(
+    return _run(
         CommanderSettings(
-            server=server,
-            web_host=web_host,
-            web_port=web,
+            server=address,
+            web_host=page.web_host,
+            web_port=page.web,
             token=token,
             config=config,
-            map=map_,
-            record_to=record_to,
+            map=server.map or server.draw,
+            record_to=page.record_to,
             is_child=child,
         )
     )
 
 
-def _run(settings: CommanderSettings) -> NoReturn:
+def _run(settings: CommanderSettings) -> int:
     """Serve the page until a signal comes."""
     from radarsim.addons.web.program import run_commander
 
@@ -157,7 +189,7 @@ def read_token(path: Path) -> str:
     """Read a token: the first line of a file.
 
     Raises:
-        typer.BadParameter: If there is none.
+        click.BadParameter: If there is none.
     """
     try:
         with path.open(encoding="ascii") as file:
@@ -171,7 +203,7 @@ def read_token(path: Path) -> str:
             return token
         reason = f"{len(token)} characters, expected 16 to {LONGEST_TOKEN}"
     text = f"no token in {path}: {reason}"
-    raise typer.BadParameter(text, param_hint="--web-token-file")
+    raise click.BadParameter(text, param_hint="--web-token-file")
 
 
 def announce_commander(address: tuple[str, int], token: str) -> None:
@@ -179,17 +211,115 @@ def announce_commander(address: tuple[str, int], token: str) -> None:
     set_exit_code_of_sigterm(0)
     host = f"[{address[0]}]" if ":" in address[0] else address[0]
     fragment = urlencode({"token": token})  # those of base64 have a plus, a blank else
-    typer.echo(f"radarsim: commander on http://{host}:{address[1]}/#{fragment}")
-    sys.stdout.flush()
+    print_now(f"radarsim: commander on http://{host}:{address[1]}/#{fragment}")
 
 
 def _read_address() -> tuple[str, int]:
     """Read host and port of the server, which the parent writes when it listens.
 
     Raises:
-        typer.Exit: If the parent has ended instead, and said why.
+        click.exceptions.Exit: If the parent has ended instead, and said why.
     """
     host, _, port = sys.stdin.readline().strip().rpartition(" ")
     if not host:
-        raise typer.Exit(1)
+        raise click.exceptions.Exit(1)
     return host, int(port)
+
+
+class CommanderProcess:
+    """A commander that waits until the server listens."""
+
+    def __init__(self, words: Sequence[str]) -> None:
+        """Start it.
+
+        Args:
+            words: Words of the command line of ``radarsim commander``.
+
+        Raises:
+            ServerError: If it cannot be started.
+        """
+        command = [sys.executable, "-c", PROGRAM, *sys.path]
+        try:
+            self._process = subprocess.Popen(
+                [*command, "commander", "--child", *words],
+                stdin=subprocess.PIPE,  # closed when this process ends, however it ends
+                text=True,
+                start_new_session=True,  # Ctrl-C in a terminal is not for it
+            )
+        except OSError as error:
+            text = f"cannot start the commander: {describe_os_error(error)}"
+            raise ServerError(text) from error
+        self._is_stopping = False
+        threading.Thread(target=self._watch, daemon=True).start()
+
+    def connect(self, address: tuple[str, int]) -> None:
+        """Tell it where the server listens."""
+        host, port = address
+        assert self._process.stdin is not None
+        with suppress(OSError):  # it has ended, and said why
+            self._process.stdin.write(f"{ANY_ADDRESS.get(host, host)} {port}\n")
+            self._process.stdin.flush()
+
+    def stop(self) -> None:
+        """End it."""
+        self._is_stopping = True
+        assert self._process.stdin is not None
+        with suppress(OSError):
+            self._process.stdin.close()
+        try:
+            self._process.wait(END_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def _watch(self) -> None:
+        """Tell when it ends by itself; robots are served on without it."""
+        code = self._process.wait()
+        if not self._is_stopping:
+            how = f"exit code {code}" if code >= 0 else f"signal {-code}"
+            print_message(f"the commander has ended ({how}); there is no page any more")
+
+
+@dataclass(frozen=True, slots=True)
+class WebOptions:
+    """The option ``--web`` of ``radarsim serve``.
+
+    Attributes:
+        web: Serve a web page on this port as well, to see and drive robots; 0 takes a
+            free one. 'radarsim commander' has more options.
+    """
+
+    option_group: ClassVar = "Beside the server"
+
+    web: Port | None = None
+
+    def extension(self, served: ServedMap) -> CommanderExtension | None:
+        """See ``ExtensionOptions.extension``."""
+        if self.web is None:
+            return None
+        return PageOptions(web=self.web).extension(served)
+
+
+class CommanderExtension(ServeExtension):
+    """A commander beside the server that it shows."""
+
+    def __init__(self, page: PageOptions, served: ServedMap) -> None:
+        """Plan a commander."""
+        self.ports = {OPTION: page.web}
+        self.address = page.web_host
+        self._words = [served.map, *page.words(), *served.options.words()]
+        self._process: CommanderProcess | None = None
+
+    def open(self) -> None:
+        """Start it: it can import what it needs while the map is read."""
+        self._process = CommanderProcess(self._words)
+
+    def announce(self, address: tuple[str, int]) -> None:
+        """Tell it where the server listens."""
+        if self._process is not None:
+            self._process.connect(address)
+
+    def close(self) -> None:
+        """End it."""
+        if self._process is not None:
+            self._process.stop()

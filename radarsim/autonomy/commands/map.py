@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import typer
 
-from radarsim.addons.recording.run_recording import RecordOption, RunRecording
+from radarsim.addons.recording.run_recording import RunRecording
 from radarsim.autonomy.commands.map_options import (
     DensityOption,
     EchoesOption,
@@ -45,6 +45,7 @@ from radarsim.cli.options import (
     PortOption,
     PoseOption,
     PowerOption,
+    RecordOption,
     SafetyOption,
     ServedSettingsOption,
     StartOption,
@@ -128,7 +129,7 @@ def map_(
     from radarsim.autonomy.commands.map_proxy import FollowedMapping
     from radarsim.autonomy.exploration.exploration import ExplorationPlan
 
-    recording = RunRecording(record, drive_unit)
+    recording = RunRecording(record, drive_unit.value)
     files = MapFiles(out, mode.value, robots)
     output = MapOutput(files, recording, film, film_speed, as_json)
     address = server_address(host, port)

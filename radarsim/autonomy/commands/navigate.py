@@ -13,7 +13,13 @@ import click
 
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.cli.compile_progress import with_compile_progress
-from radarsim.cli.fields import LOCAL_SERVER, Json, RunFiles, Simulation
+from radarsim.cli.fields import (
+    LOCAL_SERVER,
+    Json,
+    RunFiles,
+    Simulation,
+    check_robot,
+)
 from radarsim.cli.files import PICTURE_FORMS, check_ending, check_writable, write_file
 from radarsim.cli.output import MESSAGE_FORM, print_lines, print_message, start_log
 from radarsim.errors import expected_one_of
@@ -98,10 +104,9 @@ def navigate(
     """
     from radarsim.addons.recording.run_recording import RunRecording
     from radarsim.autonomy.evaluation.navigation_run import NavigationRun
-    from radarsim.cli.options import DriveUnit, check_robot
 
     files.check()
-    recording = RunRecording(files.record, DriveUnit(mission.drive_unit))
+    recording = RunRecording(files.record, mission.drive_unit)
     settings = where.item_settings()
     served = recording.load_host(where.map, seed=where.seed, settings=settings)
     check_robot(mission.robot_class, served)

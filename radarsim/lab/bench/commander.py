@@ -65,7 +65,7 @@ class Viewer:
 @contextmanager
 def commander_of(address: tuple[str, int]) -> Iterator[tuple[str, str]]:
     """Run a commander of a server, at host and port; return its address and token."""
-    words = ("commander", "--host", address[0], "--port", str(address[1]))
+    words = ("commander", "--connect", f"{address[0]}:{address[1]}")
     with subprocess.Popen(
         [*PROGRAM, *words, "--web", "0"], stdout=subprocess.PIPE, text=True
     ) as process:

@@ -28,7 +28,7 @@ foliage_server = pytest.mark.usarsim(map="foliage_room")
 @contextmanager
 def bridge(server: UsarsimServer, domain: int) -> Iterator[int]:
     """Run a bridge with a robot of its own; yield its process number."""
-    words = ("ros", "--bridge", "dds", "--port", str(server.port))
+    words = ("ros", "--bridge", "dds", "--connect", f"127.0.0.1:{server.port}")
     robot = ("--robot", "P3AT_Compare", "--start", "RobotStart1", "--map", "R1")
     with start_radarsim(*words, *robot, "--domain", str(domain)) as process:
         assert process.stdout is not None

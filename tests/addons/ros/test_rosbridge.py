@@ -31,7 +31,7 @@ foliage_server = pytest.mark.usarsim(map="foliage_room")
 @contextmanager
 def bridge(server: UsarsimServer, *options: str) -> Iterator[int]:
     """Run a bridge; yield the port of rosbridge."""
-    words = ("ros", "--port", str(server.port), "--web", "0", *options)
+    words = ("ros", "--connect", f"127.0.0.1:{server.port}", "--web", "0", *options)
     with start_radarsim(*words) as process:
         assert process.stdout is not None
         try:

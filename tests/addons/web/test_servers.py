@@ -76,7 +76,7 @@ async def test_commander_waits_for_its_server(start_commander: Any) -> None:
             await page.send("spawn", **{"class": "P3AT"})
             assert "no server" in (await page.hear("error"))["text"]
             await page.send("triangles")
-            assert "--map" in (await page.hear("error"))["text"]
+            assert "--draw" in (await page.hear("error"))["text"]
 
 
 async def test_commander_asks_again_when_there_were_too_many_watchers(

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
-import typer
+import click
 
 from radarsim.cli.output import print_now
-from radarsim.cli.serve_extension import ServedMap, ServeExtension
+from radarsim.cli.serving import ServedMap, ServeExtension
+from radarsim.plans import Option
 
 if TYPE_CHECKING:
     from radarsim.addons.fmcw.navtech.server import NavtechServer
@@ -22,18 +23,14 @@ class NavtechOptions:
     """The option.
 
     Attributes:
-        navtech: Port to listen on, and after a colon the name of the robot.
+        navtech: Serve a robot's FMCW radar, such as that of a P3AT_Navtech, on this
+            port as well, in its maker's protocol; the real one's is 6317. Without a
+            name, the first robot that carries one.
     """
 
-    navtech: Annotated[
-        str | None,
-        typer.Option(
-            metavar="PORT[:ROBOT]",
-            help="Serve a robot's FMCW radar, such as that of a P3AT_Navtech, on this"
-            " port as well, in its maker's protocol; the real one's is 6317. Without a"
-            " name, the first robot that carries one.",
-        ),
-    ] = None
+    option_group: ClassVar = "Beside the server"
+
+    navtech: Annotated[str | None, Option(metavar="PORT[:ROBOT]", is_rare=True)] = None
 
     def extension(self, _: ServedMap) -> NavtechExtension | None:
         """See ``ExtensionOptions.extension``."""
@@ -47,7 +44,7 @@ class NavtechOptions:
             problem = "the name of a robot after the colon"
         if problem:
             text = f"{self.navtech!r}, expected {problem}"
-            raise typer.BadParameter(text, param_hint=OPTION)
+            raise click.BadParameter(text, param_hint=OPTION)
         return NavtechExtension(int(port), robot or None)
 
 

@@ -14,7 +14,7 @@ OpenPage = Callable[..., CommanderPage]
 def test_a_lost_server_is_told_and_a_new_one_is_found(
     open_page: OpenPage, tmp_path: Path
 ) -> None:
-    words = ("--map", "empty_room", "--record-to", str(tmp_path))
+    words = ("--draw", "empty_room", "--record-to", str(tmp_path))
     with (
         serve_robots("empty_room") as (process, address),
         show(address, *words) as served,

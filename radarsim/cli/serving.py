@@ -1,0 +1,276 @@
+"""Serving a map: the options of all commands that do, and what runs beside a server.
+
+A part of the program adds to ``radarsim serve`` by a plan in the group
+``radarsim.serve``; see ``radarsim.plugins``. Its fields become options of the command.
+With their values, it says what is to run beside the server.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, Protocol
+
+import click
+
+from radarsim.cli.fields import DEFAULT_PORT, ItemSetting, Port, group_settings
+from radarsim.cli.output import print_now, program_name
+from radarsim.errors import (
+    PortUnavailable,
+    PresetError,
+    ServerError,
+    describe_os_error,
+)
+from radarsim.plans import RARE, Option
+from radarsim.processes import set_exit_code_of_sigterm
+from radarsim.protocol.dialect import DriveUnit
+
+if TYPE_CHECKING:
+    from radarsim.presets.robots import RobotModel
+    from radarsim.server.host import Host, HostObserver
+    from radarsim.simulation.config import SimulationConfig
+    from radarsim.simulation.simulation import Simulation
+
+EXTENSIONS: Final = "radarsim.serve"  # group of entries
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Listener:
+    """Where a server listens.
+
+    Attributes:
+        host: Address to listen on.
+        port: Port to listen on; 0 takes a free one.
+    """
+
+    option_group: ClassVar = "Address"
+
+    host: str = "127.0.0.1"
+    port: Port = DEFAULT_PORT
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServerOptions:
+    """How a server speaks, and how its robots' items differ from their presets.
+
+    Attributes:
+        dialect: Form of the lines: as today's clients need it, or the original's.
+        settings: Change a setting of the robots' items, such as lms200.max_range=20.
+        drive_unit: Unit of DRIVE commands; the dialect's by default.
+        robots: File of another robot class that clients may spawn; repeat it.
+    """
+
+    option_group: ClassVar = "Protocol and robots"
+
+    dialect: Literal["compat", "udk"] = "compat"
+    settings: Annotated[tuple[ItemSetting, ...], Option(names=("--set",))] = ()
+    drive_unit: Annotated[DriveUnit | None, RARE] = None
+    robots: Annotated[tuple[Path, ...], RARE] = ()
+
+    def config(self) -> SimulationConfig:
+        """Return them as the configuration of a simulation.
+
+        Raises:
+            click.BadParameter: If the file of a class cannot be read.
+            PresetError: If the file of a class is wrong.
+        """
+        from radarsim.protocol.dialect import get_dialect
+        from radarsim.simulation.config import SimulationConfig
+
+        return SimulationConfig(
+            get_dialect(self.dialect),
+            self.drive_unit,
+            group_settings(self.settings),
+            tuple(map(_read_robot, self.robots)),
+        )
+
+    def words(self) -> list[str]:
+        """Return them as words of a command line."""
+        words = ["--dialect", self.dialect]
+        if self.drive_unit is not None:
+            words += ["--drive-unit", self.drive_unit]
+        for item, key, value in self.settings:
+            # JSON is YAML, as which settings are read, except for this number.
+            text = json.dumps(value).replace("Infinity", ".inf")
+            words += ["--set", f"{item}.{key}={text}"]
+        return [*words, *(word for p in self.robots for word in ("--robots", str(p)))]
+
+
+def _read_robot(path: Path) -> RobotModel:
+    from radarsim.presets.robots import read_robot
+
+    try:
+        return read_robot(path)
+    except OSError as error:
+        text = f"{path}: {describe_os_error(error)}"
+        raise click.BadParameter(text, param_hint="--robots") from None
+
+
+@dataclass(frozen=True, slots=True)
+class ServedMap:
+    """What a server serves.
+
+    Attributes:
+        map: Name of the map, or path of its file; @VARIANT may follow.
+        options: How the server speaks.
+        seed: Seed of all random numbers.
+    """
+
+    map: str
+    options: ServerOptions
+    seed: int
+
+
+class ServeExtension:
+    """Something that runs beside a server.
+
+    Its methods are called in the order in which they stand here, and ``close`` in any
+    case. Each does nothing unless a subclass overrides it.
+
+    Attributes:
+        ports: Ports that it listens on, by the options that set them.
+        address: Address of these ports; None for that of the server.
+    """
+
+    ports: Mapping[str, int] = {}
+    address: str | None = None
+
+    def open(self) -> None:
+        """Prepare before the map is read, which may take long."""
+
+    def attach(self, host: Host) -> None:
+        """Use the host, whose simulation has not begun."""
+
+    async def start(self, address: str) -> None:
+        """Listen.
+
+        Args:
+            address: Address that the server listens on.
+
+        Raises:
+            ServerError: If that is not possible.
+        """
+
+    def announce(self, address: tuple[str, int]) -> None:
+        """Tell that clients can connect; to the server, at host and port."""
+
+    async def begin(self, simulation: Simulation) -> None:
+        """Use the simulation, which has begun."""
+
+    async def stop(self) -> None:
+        """End what ``start`` has begun; never raises."""
+
+    def close(self) -> None:
+        """End what ``open`` has begun."""
+
+
+class ExtensionOptions(Protocol):
+    """Options of a part: a plan."""
+
+    def extension(self, served: ServedMap) -> ServeExtension | None:
+        """Return what is to run beside a server; None for nothing.
+
+        Raises:
+            click.BadParameter: If the options are wrong.
+        """
+
+
+@contextmanager
+def cure_of_port(options: Mapping[str, int | None]) -> Iterator[None]:
+    """Say in the error of a port which option takes a free one.
+
+    Args:
+        options: Ports by their options; any other is that of ``--port``.
+
+    Raises:
+        ServerError: If a port is in use, or reserved.
+    """
+    try:
+        yield
+    except PortUnavailable as error:
+        named = (name for name, port in options.items() if port == error.port)
+        option = next(named, "--port")
+        raise ServerError(f"{error}; {option} 0 takes a free one") from None
+
+
+def load_host(
+    map_: str,
+    config: SimulationConfig,
+    *,
+    seed: int,
+    begins: bool = True,
+    observers: Iterable[HostObserver] = (),
+) -> Host:
+    """Load a map and create the server's host.
+
+    Args:
+        map_: Name of a map, or path of a map file.
+        config: Dialect and settings of items.
+        seed: Seed of the simulation.
+        begins: Whether the simulation begins at once.
+        observers: Told what is done to the host.
+
+    Raises:
+        MapError: If the map is wrong.
+        click.BadParameter: If a setting of an item does not fit.
+    """
+    from radarsim.scene.map_file import load_map
+    from radarsim.server.host import Host
+
+    check_item_settings(config)
+    scene = load_map(map_)
+    return Host(scene, config=config, seed=seed, begins=begins, observers=observers)
+
+
+def load_served_host(
+    map_: str | None,
+    *,
+    seed: int | None,
+    settings: Mapping[str, Mapping[str, Any]],
+    drive_unit: DriveUnit,
+    observers: Iterable[HostObserver] = (),
+) -> Host | None:
+    """Create the host of the map that another command is given, if it is.
+
+    ``observers`` are as in ``load_host``.
+
+    Raises:
+        MapError: If the map is wrong.
+        click.BadParameter: If a setting of an item is wrong.
+    """
+    from radarsim.simulation.config import SimulationConfig
+
+    if map_ is None:
+        return None
+    config = SimulationConfig(drive_unit=drive_unit, item_settings=settings)
+    return load_host(map_, config, seed=seed or 0, observers=observers)
+
+
+def check_item_settings(config: SimulationConfig) -> None:
+    """Check the settings of ``--set``.
+
+    Raises:
+        click.BadParameter: If one does not fit.
+    """
+    try:
+        config.check()
+    except PresetError as error:
+        raise click.BadParameter(str(error), param_hint="--set") from None
+
+
+def announce(address: tuple[str, int]) -> None:
+    """Tell programs on stdout that clients can connect, and a person what is next."""
+    set_exit_code_of_sigterm(0)  # it runs, and has no end of its own
+    host, port = address
+    print_now(f"radarsim: listening on {host}:{port}")
+    if sys.stderr.isatty():  # a person reads it; logs of services stay as they are
+        command = f"{program_name()} drive"
+        near = "127.0.0.1" if host == "0.0.0.0" else host
+        if (near, port) != ("127.0.0.1", DEFAULT_PORT):
+            command += f" --connect {near}:{port}"
+        text = f"to drive a robot, in another terminal: {command}"
+        click.echo(f"{text}; Ctrl-C ends the server", err=True)
