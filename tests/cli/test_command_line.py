@@ -207,10 +207,10 @@ def test_the_command_counts_before_the_environment_and_that_before_the_file(
     config = tmp_path / "server.yaml"
     config.write_text("speed: 0\nmap: nowhere\n")
     words = ("serve", "--port", "0", "--config", str(config))
-    assert "expected above 0" in radarsim(*words).err
+    assert "expected more than 0" in radarsim(*words).err
     monkeypatch.setenv("RADARSIM_SERVE_SPEED", "2")
     assert "nowhere" in radarsim(*words).err
-    assert "expected above 0" in radarsim(*words, "--speed", "-1").err
+    assert "expected more than 0" in radarsim(*words, "--speed", "-1").err
 
 
 @pytest.mark.parametrize(

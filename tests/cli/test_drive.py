@@ -192,8 +192,8 @@ def test_misspelt_robot_ends_the_command_before_it_connects(
     ("options", "text"),
     [
         pytest.param([], "stdin is no terminal, expected a terminal", id="no terminal"),
-        pytest.param(["--speed", "0"], "expected above 0", id="speed zero"),
-        pytest.param(["--speed", "inf"], "expected above 0", id="speed infinite"),
+        pytest.param(["--speed", "0"], "expected more than 0", id="speed zero"),
+        pytest.param(["--speed", "inf"], "finite", id="speed infinite"),
         pytest.param(["--connect", "a:0"], "--connect: 'a:0'", id="port"),
         pytest.param(["--drive-unit", "knots"], "knots", id="unit"),
     ],

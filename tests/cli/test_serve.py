@@ -36,8 +36,8 @@ def test_page_reads_the_settings_that_the_server_has(text: str) -> None:
         pytest.param(["--set", "lms200.max_rnge=2"], "max_rnge", id="setting"),
         pytest.param(["--set", "InsTest.sigma=-1"], "sigma", id="value"),
         pytest.param(["--set", "Odometer.sigma=1"], "Odometer", id="no settings"),
-        pytest.param(["--speed", "0"], "expected above 0", id="speed zero"),
-        pytest.param(["--speed", "inf"], "expected above 0", id="speed infinite"),
+        pytest.param(["--speed", "0"], "expected more than 0", id="speed zero"),
+        pytest.param(["--speed", "inf"], "finite", id="speed infinite"),
         pytest.param(["--port", "70000"], "--port", id="port"),
         pytest.param(["--image-port", "-1"], "--image-port", id="image port"),
         pytest.param(

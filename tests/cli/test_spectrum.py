@@ -111,7 +111,9 @@ def test_image_of_a_data_set_has_its_size(radarsim: Command, tmp_path: Path) -> 
         pytest.param(
             "a.csv", ("--layout", "oxford"), "expected .png with --layout", id="layout"
         ),
-        pytest.param("a.csv", ("--pfa", "0"), "expected above 0", id="no false alarms"),
+        pytest.param(
+            "a.csv", ("--pfa", "0"), "expected more than 0", id="no false alarms"
+        ),
         pytest.param(
             "a.png", ("--set", "fmcw.windw=hann"), "did you mean", id="setting"
         ),
