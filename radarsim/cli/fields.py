@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Final, NamedTuple, Self
 from annotated_types import Ge, Gt
 
 from radarsim.errors import PresetError
-from radarsim.plans import RARE, Form, Option
+from radarsim.plans import RARE, Form, Option, Sets
 
 DEFAULT_PORT: Final = 3000  # of USARSim
 
@@ -100,7 +100,7 @@ class Simulation:
     """
 
     option_group: ClassVar = "Simulation"
-    one_required: ClassVar = (("map", "connect"),)
+    one_required: ClassVar[Sets] = (("map", "connect"),)
 
     map: MapName | None = None
     connect: Address | None = None

@@ -14,8 +14,6 @@ from radarsim.addons.imports.commands import import_
 from radarsim.addons.recording.commands import recording, replay
 from radarsim.addons.ros.commands import ros
 from radarsim.addons.web.commands import commander
-from radarsim.autonomy.commands.map import map_
-from radarsim.autonomy.commands.trials import trials
 from radarsim.cli.check import check
 from radarsim.cli.compile_progress import with_compile_progress
 from radarsim.cli.demo import demo
@@ -26,10 +24,6 @@ from radarsim.cli.legacy_usage import PlainGroup
 from radarsim.cli.new import new
 from radarsim.cli.presets import materials, sensors
 from radarsim.cli.serve import serve
-from radarsim.lab.bench.commands import bench
-from radarsim.lab.figures.commands import figures
-from radarsim.lab.study.commands import study
-from radarsim.lab.sweep.commands import sweep
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -76,13 +70,7 @@ app.command()(sensors)
 app.command()(materials)
 app.command()(drive)
 app.command()(commander)
-app.command()(with_compile_progress(trials))
-app.command()(with_compile_progress(study))
-app.command()(with_compile_progress(sweep))
-app.command("map")(with_compile_progress(map_))
-app.command()(with_compile_progress(figures))
 app.command()(with_compile_progress(replay))
 app.add_typer(recording, name="recording")
 app.command()(ros)
 app.command()(docs)
-app.command()(with_compile_progress(bench))

@@ -22,11 +22,11 @@ from radarsim.autonomy.evaluation.navigation_run import (
 )
 from radarsim.autonomy.exploration.exploration import (
     Exploration,
-    ExplorationPlan,
     ExplorationStep,
     Outcome,
 )
 from radarsim.autonomy.exploration.multi_robot import MultiRobotExploration, Observer
+from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import CellClass
 from radarsim.autonomy.mapping.trajectory import (
