@@ -213,13 +213,9 @@ def _with_base(data: object, path: Path, seen: tuple[Path, ...]) -> object:
         model = load_robot(name)
     base = model.model_dump(exclude_unset=True)
     added = changed.get("items", [])
-    if not _are_named(added):
+    if not isinstance(added, list) or not all(
+        isinstance(item, dict) and "name" in item for item in added
+    ):
         return base | changed  # the validation reports what is wrong
     items = {item["name"]: item for item in (*base.get("items", ()), *added)}
     return base | changed | {"items": list(items.values())}
-
-
-def _are_named(items: object) -> bool:
-    return isinstance(items, list) and all(
-        isinstance(item, dict) and "name" in item for item in items
-    )

@@ -28,7 +28,7 @@ the point where the power runs out.
 """
 
 from enum import IntEnum
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +53,23 @@ EVENT: Final = np.dtype(
         ("z", "f8"),
     ]
 )
+Events: TypeAlias = NDArray[np.void]  # of EVENT
+
+
+class EventRow(Protocol):
+    """A row of EVENT, as kernels see it."""
+
+    ray: int
+    t: float
+    part: int
+    kind: int
+    power: float
+    absorbed: float
+    x: float
+    y: float
+    z: float
+
+
 # Indices into ``RayState.segment``, which begins with the start's x, y, z.
 DIRECTION: Final = 3
 T_START: Final = 6
@@ -128,7 +145,7 @@ class RayState(NamedTuple):
     enclosing: NDArray[np.int32]
     sizes: NDArray[np.int64]
     segment: Floats
-    events: NDArray[np.void]
+    events: Events
 
 
 class Progress(NamedTuple):
@@ -179,9 +196,7 @@ class RayEnd(NamedTuple):
 
 
 @njit_cached
-def new_ray_state(
-    parts: int, crossings: Crossings, events: NDArray[np.void]
-) -> RayState:
+def new_ray_state(parts: int, crossings: Crossings, events: Events) -> RayState:
     """Allocate the state of a ray.
 
     Args:

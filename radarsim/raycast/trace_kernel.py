@@ -23,7 +23,7 @@ from radarsim.raycast.aimed_rays import (
     node_of,
     unpack_source,
 )
-from radarsim.raycast.attenuation import new_ray_state
+from radarsim.raycast.attenuation import Events, new_ray_state
 from radarsim.raycast.crossings import CROSSING
 from radarsim.raycast.intersect import (
     QueryBuffer,
@@ -176,7 +176,7 @@ def trace_rays(
     source_words: Words,
     boxes: Floats,
     max_crossings: int,
-    events: NDArray[np.void],
+    events: Events,
     *columns: NDArray[Any],
 ) -> tuple[int, int, float, float]:
     """Trace rays one after the other.

@@ -21,13 +21,13 @@ as robots move within the step.
 """
 
 import math
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.jit import njit_cached, njit_inline
+from radarsim.jit import Int, njit_cached, njit_inline
 from radarsim.robots.fleet_columns import (
     BLOCKED,
     FLOOR,
@@ -40,6 +40,7 @@ from radarsim.robots.fleet_columns import (
     ROBOT_GAP,
     TOP_SPEED,
     WALL_GAP,
+    Place,
     X,
     Y,
     pose_of,
@@ -89,13 +90,16 @@ def new_robot_grid(slots: int) -> RobotGrid:
 
 
 @njit_inline
-def bucket_of(grid: Any, column: Any, row: Any) -> Any:
+def bucket_of(grid: RobotGrid, column: int, row: int) -> int:
     """Return the bucket of a cell."""
+    # Two large primes spread neighbours; the number of buckets is a power of two.
     return (column * 73856093 ^ row * 19349663) & (len(grid.heads) - 1)
 
 
 @njit_inline
-def enter_robots(grid: Any, robots: Any, order: Any, dt: Any) -> Any:
+def enter_robots(
+    grid: RobotGrid, robots: Floats, order: NDArray[np.int64], dt: float
+) -> None:
     """Enter all robots where they are.
 
     Args:
@@ -150,7 +154,7 @@ class Surroundings(NamedTuple):
 
 
 @njit_inline
-def is_rejected(robots: Any, slot: Any, wanted: Any) -> Any:
+def is_rejected(robots: Floats, slot: Int, wanted: Place) -> bool:
     """Return whether walls forbade the same move the last time."""
     for i in range(3):
         is_same_start = robots[slot, X + i] == robots[slot, REJECTED + i]
@@ -160,7 +164,9 @@ def is_rejected(robots: Any, slot: Any, wanted: Any) -> Any:
 
 
 @njit_cached
-def avoid_collision(around: Any, slot: Any, wanted: Any, sweep: Any) -> Any:
+def avoid_collision(
+    around: Surroundings, slot: Int, wanted: Place, sweep: float
+) -> Place:
     """Return the pose that a robot reaches when it moves towards another.
 
     Args:
@@ -181,7 +187,11 @@ def avoid_collision(around: Any, slot: Any, wanted: Any, sweep: Any) -> Any:
     reached = _avoid(around, slot, count, wanted, sweep)
     if _is_same(reached, start):
         reached = start
-        _reject(robots, slot, wanted, count == walls)
+        # Noted only if walls forbade it: a robot in the way may be gone next time.
+        for i in range(3):
+            by_walls = count == walls
+            robots[slot, REJECTED + i] = robots[slot, X + i] if by_walls else np.nan
+            robots[slot, REJECTED + 3 + i] = wanted[i]
     gap, _, _ = _contact(around, slot, count, reached)
     offset = math.hypot(reached[0] - wanted[0], reached[1] - wanted[1])
     _note_gaps(robots, slot, gap, offset, count > walls)
@@ -189,7 +199,7 @@ def avoid_collision(around: Any, slot: Any, wanted: Any, sweep: Any) -> Any:
 
 
 @njit_cached
-def is_touching(around: Any, slot: Any) -> Any:
+def is_touching(around: Surroundings, slot: Int) -> bool:
     """Return whether something solid is as close as after a contact."""
     robots = around.robots
     if min(robots[slot, WALL_GAP], robots[slot, ROBOT_GAP]) > TOUCH_RANGE:
@@ -198,18 +208,22 @@ def is_touching(around: Any, slot: Any) -> Any:
     walls, count = _find_lines(around, slot, pose)
     gap, _, _ = _contact(around, slot, count, pose)
     _note_gaps(robots, slot, gap, 0.0, count > walls)
-    return gap <= TOUCH_RANGE
+    return bool(gap <= TOUCH_RANGE)
 
 
 @njit_inline
-def _contact(around: Any, slot: Any, count: Any, pose: Any) -> Any:
+def _contact(
+    around: Surroundings, slot: Int, count: Int, pose: Place
+) -> tuple[float, float, float]:
     robots = around.robots
     half_size = (robots[slot, HALF_LENGTH], robots[slot, HALF_WIDTH])
     return find_contact(around.lines, count, pose, half_size)
 
 
 @njit_inline
-def _note_gaps(robots: Any, slot: Any, gap: Any, offset: Any, has_robots: Any) -> Any:
+def _note_gaps(
+    robots: Floats, slot: Int, gap: float, offset: float, has_robots: bool
+) -> None:
     """Update the known gaps by that to lines found ``offset`` m away."""
     robots[slot, WALL_GAP] = min(gap, _WALL_RANGE - offset)
     if has_robots:
@@ -217,22 +231,14 @@ def _note_gaps(robots: Any, slot: Any, gap: Any, offset: Any, has_robots: Any) -
 
 
 @njit_inline
-def _reject(robots: Any, slot: Any, wanted: Any, by_walls: Any) -> Any:
-    """Note a move that failed; a robot in the way may be gone at the next one."""
-    for i in range(3):
-        robots[slot, REJECTED + i] = robots[slot, X + i] if by_walls else np.nan
-        robots[slot, REJECTED + 3 + i] = wanted[i]
-
-
-@njit_inline
-def _is_same(one: Any, other: Any) -> Any:
+def _is_same(one: Place, other: Place) -> bool:
     """Return whether two poses differ by no more than rounding."""
     difference = abs(one[0] - other[0]) + abs(one[1] - other[1])
     return difference + abs(one[2] - other[2]) < 1e-9
 
 
 @njit_cached
-def _find_lines(around: Any, slot: Any, pose: Any) -> Any:
+def _find_lines(around: Surroundings, slot: Int, pose: Place) -> tuple[int, int]:
     """Find the lines near a pose; robots farther away set the gap to robots.
 
     Returns:
@@ -241,7 +247,7 @@ def _find_lines(around: Any, slot: Any, pose: Any) -> Any:
     robots, grid = around.robots, around.grid
     x, y, _ = pose
     radius, floor = robots[slot, RADIUS], int(robots[slot, FLOOR])
-    walls = find_walls(around.walls, floor, (x, y), radius + _WALL_RANGE, around.lines)
+    walls = find_walls(around.walls, floor, x, y, radius + _WALL_RANGE, around.lines)
     count, nearest = walls, ROBOT_RANGE
     reach, cell = radius + grid.limits[REACH], grid.limits[CELL]
     first, last = math.floor((x - reach) / cell), math.floor((x + reach) / cell)
@@ -269,7 +275,7 @@ def _find_lines(around: Any, slot: Any, pose: Any) -> Any:
 
 
 @njit_inline
-def _add_outline(around: Any, other: Any, count: Any) -> Any:
+def _add_outline(around: Surroundings, other: Int, count: Int) -> None:
     """Add the four sides of another robot to the lines; they rank after all walls."""
     robots, lines = around.robots, around.lines
     x, y, yaw = pose_of(robots, other)
@@ -293,7 +299,9 @@ def _add_outline(around: Any, other: Any, count: Any) -> Any:
 
 
 @njit_inline
-def _avoid(around: Any, slot: Any, count: Any, wanted: Any, sweep: Any) -> Any:
+def _avoid(
+    around: Surroundings, slot: Int, count: Int, wanted: Place, sweep: float
+) -> Place:
     """Return the pose to take instead of a wanted pose that is not free."""
     x, y, yaw = wanted
     start = pose_of(around.robots, slot)
@@ -315,7 +323,9 @@ def _avoid(around: Any, slot: Any, count: Any, wanted: Any, sweep: Any) -> Any:
 
 
 @njit_inline
-def _push_out(around: Any, slot: Any, count: Any, pose: Any, clearance: Any) -> Any:
+def _push_out(
+    around: Surroundings, slot: Int, count: Int, pose: Place, clearance: float
+) -> tuple[bool, Place]:
     """Push a pose out of all lines; return whether that succeeds, and the pose."""
     for _ in range(_MAX_PUSHES):
         gap, away_x, away_y = _contact(around, slot, count, pose)

@@ -4,12 +4,12 @@ A row is a robot; the columns are numbered here. Whole numbers and truth values 
 floats too, so that kernels need only one array for all.
 """
 
-from typing import Any, Final
+from typing import Final, TypeAlias
 
 import numpy as np
 
 from radarsim.geometry import Floats
-from radarsim.jit import njit_inline
+from radarsim.jit import Int, njit_inline
 
 # Pose on the floor, m, rad, map frame; speeds of the wheels, rad/s, and angles that
 # they turned forward since the spawn, rad.
@@ -32,6 +32,9 @@ COLUMNS: Final = 28
 
 UNKNOWN: Final = -1.0
 
+# x, y and yaw, m, rad, map frame: a ``Pose2`` as kernels have it.
+Place: TypeAlias = tuple[float, float, float]
+
 MAX_DISPLACEMENT_RATIO: Final = 2.0  # of a centre, by the sweep of a move
 
 
@@ -44,6 +47,6 @@ def new_columns(rows: int) -> Floats:
 
 
 @njit_inline
-def pose_of(robots: Any, slot: Any) -> Any:
+def pose_of(robots: Floats, slot: Int) -> Place:
     """Return x, y and yaw of a robot."""
     return robots[slot, X], robots[slot, Y], robots[slot, YAW]

@@ -15,12 +15,17 @@ Apart from the kinematics, because a server needs it before compiled code is loa
 
 import math
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
-from radarsim.jit import njit_cached, njit_inline
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.geometry import Floats
+from radarsim.jit import Int, njit_cached, njit_inline
 from radarsim.protocol.dialect import RAD_PER_S, DriveUnit
 from radarsim.robots.collision import (
     MAX_SPEED,
+    Surroundings,
     avoid_collision,
     enter_robots,
     is_rejected,
@@ -39,6 +44,7 @@ from radarsim.robots.fleet_columns import (
     UNKNOWN,
     WALL_GAP,
     WHEEL_RADIUS,
+    Place,
     X,
     pose_of,
 )
@@ -79,7 +85,7 @@ _TURN: Final = 2 * math.pi
 
 
 @njit_inline
-def advance(pose: Any, left: Any, right: Any, track: Any, dt: Any) -> Any:
+def advance(pose: Place, left: float, right: float, track: float, dt: float) -> Place:
     """Return the pose after one time step along the exact circular arc.
 
     Args:
@@ -109,7 +115,7 @@ def advance(pose: Any, left: Any, right: Any, track: Any, dt: Any) -> Any:
 
 
 @njit_inline
-def _wrap(angle: Any) -> Any:
+def _wrap(angle: float) -> float:
     """Wrap an angle, rad, to (-pi, pi]; the same bits as ``geometry.wrap_angle``."""
     # The steps of C's remainder, each of them exact, which numba does not have.
     size = abs(angle)
@@ -125,7 +131,7 @@ def _wrap(angle: Any) -> Any:
 
 
 @njit_inline
-def sweep_rate(left: Any, right: Any, track: Any, radius: Any) -> Any:
+def sweep_rate(left: float, right: float, track: float, radius: float) -> float:
     """Return an upper bound of the speed of a robot's fastest point, m/s.
 
     Args:
@@ -138,13 +144,13 @@ def sweep_rate(left: Any, right: Any, track: Any, radius: Any) -> Any:
     return abs(left + right) / 2 + turn * radius
 
 
-_MAX_SWEEP: Final = (
-    0.05  # m; a longer step is split, so that no obstacle is jumped over
-)
+_MAX_SWEEP: Final = 0.05  # m; a longer step is split, not to jump over obstacles
 
 
 @njit_cached
-def drive_robots(around: Any, order: Any, odometry: Any, dt: Any) -> Any:
+def drive_robots(
+    around: Surroundings, order: NDArray[np.int64], odometry: Floats, dt: float
+) -> None:
     """Drive all robots for one time step.
 
     Args:
@@ -177,18 +183,23 @@ def drive_robots(around: Any, order: Any, odometry: Any, dt: Any) -> Any:
 
 
 @njit_inline
-def _move(around: Any, slot: Any, wanted: Any, sweep: Any, dt: Any) -> Any:
+def _move(
+    around: Surroundings, slot: Int, wanted: Place, sweep: float, dt: float
+) -> None:
     """Move a robot towards a pose, as far as it is free."""
     robots = around.robots
     closing = around.grid.limits[MAX_SPEED] * dt
     robots[slot, WALL_GAP] -= sweep
     robots[slot, ROBOT_GAP] -= sweep + closing
     # Nothing can be in reach before the gaps are used up (rules 1 and 2 of collisions).
+    # Most moves end here. With a look for walls in each, a step would take twice as
+    # long: row j of ``radarsim bench``.
     robots_are_far = robots[slot, ROBOT_GAP] > MARGIN
     if robots_are_far and robots[slot, WALL_GAP] > MARGIN:
         robots[slot, BLOCKED] = False
     elif robots_are_far and is_rejected(robots, slot, wanted):
-        robots[slot, BLOCKED] = True  # still pushing against the same wall
+        # Still pushing against the same wall: it need not be looked at again.
+        robots[slot, BLOCKED] = True
         return
     else:
         wanted = avoid_collision(around, slot, wanted, sweep)
@@ -197,7 +208,9 @@ def _move(around: Any, slot: Any, wanted: Any, sweep: Any, dt: Any) -> Any:
 
 
 @njit_cached
-def find_touched(around: Any, order: Any, slots: Any) -> Any:
+def find_touched(
+    around: Surroundings, order: NDArray[np.int64], slots: NDArray[np.int64]
+) -> None:
     """Find which robots were blocked in their last move, or touch something.
 
     Args:
@@ -216,8 +229,13 @@ def find_touched(around: Any, order: Any, slots: Any) -> Any:
 
 @njit_cached
 def drive_on(
-    around: Any, order: Any, odometry: Any, dt: Any, steps: Any, touched: Any
-) -> Any:
+    around: Surroundings,
+    order: NDArray[np.int64],
+    odometry: Floats,
+    dt: float,
+    steps: int,
+    touched: NDArray[np.bool_],
+) -> None:
     """Drive robots for several time steps.
 
     Args:
@@ -237,8 +255,13 @@ def drive_on(
 
 @njit_cached
 def drive_each_alone(
-    around: Any, order: Any, odometry: Any, dt: Any, steps: Any, touched: Any
-) -> Any:
+    around: Surroundings,
+    order: NDArray[np.int64],
+    odometry: Floats,
+    dt: float,
+    steps: int,
+    touched: NDArray[np.bool_],
+) -> None:
     """Drive robots for several time steps as if no others were there.
 
     Arguments as of ``drive_on``.

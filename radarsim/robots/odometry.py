@@ -1,7 +1,7 @@
 """Wheel odometry: where robots would be if their wheels never slipped."""
 
 import math
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.jit import njit_inline
@@ -46,7 +46,7 @@ class WheelOdometry:
 
 
 @njit_inline
-def integrate_odometry(odometry: Any, robots: Any) -> Any:
+def integrate_odometry(odometry: Floats, robots: Floats) -> None:
     """Advance all odometry to the present angles of the wheels.
 
     The motion since the last step is one circular arc, which is exact as long as the

@@ -7,7 +7,7 @@ entries, and empty cells cost nothing, however large the map.
 
 import math
 from collections.abc import Sequence
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,13 +121,16 @@ def _between(low: Floats, high: Floats) -> tuple[Ints, Ints]:
 
 
 @njit_inline
-def find_walls(table: Any, floor: Any, place: Any, reach: Any, lines: Any) -> Any:
+def find_walls(
+    table: WallTable, floor: int, x: float, y: float, reach: float, lines: Floats
+) -> int:
     """Find the walls of a floor within ``reach`` m of a place.
 
     Args:
         table: The ``WallTable``.
         floor: Number of the floor.
-        place: x and y, m, map frame.
+        x: Of the place, m, map frame.
+        y: Likewise.
         reach: How far a wall may be away, m.
         lines: Table of lines to be written from its first row on, large enough for all
             walls of the floor.
@@ -135,13 +138,13 @@ def find_walls(table: Any, floor: Any, place: Any, reach: Any, lines: Any) -> An
     Returns:
         The number of walls.
     """
-    x, y = place
     floors, entries, marks = table.floors, table.entries, table.marks
     cell, columns = floors[floor, CELL], int(floors[floor, CELL_COLUMNS])
     left, right = _cells_within(x - floors[floor, LEFT], reach, cell, columns)
     rows = floors[floor, CELL_ROWS]
     bottom, top = _cells_within(y - floors[floor, BOTTOM], reach, cell, rows)
     first, end = int(floors[floor, FIRST]), int(floors[floor, END])
+    # A wall is in several cells. Marks with the number of the search need not be reset.
     marks[-1] += 1
     count = 0
     for row in range(bottom, top + 1):
@@ -151,7 +154,7 @@ def find_walls(table: Any, floor: Any, place: Any, reach: Any, lines: Any) -> An
             wall = entries[entry, 1]
             entry += 1
             if marks[wall] == marks[-1]:
-                continue  # found in another cell
+                continue
             marks[wall] = marks[-1]
             if _is_near(table.lines, wall, x, y, reach):
                 for i in range(5):
@@ -161,7 +164,9 @@ def find_walls(table: Any, floor: Any, place: Any, reach: Any, lines: Any) -> An
 
 
 @njit_inline
-def _cells_within(place: Any, reach: Any, cell: Any, count: Any) -> Any:
+def _cells_within(
+    place: float, reach: float, cell: float, count: float
+) -> tuple[int, int]:
     """Return the first and the last of ``count`` cells within reach on an axis."""
     first, last = (place - reach) / cell, (place + reach) / cell
     # limited before they become whole numbers: the place may be far off the grid
@@ -170,7 +175,7 @@ def _cells_within(place: Any, reach: Any, cell: Any, count: Any) -> Any:
 
 
 @njit_inline
-def _first_entry(entries: Any, first: Any, end: Any, cell: Any) -> Any:
+def _first_entry(entries: Ints, first: int, end: int, cell: int) -> int:
     """Return the first entry from ``first`` to ``end`` whose cell is not before one."""
     while first < end:
         middle = (first + end) // 2
@@ -182,11 +187,11 @@ def _first_entry(entries: Any, first: Any, end: Any, cell: Any) -> Any:
 
 
 @njit_inline
-def _is_near(lines: Any, wall: Any, x: Any, y: Any, reach: Any) -> Any:
+def _is_near(lines: Floats, wall: int, x: float, y: float, reach: float) -> bool:
     """Return whether a wall passes within ``reach`` m of a place."""
     dx, dy = x - lines[wall, MIDDLE_X], y - lines[wall, MIDDLE_Y]
     half_x, half_y = lines[wall, HALF_X], lines[wall, HALF_Y]
     share = (dx * half_x + dy * half_y) / (half_x * half_x + half_y * half_y)
     share = min(max(share, -1.0), 1.0)
     dx, dy = dx - share * half_x, dy - share * half_y
-    return dx * dx + dy * dy <= reach * reach
+    return bool(dx * dx + dy * dy <= reach * reach)

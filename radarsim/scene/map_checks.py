@@ -50,7 +50,10 @@ _EXCLUSIVE = (
 
 
 def material_problems(item: object) -> Iterator[Problem]:
-    """Check a raw material: it states what a radar loses, in compatible ways."""
+    """Check a raw material: it states what a radar loses, in compatible ways.
+
+    Amounts are given only of materials that have them.
+    """
     if not isinstance(item, dict):
         return
     given = {key for key, value in item.items() if value is not None}
@@ -63,11 +66,6 @@ def material_problems(item: object) -> Iterator[Problem]:
     for sheet, key in _EITHER_SHEET_OR_INSIDE:
         if {sheet, key} <= given:
             yield (key,), f"expected either {sheet!r} or {key!r}"
-    yield from _amount_problems(item, given)
-
-
-def _amount_problems(item: dict[str, object], given: set[str]) -> Iterator[Problem]:
-    """Check that amounts are given only of materials that have them."""
     for key in sorted(given & set(AMOUNTS)):
         base = item.get("based_on")
         known = isinstance(base, str) and base in library_names()
@@ -122,7 +120,12 @@ def object_problems(item: object) -> Iterator[Problem]:
     if not isinstance(item, dict):
         return
     given = {key for key, value in item.items() if value is not None}
-    yield from _shape_problems(given)
+    shapes = sorted(given & _SHAPES)
+    if len(shapes) != 1:
+        yield (), f"{shapes or 'no shape'}, expected one of {sorted(_SHAPES)}"
+    if "mesh" not in given:
+        for key in sorted(given & _MESH_KEYS):
+            yield (key,), "expected only for a mesh"
     if "reflector" in given:
         for key in sorted(given & _NOT_OF_REFLECTORS):
             yield (key,), "expected none of a reflector"
@@ -131,9 +134,10 @@ def object_problems(item: object) -> Iterator[Problem]:
     for first, second in _EXCLUSIVE:
         if {first, second} <= given:
             yield (second,), f"expected either {first!r} or {second!r}"
-    if "scatter" in given and _is_off_centre(item.get("position")):
+    position = item.get("position")
+    if "scatter" in given and isinstance(position, list) and any(position[:2]):
         message = "expected 0 for x and y, since 'scatter' has an area"
-        yield ("position",), f"{short_repr(item['position'])}, {message}"
+        yield ("position",), f"{short_repr(position)}, {message}"
 
 
 def unknown_materials(item: object, own: Collection[str]) -> Iterator[str]:
@@ -148,15 +152,6 @@ def unknown_materials(item: object, own: Collection[str]) -> Iterator[str]:
                 and name not in library_names()
             ):
                 yield name
-
-
-def _shape_problems(given: set[str]) -> Iterator[Problem]:
-    shapes = sorted(given & _SHAPES)
-    if len(shapes) != 1:
-        yield (), f"{shapes or 'no shape'}, expected one of {sorted(_SHAPES)}"
-    if "mesh" not in given:
-        for key in sorted(given & _MESH_KEYS):
-            yield (key,), "expected only for a mesh"
 
 
 def trial_problems(item: object, starts: Iterable[object]) -> Iterator[Problem]:
@@ -183,10 +178,6 @@ def extent_problems(bounds: Floats) -> Iterator[Problem]:
     if sizes.max() > MAX_EXTENT:
         extents = " x ".join(f"{size:.1f}" for size in sizes)
         yield (), f"{extents} m, expected at most {MAX_EXTENT:g} m in each direction"
-
-
-def _is_off_centre(position: object) -> bool:
-    return isinstance(position, list) and any(position[:2])
 
 
 MAX_TOLD: Final = 100

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 from radarsim.presets.sensor_settings import BANDS_GHZ
@@ -15,16 +15,24 @@ LEAST_GROUP: Final = 3  # objects of one material that are listed in one line
 def summarise(scene: Scene) -> list[str]:
     """Return lines that list a scene's extents, materials, objects and starts."""
     objects = len({part.object_name for part in scene.parts})
+    extents = zip("xyz", *scene.bounds, strict=True)
+    triangles: Counter[str] = Counter()
+    for part in scene.parts:
+        triangles[part.material.name] += len(part.faces)
     return [
         f"map {scene.name}, level {scene.level}",
         f"{_count(objects, 'object')}, {_count(scene.triangles, 'triangle')}",
-        *_extents(scene),
+        *(f"  {axis} from {low:.3f} to {high:.3f} m" for axis, low, high in extents),
         *([f"air: {scene.air.name}"] if scene.air else []),
         f"{_count(len(scene.starts), 'start')}, x y z in m, yaw in degrees",
         *(f"  {_start(start)}" for start in scene.starts),
         *([_trial(scene.trial)] if scene.trial else []),
         _count(len(scene.materials), "material"),
-        *_materials(scene),
+        *(
+            f"  {material.name}: {_properties(material)};"
+            f" {_count(triangles[name], 'triangle')}"
+            for name, material in scene.materials.items()
+        ),
         "objects, with their materials and triangles",
         *_objects(scene),
     ]
@@ -32,23 +40,6 @@ def summarise(scene: Scene) -> list[str]:
 
 def _count(number: int, thing: str) -> str:
     return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
-
-
-def _extents(scene: Scene) -> list[str]:
-    low, high = scene.bounds
-    axes = zip("xyz", low, high, strict=True)
-    return [f"  {axis} from {a:.3f} to {b:.3f} m" for axis, a, b in axes]
-
-
-def _materials(scene: Scene) -> list[str]:
-    triangles: Counter[str] = Counter()
-    for part in scene.parts:
-        triangles[part.material.name] += len(part.faces)
-    return [
-        f"  {material.name}: {_properties(material)};"
-        f" {_count(triangles[name], 'triangle')}"
-        for name, material in scene.materials.items()
-    ]
 
 
 def _properties(material: Material) -> str:
@@ -59,14 +50,27 @@ def _properties(material: Material) -> str:
     ]
     if material.sheet_loss is not None:
         words.append(f"loses {material.sheet_loss:g} at each surface")
-    return ", ".join([*words, *_surface(material)])
+    for wave, mirrors, absorbed in (
+        ("radar", material.radar_mirror, material.absorption_db),
+        ("laser", material.laser_mirror, material.laser_absorption_db),
+    ):
+        if mirrors:
+            words.append(f"a mirror to {wave}")
+        if absorbed:
+            amount = f"{absorbed:g} dB" if math.isfinite(absorbed) else "all"
+            words.append(f"keeps {amount} of {wave}")
+    if material.rain:
+        words.append(f"rain of {material.rain:g} mm/h")
+    return ", ".join(words)
 
 
 def _losses(title: str, density: float, decibels: Sequence[float]) -> str:
     """Return the losses per metre; dB only if there are any."""
     losses = []
     if density or not any(decibels):
-        losses.append(title + _density(density))
+        losses.append(
+            title + (f"{density:g} per m" if math.isfinite(density) else "opaque")
+        )
     if len(set(decibels)) > 1:
         numbers = ", ".join(f"{db:.3g}" for db in decibels)
         bands = ", ".join(str(band) for band in BANDS_GHZ)
@@ -76,46 +80,22 @@ def _losses(title: str, density: float, decibels: Sequence[float]) -> str:
     return " and ".join(losses)
 
 
-def _density(density: float) -> str:
-    return f"{density:g} per m" if math.isfinite(density) else "opaque"
-
-
-def _surface(material: Material) -> Iterator[str]:
-    """Yield the properties other than losses inside."""
-    for wave, mirrors, absorbed in (
-        ("radar", material.radar_mirror, material.absorption_db),
-        ("laser", material.laser_mirror, material.laser_absorption_db),
-    ):
-        if mirrors:
-            yield f"a mirror to {wave}"
-        if absorbed:
-            amount = f"{absorbed:g} dB" if math.isfinite(absorbed) else "all"
-            yield f"keeps {amount} of {wave}"
-    if material.rain:
-        yield f"rain of {material.rain:g} mm/h"
-
-
 def _objects(scene: Scene) -> list[str]:
     """Return a line for each object, or for many that differ in their number only."""
     groups: dict[tuple[str, str], list[Part]] = {}
     for part in scene.parts:
         stem = part.object_name.rstrip("0123456789")
         groups.setdefault((stem, part.material.name), []).append(part)
-    return [
-        f"  {name}: {parts[0].material.name}, {sum(len(part.faces) for part in parts)}"
-        for group in groups.values()
-        for name, parts in _named(group)
-    ]
-
-
-def _named(group: list[Part]) -> Iterator[tuple[str, list[Part]]]:
-    """Yield the parts of a group together if they are many, each with its name."""
-    names = list(dict.fromkeys(part.object_name for part in group))
-    if len(names) >= LEAST_GROUP:
-        yield f"{names[0]} to {names[-1]} ({len(names)})", group
-        return
-    for part in group:
-        yield part.object_name, [part]
+    lines = []
+    for (_, material), group in groups.items():
+        names = list(dict.fromkeys(part.object_name for part in group))
+        listed = [(part.object_name, [part]) for part in group]
+        if len(names) >= LEAST_GROUP:
+            listed = [(f"{names[0]} to {names[-1]} ({len(names)})", group)]
+        for name, parts in listed:
+            triangles = sum(len(part.faces) for part in parts)
+            lines.append(f"  {name}: {material}, {triangles}")
+    return lines
 
 
 def _start(start: StartPose) -> str:

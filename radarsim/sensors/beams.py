@@ -28,7 +28,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -310,7 +310,7 @@ def node_directions(angles: Floats, offsets: Floats) -> Floats:
 
 
 @njit_cached
-def _fill_directions(angles: Any, offsets: Any, directions: Any) -> None:
+def _fill_directions(angles: Floats, offsets: Floats, directions: Floats) -> None:
     per_beam = offsets.shape[1] > 1
     for k in range(len(offsets)):
         for i in range(len(angles)):

@@ -29,9 +29,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.jit import njit_cached, njit_inline
+from radarsim.jit import Int, njit_cached, njit_inline
 from radarsim.presets.sensor_settings import SensorSettings
-from radarsim.raycast.attenuation import Outcome
+from radarsim.raycast.attenuation import EventRow, Events, Outcome
 from radarsim.raycast.rays import Traces
 from radarsim.sensors.echo_strength import (
     ENTER,
@@ -42,6 +42,7 @@ from radarsim.sensors.echo_strength import (
     Densities,
     EnclosingVolumes,
     EventReturns,
+    ReturnLaw,
     compute_strengths,
     find_ranges,
     return_law,
@@ -80,9 +81,11 @@ class EchoColumns(NamedTuple):
     ends: NDArray[np.uint8]
     front: Floats
 
-    def take(self, rows: Any) -> "EchoColumns":
+    def take(
+        self, rows: slice | NDArray[np.integer] | NDArray[np.bool_]
+    ) -> "EchoColumns":
         """Return some of the rows, selected by index, mask or slice."""
-        columns: Any = [column[rows] for column in self]
+        columns: list[NDArray[Any]] = [column[rows] for column in self]
         return EchoColumns(*columns)
 
 
@@ -149,10 +152,17 @@ def extract_echoes(
 
 
 @njit_cached
-def _extract(events: Any, beams: Any, densities: Any, law: Any, *columns: Any) -> Any:
+def _extract(
+    events: Events,
+    beams: BeamRays,
+    densities: Densities,
+    law: ReturnLaw,
+    *columns: NDArray[Any],
+) -> int:
     """Fill columns with the echoes of all events; return how many there are.
 
-    Columns come one by one: numba takes twice as long to unpack tuples of arrays.
+    Columns come one by one: numba takes twice as long to unpack tuples of arrays
+    (row g of ``radarsim bench``).
     """
     n, parts = len(events), len(densities.parts) + 1
     volumes = EnclosingVolumes(np.zeros(parts, np.int64), np.zeros(parts, np.int64))
@@ -180,7 +190,13 @@ class _EchoOrder(NamedTuple):
 
 
 @njit_inline
-def _fill_columns(events: Any, beams: Any, found: Any, order: Any, columns: Any) -> Any:
+def _fill_columns(
+    events: Events,
+    beams: BeamRays,
+    found: EventReturns,
+    order: _EchoOrder,
+    columns: EchoColumns,
+) -> int:
     """Fill columns with echoes, beam by beam; return how many there are."""
     of_beam, n = beams.rays_per_beam, len(events)
     total = i = 0
@@ -199,7 +215,7 @@ def _fill_columns(events: Any, beams: Any, found: Any, order: Any, columns: Any)
 
 
 @njit_inline
-def _sort_by_range(order: Any, count: Any) -> None:
+def _sort_by_range(order: _EchoOrder, count: int) -> None:
     """Sort the first echoes by range; those of equal range keep their order.
 
     Most lists are short, and the echoes of each ray are sorted already: insertion is
@@ -216,7 +232,7 @@ def _sort_by_range(order: Any, count: Any) -> None:
 
 
 @njit_inline
-def _sort_run(order: Any, start: Any, end: Any) -> None:
+def _sort_run(order: _EchoOrder, start: int, end: int) -> None:
     """Sort the echoes of a short run by insertion."""
     ranges, rows = order.ranges, order.rows
     for k in range(start + 1, end):
@@ -228,7 +244,7 @@ def _sort_run(order: Any, start: Any, end: Any) -> None:
 
 
 @njit_inline
-def _merge_runs(order: Any, start: Any, middle: Any, end: Any) -> None:
+def _merge_runs(order: _EchoOrder, start: int, middle: int, end: int) -> None:
     """Merge two sorted runs; of equal ranges those of the first run come first."""
     ranges, rows, spare_ranges, spare_rows = order
     for k in range(start, middle):
@@ -247,9 +263,14 @@ def _merge_runs(order: Any, start: Any, middle: Any, end: Any) -> None:
 
 @njit_inline
 def _fill_row(
-    columns: Any, row: Any, events: Any, i: Any, beams: Any, found: Any
+    columns: EchoColumns,
+    row: int,
+    events: Events,
+    i: Int,
+    beams: BeamRays,
+    found: EventReturns,
 ) -> None:
-    event = events[i]
+    event: EventRow = events[i]
     kind, ray = event.kind, event.ray
     strength = found.strengths[i]
     if beams.incidence.size:
@@ -310,7 +331,7 @@ def merge_echoes(echoes: EchoColumns, resolution: float) -> EchoColumns:
 
 
 @njit_inline
-def _first_with_power(echoes: Any, i: Any) -> Any:
+def _first_with_power(echoes: EchoColumns, i: int) -> int:
     """Return the first echo of a beam from ``i`` on that has strength or is an end."""
     n, beam = len(echoes.t), echoes.beam[i]
     while i < n and echoes.beam[i] == beam:
@@ -321,15 +342,15 @@ def _first_with_power(echoes: Any, i: Any) -> Any:
 
 
 @njit_inline
-def _represents(echoes: Any, one: Any, other: Any) -> Any:
+def _represents(echoes: EchoColumns, one: int, other: int) -> bool:
     """Return whether one echo rather than another gives a merged echo its kind."""
     if echoes.ends[one] != echoes.ends[other]:
-        return echoes.ends[one] > echoes.ends[other]
-    return echoes.strength[one] > echoes.strength[other] * (1.0 + ROUNDING)
+        return bool(echoes.ends[one] > echoes.ends[other])
+    return bool(echoes.strength[one] > echoes.strength[other] * (1.0 + ROUNDING))
 
 
 @njit_cached
-def _merge_in_place(echoes: Any, resolution: Any) -> Any:
+def _merge_in_place(echoes: EchoColumns, resolution: float) -> int:
     """Merge echoes in place; return how many are left."""
     left, i, n = 0, 0, len(echoes.t)
     while i < n:
@@ -359,7 +380,7 @@ def _merge_in_place(echoes: Any, resolution: Any) -> Any:
 
 
 @njit_inline
-def _copy_row(echoes: Any, source: Any, target: Any) -> None:
+def _copy_row(echoes: EchoColumns, source: int, target: int) -> None:
     """Copy what a merged echo takes over unchanged."""
     echoes.beam[target] = echoes.beam[source]
     echoes.row[target] = echoes.row[source]
@@ -370,7 +391,9 @@ def _copy_row(echoes: Any, source: Any, target: Any) -> None:
 
 
 @njit_cached
-def select_echoes(echoes: Any, mode: Any, beams: Any, threshold: Any) -> Any:
+def select_echoes(
+    echoes: EchoColumns, mode: int, beams: int, threshold: float
+) -> NDArray[np.int64]:
     """Select the echo that gives each beam its range.
 
     A beam in which no echo is above the threshold has the range at which its ray ends.

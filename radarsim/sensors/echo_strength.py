@@ -22,7 +22,7 @@ their leading edge instead, which is where the ray enters.
 """
 
 import math
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from radarsim.geometry import Floats
 from radarsim.jit import njit_inline
 from radarsim.presets.sensor_settings import SensorSettings
-from radarsim.raycast.attenuation import EventKind
+from radarsim.raycast.attenuation import EventKind, EventRow, Events
 
 NOTHING_LEFT: Final = 1e-12  # share of a ray's power
 START_INSIDE, ENTER, LEAVE, SHEET, HIT, SPENT = map(int, list(EventKind)[:6])
@@ -125,14 +125,14 @@ def return_law(settings: SensorSettings) -> ReturnLaw:
     return ReturnLaw(full, nepers, settings.return_mode != "first")
 
 
-def returned_share(share: Any, settings: SensorSettings) -> Any:
+def returned_share(share: Floats | float, settings: SensorSettings) -> Floats:
     """Return what comes back of rays that have these shares of their power left."""
     returned = np.exp(return_law(settings).nepers * (np.asarray(share) - 1.0))
     return np.where(np.asarray(share) > NOTHING_LEFT, returned, 0.0)
 
 
 @njit_inline
-def _share_left(event: Any, law: Any) -> Any:
+def _share_left(event: EventRow, law: ReturnLaw) -> float:
     """Return the share of its power that a ray has left on arrival."""
     if event.kind == SPENT:
         return 0.0
@@ -140,7 +140,7 @@ def _share_left(event: Any, law: Any) -> Any:
 
 
 @njit_inline
-def _share_behind(event: Any, law: Any) -> Any:
+def _share_behind(event: EventRow, law: ReturnLaw) -> float:
     """Return the share of its power that a ray has left behind a sheet or a surface."""
     if event.kind == SPENT:
         return 0.0
@@ -148,15 +148,18 @@ def _share_behind(event: Any, law: Any) -> Any:
 
 
 @njit_inline
-def _returned(share: Any, law: Any) -> Any:
+def _returned(share: float, law: ReturnLaw) -> float:
     """Return what comes back of a ray that has a share of its power left."""
     if share <= NOTHING_LEFT:
         return 0.0
-    return np.exp(law.nepers * (share - 1.0))
+    returned: float = np.exp(law.nepers * (share - 1.0))
+    return returned
 
 
 @njit_inline
-def _total_density(densities: Any, volumes: Any, count: Any) -> Any:
+def _total_density(
+    densities: Densities, volumes: EnclosingVolumes, count: int
+) -> float:
     total = densities.air
     for k in range(count):
         total += densities.parts[volumes.part[k]]
@@ -165,7 +168,11 @@ def _total_density(densities: Any, volumes: Any, count: Any) -> Any:
 
 @njit_inline
 def _credit_volumes(
-    loss: Any, densities: Any, volumes: Any, count: Any, strengths: Any
+    loss: float,
+    densities: Densities,
+    volumes: EnclosingVolumes,
+    count: int,
+    strengths: Floats,
 ) -> None:
     """Add a loss along a stretch to the echoes of the volumes around the ray.
 
@@ -187,7 +194,11 @@ def _credit_volumes(
 
 @njit_inline
 def _find_middles(
-    stretch: Any, densities: Any, law: Any, found: Any, count: Any
+    stretch: Stretch,
+    densities: Densities,
+    law: ReturnLaw,
+    found: EventReturns,
+    count: int,
 ) -> None:
     """Find the ranges up to which half of the power of volumes has come back.
 
@@ -218,9 +229,11 @@ def _find_middles(
 
 
 @njit_inline
-def _update_volumes(events: Any, i: Any, volumes: Any, count: Any) -> Any:
+def _update_volumes(
+    events: Events, i: int, volumes: EnclosingVolumes, count: int
+) -> int:
     """Enter or leave the volume of an event; return how many enclose the ray."""
-    event = events[i]
+    event: EventRow = events[i]
     if event.kind in (ENTER, START_INSIDE):
         volumes.part[count] = event.part
         volumes.entry[count] = i if event.kind == ENTER else -1
@@ -236,7 +249,9 @@ def _update_volumes(events: Any, i: Any, volumes: Any, count: Any) -> Any:
 
 
 @njit_inline
-def compute_strengths(events: Any, densities: Any, law: Any, found: Any) -> None:
+def compute_strengths(
+    events: Events, densities: Densities, law: ReturnLaw, found: EventReturns
+) -> None:
     """Compute what each event returns of its ray.
 
     Args:
@@ -266,7 +281,9 @@ def compute_strengths(events: Any, densities: Any, law: Any, found: Any) -> None
 
 
 @njit_inline
-def find_ranges(events: Any, densities: Any, law: Any, found: Any) -> None:
+def find_ranges(
+    events: Events, densities: Densities, law: ReturnLaw, found: EventReturns
+) -> None:
     """Find the ranges of the echoes, when their strengths and losses are known.
 
     Args:

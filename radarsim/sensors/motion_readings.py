@@ -38,7 +38,7 @@ import numpy as np
 
 from radarsim.errors import PresetError, expected_one_of
 from radarsim.geometry import Floats, Pose3
-from radarsim.jit import njit_inline
+from radarsim.jit import Int, njit_inline
 
 INS_DRIFT_INTERVAL = 0.2  # s of simulated time between two updates of the drift
 # compiled into kernels
@@ -198,7 +198,7 @@ def draw_errors(encoder: Floats, rng: np.random.Generator) -> None:
 
 
 @njit_inline
-def move_ins(numbers: Any, ins: Any, body: Any) -> None:
+def move_ins(numbers: Floats, ins: Int, body: Floats) -> None:
     """Update the drift of an INS, for which random numbers are there.
 
     Args:
@@ -223,7 +223,7 @@ def move_ins(numbers: Any, ins: Any, body: Any) -> None:
 
 
 @njit_inline
-def read_ins(numbers: Any, ins: Any, body: Any, out: Any, at: Any) -> None:
+def read_ins(numbers: Floats, ins: Int, body: Floats, out: Floats, at: Int) -> None:
     """Write the estimated pose, map frame, whose angles are not wrapped.
 
     Args:
@@ -239,19 +239,19 @@ def read_ins(numbers: Any, ins: Any, body: Any, out: Any, at: Any) -> None:
 
 
 @njit_inline
-def _motion(start: Any, end: Any, axis: Any) -> Any:
+def _motion(start: float, end: float, axis: int) -> float:
     """Return the motion on an axis, or the turn about it, the short way round, rad."""
     motion = end - start
     if axis < 3 or abs(motion) <= math.pi:
         return motion
     rest = np.fmod(abs(motion), math.tau)  # exact, as all that follows
     other = math.tau - rest
-    return math.copysign(1.0, motion) * (rest if rest <= other else -other)
+    return math.copysign(1.0, motion) * float(rest if rest <= other else -other)
 
 
 @njit_inline
 def measure_speeds(
-    numbers: Any, tachometer: Any, time: Any, left: Any, right: Any
+    numbers: Floats, tachometer: Int, time: float, left: float, right: float
 ) -> None:
     """Measure the mean speeds of wheels since the last reading of a tachometer.
 
@@ -272,7 +272,7 @@ def measure_speeds(
 
 
 @njit_inline
-def count_ticks(numbers: Any, encoder: Any, side: Any, angle: Any) -> Any:
+def count_ticks(numbers: Floats, encoder: Int, side: Int, angle: float) -> float:
     """Return the ticks of a wheel, for which a random number is there.
 
     Args:
@@ -285,4 +285,4 @@ def count_ticks(numbers: Any, encoder: Any, side: Any, angle: Any) -> Any:
     numbers[encoder + USED] += 1.0
     error = -noise + 2 * noise * numbers[encoder + ENCODER_DRAWS + used]
     turned = (angle - numbers[encoder + TICK_ZERO + side]) * (1 + error)
-    return np.trunc(np.fmod(turned, 2 * math.pi) / ENCODER_RESOLUTION)
+    return float(np.trunc(np.fmod(turned, 2 * math.pi) / ENCODER_RESOLUTION))

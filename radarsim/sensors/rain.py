@@ -22,7 +22,7 @@ where the antenna receives its own signal.
 """
 
 import math
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from radarsim.geometry import Floats
 from radarsim.jit import njit_cached, njit_inline
 from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
-from radarsim.raycast.attenuation import EventKind
+from radarsim.raycast.attenuation import EventKind, EventRow, Events
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import rain_reflectivity
 from radarsim.sensors.echo_extraction import EchoColumns
@@ -118,7 +118,7 @@ def contrast(settings: SensorSettings, mm_per_h: float) -> float:
 
 def find_speckle(
     tracer: Tracer,
-    events: NDArray[np.void],
+    events: Events,
     rows: NDArray[np.int64],
     random: Floats,
     settings: SensorSettings,
@@ -155,7 +155,7 @@ def find_speckle(
 
 
 @njit_inline
-def _contrast_at(enclosing: Any, contrasts: Any) -> Any:
+def _contrast_at(enclosing: NDArray[np.uint8], contrasts: Floats) -> tuple[float, int]:
     """Return the contrast of the rain around a ray, and the part in which it rains."""
     total, part = 0.0, -1
     for k in range(len(contrasts)):
@@ -165,7 +165,9 @@ def _contrast_at(enclosing: Any, contrasts: Any) -> Any:
 
 
 @njit_inline
-def _search(t: Any, end: Any, cell: Any, contrast: Any, budget: Any) -> Any:
+def _search(
+    t: float, end: float, cell: float, contrast: float, budget: float
+) -> tuple[float, float]:
     """Search cells of constant contrast until rain is detected in one.
 
     Each cell reduces the budget by its -log(probability that nothing shows), so a
@@ -188,7 +190,13 @@ def _search(t: Any, end: Any, cell: Any, contrast: Any, budget: Any) -> Any:
 
 
 @njit_cached
-def _find_cells(events: Any, beams: Any, rain: Any, limits: Any, speckle: Any) -> None:
+def _find_cells(
+    events: Events,
+    beams: BeamDraws,
+    rain: RainField,
+    limits: RainLimits,
+    speckle: Speckle,
+) -> None:
     """Fill a speckle; see ``find_speckle``."""
     full = limits.full_power
     enclosing = rain.around_start.copy()
@@ -197,7 +205,7 @@ def _find_cells(events: Any, beams: Any, rain: Any, limits: Any, speckle: Any) -
         budget, t, i = beams.random[0, beam], limits.nearest, beams.first_event[beam]
         before, power = 0.0, full  # distance and power after the previous event
         while i < len(events) and events[i].ray == beams.rows[beam] and budget > 0.0:
-            event = events[i]
+            event: EventRow = events[i]
             contrast, part = _contrast_at(enclosing, rain.contrasts)
             t, budget = _search(t, event.t, limits.cell, contrast, budget)
             if budget <= 0.0:
@@ -242,6 +250,10 @@ def add_rain(
         (~has_end[beams]).astype(np.uint8),
         speckle.t[beams],
     )
-    pairs: list[Any] = list(zip(columns, added, strict=True))
-    joined = EchoColumns(*[np.concatenate(pair) for pair in pairs])
+    joined = EchoColumns(
+        *[
+            np.concatenate([getattr(columns, name), getattr(added, name)])
+            for name in EchoColumns._fields
+        ]
+    )
     return joined.take(np.lexsort([joined.t, joined.beam]))

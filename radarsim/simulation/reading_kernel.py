@@ -5,13 +5,13 @@ Robots of one class follow the same ones, as what its items need to remember has
 same places in the numbers of each.
 """
 
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.jit import njit_cached, njit_inline
+from radarsim.jit import Int, njit_cached, njit_inline
 from radarsim.robots.fleet_columns import (
     BODY_Z,
     LEFT_ANGLE,
@@ -98,7 +98,8 @@ def fill_readings(
         The number of robots that have used up some of their random numbers.
     """
     robots, odometry = fleet
-    at, spent, body = 0, 0, np.zeros(6)
+    at: Int = 0
+    spent, body = 0, np.zeros(6)
     for job in range(len(jobs)):
         slot = jobs[job, 0]
         robot = RobotState(slot, robots, odometry, numbers[slot], body, ticks)
@@ -119,7 +120,7 @@ def fill_readings(
 
 
 @njit_inline
-def _number(kind: Any, place: Any, side: Any, robot: Any) -> Any:
+def _number(kind: Int, place: Int, side: Int, robot: RobotState) -> float:
     """Return the number that an instruction writes."""
     numbers = robot.numbers
     angle = robot.robots[robot.slot, RIGHT_ANGLE if side else LEFT_ANGLE]
@@ -128,11 +129,11 @@ def _number(kind: Any, place: Any, side: Any, robot: Any) -> Any:
     if kind == CHARGE:
         return _charge(numbers, place, robot.ticks)
     if kind == WHEEL_SPEED:
-        return numbers[place + SPEEDS + side]
+        return float(numbers[place + SPEEDS + side])
     if kind == WHEEL_ANGLE:
-        return angle - numbers[place + ANGLE_ZERO + side]
+        return float(angle - numbers[place + ANGLE_ZERO + side])
     if kind == IS_TOUCHED:
-        return robot.robots[robot.slot, TOUCHED]
+        return float(robot.robots[robot.slot, TOUCHED])
     ticks = count_ticks(numbers, place, side, angle)
     if numbers[place + USED] == numbers[place + DRAWN]:
         numbers[SPENT] = 1.0
@@ -140,15 +141,15 @@ def _number(kind: Any, place: Any, side: Any, robot: Any) -> Any:
 
 
 @njit_inline
-def _charge(numbers: Any, battery: Any, ticks: Any) -> Any:
+def _charge(numbers: Floats, battery: Int, ticks: int) -> float:
     """Return the time that a battery lasts, s, as ``Battery.seconds_left`` does."""
     elapsed = (ticks - numbers[battery + SPAWN_TICK]) / 100
     left = np.trunc(max(0.0, numbers[battery + LIFE] - elapsed))
-    return max(left, numbers[battery + LEAST])
+    return float(max(left, numbers[battery + LEAST]))
 
 
 @njit_inline
-def _write_pose(kind: Any, place: Any, robot: Any, out: Any, at: Any) -> Any:
+def _write_pose(kind: Int, place: Int, robot: RobotState, out: Floats, at: Int) -> Int:
     """Write the pose that an instruction writes; return the place after it."""
     if kind == INS_POSE:
         read_ins(robot.numbers, place, robot.body, out, at)
@@ -163,7 +164,7 @@ def _write_pose(kind: Any, place: Any, robot: Any, out: Any, at: Any) -> Any:
 
 
 @njit_inline
-def _update(kind: Any, place: Any, robot: Any) -> None:
+def _update(kind: Int, place: Int, robot: RobotState) -> None:
     """Follow an instruction that writes nothing."""
     numbers, robots, slot = robot.numbers, robot.robots, robot.slot
     if kind == MEASURE:

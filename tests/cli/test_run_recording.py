@@ -11,11 +11,15 @@ import pytest
 from commands import run_in_process
 from PIL import Image
 from processes import start_radarsim
+from rosbags.typesys.stores.ros2_jazzy import (
+    nav_msgs__msg__OccupancyGrid as OccupancyGrid,
+)
+from rosbags.typesys.stores.ros2_jazzy import tf2_msgs__msg__TFMessage as TFMessage
 
 import radarsim
 from radarsim.addons.recording.bag_reader import BagReader
+from radarsim.addons.recording.cdr import decode
 from radarsim.addons.recording.host_recorder import CallKind
-from radarsim.addons.recording.message_types import decode
 from radarsim.addons.testing import UsarsimServer
 from radarsim.client import Client
 
@@ -29,19 +33,19 @@ def run_command() -> Command:
     return run_in_process
 
 
-def last_map(folder: Path) -> dict[str, Any]:
+def last_map(folder: Path) -> OccupancyGrid:
     maps = [each for each in BagReader(folder).messages() if each.topic == "/map"]
     assert all(each.latched for each in maps)
-    return decode(maps[-1].message)
+    return decode(maps[-1].message, OccupancyGrid)
 
 
 def frames_of(folder: Path) -> dict[str, str]:
     """Return the parent of each frame."""
     return {
-        each["child_frame_id"]: each["header"]["frame_id"]
+        each.child_frame_id: each.header.frame_id
         for topic, message, _, _ in BagReader(folder).messages()
         if topic in ("/tf", "/tf_static")
-        for each in decode(message)["transforms"]
+        for each in decode(message, TFMessage).transforms
     }
 
 
@@ -68,8 +72,8 @@ def test_map_in_the_recording_is_the_one_that_is_written(
     assert run_command("map", "-o", str(out), *words).code == 0
     assert run_command("replay", str(folder), "--verify").code == 0
     found = last_map(folder)
-    shape = found["info"]["height"], found["info"]["width"]
-    cells = found["data"].reshape(shape)[::-1]
+    shape = found.info.height, found.info.width
+    cells = found.data.reshape(shape)[::-1]
     with Image.open(out / "map.pgm") as image:
         pixels = np.asarray(image)
     levels = np.select([cells < 0, cells == 0], [205, 254], 0)
@@ -147,4 +151,4 @@ def test_robot_of_another_client_is_recorded(
         process.communicate(timeout=240)
     assert len(radarsim.load_recording(folder).scans["R1/lms200"].times) > 20
     assert frames_of(folder)["R1/lms200"] == "R1/base_link"
-    assert 100 in last_map(folder)["data"]
+    assert 100 in last_map(folder).data

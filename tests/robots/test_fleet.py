@@ -96,7 +96,7 @@ def test_walls_of_the_grid_are_those_within_reach(
     around = obstacles([*lines, *room(40), (-40, -40, 40, 39)])
     table = wall_table([around.segments])
     near = np.zeros((len(around.segments), 5))
-    count = find_walls(table, 0, (x, y), reach, near)
+    count = find_walls(table, 0, x, y, reach, near)
     found = near[near[:count, RANK].argsort()]
     assert np.array_equal(
         found, line_table(around.segments)[found[:, RANK].astype(int)]

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder
 from radarsim.addons.recording.host_recorder import HostCall, HostRecorder, RunEvent
-from radarsim.addons.recording.recorder import Recorder
+from radarsim.addons.recording.recording_process import write_recording
 from radarsim.protocol.dialect import UDK, get_dialect
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
@@ -86,10 +86,7 @@ def run_two_clients(
 def write_run(run: RecordedRun, folder: Path) -> None:
     """Write the bag of a run."""
     create_folder(folder)
-    recorder = Recorder(folder, run.info)
-    for event in run.events:
-        recorder.add(event)
-    recorder.close()
+    write_recording(folder, run.info, run.events)
 
 
 def host_of(run: RecordedRun, scene: Scene, *, seed: int = 1) -> Host:

@@ -19,8 +19,8 @@ from radarsim.addons.recording.bag_folder import (
 )
 from radarsim.addons.recording.bag_writer import INFORMATION, BagWriter
 from radarsim.addons.recording.call_converter import TO_CLIENT, TO_SERVER
+from radarsim.addons.recording.cdr import EncodedMessage, UInt8MultiArray, decode
 from radarsim.addons.recording.host_recorder import CallKind, HostCall
-from radarsim.addons.recording.messages import RosMessage, read_octets
 from radarsim.errors import RecordingError
 
 LARGEST_RECORD = 2**28  # bytes; chunks have about 2**16
@@ -45,7 +45,7 @@ class BagMessage(NamedTuple):
     """
 
     topic: str
-    message: RosMessage
+    message: EncodedMessage
     time: int
     latched: bool
 
@@ -110,7 +110,7 @@ class BagReader:
                     channels[number] = topic, schemas[schema], latched
                 case Message(channel_id=number, log_time=time, data=data):
                     topic, type_, latched = channels[number]
-                    yield BagMessage(topic, RosMessage(type_, data), time, latched)
+                    yield BagMessage(topic, EncodedMessage(type_, data), time, latched)
                 case Footer():
                     self.is_complete = True
                 case _:
@@ -174,15 +174,16 @@ def repair(folder: Path) -> int:
     return count
 
 
-def _call(message: RosMessage) -> HostCall:
+def _call(message: EncodedMessage) -> HostCall:
     """Read a call from its message.
 
     Raises:
         RecordingError: If it is not readable.
     """
     try:
-        label, data = read_octets(message.data)
-        name, client, tick = label.split()
+        octets = decode(message, UInt8MultiArray)
+        name, client, tick = octets.layout.dim[0].label.split()
+        data = octets.data.tobytes()
         return HostCall(CallKind[name.upper()], int(tick), int(client), data)
-    except (KeyError, ValueError) as error:
+    except (LookupError, ValueError) as error:
         raise RecordingError(f"call {error}, expected one of radarsim") from error

@@ -16,10 +16,9 @@ from typing import Any, Final
 
 import yaml
 from mcap.writer import CompressionType, Writer
-from rosbags.typesys import Stores, get_typestore
 
 from radarsim.addons.recording.bag_folder import file_name, lock
-from radarsim.addons.recording.messages import RosMessage
+from radarsim.addons.recording.cdr import EncodedMessage, typestore
 from radarsim.files import write_atomically
 
 CHUNK_BYTES: Final = 64 * 1024
@@ -94,7 +93,6 @@ class BagWriter:
         """
         self._folder = folder
         self._path = path or folder / file_name(folder)
-        self._types = get_typestore(Stores.ROS2_JAZZY)
         self._topics: dict[str, _Topic] = {}
         self._schemas: dict[str, tuple[int, str]] = {}  # numbers and hashes of types
         self._first: int | None = None
@@ -112,7 +110,7 @@ class BagWriter:
         self._writer.add_metadata(INFORMATION, dict(information))
 
     def write(
-        self, topic: str, message: RosMessage, time: int, *, latched: bool = False
+        self, topic: str, message: EncodedMessage, time: int, *, latched: bool = False
     ) -> None:
         """Write one message.
 
@@ -154,9 +152,9 @@ class BagWriter:
 
     def _add_topic(self, name: str, type_: str, *, latched: bool) -> _Topic:
         if type_ not in self._schemas:
-            definition, _ = self._types.generate_msgdef(type_, ros_version=2)
+            definition, _ = typestore().generate_msgdef(type_, ros_version=2)
             schema = self._writer.register_schema(type_, "ros2msg", definition.encode())
-            self._schemas[type_] = schema, self._types.hash_rihs01(type_)
+            self._schemas[type_] = schema, typestore().hash_rihs01(type_)
         schema, digest = self._schemas[type_]
         offered = _quality_text(latched=latched)
         channel = self._writer.register_channel(

@@ -10,9 +10,9 @@ from contextlib import suppress
 from typing import Final, NamedTuple
 
 from radarsim.addons.recording.host_recorder import (
-    AddedMessage,
     CallKind,
     HostCall,
+    MapSnapshot,
     ReceivedTurn,
     RobotDescription,
     RunEvent,
@@ -27,6 +27,7 @@ from radarsim.addons.recording.messages import (
 from radarsim.addons.recording.robot_topics import (
     Legend,
     RobotTopics,
+    map_message,
     topic_name,
 )
 from radarsim.client.robot_info import RobotInfo, ScannerDescriptions, ScannerInfo
@@ -87,8 +88,8 @@ class CallConverter:
             yield TimedMessage(self._time, message)
 
     def _messages(self, event: RunEvent) -> Iterator[TopicMessage]:
-        if isinstance(event, AddedMessage):
-            yield event.message
+        if isinstance(event, MapSnapshot):
+            yield map_message(event)
             return
         idles = isinstance(event, HostCall) and event.kind is CallKind.WAIT
         if not idles and event.tick >= self._next_clock:

@@ -8,13 +8,16 @@ of robots is for those who read the recording; no repetition needs it.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from enum import IntEnum
-from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Final, NamedTuple, Self, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
 
 from radarsim.addons.fmcw.antennas import antennas_of
 from radarsim.addons.fmcw.turn_collector import RecordedTurn, TurnCollector
-from radarsim.addons.recording.messages import TopicMessage
 from radarsim.protocol.reports import to_bytes
 from radarsim.server.host import HostObserver
 from radarsim.server.host.replies import configuration, geometry
@@ -86,19 +89,39 @@ class ReceivedTurn(NamedTuple):
     turn: RecordedTurn
 
 
-class AddedMessage(NamedTuple):
-    """A message that someone adds to the recording, such as a map.
+class MapSnapshot(NamedTuple):
+    """A map that is made in the run.
 
     Attributes:
         tick: As in ``HostCall``.
-        message: The message.
+        time: Simulated time of the last scan in it, s.
+        corner: x and y of its south-west corner, m.
+        resolution: Side of a cell, m.
+        cells: (R, C) int8, -1 unknown, 0 free to 100 occupied; the first row is the
+            southernmost.
     """
 
     tick: int
-    message: TopicMessage
+    time: float
+    corner: tuple[float, float]
+    resolution: float
+    cells: NDArray[np.int8]
+
+    def to_bytes(self) -> bytes:
+        """Return all but the tick."""
+        head = (self.time, self.corner, self.resolution, self.cells.shape)
+        return json.dumps(head).encode() + b"\n" + self.cells.tobytes()
+
+    @classmethod
+    def from_bytes(cls, tick: int, data: bytes) -> Self:
+        """Read what ``to_bytes`` has returned."""
+        head, _, cells = data.partition(b"\n")
+        time, (x, y), resolution, shape = json.loads(head)
+        array = np.frombuffer(cells, np.int8).reshape(shape)
+        return cls(tick, time, (x, y), resolution, array)
 
 
-RunEvent: TypeAlias = HostCall | RobotDescription | ReceivedTurn | AddedMessage
+RunEvent: TypeAlias = HostCall | RobotDescription | ReceivedTurn | MapSnapshot
 
 
 class HostRecorder(HostObserver):

@@ -1,33 +1,43 @@
 """Recordings as arrays.
 
-Turns of FMCW radars in recordings, as arrays.
+Imports no package of the extra ``record`` before a recording is read.
 """
+
+from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.addons.fmcw.image_files import ENCODER_COUNTS
 from radarsim.addons.recording.bag_folder import RecordingInfo, check_installed
-from radarsim.addons.recording.message_types import decode
 from radarsim.addons.recording.tables import (
     EchoSeries,
-    Fields,
     PoseSeries,
     ScanSeries,
     geometry_of,
+    tree_of,
+    write_parquet,
 )
 from radarsim.errors import RecordingError
 from radarsim.geometry import Floats
 
 if TYPE_CHECKING:
     import xarray
+
+    from radarsim.addons.recording.cdr import (
+        Header,
+        Image,
+        LaserScan,
+        PointCloud2,
+        Pose,
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -54,32 +64,31 @@ class RadarTurn:
         return f"<RadarTurn {self.frame}: {azimuths} azimuths of {bins} bins>"
 
     @classmethod
-    def of(cls, image: Mapping[str, Any], layout: Mapping[str, Any]) -> Self:
-        """Read a decoded message ``Image``.
+    def of(cls, image: Image, bin_size: float, metadata_bytes: int) -> Self:
+        """Read a message.
 
         Args:
             image: The message.
-            layout: Content of the topic ``spectrum/layout``.
+            bin_size: Distance between range bins, m.
+            metadata_bytes: Bytes of a row before the counts.
 
         Raises:
             ValueError: If there are not as many bytes as rows need.
-            KeyError: If the layout lacks something.
         """
-        rows = image["data"].reshape(image["height"], image["width"])
-        head, counts = np.split(rows, [layout["metadata_bytes"]], axis=1)
+        rows = image.data.reshape(image.height, image.width)
+        head, counts = np.split(rows, [metadata_bytes], axis=1)
         times = head[:, :8].copy().view("<i8")[:, 0]
         encoder = head[:, 8:10].copy().view("<u2")[:, 0]
         return cls(
             times / 1e6,
             -2 * np.pi / ENCODER_COUNTS * encoder,
-            layout["bin_size"] * np.arange(counts.shape[1]),
+            bin_size * np.arange(float(counts.shape[1])),
             counts,
-            image["header"]["frame_id"],
+            image.header.frame_id,
         )
 
 
 LEGEND = "/radarsim/legend"
-POSES = ("ground_truth", "ins", "odom")  # last parts of topics
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -122,18 +131,22 @@ class Recording:
             RecordingError: If the file cannot be read any more.
         """
         from radarsim.addons.recording.bag_reader import BagReader  # noqa: PLC0415
+        from radarsim.addons.recording.cdr import Image, String, decode  # noqa: PLC0415
 
-        layout: dict[str, Any] = {}
+        topic = f"/{scanner}/spectrum"
+        layout: dict[str, float] = {}
         try:
-            for topic, message, _, _ in BagReader(self.folder).messages():
-                if topic == f"/{scanner}/spectrum/layout":
-                    layout = json.loads(decode(message)["data"])
-                elif topic == f"/{scanner}/spectrum":
-                    yield RadarTurn.of(decode(message), layout)
-        except (ValueError, LookupError) as error:
+            for found, message, _, _ in BagReader(self.folder).messages():
+                if found == f"{topic}/layout":
+                    layout = json.loads(decode(message, String).data)
+                elif found == topic:
+                    image = decode(message, Image)
+                    size, head = layout["bin_size"], int(layout["metadata_bytes"])
+                    yield RadarTurn.of(image, size, head)
+        except (ValueError, LookupError, TypeError) as error:
             raise _not_ours(self.folder, error) from error
 
-    def to_xarray(self) -> "xarray.DataTree":
+    def to_xarray(self) -> xarray.DataTree:
         """Return all as a tree of datasets.
 
         A scanner has ``scan`` with ``ranges`` by ``time`` and ``angle``, and
@@ -143,8 +156,6 @@ class Recording:
         Raises:
             MissingPackage: If xarray is not installed.
         """
-        from radarsim.addons.recording.tables import tree_of  # noqa: PLC0415
-
         return tree_of(self)
 
     def to_parquet(self, folder: Path | str) -> list[Path]:
@@ -164,8 +175,6 @@ class Recording:
             MissingPackage: If pyarrow is not installed.
             OSError: If a file cannot be written.
         """
-        from radarsim.addons.recording.tables import write_parquet  # noqa: PLC0415
-
         return write_parquet(self, Path(folder))
 
 
@@ -180,25 +189,47 @@ def load_recording(folder: Path | str) -> Recording:
             package is missing, and then it names the extra.
     """
     check_installed()
-    from radarsim.addons.recording.bag_reader import BagReader  # noqa: PLC0415 - needs mcap
+    from radarsim.addons.recording.bag_reader import BagReader  # noqa: PLC0415
+    from radarsim.addons.recording.cdr import (  # noqa: PLC0415
+        LaserScan,
+        Odometry,
+        PointCloud2,
+        PoseStamped,
+        String,
+        decode,
+    )
 
     bag = BagReader(Path(folder))
-    messages: defaultdict[str, list[Fields]] = defaultdict(list)
+    scans: defaultdict[str, list[LaserScan]] = defaultdict(list)
+    clouds: defaultdict[str, list[PointCloud2]] = defaultdict(list)
+    poses: defaultdict[str, list[tuple[Header, Pose]]] = defaultdict(list)
+    legend = ""
     try:
         for topic, message, _, _ in bag.messages():
-            if topic == LEGEND or _last_part(topic) in ("scan", "echoes", *POSES):
-                messages[topic].append(decode(message))
+            name = topic.removeprefix("/")
+            robot_or_scanner, _, last = name.rpartition("/")
+            match last:
+                case "scan":
+                    scan = decode(message, LaserScan)
+                    scans[robot_or_scanner].append(scan)
+                case "echoes":
+                    cloud = decode(message, PointCloud2)
+                    clouds[robot_or_scanner].append(cloud)
+                case "odom":
+                    odometry = decode(message, Odometry)
+                    poses[name].append((odometry.header, odometry.pose.pose))
+                case "ground_truth" | "ins":
+                    placed = decode(message, PoseStamped)
+                    poses[name].append((placed.header, placed.pose))
+                case _ if topic == LEGEND:
+                    legend = decode(message, String).data
         return Recording(
             bag.folder,
             bag.info,
             bag.is_complete,
-            _scans(messages),
-            {
-                topic[1:]: PoseSeries.of(each)
-                for topic, each in messages.items()
-                if _last_part(topic) in POSES
-            },
-            _echoes(messages),
+            _scan_series(scans),
+            {name: PoseSeries.of(each) for name, each in poses.items()},
+            {name: EchoSeries.of(each, legend) for name, each in clouds.items()},
         )
     except (ValueError, LookupError) as error:
         raise _not_ours(Path(folder), error) from error
@@ -208,29 +239,14 @@ def _not_ours(folder: Path, error: Exception) -> RecordingError:
     return RecordingError(f"{folder}: {error}, expected topics of radarsim")
 
 
-def _scans(messages: dict[str, list[Fields]]) -> dict[str, ScanSeries]:
+def _scan_series(
+    scans: dict[str, list[LaserScan]],
+) -> dict[str, ScanSeries]:
     found: dict[str, ScanSeries] = {}
-    for topic, each in messages.items():
-        if _last_part(topic) != "scan":
-            continue
-        series: defaultdict[Any, list[Fields]] = defaultdict(list)
-        for message in each:
+    for name, messages in scans.items():
+        series: defaultdict[tuple[float, ...], list[LaserScan]] = defaultdict(list)
+        for message in messages:
             series[geometry_of(message)].append(message)
-        for number, scans in enumerate(series.values(), 1):
-            name = topic[1:].removesuffix("/scan")
-            found[name if number == 1 else f"{name}_{number}"] = ScanSeries.of(scans)
+        for number, each in enumerate(series.values(), 1):
+            found[name if number == 1 else f"{name}_{number}"] = ScanSeries.of(each)
     return found
-
-
-def _echoes(messages: dict[str, list[Fields]]) -> dict[str, EchoSeries]:
-    return {
-        topic[1:].removesuffix("/echoes"): EchoSeries.of(
-            each, messages[LEGEND][-1]["data"]
-        )
-        for topic, each in messages.items()
-        if _last_part(topic) == "echoes"
-    }
-
-
-def _last_part(topic: str) -> str:
-    return topic.rpartition("/")[2]

@@ -15,6 +15,7 @@ import sys
 import threading
 import time
 from collections import deque
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, BinaryIO, Final
@@ -22,15 +23,15 @@ from typing import IO, BinaryIO, Final
 from radarsim.addons.fmcw.turn_collector import RecordedTurn
 from radarsim.addons.recording.bag_folder import RecordingInfo
 from radarsim.addons.recording.host_recorder import (
-    AddedMessage,
     CallKind,
     HostCall,
+    MapSnapshot,
     ReceivedTurn,
     RobotDescription,
     RunEvent,
 )
-from radarsim.addons.recording.messages import RosMessage, TopicMessage
 from radarsim.errors import RecordingError, describe_os_error
+from radarsim.protocol.dialect import get_dialect
 
 log = logging.getLogger("radarsim.addons.recording")
 
@@ -41,7 +42,7 @@ PAUSE: Final = 0.01  # s between looks at a process that is behind
 END_TIMEOUT: Final = 60.0  # s that it has to write what is left
 FRAME: Final = struct.Struct("<BIII")  # kind, tick, client, bytes that follow
 # Kinds of frames that are no calls, beside those of ``CallKind``.
-ROBOT, TURN, MESSAGE = 100, 101, 102
+ROBOT, TURN, MAP = 100, 101, 102
 # The modules are found where this process has found them.
 PROGRAM: Final = (
     "import sys; sys.path[:] = sys.argv[1:];"
@@ -161,31 +162,52 @@ def frame_of(event: RunEvent) -> bytes:
             number, data = ROBOT, text.encode()
         case ReceivedTurn(tick, client, turn):
             number, data = TURN, turn.to_bytes()
-        case AddedMessage(tick, (topic, message, latched)):
-            number = MESSAGE
-            data = f"{topic} {message.type} {latched:d}\n".encode() + message.data
+        case MapSnapshot(tick):
+            number, data = MAP, event.to_bytes()
     return FRAME.pack(number, tick, client, len(data)) + data
 
 
-def _read_event(pipe: BinaryIO) -> RunEvent | None:
-    """Read an event; None at the end of the pipe, or for one that is not whole."""
-    head = pipe.read(FRAME.size)
-    if len(head) < FRAME.size:
-        return None
-    kind, tick, client, size = FRAME.unpack(head)
-    data = pipe.read(size)
-    if len(data) < size:
-        return None
-    if kind == ROBOT:
-        return RobotDescription(tick, client, data.decode())
-    if kind == TURN:
-        return ReceivedTurn(tick, client, RecordedTurn.from_bytes(data))
-    if kind == MESSAGE:
-        label, _, encoded = data.partition(b"\n")
-        topic, type_, latched = label.decode().split(" ")
-        message = RosMessage(type_, encoded)
-        return AddedMessage(tick, TopicMessage(topic, message, latched=latched == "1"))
-    return HostCall(CallKind(kind), tick, client, data)
+def _read_events(pipe: BinaryIO) -> Iterator[RunEvent]:
+    """Yield events up to the end of the pipe, or to one that is not whole."""
+    while len(head := pipe.read(FRAME.size)) == FRAME.size:
+        number, tick, client, size = FRAME.unpack(head)
+        data = pipe.read(size)
+        if len(data) < size:
+            return
+        if number == ROBOT:
+            yield RobotDescription(tick, client, data.decode())
+        elif number == TURN:
+            yield ReceivedTurn(tick, client, RecordedTurn.from_bytes(data))
+        elif number == MAP:
+            yield MapSnapshot.from_bytes(tick, data)
+        else:
+            yield HostCall(CallKind(number), tick, client, data)
+
+
+def write_recording(
+    folder: Path, info: RecordingInfo, events: Iterable[RunEvent]
+) -> None:
+    """Write the bag of a run.
+
+    Args:
+        folder: Folder of the recording, which exists; see ``create_folder``.
+        info: The conditions of the run.
+        events: What is recorded, in order.
+
+    Raises:
+        OSError: If a file cannot be written.
+    """
+    # They import much, which only the process that writes needs.
+    from radarsim.addons.recording.bag_writer import BagWriter  # noqa: PLC0415
+    from radarsim.addons.recording.call_converter import CallConverter  # noqa: PLC0415
+    from radarsim.addons.recording.cdr import encode  # noqa: PLC0415
+
+    converter = CallConverter(get_dialect(info.dialect), info.drive_unit)
+    writer = BagWriter(folder, info.to_text())
+    for event in events:
+        for time_, (topic, message, latched) in converter.convert(event):
+            writer.write(topic, encode(message), time_, latched=latched)
+    writer.close()
 
 
 def write_run() -> None:
@@ -196,14 +218,10 @@ def write_run() -> None:
     conditions = json.loads(pipe.readline() or "{}")
     if not conditions:
         return
-    from radarsim.addons.recording.recorder import Recorder  # noqa: PLC0415 - imports much
-
     folder = Path(conditions["folder"])
     try:
-        recorder = Recorder(folder, RecordingInfo.from_text(conditions["info"]))
-        while (event := _read_event(pipe)) is not None:
-            recorder.add(event)
-        recorder.close()
+        info = RecordingInfo.from_text(conditions["info"])
+        write_recording(folder, info, _read_events(pipe))
     except OSError as error:
         _complain(f"recording to {folder} ends: {describe_os_error(error)}")
         sys.exit(1)

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from radarsim.addons.fmcw.image_files import METADATA_BYTES
 from radarsim.addons.fmcw.turn_collector import RecordedTurn
+from radarsim.addons.recording.host_recorder import MapSnapshot
 from radarsim.addons.recording.messages import (
     ECHO,
     TARGET,
-    Beams,
     Points,
     RosMessage,
     TopicMessage,
@@ -188,12 +188,16 @@ class RobotTopics:
 
     def _scan(self, scan: RangeScan) -> TopicMessage:
         known = self._scanner(scan.name)
-        limits = (known.min_range, known.max_range) if known else (0.0, math.inf)
         gaps = len(scan.ranges) - 1
-        resolution = scan.fov / gaps if gaps else scan.resolution
-        beams = Beams(scan.fov, resolution, *limits, scan.ranges)
-        frame = self._frame(scan.name)
-        message = laser_scan(scan.time, frame, beams)
+        message = laser_scan(
+            scan.time,
+            self._frame(scan.name),
+            scan.ranges,
+            fov=scan.fov,
+            resolution=scan.fov / gaps if gaps else scan.resolution,
+            min_range=known.min_range if known else 0.0,
+            max_range=known.max_range if known else math.inf,
+        )
         return TopicMessage(self._topic(topic_name(scan.name), "scan"), message)
 
     def _echo_cloud(self, line: EchoLine) -> Iterator[TopicMessage]:
@@ -284,7 +288,7 @@ def topic_name(name: str) -> str:
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100  # of ``nav_msgs/OccupancyGrid``
 
 
-def map_message(grid: OccupancyGrid, time: float) -> TopicMessage:
+def map_snapshot(grid: OccupancyGrid, time: float) -> MapSnapshot:
     """Return the sensed part of a map; foliage is occupied, as robots drive into it.
 
     Args:
@@ -297,8 +301,13 @@ def map_message(grid: OccupancyGrid, time: float) -> TopicMessage:
     rows, columns = sensed_window(grid)
     x, y = grid.frame.origin
     size = grid.frame.resolution
-    corner = Pose3(x + columns.start * size, y + rows.start * size, 0.0)
+    corner = x + columns.start * size, y + rows.start * size
     cells = levels[grid.classes()[rows, columns]]
-    return TopicMessage(
-        "/map", occupancy_grid(time, MAP, cells, corner, size), latched=True
-    )
+    return MapSnapshot(round(100 * time), time, corner, size, cells)
+
+
+def map_message(snapshot: MapSnapshot) -> TopicMessage:
+    """Return a map as a message."""
+    _, time, (x, y), resolution, cells = snapshot
+    grid = occupancy_grid(time, MAP, cells, Pose3(x, y, 0.0), resolution)
+    return TopicMessage("/map", grid, latched=True)

@@ -219,11 +219,10 @@ class RunRecording:
         time = mapper.trajectory.times[-1]
         if time < self._map_due and not last:
             return
-        from radarsim.addons.recording.host_recorder import AddedMessage
-        from radarsim.addons.recording.robot_topics import map_message
+        from radarsim.addons.recording.robot_topics import map_snapshot
 
         self._map_due = time + MAP_INTERVAL
-        self._add(AddedMessage(round(100 * time), map_message(mapper.grid, time)))
+        self._add(map_snapshot(mapper.grid, time))
 
     def __enter__(self) -> Self:
         """Create the folder, and begin to record."""

@@ -3,12 +3,14 @@
 What a recording tells of scanners and poses, as arrays.
 """
 
+from __future__ import annotations
+
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import TYPE_CHECKING, Final, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +23,13 @@ from radarsim.geometry import Floats
 if TYPE_CHECKING:
     import xarray
 
+    from radarsim.addons.recording.cdr import Header, LaserScan, PointCloud2, Pose
     from radarsim.addons.recording.recording import Recording
 
-Fields = Mapping[str, Any]  # a decoded message
+POSE: Final = ("x", "y", "z", "roll", "pitch", "yaw")
+EXTRA: Final = "tables"
+
+Columns: TypeAlias = dict[str, NDArray[np.generic] | list[NDArray[np.float32]]]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -52,25 +58,38 @@ class ScanSeries:
         return f"<ScanSeries {self.frame}: {scans} scans of {beams} beams>"
 
     @classmethod
-    def of(cls, messages: Sequence[Fields]) -> Self:
-        """Collect decoded messages ``LaserScan`` of the same ``geometry_of``."""
+    def of(cls, messages: Sequence[LaserScan]) -> Self:
+        """Collect messages of the same ``geometry_of``."""
         last = messages[-1]
-        ranges = np.array([message["ranges"] for message in messages])
+        ranges = np.array([message.ranges for message in messages])
         # Clients may ask for the limits only after the first scans.
-        ranges[ranges >= last["range_max"]] = np.inf
+        ranges[ranges >= last.range_max] = np.inf
         return cls(
-            times_of(messages),
+            times_of(message.header for message in messages),
             ranges,
-            last["angle_min"] + last["angle_increment"] * np.arange(ranges.shape[1]),
-            last["range_min"],
-            last["range_max"],
-            last["header"]["frame_id"],
+            last.angle_min + last.angle_increment * np.arange(float(ranges.shape[1])),
+            last.range_min,
+            last.range_max,
+            last.header.frame_id,
         )
 
+    def columns(self) -> Columns:
+        """Return a row for each scan."""
+        count = len(self.times)
+        step = self.angles[1] - self.angles[0] if len(self.angles) > 1 else 0.0
+        return {
+            "time": self.times,
+            "angle_min": np.full(count, self.angles[0]),
+            "angle_increment": np.full(count, step),
+            "range_min": np.full(count, self.range_min),
+            "range_max": np.full(count, self.range_max),
+            "ranges": list(self.ranges),
+        }
 
-def geometry_of(scan: Fields) -> tuple[float, ...]:
+
+def geometry_of(scan: LaserScan) -> tuple[float, ...]:
     """Return what is the same in all scans of a series."""
-    return len(scan["ranges"]), scan["angle_min"], scan["angle_increment"]
+    return len(scan.ranges), scan.angle_min, scan.angle_increment
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -91,18 +110,24 @@ class PoseSeries:
         return f"<PoseSeries in {self.frame}: {len(self.times)} poses>"
 
     @classmethod
-    def of(cls, messages: Sequence[Fields]) -> Self:
-        """Collect decoded messages ``PoseStamped`` or ``Odometry``."""
-        poses = np.array([_pose_of(message) for message in messages])
-        return cls(times_of(messages), poses, messages[0]["header"]["frame_id"])
+    def of(
+        cls,
+        messages: Sequence[tuple[Header, Pose]],
+    ) -> Self:
+        """Collect what messages say."""
+        headers, poses = zip(*messages, strict=True)
+        numbers = np.array([_numbers_of(pose) for pose in poses])
+        return cls(times_of(headers), numbers, headers[0].frame_id)
+
+    def columns(self) -> Columns:
+        """Return a row for each pose."""
+        return {"time": self.times, **dict(zip(POSE, self.poses.T, strict=True))}
 
 
-def _pose_of(message: Fields) -> tuple[float, ...]:
-    pose = message["pose"]
-    pose = pose.get("pose", pose)  # of odometry it has a covariance beside it
-    position, turned = pose["position"], pose["orientation"]
-    angles = _angles_of(turned["x"], turned["y"], turned["z"], turned["w"])
-    return position["x"], position["y"], position["z"], *angles
+def _numbers_of(pose: Pose) -> tuple[float, ...]:
+    position, turned = pose.position, pose.orientation
+    angles = _angles_of(turned.x, turned.y, turned.z, turned.w)
+    return position.x, position.y, position.z, *angles
 
 
 def _angles_of(x: float, y: float, z: float, w: float) -> tuple[float, float, float]:
@@ -152,22 +177,23 @@ class EchoSeries:
         return lengths
 
     @classmethod
-    def of(cls, messages: Sequence[Fields], legend: str) -> Self:
-        """Collect decoded messages ``PointCloud2`` of echoes.
+    def of(cls, messages: Sequence[PointCloud2], legend: str) -> Self:
+        """Collect messages of echoes.
 
         Args:
             messages: The messages.
             legend: The last text of the topic ``/radarsim/legend``.
         """
-        clouds = [np.frombuffer(message["data"], ECHO) for message in messages]
+        clouds = [np.frombuffer(message.data, ECHO) for message in messages]
         rows = np.concatenate(clouds)
         names = json.loads(legend)
         kinds, objects, materials = (
             np.array(names[key])[rows[key]] if len(rows) else np.array([], str)
             for key in ("kind", "object", "material")
         )
+        times = times_of(message.header for message in messages)
         return cls(
-            np.repeat(times_of(messages), [len(cloud) for cloud in clouds]),
+            np.repeat(times, [len(cloud) for cloud in clouds]),
             rows["beam"],
             np.column_stack([rows["x"], rows["y"], rows["z"]]),
             rows["intensity"],
@@ -175,29 +201,41 @@ class EchoSeries:
             kinds,
             objects,
             materials,
-            messages[0]["header"]["frame_id"],
+            messages[0].header.frame_id,
         )
 
+    def columns(self) -> Columns:
+        """Return a row for each echo."""
+        return {
+            "time": self.times,
+            "beam": self.beams,
+            **dict(zip("xyz", self.points.T, strict=True)),
+            "range": self.ranges,
+            "strength": self.strengths,
+            "power": self.power,
+            "kind": self.kinds,
+            "object": self.objects,
+            "material": self.materials,
+        }
 
-def times_of(messages: Sequence[Fields]) -> Floats:
-    """Return the times in the headers of decoded messages, (T,) s."""
-    stamps = [message["header"]["stamp"] for message in messages]
-    return np.array([stamp["sec"] + stamp["nanosec"] / 1e9 for stamp in stamps])
+
+Series: TypeAlias = ScanSeries | PoseSeries | EchoSeries
 
 
-POSE: Final = ("x", "y", "z", "roll", "pitch", "yaw")
-EXTRA: Final = "tables"
+def times_of(headers: Iterable[Header]) -> Floats:
+    """Return the times in headers of messages, (T,) s."""
+    stamps = [header.stamp for header in headers]
+    return np.array([stamp.sec + stamp.nanosec / 1e9 for stamp in stamps])
 
-Columns = dict[str, Any]
 
-
-def tree_of(recording: "Recording") -> "xarray.DataTree":
+def tree_of(recording: Recording) -> xarray.DataTree:
     """Return a recording as a tree; see ``Recording.to_xarray``."""
     package = import_optional("xarray", EXTRA)
 
-    def dataset(dimension: str, columns: Columns, frame: str) -> "xarray.Dataset":
-        variables = {name: (dimension, column) for name, column in columns.items()}
-        found: xarray.Dataset = package.Dataset(variables, attrs={"frame": frame})
+    def dataset(dimension: str, series: PoseSeries | EchoSeries) -> xarray.Dataset:
+        variables = {k: (dimension, column) for k, column in series.columns().items()}
+        found: xarray.Dataset
+        found = package.Dataset(variables, attrs={"frame": series.frame})
         return found.set_coords("time")
 
     groups = {}
@@ -212,71 +250,34 @@ def tree_of(recording: "Recording") -> "xarray.DataTree":
             },
         )
     for name, poses in recording.poses.items():
-        groups[f"/{name}"] = dataset("time", _pose_columns(poses), poses.frame)
+        groups[f"/{name}"] = dataset("time", poses)
     for name, echoes in recording.echoes.items():
-        groups[f"/{name}/echoes"] = dataset("echo", _echo_columns(echoes), echoes.frame)
+        groups[f"/{name}/echoes"] = dataset("echo", echoes)
     tree: xarray.DataTree = package.DataTree.from_dict(groups)
     tree.attrs = recording.info.to_text()
     return tree
 
 
-def write_parquet(recording: "Recording", folder: Path) -> list[Path]:
+def write_parquet(recording: Recording, folder: Path) -> list[Path]:
     """Write a recording as tables; see ``Recording.to_parquet``."""
     arrow = import_optional("pyarrow", EXTRA)
     parquet = import_optional("pyarrow.parquet", EXTRA)
-    tables = {
-        "scans": _joined("scanner", recording.scans, _scan_columns),
-        "poses": _joined("source", recording.poses, _pose_columns),
-        "echoes": _joined("scanner", recording.echoes, _echo_columns),
+    tables: dict[str, tuple[str, Mapping[str, Series]]] = {
+        "scans": ("scanner", recording.scans),
+        "poses": ("source", recording.poses),
+        "echoes": ("scanner", recording.echoes),
     }
     folder.mkdir(parents=True, exist_ok=True)
     contents = {}
-    for name, columns in tables.items():
-        parts = [arrow.table(part) for part in columns]
-        if not parts:
+    for table_name, (key, series) in tables.items():
+        if not series:
             continue
-        table = arrow.concat_tables(parts)
+        parts = [
+            arrow.table({key: np.full(len(each.times), name), **each.columns()})
+            for name, each in series.items()
+        ]
         buffer = arrow.BufferOutputStream()
-        parquet.write_table(table, buffer)
-        contents[folder / f"{name}.parquet"] = buffer.getvalue().to_pybytes()
+        parquet.write_table(arrow.concat_tables(parts), buffer)
+        contents[folder / f"{table_name}.parquet"] = buffer.getvalue().to_pybytes()
     write_atomically(contents)
     return list(contents)
-
-
-def _joined(
-    key: str, series: Mapping[str, Any], columns_of: Callable[[Any], Columns]
-) -> Iterator[Columns]:
-    """Yield the columns of each series, with its name in the first."""
-    for name, each in series.items():
-        yield {key: np.full(len(each.times), name), **columns_of(each)}
-
-
-def _scan_columns(scans: ScanSeries) -> Columns:
-    count = len(scans.times)
-    step = scans.angles[1] - scans.angles[0] if len(scans.angles) > 1 else 0.0
-    return {
-        "time": scans.times,
-        "angle_min": np.full(count, scans.angles[0]),
-        "angle_increment": np.full(count, step),
-        "range_min": np.full(count, scans.range_min),
-        "range_max": np.full(count, scans.range_max),
-        "ranges": list(scans.ranges),
-    }
-
-
-def _pose_columns(poses: PoseSeries) -> Columns:
-    return {"time": poses.times, **dict(zip(POSE, poses.poses.T, strict=True))}
-
-
-def _echo_columns(echoes: EchoSeries) -> Columns:
-    return {
-        "time": echoes.times,
-        "beam": echoes.beams,
-        **dict(zip("xyz", echoes.points.T, strict=True)),
-        "range": echoes.ranges,
-        "strength": echoes.strengths,
-        "power": echoes.power,
-        "kind": echoes.kinds,
-        "object": echoes.objects,
-        "material": echoes.materials,
-    }

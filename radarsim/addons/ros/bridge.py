@@ -13,7 +13,11 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 from radarsim.addons.recording.messages import TopicMessage
-from radarsim.addons.recording.robot_topics import map_message, topic_name
+from radarsim.addons.recording.robot_topics import (
+    map_message,
+    map_snapshot,
+    topic_name,
+)
 from radarsim.addons.ros.live_topics import DriveCallback, LiveTopics
 from radarsim.autonomy.proxy.traffic_mapper import TrafficMapper
 from radarsim.client import AsyncClient, ClientTimeout, RobotInfo
@@ -68,7 +72,7 @@ class _MapPublisher:
         time = mapper.trajectory.times[-1]
         if time >= self._due:
             self._due = time + INTERVAL
-            self._publish(map_message(mapper.grid, time))
+            self._publish(map_message(map_snapshot(mapper.grid, time)))
 
 
 DEAD_MAN: Final = 0.5  # s after the last command

@@ -21,6 +21,7 @@ from radarsim.cli.options import (
 )
 from radarsim.cli.output import print_message, start_log
 from radarsim.cli.serve import cure_of_port
+from radarsim.errors import import_optional
 
 if TYPE_CHECKING:
     from radarsim.addons.ros.bridge import BridgeSettings, RosSide
@@ -123,7 +124,14 @@ def ros(
 
 
 def _join_domain(domain: int, interface: str) -> RosSide:
-    """Return the side of DDS."""
+    """Return the side of DDS.
+
+    Raises:
+        MissingPackage: If a package is missing; it names the extra.
+        ServerError: If it cannot join.
+    """
+    for package in ("cyclonedds.domain", "rosbags.typesys"):
+        import_optional(package, "dds")
     from radarsim.addons.ros.dds import DdsParticipant
 
     side = DdsParticipant(domain, interface)

@@ -2,6 +2,7 @@
 
 The types are those of ROS, with names as its middleware has them: the topic ``/tf`` is
 ``rt/tf``, and ``tf2_msgs/msg/TFMessage`` is ``tf2_msgs::msg::dds_::TFMessage_``.
+Imports the packages of the extra ``dds``.
 """
 
 import asyncio
@@ -9,12 +10,20 @@ from functools import cache
 from typing import Any, Final
 from xml.sax.saxutils import quoteattr
 
-from radarsim.addons.recording.message_types import Field, fields_of
+from cyclonedds import core, qos
+from cyclonedds.domain import Domain, DomainParticipant
+from cyclonedds.idl import IdlStruct, make_idl_struct, types
+from cyclonedds.pub import DataWriter
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+from rosbags.interfaces import Nodetype
+from rosbags.interfaces.typing import FieldDesc
+
+from radarsim.addons.recording.cdr import encode, typestore
 from radarsim.addons.recording.messages import TopicMessage
 from radarsim.addons.ros.live_topics import TWIST, DriveCallback
-from radarsim.errors import ServerError, import_optional
+from radarsim.errors import ServerError
 
-EXTRA: Final = "dds"
 LOOPBACK: Final = "lo"
 POLL: Final = 0.02  # s between looks for commands
 DEPTH: Final = 10  # messages that are kept, as the default of ROS
@@ -43,11 +52,8 @@ class DdsParticipant:
             interface: Network interface; no other one is used.
 
         Raises:
-            MissingPackage: If cyclonedds is not installed.
             ServerError: If it cannot join, as there is no such interface.
         """
-        self._domains = import_optional("cyclonedds.domain", EXTRA)
-        core = import_optional("cyclonedds.core", EXTRA)
         is_local = interface == LOOPBACK
         config = _CONFIG.format(
             interface=quoteattr(interface),
@@ -55,36 +61,30 @@ class DdsParticipant:
             discovery=_LOCAL if is_local else "",
         )
         try:
-            self._domain = self._domains.Domain(domain, config)
-            self._participant = self._domains.DomainParticipant(domain)
+            self._domain = Domain(domain, config)  # it lasts as long as this object
+            self._participant = DomainParticipant(domain)
         except core.DDSException as error:
             text = f"no DDS on interface {interface!r} in domain {domain}"
             raise ServerError(f"{text}, expected one of this machine") from error
-        self._topics: dict[str, Any] = {}
-        self._writers: dict[str, Any] = {}
-        self._readers: list[tuple[Any, DriveCallback]] = []
+        self._writers: dict[str, DataWriter[IdlStruct]] = {}
+        self._readers: list[tuple[DataReader[Any], DriveCallback]] = []
 
     def publish(self, message: TopicMessage) -> None:
         """See ``RosSide.publish``."""
-        topic, encoded, latched = message
-        type_ = _struct_of(encoded.type)
-        writer = self._writers.get(topic)
-        if writer is None:
-            pub = import_optional("cyclonedds.pub", EXTRA)
+        topic, content, latched = message
+        type_ = _struct_of(content.type)
+        if topic not in self._writers:
+            place = Topic(self._participant, f"rt{topic}", type_)
             quality = _quality(latched=latched)
-            writer = pub.DataWriter(
-                self._participant, self._topic(topic, type_), quality
-            )
-            self._writers[topic] = writer
+            self._writers[topic] = DataWriter(self._participant, place, quality)
         sample = type_.__new__(type_)
-        sample.encoded = encoded.data
-        writer.write(sample)
+        sample.encoded = encode(content).data
+        self._writers[topic].write(sample)
 
     def subscribe(self, topic: str, take: DriveCallback) -> None:
         """See ``RosSide.subscribe``."""
-        sub = import_optional("cyclonedds.sub", EXTRA)
-        place = self._topic(topic, _struct_of(TWIST))
-        reader = sub.DataReader(self._participant, place, _quality(latched=False))
+        place = Topic(self._participant, f"rt{topic}", _struct_of(TWIST))
+        reader = DataReader(self._participant, place, _quality(latched=False))
         self._readers.append((reader, take))
 
     async def run(self) -> None:
@@ -96,47 +96,36 @@ class DdsParticipant:
                         take(twist.linear.x, twist.angular.z)
             await asyncio.sleep(POLL)
 
-    def _topic(self, name: str, type_: Any) -> Any:
-        topics = import_optional("cyclonedds.topic", EXTRA)
-        return topics.Topic(self._participant, f"rt{name}", type_)
-
-
-def _encoded(sample: Any, **_: object) -> bytes:
-    """Return a message that is encoded already; see ``IdlStruct.serialize``."""
-    data: bytes = sample.encoded
-    return data
-
 
 @cache
-def _struct_of(type_: str) -> Any:
+def _struct_of(type_: str) -> Any:  # a class, whose objects get other attributes
     """Return the class of cyclonedds for a type of messages."""
-    idl = import_optional("cyclonedds.idl", EXTRA)
     package, _, name = type_.partition("/msg/")
-    fields = {field.name: _annotation(field) for field in fields_of(type_)}
-    name = f"{package}::msg::dds_::{name}_"
-    struct = idl.make_idl_struct(name.rpartition("::")[2], name, fields)
-    struct.serialize = _encoded
+    fields = {name: _annotation(desc) for name, desc in typestore().fielddefs[type_][1]}
+    struct = make_idl_struct(f"{name}_", f"{package}::msg::dds_::{name}_", fields)
+    # One encoder for bags and for DDS: cyclonedds only passes the bytes on.
+    struct.serialize = lambda sample, **_: sample.encoded  # type: ignore[method-assign]
     return struct
 
 
-def _annotation(field: Field) -> Any:
-    types = import_optional("cyclonedds.idl.types", EXTRA)
-    simple = {"string": str, "bool": bool}
-    if field.type in simple:
-        element: Any = simple[field.type]
-    elif "/" in field.type:
-        element = _struct_of(field.type)
-    else:
-        element = getattr(types, field.type)
-    if field.length is None:
-        return element
-    return (
-        types.array[element, field.length] if field.length else types.sequence[element]
-    )
+def _annotation(described: FieldDesc) -> Any:  # a class, or one of its own arrays
+    """Return the type of a field for cyclonedds, by that of rosbags."""
+    match described:
+        case Nodetype.NAME, str(name):
+            return _struct_of(name)
+        case Nodetype.BASE, ("string", _):
+            return str
+        case Nodetype.BASE, ("bool", _):
+            return bool
+        case Nodetype.BASE, (str(name), _):
+            return getattr(types, name)
+        case Nodetype.ARRAY, (element, length):
+            return types.array[_annotation(element), length]  # type: ignore[misc]
+        case _, (element, _):
+            return types.sequence[_annotation(element)]  # type: ignore[misc]
 
 
-def _quality(*, latched: bool) -> Any:
-    qos = import_optional("cyclonedds.qos", EXTRA)
+def _quality(*, latched: bool) -> qos.Qos:
     policy = qos.Policy
     kept = policy.Durability.TransientLocal if latched else policy.Durability.Volatile
     return qos.Qos(

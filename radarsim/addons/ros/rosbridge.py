@@ -16,21 +16,16 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.addons.recording.message_types import decode
 from radarsim.addons.recording.messages import RosMessage, TopicMessage
 from radarsim.addons.ros.live_topics import TWIST, DriveCallback
 
 
 def message_json(message: RosMessage) -> str:
-    """Return a message as JSON; octets are in base64, and what is no number is null.
-
-    Raises:
-        ValueError: If the message is not of a known type.
-    """
-    return json.dumps(_plain(decode(message)), allow_nan=False)
+    """Return a message as JSON; octets are in base64, and what is no number is null."""
+    return json.dumps(_plain(message.fields), allow_nan=False)
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     """Return a value of types that JSON has."""
     match value:
         case dict():
@@ -45,7 +40,7 @@ def _plain(value: Any) -> Any:
             return value
 
 
-def _plain_array(array: NDArray[Any]) -> Any:
+def _plain_array(array: NDArray[np.generic]) -> object:
     if array.dtype == np.uint8:
         return base64.b64encode(array.tobytes()).decode()
     if array.dtype.kind == "f" and not np.isfinite(array).all():

@@ -49,7 +49,10 @@ def make(
         shapes = list(compare_shapes(seed, rays=rays))
     written = {out / name: content for name, content in files.items()}
     if figure is not None:
-        written[figure] = _draw(shapes)
+        from radarsim.lab.plants.figure import plot_shapes  # noqa: PLC0415 - slow
+        from radarsim.plotting.style import render  # noqa: PLC0415
+
+        written[figure] = render(plot_shapes(shapes))
     try:
         for folder in {path.parent for path in written}:
             folder.mkdir(parents=True, exist_ok=True)
@@ -62,25 +65,15 @@ def make(
     if shapes:
         typer.echo(f"wanted: mean transmission {target_transmission():.4f}")
     for shape in shapes:
-        typer.echo(_describe(shape))
-
-
-def _draw(shapes: list[Comparison]) -> bytes:
-    from radarsim.lab.plants.figure import draw_shapes  # noqa: PLC0415 - matplotlib is slow
-
-    return draw_shapes(shapes)
-
-
-def _describe(shape: Comparison) -> str:
-    ranges = shape.ranges.statistics()
-    low, median, high = ranges.percentiles
-    return (
-        f"{shape.title}: mean transmission {shape.transmission:.4f}; ranges: mean "
-        f"{ranges.mean:.2f} m, deviation {ranges.deviation:.2f} m, 5, 50, 95 %: "
-        f"{low:.2f}, {median:.2f}, {high:.2f} m, deviation at one offset "
-        f"{ranges.at_one_offset:.2f} m, where spent {ranges.spent:.2f} m, "
-        f"through {ranges.through:.3f}"
-    )
+        ranges = shape.ranges.statistics()
+        low, median, high = ranges.percentiles
+        typer.echo(
+            f"{shape.title}: mean transmission {shape.transmission:.4f}; ranges: mean "
+            f"{ranges.mean:.2f} m, deviation {ranges.deviation:.2f} m, 5, 50, 95 %: "
+            f"{low:.2f}, {median:.2f}, {high:.2f} m, deviation at one offset "
+            f"{ranges.at_one_offset:.2f} m, where spent {ranges.spent:.2f} m, "
+            f"through {ranges.through:.3f}"
+        )
 
 
 def main() -> None:

@@ -5,7 +5,7 @@ plant: 0 if the power is spent inside, or if the ray ends at wood. The transmiss
 plant is the mean over horizontal rays from all sides, uniform over the disc that the
 crown appears as.
 
-Ranges that a radar measures of a plant with a wall behind it, and statistics.
+`measure_plant` returns the ranges that a radar measures of a plant before a wall.
 """
 
 import math
@@ -31,6 +31,15 @@ HEIGHT: Final = 0.346  # m above the ground, of a P3AT's scanner
 BEFORE: Final = 4.0  # m from the rays' starts to the centre of the plant
 BEHIND: Final = 3.0  # m from there to the wall, which is normal to the rays
 WALL: Final = BEFORE + BEHIND
+
+DENSITY: Final = 0.7  # power per metre, of the ball that defines the target
+ACCURACY: Final = 1e-3  # relative, of calibrated values
+DIGITS: Final = 3  # significant digits of calibrated values, as in a map file
+RAYS: Final = 1600  # in each direction
+MAX_DENSITY: Final = 10.0  # power per metre
+WOODEN: Final = Material("wood")
+
+Foliage: TypeAlias = Callable[[float], Material]
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,33 +116,18 @@ def measure_plant(
     width = parameters.crown_radius * math.sqrt(max(1 - height**2, 0.0))
     across = np.linspace(-width, width, offsets + 2)[1:-1]
     directions = 2 * math.pi * np.arange(azimuths) / azimuths
-    rays = _parallel_rays(across, directions)
+    azimuth = np.repeat(directions, offsets)
+    offset = np.tile(across, azimuths)[:, None]
+    level = np.zeros(len(azimuth))
+    forward = np.column_stack([np.cos(azimuth), np.sin(azimuth), level])
+    left = np.column_stack([-np.sin(azimuth), np.cos(azimuth), level])
+    starts = offset * left - BEFORE * forward + np.array([0.0, 0.0, HEIGHT])
+    rays = Rays.uniform(starts, forward, max_range=WALL, power=POWER)
     traces = tracer_of(Scene("plant", "Plant", tuple(parts))).trace(rays)
     shape = (azimuths, offsets)
     ranges = np.minimum(traces.ranges, WALL).reshape(shape)
     spent = (traces.outcomes == Outcome.SPENT).reshape(shape)
     return PlantRanges(across, directions, ranges, spent)
-
-
-def _parallel_rays(offsets: Floats, azimuths: Floats) -> Rays:
-    """Return parallel rays, in order of azimuths and then of offsets."""
-    azimuth = np.repeat(azimuths, len(offsets))
-    offset = np.tile(offsets, len(azimuths))[:, None]
-    level = np.zeros(len(azimuth))
-    forward = np.column_stack([np.cos(azimuth), np.sin(azimuth), level])
-    left = np.column_stack([-np.sin(azimuth), np.cos(azimuth), level])
-    starts = offset * left - BEFORE * forward + np.array([0.0, 0.0, HEIGHT])
-    return Rays.uniform(starts, forward, max_range=WALL, power=POWER)
-
-
-DENSITY: Final = 0.7  # power per metre, of the ball that defines the target
-ACCURACY: Final = 1e-3  # relative, of calibrated values
-DIGITS: Final = 3  # significant digits of calibrated values, as in a map file
-RAYS: Final = 1600  # in each direction
-MAX_DENSITY: Final = 10.0  # power per metre
-WOODEN: Final = Material("wood")
-
-Foliage: TypeAlias = Callable[[float], Material]
 
 
 def bundle(

@@ -18,7 +18,6 @@ from radarsim.lab.plants.calibration import (
     PlantRanges,
 )
 from radarsim.plotting.palette import FAMILY_COLOURS, MARKER, RADAR, Family
-from radarsim.plotting.style import render
 from radarsim.robots.obstacles import slice_mesh
 from radarsim.scene.plants.parameters import LEAVES, WOOD
 from radarsim.scene.plants.plant import Plant
@@ -34,11 +33,6 @@ BIN: Final = 0.1  # m
 TITLE: Final = "A shrub in three shapes: the same mean transmission, another scatter"
 TITLE_HEIGHT: Final = 0.55  # inches
 MARGIN: Final = 0.15  # m, of the plan
-
-
-def draw_shapes(shapes: Sequence[Comparison]) -> bytes:
-    """Draw a row for each shape, with side view, plan and histogram; return a PNG."""
-    return render(plot_shapes(shapes))
 
 
 def plot_shapes(shapes: Sequence[Comparison]) -> Figure:

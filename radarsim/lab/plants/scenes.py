@@ -11,7 +11,7 @@ from radarsim.scene.material import Material
 from radarsim.scene.plants.parameters import SHRUB
 from radarsim.scene.plants.plant import Plant, make_shrubs
 from radarsim.scene.scene import Part, Scene
-from radarsim.scene.shapes import Mesh, box
+from radarsim.scene.shapes import box
 
 LEAF: Final = Material("leaf", density=0.0, sheet_loss=0.4)
 WOOD: Final = Material("wood")
@@ -34,28 +34,19 @@ def leaf_scene(triangles: int) -> Scene:
     count = max(1, round(triangles / shrub.triangles))
     rng = generator_for(0, "plants", "leaf scene")
     side = math.ceil(math.sqrt(count))
-    parts = [_walls(side)]
+    length, width, height = WALL_DISTANCE + SPACING * side, SPACING * (side + 2), 6.0
+    vertices, faces = box(length, width, height)
+    centre = [FIRST_ROW - WALL_DISTANCE + length / 2, 0.0, height / 2]
+    parts = [Part("room", WALL, vertices + np.array(centre), faces)]
     for number in range(count):
         row, column = divmod(number, side)
         position = np.array(
             [FIRST_ROW + SPACING * row, SPACING * (column - (side - 1) / 2), 0.0]
         )
-        rotated = _rotate(shrub, rng.uniform(0, 2 * math.pi))
+        rotation = rotation_matrix(0.0, 0.0, rng.uniform(0, 2 * math.pi)).T
+        rotated = Plant(
+            (shrub.wood[0] @ rotation, shrub.wood[1]),
+            (shrub.foliage[0] @ rotation, shrub.foliage[1]),
+        )
         parts += rotated.parts(f"shrub_{number + 1}", WOOD, LEAF, position)
     return Scene("leaves", "Leaves", tuple(parts))
-
-
-def _walls(side: int) -> Part:
-    length, width, height = WALL_DISTANCE + SPACING * side, SPACING * (side + 2), 6.0
-    vertices, faces = box(length, width, height)
-    centre = [FIRST_ROW - WALL_DISTANCE + length / 2, 0.0, height / 2]
-    return Part("room", WALL, vertices + np.array(centre), faces)
-
-
-def _rotate(plant: Plant, yaw: float) -> Plant:
-    rotation = rotation_matrix(0.0, 0.0, yaw).T
-
-    def rotate(mesh: Mesh) -> Mesh:
-        return mesh[0] @ rotation, mesh[1]
-
-    return Plant(rotate(plant.wood), rotate(plant.foliage))

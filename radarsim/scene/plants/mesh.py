@@ -10,7 +10,7 @@ import numpy as np
 from radarsim.geometry import Floats
 from radarsim.scene.plants.growth import Skeleton
 from radarsim.scene.plants.parameters import PlantParameters
-from radarsim.scene.shapes import Faces, Mesh, concatenate
+from radarsim.scene.shapes import Mesh, concatenate
 
 MIN_SIDES: Final = 4
 MAX_SIDES: Final = 10
@@ -34,14 +34,30 @@ def tube(centre_line: Floats, radii: Floats, sides: int) -> Mesh:
         sides: Number of sides, at least 3.
     """
     rings = len(centre_line) - 1
-    u, v = _normals(centre_line)
+    tangents = np.gradient(centre_line, axis=0)
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    least = np.abs(tangents).mean(axis=0).argmin()  # an axis that it is never along
+    # normal to the line, and counter-clockwise of each other as seen from its end
+    u = np.cross(np.eye(3)[least], tangents)
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    v = np.cross(tangents, u)
     angles = 2 * np.pi * np.arange(sides) / sides
     outward = (
         np.cos(angles)[:, None] * u[:, None] + np.sin(angles)[:, None] * v[:, None]
     )
     walls = centre_line[:-1, None] + radii[:-1, None, None] * outward[:-1]
     vertices = np.vstack([walls.reshape(-1, 3), centre_line[0], centre_line[-1]])
-    return vertices, _tube_faces(rings, sides)
+    here = np.arange(sides)
+    following = (here + 1) % sides
+    foot, tip = np.full(sides, rings * sides), np.full(sides, rings * sides + 1)
+    last = (rings - 1) * sides
+    triangles = [(foot, following, here), (tip, last + here, last + following)]
+    for ring in range(rings - 1):
+        low, high = ring * sides, (ring + 1) * sides
+        triangles.append((low + here, low + following, high + following))
+        triangles.append((low + here, high + following, high + here))
+    faces = np.vstack([np.column_stack(corners) for corners in triangles])
+    return vertices, faces.astype(np.int32)
 
 
 def ball(centre: Floats, radius: float, sides: int = 8, rings: int = 5) -> Mesh:
@@ -88,33 +104,6 @@ def _mesh_branch(skeleton: Skeleton, path: list[int]) -> Mesh:
     return tube(skeleton.points[path], radii, sides)
 
 
-def _normals(centre_line: Floats) -> tuple[Floats, Floats]:
-    """Return two unit vectors normal to a line at each of its points, (N, 3) each.
-
-    Seen from its end, the second one is counter-clockwise of the first.
-    """
-    tangents = np.gradient(centre_line, axis=0)
-    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
-    least = np.abs(tangents).mean(axis=0).argmin()  # an axis that it is never along
-    u = np.cross(np.eye(3)[least], tangents)
-    u /= np.linalg.norm(u, axis=1, keepdims=True)
-    return u, np.cross(tangents, u)
-
-
-def _tube_faces(rings: int, sides: int) -> Faces:
-    here = np.arange(sides)
-    following = (here + 1) % sides
-    foot, tip = np.full(sides, rings * sides), np.full(sides, rings * sides + 1)
-    last = (rings - 1) * sides
-    triangles = [(foot, following, here), (tip, last + here, last + following)]
-    for ring in range(rings - 1):
-        low, high = ring * sides, (ring + 1) * sides
-        triangles.append((low + here, low + following, high + following))
-        triangles.append((low + here, high + following, high + here))
-    faces = np.vstack([np.column_stack(corners) for corners in triangles])
-    return faces.astype(np.int32)
-
-
 def foliage(
     parameters: PlantParameters, skeleton: Skeleton, rng: np.random.Generator
 ) -> Mesh:
@@ -124,7 +113,16 @@ def foliage(
     """
     ends = skeleton.points[skeleton.tips]
     owners = np.arange(parameters.leaves) % len(ends)
-    offsets = _draw_offsets(parameters, ends[owners], rng)
+    # All corners of a leaf are in the crown, whatever direction the leaf faces.
+    share = parameters.leaf_length / 2 / parameters.half_axes.min()
+    half_axes = parameters.half_axes * (1 - share)
+    offsets = np.zeros((len(owners), 3))
+    outside = np.arange(len(owners))
+    while len(outside):
+        offsets[outside] = rng.normal(0, parameters.cluster, (len(outside), 3))
+        centres = ends[owners[outside]] + offsets[outside]
+        positions = (centres - parameters.centre) / half_axes
+        outside = outside[np.linalg.norm(positions, axis=1) > 1]
     midribs = offsets / parameters.cluster + rng.standard_normal(offsets.shape)
     return rhombi(parameters, ends[owners] + offsets, midribs, rng)
 
@@ -160,21 +158,3 @@ def rhombi(
     first = 4 * np.arange(len(centres))[:, None, None]
     faces = (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
     return vertices, faces.astype(np.int32)
-
-
-def _draw_offsets(
-    parameters: PlantParameters, ends: Floats, rng: np.random.Generator
-) -> Floats:
-    """Draw the positions of leaves relative to the twigs' ends; all in the crown.
-
-    All corners of a leaf are in it, whatever direction the leaf faces.
-    """
-    share = parameters.leaf_length / 2 / parameters.half_axes.min()
-    half_axes = parameters.half_axes * (1 - share)
-    offsets = np.zeros_like(ends)
-    outside = np.arange(len(ends))
-    while len(outside):
-        offsets[outside] = rng.normal(0, parameters.cluster, (len(outside), 3))
-        positions = (ends[outside] + offsets[outside] - parameters.centre) / half_axes
-        outside = outside[np.linalg.norm(positions, axis=1) > 1]
-    return offsets

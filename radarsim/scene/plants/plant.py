@@ -13,7 +13,7 @@ import numpy as np
 from radarsim.geometry import Floats
 from radarsim.rng import generator_for
 from radarsim.scene.material import Material
-from radarsim.scene.plants.growth import Skeleton, grow
+from radarsim.scene.plants.growth import grow
 from radarsim.scene.plants.mesh import ball, bark, foliage
 from radarsim.scene.plants.parameters import (
     LEAVES,
@@ -89,26 +89,21 @@ def make_shrubs(seed: int, parameters: PlantParameters = SHRUB) -> dict[str, Pla
     rng = generator_for(seed, "plants", "shrub")
     skeleton = grow(parameters, rng)
     vertices, faces = sphere(parameters.crown_radius)
-    shapes = {
-        "ball": (vertices + parameters.centre, faces),
-        "cloud": _cloud(parameters, skeleton),
-        "leaves": foliage(parameters, skeleton, rng),
-    }
-    wood = bark(skeleton)
-    return {shape: Plant(wood, shapes[shape]) for shape in SHAPES}
-
-
-def _cloud(parameters: PlantParameters, skeleton: Skeleton) -> Mesh:
-    """Create a small ball around each twig's end, moved into the crown where needed."""
+    # Balls of the cloud are around the twigs' ends, moved inward to fit into the crown.
     ends = skeleton.points[skeleton.tips] - parameters.centre
     distances = np.linalg.norm(ends, axis=1, keepdims=True)
     inward = np.minimum(
         1.0,
         (parameters.crown_radius - TUFT_RADIUS) / np.maximum(distances, TUFT_RADIUS),
     )
-    return concatenate(
-        [ball(centre, TUFT_RADIUS) for centre in parameters.centre + inward * ends]
-    )
+    ends = parameters.centre + inward * ends
+    shapes = {
+        "ball": (vertices + parameters.centre, faces),
+        "cloud": concatenate([ball(end, TUFT_RADIUS) for end in ends]),
+        "leaves": foliage(parameters, skeleton, rng),
+    }
+    wood = bark(skeleton)
+    return {shape: Plant(wood, shapes[shape]) for shape in SHAPES}
 
 
 def plant_files(seed: int = SEED) -> dict[str, bytes]:
@@ -126,28 +121,19 @@ def encode_glb(pieces: Mapping[str, Mesh]) -> bytes:
         pieces: Meshes with z up; in the file y is up. Coordinates are rounded to
             0.1 mm, so that all machines write the same ones.
     """
-    scene = _trimesh().Scene()
+    import trimesh  # noqa: PLC0415 - slow to import
+
+    scene: Any = trimesh.Scene()
+    visual: Any = trimesh.visual
     for name, (vertices, faces) in pieces.items():
         x, y, z = (np.round(vertices / GRID) * GRID).T
-        mesh = _trimesh().Trimesh(
+        material = visual.material.PBRMaterial(name=name, doubleSided=True)
+        mesh = trimesh.Trimesh(
             np.column_stack([x, z, -y]) + 0.0,  # no negative zeros
             faces,
             process=False,
-            visual=_material_visual(name),
+            visual=visual.TextureVisuals(material=material),
         )
         scene.add_geometry(mesh, node_name=name, geom_name=name)
     content: bytes = scene.export(file_type="glb")
     return content
-
-
-def _trimesh() -> Any:
-    import trimesh  # noqa: PLC0415 - slow to import
-
-    return trimesh
-
-
-def _material_visual(name: str) -> Any:
-    """Return a trimesh visual that has only the material's name."""
-    visual = _trimesh().visual
-    material = visual.material.PBRMaterial(name=name, doubleSided=True)
-    return visual.TextureVisuals(material=material)

@@ -18,7 +18,7 @@ from radarsim.addons.recording.host_recorder import (
     ReceivedTurn,
     RunEvent,
 )
-from radarsim.addons.recording.recorder import Recorder
+from radarsim.addons.recording.recording_process import write_recording
 from radarsim.addons.recording.repetition import repeat_run
 from radarsim.geometry import Pose3
 from radarsim.presets.robots import load_robot
@@ -66,10 +66,7 @@ def test_turn_is_what_the_radar_receives_there(
 ) -> None:
     folder = tmp_path / "run"
     create_folder(folder)
-    recorder = Recorder(folder, RecordingInfo(version="1"))
-    for event in events:
-        recorder.add(event)
-    recorder.close()
+    write_recording(folder, RecordingInfo(version="1"), events)
     recording = radarsim.load_recording(folder)
     (turn,) = recording.turns("R1/Navtech")
     np.testing.assert_array_equal(turn.counts, expected_counts(foliage_room))

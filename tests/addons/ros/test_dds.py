@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from processes import start_radarsim
 
+from radarsim.addons.ros.commands import Bridge, ros
 from radarsim.addons.testing import UsarsimServer
 from radarsim.client import Client
 from radarsim.errors import MissingPackage, ServerError
@@ -119,8 +120,6 @@ def test_unknown_interface_is_refused() -> None:
 def test_missing_package_is_named_with_its_extra(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    from radarsim.addons.ros.dds import DdsParticipant
-
     monkeypatch.setitem(sys.modules, "cyclonedds.domain", None)
     with pytest.raises(MissingPackage, match=r"cyclonedds.*radarsim\[dds\]"):
-        DdsParticipant(DOMAIN)
+        ros(bridge=Bridge.DDS)
