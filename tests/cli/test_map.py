@@ -25,6 +25,12 @@ Command = Callable[..., Any]
 FOLIAGE = ("foliage_room", "--time-limit", "3")
 SEEN = ("empty_room", "--strategy", "frontiers")  # seen from the start
 FILES = ["map.pgm", "map.png", "map.tum", "map.yaml", "map_view.png"]
+
+
+def server_of(port: object) -> str:
+    return f"127.0.0.1:{port}"
+
+
 fast_server = pytest.mark.usarsim(map="empty_room", speed=4)
 
 
@@ -363,9 +369,7 @@ def test_trajectories_of_an_earlier_run_are_removed(
 def test_missing_server_is_an_error(radarsim: Command, tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
-    run = radarsim(
-        "map", "-o", str(tmp_path), "--connect", f"127.0.0.1:{port}", "--json"
-    )
+    run = radarsim("map", "-o", str(tmp_path), "--connect", server_of(port), "--json")
     assert (run.code, json.loads(run.text)["outcome"]) == (1, "failed")
     assert run.err.startswith(f"radarsim: no server at 127.0.0.1:{port}")
 
@@ -390,7 +394,7 @@ def test_room_is_mapped_over_tcp(
         "-o",
         str(tmp_path),
         "--connect",
-        f"127.0.0.1:{port}",
+        server_of(port),
         "--time-limit",
         "6",
         "--json",
@@ -416,7 +420,7 @@ def test_signal_ends_the_run_and_the_map_so_far_is_written(
 ) -> None:
     port = str(usarsim_server.address[1])
     with start_radarsim(
-        "map", "-o", str(tmp_path), "--connect", f"127.0.0.1:{port}"
+        "map", "-o", str(tmp_path), "--connect", server_of(port)
     ) as process:
         assert process.stderr is not None
         process.stderr.readline()  # it has got a scan
@@ -457,7 +461,7 @@ def test_seed_of_turn_away_is_accepted_without_serve(
     usarsim_server: UsarsimServer, radarsim: Command, tmp_path: Path
 ) -> None:
     port = str(usarsim_server.address[1])
-    words = ("--connect", f"127.0.0.1:{port}", "--strategy", "turn_away", "--seed", "3")
+    words = ("--connect", server_of(port), "--strategy", "turn_away", "--seed", "3")
     run = radarsim("map", "-o", str(tmp_path), *words, "--time-limit", "0.5")
     assert (run.code, run.err.count("expected")) == (0, 0)
 
@@ -481,7 +485,7 @@ def test_interrupted_run_is_reported_in_json(
 ) -> None:
     port = str(usarsim_server.address[1])
     with start_radarsim(
-        "map", "-o", str(tmp_path), "--connect", f"127.0.0.1:{port}", "--json"
+        "map", "-o", str(tmp_path), "--connect", server_of(port), "--json"
     ) as process:
         assert process.stderr is not None
         process.stderr.readline()  # it has got a scan
@@ -503,7 +507,7 @@ class Through:
     """``radarsim map --through`` in a process of its own."""
 
     def __init__(self, folder: Path, server: int, *options: str) -> None:
-        through = ("--through", "0", "--connect", f"127.0.0.1:{server}", *options)
+        through = ("--through", "0", "--connect", server_of(server), *options)
         self.process = start_radarsim("map", "-o", str(folder), *through)
         assert self.process.stderr is not None
         line = self.process.stderr.readline().decode()
@@ -554,7 +558,7 @@ def test_watched_robot_is_mapped_until_it_leaves(
     usarsim_server: UsarsimServer, tmp_path: Path
 ) -> None:
     port = usarsim_server.address[1]
-    words = ("--watch", "r1", "--connect", f"127.0.0.1:{port}", "--json")
+    words = ("--watch", "r1", "--connect", server_of(port), "--json")
     with start_radarsim("map", "-o", str(tmp_path), *words) as process:
         assert process.stderr is not None
         assert b"waiting" in process.stderr.readline()
@@ -672,7 +676,7 @@ def test_interrupted_run_leaves_the_film_so_far(
         "-o",
         str(tmp_path),
         "--connect",
-        f"127.0.0.1:{port}",
+        server_of(port),
         "--film",
         str(film),
     )
