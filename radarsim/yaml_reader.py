@@ -76,7 +76,7 @@ class Node:
     """
 
     position: Position
-    value: object
+    value: "dict[str, Node] | list[Node] | str | float | bool | None"
     key_positions: dict[str, Position] | None = None
     size: int = 1
     depth: int = 0
@@ -88,15 +88,6 @@ class Node:
         if isinstance(self.value, list):
             return [node.to_plain() for node in self.value]
         return self.value
-
-    def child(self, key: str | int) -> "Node | None":
-        """Return the node at a key or index, or None."""
-        child = None
-        if isinstance(self.value, dict):
-            child = self.value.get(str(key))
-        elif isinstance(self.value, list) and isinstance(key, int):
-            child = self.value[key] if key < len(self.value) else None
-        return child if isinstance(child, Node) else None
 
 
 @dataclass(frozen=True)
@@ -142,9 +133,14 @@ class YamlFile:
         """
         node, position = self._root, self._root.position
         for key in keys:
-            child = node.child(key)
+            child = None
+            if isinstance(node.value, dict):
+                child = node.value.get(str(key))
+            elif isinstance(node.value, list) and isinstance(key, int):
+                child = node.value[key] if key < len(node.value) else None
             if child is None:
-                return _place(self.path, node.position)
+                position = node.position
+                break
             positions = node.key_positions if of_key else None
             position = positions[str(key)] if positions else child.position
             node = child
@@ -347,16 +343,24 @@ class _Composer:
         self._report(event, "a key that is no plain text, expected a name")
         return ""
 
-    def _scalar(self, event: ScalarEvent) -> object:
-        text = event.value
-        if event.style:  # quoted, or a block of text
-            return text
-        if text in _CONSTANTS:
+    def _scalar(self, event: ScalarEvent) -> str | float | bool | None:
+        text: str = event.value
+        is_quoted = bool(event.style)  # or a block of text
+        if not is_quoted and text in _CONSTANTS:
             return _CONSTANTS[text]
-        if text[0] not in _STARTS_OF_NUMBERS:
+        if is_quoted or text[0] not in _STARTS_OF_NUMBERS:
             return text
-        value = _number_or_text(text)
-        if self._finite and isinstance(value, float) and not math.isfinite(value):
+        if _INTEGER.fullmatch(text):
+            if len(text) <= 300:
+                return int(text, 0) if text[:2] in ("0o", "0x") else int(text)
+            value = math.inf  # to convert millions of digits takes long
+        elif _FLOAT.fullmatch(text):
+            value = float(text)
+        elif _NOT_FINITE.fullmatch(text):
+            value = float(text.replace(".", ""))
+        else:
+            return text
+        if self._finite and not math.isfinite(value):
             self._report(event, f"{short_repr(text)}, expected a finite number")
             return 1.0  # a value that causes no further problems
         return value
@@ -371,19 +375,6 @@ class _Composer:
     def _report(self, event: Event, message: str) -> None:
         problem = YamlProblem(_position(event), tuple(self._keys), message)
         self.problems.append(problem)
-
-
-def _number_or_text(text: str) -> str | int | float:
-    """Parse a plain scalar as the core schema does; over 300 digits are infinite."""
-    if _INTEGER.fullmatch(text):
-        if len(text) > 300:
-            return math.inf
-        return int(text, 0) if text[:2] in ("0o", "0x") else int(text)
-    if _FLOAT.fullmatch(text):
-        return float(text)
-    if _NOT_FINITE.fullmatch(text):
-        return float(text.replace(".", ""))
-    return text
 
 
 def _size_and_depth(nodes: Collection[Node]) -> tuple[int, int]:

@@ -29,6 +29,7 @@ WHEEL_LIMITS: Final = (1e-3, 1e3)  # m and drive units; plausible for a robot on
 MAX_BEAMS: Final = 100_000
 MAX_MOUNT_DISTANCE: Final = 10.0  # m from the robot's centre
 _PRINTED = 0.01  # rad by which rounding may enlarge a whole turn
+_HALF_DIGIT: Final = 0.006  # m; half of the last digit of a range, and a little more
 _FAR: Final = 1e3  # m; assumed range of beams without return, to compute their bearings
 
 
@@ -217,7 +218,7 @@ def no_return(max_range: float) -> float:
     # in single precision. MaxRange has more: a beam of 5.609 m without return reads
     # 5.61 or 5.60, and one of 2.3 m may read 2.29.
     nothing = math.floor(100 * float(np.float32(max_range))) / 100
-    return nothing - 1e-6  # as 100ths have no exact binary form
+    return nothing - _HALF_DIGIT  # where it is MaxRange that has been rounded
 
 
 def from_centre(

@@ -207,6 +207,7 @@ def _with_base(data: object, path: Path, seen: tuple[Path, ...]) -> object:
     changed = {key: value for key, value in data.items() if key != "based_on"}
     name = str(data["based_on"])
     beside = path.parent / f"{name}.yaml"
+    # A file with the name of a shipped class may be based on that, not on itself.
     if name.isidentifier() and beside.is_file() and beside not in (path, *seen):
         model = read_robot(beside, (path, *seen))
     else:

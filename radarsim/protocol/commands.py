@@ -9,7 +9,7 @@ values are lower case: servers of all generations read that.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar, Final, Self, TypeAlias
@@ -56,9 +56,13 @@ class Init:
     """
 
     verb: ClassVar[str] = "INIT"
-    keys: ClassVar[tuple[str, ...]] = (
-        *("ClassName", "Name", "Start", "Location", "Rotation"),
-    )
+    keys: ClassVar[Sequence[str]] = [
+        "ClassName",
+        "Name",
+        "Start",
+        "Location",
+        "Rotation",
+    ]
 
     class_name: str
     name: str | None = None
@@ -106,7 +110,7 @@ class Drive:
     """
 
     verb: ClassVar[str] = "DRIVE"
-    keys: ClassVar[tuple[str, ...]] = ("Left", "Right", "Normalized", "Light", "Flip")
+    keys: ClassVar[Sequence[str]] = ("Left", "Right", "Normalized", "Light", "Flip")
 
     left: float | None = None
     right: float | None = None
@@ -141,7 +145,7 @@ class GetStartPoses:
     """Ask for the start poses of the map."""
 
     verb: ClassVar[str] = "GETSTARTPOSES"
-    keys: ClassVar[tuple[str, ...]] = ()
+    keys: ClassVar[Sequence[str]] = ()
 
     @classmethod
     def decode(cls, _message: Message, _dialect: Dialect) -> Self:
@@ -164,7 +168,7 @@ class _ItemQuery:
         robot: Name of the robot, in any case; None for the client's own.
     """
 
-    keys: ClassVar[tuple[str, ...]] = ("Type", "Name", "Robot")
+    keys: ClassVar[Sequence[str]] = ("Type", "Name", "Robot")
 
     type: str
     name: str | None = None
@@ -208,7 +212,7 @@ class SetItem:
     """
 
     verb: ClassVar[str] = "SET"
-    keys: ClassVar[tuple[str, ...]] = ("Type", "Name", "Opcode", "Params")
+    keys: ClassVar[Sequence[str]] = ("Type", "Name", "Opcode", "Params")
 
     type: str
     name: str | None
@@ -234,7 +238,7 @@ class SetItem:
 class Unsupported:
     """A command that other USARSim servers know and this one accepts without effect."""
 
-    keys: ClassVar[tuple[str, ...]] = ()
+    keys: ClassVar[Sequence[str]] = ()
 
     verb: str
 
@@ -271,18 +275,34 @@ COMMANDS: Final = {
 # Fields that common clients send along: the speeds of robots with a steering axle and
 # of those that fly, with which one of them stops any robot, and the robot's name.
 _NEEDLESS_KEYS: Final = {
-    Drive.verb: (
-        *("Name", "Speed", "AltitudeVelocity"),
-        *("LinearVelocity", "LateralVelocity", "RotationalVelocity"),
-    )
+    Drive.verb: [
+        "Name",
+        "Speed",
+        "AltitudeVelocity",
+        "LinearVelocity",
+        "LateralVelocity",
+        "RotationalVelocity",
+    ]
 }
 
 # Verbs of the servers of all generations that do nothing to a wheeled robot here.
 _UNSUPPORTED: Final = frozenset(
-    (
-        *("ACT", "CAMERA", "CONTROL", "GETCLOSESTPATHNODE", "GETNFO", "GETPATHNODES"),
-        *("GOTO", "MISPKG", "MOVE", "MULTIDRIVE", "PAUSE", "PING", "TEST", "TRACE"),
-    )
+    [
+        "ACT",
+        "CAMERA",
+        "CONTROL",
+        "GETCLOSESTPATHNODE",
+        "GETNFO",
+        "GETPATHNODES",
+        "GOTO",
+        "MISPKG",
+        "MOVE",
+        "MULTIDRIVE",
+        "PAUSE",
+        "PING",
+        "TEST",
+        "TRACE",
+    ]
 )
 
 

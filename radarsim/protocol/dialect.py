@@ -1,4 +1,6 @@
-"""The two dialects of the server as one table of their differences.
+"""The two dialects of the server: number formats, rates and limits in one table.
+
+The keys of lines and their order are with the reports.
 
 ``COMPAT`` is the union of what clients in the field need; ``UDK`` is the original
 server of the Unreal Development Kit, byte for byte. They agree in everything else.
@@ -33,8 +35,6 @@ class Dialect:
 
     Attributes:
         name: Name on the command line.
-        gametype: Game type in the greeting.
-        time_limit: Time limit in the greeting, minutes; 0 for none.
         time: Format of time stamps.
         ranges: Format of the ranges in a scan.
         angle: Format of a scanner's resolution and field of view and an encoder's tick.
@@ -46,15 +46,9 @@ class Dialect:
         robot: Format of the robot's dimensions, of range limits, and of the ranges of
             sonars.
         mass: Format of the robot's mass.
-        steer: Text of every steering angle; a skid-steer robot has none.
-        light_intensity: Text while the headlight is off, and while it is on.
-        status_keys: Keys of STA, in order.
-        robot_conf_keys: Keys of the robot's CONF, in order.
-        scanner_conf_keys: Keys of a scanner's CONF, in order.
-        sonar_conf_keys: Keys of a sonar's CONF, in order.
-        mount_form: Template of one item of a GEO.
         dimensions_are_wheels: Whether the robot's dimensions are wheel base and
             separation instead of the hull's.
+        joins_mounts: Whether the mount of an item is in the segment of its name.
         joins_touch: Whether the reading of a touch sensor is in the segment of its
             name.
         joins_sonars: Whether all sonars are in one line, each in the segment of its
@@ -80,8 +74,6 @@ class Dialect:
     """
 
     name: str
-    gametype: str
-    time_limit: int
     time: NumberFormat
     ranges: NumberFormat
     angle: NumberFormat
@@ -92,14 +84,8 @@ class Dialect:
     mount: NumberFormat
     robot: NumberFormat
     mass: NumberFormat
-    steer: str
-    light_intensity: tuple[str, str]
-    status_keys: tuple[str, ...]
-    robot_conf_keys: tuple[str, ...]
-    scanner_conf_keys: tuple[str, ...]
-    sonar_conf_keys: tuple[str, ...]
-    mount_form: str
     dimensions_are_wheels: bool
+    joins_mounts: bool
     joins_touch: bool
     joins_sonars: bool
     joins_encoders: bool
@@ -131,8 +117,6 @@ class Dialect:
 
 COMPAT = Dialect(
     name="compat",
-    gametype="BotDeathMatch",
-    time_limit=0,
     time=NumberFormat(2),
     ranges=NumberFormat(2),
     angle=NumberFormat(6),  # four decimals would skew a scan by half a degree
@@ -143,22 +127,8 @@ COMPAT = Dialect(
     mount=NumberFormat(4),
     robot=NumberFormat(4),
     mass=NumberFormat(4),
-    steer="0.0000",
-    light_intensity=("0", "100"),
-    status_keys=(
-        *("Type", "Time", "FrontSteer", "RearSteer"),
-        *("LightToggle", "LightIntensity", "Battery", "View"),
-    ),
-    robot_conf_keys=(
-        *("Type", "Name", "SteeringType", "Mass"),
-        *("MaxSpeed", "MaxTorque", "MaxFrontSteer", "MaxRearSteer"),
-    ),
-    scanner_conf_keys=("Name", "MaxRange", "MinRange", "Resolution", "Fov"),
-    sonar_conf_keys=("Name", "MaxRange", "MinRange", "BeamAngle"),
-    mount_form=(
-        "{{Name {name} Location {location} Orientation {orientation} Mount HARD}}"
-    ),
     dimensions_are_wheels=False,
+    joins_mounts=True,
     joins_touch=True,  # one client stops reading at a segment of its own
     joins_sonars=True,
     joins_encoders=False,
@@ -188,8 +158,6 @@ COMPAT_UT2004 = replace(
 
 UDK = Dialect(
     name="udk",
-    gametype="BotDeathMatch",
-    time_limit=20,
     time=NumberFormat(4, Rounding.FLOAT32),
     ranges=NumberFormat(2, Rounding.TRUNCATED),
     angle=NumberFormat(4, Rounding.TRUNCATED, ROTATION_UNIT),
@@ -200,28 +168,8 @@ UDK = Dialect(
     mount=NumberFormat(2, Rounding.FLOAT32),
     robot=NumberFormat(4, Rounding.TRUNCATED),
     mass=NumberFormat(4, Rounding.FLOAT32),  # a sum of parts, just above these decimals
-    steer="0",
-    light_intensity=("100", "100"),
-    status_keys=(
-        *("Time", "Battery", "Type", "LightToggle"),
-        *("LightIntensity", "FrontSteer", "RearSteer"),
-    ),
-    robot_conf_keys=(
-        *("Name", "Type", "SteeringType", "Mass"),
-        *("MaxSpeed", "MaxTorque", "MaxFrontSteer", "MaxRearSteer"),
-    ),
-    scanner_conf_keys=(
-        *("Name", "MaxRange", "MinRange", "Resolution", "Fov", "Panning", "Tilting"),
-    ),
-    sonar_conf_keys=(
-        *("Name", "MaxRange", "MinRange", "ScanInterval", "beamAngle"),
-        *("maxAngleOfIncidence", "tracesPerCone", "numberOfCones"),
-    ),
-    mount_form=(
-        "{{Name {name}}} {{Location {location}}} {{Orientation {orientation}}}"
-        "{{Mount {robot}}}"
-    ),
     dimensions_are_wheels=True,
+    joins_mounts=False,
     joins_touch=False,
     joins_sonars=False,
     joins_encoders=False,

@@ -1,15 +1,19 @@
-"""Echo lines: each reports the echoes of one scan on one object.
+"""Echo lines and target lines: all that one scan of a radar, or one turn, met.
 
-A line names all properties of its object, so that a client can use it by itself. Names
-come from maps and from other clients; they are reduced to characters that a line can
-contain.
+Each echo line reports the echoes of one scan on one object. It names all properties of
+the object, so that a client can use it by itself. Names come from maps and from other
+clients; they are reduced to characters that a line can contain.
+
+Target lines report what the detector of a radar found in one turn. They are the targets
+of a spectrum: a beam can have many, and each has a power. The objects behind them are
+unknown, to a real radar as well.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import ClassVar, Final, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,32 +21,56 @@ from numpy.typing import NDArray
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Floats
 from radarsim.protocol.dialect import Dialect
+from radarsim.protocol.fields import (
+    Field,
+    Flag,
+    Number,
+    PrintableText,
+    Segment,
+    SensorReport,
+    Text,
+    Whole,
+    fields_of,
+)
 from radarsim.protocol.line_template import (
     LINE_END,
-    NO_SERIES,
-    WHOLE,
     WHOLE_IN_SERIES,
-    Fields,
     marks,
-    printable_name,
     reduce_text,
     series_marks,
 )
 from radarsim.protocol.message import Message
-from radarsim.protocol.numbers import (
-    parse_flag,
-    parse_number,
-    parse_words,
-)
-from radarsim.protocol.periodic_reports import SensorReport, Split, build_template
+from radarsim.protocol.numbers import parse_list, parse_number, parse_words
 
 # A line has at most 4095 bytes. An echo takes up to 37 of them (six digits of the beam,
 # nine of the range), two names twice the longest, and everything else less than 300.
 ECHOES_A_LINE: Final = 90
+# A target takes up to 29 (six digits of the beam, ten of the range and of the power).
+TARGETS_A_LINE: Final = 130
 LARGEST_DENSITY: Final = 1e9  # no beam enters what is denser
 OPAQUE: Final = "Opaque"
 
 _END: Final = f"}}{LINE_END}".encode("latin-1")
+
+
+class Density(Field[float]):
+    """Power that a beam loses per metre; a word where no beam enters."""
+
+    def read(self, message: Message) -> float:
+        return message.parse(self.key, _parse_density)
+
+    def write(self, value: float, dialect: Dialect) -> Sequence[Segment]:
+        if value == math.inf:
+            return (Segment(self.key, OPAQUE),)
+        number = min(value, LARGEST_DENSITY)
+        return (Segment(self.key, marks(dialect.plain), (number,)),)
+
+
+class FixedFlag(Flag):
+    """A truth value that stays the same for all echoes of an object."""
+
+    def write(self, value: bool, _: Dialect) -> Sequence[Segment]:
+        return (Segment(self.key, str(value)),)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,76 +91,49 @@ class TargetEchoes:
         strength: (E,) share of the beam that is reflected back, 0 to 1.
     """
 
-    object: str
-    material: str
-    density: float
-    transparency: float
-    laser_passes: bool
-    robot_passes: bool
+    object: Annotated[str, PrintableText("Object")]
+    material: Annotated[str, PrintableText("Material")]
+    density: Annotated[float, Density("Density")]
+    transparency: Annotated[float, Number("Transparency", "plain")]
+    laser_passes: Annotated[bool, FixedFlag("LaserPasses")]
+    robot_passes: Annotated[bool, FixedFlag("RobotPasses")]
     beams: NDArray[np.int64]
     ranges: Floats
     kinds: tuple[str, ...]
     power: Floats
     strength: Floats
 
-    @classmethod
-    def decode(cls, message: Message) -> Self:
-        """Read the fields of an echo line.
-
-        Raises:
-            MalformedMessage: If a field is missing or not readable.
-        """
-        kinds, numbers = _parse_echoes(message.require("Echoes"))
-        return cls(
-            object=message.require("Object"),
-            material=message.require("Material"),
-            density=message.parse("Density", _parse_density),
-            transparency=message.parse("Transparency", parse_number),
-            laser_passes=message.parse("LaserPasses", parse_flag),
-            robot_passes=message.parse("RobotPasses", parse_flag),
-            beams=numbers[:, 0].astype(np.int64),
-            ranges=numbers[:, 1],
-            kinds=kinds,
-            power=numbers[:, 2],
-            strength=numbers[:, 3],
-        )
-
-    def properties(self) -> "ObjectProperties":
-        """Return what is told of the object."""
-        return ObjectProperties(
-            *(self.object, self.material, self.density, self.transparency),
-            *(self.laser_passes, self.robot_passes),
-        )
+    def properties(self, dialect: Dialect) -> Sequence[Segment]:
+        """Return the segments about the object."""
+        return [
+            segment
+            for name, field in fields_of(TargetEchoes)
+            for segment in field.write(getattr(self, name), dialect)
+        ]
 
 
-class ObjectProperties(NamedTuple):
-    """What an echo line tells of its object; see ``TargetEchoes``."""
+class SeenEchoes(Field[TargetEchoes | None]):
+    """Echoes, after the properties of their object."""
 
-    object: str
-    material: str
-    density: float
-    transparency: float
-    laser_passes: bool
-    robot_passes: bool
+    def read(self, message: Message) -> TargetEchoes | None:
+        if message.get(self.key) is None:
+            return None
+        kinds, numbers = _parse_echoes(message.require(self.key))
+        properties = [field.read(message) for _, field in fields_of(TargetEchoes)]
+        beams = numbers[:, 0].astype(np.int64)
+        ranges, power, strength = numbers[:, 1:].T
+        create: Callable[..., TargetEchoes] = TargetEchoes
+        return create(*properties, beams, ranges, kinds, power, strength)
 
-    @property
-    def numbers(self) -> tuple[float, ...]:
-        """The numbers among them, in the order of their marks in the line."""
-        if self.density == math.inf:
-            return (self.transparency,)
-        return (min(self.density, LARGEST_DENSITY), self.transparency)
-
-    def fields(self, dialect: Dialect) -> Fields:
-        """Return the fields, with marks for the numbers."""
-        plain = marks(dialect.plain)
-        return (
-            ("Object", printable_name(self.object)),
-            ("Material", printable_name(self.material)),
-            ("Density", OPAQUE if self.density == math.inf else plain),
-            ("Transparency", plain),
-            ("LaserPasses", str(self.laser_passes)),
-            ("RobotPasses", str(self.robot_passes)),
-        )
+    def write(self, value: TargetEchoes | None, dialect: Dialect) -> Sequence[Segment]:
+        if value is None:
+            return ()
+        # The sign of a zero is taken off, except for that of a range.
+        columns = (value.beams, value.ranges, value.power + 0.0, value.strength + 0.0)
+        series: Floats = np.column_stack(columns).astype(np.float64).ravel()
+        echoes = b" ".join([find_mark(dialect, kind) for kind in value.kinds])
+        text = echoes.decode("latin-1")
+        return (*value.properties(dialect), Segment(self.key, text, series=series))
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,65 +149,33 @@ class EchoLine(SensorReport):
 
     sensor_type: ClassVar[str] = "Echoes"
 
-    name: str
-    line: int
-    lines: int
-    echoes: TargetEchoes | None
-
-    @classmethod
-    def decode(cls, message: Message) -> Self:
-        """Read the report from its message."""
-        empty = message.get("Echoes") is None
-        return cls(
-            message.number_or_nan("Time"),
-            message.name,
-            int(message.parse("Line", parse_number)),
-            int(message.parse("Lines", parse_number)),
-            None if empty else TargetEchoes.decode(message),
-        )
-
-    @staticmethod
-    def fields(_: Dialect, fixed: tuple[str, Fields]) -> Fields:
-        """Return the fields after time and type, with marks for numbers."""
-        name, echoes = fixed
-        counts = (("Line", WHOLE), ("Lines", WHOLE))
-        return (("Name", reduce_text(name)), *counts, *echoes)
-
-    def split(self, dialect: Dialect) -> Split:
-        """Return the template of the line, its numbers, and its series."""
-        numbers = (self.time, self.line, self.lines)
-        is_unstamped, seen = math.isnan(self.time), self.echoes
-        if seen is None:
-            fixed: tuple[str, Fields] = (self.name, ())
-            line = build_template(EchoLine, dialect, is_unstamped, fixed)
-            return line, numbers, NO_SERIES
-        properties = seen.properties()
-        head = build_head(dialect, is_unstamped, self.name, properties)
-        line = join_echoes(head, [find_mark(dialect, kind) for kind in seen.kinds])
-        # The sign of a zero is taken off, except for that of a range.
-        columns = (seen.beams, seen.ranges, seen.power + 0.0, seen.strength + 0.0)
-        series: Floats = np.column_stack(columns).astype(np.float64).ravel()
-        return line, (*numbers, *properties.numbers), series
+    name: Annotated[str, Text("Name")]
+    line: Annotated[int, Whole("Line")]
+    lines: Annotated[int, Whole("Lines")]
+    echoes: Annotated[TargetEchoes | None, SeenEchoes("Echoes")]
 
 
-def build_head(
-    dialect: Dialect, is_unstamped: bool, scanner: str, properties: ObjectProperties
-) -> bytes:
-    """Return the template of a line up to its first echo.
+class LineHead(NamedTuple):
+    """The template of an echo line up to its first echo, and its numbers after three.
 
-    Its numbers are the time, which is skipped if there is none, the number of the line,
-    that of lines, and those of the properties.
+    The first three are the time, the number of the line, and that of lines.
+    """
+
+    template: bytes
+    numbers: Sequence[float]
+
+
+def build_head(dialect: Dialect, scanner: str, target: TargetEchoes) -> LineHead:
+    """Return what all lines of a scanner about an object share.
 
     Args:
         dialect: Dialect of the line.
-        is_unstamped: Whether there is no time.
         scanner: Name of the scanner.
-        properties: What is told of the object.
+        target: The object; its echoes do not matter.
     """
-    # A mark stands for the echoes, and is taken off.
-    fields = (*properties.fields(dialect), ("Echoes", WHOLE))
-    line = build_template(EchoLine, dialect, is_unstamped, (scanner, fields))
-    return line.removesuffix(WHOLE.encode("latin-1") + _END)
+    line, numbers, _ = EchoLine(0.0, scanner, 0, 0, target).split(dialect)
+    head, key, _ = line.rpartition(b"{Echoes")
+    return LineHead(head + key + b" ", numbers[3:])
 
 
 @lru_cache(100)  # kinds may be those of another server
@@ -217,14 +186,72 @@ def find_mark(dialect: Dialect, kind: str) -> bytes:
     return f"{before},{reduce_text(kind.capitalize())},{after}".encode("latin-1")
 
 
-def join_echoes(head: bytes, echoes: Sequence[bytes]) -> bytes:
-    """Return the template of a line.
+def join_echoes(head: LineHead, echoes: Sequence[bytes]) -> bytes:
+    """Return the template of a line of one or more echoes from ``find_mark``."""
+    return head.template + b" ".join(echoes) + _END
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RadarTargets(SensorReport):
+    """Targets of one turn of a radar, as many as fit into a line.
+
+    Attributes:
+        name: Name of the scanner.
+        line: Number of the line, from 1 to ``lines``; 0 for a turn without targets.
+        lines: Number of lines of the turn; 0 for one without targets.
+        beams: (T,) int64, beam of each target, counted from 0 at the right.
+        ranges: (T,) m.
+        dbm: (T,) received power, dBm.
+    """
+
+    sensor_type: ClassVar[str] = "RadarTargets"
+
+    name: Annotated[str, Text("Name")]
+    line: Annotated[int, Whole("Line")]
+    lines: Annotated[int, Whole("Lines")]
+    beams: NDArray[np.int64]
+    ranges: Floats
+    dbm: Floats
+
+    @classmethod
+    def _read(cls, message: Message) -> list[Any]:
+        words = (message.get("Targets") or "").split()
+        numbers = np.array([_parse_target(word) for word in words]).reshape(-1, 3)
+        name, line, lines = (field.read(message) for _, field in fields_of(cls))
+        return [name, line, lines, numbers[:, 0].astype(np.int64), *numbers[:, 1:].T]
+
+    def segments(self, dialect: Dialect) -> Sequence[Segment]:
+        segments = SensorReport.segments(self, dialect)
+        if not len(self.beams):
+            return segments
+        target = f"{WHOLE_IN_SERIES},{series_marks(dialect.ranges, 2)}"
+        text = " ".join([target] * len(self.beams))
+        columns = np.column_stack((self.beams, self.ranges, self.dbm))
+        series: Floats = columns.astype(np.float64).ravel()
+        return (*segments, Segment("Targets", text, series=series))
+
+
+def target_lines(
+    time: float, scanner: str, beams: NDArray[np.int64], ranges: Floats, dbm: Floats
+) -> Sequence[RadarTargets]:
+    """Return the target lines of a turn, at least one.
 
     Args:
-        head: From ``build_head``.
-        echoes: One or more from ``find_mark``.
+        time: s.
+        scanner: Name of the scanner item.
+        beams: (T,) beam of each target.
+        ranges: (T,) m.
+        dbm: (T,) dBm.
     """
-    return head + b" ".join(echoes) + _END
+    count = -(-len(beams) // TARGETS_A_LINE)
+    if not count:
+        return [RadarTargets(time, scanner, 0, 0, beams, ranges, dbm)]
+    lines = []
+    for number in range(count):
+        some = slice(number * TARGETS_A_LINE, (number + 1) * TARGETS_A_LINE)
+        columns = beams[some], ranges[some], dbm[some]
+        lines.append(RadarTargets(time, scanner, number + 1, count, *columns))
+    return lines
 
 
 def _parse_echoes(text: str) -> tuple[tuple[str, ...], Floats]:
@@ -246,3 +273,10 @@ def _parse_echoes(text: str) -> tuple[tuple[str, ...], Floats]:
 
 def _parse_density(text: str) -> float:
     return math.inf if text.lower() == OPAQUE.lower() else parse_number(text)
+
+
+def _parse_target(word: str) -> list[float]:
+    numbers = parse_list(word)
+    if len(numbers) != 3:
+        raise MalformedMessage(f"target {word[:80]!r}, expected three numbers")
+    return numbers

@@ -5,35 +5,37 @@ one for each of its fields. Both are read. Fields that a client can do without m
 missing; such a number is NaN.
 """
 
-import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import ClassVar, Final, Self
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import nan
+from typing import Annotated, ClassVar, Final, Self, TypeAlias
 
 from radarsim.geometry import Pose3
 from radarsim.protocol.dialect import Dialect
-from radarsim.protocol.message import (
-    Message,
-    Triple,
-    angles_on_wire,
-    flip_axes,
-    parse_flipped,
-    parse_triple,
-    position_on_wire,
+from radarsim.protocol.fields import (
+    Extent,
+    Field,
+    Layouts,
+    LineReport,
+    Number,
+    Point,
+    RequiredText,
+    Rows,
+    Segment,
+    Text,
+    join_items,
 )
-from radarsim.protocol.numbers import NumberFormat, parse_number
+from radarsim.protocol.line_template import reduce_text, vector_marks
+from radarsim.protocol.message import Message, Triple, parse_flipped
 
-VEHICLE: Final = "GroundVehicle"  # the type of a robot on wheels
-
-_VEHICLES = frozenset(
-    (VEHICLE.lower(), "leggedrobot", "nauticvehicle", "aerialvehicle")
+_VEHICLES: Final = frozenset(
+    ("groundvehicle", "leggedrobot", "nauticvehicle", "aerialvehicle")
 )
-_MOUNT_KEYS = ("Location", "Orientation", "Mount")
-_RIGID = "hard"  # the kind of a mount, where other servers name what it is fixed to
+_RIGID: Final = "HARD"  # a kind of mount, where other servers name the carrier
 
 
 @dataclass(frozen=True, slots=True)
-class RobotGeo:
+class RobotGeo(LineReport):
     """The dimensions of the robot.
 
     Attributes:
@@ -45,54 +47,30 @@ class RobotGeo:
         wheel_base: Distance between front and back wheels, m.
     """
 
-    name: str
-    dimensions: Triple
-    cog: Triple
-    wheel_radius: float
-    wheel_separation: float
-    wheel_base: float
+    verb: ClassVar[str] = "GEO"
+    layouts: ClassVar[Layouts] = dict.fromkeys(
+        ("compat", "udk"),
+        "{Type GroundVehicle} {Name} {Dimensions} {COG} {WheelRadius}"
+        " {WheelSeparation} {WheelBase}",
+    )
 
-    @classmethod
-    def decode(cls, message: Message) -> Self:
-        """Read the report from its message.
+    name: Annotated[str, Text("Name")]
+    dimensions: Annotated[Triple, Extent("Dimensions", "robot")]
+    cog: Annotated[Triple, Point("COG", "robot")]
+    wheel_radius: Annotated[float, Number("WheelRadius", "robot")]
+    wheel_separation: Annotated[float, Number("WheelSeparation", "robot")]
+    wheel_base: Annotated[float, Number("WheelBase", "robot", default=nan)]
 
-        Raises:
-            MalformedMessage: If a field is missing or not readable.
-        """
-        unknown = (math.nan, math.nan, math.nan)
-        return cls(
-            name=message.name,
-            dimensions=message.parse("Dimensions", parse_triple),
-            cog=message.parse_optional("COG", parse_flipped) or unknown,
-            wheel_radius=message.parse("WheelRadius", parse_number),
-            wheel_separation=message.parse("WheelSeparation", parse_number),
-            wheel_base=message.number_or_nan("WheelBase"),
-        )
-
-    def encode(self, dialect: Dialect) -> str:
-        """Write the report as one line without its end.
-
-        Raises:
-            ValueError: If a number is not finite.
-        """
-        number = dialect.robot
-        dimensions = self.dimensions
+    def segments(self, dialect: Dialect) -> Sequence[Segment]:
+        report = self
         if dialect.dimensions_are_wheels:
-            dimensions = (self.wheel_base, self.wheel_separation, 0.0)
-        return _line(
-            "GEO",
-            ("Type", VEHICLE),
-            ("Name", self.name),
-            ("Dimensions", number.join(dimensions)),
-            ("COG", number.join(flip_axes(self.cog))),
-            ("WheelRadius", number.format(self.wheel_radius)),
-            ("WheelSeparation", number.format(self.wheel_separation)),
-            ("WheelBase", number.format(self.wheel_base)),
-        )
+            wheels = (self.wheel_base, self.wheel_separation, 0.0)
+            report = replace(self, dimensions=wheels)
+        return LineReport.segments(report, dialect)
 
 
 @dataclass(frozen=True, slots=True)
-class ItemGeo:
+class ItemGeo(LineReport):
     """The mounts of items.
 
     Attributes:
@@ -101,46 +79,47 @@ class ItemGeo:
         robot: Class of the robot that carries them; empty if it is not reported.
     """
 
+    verb: ClassVar[str] = "GEO"
+
     type: str
     mounts: tuple[tuple[str, Pose3], ...]
     robot: str
 
     @classmethod
     def decode(cls, message: Message) -> Self:
-        """Read the report from its message.
-
-        Raises:
-            MalformedMessage: If a field is missing or not readable.
-        """
         mounts: list[tuple[str, Pose3]] = []
         robot = ""
-        for item in message.split_fields(*_MOUNT_KEYS).items():
-            mounts.append((item.name, _decode_mount(item)))
+        fields = message.split_fields("Location", "Orientation", "Mount")
+        for item in fields.items():
+            place = item.parse("Location", parse_flipped)
+            angles = item.parse_optional("Orientation", parse_flipped)
+            mounts.append((item.name, Pose3(*place, *(angles or (0.0, 0.0, 0.0)))))
             carrier = item.get("Mount") or ""
-            robot = robot or ("" if carrier.lower() == _RIGID else carrier)
+            robot = robot or ("" if carrier.upper() == _RIGID else carrier)
         return cls(message.require("Type"), tuple(mounts), robot)
 
-    def encode(self, dialect: Dialect) -> str:
-        """Write the report as one line without its end.
-
-        Raises:
-            ValueError: If a number is not finite.
-        """
-        join = dialect.mount.join
-        mounts = [
-            dialect.mount_form.format(
-                name=name,
-                location=join(position_on_wire(pose)),
-                orientation=join(angles_on_wire(pose)),
-                robot=self.robot,
-            )
-            for name, pose in self.mounts
-        ]
-        return " ".join([_line("GEO", ("Type", self.type)), *mounts])
+    def segments(self, dialect: Dialect) -> Sequence[Segment]:
+        place = vector_marks(dialect.mount)
+        # The original writes no blank between these two segments.
+        angles = f"{place}}}{{Mount {reduce_text(self.robot)}"
+        segments: list[Segment] = []
+        for name, pose in self.mounts:
+            numbers = pose.numbers()
+            written = [
+                Segment("Name", reduce_text(name)),
+                Segment("Location", place, numbers[:3]),
+            ]
+            if dialect.joins_mounts:
+                written.append(Segment("Orientation", place, numbers[3:]))
+                written.append(Segment("Mount", _RIGID))
+                segments += join_items(written)
+            else:
+                segments += [*written, Segment("Orientation", angles, numbers[3:])]
+        return [Segment("Type", reduce_text(self.type)), *segments]
 
 
 @dataclass(frozen=True, slots=True)
-class RobotConf:
+class RobotConf(LineReport):
     """The performance of the robot.
 
     Attributes:
@@ -150,46 +129,22 @@ class RobotConf:
         max_torque: Maximum torque of a wheel, N m.
     """
 
-    name: str
-    mass: float
-    max_speed: float
-    max_torque: float
+    verb: ClassVar[str] = "CONF"
+    layouts: ClassVar[Layouts] = {
+        "compat": "{Type GroundVehicle} {Name} {SteeringType SkidSteered} {Mass}"
+        " {MaxSpeed} {MaxTorque} {MaxFrontSteer 0.0000} {MaxRearSteer 0.0000}",
+        "udk": "{Name} {Type GroundVehicle} {SteeringType SkidSteered} {Mass}"
+        " {MaxSpeed} {MaxTorque} {MaxFrontSteer 0} {MaxRearSteer 0}",
+    }
 
-    @classmethod
-    def decode(cls, message: Message) -> Self:
-        """Read the report from its message.
-
-        Raises:
-            MalformedMessage: If a field is missing or not readable.
-        """
-        return cls(
-            name=message.name,
-            mass=message.number_or_nan("Mass"),
-            max_speed=message.parse("MaxSpeed", parse_number),
-            max_torque=message.number_or_nan("MaxTorque"),
-        )
-
-    def encode(self, dialect: Dialect) -> str:
-        """Write the report as one line without its end.
-
-        Raises:
-            ValueError: If a number is not finite.
-        """
-        values = {
-            "Type": VEHICLE,
-            "Name": self.name,
-            "SteeringType": "SkidSteered",
-            "Mass": dialect.mass.format(self.mass),
-            "MaxSpeed": dialect.robot.format(self.max_speed),
-            "MaxTorque": dialect.robot.format(self.max_torque),
-            "MaxFrontSteer": dialect.steer,
-            "MaxRearSteer": dialect.steer,
-        }
-        return _line("CONF", *select_fields(dialect.robot_conf_keys, values))
+    name: Annotated[str, Text("Name")]
+    mass: Annotated[float, Number("Mass", "mass", default=nan)]
+    max_speed: Annotated[float, Number("MaxSpeed", "robot")]
+    max_torque: Annotated[float, Number("MaxTorque", "robot", default=nan)]
 
 
 @dataclass(frozen=True, slots=True)
-class ScannerConf:
+class ScannerConf(LineReport):
     """The settings of scanners.
 
     Attributes:
@@ -197,51 +152,27 @@ class ScannerConf:
         items: Name, maximum and minimum range, m, resolution and field of view, rad.
     """
 
-    type: str
-    items: tuple[tuple[str, float, float, float, float], ...]
+    verb: ClassVar[str] = "CONF"
 
-    @classmethod
-    def decode(cls, message: Message) -> Self:
-        """Read the report from its message.
-
-        Raises:
-            MalformedMessage: If a field is missing or not readable.
-        """
-        rows = [
-            (
-                item.name,
-                item.parse("MaxRange", parse_number),
-                item.parse_optional("MinRange", parse_number) or 0.0,
-                item.number_or_nan("Resolution"),
-                item.number_or_nan("Fov"),
-            )
-            for item in message.items()
-        ]
-        return cls(message.require("Type"), tuple(rows))
-
-    def encode(self, dialect: Dialect) -> str:
-        """Write the report as one line without its end.
-
-        Raises:
-            ValueError: If a number is not finite.
-        """
-        fields = [("Type", self.type)]
-        for name, max_range, min_range, resolution, fov in self.items:
-            values = {
-                "Name": name,
-                "MaxRange": dialect.robot.format(max_range),
-                "MinRange": dialect.robot.format(min_range),
-                "Resolution": dialect.angle.format(resolution),
-                "Fov": dialect.angle.format(fov),
-                "Panning": "True",
-                "Tilting": "False",
-            }
-            fields += select_fields(dialect.scanner_conf_keys, values)
-        return _line("CONF", *fields)
+    type: Annotated[str, RequiredText("Type")]
+    items: Annotated[
+        tuple[tuple[str, float, float, float, float], ...],
+        Rows(
+            Text("Name"),
+            Number("MaxRange", "robot"),
+            Number("MinRange", "robot", default=0.0),
+            Number("Resolution", "angle", default=nan),
+            Number("Fov", "angle", default=nan),
+            layouts={
+                "udk": "{Name} {MaxRange} {MinRange} {Resolution} {Fov}"
+                " {Panning True} {Tilting False}",
+            },
+        ),
+    ]
 
 
 @dataclass(frozen=True, slots=True)
-class SonarConf:
+class SonarConf(LineReport):
     """The settings of sonars.
 
     Attributes:
@@ -250,149 +181,106 @@ class SonarConf:
             s, which is NaN if it is not reported.
     """
 
-    type: str
-    items: tuple[tuple[str, float, float, float, float], ...]
+    verb: ClassVar[str] = "CONF"
 
-    @classmethod
-    def decode(cls, message: Message) -> Self:
-        """Read the report from its message.
-
-        Raises:
-            MalformedMessage: If a field is missing or not readable.
-        """
-        rows = [
-            (
-                item.name,
-                item.parse("MaxRange", parse_number),
-                item.parse_optional("MinRange", parse_number) or 0.0,
-                item.parse("BeamAngle", parse_number),
-                item.number_or_nan("ScanInterval"),
-            )
-            for item in message.items()
-        ]
-        return cls(message.require("Type"), tuple(rows))
-
-    def encode(self, dialect: Dialect) -> str:
-        """Write the report as one line without its end.
-
-        Raises:
-            ValueError: If a number is not finite.
-        """
-        fields = [("Type", self.type)]
-        keys = dialect.sonar_conf_keys
-        for name, max_range, min_range, beam_angle, interval in self.items:
-            angle = dialect.angle.format(beam_angle)
-            values = {
-                "Name": name,
-                "MaxRange": dialect.robot.format(max_range),
-                "MinRange": dialect.robot.format(min_range),
-                "BeamAngle": angle,
-                "beamAngle": angle,
+    type: Annotated[str, RequiredText("Type")]
+    items: Annotated[
+        tuple[tuple[str, float, float, float, float], ...],
+        Rows(
+            Text("Name"),
+            Number("MaxRange", "robot"),
+            Number("MinRange", "robot", default=0.0),
+            Number("BeamAngle", "angle"),
+            Number("ScanInterval", "robot", default=nan),
+            layouts={
+                "compat": "{Name} {MaxRange} {MinRange} {BeamAngle}",
                 # The original's numbers, which have no effect there.
-                "maxAngleOfIncidence": "0.1745",
-                "tracesPerCone": "16",
-                "numberOfCones": "10",
-            }
-            if "ScanInterval" in keys:
-                values["ScanInterval"] = dialect.robot.format(interval)
-            fields += select_fields(keys, values)
-        return _line("CONF", *fields)
+                "udk": "{Name} {MaxRange} {MinRange} {ScanInterval} {beamAngle}"
+                " {maxAngleOfIncidence 0.1745} {tracesPerCone 16} {numberOfCones 10}",
+            },
+        ),
+    ]
 
 
 @dataclass(frozen=True, slots=True)
-class _SettingConf:
-    """One setting of each item of a type.
-
-    Attributes:
-        key: Key of the setting on the wire.
-        type: Type of the items in the spelling of the request.
-        items: Name of each item and its setting.
-    """
-
-    key: ClassVar[str]
-
-    type: str
-    items: tuple[tuple[str, float], ...]
-
-    @classmethod
-    def decode(cls, message: Message) -> Self:
-        """Read the report from its message.
-
-        Raises:
-            MalformedMessage: If a field is missing or not readable.
-        """
-        items = [
-            (item.name, item.parse(cls.key, parse_number)) for item in message.items()
-        ]
-        return cls(message.require("Type"), tuple(items))
-
-    def encode(self, dialect: Dialect) -> str:
-        """Write the report as one line without its end.
-
-        Raises:
-            ValueError: If a number is not finite.
-        """
-        number_format = self._number_format(dialect)
-        fields = [("Type", self.type)]
-        for name, value in self.items:
-            fields += [("Name", name), (self.key, number_format.format(value))]
-        return _line("CONF", *fields)
-
-    def _number_format(self, dialect: Dialect) -> NumberFormat:
-        return dialect.plain
-
-
-@dataclass(frozen=True, slots=True)
-class IntervalConf(_SettingConf):
+class IntervalConf(LineReport):
     """The intervals of items, s."""
 
-    key: ClassVar[str] = "ScanInterval"
+    verb: ClassVar[str] = "CONF"
+
+    type: Annotated[str, RequiredText("Type")]
+    items: Annotated[
+        tuple[tuple[str, float], ...],
+        Rows(Text("Name"), Number("ScanInterval", "plain")),
+    ]
 
 
 @dataclass(frozen=True, slots=True)
-class TouchConf(_SettingConf):
+class TouchConf(LineReport):
     """The diameters of touch sensors, m."""
 
-    key: ClassVar[str] = "Diameter"
+    verb: ClassVar[str] = "CONF"
 
-    def _number_format(self, dialect: Dialect) -> NumberFormat:
-        return dialect.robot
+    type: Annotated[str, RequiredText("Type")]
+    items: Annotated[
+        tuple[tuple[str, float], ...], Rows(Text("Name"), Number("Diameter", "robot"))
+    ]
 
 
 @dataclass(frozen=True, slots=True)
-class EncoderConf(_SettingConf):
+class EncoderConf(LineReport):
     """The angles of one tick of encoders, rad."""
 
-    key: ClassVar[str] = "Resolution"
+    verb: ClassVar[str] = "CONF"
 
-    def _number_format(self, dialect: Dialect) -> NumberFormat:
-        return dialect.angle
+    type: Annotated[str, RequiredText("Type")]
+    items: Annotated[
+        tuple[tuple[str, float], ...], Rows(Text("Name"), Number("Resolution", "angle"))
+    ]
+
+
+class ItemNames(Field[tuple[str, ...]]):
+    """The names of items."""
+
+    def read(self, message: Message) -> tuple[str, ...]:
+        return tuple(item.name for item in message.items())
+
+    def write(self, value: tuple[str, ...], _: Dialect) -> Sequence[Segment]:
+        return [Segment(self.key, reduce_text(name)) for name in value]
 
 
 @dataclass(frozen=True, slots=True)
-class NameConf:
+class NameConf(LineReport):
     """The names of items without settings."""
 
-    type: str
-    names: tuple[str, ...]
+    verb: ClassVar[str] = "CONF"
 
-    @classmethod
-    def decode(cls, message: Message) -> Self:
-        """Read the report from its message.
-
-        Raises:
-            MalformedMessage: If the type is missing.
-        """
-        names = tuple(item.name for item in message.items())
-        return cls(message.require("Type"), names)
-
-    def encode(self, _: Dialect) -> str:
-        """Write the report as one line without its end."""
-        names = [("Name", name) for name in self.names]
-        return _line("CONF", ("Type", self.type), *names)
+    type: Annotated[str, RequiredText("Type")]
+    names: Annotated[tuple[str, ...], ItemNames("Name")]
 
 
-def decode_geo(message: Message) -> RobotGeo | ItemGeo:
+Geo: TypeAlias = RobotGeo | ItemGeo
+Conf: TypeAlias = (
+    RobotConf
+    | ScannerConf
+    | SonarConf
+    | IntervalConf
+    | TouchConf
+    | EncoderConf
+    | NameConf
+)
+
+# By a key that no report after it has.
+_CONFS: Final[Sequence[tuple[str, type[Conf]]]] = (
+    ("BeamAngle", SonarConf),
+    ("MaxRange", ScannerConf),
+    ("ScanInterval", IntervalConf),
+    ("Diameter", TouchConf),
+    ("Resolution", EncoderConf),
+)
+
+
+def decode_geo(message: Message) -> Geo:
     """Read a GEO message.
 
     Raises:
@@ -401,17 +289,7 @@ def decode_geo(message: Message) -> RobotGeo | ItemGeo:
     return (RobotGeo if _is_of_robot(message) else ItemGeo).decode(message)
 
 
-def decode_conf(
-    message: Message,
-) -> (
-    RobotConf
-    | ScannerConf
-    | SonarConf
-    | IntervalConf
-    | TouchConf
-    | EncoderConf
-    | NameConf
-):
+def decode_conf(message: Message) -> Conf:
     """Read a CONF message; its keys determine the kind of report.
 
     Raises:
@@ -419,31 +297,9 @@ def decode_conf(
     """
     if _is_of_robot(message):
         return RobotConf.decode(message)
-    if message.get("BeamAngle") is not None:
-        return SonarConf.decode(message)
-    if message.get("MaxRange") is not None:
-        return ScannerConf.decode(message)
-    for report in (IntervalConf, TouchConf, EncoderConf):
-        if message.get(report.key) is not None:
-            return report.decode(message)
-    return NameConf.decode(message)
-
-
-def select_fields(
-    keys: Iterable[str], values: Mapping[str, str]
-) -> list[tuple[str, str]]:
-    """Return the values of some keys, in their order."""
-    return [(key, values[key]) for key in keys]
+    found = [report for key, report in _CONFS if message.get(key) is not None]
+    return (found[0] if found else NameConf).decode(message)
 
 
 def _is_of_robot(message: Message) -> bool:
     return message.require("Type").lower() in _VEHICLES
-
-
-def _decode_mount(item: Message) -> Pose3:
-    angles = item.parse_optional("Orientation", parse_flipped) or (0.0, 0.0, 0.0)
-    return Pose3(*item.parse("Location", parse_flipped), *angles)
-
-
-def _line(verb: str, *fields: tuple[str, str]) -> str:
-    return Message(verb, fields).encode()

@@ -1,9 +1,7 @@
-"""Write the lines of many periodic reports in one compiled call.
+"""Write the numbers of many lines into their templates, in one compiled call.
 
-The lines are those that ``encode`` of the reports writes, to the last digit. Numbers
-below 2**31 with up to six decimals are below 2**52 when they are scaled to whole
-numbers, so that their halves are exact. Whatever the kernel cannot write, as a number
-that is not finite, its report writes itself.
+Numbers below 2**31 with up to six decimals are below 2**52 when they are scaled to
+whole numbers, so that their halves are exact: the digits are those of ``NumberFormat``.
 """
 
 import math
@@ -15,7 +13,8 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.jit import njit_cached, njit_inline
-from radarsim.protocol.dialect import COMPAT, Dialect
+from radarsim.protocol.dialect import Dialect
+from radarsim.protocol.fields import LineReport, ReportGroup
 from radarsim.protocol.line_template import (
     FIRST_MARK,
     FLIPPED,
@@ -25,28 +24,22 @@ from radarsim.protocol.line_template import (
     NEAREST,
     NO_SERIES,
     POSITIVE,
-    SKIPPED,
     TRUNCATED,
     TRUTH,
     WRAPPED,
-    fill,
 )
 from radarsim.protocol.numbers import LARGEST
-from radarsim.protocol.periodic_reports import PeriodicReport, ReportGroup
-from radarsim.protocol.reports import Report, Status, to_bytes
 
-_SKIPPED, _LINE_END, _TRUTH = ord(SKIPPED), ord(LINE_END), ord(TRUTH)
+_LINE_END, _TRUTH = ord(LINE_END), ord(TRUTH)
 _FLIPPED, _WRAPPED, _POSITIVE = ord(FLIPPED), ord(WRAPPED), ord(POSITIVE)
 _BLOCK_END = b"\xf9"  # after the templates of each block
-_REFUSED = b"\xfa"  # instead of a template, in a block that is written without kernel
-_BLOCK_END_MARK, _REFUSED_MARK = ord(_BLOCK_END), ord(_REFUSED)
+_BLOCK_END_MARK = ord(_BLOCK_END)
 _CR, _LF, _MINUS, _POINT = b"\r\n-."
 _ZERO = np.uint64(ord("0"))
 _POWERS = 10.0 ** np.arange(17)
 _TRUE, _FALSE = (np.frombuffer(text, np.uint8) for text in (b"True", b"False"))
 _WHOLE_POWERS = _POWERS.astype(np.uint64)
 _TEN = np.uint64(10)
-_MOST_DECIMALS = 6
 _LONGEST_NUMBER = 19  # sign, ten digits, point, six decimals; a truth value is less
 _SPLITTER = 2.0**27 + 1.0  # of a double into two halves of its digits
 
@@ -61,22 +54,10 @@ class ReportBlock(NamedTuple):
         numbers: The numbers of the group.
     """
 
-    reports: Sequence[Report]
+    reports: Sequence[LineReport]
     dialect: Dialect
     group: ReportGroup | None = None
     numbers: Sequence[float] = ()
-
-
-def encode_lines(reports: Sequence[tuple[Report, Dialect]]) -> list[bytes]:
-    r"""Return the line of each report in its dialect, with CRLF.
-
-    >>> encode_lines([(Status(1.0, 3600, light=False), COMPAT)])[0][:40]
-    b'STA {Type GroundVehicle} {Time 1.00} {Fr'
-
-    Raises:
-        ValueError: If a number is not finite or does not fit into 32 bits.
-    """
-    return encode_blocks([ReportBlock((each,), dialect) for each, dialect in reports])
 
 
 def encode_blocks(blocks: Sequence[ReportBlock]) -> list[bytes]:
@@ -85,8 +66,6 @@ def encode_blocks(blocks: Sequence[ReportBlock]) -> list[bytes]:
     Raises:
         ValueError: If a number is not finite or does not fit into 32 bits.
     """
-    if not blocks:
-        return []
     templates: list[bytes] = []
     numbers: list[float] = []
     series = [NO_SERIES]
@@ -96,67 +75,50 @@ def encode_blocks(blocks: Sequence[ReportBlock]) -> list[bytes]:
             templates.append(group.template)
             numbers += group_numbers
         for report in reports:
-            if not isinstance(report, PeriodicReport):
-                templates.append(_REFUSED)
-                continue
             line, its_numbers, its_series = report.split(dialect)
             templates.append(line)
             numbers += its_numbers
             if its_series is not NO_SERIES:
                 series.append(its_series)
         templates.append(_BLOCK_END)
-    data, ends = _write(templates, numbers, series, len(blocks))
-    lines = [data[start:end] for start, end in zip([0, *ends], ends, strict=False)]
-    if all(lines):
-        return lines
-    return [
-        line or _encode_slowly(block) for line, block in zip(lines, blocks, strict=True)
-    ]
+    data, ends = _write(b"".join(templates), numbers, series, len(blocks))
+    return [data[start:end] for start, end in zip([0, *ends], ends, strict=False)]
 
 
-def _encode_slowly(block: ReportBlock) -> bytes:
-    """Return the lines of a block that the kernel cannot write, or that is empty."""
-    lines = [report.encode(block.dialect) for report in block.reports]
-    if block.group is None:
-        return to_bytes(lines)
-    group = fill(block.group.template, block.numbers, NO_SERIES)
-    return group.encode("ascii", "replace") + to_bytes(lines)
-
-
-def fill_block(
+def fill_lines(
     templates: Sequence[bytes], numbers: Sequence[float], series: Floats
 ) -> bytes:
-    """Return the lines of one block, with CRLF; empty if the kernel cannot write it.
+    """Return lines with CRLF.
 
     Args:
         templates: Templates of the lines.
         numbers: Numbers of all lines, in the order of their marks.
         series: Series of all lines, in the order of their marks.
+
+    Raises:
+        ValueError: If a number is not finite or does not fit into 32 bits.
     """
-    data, _ = _write([*templates, _BLOCK_END], numbers, [series], 1)
-    return data
+    return _write(b"".join([*templates, _BLOCK_END]), numbers, [series], 1)[0]
 
 
 def warm_up() -> None:
     """Compile the kernel, or read it from the cache."""
-    encode_lines([(Status(0.0, 0, light=False), COMPAT)])
+    fill_lines([], (), NO_SERIES)
 
 
 def _write(
-    templates: Sequence[bytes],
-    numbers: Sequence[float],
-    series: Sequence[Floats],
-    blocks: int,
+    templates: bytes, numbers: Sequence[float], series: Sequence[Floats], blocks: int
 ) -> tuple[bytes, list[int]]:
-    """Return the blocks after each other, and the end of each; empty if refused."""
-    joined = b"".join(templates)
-    codes = np.frombuffer(joined, np.uint8)
+    """Return the lines of blocks after each other, and where each block ends."""
+    codes = np.frombuffer(templates, np.uint8)
     values, entries = np.array(numbers, np.float64), np.concatenate(series)
-    most = len(codes) + joined.count(_LINE_END)
+    most = len(codes) + templates.count(_LINE_END)
     most += _LONGEST_NUMBER * (len(values) + len(entries))
     out, ends = np.zeros(most, np.uint8), np.zeros(blocks, np.int64)
-    write_lines(codes, values, entries, out, ends)
-    return out[: ends[-1]].tobytes(), ends.tolist()
+    refused = write_lines(codes, values, entries, out, ends)
+    if refused != 0.0:
+        raise ValueError(f"number {refused!r}, expected less than 2**31 in size")
+    return out[: ends[-1]].tobytes() if blocks else b"", ends.tolist()
 
 
 @njit_cached
@@ -166,7 +128,7 @@ def write_lines(
     series: Floats,
     out: NDArray[np.uint8],
     ends: NDArray[np.int64],
-) -> None:
+) -> float:
     """Write blocks of lines.
 
     Args:
@@ -174,11 +136,12 @@ def write_lines(
         numbers: Numbers of the lines, in the order of their marks.
         series: Series of the lines, after each other, in the order of their marks.
         out: For the lines, after each other.
-        ends: For the end of each block in ``out``. A block that is not written because
-            of one of its numbers or lines ends where it begins.
+        ends: For the end of each block in ``out``.
+
+    Returns:
+        A number that cannot be written, after which nothing is; 0 if there is none.
     """
-    at = start = block = number = entry = changes = 0
-    is_refused = False
+    at = block = number = entry = changes = 0
     for code in codes:
         if code < FIRST_MARK:
             out[at] = code
@@ -189,20 +152,24 @@ def write_lines(
             out[at], out[at + 1] = _CR, _LF
             at += 2
         elif code == _BLOCK_END_MARK:
-            ends[block] = start = at = start if is_refused else at
+            ends[block] = at
             block += 1
-            is_refused = False
-        elif code == _REFUSED_MARK:
-            is_refused = True
         elif code & IN_SERIES:
-            end = _write_number(series[entry], code, out, at)
-            is_refused |= end == at
-            at, entry = end, entry + 1
+            value = series[entry]
+            if not abs(value) < LARGEST:
+                return float(value)
+            at, entry = _write_number(value, code, out, at), entry + 1
         else:
-            value = _change_number(numbers[number], changes)
-            end = _write_alone(value, code, out, at)
-            is_refused |= end == at and code != _SKIPPED
-            at, number, changes = end, number + 1, 0
+            value = numbers[number]
+            if not abs(value) < LARGEST:
+                return float(value)
+            if code == _TRUTH:
+                at = _write_truth(value, out, at)
+            else:
+                value = _change_number(value, changes)
+                at = _write_number(value, code, out, at)
+            number, changes = number + 1, 0
+    return 0.0
 
 
 @njit_inline
@@ -219,8 +186,8 @@ def _change_number(value: float, changes: int) -> float:
 
 @njit_inline
 def _wrap_angle(angle: float) -> float:
-    """Return what ``geometry.wrap_angle`` does, for an angle that can be written."""
-    if -math.pi < angle <= math.pi or not abs(angle) < LARGEST:
+    """Return what ``geometry.wrap_angle`` does."""
+    if -math.pi < angle <= math.pi:
         return angle
     rest = np.fmod(abs(angle), math.tau)  # exact, as all that follows
     other = math.tau - rest
@@ -229,12 +196,8 @@ def _wrap_angle(angle: float) -> float:
 
 
 @njit_inline
-def _write_alone(value: float, mark: int, out: NDArray[np.uint8], at: int) -> int:
-    """Write a number that is not of a series; result as of ``_write_number``."""
-    if mark == _SKIPPED:
-        return at
-    if mark != _TRUTH:
-        return _write_number(value, mark, out, at)
+def _write_truth(value: float, out: NDArray[np.uint8], at: int) -> int:
+    """Write a number that is 1 or 0 at a place; return the place after it."""
     text = _TRUE if value != 0.0 else _FALSE
     for k in range(len(text)):
         out[at + k] = text[k]
@@ -243,21 +206,17 @@ def _write_alone(value: float, mark: int, out: NDArray[np.uint8], at: int) -> in
 
 @njit_inline
 def _write_number(value: float, mark: int, out: NDArray[np.uint8], at: int) -> int:
-    """Write a number at a place; return the place after it, or the same if refused."""
-    if not abs(value) < LARGEST:
-        return at
+    """Write a number at a place; return the place after it."""
     rounding, decimals = mark >> 3 & 3, mark & 7
-    if decimals > _MOST_DECIMALS:
-        return at
     scale = _POWERS[decimals]
     is_negative = value < 0.0
     if rounding == TRUNCATED:
         single = np.float32(value)
         size = abs(single)
         whole = np.trunc(size)
+        # Never as much as the scale: the largest fraction of single precision times a
+        # power of ten is nearer to the number below that power.
         rest = np.trunc((size - whole) * np.float32(scale))
-        if rest >= scale:  # rounded up to one more digit, which no number has
-            return at
         scaled = int(whole) * int(scale) + int(rest)
         is_negative = bool(single < 0.0)
     elif rounding == FLOAT32:

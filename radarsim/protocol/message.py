@@ -13,7 +13,7 @@ sign, the other two change theirs.
 import functools
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias, TypeVar
 
@@ -50,8 +50,7 @@ class Message:
 
     def encode(self) -> str:
         """Write the line without a line end."""
-        groups = [f"{{{f'{key} {value}'.rstrip()}}}" for key, value in self.segments]
-        return " ".join([self.verb, *groups])
+        return encode_segments(self.verb, self.segments)
 
     def get(self, key: str) -> str | None:
         """Return the first value of a key in any case, or None."""
@@ -143,6 +142,12 @@ class Message:
             raise MalformedMessage(f"{self.verb} {key}: {error}") from None
 
 
+def encode_segments(verb: str, segments: Iterable[tuple[str, str]]) -> str:
+    """Write a line of keys and values without a line end."""
+    groups = [f"{{{f'{key} {value}'.rstrip()}}}" for key, value in segments]
+    return " ".join([verb, *groups])
+
+
 def decode_message(line: str) -> Message:
     """Split one line into its verb and its segments.
 
@@ -165,20 +170,22 @@ def decode_message(line: str) -> Message:
         raise MalformedMessage(
             f"{count} segments in {line[:80]!r}, expected at most {MAX_SEGMENTS}"
         )
-    groups = _SEGMENT.findall(line)
-    if len(groups) != count:
+    if len(_SEGMENT.findall(line)) != count:
         raise _expected("'}' after the brace", _find_open_brace(line), line)
-    return Message(verb, tuple(_split(group) for group in groups if group.strip()))
+    return Message(verb, parse_segments(line))
+
+
+def parse_segments(text: str) -> tuple[tuple[str, str], ...]:
+    """Return key and value of each segment in a text with closed braces."""
+    groups = [group.split(maxsplit=1) for group in _SEGMENT.findall(text)]
+    return tuple(
+        [(key, rest[0].rstrip() if rest else "") for key, *rest in filter(None, groups)]
+    )
 
 
 @functools.cache
 def _inner_keys(keys: tuple[str, ...]) -> re.Pattern[str]:
     return re.compile(rf"\s({'|'.join(keys)})\s", re.IGNORECASE)
-
-
-def _split(group: str) -> tuple[str, str]:
-    key, *rest = group.split(maxsplit=1)
-    return key, rest[0].rstrip() if rest else ""
 
 
 def _find_open_brace(line: str) -> int:
@@ -201,16 +208,6 @@ def flip_axes(triple: Triple) -> Triple:
     """
     first, second, third = triple
     return (first, 0.0 - second, 0.0 - third)
-
-
-def position_on_wire(pose: Pose3) -> Triple:
-    """Return x, y, z of a pose in the frame of the wire, m."""
-    return flip_axes((pose.x, pose.y, pose.z))
-
-
-def angles_on_wire(pose: Pose3) -> Triple:
-    """Return roll, pitch, yaw of a pose in the frame of the wire, rad."""
-    return flip_axes((pose.roll, pose.pitch, pose.yaw))
 
 
 def wrapped_pose_on_wire(pose: Pose3) -> tuple[float, ...]:

@@ -118,12 +118,14 @@ class Rounding(Enum):
     TRUNCATED = auto()  # cut off in float32: 1.3 is written as 1.2999
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class NumberFormat:
     """How one kind of number is written; never with an exponent.
 
+    A format equals only itself, so that it is found quickly as a key.
+
     Attributes:
-        decimals: Digits after the point, from 1 to 7.
+        decimals: Digits after the point, from 1 to 6.
         rounding: How numbers are rounded to these decimals.
         step: If given, the number is first cut to a whole multiple of it.
     """
@@ -140,13 +142,18 @@ class NumberFormat:
         """
         if not abs(value) < LARGEST:
             raise ValueError(f"number {value!r}, expected less than 2**31 in size")
-        if self.step is not None:
-            value = int(value / self.step + _STEP_TOLERANCE) * self.step
+        value = self.cut_to_step(value)
         if self.rounding is Rounding.NEAREST:
             return _rounded(value, self.decimals)
         if self.rounding is Rounding.FLOAT32:
             return f"{float(np.float32(value)):.{self.decimals}f}"
         return _truncated(value, self.decimals)
+
+    def cut_to_step(self, value: float) -> float:
+        """Return the whole multiple of the step that is written for a number."""
+        if self.step is None or not abs(value) < LARGEST:
+            return value
+        return int(value / self.step + _STEP_TOLERANCE) * self.step
 
     def join(self, values: Iterable[float]) -> str:
         """Write a vector with commas and without blanks."""

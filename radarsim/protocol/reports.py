@@ -1,24 +1,43 @@
-"""The reports of a server, from lines and to lines.
+"""The reports of a server: one table of fields each, from lines and to lines.
 
-Reports are in REP-103 frames and SI units and not rounded. A report writes itself:
-``encode`` converts to the axes of the wire and takes digits, keys and their order from
-the dialect. A line is ASCII, has single blanks, and never contains an exponent, NaN or
-an infinity. ``decode_report`` reads the lines of servers of all generations.
+Reports are in REP-103 frames and SI units and not rounded. Attributes are annotated
+with the fields that write and read them; decimals and rounding are in ``dialect``. A
+line is ASCII, has single blanks, and never contains an exponent, NaN or an infinity.
+``decode_report`` reads the lines of servers of all generations. A time stamp that a
+server leaves out is NaN, in both directions.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache
 from itertools import accumulate
-from typing import Final, Self, TypeAlias
+from math import isnan, nan
+from typing import Annotated, ClassVar, Final, Self, TypeAlias, get_args
 
 from radarsim.errors import MalformedMessage
-from radarsim.geometry import Pose3
+from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.protocol.dialect import Dialect
-from radarsim.protocol.echoes import EchoLine, TargetEchoes
+from radarsim.protocol.echoes import EchoLine, RadarTargets, TargetEchoes
+from radarsim.protocol.fields import (
+    Field,
+    Flag,
+    Layouts,
+    LineReport,
+    Number,
+    Numbers,
+    Pose,
+    Rows,
+    Segment,
+    SensorReport,
+    Series,
+    Split,
+    Text,
+    WheelPose,
+    Whole,
+)
 from radarsim.protocol.geo_conf import (
-    VEHICLE,
+    Conf,
     EncoderConf,
+    Geo,
     IntervalConf,
     ItemGeo,
     NameConf,
@@ -29,14 +48,8 @@ from radarsim.protocol.geo_conf import (
     TouchConf,
     decode_conf,
     decode_geo,
-    select_fields,
 )
-from radarsim.protocol.line_template import (
-    NO_SERIES,
-    WHOLE,
-    marks,
-    template,
-)
+from radarsim.protocol.line_template import NO_SERIES, WHOLE, marks
 from radarsim.protocol.message import (
     Message,
     decode_message,
@@ -44,20 +57,12 @@ from radarsim.protocol.message import (
     wrapped_pose,
     wrapped_pose_on_wire,
 )
-from radarsim.protocol.numbers import parse_flag, parse_number
-from radarsim.protocol.periodic_reports import NumberedReport, SensorReport, Split
-from radarsim.protocol.sensor_reports import (
-    Encoder,
-    Gps,
-    GroundTruth,
-    Ins,
-    Odometry,
-    RangeScan,
-    Sonar,
-    Tachometer,
-    Touch,
+from radarsim.protocol.numbers import (
+    NumberFormat,
+    parse_flag,
+    parse_number,
+    parse_numbers,
 )
-from radarsim.protocol.targets import RadarTargets
 from radarsim.protocol.watch import (
     CommandError,
     RobotJoined,
@@ -104,23 +109,21 @@ __all__ = [
     "to_bytes",
 ]
 
+_SIGNS: Final = {"N": 1, "E": 1, "S": -1, "W": -1}
 LONGEST_LINE: Final = 4095  # bytes with its end; clients read into buffers of 4096
 
 
 @dataclass(frozen=True, slots=True)
-class Greeting:
+class Greeting(LineReport):
     """The first line on a connection; ``level`` is the name of the map."""
 
-    level: str
+    verb: ClassVar[str] = "NFO"
+    layouts: ClassVar[Layouts] = {
+        "compat": "{Gametype BotDeathMatch} {Level} {TimeLimit 0}",
+        "udk": "{Gametype BotDeathMatch} {Level} {TimeLimit 20}",
+    }
 
-    def encode(self, dialect: Dialect) -> str:
-        """Write the report as one line without its end."""
-        fields = (
-            ("Gametype", dialect.gametype),
-            ("Level", self.level),
-            ("TimeLimit", str(dialect.time_limit)),
-        )
-        return Message("NFO", fields).encode()
+    level: Annotated[str, Text("Level")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +134,7 @@ class StartPoses:
 
     @classmethod
     def decode(cls, message: Message) -> Self:
-        """Read the report from its message, which lists the poses after their count.
+        """Read the poses, which are listed after their count.
 
         Raises:
             MalformedMessage: If a pose is not readable.
@@ -160,15 +163,40 @@ class StartPoses:
         """
         join = dialect.start_pose.join
         numbers = [(name, wrapped_pose_on_wire(pose)) for name, pose in self.poses]
-        poses = _fitting(
-            [f"{name} {join(row[:3])} {join(row[3:])}" for name, row in numbers]
-        )
+        poses = [f"{name} {join(row[:3])} {join(row[3:])}" for name, row in numbers]
+        # Clients read a line into a buffer: as many poses as fit into it are sent.
+        limit = LONGEST_LINE - len("NFO {StartPoses 1000} {}\r\n")
+        ends = accumulate(len(pose) + 1 for pose in poses)
+        poses = poses[: sum(end - 1 <= limit for end in ends)]
         count = f"NFO {{StartPoses {len(poses)}}}"
         return f"{count} {{{' '.join(poses)}}}" if poses else count
 
 
+class BatteryLife(Field[int]):
+    """The time that the battery lasts; 0 if it is missing."""
+
+    def read(self, message: Message) -> int:
+        return int(message.parse_optional(self.key, parse_number) or 0)
+
+    def write(self, value: int, dialect: Dialect) -> Sequence[Segment]:
+        # A client that reads 0 pauses its robot for ever.
+        least = 0 if dialect.battery_runs_out else 1
+        return (Segment(self.key, WHOLE, (max(value, least),)),)
+
+
+class Headlight(Field[bool]):
+    """The headlight, in two keys; text, so that each line with the light on is one."""
+
+    def read(self, message: Message) -> bool:
+        return parse_flag(message.get(self.key) or "")
+
+    def write(self, value: bool, _: Dialect) -> Sequence[Segment]:
+        intensity = Segment("LightIntensity", "100" if value else "0")
+        return (Segment(self.key, str(value)), intensity)
+
+
 @dataclass(frozen=True, slots=True)
-class Status(NumberedReport):
+class Status(LineReport):
     """The state of a robot.
 
     Attributes:
@@ -177,52 +205,196 @@ class Status(NumberedReport):
         light: Whether the headlight is on.
     """
 
-    time: float
-    battery: int
-    light: bool
+    verb: ClassVar[str] = "STA"
+    layouts: ClassVar[Layouts] = {
+        "compat": "{Type GroundVehicle} {Time} {FrontSteer 0.0000} {RearSteer 0.0000}"
+        " {LightToggle} {LightIntensity} {Battery} {View -1}",
+        "udk": "{Time} {Battery} {Type GroundVehicle} {LightToggle}"
+        " {LightIntensity 100} {FrontSteer 0} {RearSteer 0}",
+    }
 
-    @classmethod
-    def decode(cls, message: Message) -> Self:
-        """Read the report from its message; without a battery, 0 s are left.
+    time: Annotated[float, Number("Time", "time", default=nan)]
+    battery: Annotated[int, BatteryLife("Battery")]
+    light: Annotated[bool, Headlight("LightToggle")]
 
-        Raises:
-            MalformedMessage: If a field is not readable.
-        """
-        battery = message.parse_optional("Battery", parse_number)
-        light = parse_flag(message.get("LightToggle") or "")
-        return cls(message.number_or_nan("Time"), int(battery or 0), light)
 
-    @classmethod
-    def build(cls, light: bool, numbers: Iterator[float]) -> Self:
-        """Create a status from the time, and the time that the battery lasts."""
-        return cls(next(numbers), int(next(numbers)), light)
+@dataclass(frozen=True, slots=True, eq=False)
+class RangeScan(SensorReport):
+    """One scan of a laser or radar.
 
-    @classmethod
-    def template(cls, dialect: Dialect, light: bool) -> bytes:
-        """Return the template of lines with the light off, or on."""
-        return _status_template(dialect, light)
+    Attributes:
+        name: Name of the scanner.
+        resolution: Angle between neighbouring beams, rad.
+        fov: Angle between the first beam and the last, rad.
+        ranges: (N,) m, counter-clockwise from the right, finite: a beam without
+            return has the maximum range.
+    """
+
+    sensor_type: ClassVar[str] = "RangeScanner"
+
+    name: Annotated[str, Text("Name")]
+    resolution: Annotated[float, Number("Resolution", "angle")]
+    fov: Annotated[float, Number("FOV", "angle")]
+    ranges: Annotated[Floats, Series("Range", "ranges")]
 
     def split(self, dialect: Dialect) -> Split:
-        """Return the template of the line, its numbers, and no series."""
-        least = 0 if dialect.battery_runs_out else 1
-        numbers = (self.time, max(self.battery, least))
-        return _status_template(dialect, self.light), numbers, NO_SERIES
+        if isnan(self.time):
+            return SensorReport.split(self, dialect)
+        key = (self.name, self.resolution, self.fov, len(self.ranges))
+        template, (_, *fan) = self.split_alike(key, dialect)
+        return template, (self.time, *fan), self.ranges
 
 
-@cache
-def _status_template(dialect: Dialect, light: bool) -> bytes:
-    # In each dialect the time is before the battery, as in the numbers of a status.
-    values = {
-        "Type": VEHICLE,
-        "Time": marks(dialect.time),
-        "FrontSteer": dialect.steer,
-        "RearSteer": dialect.steer,
-        "LightToggle": str(light),
-        "LightIntensity": dialect.light_intensity[light],
-        "Battery": WHOLE,
-        "View": "-1",
-    }
-    return template("STA", select_fields(dialect.status_keys, values))
+@dataclass(frozen=True, slots=True)
+class GroundTruth(SensorReport):
+    """The true pose of the robot's body in the world."""
+
+    sensor_type: ClassVar[str] = "GroundTruth"
+
+    name: Annotated[str, Text("Name")]
+    pose: Annotated[Pose3, Pose("truth")]
+
+
+@dataclass(frozen=True, slots=True)
+class Ins(SensorReport):
+    """The pose in the world that the inertial navigation system estimates."""
+
+    sensor_type: ClassVar[str] = "INS"
+
+    name: Annotated[str, Text("Name")]
+    pose: Annotated[Pose3, Pose("ins")]
+
+    @staticmethod
+    def has_time(dialect: Dialect) -> bool:
+        return dialect.ins_has_time
+
+
+@dataclass(frozen=True, slots=True)
+class Odometry(SensorReport):
+    """The pose that the wheels imply, relative to the spawn pose; yaw is unwrapped."""
+
+    sensor_type: ClassVar[str] = "Odometry"
+
+    name: Annotated[str, Text("Name")]
+    pose: Annotated[Pose2, WheelPose("Pose", "plain")]
+
+    @staticmethod
+    def has_time(dialect: Dialect) -> bool:
+        return dialect.odometry_has_time
+
+
+@dataclass(frozen=True, slots=True)
+class Tachometer(SensorReport):
+    """The speed of each wheel, rad/s, and the angle that it has turned by, rad."""
+
+    sensor_type: ClassVar[str] = "Tachometer"
+
+    name: Annotated[str, Text("Name")]
+    velocities: Annotated[tuple[float, ...], Numbers("Vel", "plain")]
+    positions: Annotated[tuple[float, ...], Numbers("Pos", "plain")]
+
+
+@dataclass(frozen=True, slots=True)
+class Encoder(SensorReport):
+    """Name and tick count of each wheel encoder."""
+
+    sensor_type: ClassVar[str] = "Encoder"
+    item_keys: ClassVar[tuple[str, ...]] = ("Tick",)
+
+    ticks: Annotated[tuple[tuple[str, int], ...], Rows(Text("Name"), Whole("Tick"))]
+
+    @staticmethod
+    def has_time(dialect: Dialect) -> bool:
+        return dialect.encoder_has_time
+
+    @staticmethod
+    def joins_items(dialect: Dialect) -> bool:
+        return dialect.joins_encoders
+
+
+@dataclass(frozen=True, slots=True)
+class Touch(SensorReport):
+    """Whether something touches the robot."""
+
+    sensor_type: ClassVar[str] = "Touch"
+    item_keys: ClassVar[tuple[str, ...]] = ("Touch",)
+
+    name: Annotated[str, Text("Name")]
+    touched: Annotated[bool, Flag("Touch")]
+
+    @staticmethod
+    def joins_items(dialect: Dialect) -> bool:
+        return dialect.joins_touch
+
+
+@dataclass(frozen=True, slots=True)
+class Sonar(SensorReport):
+    """The ranges of sonars.
+
+    Attributes:
+        ranges: Name and range of each sonar, m; the maximum range where nothing
+            returned.
+    """
+
+    sensor_type: ClassVar[str] = "Sonar"
+    item_keys: ClassVar[tuple[str, ...]] = ("Range",)
+
+    ranges: Annotated[
+        tuple[tuple[str, float], ...], Rows(Text("Name"), Number("Range", "robot"))
+    ]
+
+    def split(self, dialect: Dialect) -> Split:
+        if isnan(self.time):
+            return SensorReport.split(self, dialect)
+        names = tuple([name for name, _ in self.ranges])
+        template, _ = self.split_alike(names, dialect)
+        return template, (self.time, *[range_ for _, range_ in self.ranges]), NO_SERIES
+
+    @staticmethod
+    def joins_items(dialect: Dialect) -> bool:
+        return dialect.joins_sonars
+
+
+class GlobePosition(Field[tuple[float, float] | None]):
+    """Latitude and longitude in degrees and minutes; only written with a fix."""
+
+    def read(self, message: Message) -> tuple[float, float] | None:
+        if message.parse("Fix", parse_number) != 1:
+            return None
+        latitude = message.parse(self.key, _parse_degrees)
+        return latitude, message.parse("Longitude", _parse_degrees)
+
+    def write(
+        self, value: tuple[float, float] | None, dialect: Dialect
+    ) -> Sequence[Segment]:
+        if value is None:
+            return (Segment("Fix", "0"),)
+        written = []
+        for key, angle, letters in zip(
+            (self.key, "Longitude"), value, ("NS", "EW"), strict=True
+        ):
+            letter, *numbers = _split_degrees(angle, letters, dialect.robot)
+            text = f"{WHOLE},{marks(dialect.robot)},{letter}"
+            written.append(Segment(key, text, numbers))
+        return (*written, Segment("Fix", "1"))
+
+
+@dataclass(frozen=True, slots=True)
+class Gps(SensorReport):
+    """A position on the globe.
+
+    Attributes:
+        name: Name of the receiver.
+        position: Latitude and longitude, degrees, north and east positive; None without
+            a fix.
+        satellites: Number of satellites in sight.
+    """
+
+    sensor_type: ClassVar[str] = "GPS"
+
+    name: Annotated[str, Text("Name")]
+    position: Annotated[tuple[float, float] | None, GlobePosition("Latitude")]
+    satellites: Annotated[int, Whole("Satellites")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,7 +413,7 @@ class WatchedLine:
 
     @classmethod
     def decode(cls, text: str) -> Self:
-        """Read the copy, and the report in it.
+        """Read a copy, and the report in it.
 
         Raises:
             MalformedMessage: If it is not a copy, or the report is not readable.
@@ -255,11 +427,8 @@ class WatchedLine:
         return f"{see_head(self.robot).decode('ascii')}{self.line}"
 
 
-Report: TypeAlias = (
-    Greeting
-    | StartPoses
-    | Status
-    | RangeScan
+SensorReading: TypeAlias = (
+    RangeScan
     | EchoLine
     | RadarTargets
     | GroundTruth
@@ -270,15 +439,14 @@ Report: TypeAlias = (
     | Touch
     | Sonar
     | Gps
-    | RobotGeo
-    | RobotConf
-    | ItemGeo
-    | ScannerConf
-    | SonarConf
-    | IntervalConf
-    | EncoderConf
-    | TouchConf
-    | NameConf
+)
+Report: TypeAlias = (
+    SensorReading
+    | Geo
+    | Conf
+    | Greeting
+    | StartPoses
+    | Status
     | RobotJoined
     | RobotLeft
     | CommandError
@@ -286,12 +454,8 @@ Report: TypeAlias = (
     | WatchedLine
 )
 
-_SENSOR_REPORTS: Final = {
-    report.sensor_type.lower(): report
-    for report in (
-        *(RangeScan, EchoLine, RadarTargets, GroundTruth, Ins),
-        *(Odometry, Tachometer, Encoder, Touch, Sonar, Gps),
-    )
+_SENSOR_REPORTS: Final[dict[str, type[SensorReading]]] = {
+    report.sensor_type.lower(): report for report in get_args(SensorReading)
 }
 
 
@@ -344,11 +508,38 @@ def _decode_reading(message: Message) -> Report | None:
     return report.decode(message) if report else None
 
 
-def _fitting(poses: Sequence[str]) -> Sequence[str]:
-    """Return the first poses, as many as fit into one read of a client."""
-    limit = LONGEST_LINE - len("NFO {StartPoses 1000} {}\r\n")
-    ends = accumulate(len(pose) + 1 for pose in poses)
-    return poses[: sum(end - 1 <= limit for end in ends)]
+def _split_degrees(
+    angle: float, letters: str, minutes_format: NumberFormat
+) -> tuple[str, float, float]:
+    """Return the letter for the sign of an angle, whole degrees, and minutes.
+
+    Raises:
+        ValueError: If it is not finite.
+    """
+    degrees, minutes = divmod(abs(angle) * 60, 60)
+    written = minutes
+    if not 0.1 < minutes < 59.9:  # it may be written as 0 or 60
+        written = float(minutes_format.format(minutes))
+        if written == 60.0:
+            degrees, minutes = degrees + 1, 0.0
+    is_negative = angle < 0 and (degrees > 0 or written > 0)
+    return letters[is_negative], degrees, minutes
+
+
+def _parse_degrees(text: str) -> float:
+    """Read an angle in degrees and minutes, with a letter for its sign.
+
+    Raises:
+        MalformedMessage: If it is not two numbers and a letter.
+    """
+    numbers, _, letter = text.rpartition(",")
+    sign = _SIGNS.get(letter.strip().upper())
+    if sign is None:
+        raise MalformedMessage(
+            f"{text[:80]!r}, expected degrees, minutes, and N, S, E or W"
+        )
+    degrees, minutes = parse_numbers(numbers, 2)
+    return sign * (degrees + minutes / 60)
 
 
 _DECODERS: Final[dict[str, Callable[[Message], Report | None]]] = {

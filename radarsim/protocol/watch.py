@@ -5,13 +5,15 @@ two names with other characters may be the same there.
 """
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, Final, Self
+from typing import Annotated, ClassVar, Final, Self
 
 from radarsim.errors import MalformedMessage
 from radarsim.protocol.dialect import Dialect
-from radarsim.protocol.line_template import printable_name
+from radarsim.protocol.fields import Field, LineReport, PrintableText, Segment
+from radarsim.protocol.line_template import printable_name, reduce_text
 from radarsim.protocol.message import Message
 
 MOST_NAMES: Final = 1000  # in a command; reading them takes time
@@ -92,14 +94,13 @@ class Watch:
     """
 
     verb: ClassVar[str] = "WATCH"
-    keys: ClassVar[tuple[str, ...]] = ("Robots", "Echoes")
+    keys: ClassVar[Sequence[str]] = ("Robots", "Echoes")
 
     robots: RobotChoice
     echoes: RobotChoice = RobotChoice()
 
     @classmethod
     def decode(cls, message: Message, _: Dialect) -> Self:
-        """Read the command from its message."""
         robots = message.parse("Robots", RobotChoice.parse)
         echoes = message.parse_optional("Echoes", _parse_echoes)
         return cls(robots, echoes or RobotChoice())
@@ -110,8 +111,18 @@ class Watch:
         return str(self.robots), None if without else str(self.echoes)
 
 
+class Choice(Field[RobotChoice]):
+    """A choice of robots."""
+
+    def read(self, message: Message) -> RobotChoice:
+        return message.parse(self.key, RobotChoice.parse)
+
+    def write(self, value: RobotChoice, _: Dialect) -> Sequence[Segment]:
+        return (Segment(self.key, reduce_text(str(value))),)
+
+
 @dataclass(frozen=True, slots=True)
-class Watching:
+class Watching(LineReport):
     """The answer to a command to watch robots.
 
     Attributes:
@@ -119,27 +130,14 @@ class Watching:
         echoes: Those of them whose scanners list their echoes.
     """
 
-    robots: RobotChoice
-    echoes: RobotChoice = RobotChoice()
+    verb: ClassVar[str] = "NFO"
 
-    @classmethod
-    def decode(cls, message: Message) -> Self:
-        """Read the report from its message.
-
-        Raises:
-            MalformedMessage: If a field is not readable.
-        """
-        robots = message.parse("Watching", RobotChoice.parse)
-        return cls(robots, message.parse("Echoes", RobotChoice.parse))
-
-    def encode(self, _: Dialect) -> str:
-        """Write the report as one line without its end."""
-        fields = (("Watching", str(self.robots)), ("Echoes", str(self.echoes)))
-        return Message("NFO", fields).encode()
+    robots: Annotated[RobotChoice, Choice("Watching")]
+    echoes: Annotated[RobotChoice, Choice("Echoes")] = RobotChoice()
 
 
 @dataclass(frozen=True, slots=True)
-class RobotJoined:
+class RobotJoined(LineReport):
     """A robot is there.
 
     Attributes:
@@ -147,54 +145,36 @@ class RobotJoined:
         class_name: Class of the robot.
     """
 
-    robot: str
-    class_name: str
+    verb: ClassVar[str] = "NFO"
 
-    @classmethod
-    def decode(cls, message: Message) -> Self:
-        """Read the report from its message.
-
-        Raises:
-            MalformedMessage: If a field is missing.
-        """
-        return cls(message.require("Joined"), message.require("ClassName"))
-
-    def encode(self, _: Dialect) -> str:
-        """Write the report as one line without its end."""
-        class_name = printable_name(self.class_name)
-        fields = (("Joined", printable_name(self.robot)), ("ClassName", class_name))
-        return Message("NFO", fields).encode()
+    robot: Annotated[str, PrintableText("Joined")]
+    class_name: Annotated[str, PrintableText("ClassName")]
 
 
 @dataclass(frozen=True, slots=True)
-class RobotLeft:
+class RobotLeft(LineReport):
     """A robot is there no more.
 
     Attributes:
         robot: Name of the robot.
     """
 
-    robot: str
+    verb: ClassVar[str] = "NFO"
 
-    def encode(self, _: Dialect) -> str:
-        """Write the report as one line without its end."""
-        return Message("NFO", (("Left", printable_name(self.robot)),)).encode()
+    robot: Annotated[str, PrintableText("Left")]
 
 
 @dataclass(frozen=True, slots=True)
-class CommandError:
+class CommandError(LineReport):
     """A command had no effect; only those that no old client sends are answered so.
 
     Attributes:
         text: What came and what was expected.
     """
 
-    text: str
+    verb: ClassVar[str] = "NFO"
 
-    def encode(self, _: Dialect) -> str:
-        """Write the report as one line without its end."""
-        text = printable_name(self.text, LONGEST_ERROR)
-        return Message("NFO", (("Error", text),)).encode()
+    text: Annotated[str, PrintableText("Error", LONGEST_ERROR)]
 
 
 def see_head(robot: str) -> bytes:

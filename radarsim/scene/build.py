@@ -183,12 +183,13 @@ class PartBuilder:
         count = entry.copies or 1
         room.take(count * len(pieces), "parts")
         room.take(count * sum(len(faces) for _, (_, faces) in pieces), "triangles")
-        copies = place_copies(entry)
+        copies = place_copies(entry)  # after the counts: placing thousands takes long
         rotation = rotation_matrix(*entry.angles()).T
         parts = [
             Part(
                 copy.name,
                 material,
+                # in this order: another one would change the last digits of ranges
                 copy.scale * vertices @ rotation + copy.position,
                 faces,
             )
@@ -386,7 +387,7 @@ def _scatter_copies(name: str, origin: Floats, scatter: ScatterEntry) -> list[Co
         for _ in range(MAX_ATTEMPTS):
             x, y = left + width * next(draws), lower + height * next(draws)
             if placed.add(x, y, x - left, y - lower):
-                break
+                break  # a scale is drawn only for what has a place
         else:
             text = f"the area is full after {number} copies, expected {scatter.count}"
             raise BuildError([(("scatter",), text)])

@@ -38,6 +38,7 @@ _COMPONENTS: Final = {"SCALAR": 1, "VEC3": 3}
 _TRIANGLE_MODES: Final = (4, 5)  # separate triangles, and strips
 
 _Index: TypeAlias = Annotated[int, Ge(0)]
+# The first wrong value ends the validation: millions of errors would fill the memory.
 _Numbers: TypeAlias = Annotated[list[float], FailFast()]
 
 
@@ -145,6 +146,7 @@ def reduce_gltf(content: bytes, suffix: str, files: MeshFiles) -> bytes:
         MeshError: If it is broken, or too large in any way.
         OSError: If a buffer cannot be read.
     """
+    # trimesh gets JSON with virtual buffers also for a GLB file: one form to check
     text, binary = split_glb(content) if suffix == ".glb" else (content, None)
     expect_at_most(len(text), MAX_JSON_BYTES, "bytes of JSON")
     try:
@@ -201,7 +203,7 @@ def _keep_triangles(tree: _Tree) -> None:
             node.mesh = node.mesh if mesh.primitives else None
     for index, mesh in enumerate(tree.meshes):
         if index not in shown:
-            mesh.primitives = []
+            mesh.primitives = []  # trimesh would parse what nobody shows
 
 
 def _scene_nodes(tree: _Tree) -> list[_Node]:
@@ -214,7 +216,7 @@ def _scene_nodes(tree: _Tree) -> list[_Node]:
         expect_at_most(depth := depth + 1, MAX_LEVELS, "levels of nodes")
         below: list[int] = []
         for index in level:
-            if index in found:
+            if index in found:  # a loop, or a diamond that doubles at each level
                 raise MeshError(f"node {index} is in the scene twice, expected once")
             found[index] = _item(tree.nodes, index, "node")
             below += found[index].children
@@ -284,6 +286,7 @@ def _add_buffers(tree: _Tree, binary: memoryview | None, files: MeshFiles) -> No
         size = sizes.get(number, 0)
         content = _buffer(buffer, binary, files) if size else b""
         expect_at_most(size, len(content), f"bytes of buffer {number}")
+        # trimesh sees numbers only: no name of the file's choice reaches the disk
         buffer.uri = str(number)
         files.add(buffer.uri, memoryview(content))
 

@@ -77,6 +77,8 @@ class MapLoader:
         self._builder = PartBuilder(self._folder)
         self._file_room = Room({_BUILT: MAX_BUILT})
         self._is_too_much = False
+        # What variants share is validated, reported and built once: a map may have 100
+        # variants of thousands of objects, most of them the same.
         self._made: dict[KeyPath, tuple[Material, bool]] = {}
         self._validated: dict[tuple[KeyPath, frozenset[str]], _Object] = {}
         self._built: dict[
@@ -110,6 +112,8 @@ class MapLoader:
 
     def _scene(self, data: dict[str, object], variant: str | None) -> Scene:
         stem = self._file.path.stem
+        # All sections are read even if the header is wrong: who corrects a map wants to
+        # see everything in one run.
         header = self._validate(Header, {"level": stem, **data}, ())
         layers = list(self._layers(data, variant))
         materials, invalid = self._materials(layers)
@@ -248,6 +252,7 @@ class MapLoader:
         self, at: KeyPath, entry: ObjectEntry, used: dict[str, Material], room: Room
     ) -> list[Part]:
         """Build an object of these materials, unless another variant has the same."""
+        # by the materials themselves, as a variant may replace one of the same name
         key = (at, tuple(used.values()))
         built = self._built.get(key)
         if built is None:
@@ -257,7 +262,7 @@ class MapLoader:
             except BuildError as error:
                 built = error
             self._built[key] = built
-        elif not isinstance(built, BuildError):
+        elif not isinstance(built, BuildError):  # this variant has its own limits
             room.take(len(built), "parts")
             room.take(sum(len(part.faces) for part in built), "triangles")
         if isinstance(built, BuildError):

@@ -134,7 +134,10 @@ def find_inside(folder: Path, start: Path, reference: str) -> Path:
 
 
 def _find(path: str) -> str:
-    """Resolve a path; one of nothing need not be resolved, which takes longer."""
+    """Resolve a path; one of nothing need not be resolved, which takes longer.
+
+    A map may name thousands of files that are missing.
+    """
     try:
         os.lstat(path)
     except (FileNotFoundError, NotADirectoryError):
@@ -174,6 +177,7 @@ def check_stl(content: bytes, budget: MeshBudget) -> None:
     """
     count = int.from_bytes(content[80:_STL_HEADER], "little")
     size = _STL_HEADER + _STL_TRIANGLE * count
+    # A binary file may begin with "solid" too, so that its size decides first.
     if len(content) == size:
         budget.take(count, "triangles")
     elif content[:256].lstrip()[:5].lower() == b"solid":
@@ -225,6 +229,7 @@ def _ply_elements(header: bytes) -> tuple[list[tuple[str, int, int]], bool]:
                 elements.append((name[:40], int(count), 0))
             case ["property", "list", kind, _, _] | ["property", kind, _] if elements:
                 name, total, row = elements[-1]
+                # at least a digit and a blank; an empty list still has its count
                 size = 2 if is_text else _PLY_BYTES.get(kind, 1)
                 elements[-1] = (name, total, row + size)
             case _:

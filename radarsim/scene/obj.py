@@ -114,7 +114,7 @@ def read_obj(content: bytes, budget: MeshBudget) -> list[Piece]:
 def _split_lines(content: bytes) -> _Lines:
     """Drop blank lines and blanks before statements, and join continued lines."""
     text = content.removeprefix(_BOM).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    text = text.replace(b"\\\n", b" ").strip() + b"\n"
+    text = text.replace(b"\\\n", b" ").strip() + b"\n"  # a line goes on after these
     text = re.sub(rb"\n\s+", b"\n", text)
     expect_at_most(text.count(b"\n"), MAX_LINES, "lines")
     characters = np.frombuffer(text, dtype=np.uint8)
@@ -137,6 +137,8 @@ def _parse(
     characters = lines.characters[np.repeat(which, lengths)]
     lengths = lengths[which]
     characters[np.cumsum(lengths) - lengths] = ord(" ")  # the statements
+    # Only what is no number needs a regular expression; numpy parses all numbers at
+    # once, and the words are counted to find out which line each belongs to.
     text = dropped.sub(b"", characters.tobytes())
     characters = np.frombuffer(b" " + text, dtype=np.uint8)
     is_blank = characters <= ord(" ")
@@ -228,13 +230,14 @@ def _group(owners: _Integers) -> Iterator[tuple[int, _Integers]]:
     order = np.argsort(owners, kind="stable")
     numbers, firsts = np.unique(owners[order], return_index=True)
     groups = np.split(order, firsts[1:])
+    # parts of a scene are in this order, and what refers to them by number
     for index in np.argsort(order[firsts])[::-1].tolist():
         yield int(numbers[index]), groups[index]
 
 
 def _select(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
     """Return faces with the vertices that they have, and with few others."""
-    if faces.size >= len(vertices):
+    if faces.size >= len(vertices):  # most are used, and sorting would take longer
         return vertices, faces
     used, renamed = np.unique(faces, return_inverse=True)
     return vertices[used], renamed.reshape(-1, 3).astype(np.int32)

@@ -79,6 +79,7 @@ def orient_outward(vertices: Floats, faces: Faces) -> OrientedFaces | None:
         return OrientedFaces(oriented, connections)
     if connections.unpaired_edges or connections.has_one_side:
         return None
+    # All edges have two faces, which disagree at some: made consistent, it is closed.
     consistent = _flip(faces, connections.flipped)
     volumes, *_ = _measure(vertices, consistent, connections)
     oriented = _flip(consistent, (volumes < 0)[connections.labels])
@@ -123,7 +124,7 @@ def count_degenerate(
     """
     connections = connections or connect_faces(faces)
     walls = faces[:0]
-    if connections.may_coincide:
+    if connections.may_coincide:  # else the sorting of all faces is saved
         cancelled = _cancelled(faces)
         faces, walls = faces[~cancelled], faces[cancelled]
         connections = connect_faces(faces)

@@ -26,7 +26,6 @@ for the cone, what it proposes in section 7.
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import lru_cache
 from typing import Final
 
@@ -92,6 +91,10 @@ class BeamPattern:
         directions = node_directions(self.angles, offsets)
         self._table = NodeTable(directions, starts, edges, sides)
         self.radius = float(np.linalg.norm(starts, axis=2).max())
+        self._power = settings.max_range, settings.penetration_power
+        self._ray_class = ray_class_of(settings)
+        limits = columns_of(self.rays_from(AimedRays.empty(1), -1))
+        self._limits = limits._replace(origins=NO_VECTORS, directions=NO_VECTORS)
         self._sensor_rays: SensorRays | None = None
         traces_all = settings.combines_rays or settings.incidence_weights
         self.rays = len(self.weights) if traces_all else 1
@@ -125,34 +128,29 @@ class BeamPattern:
             for i, draw in enumerate(draws):
                 first = i * self.rays_per_scan
                 some = rays.rows(first, first + self.rays_per_scan)
-                aim_scans(
-                    *(poses[i : i + 1], ALL, NO_CHANCES),
-                    *self._table_of(draw),
-                    *some,
-                )
+                pose = poses[i : i + 1]
+                aim_scans(pose, ALL, NO_CHANCES, *self._table_of(draw), *some)
                 some.sides[:] = self.sides_of(draw)
         else:
             choice = DRAWN if self._draws_nodes else ALL
             aim_scans(poses, choice, self._chances(draws), *self._table, *rays)
         return rays
 
-    def unaimed(
-        self, template: "RayTemplate", draws: Sequence[Floats], places: Floats
-    ) -> UnaimedScans:
+    def unaimed(self, draws: Sequence[Floats], places: Floats) -> UnaimedScans:
         """Return scans to be aimed while they are traced.
 
         Args:
-            template: What all rays have in common.
             draws: What ``draw`` returned for each scan; of random rays only one.
             places: (J, 7) as in ``UnaimedScans``.
         """
         sensor = self._sensor_rays
         if sensor is None or self.has_random_rays:
+            medium = RayClass(self._ray_class.medium)
             sensor = self._sensor_rays = SensorRays(
                 self._table_of(draws[0]),
                 self.radius,
-                template.limits,
-                template.ray_classes,
+                self._limits,
+                (self._ray_class, medium),
                 self.rays_per_scan,
             )
         return UnaimedScans(sensor, self._chances(draws), places)
@@ -208,64 +206,24 @@ class BeamPattern:
         count = len(poses) * len(self.angles)
         return self.aim_nodes(poses, np.full(count, matching[0], np.int16))
 
-
-class RayTemplate:
-    """The rays of a sensor before they are aimed.
-
-    Most scans are as long as others before, and what they have in common is shared.
-
-    Attributes:
-        limits: Range, power and class of all rays, as in ``SensorRays``.
-        ray_classes: As in ``SensorRays``.
-    """
-
-    def __init__(self, settings: SensorSettings) -> None:
-        self._limits = settings.max_range, settings.penetration_power
-        ray_class = ray_class_of(settings)
-        self.ray_classes = ray_class, RayClass(ray_class.medium)
-        self._rays = self._allocate(0)
-        self.limits = columns_of(self._allocate(1))._replace(
-            origins=NO_VECTORS, directions=NO_VECTORS
-        )
-
-    def rays_from(
-        self, aimed: "AimedRays", carrier_ids: NDArray[np.int64] | None
-    ) -> Rays:
+    def rays_from(self, aimed: AimedRays, carrier: int | NDArray[np.int64]) -> Rays:
         """Return aimed rays with range, power and class of the sensor's rays.
 
         Args:
             aimed: M rays.
-            carrier_ids: (M,) the box that carries the sensor; None for none.
+            carrier: Id of the box that carries the sensor, or (M,) of each ray; -1 for
+                none.
         """
-        n, rays = len(aimed.nodes), self._at_least(len(aimed.nodes))
+        (max_range, power), count = self._power, len(aimed.nodes)
         return Rays(
             aimed.origins,
             aimed.directions,
-            rays.max_range[:n],
-            rays.power[:n],
-            rays.class_index[:n],
-            rays.carrier_id[:n] if carrier_ids is None else carrier_ids,
-            rays.ray_classes,
+            np.full(count, max_range, np.float64),
+            np.full(count, power, np.float64),
+            np.zeros(count, np.uint8),
+            np.full(count, carrier, np.int64),
+            (self._ray_class,),
         )
-
-    def _at_least(self, count: int) -> Rays:
-        """Return so many rays, or more."""
-        # Read once: other threads may replace it, also by a shorter one.
-        rays = self._rays
-        if count > len(rays.power):
-            rays = self._rays = self._allocate(count)
-        return rays
-
-    def _allocate(self, count: int) -> Rays:
-        nowhere, (max_range, power) = np.zeros((count, 3)), self._limits
-        rays = Rays.uniform(nowhere, nowhere, max_range=max_range, power=power)
-        return replace(rays, ray_classes=self.ray_classes[:1])
-
-
-@lru_cache(maxsize=64)
-def template_of(settings: SensorSettings) -> RayTemplate:
-    """Return the template of a sensor's rays; sensors of equal settings share it."""
-    return RayTemplate(settings)
 
 
 @lru_cache(maxsize=64)

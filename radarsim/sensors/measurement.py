@@ -75,7 +75,6 @@ class PlannedScan(NamedTuple):
         sides: (M,) side of its beam on which each ray is.
         find_rays: Computes ``rays`` on demand.
         draws: The random numbers that are used after tracing.
-        incidence: Whether tracing must record the angles of incidence.
     """
 
     tracer: Tracer
@@ -83,17 +82,11 @@ class PlannedScan(NamedTuple):
     sides: Sides
     find_rays: Callable[[], Rays]
     draws: Draws
-    incidence: bool
 
     @property
     def rays(self) -> Rays:
         """The M rays."""
         return self.find_rays()
-
-    @property
-    def events(self) -> bool:
-        """Whether tracing must record the events along the rays."""
-        return self.draws.events
 
 
 class ScanBuilder:
@@ -140,41 +133,25 @@ class ScanBuilder:
         )
 
     def build(
-        self,
-        plan: PlannedScan,
-        traces: Traces,
-        first: int = 0,
-        scene: Scene | None = None,
+        self, plan: PlannedScan, traces: Traces, scene: Scene | None = None
     ) -> Scan:
         """Build a scan from its traced rays.
 
         Args:
             plan: A scan planned by this scanner.
-            traces: Its traced rays, with events and incidence if the plan asks for
-                them; without events there may be others among them.
-            first: The first of its own.
+            traces: Its traced rays, with events if its draws say so, and with incidence
+                if that is needed.
             scene: The scene, if no robots are in it.
         """
-        if plan.events:
-            rows = self._select_rays(plan, traces)
+        rows = self._select_rays(plan, traces) if self.selects_ray else None
+        if plan.draws.events:
             return self._build_from_events(plan, traces, rows, scene)
-        return self._build_from_ends(plan, traces, first, scene)
-
-    def _build_from_ends(
-        self, plan: PlannedScan, traces: Traces, first: int, scene: Scene | None
-    ) -> Scan:
-        """Build a scan from where its rays ended, for which no events are needed."""
-        outcomes, ranges, rows = traces.outcomes, traces.ranges, None
-        if len(outcomes) > len(plan.sides):
-            own = slice(first, first + len(plan.sides))
-            outcomes, ranges = outcomes[own], ranges[own]
-        if self.selects_ray:
-            rows = self._select_rays(plan, traces.rows(first, first + len(plan.sides)))
-            outcomes, ranges = outcomes[rows], ranges[rows]
+        if rows is None:
+            outcomes, ranges = traces.outcomes, traces.ranges.copy()
         else:
-            ranges = ranges.copy()
+            outcomes, ranges = traces.outcomes[rows], traces.ranges[rows]
         self.read_ends(ranges, outcomes, plan.draws.range_error)
-        find_echoes = partial(self._end_echoes, plan, traces, first, rows)
+        find_echoes = partial(self._end_echoes, plan, traces, rows)
         return self._scan(plan, ranges, rows, find_echoes, scene)
 
     def read_ends(
@@ -191,14 +168,8 @@ class ScanBuilder:
         if self._spent_range is not None:
             ranges[outcomes == Outcome.SPENT] = self._spent_range
 
-    def _select_rays(self, plan: PlannedScan, traces: Traces) -> Rows | None:
-        """Select one ray of each beam at random; None where there is only one.
-
-        Returns:
-            (N,) indices of the selected rays.
-        """
-        if not self.selects_ray:
-            return None
+    def _select_rays(self, plan: PlannedScan, traces: Traces) -> Rows:
+        """Select one ray of each beam at random; return their indices, (N,)."""
         per_beam = self._pattern.rays
         weights = self._shares.reshape(-1, per_beam)
         chances = weights * backscatter(traces).reshape(-1, per_beam)
@@ -324,12 +295,11 @@ class ScanBuilder:
         )
 
     def _end_echoes(
-        self, plan: PlannedScan, traces: Traces, first: int, rows: Rows | None
+        self, plan: PlannedScan, traces: Traces, rows: Rows | None
     ) -> Echoes:
         """Return the echoes at the ends of the rays, for which no events are needed."""
         rows = np.arange(len(self._pattern.angles)) if rows is None else rows
-        own = traces.rows(first, first + len(plan.sides))
-        columns = extract_ray_ends(own, rows, self._settings)
+        columns = extract_ray_ends(traces, rows, self._settings)
         if self._settings.spent_reads == "nothing":
             columns = columns.take(columns.kind != SPENT)
         error = plan.draws.range_error[columns.beam] if self.is_noisy else None

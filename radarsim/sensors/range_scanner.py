@@ -11,25 +11,22 @@ from radarsim import plugins
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.presets.sensors import load_fmcw_settings, load_settings
-from radarsim.raycast.aimed_rays import Nodes, Sides, UnaimedScans
-from radarsim.raycast.rays import LASER, RADAR, Rays, Traces
+from radarsim.raycast.aimed_rays import Sides
+from radarsim.raycast.rays import LASER, RADAR, Rays
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer, tracer_of
 from radarsim.scene.scene import Scene
-from radarsim.sensors.beams import EMPTY, pattern_of, template_of
+from radarsim.sensors.beams import EMPTY, pattern_of
 from radarsim.sensors.measurement import Draws, PlannedScan, ScanBuilder
 from radarsim.sensors.scan import Scan
-from radarsim.sensors.scan_batch import (
+from radarsim.sensors.scanning import (
     ScanArrays,
-    scan_batch,
-    scan_poses,
-    stack_scans,
-)
-from radarsim.sensors.scan_plan import (
-    ScanGroup,
     ScanRequest,
     aim_scans_apart,
     draw_scans,
+    scan_batch,
+    scan_poses,
+    stack_scans,
 )
 
 NO_RAIN: Final = np.zeros((2, 0))
@@ -43,12 +40,9 @@ class RangeScanner:
         name: Name of its preset.
         settings: All its settings.
         angles: (N,) directions of its beams, rad, counter-clockwise from the right.
-        rays_per_scan: Number of rays that are traced for one scan.
         pattern: Its beams.
-        template: Its rays before they are aimed.
         builder: What builds its scans.
         medium: ``RADAR`` or ``LASER``.
-        needs_incidence: Whether tracing must record the angles of incidence.
     """
 
     def __init__(
@@ -67,12 +61,10 @@ class RangeScanner:
         self.name = name
         self.settings = settings
         self._fmcw = dict(fmcw or {})
-        self.pattern, self.template = pattern_of(settings), template_of(settings)
+        self.pattern = pattern_of(settings)
         self.angles = self.pattern.angles
-        self.rays_per_scan = self.pattern.rays_per_scan
         self.medium = RADAR if settings.medium == "radar" else LASER
         self.builder = ScanBuilder(name, settings, self.pattern)
-        self.needs_incidence = self.builder.needs_incidence
         self._is_random = self.pattern.is_random or self.builder.is_random
         self._is_radar = settings.medium == "radar"
         self._has_detector = settings.has_detector
@@ -186,7 +178,7 @@ class RangeScanner:
         placed = _sensor_poses(scene, poses)
         if self.settings.has_detector:
             scans = [self._scan_by_detector(scene, pose, rng) for pose in placed]
-            return stack_scans(self, scans)
+            return stack_scans(self, placed, scans)
         return scan_poses(self, tracer_of(scene), placed, rng)
 
     def _scan_by_detector(
@@ -251,27 +243,6 @@ class RangeScanner:
             builder.needs_events or is_raining,
         )
 
-    def unaimed(self, group: ScanGroup) -> UnaimedScans:
-        """Return scans of such sensors, to be aimed while they are traced."""
-        draws = [draws.beams for draws in group.draws]
-        return self.pattern.unaimed(self.template, draws, group.places())
-
-    def aim_again(self, request: ScanRequest, draws: Draws, nodes: Nodes) -> Rays:
-        """Aim the rays of a scan that was traced.
-
-        Args:
-            request: The scan.
-            draws: The random numbers that were drawn for it.
-            nodes: (M,) node of its beam that each ray was.
-        """
-        pose = np.array([request.pose.numbers()], np.float64)
-        if self.pattern.has_random_rays:
-            aimed = self.pattern.aim(pose, [draws.beams])
-        else:
-            aimed = self.pattern.aim_nodes(pose, nodes)
-        carrier_ids = np.full(len(nodes), request.carrier_id, np.int64)
-        return self.template.rays_from(aimed, carrier_ids)
-
     def aim_one_ray(self, pose: Pose3, side: int) -> tuple[Sides, Rays]:
         """Aim the ray on one side of each beam, even if it starts behind a surface.
 
@@ -283,17 +254,7 @@ class RangeScanner:
             ValueError: If the beams do not have three rays.
         """
         aimed = self.pattern.aim_side(np.array([pose.numbers()]), side)
-        return aimed.sides, self.template.rays_from(aimed, None)
-
-    def read(self, plan: PlannedScan, traces: Traces) -> Scan:
-        """Build a scan from its traced rays.
-
-        Args:
-            plan: A scan planned by this scanner.
-            traces: Its traced rays, with events and incidence if the plan asks for
-                them.
-        """
-        return self.builder.build(plan, traces)
+        return aimed.sides, self.pattern.rays_from(aimed, -1)
 
 
 def load_sensor(name: str, /, **settings: Any) -> RangeScanner:

@@ -22,7 +22,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Final
@@ -62,14 +62,16 @@ class CompilerProcess:
             if self._stopped:
                 raise ServerError("it was stopped")
             self._process = _start()
-        with self._process, ExitStack() as until_end:
+        with self._process as process, ExitStack() as until_end:
             reason = ""
-            for word, text in _words(self._process):
+            assert process.stdout is not None
+            for line in process.stdout:
+                word, _, text = line.strip().partition(" ")
                 if word == COMPILING:
                     until_end.enter_context(compilation.running())
                 elif word == FAILED:
                     reason = text
-            code = self._process.wait()
+            code = process.wait()
         if code:
             raise ServerError(reason or _describe_end(code))
 
@@ -100,14 +102,6 @@ def _start() -> subprocess.Popen[str]:
         raise ServerError(f"cannot start it: {describe_os_error(error)}") from error
 
 
-def _words(process: subprocess.Popen[str]) -> Iterator[tuple[str, str]]:
-    """Yield first word and text of each line that a process writes."""
-    assert process.stdout is not None
-    for line in process.stdout:
-        word, _, text = line.strip().partition(" ")
-        yield word, text
-
-
 def _describe_end(code: int) -> str:
     """Return how a process has ended, by the code that ``subprocess`` has for it."""
     if code > 0:
@@ -123,21 +117,19 @@ def main() -> None:
     compilation.observers.append(_tell)
     compilation.on_unsaved = _fail
     try:
-        _compile()
+        # Only now: numba comes with it, and the observer has to be there before.
+        from radarsim.scene.map_file import load_map  # noqa: PLC0415
+        from radarsim.server.host import Host  # noqa: PLC0415
+
+        Host(load_map("empty_room"))
     except (OSError, MemoryError) as error:
         _fail(error)
     mark_complete()
 
 
-def _compile() -> None:
-    from radarsim.scene.map_file import load_map  # noqa: PLC0415
-    from radarsim.server.host import Host  # noqa: PLC0415 - numba is imported from here on
-
-    Host(load_map("empty_room"))
-
-
 def _end_with_parent() -> None:
-    os.read(sys.stdin.fileno(), 1)  # nothing is written to it
+    # Nothing is written to it: this returns when the parent has ended, however it did.
+    os.read(sys.stdin.fileno(), 1)
     os._exit(1)
 
 

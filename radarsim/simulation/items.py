@@ -1,17 +1,18 @@
 """The items of a robot that give readings without casting rays.
 
-What they read is computed for all robots together: an item has instructions for that,
-and numbers in the row of its robot. Scanners, sonars and GPS are not among them.
+What they read is computed for all robots together: an item has jobs for that, and
+numbers in the row of its robot. Scanners, sonars and GPS are not among them.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from radarsim.geometry import Pose3
+from radarsim.geometry import Pose2, Pose3
 from radarsim.presets.robots import Item
-from radarsim.protocol.periodic_reports import ReportForm
+from radarsim.protocol.fields import LineReport, SensorReport
 from radarsim.protocol.reports import (
     Encoder,
     GroundTruth,
@@ -38,22 +39,18 @@ from radarsim.sensors.motion_readings import (
     overwrite_ins,
 )
 from radarsim.simulation.config import SimulationConfig
-from radarsim.simulation.reading_kernel import (
+from radarsim.simulation.readings import (
     BODY_POSE,
     DRIFT,
     INS_POSE,
     IS_TOUCHED,
-    MEASURE,
-    TICKS,
     TIME,
-    WHEEL_ANGLE,
+    WHEEL_ANGLES,
     WHEEL_POSE,
-    WHEEL_SPEED,
-)
-from radarsim.simulation.reading_table import (
-    Instruction,
+    WHEEL_SPEEDS,
+    WHEEL_TICKS,
+    Job,
     NumberRow,
-    instruction,
 )
 
 
@@ -78,24 +75,39 @@ class Mounting:
     time: float
 
 
+class Source(NamedTuple):
+    """Where the numbers of a report come from.
+
+    Attributes:
+        sample: The report with any numbers.
+        jobs: What computes the numbers of each attribute that has some.
+    """
+
+    sample: LineReport
+    jobs: Mapping[str, Sequence[Job]]
+
+
 class SensorItem:
     """An item whose readings follow from the numbers of its robot.
 
     Attributes:
         name: Name of the item.
         robot: The robot that carries it.
-        form: Its report without numbers.
-        instructions: What writes the numbers of its report after the time.
+        source: Its report, and what computes it.
     """
 
-    form: ReportForm
-    instructions: Sequence[Instruction]
+    source: Source
 
     def __init__(self, mounting: Mounting) -> None:
         self.name = mounting.item.name
         self.robot = mounting.robot
         self._numbers = mounting.numbers
         self._rng = mounting.rng
+
+    def _report(self, sample: SensorReport, **jobs: Job) -> None:
+        """Set the source, of one job for each attribute besides the time."""
+        each = {attribute: (job,) for attribute, job in jobs.items()}
+        self.source = Source(sample, {"time": (Job(TIME),), **each})
 
     def reset(self) -> None:
         """Start counting again, if it counts."""
@@ -109,8 +121,7 @@ class GroundTruthItem(SensorItem):
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
-        self.form = ReportForm(GroundTruth, self.name)
-        self.instructions = [instruction(BODY_POSE)]
+        self._report(GroundTruth(0.0, self.name, self.robot.body), pose=Job(BODY_POSE))
 
 
 class TouchItem(SensorItem):
@@ -118,15 +129,14 @@ class TouchItem(SensorItem):
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
-        self.form = ReportForm(Touch, self.name)
-        self.instructions = [instruction(IS_TOUCHED)]
+        self._report(Touch(0.0, self.name, touched=False), touched=Job(IS_TOUCHED))
 
 
 class InsItem(SensorItem):
     """Reads the drifting pose of an inertial navigation system.
 
     Attributes:
-        drifting: The instruction that lets it drift; due every ``INS_DRIFT_INTERVAL``.
+        drift: What lets it drift; due every ``INS_DRIFT_INTERVAL``.
     """
 
     def __init__(self, mounting: Mounting) -> None:
@@ -135,9 +145,9 @@ class InsItem(SensorItem):
         sensor = body.compose(mounting.item.mount)
         noise = InsNoise.from_settings(mounting.config.settings(mounting.item))
         self._places = self._numbers.add(new_ins(sensor, body, noise, self._rng))
-        self.form = ReportForm(Ins, self.name)
-        self.instructions = [instruction(INS_POSE, self._places.start)]
-        self.drifting = instruction(DRIFT, self._places.start)
+        place = self._places.start
+        self._report(Ins(0.0, self.name, body), pose=Job(INS_POSE, place))
+        self.drift = Job(DRIFT, place)
 
     def draw(self) -> None:
         """Draw random numbers for the drift, if they are used up."""
@@ -156,9 +166,9 @@ class OdometryItem(SensorItem):
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
         self._odometry = self.robot.fleet.add_odometry(self.robot)
-        places = self._numbers.add([self._odometry.row])
-        self.form = ReportForm(Odometry, self.name)
-        self.instructions = [instruction(WHEEL_POSE, places.start)]
+        place = self._numbers.add([self._odometry.row]).start
+        sample = Odometry(0.0, self.name, Pose2(0.0, 0.0))
+        self._report(sample, pose=Job(WHEEL_POSE, place))
 
     def reset(self) -> None:
         """Start again from a pose of zeros."""
@@ -172,14 +182,14 @@ class TachometerItem(SensorItem):
         super().__init__(mounting)
         start = new_tachometer(mounting.time, *self.robot.side_angles)
         self._places = self._numbers.add(start)
-        place = self._places.start
-        sides = [int(side == "right") for side in self.robot.model.wheels]
-        self.form = ReportForm(Tachometer, (self.name, len(sides), len(sides)))
-        self.instructions = [
-            instruction(MEASURE, place),
-            *[instruction(WHEEL_SPEED, place, side) for side in sides],
-            *[instruction(WHEEL_ANGLE, place, side) for side in sides],
-        ]
+        place, sides = self._places.start, self.robot.model.wheels
+        wheels = _add_wheels(self._numbers, [(side, 1) for side in sides])
+        zeros = (0.0,) * len(sides)
+        self._report(
+            Tachometer(0.0, self.name, velocities=zeros, positions=zeros),
+            velocities=Job(WHEEL_SPEEDS, place, wheels),
+            positions=Job(WHEEL_ANGLES, place, wheels),
+        )
 
     def reset(self) -> None:
         """Count angles from zero again."""
@@ -192,18 +202,16 @@ class EncoderItem(SensorItem):
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
-        model = self.robot.model
-        wheels = encoded_wheels(self.name, model.wheels)
-        start = new_encoder(len(wheels), *self.robot.side_angles, self._rng)
+        sides = self.robot.model.wheels
+        encoded = encoded_wheels(self.name, sides)
+        start = new_encoder(len(encoded), *self.robot.side_angles, self._rng)
         self._places = self._numbers.add(start)
-        names = tuple(wheel.name for wheel in wheels)
-        self.form = ReportForm(Encoder, names)
-        self.instructions = []
-        for wheel in wheels:
-            side = int(model.wheels[wheel.index] == "right")
-            self.instructions.append(
-                instruction(TICKS, self._places.start, side, wheel.sign)
-            )
+        signs = [(sides[wheel.index], wheel.sign) for wheel in encoded]
+        wheels = _add_wheels(self._numbers, signs)
+        self._report(
+            Encoder(0.0, tuple((wheel.name, 0) for wheel in encoded)),
+            ticks=Job(WHEEL_TICKS, self._places.start, wheels),
+        )
 
     def reset(self) -> None:
         """Count ticks from zero again."""
@@ -217,26 +225,28 @@ class EncoderItem(SensorItem):
             draw_errors(encoder, self._rng)
 
 
-def join_reports(
-    items: Sequence[SensorItem], *, joins_encoders: bool
-) -> tuple[list[ReportForm], list[Instruction]]:
-    """Return the reports of items without their numbers, and what writes the numbers.
+def _add_wheels(numbers: NumberRow, wheels: Sequence[tuple[str, int]]) -> int:
+    """Add the numbers of wheels, of which sides and signs are given."""
+    added = [float(len(wheels))]
+    for side, sign in wheels:
+        added += [float(side == "right"), float(sign)]
+    start: int = numbers.add(added).start
+    return start
 
-    Args:
-        items: Items that are due, in the order of readings.
-        joins_encoders: Whether there is one report of all encoders.
-    """
-    forms: list[ReportForm] = []
-    instructions: list[Instruction] = []
-    for item in items:
-        form, before = item.form, forms[-1] if forms else None
-        if joins_encoders and before and before.report is form.report is Encoder:
-            forms[-1] = form._replace(fixed=(*before.fixed, *form.fixed))
+
+def join_encoders(sources: Iterable[Source]) -> list[Source]:
+    """Return the sources of reports, with one report of neighbouring encoders."""
+    joined: list[Source] = []
+    for source in sources:
+        before = joined[-1] if joined else source
+        one, other = before.sample, source.sample
+        if joined and isinstance(one, Encoder) and isinstance(other, Encoder):
+            ticks = [*before.jobs["ticks"], *source.jobs["ticks"]]
+            sample = replace(one, ticks=(*one.ticks, *other.ticks))
+            joined[-1] = Source(sample, {**before.jobs, "ticks": ticks})
         else:
-            forms.append(form)
-            instructions.append(instruction(TIME))
-        instructions += item.instructions
-    return forms, instructions
+            joined.append(source)
+    return joined
 
 
 # By item type, in the order of readings within a tick: clients expect a pose before the

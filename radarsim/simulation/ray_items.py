@@ -9,6 +9,7 @@ from typing import Protocol
 from radarsim.geometry import Floats
 from radarsim.presets.robots import Item
 from radarsim.protocol import reports
+from radarsim.protocol.fields import SensorReport
 from radarsim.raycast.rays import Rays, Traces
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
@@ -32,7 +33,7 @@ class RayItem(Protocol):
         """Return its rays."""
         ...
 
-    def read(self, time: float, traces: Traces) -> tuple[reports.Report, ...]:
+    def read(self, time: float, traces: Traces) -> tuple[SensorReport, ...]:
         """Return the readings at a simulated time in s."""
         ...
 
@@ -63,7 +64,7 @@ class SonarItems:
         """Return the rays of all cones."""
         return self._array.rays(self._robot.body)
 
-    def read(self, time: float, traces: Traces) -> tuple[reports.Report, ...]:
+    def read(self, time: float, traces: Traces) -> tuple[SensorReport, ...]:
         """Return all ranges in one report, or one report for each sonar."""
         ranges = self._array.ranges(traces).tolist()
         named = tuple(zip(self._names, ranges, strict=True))
@@ -95,7 +96,7 @@ class GpsItem:
         """Return a ray to each satellite."""
         return self._gps.rays(self._place())
 
-    def read(self, time: float, traces: Traces) -> tuple[reports.Report, ...]:
+    def read(self, time: float, traces: Traces) -> tuple[SensorReport, ...]:
         """Return a reading."""
         fix = self._gps.fix(self._place(), traces)
         return (reports.Gps(time, self.item.name, fix.position, fix.satellites),)
@@ -107,7 +108,7 @@ class GpsItem:
 
 def read_together(
     items: Sequence[RayItem], time: float, tracer: Tracer, boxes: Boxes
-) -> list[tuple[reports.Report, ...]]:
+) -> list[tuple[SensorReport, ...]]:
     """Trace the rays of all items at once, and return the readings of each.
 
     Args:

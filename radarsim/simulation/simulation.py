@@ -16,7 +16,8 @@ from radarsim import plugins
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.presets.robots import RobotModel
 from radarsim.presets.sensors import sonar_settings
-from radarsim.protocol.reports import RangeScan, Report
+from radarsim.protocol.fields import SensorReport
+from radarsim.protocol.reports import RangeScan
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.robot_boxes import Boxes
@@ -28,13 +29,12 @@ from radarsim.robots.obstacles import Obstacles, overlaps
 from radarsim.scene.scene import Scene
 from radarsim.sensors.motion_readings import INS_DRIFT_INTERVAL
 from radarsim.sensors.range_scanner import load_sensor
-from radarsim.sensors.scan_batch import BatchRanges, scan_ranges
-from radarsim.sensors.scan_plan import ScanRequest
+from radarsim.sensors.scanning import BatchRanges, ScanRequest, scan_ranges
 from radarsim.sensors.sonar import SonarArray
 from radarsim.simulation.clock import TICK, Clock, Schedule, ticks_of
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.ray_items import RayItem, read_together
-from radarsim.simulation.reading_table import Program, ReadingTable
+from radarsim.simulation.readings import Program, ReadingTable
 from radarsim.simulation.tick_output import (
     DueScan,
     ScanDetails,
@@ -301,9 +301,11 @@ class Simulation:
 
     def _cast(
         self, due: list[tuple[Vehicle, RayItem]], boxes: Boxes
-    ) -> dict[int, list[Report]]:
+    ) -> dict[int, list[SensorReport]]:
         """Take the readings of all sonars and GPS, by number of the robot."""
-        readings: dict[int, list[Report]] = {vehicle.number: [] for vehicle, _ in due}
+        readings: dict[int, list[SensorReport]] = {
+            vehicle.number: [] for vehicle, _ in due
+        }
         items = [item for _, item in due]
         for (vehicle, _), reports in zip(
             due, read_together(items, self.time, self._tracer, boxes), strict=True

@@ -7,8 +7,8 @@ from typing import NamedTuple, Protocol
 
 from radarsim.geometry import Floats
 from radarsim.presets.sensor_settings import SensorSettings
-from radarsim.protocol.periodic_reports import ReportGroup
-from radarsim.protocol.reports import RangeScan, Report, Status
+from radarsim.protocol.fields import ReportGroup, SensorReport
+from radarsim.protocol.reports import RangeScan, Status
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.sensors.echoes import Echoes
 from radarsim.simulation.vehicle import Vehicle
@@ -37,7 +37,7 @@ class ScanDetails(NamedTuple):
         is_requested: As of ``ScanEchoes``.
     """
 
-    reports: Sequence[Report]
+    reports: Sequence[SensorReport]
     is_requested: bool
 
 
@@ -54,28 +54,15 @@ class TickOutput(NamedTuple):
 
     group: ReportGroup
     numbers: Sequence[float]
-    cast: Sequence[Report]
+    cast: Sequence[SensorReport]
     echoes: Sequence[ScanEchoes | ScanDetails]
     scans: Sequence[RangeScan]
 
     @property
     def has_status(self) -> bool:
         """Whether the status is due, which is the first of the group."""
-        return bool(self.group.forms) and self.group.forms[0].report is Status
-
-    @property
-    def status(self) -> Status | None:
-        """The status; None when it is not due."""
-        return next((r for r in self._built if isinstance(r, Status)), None)
-
-    @property
-    def readings(self) -> tuple[Report, ...]:
-        """Readings of all items but scanners, poses first."""
-        return (*[r for r in self._built if not isinstance(r, Status)], *self.cast)
-
-    @property
-    def _built(self) -> tuple[Report, ...]:
-        return self.group.build(self.numbers)
+        samples = self.group.samples
+        return bool(samples) and isinstance(samples[0], Status)
 
 
 class DueScan(NamedTuple):

@@ -11,7 +11,7 @@ import numpy as np
 from radarsim.geometry import Pose3
 from radarsim.presets.robots import Item, RobotModel
 from radarsim.presets.sensors import has_fmcw
-from radarsim.protocol.periodic_reports import ReportForm, ReportGroup
+from radarsim.protocol.fields import ReportGroup
 from radarsim.protocol.reports import Status
 from radarsim.rng import generator_for
 from radarsim.robots.robot import Battery, Robot
@@ -29,16 +29,18 @@ from radarsim.simulation.items import (
     InsItem,
     Mounting,
     SensorItem,
+    Source,
     TouchItem,
-    join_reports,
+    join_encoders,
 )
 from radarsim.simulation.ray_items import GpsItem, RayItem, SonarItems
-from radarsim.simulation.reading_kernel import CHARGE, TIME
-from radarsim.simulation.reading_table import (
+from radarsim.simulation.readings import (
+    CHARGE,
+    TIME,
+    Job,
     NumberRow,
     Program,
     ReadingTable,
-    instruction,
 )
 
 STATUS_TICKS: Final = ticks_of(DEFAULT_INTERVAL)
@@ -148,7 +150,10 @@ class Vehicle:
         self._numbers = NumberRow(readings, robot.slot)
         least = 0.0 if self.battery.runs_out else 1.0
         charge = self._numbers.add([self.battery.life, least, self.spawn_tick])
-        self._battery_place = charge.start
+        self._status_jobs = {
+            "time": [Job(TIME)],
+            "battery": [Job(CHARGE, charge.start)],
+        }
         self._changed: set[str] = set()  # scanners that are to be replaced
         self._mount_items(seed, gps_origin)
         order = list(SENSOR_ITEMS)
@@ -158,8 +163,8 @@ class Vehicle:
         )
         items = self._sensor_items.values()
         self.has_touch = any(isinstance(i, TouchItem) for i in items)
-        drifting = [item.drifting for item in items if isinstance(item, InsItem)]
-        self.drift = readings.program(drifting)
+        drifting = [item.drift for item in items if isinstance(item, InsItem)]
+        self.drift = readings.program(drifting, 0)
         self._reschedule()
 
     @property
@@ -327,22 +332,36 @@ class Vehicle:
         if STATUS_ONLY in intervals:
             due.clear()
         names = [item.name for item in self._reading_order if item.name in due]
-        forms, instructions = join_reports(
-            [self._sensor_items[name] for name in names],
-            joins_encoders=self.dialect.joins_encoders,
-        )
-        groups = [forms, forms]
+        sources = [self._sensor_items[name].source for name in names]
+        if self.dialect.joins_encoders:
+            sources = join_encoders(sources)
+        lit = sources
         if STATUS_TICKS in intervals:
-            groups = [[ReportForm(Status, light), *forms] for light in (False, True)]
-            charge = instruction(CHARGE, self._battery_place)
-            instructions = [instruction(TIME), charge, *instructions]
-        off, on = (ReportGroup(group, self.dialect) for group in groups)
+            jobs = self._status_jobs
+            sources, lit = (
+                [Source(Status(0.0, 0, light), jobs), *sources]
+                for light in (False, True)
+            )
+        off, on = (
+            ReportGroup([source.sample for source in each], self.dialect)
+            for each in (sources, lit)
+        )
         return DueItems(
             (off, on),
-            self._readings.program(instructions),
+            self._program(sources),
             tuple([each for each in self._ray_items if each.item.name in due]),
             tuple([each for each in self.scanners if each.item.name in due]),
         )
+
+    def _program(self, sources: Sequence[Source]) -> Program:
+        """Return what computes numbers, in the order in which lines have them."""
+        jobs: list[Job] = []
+        size = 0
+        for sample, jobs_of in sources:
+            for attribute in sample.sources(self.dialect):
+                jobs += jobs_of[attribute]
+            size += len(sample.split(self.dialect)[1])
+        return self._readings.program(jobs, size)
 
 
 def _empty_age(battery: Battery) -> float:

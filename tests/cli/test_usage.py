@@ -37,7 +37,7 @@ from .conftest import RunCommand
             ["--sensor", "--beam"],
             id="options are missing",
         ),
-        pytest.param(("map",), ["OUT", "map --help"], id="argument is missing"),
+        pytest.param(("serve",), ["MAP", "serve --help"], id="argument is missing"),
         pytest.param(
             ("navigate", "--algorithm", "bug3"), ["--algorithm: 'bug3'"], id="value"
         ),

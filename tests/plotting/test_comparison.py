@@ -14,8 +14,7 @@ from radarsim import Material, Scene
 from radarsim.geometry import Pose3
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
-from radarsim.sensors.scan_batch import scan_batch
-from radarsim.sensors.scan_plan import ScanRequest
+from radarsim.sensors.scanning import ScanRequest, scan_batch
 
 PLACE = (-8.0, 0.0, 0.0)
 

@@ -6,32 +6,22 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from radarsim.geometry import Pose2, Pose3
+from radarsim.geometry import Pose2, Pose3, wrap_angle
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
-from radarsim.protocol.line_writer import ReportBlock, encode_blocks, encode_lines
+from radarsim.protocol.fields import MOST_KEPT, LineReport, ReportGroup
+from radarsim.protocol.line_writer import ReportBlock, encode_blocks
 from radarsim.protocol.numbers import NumberFormat, Rounding
-from radarsim.protocol.periodic_reports import (
-    NumberedReport,
-    ReportForm,
-    ReportGroup,
-)
 from radarsim.protocol.reports import (
-    EchoLine,
     Encoder,
-    Gps,
-    Greeting,
     GroundTruth,
     Ins,
     NameConf,
     Odometry,
     RangeScan,
-    Report,
     Sonar,
     Status,
     Tachometer,
-    TargetEchoes,
     Touch,
-    to_bytes,
 )
 
 DIALECTS = [COMPAT, COMPAT.of_generation("ut2004"), UDK]
@@ -54,59 +44,52 @@ NUMBERS = st.one_of(
     st.floats(-(2.0**31), 2.0**31, exclude_min=True, exclude_max=True),
     st.sampled_from([0.0, -0.0, 5e-324, -5e-324, 0.99999994]),
 )
-NAMES = st.sampled_from(["Radar", "", "Lidar 1 ", "Straße", "\xf2\xc2"])
-POSES = st.builds(Pose3, *[NUMBERS] * 6)
-VECTORS = st.lists(NUMBERS, max_size=2).map(tuple)
-WHOLE = st.integers(-400, 400) | st.integers(2**31 - 1, 2**80)
 
 
-def arrays(elements: st.SearchStrategy[float], count: int) -> st.SearchStrategy[object]:
-    return st.lists(elements, min_size=count, max_size=count).map(
-        lambda values: np.array(values, np.float64)
-    )
+def encode(report: LineReport, dialect: Dialect) -> bytes:
+    (line,) = encode_blocks([ReportBlock([report], dialect)])
+    return line
 
 
-ECHOES = st.integers(1, 2).flatmap(
-    lambda count: st.builds(
-        TargetEchoes,
-        *(NAMES, NAMES, NUMBERS | st.just(math.inf), NUMBERS),
-        *(st.booleans(), st.booleans()),
-        arrays(st.integers(0, 999_999), count),
-        arrays(NUMBERS, count),
-        st.tuples(*[st.sampled_from(["enter", "leave", "hit"])] * count),
-        *(arrays(NUMBERS, count), arrays(NUMBERS, count)),
-    )
-)
-TIMES = NUMBERS | st.just(math.nan)
-REPORTS = st.one_of(
-    st.builds(Status, NUMBERS, WHOLE, st.booleans()),
-    st.builds(RangeScan, TIMES, NAMES, NUMBERS, NUMBERS, VECTORS.map(np.array)),
-    st.builds(EchoLine, TIMES, NAMES, WHOLE, WHOLE, st.none() | ECHOES),
-    st.builds(GroundTruth, TIMES, NAMES, POSES),
-    st.builds(Ins, TIMES, NAMES, POSES),
-    st.builds(Odometry, TIMES, NAMES, st.builds(Pose2, *[NUMBERS] * 3)),
-    st.builds(Tachometer, TIMES, NAMES, VECTORS, VECTORS),
-    st.builds(Encoder, TIMES, st.lists(st.tuples(NAMES, WHOLE), max_size=2).map(tuple)),
-    st.builds(Touch, TIMES, NAMES, st.booleans()),
-    st.builds(Sonar, TIMES, st.lists(st.tuples(NAMES, NUMBERS), max_size=2).map(tuple)),
-    st.builds(Gps, TIMES, NAMES, st.none() | st.tuples(NUMBERS, NUMBERS), WHOLE),
-    st.builds(Greeting, NAMES),
-)
+FORMS = st.builds(NumberFormat, st.integers(1, 6), st.sampled_from(Rounding))
 
 
 @given(
-    reports=st.lists(st.tuples(REPORTS, st.sampled_from(DIALECTS)), max_size=2),
+    values=st.lists(NUMBERS, min_size=1, max_size=4),
+    form=FORMS,
+    dialect=st.sampled_from(DIALECTS),
 )
-@example(reports=[(Sonar(1.0, (("S1", -0.99999994),)), UDK)])
-def test_lines_equal_those_that_the_reports_encode(
-    reports: list[tuple[Report, Dialect]],
+@example(values=[-0.99999994], form=NumberFormat(4, Rounding.TRUNCATED), dialect=COMPAT)
+def test_numbers_have_the_digits_of_their_format(
+    values: list[float], form: NumberFormat, dialect: Dialect
 ) -> None:
-    expected = [to_bytes([report.encode(dialect)]) for report, dialect in reports]
-    assert encode_lines(reports) == expected
+    changed = replace(dialect, ranges=form, plain=form, truth=form, ins=form)
+    texts = [form.format(value) for value in values]
+    scan = RangeScan(math.nan, "radar", 0.1, 0.2, np.array(values))
+    assert b"{Range %s}" % ",".join(texts).encode() in encode(scan, changed)
+    wheels = Tachometer(1.0, "T", tuple(values), (1.0,))
+    assert b"{Vel %s}" % ",".join(texts).encode() in encode(wheels, changed)
+
+
+@given(numbers=st.tuples(*[NUMBERS] * 6), form=FORMS, dialect=st.sampled_from(DIALECTS))
+def test_poses_are_in_the_axes_of_the_wire(
+    numbers: tuple[float, ...], form: NumberFormat, dialect: Dialect
+) -> None:
+    x, y, z, *angles = numbers
+    turned = [angles[0], 0.0 - angles[1], 0.0 - angles[2]]
+    wrapped = [wrap_angle(angle) for angle in turned]
+    place = form.join([x, 0.0 - y, 0.0 - z])
+    changed = replace(dialect, truth=form, ins=form)
+    line = encode(GroundTruth(1.0, "G", Pose3(*numbers)), changed).decode()
+    assert f"{{Location {place}}} {{Orientation {form.join(wrapped)}}}" in line
+    if dialect is UDK:
+        wrapped = [angle % math.tau for angle in wrapped]
+    line = encode(Ins(1.0, "I", Pose3(*numbers)), changed).decode()
+    assert f"{{Location {place}}} {{Orientation {form.join(wrapped)}}}" in line
 
 
 @pytest.mark.parametrize("rounding", list(Rounding))
-@pytest.mark.parametrize("decimals", [1, 2, 4, 6, 7])
+@pytest.mark.parametrize("decimals", [1, 2, 4, 6])
 def test_numbers_around_halves_have_the_digits_of_each_number(
     decimals: int, rounding: Rounding
 ) -> None:
@@ -118,7 +101,7 @@ def test_numbers_around_halves_have_the_digits_of_each_number(
     values = np.concatenate([*near, -halves, halves.astype(np.float32), exact])
     values = values[np.abs(values) < 2**31]
     scan = RangeScan(math.nan, "radar", 0.1, 0.2, values)
-    (line,) = encode_lines([(scan, replace(COMPAT, ranges=form))])
+    line = encode(scan, replace(COMPAT, ranges=form))
     texts = line.decode().partition("{Range ")[2].removesuffix("}\r\n").split(",")
     assert texts == [form.format(value) for value in values.tolist()]
 
@@ -135,73 +118,87 @@ def test_number_that_cannot_be_written_is_an_error(
         RangeScan(1.0, "radar", number, 0.2, np.array([1.0])),
     ):
         with pytest.raises(ValueError, match="expected less than"):
-            encode_lines([(good, dialect), (bad, dialect), (good, dialect)])
+            encode_blocks([ReportBlock([good, bad, good], dialect)])
 
 
-def test_replies_are_written_among_readings() -> None:
-    touch = Touch(1.0, "Bumper", touched=True)
-    reply = NameConf("Touch", ("Bumper",))
-    lines = encode_lines([(touch, UDK), (reply, UDK), (touch, COMPAT), (reply, COMPAT)])
-    assert lines == [
-        b"SEN {Time 1.0000} {Type Touch} {Name Bumper} {Touch True}\r\n",
-        b"CONF {Type Touch} {Name Bumper}\r\n",
-        b"SEN {Time 1.00} {Type Touch} {Name Bumper Touch True}\r\n",
+def test_lines_of_reports_and_groups_are_in_blocks() -> None:
+    samples = [Status(0.0, 0, light=True), Encoder(0.0, (("W1", 0), ("W2", 0)))]
+    group = ReportGroup(samples, COMPAT)
+    numbers = [1.5, 3599, 1.5, 9, -9]
+    conf = NameConf("Touch", ("Bumper",))
+    touches = [Touch(1.5, "Bumper", touched=flag) for flag in (True, False)]
+    alone = ReportBlock([], COMPAT, group, numbers)
+    followed = ReportBlock([*touches, conf], COMPAT, group, numbers)
+    head = (
+        b"STA {Type GroundVehicle} {Time 1.50} {FrontSteer 0.0000} {RearSteer 0.0000}"
+        b" {LightToggle True} {LightIntensity 100} {Battery 3599} {View -1}\r\n"
+        b"SEN {Time 1.50} {Type Encoder} {Name W1} {Tick 9} {Name W2} {Tick -9}\r\n"
+    )
+    assert encode_blocks([alone, ReportBlock([], UDK), followed]) == [
+        head,
+        b"",
+        head + b"SEN {Time 1.50} {Type Touch} {Name Bumper Touch True}\r\n"
+        b"SEN {Time 1.50} {Type Touch} {Name Bumper Touch False}\r\n"
         b"CONF {Type Touch} {Name Bumper}\r\n",
     ]
-
-
-def test_no_reports_have_no_lines() -> None:
-    assert encode_lines([]) == []
+    assert encode_blocks([]) == []
 
 
 def test_a_thousand_scans_are_written_at_once() -> None:
     scan = RangeScan(1.0, "radar", 0.1, 0.2, np.full(181, -(2.0**31) + 1))
-    line = to_bytes([scan.encode(COMPAT)])
-    assert encode_lines([(scan, COMPAT)] * 1000) == [line] * 1000
-
-
-NUMBERED = [
-    (Status(1.5, 3599, light=True), True),
-    (GroundTruth(1.5, "GndTruth", Pose3(1, 2, 3, 0.1, 0.2, 0.3)), "GndTruth"),
-    (Ins(1.5, "InsTest", Pose3(1, 2, -0.0, -0.0, -9.0, 1e-9)), "InsTest"),
-    (Odometry(1.5, "Odometer", Pose2(1, 0, -9)), "Odometer"),
-    (Tachometer(1.5, "TachTest", (1.0, 2.0), (3.0, 4.0)), ("TachTest", 2, 2)),
-    (Encoder(1.5, (("W1", 9), ("W2", -9))), ("W1", "W2")),
-    (Touch(1.5, "Bumper", touched=True), "Bumper"),
-    (Touch(1.5, "Bumper", touched=False), "Bumper"),
-]
-
-
-@pytest.mark.parametrize("dialect", DIALECTS)
-def test_group_of_reports_is_its_forms_and_their_numbers(dialect: Dialect) -> None:
-    reports: list[NumberedReport] = [report for report, _ in NUMBERED]
-    group = ReportGroup(
-        [ReportForm(type(report), fixed) for report, fixed in NUMBERED], dialect
-    )
-    numbers = [number for report in reports for number in report.split(dialect)[1]]
-    scan = RangeScan(1.5, "radar", 0.1, 0.2, np.array([1.0, 2.0]))
-    lines = [report.encode(dialect) for report in reports]
-    assert [each.encode(dialect) for each in group.build(numbers)] == lines
-    alone = ReportBlock([], dialect, group, numbers)
-    followed = ReportBlock([scan], dialect, group, numbers)
-    empty = ReportBlock([], dialect)
-    assert encode_blocks([alone, empty, followed]) == [
-        to_bytes(lines),
-        b"",
-        to_bytes([*lines, scan.encode(dialect)]),
-    ]
+    line = encode(scan, COMPAT)
+    assert encode_blocks([ReportBlock([scan], COMPAT)] * 1000) == [line] * 1000
+    assert line.count(b"-2147483647.00") == 181
 
 
 def test_number_of_a_group_that_cannot_be_written_is_an_error() -> None:
-    group = ReportGroup([ReportForm(Odometry, "Odometer")], COMPAT)
-    with pytest.raises(ValueError, match="expected less than"):
+    group = ReportGroup([Odometry(0.0, "Odometer", Pose2(0, 0))], COMPAT)
+    with pytest.raises(ValueError, match="number nan, expected less than"):
         encode_blocks([ReportBlock([], COMPAT, group, [1.0, math.nan, 0.0, 0.0])])
 
 
 def test_angles_of_any_size_are_wrapped() -> None:
     turns = [k * math.pi / 3 + e for k in range(-50, 50) for e in (0, 1e-9, -1e-9)]
-    turns += [math.pi, -math.pi, 3 * math.pi, -3 * math.pi, 1e9, -1e9, 2.0**31]
-    for dialect in DIALECTS:
-        reports = [(Ins(1.0, "I", Pose3(0, 0, 0, a, a, a)), dialect) for a in turns]
-        expected = [to_bytes([report.encode(dialect)]) for report, _ in reports]
-        assert encode_lines(reports) == expected
+    turns += [math.pi, -math.pi, 3 * math.pi, -3 * math.pi, 1e9, -1e9]
+    for angle in turns:
+        wrapped = COMPAT.ins.format(wrap_angle(angle))
+        line = encode(Ins(1.0, "I", Pose3(0, 0, 0, angle)), COMPAT).decode()
+        assert f"{{Orientation {wrapped},0.0000,0.0000}}" in line
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_numbers_of_a_report_come_from_its_attributes_in_order(
+    dialect: Dialect,
+) -> None:
+    sources = [
+        Status(1.5, 3599, light=True).sources(dialect),
+        Ins(1.5, "InsTest", Pose3(1, 2, 3)).sources(dialect),
+        Tachometer(1.5, "T", (1.0,), (2.0,)).sources(dialect),
+    ]
+    ins = ["pose"] if dialect is UDK else ["time", "pose"]
+    assert sources == [["time", "battery"], ins, ["time", "velocities", "positions"]]
+
+
+@pytest.mark.parametrize("names", [("A", "B"), ("B", "A")])
+def test_templates_that_are_kept_are_those_of_their_reports(
+    names: tuple[str, str],
+) -> None:
+    for name in names * 2:
+        for time in (1.0, math.nan):
+            sonar = Sonar(time, ((name, 2.0), ("C", 3.0)))
+            scan = RangeScan(time, name, 0.5, 1.0, np.array([1.0, 2.0]))
+            stamp = "" if math.isnan(time) else "{Time 1.00} "
+            assert sonar.encode(COMPAT) == (
+                f"SEN {stamp}{{Type Sonar}} {{Name {name} Range 2.0000}}"
+                " {Name C Range 3.0000}"
+            )
+            assert scan.encode(COMPAT) == (
+                f"SEN {stamp}{{Type RangeScanner}} {{Name {name}}}"
+                " {Resolution 0.500000} {FOV 1.000000} {Range 1.00,2.00}"
+            )
+
+
+def test_few_templates_are_kept() -> None:
+    for number in range(MOST_KEPT + 10):  # clients can change their settings
+        scan = RangeScan(1.0, "radar", 0.1, 1.0 + number, np.array([1.0]))
+        assert scan.encode(COMPAT).count(f"{{FOV {1 + number}.0") == 1

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Pose2, Pose3, wrap_angle
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
+from radarsim.protocol.echoes import target_lines
 from radarsim.protocol.message import Message, decode_message
 from radarsim.protocol.reports import (
     EchoLine,
@@ -41,7 +42,6 @@ from radarsim.protocol.reports import (
     decode_report,
     to_bytes,
 )
-from radarsim.protocol.targets import target_lines
 
 
 def test_lines_end_with_crlf_and_are_ascii() -> None:

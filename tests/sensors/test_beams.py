@@ -16,7 +16,7 @@ from radarsim.presets.sensor_settings import (
 from radarsim.presets.sensors import load_settings
 from radarsim.raycast.aimed_rays import AimedRays, Sides
 from radarsim.rng import generator_for
-from radarsim.sensors.beams import BeamPattern, RayTemplate, beam_angles
+from radarsim.sensors.beams import BeamPattern, beam_angles
 
 ORIGIN, HERE = Pose3(0.0, 0.0, 0.0), Pose3(1.0, -2.0, 0.5)
 
@@ -317,15 +317,3 @@ def test_every_direction_is_a_unit_vector(
     pose = Pose3(0, 0, 0, 0.1, pitch, 1.0)
     directions = sample(pattern, generator_for(seed, "any"), pose).directions
     assert np.linalg.norm(directions, axis=1) == pytest.approx(np.ones(16), abs=1e-12)
-
-
-def test_template_that_a_thread_makes_shorter_meanwhile_still_fits(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    template = RayTemplate(load_settings("radar"))
-    short = template.rays_from(AimedRays.empty(3), None)
-    # As if another thread always were the last to replace it.
-    last_of_others = property(lambda _: short, lambda *_: None)
-    monkeypatch.setattr(RayTemplate, "_rays", last_of_others, raising=False)
-    rays = template.rays_from(AimedRays.empty(10), None)
-    assert {len(rays.power), len(rays.max_range), len(rays.class_index)} == {10}

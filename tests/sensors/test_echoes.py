@@ -172,7 +172,7 @@ def test_robot_is_a_target() -> None:
     tracer = tracer_of(world)
     boxes = Boxes(np.array([[3.0, 0, 0, 0, 1, 0.5, 0.5, 4.0]]))
     plan = radar.plan(tracer, Pose3(0, 0, 0.3), generator_for(0), boxes)
-    scan = radar.read(plan, tracer.trace(plan.rays, boxes))
+    scan = radar.builder.build(plan, tracer.trace(plan.rays, boxes))
     assert set(scan.echoes.targets.values()) == {
         Target("robot 4", "robot", math.inf, 0.0, False, False)
     }

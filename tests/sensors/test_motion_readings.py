@@ -29,14 +29,13 @@ from radarsim.sensors.motion_readings import (
     new_tachometer,
     overwrite_ins,
 )
-from radarsim.simulation.reading_kernel import (
+from radarsim.simulation.readings import (
     DRIFT,
     INS_POSE,
-    MEASURE,
     SPENT,
-    TICKS,
-    WHEEL_ANGLE,
-    WHEEL_SPEED,
+    WHEEL_ANGLES,
+    WHEEL_SPEEDS,
+    WHEEL_TICKS,
     fill_readings,
 )
 
@@ -52,25 +51,28 @@ places = st.builds(
 class Sensor:
     """A sensor of a robot whose pose and wheels are given."""
 
-    def __init__(self, numbers: Floats, rng: np.random.Generator) -> None:
-        self.row = np.concatenate([[0.0], numbers])
-        self.numbers = self.row[1:]
+    def __init__(
+        self, numbers: Floats, rng: np.random.Generator, *, wheels: int = 2
+    ) -> None:
+        # A left wheel, and perhaps a right one, both forward, after the numbers.
+        self.row = np.concatenate([[0.0], numbers, [wheels, LEFT, 1, RIGHT, 1]])
+        self.numbers = self.row[1:-5]
         self.rng = rng
 
     def read(
         self,
-        *instructions: tuple[int, int],
+        *kinds: int,
         body: Pose3 = SPAWN,
         wheels: tuple[float, float] = (0, 0),
         ticks: int = 0,
     ) -> list[float]:
-        """Follow instructions, each of a kind and a side."""
+        """Do jobs of some kinds."""
         robots = new_columns(1)
         robots[0, [X, Y, BODY_Z, YAW]] = body.x, body.y, body.z, body.yaw
         robots[0, [LEFT_ANGLE, RIGHT_ANGLE]] = wheels
-        rows = np.array([(kind, 1, side, 1) for kind, side in instructions])
-        jobs, out = np.array([[0, 0, len(rows)]]), np.zeros(6)
-        fill_readings(jobs, rows, self.row[None], ticks, out, robots, np.zeros((0, 7)))
+        jobs = np.array([(kind, 1, len(self.row) - 5) for kind in kinds])
+        due, out = np.array([[0, 0, len(jobs)]]), np.zeros(6)
+        fill_readings(due, jobs, self.row[None], ticks, out, robots, np.zeros((0, 7)))
         return out.tolist()
 
 
@@ -80,13 +82,13 @@ class Ins(Sensor):
         super().__init__(new_ins(MOUNTED, SPAWN, noise, rng), rng)
 
     def drift(self, body: Pose3) -> None:
-        self.read((DRIFT, 0), body=body)
+        self.read(DRIFT, body=body)
         if self.row[SPENT]:
             draw_drift(self.numbers, self.rng)
             self.row[SPENT] = 0
 
     def reading(self, body: Pose3) -> Pose3:
-        return Pose3(*self.read((INS_POSE, 0), body=body))
+        return Pose3(*self.read(INS_POSE, body=body))
 
     def overwrite(self, pose: Pose3, body: Pose3) -> None:
         overwrite_ins(self.numbers, pose, body)
@@ -228,12 +230,11 @@ def tachometer() -> Sensor:
 
 
 def speeds(one: Sensor, ticks: int, wheels: tuple[float, float]) -> list[float]:
-    sides = [(WHEEL_SPEED, LEFT), (WHEEL_SPEED, RIGHT)]
-    return one.read((MEASURE, 0), *sides, wheels=wheels, ticks=ticks)[:2]
+    return one.read(WHEEL_SPEEDS, wheels=wheels, ticks=ticks)[:2]
 
 
 def angles(one: Sensor, wheels: tuple[float, float]) -> list[float]:
-    return one.read((WHEEL_ANGLE, LEFT), (WHEEL_ANGLE, RIGHT), wheels=wheels)[:2]
+    return one.read(WHEEL_ANGLES, wheels=wheels)[:2]
 
 
 def test_tachometer_averages_since_its_last_reading() -> None:
@@ -259,13 +260,13 @@ def test_tachometer_zero_moves_positions_but_not_velocities() -> None:
 
 
 class Encoder(Sensor):
-    def __init__(self, noise: float = 0.0, wheels: int = 1) -> None:
+    def __init__(self, noise: float = 0.0) -> None:
         rng = generator_for(0, "W1")
-        super().__init__(new_encoder(wheels, 0, 0, rng, noise=noise), rng)
+        super().__init__(new_encoder(1, 0, 0, rng, noise=noise), rng, wheels=1)
 
     def ticks(self, left: float, right: float = 0.0) -> float:
         """Return the ticks of the left wheel."""
-        ticks, *_ = self.read((TICKS, LEFT), wheels=(left, right))
+        ticks, *_ = self.read(WHEEL_TICKS, wheels=(left, right))
         if self.row[SPENT]:
             draw_errors(self.numbers, self.rng)
             self.row[SPENT] = 0

@@ -5,11 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tick_readings import readings_of
 
 from radarsim.geometry import Pose2
 from radarsim.presets.robots import load_robot
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
-from radarsim.protocol.reports import Encoder, Gps, Report, Sonar
+from radarsim.protocol.fields import LineReport
+from radarsim.protocol.reports import Encoder, Gps, Sonar
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.simulation.config import SimulationConfig
@@ -32,12 +34,12 @@ def spawned(
     return simulation, vehicle
 
 
-def readings(simulation: Simulation, vehicle: Vehicle, ticks: int) -> list[Report]:
-    read: list[Report] = []
+def readings(simulation: Simulation, vehicle: Vehicle, ticks: int) -> list[LineReport]:
+    read: list[LineReport] = []
     for _ in range(ticks):
         simulation.step()
         output = simulation.collect_reports().get(vehicle.number)
-        read += output.readings if output else ()
+        read += readings_of(output) if output else ()
     return read
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tick_readings import readings_of, status_of
 
 from radarsim.geometry import Pose2, Pose3
 from radarsim.presets.robots import load_robot
@@ -17,7 +18,7 @@ from radarsim.protocol.reports import (
     Ins,
     Odometry,
     RangeScan,
-    Report,
+    Status,
     Tachometer,
     Touch,
 )
@@ -56,7 +57,12 @@ def scan_after(simulation: Simulation, vehicle: Vehicle, ticks: int = 10) -> Ran
     return scan
 
 
-def types(reports: Sequence[Report]) -> list[type]:
+def charges(outputs: Sequence[tuple[int, TickOutput]]) -> list[int]:
+    found = [status_of(output) for _, output in outputs]
+    return [status.battery for status in found if status is not None]
+
+
+def types(reports: Sequence[object]) -> list[type]:
     return [type(report) for report in reports]
 
 
@@ -65,8 +71,8 @@ def test_pose_readings_come_before_the_others(empty_room: Scene) -> None:
     vehicle = spawned(simulation, Pose2(-8, 0))
     ((tick, last),) = run(simulation, 10)[vehicle.number]
     assert tick == 10
-    assert last.status is not None
-    assert types(last.readings) == [
+    assert status_of(last) is not None
+    assert types(readings_of(last)) == [
         *(GroundTruth, Ins, Odometry, Tachometer, Encoder, Encoder, Touch)
     ]
     assert types(last.scans) == [RangeScan]
@@ -85,7 +91,8 @@ def test_intervals_start_at_the_spawn(empty_room: Scene) -> None:
         40,
     ]
     assert [t for t, output in outputs[late.number] if output.scans] == [17, 27, 37]
-    assert [t for t, output in outputs[late.number] if output.status] == [17, 27, 37]
+    due = [t for t, output in outputs[late.number] if status_of(output)]
+    assert due == [17, 27, 37]
     times = [output.scans[0].time for _, output in outputs[late.number] if output.scans]
     assert times == [0.17, 0.27, 0.37]
 
@@ -169,7 +176,7 @@ def test_robot_stops_at_a_wall_and_its_bumper_reports_touch(empty_room: Scene) -
     touches = [
         r.touched
         for _, output in outputs
-        for r in output.readings
+        for r in readings_of(output)
         if isinstance(r, Touch)
     ]
     assert touches[0] is False
@@ -178,7 +185,7 @@ def test_robot_stops_at_a_wall_and_its_bumper_reports_touch(empty_room: Scene) -
     distances = [
         r.pose.x
         for _, output in outputs
-        for r in output.readings
+        for r in readings_of(output)
         if isinstance(r, Odometry)
     ]
     assert distances[-1] == pytest.approx(8 * 0.098 * 2)  # the wheels turn on
@@ -189,9 +196,9 @@ def test_readings_of_a_tick_describe_the_same_moment(empty_room: Scene) -> None:
     vehicle = spawned(simulation, Pose2(-8, 0, 0.3))
     vehicle.robot.drive(3, 4)
     for tick, output in run(simulation, 100)[vehicle.number]:
-        if not output.readings:
+        if not readings_of(output):
             continue
-        truth, ins, odometry, tachometer = output.readings[:4]
+        truth, ins, odometry, tachometer = readings_of(output)[:4]
         assert isinstance(truth, GroundTruth)
         assert isinstance(ins, Ins)
         assert isinstance(odometry, Odometry)
@@ -254,8 +261,8 @@ def test_odometry_of_the_older_robots_has_no_time_stamp(
     vehicle = simulation.spawn("R", load_robot(class_name), Pose2(-8, 0))
     assert vehicle is not None
     _, output = run(simulation, 20)[vehicle.number][-1]
-    (reading,) = (r for r in output.readings if isinstance(r, Odometry))
-    assert reading.time == 0.2
+    (reading,) = (r for r in readings_of(output) if isinstance(r, Odometry))
+    assert reading.time == 0.2 if is_stamped else math.isnan(reading.time)
     assert reading.encode(vehicle.dialect).startswith("SEN {Time ") is is_stamped
 
 
@@ -267,7 +274,7 @@ def test_reset_zeroes_odometry_and_wheel_counters(empty_room: Scene) -> None:
     for item in vehicle.model.items:
         vehicle.reset(item)
     vehicle.robot.halt()
-    readings = run(simulation, 5)[vehicle.number][-1][1].readings
+    readings = readings_of(run(simulation, 5)[vehicle.number][-1][1])
     odometry, tachometer = readings[2:4]
     assert isinstance(odometry, Odometry)
     assert isinstance(tachometer, Tachometer)
@@ -284,7 +291,7 @@ def test_set_ins_sets_the_pose_of_the_ins(empty_room: Scene) -> None:
     vehicle = spawned(simulation, Pose2(-8, 0))
     (ins,) = vehicle.model.items_of("INS")
     vehicle.set_ins(ins, Pose3(1, 2, 3, 0.1, 0.2, 0.3))
-    reading = run(simulation, 10)[vehicle.number][-1][1].readings[1]
+    reading = readings_of(run(simulation, 10)[vehicle.number][-1][1])[1]
     assert isinstance(reading, Ins)
     assert reading.pose.numbers() == pytest.approx((1, 2, 3, 0.1, 0.2, 0.3))
 
@@ -297,8 +304,8 @@ def test_ins_drift_is_drawn_by_simulated_time_at_any_rate(
     vehicle.robot.drive(5, 5)
     errors = []
     for _, output in run(simulation, 100)[vehicle.number]:
-        if output.readings:
-            truth, ins = output.readings[:2]
+        if readings_of(output):
+            truth, ins = readings_of(output)[:2]
             assert isinstance(truth, GroundTruth)
             assert isinstance(ins, Ins)
             errors.append(ins.pose.x - truth.pose.x)
@@ -311,9 +318,7 @@ def test_simulated_time_has_exact_digits_after_many_ticks(empty_room: Scene) -> 
     simulation.ticks = 123_456_789
     vehicle = spawned(simulation, Pose2(-8, 0))
     output = run(simulation, 10)[vehicle.number][-1][1]
-    assert output.status is not None
-    assert output.status.time == 1_234_567.99
-    assert output.status.battery == 3599
+    assert status_of(output) == Status(1_234_567.99, 3599, light=False)
 
 
 def test_robot_with_an_empty_battery_stands_and_sends_only_its_status(
@@ -326,15 +331,15 @@ def test_robot_with_an_empty_battery_stands_and_sends_only_its_status(
     vehicle = spawned(simulation, Pose2(-8, 0))
     vehicle.robot.drive(0.5, 0.5)
     outputs = run(simulation, 50)[vehicle.number]
-    assert [output.status.battery for _, output in outputs if output.status] == [1] * 5
+    assert charges(outputs) == [1] * 5
     assert vehicle.alive
     x = vehicle.robot.pose.x
     assert x == pytest.approx(-8 + 0.5 * math.pi * 0.098 * 1.0)
     outputs = run(simulation, 50)[vehicle.number]
     assert not vehicle.alive
     assert vehicle.robot.pose.x == x
-    assert [output.status.battery for _, output in outputs if output.status] == [0] * 5
-    assert not [output for _, output in outputs if output.readings or output.scans]
+    assert charges(outputs) == [0] * 5
+    assert not [output for _, output in outputs if readings_of(output) or output.scans]
 
 
 def test_no_robot_is_spawned_inside_a_bush(foliage_room: Scene) -> None:

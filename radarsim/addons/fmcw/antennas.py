@@ -27,7 +27,7 @@ from radarsim.addons.fmcw.targets import read_ranges
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.processes import BackgroundThread
-from radarsim.protocol.targets import target_lines
+from radarsim.protocol.echoes import target_lines
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.rng import NumberedStreams, generator_for
 from radarsim.scene.scene import Scene

@@ -25,8 +25,7 @@ from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import RangeScanner
 from radarsim.sensors.scan import Scan
-from radarsim.sensors.scan_batch import scan_batch, scan_ranges
-from radarsim.sensors.scan_plan import ScanRequest
+from radarsim.sensors.scanning import ScanRequest, scan_batch, scan_ranges
 from radarsim.simulation.clock import TICK, ticks_of
 from radarsim.simulation.config import SimulationConfig
 

@@ -122,6 +122,7 @@ def roomiest(free: Mask) -> tuple[int, int] | None:
 
     if not free.any():
         return None
+    # padded, since what is beyond the picture is not free either
     room = ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1]
     row, column = np.unravel_index(np.argmax(room), room.shape)
     return int(row), int(column)

@@ -282,6 +282,7 @@ class _SdfFile:
             raise wrong(self._path, include.line, f"{uri!r} includes itself")
         root = read_xml(file)
         named = include.text_of("name")
+        # Its own folder is where its meshes are, not that of the world.
         other = _SdfFile(file, self._map, self._folder, self._files)
         for model in root.all("model"):
             if named:

@@ -73,6 +73,7 @@ class Block:
         inside = np.zeros((cells, cells), bool)
         ends = np.roll(self.points, -1, axis=0)
         for (x0, y0), (x1, y1) in zip(self.points, ends, strict=True):
+            # even-odd rule: a middle is inside if an odd number of edges is east of it
             if y0 != y1:  # an edge that a line to the east may cross
                 crossing = x0 + (y - y0) / (y1 - y0) * (x1 - x0)
                 inside ^= ((y0 > y) != (y1 > y)) & (x < crossing)
@@ -193,6 +194,7 @@ class _Importer:
             return
         size = _size(model.get("size"))
         self._add_body(model, size, pose)
+        # In Stage, models stand on the top of the model that they are in.
         is_stacked = _is_true(model.get("stack_children"), default=True)
         top = pose.compose(Pose3(0.0, 0.0, size[2])) if is_stacked else pose
         for child in model.all_children():

@@ -177,7 +177,7 @@ def _parse_part(path: Path, line: _Line) -> Struct:
         raise wrong(path, line.number, text)
     try:
         part, end = _parse_struct(line.value, 1)
-    except RecursionError:
+    except RecursionError:  # thousands of parentheses
         end = -1
     except ValueError as error:
         raise wrong(path, line.number, str(error)) from error

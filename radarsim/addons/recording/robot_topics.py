@@ -39,7 +39,7 @@ from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.client.robot_info import RobotInfo, ScannerInfo, same_name
 from radarsim.geometry import Floats, Pose3
 from radarsim.protocol.commands import Drive
-from radarsim.protocol.echoes import EchoLine, TargetEchoes
+from radarsim.protocol.echoes import EchoLine, RadarTargets, TargetEchoes
 from radarsim.protocol.reports import (
     GroundTruth,
     Ins,
@@ -47,7 +47,6 @@ from radarsim.protocol.reports import (
     RangeScan,
     Report,
 )
-from radarsim.protocol.targets import RadarTargets
 
 
 class Legend:

@@ -183,7 +183,6 @@ def _distances(cells: Mask) -> Floats:
 
 
 def _around(frame: GridFrame, scene: Scene) -> GridFrame:
-    """Return the frame extended to hold the whole scene."""
     low, high = scene.bounds[0], scene.bounds[1]
     return frame.extended_to(
         (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))

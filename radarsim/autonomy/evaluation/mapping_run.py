@@ -156,7 +156,6 @@ class MappingResult:
         self.score = score_mapper(mapper, self.scene, robot_class=robot, start=start)
 
     def _pose_errors(self) -> dict[str, float | None] | None:
-        """Compare the estimated poses with the true ones that the server sends."""
         if self.mapper is None:
             return None
         truth, alone = self.mapper.truth, self.mapper.slam.dead_reckoning
@@ -421,7 +420,6 @@ def _errors(
 
 
 def _combined(errors: Sequence[TrajectoryErrors]) -> TrajectoryErrors:
-    """Return the errors of all poses of several trajectories."""
     poses = np.array([each.poses for each in errors])
 
     def mean_square(name: str) -> float:

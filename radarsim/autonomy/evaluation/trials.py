@@ -280,7 +280,6 @@ def run_trials(
 
 
 def _check(specs: Sequence[TrialSpec]) -> None:
-    """Find errors before any trial runs."""
     for map_ in dict.fromkeys(spec.map for spec in specs):
         load_trial(map_)
     for sensor in dict.fromkeys(spec.sensor for spec in specs):

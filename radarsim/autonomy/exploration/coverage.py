@@ -1,4 +1,8 @@
-"""Simple coverage strategies: a spiral from the start outward, and random bounces.
+"""Strategies: to the nearest target, along a contour, in a spiral, in random bounces.
+
+A frontier is where open floor borders on space that no beam has crossed. Short-range
+coverage drives until all floor was seen at short range: from afar, and through foliage,
+a radar's beams leave wide gaps. Both drive to the nearest target until none is left.
 
 Contour strategy: follow the walls of a room once around, then cover its interior.
 
@@ -10,11 +14,11 @@ there is no such wall, there is no interior to cover.
 """
 
 import math
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
 
-from radarsim.autonomy.exploration.frontier import coverage_strategy
 from radarsim.autonomy.exploration.path_follower import (
     MIN_SCANS,
     ExplorationSettings,
@@ -33,6 +37,92 @@ from radarsim.autonomy.navigation.control import (
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.wall_following import FollowMode, WallFollower
 from radarsim.geometry import Point, Pose2, wrap_angle
+
+FULL_TURN: Final = 2 * math.pi
+NEIGHBORHOOD: Final = 1.5  # m around a target, where further targets come first
+
+TargetSelector = Callable[[TraversabilityMap], Mask]
+
+
+class NearestTargetStrategy:
+    """Strategy that drives to the nearest of the tiles that a selector returns.
+
+    Attributes:
+        activity: Name of the activity.
+        is_done: Whether no target is left that can be reached.
+    """
+
+    def __init__(
+        self,
+        settings: ExplorationSettings,
+        select_targets: TargetSelector,
+        activity: str,
+        *,
+        turn: float = 0.0,
+    ) -> None:
+        """Create a strategy.
+
+        Args:
+            settings: How the robot drives.
+            select_targets: Returns the tiles to drive to.
+            activity: Name of the activity.
+            turn: Angle to turn on the spot first, rad.
+        """
+        self.activity = activity
+        self.is_done = False
+        self._turn = turn
+        self._yaw = math.nan
+        self._speed_limits = settings.speed_limits
+        self._select_targets = select_targets
+        self._path_follower = PathFollower(settings)
+        self._scans = 0
+
+    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
+        """Return the twist until the next scan."""
+        self._scans += 1
+        if self.is_done or self._scans < MIN_SCANS:
+            return STOP
+        # so that other beams cross the gaps between those of one scan
+        if self._turn > 0:
+            return self._turn_round(observation)
+        if self._path_follower.update_map(observation, grid):
+            floor, end = self._path_follower.floor, self._path_follower.end
+            assert floor is not None
+            targets = prefer_near(floor, self._select_targets(floor), end)
+            self.is_done = not self._path_follower.plan(observation, targets)
+        return self._path_follower.step(observation)
+
+    def _turn_round(self, observation: Observation) -> Twist:
+        if not math.isnan(self._yaw):
+            self._turn -= abs(wrap_angle(observation.pose.yaw - self._yaw))
+        self._yaw = observation.pose.yaw
+        return Twist(0.0, self._speed_limits.turn)
+
+
+def prefer_near(floor: TraversabilityMap, targets: Mask, last: Point | None) -> Mask:
+    """Return the targets around the last one, or all if none is there.
+
+    Without this the robot would change between two sides of a room, each of which is
+    the nearer one as soon as the robot has seen something of the other.
+    """
+    if last is None:
+        return targets
+    near = np.asarray(targets & floor.disc(*last, NEIGHBORHOOD))
+    return near if near.any() else targets
+
+
+def frontier_strategy(
+    settings: ExplorationSettings,
+    select_targets: TargetSelector = lambda floor: floor.frontiers,
+) -> NearestTargetStrategy:
+    """Return a strategy that drives to the nearest of all frontiers, or of some."""
+    return NearestTargetStrategy(settings, select_targets, "frontier", turn=FULL_TURN)
+
+
+def coverage_strategy(settings: ExplorationSettings) -> NearestTargetStrategy:
+    """Return a strategy that drives to the nearest floor not seen at short range."""
+    return NearestTargetStrategy(settings, lambda floor: floor.unvisited, "filling")
+
 
 WALL_DISTANCE: Final = 0.3  # m from a wall's tile, where aligning begins
 MIN_LENGTH: Final = 3.0  # m of a contour
@@ -100,20 +190,17 @@ class ContourStrategy:
         return path_follower.step(observation)
 
     def _wall_tiles(self, floor: TraversabilityMap, observation: Observation) -> Mask:
-        """Return the tiles along walls that were not followed."""
         targets = floor.outer_boundary(floor.reachable(observation.pose))
         for point in self._track:
             targets &= ~floor.disc(*point, FOLLOWED_RADIUS)
         return targets
 
     def _drive_ahead(self, observation: Observation) -> Twist:
-        """Drive straight on until something is ahead."""
         if self._settings.bumpers.towards(observation, 0.0).blocked:
             return self._arrive(observation)
         return Twist(self._settings.speed_limits.speed, 0.0)
 
     def _arrive(self, observation: Observation) -> Twist:
-        """Choose the nearest point of a wall to align with."""
         self.activity = "aligning"
         nearest = int(observation.ranges.argmin())
         range_ = float(observation.ranges[nearest])
@@ -225,7 +312,6 @@ class SpiralCoverage:
         return self._path_follower.step(observation)
 
     def _choose(self, observation: Observation, *, has_arrived: bool) -> None:
-        """Find the next point on the spiral that can be reached."""
         floor = self._path_follower.floor
         assert floor is not None
         reachable = floor.reachable(observation.pose)
@@ -308,7 +394,6 @@ class RandomBounce:
         return float(self._rng.choice(free)) if free else math.pi
 
     def _end_leg(self, pose: Pose2, grid: OccupancyGrid) -> None:
-        """Update ``is_done`` at the end of a straight stretch."""
         floor = self._settings.traversability(grid)
         remaining = floor.area(floor.unvisited & floor.reachable(pose))
         if self._unvisited_area - remaining > MIN_GAIN:

@@ -132,6 +132,8 @@ class Exploration:
             Each scan, after the robot was commanded. Where the caller closes the
             generator before its end, the robot stands and the map is whole, too.
         """
+        # Before the robot is there: kernels are compiled for seconds, in which it would
+        # drive on blindly.
         warm_up()
         try:
             loop, strategy = self._prepare(client)
@@ -179,16 +181,12 @@ class Exploration:
             clock=client.transport.time,
             grid=None if self._join is None else self._join(radius),
         )
-        strategy = self._create_strategy(self.settings)
-        return ControlLoop(client, info, self.mapper, timeout=plan.timeout), strategy
-
-    def _create_strategy(self, settings: ExplorationSettings) -> Strategy:
-        plan = self.plan
+        loop = ControlLoop(client, info, self.mapper, timeout=plan.timeout)
         if self._new_strategy is not None:
-            return self._new_strategy(settings)
+            return loop, self._new_strategy(self.settings)
         if plan.waypoints:
-            return WaypointFollower(settings, plan.waypoints)
-        return create_strategy(plan.strategy, settings, self._rng)
+            return loop, WaypointFollower(self.settings, plan.waypoints)
+        return loop, create_strategy(plan.strategy, self.settings, self._rng)
 
     def _explore(
         self, loop: ControlLoop, strategy: Strategy
@@ -209,12 +207,12 @@ class Exploration:
                 self._conclude(observation, strategy)
                 return
             stuck.check(observation, twist)
+            # a robot that gives way may stand for long, and is not stuck
             if strategy.activity == WAITING:
                 standstill = StandstillDetector()
             standstill.check(observation)
 
     def _conclude(self, observation: Observation, strategy: Strategy) -> None:
-        """Tell how the run ended, and what is left."""
         assert self.mapper is not None
         assert self.settings is not None
         self.outcome = Outcome.EXPLORED if strategy.is_done else Outcome.TIME_LIMIT

@@ -65,6 +65,8 @@ class MapMerger:
     def step(self, number: int) -> None:
         """Align the map of a robot after a scan, if it is time to."""
         map_, known = self._maps[number], self._keyframes(number)
+        # The first robot's map is the shared one. The first keyframes are all of one
+        # place, which tells too little.
         if number == 0 or len(known) < FIRST_KEYFRAMES:
             return
         station = known.keyframes[-1].station
@@ -123,7 +125,6 @@ class MapMerger:
         return True
 
     def _reference(self, number: int) -> list[Keyframe]:
-        """Return the keyframes of all other robots that are on the shared map."""
         return [
             Keyframe(
                 self._maps[other].frame_pose.compose(each.pose),
@@ -136,7 +137,6 @@ class MapMerger:
         ]
 
     def _placed(self) -> list[int]:
-        """Return the numbers of the robots that are on the shared map."""
         return [k for k, map_ in enumerate(self._maps) if map_.frame is not None]
 
     def _station(self, number: int) -> float:
@@ -245,10 +245,16 @@ class MultiRobotExploration:
                 ]
                 self._drive(steps, observe)
         except BaseException:
-            self._note_failure()
+            outcomes = [robot.outcome for robot in self.robots]
+            for outcome in (Outcome.STUCK, Outcome.FAILED):
+                if outcome in outcomes:
+                    self.outcome = outcome
             raise
         finally:
-            self._finish()
+            # with what is known now of where the robots were
+            self._merger.finish()
+            for map_ in self.maps:
+                map_.finish()
         self._conclude()
 
     def _exploration(self, number: int) -> Exploration:
@@ -283,9 +289,9 @@ class MultiRobotExploration:
     def _drive(
         self, steps: Sequence[Generator[ExplorationStep]], observe: Observer
     ) -> None:
-        """Step all robots in turn until none drives any more."""
         driving = dict(enumerate(steps))
         while driving:
+            # One scan of each in turn: in lockstep the same seed gives the same map.
             for number, robot_steps in list(driving.items()):
                 was_searching = bool(self._board.searching)
                 step = self._next(number, robot_steps, is_last=len(driving) == 1)
@@ -347,21 +353,7 @@ class MultiRobotExploration:
                 " expected one robot, or a robot class with another scanner"
             ) from error
 
-    def _finish(self) -> None:
-        """Complete the map, with what is known now of where the robots were."""
-        self._merger.finish()
-        for map_ in self.maps:
-            map_.finish()
-
-    def _note_failure(self) -> None:
-        """Note how a run ended that raised an error."""
-        outcomes = [robot.outcome for robot in self.robots]
-        for outcome in (Outcome.STUCK, Outcome.FAILED):
-            if outcome in outcomes:
-                self.outcome = outcome
-
     def _conclude(self) -> None:
-        """Tell how the run ended, and what is left."""
         is_over = any(robot.outcome is Outcome.TIME_LIMIT for robot in self.robots)
         self.outcome = Outcome.TIME_LIMIT if is_over else Outcome.EXPLORED
         first = self.robots[0]

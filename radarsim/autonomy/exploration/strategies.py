@@ -19,8 +19,8 @@ from radarsim.autonomy.exploration.coverage import (
     ContourStrategy,
     RandomBounce,
     SpiralCoverage,
+    frontier_strategy,
 )
-from radarsim.autonomy.exploration.frontier import frontier_strategy
 from radarsim.autonomy.exploration.path_follower import (
     MAP_INTERVAL,
     MIN_SCANS,
@@ -95,7 +95,6 @@ class AutoStrategy:
         return STOP if self._current is None else self._current.step(observation, grid)
 
     def _is_misfit(self, observation: Observation) -> bool:
-        """Return whether an open area has turned out enclosed, or the reverse."""
         if observation.time < self._checked + MAP_INTERVAL:
             return False
         self._checked = observation.time

@@ -13,9 +13,7 @@ and "near" is as much farther as that may be off.
 import math
 from typing import Final
 
-import numpy as np
-
-from radarsim.autonomy.exploration.frontier import FULL_TURN, NEIGHBORHOOD
+from radarsim.autonomy.exploration.coverage import FULL_TURN, prefer_near
 from radarsim.autonomy.exploration.path_follower import (
     MIN_SCANS,
     WAITING,
@@ -75,6 +73,7 @@ class TargetBoard:
 
     def may_move(self, number: int, *, wants_to: bool) -> bool:
         """Note whether a robot wants to move, and return whether it may."""
+        # Only those that were started first count, or two robots would both wait.
         blocked = any(
             other < number and self._are_near(number, other) for other in self.moving
         )
@@ -86,9 +85,11 @@ class TargetBoard:
 
     def _are_near(self, one: int, other: int) -> bool:
         known = {**self.rough_poses, **self.poses}
+        # A robot that nobody has seen yet may be anywhere.
         if one not in known or other not in known:
             return True
         a, b = known[one], known[other]
+        # where the start poses put them, which are off by up to as much
         is_rough = one in self.rough_poses or other in self.rough_poses
         return math.hypot(a.x - b.x, a.y - b.y) < NEAR + START_ERROR * is_rough
 
@@ -167,7 +168,6 @@ class SharedTargetStrategy:
         return twist if is_moving else STOP
 
     def _twist(self, observation: Observation, grid: OccupancyGrid) -> Twist:
-        """Return the twist that leads to the robot's target."""
         if self._turn > 0:
             return self._turn_round(observation)
         robots = self._board.other_robots(self._number)
@@ -188,7 +188,7 @@ class SharedTargetStrategy:
         board.targets.pop(number, None)
         for targets, activity in self._targets(floor):
             free = self._free(floor, targets)
-            if self._path_follower.plan(observation, _around(floor, free, last)):
+            if self._path_follower.plan(observation, prefer_near(floor, free, last)):
                 self._doing = activity
                 end = self._path_follower.end
                 assert end is not None
@@ -210,7 +210,6 @@ class SharedTargetStrategy:
         )
 
     def _targets(self, floor: TraversabilityMap) -> list[tuple[Mask, str]]:
-        """Return what is to be driven to, the most urgent first, and its name."""
         found = [(floor.frontiers, "frontier")]
         if self._fills:
             found.append((floor.unvisited, "filling"))
@@ -224,11 +223,3 @@ class SharedTargetStrategy:
         for point in self._board.other_targets(self._number):
             targets = targets & ~floor.disc(*point, TARGET_DISTANCE)
         return targets
-
-
-def _around(floor: TraversabilityMap, tiles: Mask, last: Point | None) -> Mask:
-    """Return the tiles around the last target, or all if none is there."""
-    if last is None:
-        return tiles
-    near = np.asarray(tiles & floor.disc(*last, NEIGHBORHOOD))
-    return near if near.any() else tiles

@@ -23,6 +23,8 @@ from radarsim.autonomy.navigation.algorithms import ROBOT_RADIUS
 from radarsim.autonomy.navigation.path_planning import (
     CHEAP,
     COSTLY,
+    ESCAPE_COST,
+    ESCAPE_RADIUS,
     Cell,
     flood_fill,
     shortest_path,
@@ -32,8 +34,6 @@ from radarsim.geometry import Floats, Point, Pose2
 
 TILE_SIZE: Final = 0.1  # m, about
 HOLE_RADIUS: Final = 0.25  # m, of the smallest hole that counts as unknown
-ESCAPE_RADIUS: Final = 1.0  # m around a robot that is too near to something
-ESCAPE_COST: Final = 10.0
 ROBOT_MARGIN: Final = 0.03  # m around another robot, whose pose is an estimate
 _PADDING: Final = 4  # unknown tiles around the map
 
@@ -134,6 +134,7 @@ class TraversabilityMap:
         rows, columns = tiles.T
         if not inside.all() or self.unknown[rows, columns].any():
             return False
+        # without the first: a robot that is too near to something may leave
         costs = self._step_cost[rows, columns]
         return bool(costs[1:].max() <= max(CHEAP, costs[-1]))
 
@@ -188,6 +189,7 @@ class TraversabilityMap:
         """Return the cost of a step into each tile; inf where the robot may not be."""
         cost = np.where(self.open, self._step_cost, math.inf)
         if not self.open[start]:
+            # Out of what it is too near to, but no nearer to that, and not blindly.
             escape = self.disc(pose.x, pose.y, ESCAPE_RADIUS) & ~self.open
             escape &= (self._clearance >= self._clearance[start]) & ~self.unknown
             cost[escape] = ESCAPE_COST
@@ -202,7 +204,7 @@ class TraversabilityMap:
         return bool(is_inside.all())
 
     def _tiles(self, cells: Mask) -> Mask:
-        """Return the tiles that hold any of some cells, with padding."""
+        # any cell counts: gaps between beams leave cells unknown within a sensed tile
         factor = self._factor
         rows, columns = (-(-count // factor) for count in cells.shape)
         tiles = np.zeros((rows, columns), np.bool_)
@@ -235,17 +237,15 @@ class TraversabilityMap:
         return distance_field(tiles, max_distance / self.size) * self.size
 
     def _dilated(self, tiles: Mask) -> Mask:
-        """Return some tiles with their neighbors."""
         return np.isfinite(self._distances(tiles, 1.5 * self.size))
 
     def _opening(self, tiles: Mask, radius: float) -> Mask:
-        """Return the morphological opening of some tiles by a disc."""
         inner = np.isinf(self._distances(~tiles, radius))
         return tiles & np.isfinite(self._distances(inner, radius))
 
 
 def _window_around(cells: Mask, margin: int) -> tuple[slice, slice]:
-    """Return the rows and columns that hold all true cells, and a margin of cells."""
+    # the rows and columns that hold all true cells, as distances take long elsewhere
     spans = []
     for axis, length in enumerate(cells.shape):
         lines = np.flatnonzero(cells.any(axis=1 - axis))

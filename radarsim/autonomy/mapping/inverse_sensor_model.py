@@ -15,14 +15,16 @@ scan.
 """
 
 import math
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.autonomy.mapping.scan import BeamEnd, Layer
+from radarsim.autonomy.mapping.scan import BeamEnd, BeamHits, Layer
 from radarsim.geometry import Floats
 from radarsim.jit import njit_cached, njit_inline
+
+Path: TypeAlias = NDArray[np.int64]  # (P, 2) rows and columns of cells
 
 LOG_ODDS_HIT: Final = 9  # tenths; odds of 2.5 to 1
 LOG_ODDS_FREE: Final = 2  # 1 to 1.2: side rays often miss what is thin
@@ -73,7 +75,7 @@ class Beams(NamedTuple):
 
 
 @njit_inline
-def _trace(beams: Any, k: Any, near: Any, far: Any, path: Any) -> Any:
+def _trace(beams: Beams, k: int, near: float, far: float, path: Path) -> int:
     """List the cells along a beam, in order, those at both ends included.
 
     Args:
@@ -88,21 +90,23 @@ def _trace(beams: Any, k: Any, near: Any, far: Any, path: Any) -> Any:
     """
     start, direction = beams.start, beams.directions[k]
     x, y = start[0] + near * direction[0], start[1] + near * direction[1]
-    column, row = np.int64(math.floor(x)), np.int64(math.floor(y))
-    last_column = np.int64(math.floor(start[0] + far * direction[0]))
-    last_row = np.int64(math.floor(start[1] + far * direction[1]))
+    column, row = math.floor(x), math.floor(y)
+    last_column = math.floor(start[0] + far * direction[0])
+    last_row = math.floor(start[1] + far * direction[1])
     right, up = (1 if direction[0] > 0.0 else -1), (1 if direction[1] > 0.0 else -1)
     step_x, step_y = abs(1.0 / direction[0]), abs(1.0 / direction[1])  # inf on an axis
     next_x = (
         (column + (right > 0) - x) / direction[0] if direction[0] != 0.0 else np.inf
     )
     next_y = (row + (up > 0) - y) / direction[1] if direction[1] != 0.0 else np.inf
-    # The cells at the ends give the number of steps: rounding can lose no cell.
-    steps: Any = abs(last_column - column) + abs(last_row - row)
-    count = min(steps + 1, len(path))
+    # Between them a beam makes as many steps as there are rows and columns. Counting
+    # those, and not the distance, loses no cell to rounding.
+    steps = abs(last_column - column) + abs(last_row - row)
+    count: int = min(steps + 1, len(path))
     for i in range(count):
         path[i, 0], path[i, 1] = row - beams.corner[1], column - beams.corner[0]
-        # Rounding must not carry the beam past the last row or column
+        # To the nearer border, but never past the last row or column: the distances
+        # to borders are sums, whose rounding would carry the beam beyond its end.
         if column != last_column and (next_x < next_y or row == last_row):
             column += right
             next_x += step_x
@@ -113,8 +117,8 @@ def _trace(beams: Any, k: Any, near: Any, far: Any, path: Any) -> Any:
 
 
 @njit_inline
-def _add_hit(cells: Any, layer: Any, row: Any, column: Any) -> None:
-    """Raise the evidence of a cell for a layer, once per scan."""
+def _add_hit(cells: Cells, layer: int, row: int, column: int) -> None:
+    # once per scan: dense beams near the robot are no better evidence
     flag = _HAS_HIT << layer
     if not cells.flags[row, column] & flag:
         cells.flags[row, column] |= flag
@@ -123,7 +127,7 @@ def _add_hit(cells: Any, layer: Any, row: Any, column: Any) -> None:
 
 
 @njit_cached
-def add_hits(cells: Any, beams: Any, hits: Any, path: Any) -> None:
+def add_hits(cells: Cells, beams: Beams, hits: BeamHits, path: Path) -> None:
     """Add the evidence of what beams hit.
 
     Args:
@@ -140,17 +144,19 @@ def add_hits(cells: Any, beams: Any, hits: Any, path: Any) -> None:
         if beams.ends[k] in _OBSTRUCTED:
             _trace(beams, k, beams.known_range[k], beams.known_range[k], path)
             _add_hit(cells, _BEAM_END, path[0, 0], path[0, 1])
+            # known, though ``add_free_cells`` leaves the last cell of a beam out
             cells.flags[path[0, 0], path[0, 1]] |= SENSED
 
 
 @njit_inline
-def _add_free(cells: Any, row: Any, column: Any, sees_through: Any) -> None:
-    """Lower the evidence of a crossed cell for the layers that had no hit in it."""
+def _add_free(cells: Cells, row: int, column: int, sees_through: bool) -> None:
+    # Only layers that had no hit in it: beams slide along a wall on which others end.
     flags = cells.flags[row, column]
     if flags & _IS_CROSSED:
         return
     cells.flags[row, column] = flags | _IS_CROSSED | SENSED
     for layer in range(_LAYERS):
+        # A laser's ranges tell nothing of foliage and smoke, not that there is none.
         is_measured = sees_through or layer in (_SOLID, _BEAM_END)
         if is_measured and not flags & (_HAS_HIT << layer):
             sum_ = cells.evidence[layer, row, column] - LOG_ODDS_FREE
@@ -158,7 +164,7 @@ def _add_free(cells: Any, row: Any, column: Any, sees_through: Any) -> None:
 
 
 @njit_cached
-def add_free_cells(cells: Any, beams: Any, path: Any) -> None:
+def add_free_cells(cells: Cells, beams: Beams, path: Path) -> None:
     """Add the evidence of where beams passed, in all cells before their ends."""
     for k in range(len(beams.known_range)):
         if beams.ends[k] == _BLIND:
@@ -176,7 +182,7 @@ def add_free_cells(cells: Any, beams: Any, path: Any) -> None:
 
 
 @njit_cached
-def clear_scan_flags(cells: Any, beams: Any, path: Any) -> None:
+def clear_scan_flags(cells: Cells, beams: Beams, path: Path) -> None:
     """Prepare the cells for the next scan."""
     for k in range(len(beams.known_range)):
         if beams.ends[k] != _BLIND:

@@ -63,6 +63,7 @@ class KeyframeMap:
         """Add a keyframe to the local map, and leave those behind that are far away."""
         self.keyframes.append(keyframe)
         _add(self.points, keyframe)
+        # how far keyframes overlap, and so how far away they still belong together
         farthest = np.hypot(*keyframe.points.places.T).max(initial=0.0)
         self.reach = max(self.reach, float(farthest))
         if keyframe.station > self._swept + STRIDE:
@@ -74,22 +75,23 @@ class KeyframeMap:
         return [
             number
             for number, each in enumerate(self.keyframes)
-            if not each.is_local and _distance(each.pose, pose) < radius
+            if not each.is_local and distance(each.pose, pose) < radius
         ]
 
     def move(self, poses: list[Pose2]) -> None:
         """Move all keyframes; those around the last one are local then."""
-        distance = REACHES * self.reach
+        local = REACHES * self.reach
         for keyframe, pose in zip(self.keyframes, poses, strict=True):
             keyframe.pose = pose
-            keyframe.is_local = _distance(pose, poses[-1]) < distance
+            keyframe.is_local = distance(pose, poses[-1]) < local
+        # points of a map are only sums, from which none can be taken exactly
         self._rebuild()
 
     def _leave_behind(self, pose: Pose2) -> None:
         far = [
             each
             for each in self.keyframes
-            if each.is_local and _distance(each.pose, pose) > REACHES * self.reach
+            if each.is_local and distance(each.pose, pose) > REACHES * self.reach
         ]
         for keyframe in far:
             keyframe.is_local = False
@@ -122,6 +124,7 @@ def joined(keyframes: Iterable[Keyframe], pose: Pose2, most: int) -> ScanPoints:
         motion = each.pose.relative_to(pose)
         along, normals = (turned(rows, motion.yaw) for rows in each.points[1:3])
         parts.append((moved(each.points.places, motion), along, normals))
+    # every second, third and so on, so that all keyframes keep their share
     step = 1 + sum(len(places) for places, *_ in parts) // most
     columns = (np.concatenate(column)[::step] for column in zip(*parts, strict=True))
     places, along, normals = map(np.ascontiguousarray, columns)
@@ -130,7 +133,6 @@ def joined(keyframes: Iterable[Keyframe], pose: Pose2, most: int) -> ScanPoints:
 
 
 def _add(points: PointMap, keyframe: Keyframe) -> None:
-    """Add the points of a keyframe to a map."""
     pose, own = keyframe.pose, keyframe.points
     points.add(moved(own.places, pose), turned(own.normals, pose.yaw))
 
@@ -148,5 +150,6 @@ def turned(vectors: Floats, yaw: float) -> Floats:
     return result
 
 
-def _distance(one: Pose2, other: Pose2) -> float:
+def distance(one: Pose2, other: Pose2) -> float:
+    """Return the distance between two poses, m."""
     return math.hypot(one.x - other.x, one.y - other.y)

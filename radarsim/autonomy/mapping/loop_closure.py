@@ -87,6 +87,7 @@ class LoopCloser:
             latest: The fit of the last one to the local map.
         """
         last = known.keyframes[-1]
+        # A corridor looks the same everywhere along it.
         if last.station < self.next_station or latest.evenness < MIN_EVENNESS:
             return None
         near = known.left_behind(last.pose, min(MAX_DISTANCE, known.reach))
@@ -98,23 +99,23 @@ class LoopCloser:
         nearest = near[
             int(np.argmin([(pose.x - x) ** 2 + (pose.y - y) ** 2 for pose in poses]))
         ]
-        return _match(known, nearest, latest_keyframe(known))
-
-
-def _match(known: KeyframeMap, number: int, latest: Keyframe) -> Closure | None:
-    """Match the latest keyframe with those around an old one."""
-    gap = latest.station - known.keyframes[number].station
-    distance = min(MIN_DRIFT + DRIFT * gap, MAX_DRIFT)
-    turn = min(MIN_TURN + TURN_DRIFT * gap, MAX_TURN)
-    table = map_of(_around(known, number)).table
-    found = find_pose(table, latest, distance, turn)
-    if found is None:
-        return None
-    motion = found.pose.relative_to(known.keyframes[number].pose)
-    is_beside = math.hypot(motion.x, motion.y) > SAME_PLACE
-    if is_beside and found.inliers < MIN_INLIERS_BESIDE:
-        return None
-    return Closure(number, found.pose, found.information)
+        old = known.keyframes[nearest]
+        # The error of a pose grows with the path since, up to a limit: tried poses grow
+        # with its third power.
+        gap = last.station - old.station
+        distance = min(MIN_DRIFT + DRIFT * gap, MAX_DRIFT)
+        turn = min(MIN_TURN + TURN_DRIFT * gap, MAX_TURN)
+        table = map_of(_around(known, nearest)).table
+        found = find_pose(table, latest_keyframe(known), distance, turn)
+        if found is None:
+            return None
+        # From beside the old place walls look different, and a match may be off by more
+        # than the loop is. Farther on there will be another attempt.
+        motion = found.pose.relative_to(old.pose)
+        is_beside = math.hypot(motion.x, motion.y) > SAME_PLACE
+        if is_beside and found.inliers < MIN_INLIERS_BESIDE:
+            return None
+        return Closure(nearest, found.pose, found.information)
 
 
 def find_pose(
@@ -133,6 +134,7 @@ def find_pose(
     """
     points, pose = keyframe.points, keyframe.pose
     starts = starts_around(pose, distance, turn)
+    # The fit alone finds the nearest optimum, which need not be the best one.
     start = Pose2(*starts[best_start(table, points, starts)].tolist())
     found = fit(table, points, start, pose, np.array([distance, distance, turn]))
     is_sure = found.inliers >= MIN_INLIERS and found.evenness >= MIN_EVENNESS
@@ -155,7 +157,6 @@ def _steps(limit: float, step: float) -> Floats:
 
 
 def _around(known: KeyframeMap, number: int) -> list[Keyframe]:
-    """Return the keyframes that were left behind with an old one."""
     station = known.keyframes[number].station
     return [
         each
@@ -194,6 +195,7 @@ def find_correction(known: KeyframeMap, first: int) -> Pose2 | None:
         first ones do not show it.
     """
     keyframes = known.keyframes
+    # Who has left parts of the map behind may have bent it since; only a loop tells.
     if not all(each.is_local for each in keyframes):
         return None
     start = keyframes[0].pose

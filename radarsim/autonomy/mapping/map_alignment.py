@@ -34,6 +34,7 @@ from scipy.spatial import KDTree
 from radarsim.autonomy.mapping.keyframes import (
     Keyframe,
     KeyframeMap,
+    distance,
     joined,
     map_of,
     moved,
@@ -106,13 +107,9 @@ def _some(keyframes: Sequence[Keyframe]) -> list[Keyframe]:
     """Return keyframes some way apart; those between them see about the same."""
     chosen: list[Keyframe] = []
     for each in keyframes:
-        if not chosen or _distance(chosen[-1].pose, each.pose) >= STRIDE:
+        if not chosen or distance(chosen[-1].pose, each.pose) >= STRIDE:
             chosen.append(each)
     return chosen
-
-
-def _distance(one: Pose2, other: Pose2) -> float:
-    return math.hypot(one.x - other.x, one.y - other.y)
 
 
 def _near(places: Floats) -> Floats:
@@ -203,6 +200,7 @@ def _views(known: KeyframeMap, area: SeenArea, guess: Pose2) -> list[Keyframe]:
         if chosen[-1].station - each.station >= VIEW_LENGTH / 2:
             chosen.append(each)
     views = [_view(known, each) for each in chosen]
+    # Each attempt looks at one view, as each takes long; the most telling ones first.
     overlaps = [
         np.count_nonzero(area.sees(moved(view.points.places, guess.compose(view.pose))))
         for view in views
@@ -234,13 +232,14 @@ def _find(table: Table, area: SeenArea, view: Keyframe) -> Pose2 | None:
         return None
     if _evenness(table, area, view, first.pose) < MIN_EVENNESS:
         return None
+    # In a row of equal pillars another pose does as well, and no choice is sure.
     starts = _away(starts, first)[::COARSE]
     for _ in range(RIVALS):
         if not len(starts):
             break
         rival = _candidate(table, area, view, starts)
         starts = _away(starts, rival)
-        if _distance(rival.pose, first.pose) > APART and _is_as_good(
+        if distance(rival.pose, first.pose) > APART and _is_as_good(
             rival.agreement, first.agreement
         ):
             return None
@@ -269,8 +268,9 @@ def _away(starts: Floats, candidate: _Candidate) -> Floats:
 
 def _is_near(pose: Pose2, guess: Pose2) -> bool:
     """Return whether a pose is about where it was looked for; fits may run away."""
-    distance, turn = _distance(pose, guess), abs(wrap_angle(pose.yaw - guess.yaw))
-    return distance < FARTHEST * MAX_DISTANCE and turn < FARTHEST * MAX_TURN
+    turn = abs(wrap_angle(pose.yaw - guess.yaw))
+    is_near = distance(pose, guess) < FARTHEST * MAX_DISTANCE
+    return is_near and turn < FARTHEST * MAX_TURN
 
 
 def _evenness(table: Table, area: SeenArea, view: Keyframe, pose: Pose2) -> float:

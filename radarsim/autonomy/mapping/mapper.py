@@ -200,10 +200,13 @@ class Mapper:
             mount=self._mount,
         )
         revision = self.slam.revision
+        # Other robots move: they are no landmarks, and the map of points keeps all.
         known = self._grid.without_robots(self.slam.pose, scan)
         pose = self.slam.step(known, self._prior)
+        # A loop has closed, or the map was turned: all scans have other poses now.
         if self.slam.revision > revision:
             self._grid.rebuild()
+        # The pose is found without them, so that the next scan has one to begin at.
         if echoes is None and time < self._echoes_due:
             self.missing = f"echoes of {self.scanner.name!r}"
             self.left_out["no_echoes"] += 1

@@ -59,8 +59,11 @@ def distance_field(cells: NDArray[np.bool_], max_distance: float) -> Floats:
 
 
 @njit_cached
-def _fill_squared_distances(cells: Any, max_rows: Any, squares: Any) -> None:
-    """Find the nearest true cell within each row, then the best of the rows near by."""
+def _fill_squared_distances(
+    cells: NDArray[np.bool_], max_rows: int, squares: Floats
+) -> None:
+    # Squares of distances are separable: first the nearest true cell within each row,
+    # from both sides, then the best of the rows near by.
     rows, columns = cells.shape
     in_row = np.full((rows, columns), np.inf)
     for i in range(rows):

@@ -26,13 +26,15 @@ point in its scan, on the side where the scanner is.
 """
 
 import math
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.jit import njit_cached, njit_inline
+
+Vector: TypeAlias = tuple[float, float]
 
 FINEST: Final = 0.1  # m
 LEVELS: Final = 5
@@ -96,16 +98,16 @@ def _new_table(rows: int) -> Table:
 
 
 @njit_inline
-def _key(level: Any, column: Any, row: Any) -> Any:
+def _key(level: int, column: int, row: int) -> int:
     # Counting levels from 1 keeps 0 free, which marks a free row of the table.
     return ((level + 1) << 56) | ((column + _OFFSET) << 28) | (row + _OFFSET)
 
 
 @njit_inline
-def _find(keys: Any, key: Any) -> Any:
+def _find(keys: NDArray[np.int64], key: int) -> int:
     """Return the row of a cell, or the free row where it would be."""
     mask = len(keys) - 1
-    row = np.int64((np.uint64(key) * _HASH_FACTOR) >> _HASH_SHIFT) & mask
+    row = int(np.int64((np.uint64(key) * _HASH_FACTOR) >> _HASH_SHIFT)) & mask
     # Linear probing; it ends because at least half of the rows are free, see ``add``.
     while keys[row] != 0 and keys[row] != key:
         row = (row + 1) & mask
@@ -113,7 +115,7 @@ def _find(keys: Any, key: Any) -> Any:
 
 
 @njit_cached
-def _copy_table(table: Any, other: Any) -> None:
+def _copy_table(table: Table, other: Table) -> None:
     for i in range(len(table.keys)):
         if table.keys[i] != 0:
             row = _find(other.keys, table.keys[i])
@@ -122,14 +124,14 @@ def _copy_table(table: Any, other: Any) -> None:
 
 
 @njit_cached
-def _add(table: Any, points: Any, normals: Any) -> Any:
+def _add(table: Table, points: Floats, normals: Floats) -> int:
     """Add points, and return how many cells are new."""
     new = 0
     for i in range(len(points)):
         size = FINEST
         for level in range(LEVELS):
-            column = np.int64(np.floor(points[i, 0] / size))
-            line = np.int64(np.floor(points[i, 1] / size))
+            column = math.floor(points[i, 0] / size)
+            line = math.floor(points[i, 1] / size)
             key = _key(level, column, line)
             row = _find(table.keys, key)
             if table.keys[row] == 0:
@@ -150,30 +152,33 @@ def _add(table: Any, points: Any, normals: Any) -> Any:
                 sums[3] += factor * x * x
                 sums[4] += factor * x * y
                 sums[5] += factor * y * y
-            size *= 2.0
+            size *= 2.0  # exact, so that windows of a level meet the same cells
     return new
 
 
 @njit_inline
-def _spline(step: Any, t: Any) -> Any:
+def _spline(step: int, t: float) -> float:
     """Weight a cell ``step`` cells from that of a point ``t`` off its center."""
     return 0.75 - t * t if step == 0 else 0.5 * (0.5 + step * t) ** 2
 
 
 @njit_inline
-def _sum(moments: Any, k: Any, normal: Any) -> Any:
+def _sum(moments: Floats, k: int, normal: Vector) -> float:
     """Return a moment of the points of a cell that face as a normal does."""
     nx, ny = normal
-    return moments[0, k] + nx * moments[1, k] + ny * moments[2, k]
+    total: float = moments[0, k] + nx * moments[1, k] + ny * moments[2, k]
+    return total
 
 
 @njit_inline
-def _window(table: Any, level: Any, x: Any, y: Any, normal: Any) -> Any:
+def _window(
+    table: Table, level: int, x: float, y: float, normal: Vector
+) -> tuple[float, float, float, float, float, float]:
     """Sum the moments of the cells around a point, relative to it."""
     size, nx, ny = FINEST * 2.0**level, normal[0], normal[1]
-    # Without a normal, all points count whole.
+    # Half of (1 + u . v); without a normal, all points count whole.
     whole = 0.5 if nx * nx + ny * ny > 0.0 else 1.0
-    column, line = np.int64(np.floor(x / size)), np.int64(np.floor(y / size))
+    column, line = math.floor(x / size), math.floor(y / size)
     tx, ty = x / size - column - 0.5, y / size - line - 0.5
     n, a, b, aa, ab, bb = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(-1, 2):
@@ -217,7 +222,7 @@ class LocalShape(NamedTuple):
 
 
 @njit_inline
-def is_line(xx: Any, xy: Any, yy: Any) -> Any:
+def is_line(xx: float, xy: float, yy: float) -> bool:
     """Return whether points of a covariance lie along a line."""
     half, turn = (xx + yy) / 2, math.hypot((xx - yy) / 2, xy)
     # Rounding can make the smaller eigenvalue negative.
@@ -226,9 +231,9 @@ def is_line(xx: Any, xy: Any, yy: Any) -> Any:
 
 @njit_inline
 def shape_around(
-    table: Any, x: Any, y: Any, normal: Any = (0.0, 0.0), wider: Any = 0
-) -> Any:
-    """Return the ``LocalShape`` of the map around a point, m.
+    table: Table, x: float, y: float, normal: Vector = (0.0, 0.0), wider: int = 0
+) -> LocalShape:
+    """Return the shape of the map around a point, m.
 
     Args:
         table: Table of the map.
@@ -248,6 +253,8 @@ def shape_around(
             )
             if is_line(shape.xx, shape.xy, shape.yy):
                 return shape
+            # The first window with enough points counts, unless a little wider there
+            # is a line, which holds the robot in one direction only.
             if not found.found:
                 found, last = shape, min(level + wider, last)
         if level == last:
@@ -279,9 +286,10 @@ def inward_normals(places: Floats, along: Floats) -> Floats:
 
 
 @njit_cached
-def _fill_normals(places: Any, along: Any, normals: Any) -> None:
+def _fill_normals(places: Floats, along: Floats, normals: Floats) -> None:
     count = len(places)
-    side = min(NEIGHBOURS, (count - 1) // 2)  # scans go all around
+    # Indices wrap, as scans go all around; no point may count twice in a short scan.
+    side = min(NEIGHBOURS, (count - 1) // 2)
     for i in range(count):
         n, x, y, xx, xy, yy = 0, 0.0, 0.0, 0.0, 0.0, 0.0
         for k in range(i - side, i + side + 1):
@@ -300,6 +308,7 @@ def _fill_normals(places: Any, along: Any, normals: Any) -> None:
         xx, xy, yy = xx / n - x * x, xy / n - x * y, yy / n - y * y
         if not is_line(xx, xy, yy):
             continue
+        # the angle of the principal axis, across which the normal is
         angle = math.atan2(2.0 * xy, xx - yy) / 2
         nx, ny = -math.sin(angle), math.cos(angle)
         facing = nx * along[i, 0] + ny * along[i, 1]

@@ -76,6 +76,7 @@ def optimize(poses: Floats, edges: list[Edge]) -> Floats:
             ((weighted @ jacobians).ravel(), (rows, columns)), shape=(size, size)
         )
         steps = np.zeros(size)
+        # without the rows of the first pose, which would leave the map free to move
         steps[3:] = splu(normal[3:, 3:]).solve(-gradient[3:])
         poses += steps.reshape(-1, 3)
         if np.abs(steps).max(initial=0.0) < CONVERGED:
@@ -103,6 +104,7 @@ def _linearized(
     dx, dy, turn = (poses[ends] - poses[starts]).T
     ahead, left = c * dx + s * dy, c * dy - s * dx
     errors = np.column_stack([ahead, left, turn]) - measured
+    # turns are equal modulo whole ones
     errors[:, 2] = np.arctan2(np.sin(errors[:, 2]), np.cos(errors[:, 2]))
     by_end = np.zeros((len(edges), 3, 3))
     by_end[:, 0, 0], by_end[:, 0, 1] = c, s
@@ -155,6 +157,8 @@ class KeyframeGraph:
             information: (3, 3) information matrix of the next pose by a scan's points.
         """
         moved = np.linalg.inv(self._covariance + np.diag(np.square(sigma)))
+        # Information adds up where both tell the same motion, as the scan's points and
+        # the motion source do: a corridor's points leave the variance along it.
         self._covariance = _inverse(moved + information / POINTS_PER_ERROR)
 
     def add(self, pose: Pose2) -> None:
@@ -194,6 +198,8 @@ class KeyframeGraph:
         edges, closures = [*self.edges, edge], [*self._closures, len(self.edges)]
         rows = np.array([(each.x, each.y, each.yaw) for each in self._poses])
         rows = optimize(rows, edges)
+        # A wrong closure is worse than none, as it bends all of the map. It contradicts
+        # the motions, or a closure before that was right.
         if squared_errors(rows, edges)[closures].max() > MAX_SQUARED_ERROR:
             return None
         self.edges, self._closures = edges, closures

@@ -6,9 +6,10 @@ the new one replaces it when it holds all scans.
 """
 
 from dataclasses import replace
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid
 from radarsim.autonomy.mapping.scan import BeamHits, PlanarScan
@@ -98,6 +99,7 @@ class RebuildableGrid:
         number = len(trajectory) - 1
         self._add(self.grid, StoredScan(trajectory, number, scan))
         if self._is_worth_keeping(id(trajectory), trajectory.poses[-1]):
+            # in half the memory, since all scans of a run are kept
             compact = _converted(scan, np.int32, np.float32)
             self.scans.append(StoredScan(trajectory, number, compact))
         self._continue(SCANS_AT_ONCE)
@@ -144,7 +146,7 @@ class RebuildableGrid:
         return self._standing[robot] <= SCANS_STANDING
 
 
-def _converted(scan: PlanarScan, whole: Any, real: Any) -> PlanarScan:
+def _converted(scan: PlanarScan, whole: DTypeLike, real: DTypeLike) -> PlanarScan:
     """Return a scan whose numbers are of other types."""
     hits = scan.hits
     converted = BeamHits(

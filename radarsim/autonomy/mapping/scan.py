@@ -14,15 +14,17 @@ A range below the minimum range means nothing: a laser in smoke reads zero.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from radarsim.client.robot_info import no_return
 from radarsim.geometry import Floats, Pose2
 from radarsim.jit import njit_cached
 from radarsim.protocol.reports import RangeScan, TargetEchoes
+
+Number = TypeVar("Number", bound=np.generic)
 
 
 class BeamEnd(IntEnum):
@@ -75,6 +77,12 @@ class BeamHits(NamedTuple):
     far: Floats
     layer: NDArray[np.int8]
 
+    def chosen(self, rows: NDArray[np.bool_]) -> "BeamHits":
+        """Return some of the rows."""
+        return BeamHits(
+            self.beams[rows], self.near[rows], self.far[rows], self.layer[rows]
+        )
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanarScan:
@@ -120,17 +128,14 @@ class PlanarScan:
         """Return the scan of beams that end at a distance, m, if nothing is nearer."""
         if not (self.known_range > distance).any():
             return self
-        hits = self.hits
-        is_within = hits.near <= distance
-        columns: Any = (column[is_within] for column in hits)
-        beams, near, far, layer = columns
+        hits = self.hits.chosen(self.hits.near <= distance)
         return replace(
             self,
             known_range=np.minimum(self.known_range, distance),
             ends=np.where(
                 self.known_range > distance, BeamEnd.NOTHING, self.ends
             ).astype(np.int8),
-            hits=BeamHits(beams, near, np.minimum(far, distance), layer),
+            hits=hits._replace(far=np.minimum(hits.far, distance)),
         )
 
 
@@ -163,17 +168,16 @@ def read_scan(
         table = _EchoTable.from_lines(echoes, len(ranges), max_range)
         table.correct_ends(known_range, ends)
         hits = table.hits(known_range)
+    # negated, so that nan is blind too
     blind = ~(ranges >= max(min_range, 1e-9)) | ~np.isfinite(known_range)
     known_range[blind], ends[blind] = 0.0, BeamEnd.BLIND
-    valid = ~blind[hits.beams]
-    columns: Any = (column[valid] for column in hits)
     return PlanarScan(
         report.time,
         mount or Pose2(0.0, 0.0),
         angles,
         known_range,
         ends,
-        BeamHits(*columns),
+        hits.chosen(~blind[hits.beams]),
         echoes is not None,
     )
 
@@ -198,18 +202,27 @@ class _EchoTable(NamedTuple):
         names = sorted({(each.object, each.material) for each in echoes})
         number = {name: i for i, name in enumerate(names)}
         kinds = [[_ECHO_KINDS.get(kind, -1) for kind in each.kinds] for each in echoes]
-        columns: Any = (
+        counts = np.array([len(each.beams) for each in echoes], np.int64)
+        targets = [number[each.object, each.material] for each in echoes]
+        passable = [each.robot_passes for each in echoes]
+        table = cls(
             _joined([each.beams for each in echoes], np.int64),
-            _repeated([number[each.object, each.material] for each in echoes], echoes),
+            np.repeat(np.array(targets, np.int64), counts),
             _joined([each.ranges for each in echoes], np.float64),
             _joined(kinds, np.int8),
-            _repeated([each.robot_passes for each in echoes], echoes).astype(np.bool_),
+            np.repeat(np.array(passable, np.bool_), counts),
         )
-        known = (columns[0] >= 0) & (columns[0] < beams) & (columns[3] >= 0)
-        known &= (columns[2] >= 0) & (columns[2] <= max_range + ROUNDING)
-        order = np.lexsort([columns[2], columns[1], columns[0]])
+        known = (table.beams >= 0) & (table.beams < beams) & (table.kinds >= 0)
+        known &= (table.ranges >= 0) & (table.ranges <= max_range + ROUNDING)
+        order = np.lexsort([table.ranges, table.targets, table.beams])
         order = order[known[order]]
-        return cls(*(column[order] for column in columns))
+        return cls(
+            table.beams[order],
+            table.targets[order],
+            table.ranges[order],
+            table.kinds[order],
+            table.passable[order],
+        )
 
     def correct_ends(self, known_range: Floats, ends: NDArray[np.int8]) -> None:
         """Correct how far beams are known, and what ended them, by the echoes.
@@ -218,6 +231,7 @@ class _EchoTable(NamedTuple):
         beam: at something passable, beyond which it measured nothing.
         """
         ends[ends == BeamEnd.UNSURE] = BeamEnd.SPENT
+        # Of several ends of a beam the farthest is written last, and stays.
         last = np.flatnonzero(self.kinds >= _HIT)
         last = last[np.argsort(self.ranges[last], kind="stable")]
         known_range[self.beams[last]] = self.ranges[last]
@@ -237,7 +251,11 @@ class _EchoTable(NamedTuple):
 
 @njit_cached
 def _pair_echoes(
-    echoes: Any, known_range: Any, near: Any, far: Any, is_hit: Any
+    echoes: _EchoTable,
+    known_range: Floats,
+    near: Floats,
+    far: Floats,
+    is_hit: NDArray[np.bool_],
 ) -> None:
     """Join the points where beams enter targets with those where they leave them.
 
@@ -251,6 +269,7 @@ def _pair_echoes(
             echoes.beams[i + 1] != echoes.beams[i]
             or echoes.targets[i + 1] != echoes.targets[i]
         )
+        # ``depth`` counts how deep the beam is in copies of one target, one in another.
         if kind == _LEAVE:
             near[i], far[i], is_hit[i] = begun, t, depth <= 1
             begun = t if depth <= 1 else begun
@@ -274,12 +293,7 @@ def _solid_points(beams: NDArray[np.int64], ranges: Floats) -> BeamHits:
     return BeamHits(beams, ranges, ranges, np.full(len(beams), Layer.SOLID, np.int8))
 
 
-def _joined(columns: Sequence[Any], dtype: Any) -> Any:
-    return np.concatenate(
-        [np.zeros(0, dtype), *[np.asarray(c, dtype) for c in columns]]
-    )
-
-
-def _repeated(values: Sequence[Any], echoes: Sequence[TargetEchoes]) -> Any:
-    counts = np.array([len(each.beams) for each in echoes], np.int64)
-    return np.repeat(np.array(values, np.int64), counts)
+def _joined(columns: Sequence[ArrayLike], dtype: type[Number]) -> NDArray[Number]:
+    # with an empty one, as a scan may have no echoes
+    arrays = [np.asarray(column, dtype) for column in columns]
+    return np.concatenate([np.zeros(0, dtype), *arrays])

@@ -26,7 +26,7 @@ Normal equations of a pose: three unknowns, x, y and yaw.
 """
 
 import math
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -34,49 +34,7 @@ from radarsim.autonomy.mapping.point_map import LINE_RATIO, Table, shape_around
 from radarsim.geometry import Floats, Pose2, wrap_angle
 from radarsim.jit import njit_cached, njit_inline
 
-
-@njit_inline
-def keep_only(normal: Any, gradient: Any, nx: Any, ny: Any) -> None:
-    """Keep of what points say of a translation only what is along a unit vector.
-
-    Source: Zhang, Kaess and Singh, "On degeneracy of optimization-based state
-    estimation problems" (2016), with a ratio in place of the absolute threshold.
-    """
-    a, b, c = normal[0, 0], normal[1, 0], normal[1, 1]
-    most = a * nx * nx + 2.0 * b * nx * ny + c * ny * ny
-    normal[0, 0], normal[1, 0] = most * nx * nx, most * nx * ny
-    normal[1, 1] = most * ny * ny
-    cross = nx * normal[2, 0] + ny * normal[2, 1]
-    normal[2, 0], normal[2, 1] = cross * nx, cross * ny
-    force = nx * gradient[0] + ny * gradient[1]
-    gradient[0], gradient[1] = force * nx, force * ny
-
-
-@njit_inline
-def _factor(normal: Any) -> None:
-    """Compute the Cholesky factor of (3, 3) in place; only the lower half is read."""
-    for j in range(3):
-        for i in range(j, 3):
-            for k in range(j):
-                normal[i, j] -= normal[i, k] * normal[j, k]
-        normal[j, j] = math.sqrt(normal[j, j])
-        for i in range(j + 1, 3):
-            normal[i, j] /= normal[j, j]
-
-
-@njit_inline
-def solve(normal: Any, gradient: Any) -> None:
-    """Solve three symmetric equations in place, by Cholesky."""
-    _factor(normal)
-    for j in range(3):
-        for k in range(j):
-            gradient[j] -= normal[j, k] * gradient[k]
-        gradient[j] /= normal[j, j]
-    for j in range(2, -1, -1):
-        for k in range(j + 1, 3):
-            gradient[j] -= normal[k, j] * gradient[k]
-        gradient[j] /= normal[j, j]
-
+Triple: TypeAlias = tuple[float, float, float]  # xx, xy and yy of a (2, 2) matrix
 
 MAX_ITERATIONS: Final = 12
 # Squared distance, in variances, at which the weight is a quarter.
@@ -172,7 +130,53 @@ def best_start(table: Table, points: ScanPoints, starts: Floats) -> int:
 
 
 @njit_inline
-def _information(shape: Any, across: Any, spread: Any, spots: Any) -> Any:
+def keep_only(normal: Floats, gradient: Floats, nx: float, ny: float) -> None:
+    """Keep of what points say of a translation only what is along a unit vector.
+
+    Source: Zhang, Kaess and Singh, "On degeneracy of optimization-based state
+    estimation problems" (2016), with a ratio in place of the absolute threshold.
+    """
+    a, b, c = normal[0, 0], normal[1, 0], normal[1, 1]
+    most = a * nx * nx + 2.0 * b * nx * ny + c * ny * ny
+    normal[0, 0], normal[1, 0] = most * nx * nx, most * nx * ny
+    normal[1, 1] = most * ny * ny
+    cross = nx * normal[2, 0] + ny * normal[2, 1]
+    normal[2, 0], normal[2, 1] = cross * nx, cross * ny
+    force = nx * gradient[0] + ny * gradient[1]
+    gradient[0], gradient[1] = force * nx, force * ny
+
+
+@njit_inline
+def _factor(normal: Floats) -> None:
+    # Cholesky's, in place, of the lower half. numba's linear algebra would allocate
+    # arrays and call LAPACK, for three unknowns, at each of a thousand poses.
+    for j in range(3):
+        for i in range(j, 3):
+            for k in range(j):
+                normal[i, j] -= normal[i, k] * normal[j, k]
+        normal[j, j] = math.sqrt(normal[j, j])
+        for i in range(j + 1, 3):
+            normal[i, j] /= normal[j, j]
+
+
+@njit_inline
+def solve(normal: Floats, gradient: Floats) -> None:
+    """Solve three symmetric equations in place, by Cholesky."""
+    _factor(normal)
+    for j in range(3):
+        for k in range(j):
+            gradient[j] -= normal[j, k] * gradient[k]
+        gradient[j] /= normal[j, j]
+    for j in range(2, -1, -1):
+        for k in range(j + 1, 3):
+            gradient[j] -= normal[k, j] * gradient[k]
+        gradient[j] /= normal[j, j]
+
+
+@njit_inline
+def _information(
+    shape: Triple, across: tuple[float, float], spread: float, spots: bool
+) -> Triple:
     """Return the information matrix of a distance to a shape, xx, xy and yy, 1/m^2.
 
     Args:
@@ -219,15 +223,19 @@ class _Match(NamedTuple):
     ry: float
     ex: float
     ey: float
-    information: tuple[float, float, float]
+    information: Triple
     weight: float
 
 
 @njit_inline
 def _compare(
-    table: Any, points: Any, i: Any, state: Any, turn: Any, wider: Any = 0
-) -> Any:
-    """Compare a point with the map; return a ``_Match``."""
+    table: Table,
+    points: ScanPoints,
+    i: int,
+    state: Floats,
+    turn: tuple[float, float],
+    wider: int = 0,
+) -> _Match:
     c, s = turn
     px, py = points.places[i, 0], points.places[i, 1]
     dx, dy = points.along[i, 0], points.along[i, 1]
@@ -241,7 +249,7 @@ def _compare(
     covariance = shape.xx, shape.xy, shape.yy
     information = _information(covariance, across, points.spread, points.spots)
     ex, ey = shape.dx, shape.dy
-    # The squared Mahalanobis distance.
+    # the squared Mahalanobis distance
     off = (
         information[0] * ex * ex
         + 2.0 * information[1] * ex * ey
@@ -256,19 +264,21 @@ def _compare(
 
 
 @njit_inline
-def _score(information: Any, weight: Any) -> Any:
-    """Return the score of a point when poses are compared.
-
-    Wide shapes are near to every point, so only narrow ones distinguish poses.
-    """
+def _score(information: Triple, weight: float) -> float:
+    # Wide shapes are near to every point, so only narrow ones tell poses apart.
     trace = information[0] + information[2]
     return weight * trace / (trace + HALF_SCORE)
 
 
 @njit_inline
 def _add_up(
-    table: Any, points: Any, state: Any, normal: Any, gradient: Any, wider: Any
-) -> Any:
+    table: Table,
+    points: ScanPoints,
+    state: Floats,
+    normal: Floats,
+    gradient: Floats,
+    wider: int,
+) -> tuple[float, int]:
     """Set the normal equations of the points.
 
     Returns:
@@ -301,7 +311,9 @@ def _add_up(
 
 
 @njit_inline
-def _constraint(table: Any, points: Any, state: Any) -> Any:
+def _constraint(
+    table: Table, points: ScanPoints, state: Floats
+) -> tuple[float, float, float]:
     """Return in which direction points constrain a translation, and how evenly.
 
     Robust weights do not count: a robot that is off by more than a wall is thick is in
@@ -325,8 +337,13 @@ def _constraint(table: Any, points: Any, state: Any) -> Any:
 
 @njit_cached
 def _fit(
-    table: Any, points: Any, state: Any, prior: Any, known: Any, information: Any
-) -> Any:
+    table: Table,
+    points: ScanPoints,
+    state: Floats,
+    prior: Floats,
+    known: Floats,
+    information: Floats,
+) -> tuple[float, int]:
     """Move a pose to where the scan fits.
 
     Args:
@@ -341,13 +358,16 @@ def _fit(
         The score and the number of inliers before the last step.
     """
     normal, gradient, score, inliers = np.zeros((3, 3)), np.zeros(3), 0.0, 0
+    # Once, at the start, so that all steps of a fit make the same sum smaller.
     ratio, nx, ny = _constraint(table, points, state)
     wider = WIDER_ALONG if ratio < CORRIDOR_RATIO else WIDER
     for _ in range(MAX_ITERATIONS):
         score, inliers = _add_up(table, points, state, normal, gradient, wider)
+        # What is left along the corridor is the error of the normals. It would hold the
+        # robot back, or drag it on, by a share of each step.
         if ratio < LEAST_RATIO:
             keep_only(normal, gradient, nx, ny)
-        information[:] = normal
+        information[:] = normal  # before the prior is added: by the points alone
         for k in range(3):
             normal[k, k] += known[k]
             gradient[k] += known[k] * (prior[k] - state[k])
@@ -360,11 +380,12 @@ def _fit(
 
 
 @njit_cached
-def _best_start(table: Any, points: Any, starts: Any) -> Any:
+def _best_start(table: Table, points: ScanPoints, starts: Floats) -> int:
     best, best_score = 0, -1.0
     for k in range(len(starts)):
         turn = math.cos(starts[k, 2]), math.sin(starts[k, 2])
         score = 0.0
+        # In narrow windows only: poses differ by more than a wide one tells apart.
         for i in range(len(points.places)):
             match = _compare(table, points, i, starts[k], turn)
             score += _score(match.information, match.weight)

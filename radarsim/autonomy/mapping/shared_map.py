@@ -13,13 +13,13 @@ left out of the map, as nothing that moves is part of it.
 
 from bisect import bisect_right
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid
 from radarsim.autonomy.mapping.rebuildable_grid import RebuildableGrid, StoredScan
-from radarsim.autonomy.mapping.scan import BeamEnd, BeamHits, Layer, PlanarScan
+from radarsim.autonomy.mapping.scan import BeamEnd, Layer, PlanarScan
 from radarsim.autonomy.mapping.trajectory import Trajectory
 from radarsim.geometry import Floats, Pose2
 
@@ -167,7 +167,6 @@ def without_discs(scan: PlanarScan, centers: Floats, radius: float) -> PlanarSca
     np.minimum.at(known, ended, hits.near[is_inside])
     ends[ended] = BeamEnd.NOTHING
     is_left = ~is_inside & (hits.near <= known[hits.beams])
-    columns: Any = (column[is_left] for column in hits)
-    beams, near, far, layer = columns
-    left = BeamHits(beams, near, np.minimum(far, known[beams]), layer)
+    left = hits.chosen(is_left)
+    left = left._replace(far=np.minimum(left.far, known[left.beams]))
     return replace(scan, known_range=known, ends=ends, hits=left)

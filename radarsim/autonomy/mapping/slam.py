@@ -142,6 +142,7 @@ class Slam:
         self._reckon(scan.time, prior)
         self._prior = prior
         self.trajectory.add(scan.time, self.pose)
+        # The first scans count wherever the robot is: they alone have the start's pose.
         is_keyframe = len(places) > 0 and self._is_keyframe()
         if is_keyframe:
             self._map.add(Keyframe(self.pose, points, self._length))
@@ -181,6 +182,8 @@ class Slam:
 
     def _moved(self, pose: Pose2, before: Pose2, after: Pose2) -> Pose2:
         """Return a pose after the motion from one reported pose to another."""
+        # Odometry measures on the axes of the robot; an INS has a heading of its own,
+        # and reports motions on the axes of the map.
         if self.settings.motion_source != "ins":
             return pose.compose(after.relative_to(before))
         x, y = pose.x + after.x - before.x, pose.y + after.y - before.y
@@ -209,7 +212,8 @@ class Slam:
         starts = np.array([[pose.x, pose.y, pose.yaw] for pose in candidates])
         table = self._map.points.table
         best = candidates[best_start(table, points, starts)]
-        # The best start can lead to a local optimum; unchanged motion is tried too.
+        # The best start of a sample can lead to a local optimum; unchanged motion is
+        # tried too.
         fits = [
             fit(table, points, pose, pose, sigma) for pose in (best, candidates[-1])
         ]
@@ -230,33 +234,33 @@ class Slam:
         return is_far or abs(motion.yaw) > settings.keyframe_angle
 
     def _close_loop(self) -> None:
-        """Move everything if the robot is back at a place where it has been before."""
         if self._fit is None:
             return
         closure = self._closer.closure(self._map, self._fit)
+        # the graph refuses a closure that contradicts those before
         poses = None if closure is None else self._graph.close(*closure)
         if poses is not None:
             self.closures += 1
             self._move(poses)
 
     def _anchor(self) -> None:
-        """Move everything to where the first scans show that it is, a few times."""
         due = (self._anchorings + 1) * ANCHOR_INTERVAL
         if self._anchorings >= MOST_ANCHORINGS or self._length < due:
             return
         self._anchorings += 1
+        # A loop has tied the map to its start already.
         if self.closures or len(self._map) <= FIRST_KEYFRAMES:
             return
         correction = find_correction(self._map, FIRST_KEYFRAMES)
         if correction is None:
             return
+        # Off by less than the first scans can tell: it stays where it is, for good.
         if self._anchorings == 1 and abs(correction.yaw) < LEAST_TURN:
             self._anchorings = MOST_ANCHORINGS
             return
         self._move(self._graph.move(FIRST_KEYFRAMES, correction))
 
     def _move(self, poses: list[Pose2]) -> None:
-        """Move all keyframes to other poses, and the trajectory with them."""
         self.revision += 1
         self._map.move(poses)
         self.pose = poses[-1]

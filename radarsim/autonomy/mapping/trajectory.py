@@ -140,7 +140,6 @@ def _interpolated(truth: Trajectory, times: Floats) -> Floats:
 def _relative_errors(
     poses: Floats, true: Floats, path: Floats, over: float
 ) -> tuple[float, float]:
-    """Return the relative pose error in m and in rad, root mean square."""
     ends = np.searchsorted(path, path + over)
     starts = np.flatnonzero(ends < len(path))
     if not len(starts):

@@ -89,7 +89,6 @@ class Bug(Controller):
         return self._follow(observation, self._policy, self._boundary, driven)
 
     def _is_open(self, observation: Observation) -> bool:
-        """Return whether the robot may head for the goal."""
         return self._is_free(observation) and not self._is_grazed(observation)
 
     def _is_free(self, observation: Observation) -> bool:
@@ -132,7 +131,6 @@ class Bug(Controller):
         return self._side_distance(observation) < near
 
     def _hit(self, observation: Observation) -> tuple[BoundaryPolicy, FollowedBoundary]:
-        """Begin to follow what is between the robot and the goal."""
         pose, goal = observation.pose, self.goals[0]
         self.hit_points.append((pose.x, pose.y))
         self.activity, self._lost = Activity.ALIGNING, 0.0

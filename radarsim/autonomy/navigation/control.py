@@ -205,11 +205,12 @@ class ControlLoop:
         start, stopped = clock(), False
         received: set[str] = set()
         while (waited := clock() - start) < self._timeout:
+            # A robot keeps its wheel speeds until it is told others: it drives blindly.
             if waited >= STOP_AFTER and not stopped:
                 self.drive(STOP)
                 stopped = True
             reports = self._read((self._timeout if stopped else STOP_AFTER) - waited)
-            newest = None
+            newest = None  # of several scans that came at once: the others are stale
             for report in reports:
                 newest = self._source.take(report) or newest
                 received.add(type(report).__name__)

@@ -62,6 +62,7 @@ class MotionDetector:
             reach: Longer beams are left out, m.
         """
         self._earlier.append(observation)
+        # the newest one that is old enough, and all since
         while len(self._earlier) > 1 and _age(self._earlier[1], observation) >= 0:
             self._earlier.popleft()
         beams = np.zeros(len(observation.ranges), np.bool_)
@@ -129,6 +130,7 @@ class Waiting:
         is_recent = observation.time - self._last_motion < RECENT
         if not is_recent or ranges.min(initial=math.inf) >= self._clearance:
             return None
+        # Away from the nearest point, without a turn: its corners would swing into it.
         forward = -math.copysign(1.0, math.cos(bearings[ranges.argmin()]))
         ahead = forward * np.cos(bearings) > 0.5
         if (ranges[ahead] < self._clearance + MARGIN).any():
@@ -151,10 +153,13 @@ class Waiting:
         while now - self._seen[0][0] > INTERVAL:
             self._seen.popleft()
         begin, first = self._seen[0]
+        # A track of one or two scans gives any velocity, by noise.
         is_known = now - begin >= LEAST_TRACK
         velocity = (place - first) / (now - begin) if is_known else 0j
         going = self._ahead * SPEED * complex(math.cos(pose.yaw), math.sin(pose.yaw))
         times = np.arange(0.0, HORIZON, 0.25)
+        # Both move: the least distance along the way, in steps of a quarter second. Who
+        # stands in its way gains nothing by standing.
         driving = np.abs(ends[:, None] + (velocity - going) * times).min()
         standing = np.abs(ends[:, None] + velocity * times).min()
         return bool(driving < min(self._bumpers.pressed_below, standing))

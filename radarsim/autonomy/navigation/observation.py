@@ -147,6 +147,7 @@ class EchoCollector:
 
     def take(self, line: EchoLine) -> None:
         """Add a line; a line of another time starts anew."""
+        # Lines of a slow connection may be left out, so the last one ends no scan.
         if not _is_same_time(line.time, self._time):
             self._time, self._lines = line.time, {}
         self._line_count = line.lines
@@ -296,6 +297,8 @@ class ObservationBuilder:
         echoes = self._echoes.of(report)
         if echoes is not None or math.isnan(self._echoes_due):
             self._echoes_due = time + self._echo_wait
+        # Echoes that have come once will come again: a scan without them lost some. It
+        # would show gaps in thin foliage, through which the robot would try to drive.
         if echoes is None and time < self._echoes_due:
             return None
         angles, farther = beam_angles(report), np.zeros((0, 2))

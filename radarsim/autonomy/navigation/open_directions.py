@@ -152,6 +152,7 @@ def _first_touches(
     x, y = ranges * np.cos(angles), ranges * np.sin(angles)
     c, s = np.cos(bearings)[:, None], np.sin(bearings)[:, None]
     along, beside = c * x + s * y, np.abs(c * y - s * x)
+    # the disc's centre where its edge meets a point that is ``beside`` off its way
     before = along - np.sqrt(np.maximum(radius**2 - beside**2, 0.0))
     touches = ranges <= radius
     closes = np.where(touches, along > _FACING * ranges, beside < radius) & (along > 0)
@@ -159,7 +160,7 @@ def _first_touches(
     first = lengths.argmin(axis=1)
     shortest = np.clip(lengths.min(axis=1), 0.0, HORIZON)
     ends = np.column_stack([x[first], y[first]])
-    ends[shortest >= HORIZON] = np.nan
+    ends[shortest >= HORIZON] = np.nan  # compares false, so that nothing is linked
     return shortest, ends
 
 
@@ -173,5 +174,6 @@ def leads_too_near(observation: Observation, safety_distance: float) -> bool:
     near = observation.ranges < safety_distance + 2 * _STEP
     ranges, bearings = observation.ranges[near], observation.bearings[near]
     x, y = ranges * np.cos(bearings), ranges * np.sin(bearings)
+    # Never nearer than now counts, or a robot that is too near could not leave.
     after = float(np.hypot(x - _STEP, y).min(initial=math.inf))
     return after < min(safety_distance - TOO_NEAR, float(ranges.min(initial=math.inf)))

@@ -29,7 +29,7 @@ this rule, so that what one of them can reach is what all can reach.
 import heapq
 import math
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,7 +118,13 @@ def may_join_outside(passable: NDArray[np.bool_], start: Cell, end: Cell) -> boo
 
 
 @njit_cached
-def _search(cost: Any, row: Any, column: Any, targets: Any, parents: Any) -> Any:
+def _search(
+    cost: Floats,
+    row: int,
+    column: int,
+    targets: NDArray[np.bool_],
+    parents: NDArray[np.int64],
+) -> int:
     """Visit cells by cost until one is a target (Dijkstra); return it, or -1.
 
     Unlike ``scipy.sparse.csgraph`` it stops at the first target, needs no graph, and
@@ -132,9 +138,9 @@ def _search(cost: Any, row: Any, column: Any, targets: Any, parents: Any) -> Any
         so_far, cell = heapq.heappop(queue)
         i, j = cell // columns, cell % columns
         if so_far > best[i, j]:
-            continue
+            continue  # a cheaper way here has been found since this was queued
         if targets[i, j]:
-            return cell
+            return int(cell)
         for di in range(-1, 2):
             for dj in range(-1, 2):
                 k, n = i + di, j + dj
@@ -145,7 +151,7 @@ def _search(cost: Any, row: Any, column: Any, targets: Any, parents: Any) -> Any
                     best[k, n] = total
                     parents[k, n] = cell
                     heapq.heappush(queue, (total, np.int64(k * columns + n)))
-    return np.int64(-1)
+    return -1
 
 
 CELL: Final = 0.1  # m
@@ -183,6 +189,7 @@ class ObstacleGrid:
         ends = observation.blocking_points()
         near = np.hypot(*(ends - (pose.x, pose.y)).T) < MAX_DISTANCE
         met = self._mask(*ends[near].T)
+        # A cell in which one beam ends and which another passes is an edge: it gains.
         change = np.where(met, _GAIN, np.where(passed, -_LOSS, 0))
         self._evidence = np.clip(self._evidence + change, _LEAST, _MOST).astype(
             np.int16
@@ -267,6 +274,7 @@ class PathPlanning(Controller):
         self._planned = observation.time
         cost = self._grid.cost(self._settings.bumpers.safety_distance)
         start, end = self._grid.cell((pose.x, pose.y)), self._grid.cell(goal)
+        # It is too near to something, by noise or as that has moved: it may leave.
         if not math.isfinite(cost[start]):
             rows, columns = np.indices(cost.shape)
             near = np.hypot(rows - start[0], columns - start[1]) * CELL < ESCAPE_RADIUS
@@ -298,6 +306,7 @@ class PathPlanning(Controller):
         nearest = int(distances.argmin())
         ahead, away = self._path[nearest:], distances[nearest:]
         within = int((away > LOOKAHEAD).argmax()) if away.max() > LOOKAHEAD else None
+        # Never nearer, as a robot that heads for where it is turns on the spot forever.
         chosen = ahead[min(2, len(ahead) - 1)]
         for point in ahead[:within][::-1]:
             if self._is_cheap(pose, point):

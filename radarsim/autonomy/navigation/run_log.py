@@ -140,7 +140,6 @@ class RunLog:
         return text.getvalue()
 
     def _update(self, previous: Row | None, row: Row) -> None:
-        """Record what has changed: goals, hit points, leave points."""
         here = (row.x, row.y)
         same_goal = previous is not None and previous.goal == row.goal
         was_at_boundary = previous is not None and previous.activity in AT_BOUNDARY

@@ -85,6 +85,7 @@ class ClearanceCheck:
         if not near.any():
             self._place = (math.inf, math.inf)
             return
+        # Something else than before: what drives by a goal does not stand there.
         if np.hypot(*(points[near] - self._place).T).min() > _PLACE:
             x, y = points[distances.argmin()].tolist()
             self._place, self._since = (x, y), observation.time
@@ -243,6 +244,7 @@ class Navigator:
         try:
             for observation in self._loop.scans():
                 clearance.check(observation, bug.goals[0] if bug.goals else None)
+                # asked at every scan, as it compares them
                 has_to_wait = waiting.has_to_wait(observation, twist)
                 if (away := waiting.back_off(observation)) is not None:
                     twist = away

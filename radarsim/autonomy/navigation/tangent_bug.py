@@ -111,7 +111,7 @@ def crosses_any(
 
 
 def _side(begin: Floats, end: Floats, point: Floats) -> Floats:
-    """Return the cross product that tells on which side of a line a point is."""
+    # the sign of the cross product
     along, to = end - begin, point - begin
     cross: Floats = along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0]
     return cross
@@ -237,7 +237,6 @@ class TangentBug(Controller):
         return away > ARRIVED and bool(length >= min(away, HORIZON))
 
     def _sees_goal(self, observation: Observation) -> bool:
-        """Return whether the way straight to the goal is open."""
         left = self._goal_distance(observation.pose)
         bearing = self._goal_bearing(observation.pose)
         # a goal may be as near to something as the safety distance
@@ -253,7 +252,6 @@ class TangentBug(Controller):
         return is_faced and leads_too_near(observation, safety_distance)
 
     def _hit(self, observation: Observation) -> Twist:
-        """Turn to the boundary of what hides the goal, to follow it."""
         pose = observation.pose
         self.hit_points.append((pose.x, pose.y))
         if self._left is not None and distance(pose, *self.leave_points[-1]) < AGAIN:
@@ -329,7 +327,6 @@ class TangentBug(Controller):
         return self._head_for(observation, place)
 
     def _conclude(self, observation: Observation, boundary: FollowedBoundary) -> Twist:
-        """Conclude that there is no path, unless what was circled has gone."""
         self.circuits += 1
         if self._gone < _MOST_GONE and boundary.memory.has_gone(observation):
             self._gone += 1

@@ -170,7 +170,10 @@ class WallFollower:
             # the circle that a corner out of sight would ask for
             speed = self.speed_limits.speed
             return mode.robot_twist(Twist(speed, speed / self.target_distance)), False
+        # Rule 3: what is ahead is judged in the direction that it is to take.
         heading = self._clear_heading(view, self._along(view, boundary))
+        # It faces where it is to go, and yet something there is too near for a bumper:
+        # it would stand forever.
         if abs(heading) < ALIGNED and self.bumpers.towards(view, 0.0).too_near:
             heading = self._way_out(view, heading)
         return mode.robot_twist(self._move(view, heading)), True
@@ -248,6 +251,7 @@ class WallFollower:
         boundary = self._boundary(view)
         if boundary is None:
             return False
+        # A corner a little farther than the nearest point is still the same boundary.
         side = self._near_side(view) & (view.ranges <= boundary.distance + CORNER_DEPTH)
         offsets = wrap_angles(view.bearings[side] - mode.bearing(bearing))
         return bool((np.abs(offsets) <= FACING_ANGLE).any())
@@ -270,6 +274,8 @@ class WallFollower:
         ranges = np.where(within, view.ranges, math.inf)
         if not np.isfinite(ranges).any():
             return centre - ABEAM
+        # Beams beside the nearest one are about as near, and noise chooses among them:
+        # their mean is steadier.
         nearest = ranges <= ranges.min() + _EQUAL_RANGE
         return _mean_bearing(view.bearings[nearest]) - ABEAM
 
@@ -286,6 +292,8 @@ class WallFollower:
 
     def _along(self, view: Observation, boundary: Boundary) -> float:
         """Return the heading that keeps the boundary abeam and at its distance, rad."""
+        # In a narrow gap its middle; where that is too near to both sides, the safety
+        # distance from the one that is followed.
         half = max(self._gap(view, boundary) / 2, self.bumpers.safety_distance)
         # A positive lean turns to the left, towards the boundary.
         lean = DISTANCE_GAIN * (boundary.distance - min(self.target_distance, half))
@@ -297,6 +305,8 @@ class WallFollower:
         # Seen along the boundary, the other side of a gap is on the right.
         offsets = wrap_angles(view.bearings - boundary.bearing + ABEAM)
         other = (offsets < -SIDE_ANGLE) & (offsets > SIDE_ANGLE - math.pi)
+        # The boundary itself, seen at a flat angle far ahead, must not be taken for the
+        # other side: so that begins ``SIDE_ANGLE`` off.
         other &= np.isfinite(view.ranges)
         if not other.any():
             return math.inf
@@ -316,7 +326,8 @@ class WallFollower:
             return heading
         x, y = _end_points(view.bearings[near], view.ranges[near])
         least = min(self.bumpers.safety_distance, float(view.ranges[near].min()))
-        # To the right only: the first clear one is the nearest to the boundary.
+        # In an inner corner that is along the next wall. To the right only: the first
+        # clear one is the nearest to the boundary.
         headings = heading - HEADING_STEP * np.arange(int(2 * math.pi / HEADING_STEP))
         step = self.bumpers.band / 2
         distances = np.hypot(
@@ -406,7 +417,6 @@ class BumperWallFollower:
         return mode.robot_twist(Twist(speed, turn)), found
 
     def _update_turn(self, view: Observation) -> None:
-        """Begin and end turns on the spot."""
         bumpers, yaw = self._follower.bumpers, view.pose.yaw
         self._turned += abs(wrap_angle(yaw - self._yaw))
         self._yaw = yaw
@@ -417,6 +427,7 @@ class BumperWallFollower:
             self._is_in_corner = bumpers.towards(view, math.pi / 2).pressed
         elif not front.blocked:
             only_side = not self._is_in_corner and self._has_only_side(view)
+            # After a whole circle no bumper will end it.
             is_over = back.pressed or only_side or self._turned >= 2 * math.pi
             self._is_turning = not is_over
 
@@ -426,7 +437,7 @@ class BumperWallFollower:
         if self._is_turning:
             return 0.0, -limits.turn
         side = self._follower.bumpers.towards(view, math.pi / 2)
-        if side.too_near:
+        if side.too_near:  # not in the thesis, whose robot would touch the wall
             return limits.speed / 2, -_AWAY * limits.turn
         if side.pressed:
             return limits.speed, 0.0

@@ -151,7 +151,6 @@ class LineQueue:
             self.dropped += self._pop().scan_part == "ranges"
 
     def _pop(self) -> Line:
-        """Remove and return the oldest line."""
         queues = [lines for lines in (self._scan_lines, self._other_lines) if lines]
         return self._pop_from(min(queues, key=lambda lines: lines[0][0]))
 

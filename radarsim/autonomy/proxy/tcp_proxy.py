@@ -239,7 +239,6 @@ class TcpProxy:
         return len(self._connected)
 
     def _endpoint(self) -> Endpoint:
-        """Return the endpoint for the next client."""
         number = next(self._numbers)
 
         def connect_server(client: Endpoint) -> None:

@@ -118,7 +118,6 @@ class RobotWatcher:
     def _has_left(
         self, reports: list[Report] | None, writer: asyncio.StreamWriter
     ) -> bool:
-        """Process reports, and return whether the robot has left."""
         if reports is None:
             if not self._is_watching:
                 raise ClientError("no answer to WATCH, expected a server of radarsim")
@@ -316,7 +315,6 @@ class TrafficMapper:
             await asyncio.to_thread(observer.finish)
 
     def _observe(self, run: Callable[[DataCallback], int]) -> int:
-        """Map the data that a function passes on while it runs."""
         observer = TrafficObserver(RobotSelector(self.begin, scanner=self._scanner))
         observer.start()
         record = self.on_data

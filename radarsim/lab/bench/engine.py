@@ -27,8 +27,7 @@ from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import Faces, box, sphere
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor, sensor_pose
-from radarsim.sensors.scan_batch import scan_batch
-from radarsim.sensors.scan_plan import ScanRequest
+from radarsim.sensors.scanning import ScanRequest, scan_batch
 
 WALL = Material("wall")
 FOLIAGE = Material("foliage", density=1.0)

@@ -62,9 +62,12 @@ def take_beam(shot: ScanSpec) -> tuple[Scan, Rays]:
     """Take the scan; return it and all rays of the beam."""
     tracer, scanner = tracer_of(shot.scene), shot.scanner
     plan = scanner.plan(tracer, shot.pose, generator_for(shot.seed, shot.sensor))
-    traces = tracer.trace(plan.rays, events=plan.events, incidence=plan.incidence)
+    builder = scanner.builder
+    traces = tracer.trace(
+        plan.rays, events=plan.draws.events, incidence=builder.needs_incidence
+    )
     rays = plan.rays.take(np.arange(BEAM * RAYS, (BEAM + 1) * RAYS))
-    return scanner.read(plan, traces), rays
+    return builder.build(plan, traces), rays
 
 
 def returns_of(scan: Scan) -> list[Return]:

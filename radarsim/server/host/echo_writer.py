@@ -1,10 +1,8 @@
-"""Write the echo lines of scans: those of ``echo_lines``, at a fraction of its work.
+"""Write the echoes of scans as lines, object by object.
 
 A scan can have a hundred lines of a few echoes each, in which hardly more than the
 numbers are new. What is said of an object is kept, and all lines of a scan are written
 in one compiled call.
-
-Split the echoes of a scan into echo lines, object by object.
 """
 
 from collections.abc import Callable, Mapping
@@ -17,17 +15,21 @@ from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.echoes import (
     ECHOES_A_LINE,
-    ObjectProperties,
+    EchoLine,
+    LineHead,
+    TargetEchoes,
     build_head,
     find_mark,
     join_echoes,
 )
-from radarsim.protocol.line_writer import ReportBlock, encode_blocks, fill_block
-from radarsim.protocol.reports import EchoLine, TargetEchoes
+from radarsim.protocol.line_writer import fill_lines
+from radarsim.protocol.reports import to_bytes
 from radarsim.sensors.echoes import KINDS, ROBOT, Echoes, Target
 from radarsim.server.host.echo_order import sort_into_lines
 
 KIND_NAMES: Final = {int(kind): name for kind, name in KINDS.items()}
+MOST_SENSORS: Final = 100  # that are kept; clients can change their settings
+MOST_HEADS: Final = 2000  # of a sensor; robots come and go
 
 
 class EchoRows(NamedTuple):
@@ -51,42 +53,21 @@ class EchoRows(NamedTuple):
         Parts are in the order of their first beam, and of their numbers for the same.
         """
         numbers, order, lines = sort_into_lines(
-            *(echoes.parts, echoes.beams, echoes.fronts, echoes.power, echoes.strength),
-            *(echoes.settings.penetration_power, ECHOES_A_LINE),
+            echoes.parts,
+            echoes.beams,
+            echoes.fronts,
+            echoes.power,
+            echoes.strength,
+            echoes.settings.penetration_power,
+            ECHOES_A_LINE,
         )
         return cls(numbers, echoes.kinds[order].tolist(), lines.tolist())
 
 
-def echo_lines(
-    time: float, scanner: str, echoes: Echoes, robot_names: Mapping[int, str]
-) -> tuple[EchoLine, ...]:
-    """Return the echo lines of a scan.
-
-    Objects are in the order of their first beam, and of their parts for the same beam.
-
-    Args:
-        time: Time of the scan, s.
-        scanner: Name of the scanner item.
-        echoes: Echoes of the scan.
-        robot_names: Names of the robots, by their numbers.
-
-    Returns:
-        At least one line, so that a client knows when it has all lines of a scan.
-    """
-    rows = EchoRows.of(echoes)
-    count = len(rows.lines)
-    if not count:
-        return (EchoLine(time, scanner, 0, 0, None),)
-    lines = []
-    for number, (part, start, end) in enumerate(rows.lines, start=1):
-        target = find_target(echoes, part, robot_names)
-        seen = _target_echoes(target, rows, slice(start, end))
-        lines.append(EchoLine(time, scanner, number, count, seen))
-    return tuple(lines)
-
-
-def find_target(echoes: Echoes, part: int, robot_names: Mapping[int, str]) -> Target:
-    """Return the object that a part belongs to.
+def describe_target(
+    echoes: Echoes, part: int, robot_names: Mapping[int, str]
+) -> TargetEchoes:
+    """Return the object that a part belongs to, without echoes.
 
     Args:
         echoes: Echoes of the scan.
@@ -95,12 +76,11 @@ def find_target(echoes: Echoes, part: int, robot_names: Mapping[int, str]) -> Ta
     """
     count = len(echoes.scene_parts)
     if part >= count:
-        return Target.of(robot_names[part - count], ROBOT, echoes.settings)
-    found = echoes.scene_parts[part]
-    return Target.of(found.object_name, found.material, echoes.settings)
-
-
-def _target_echoes(target: Target, echoes: EchoRows, rows: slice) -> TargetEchoes:
+        target = Target.of(robot_names[part - count], ROBOT, echoes.settings)
+    else:
+        found = echoes.scene_parts[part]
+        target = Target.of(found.object_name, found.material, echoes.settings)
+    nothing = np.zeros(0)
     return TargetEchoes(
         object=target.object,
         material=target.material,
@@ -108,23 +88,12 @@ def _target_echoes(target: Target, echoes: EchoRows, rows: slice) -> TargetEchoe
         transparency=target.transparency,
         laser_passes=target.laser_passes,
         robot_passes=target.robot_passes,
-        beams=echoes.numbers[rows, 0].astype(np.int64),
-        ranges=echoes.numbers[rows, 1],
-        kinds=tuple([KIND_NAMES[kind] for kind in echoes.kinds[rows]]),
-        power=echoes.numbers[rows, 2],
-        strength=echoes.numbers[rows, 3],
+        beams=nothing.astype(np.int64),
+        ranges=nothing,
+        kinds=(),
+        power=nothing,
+        strength=nothing,
     )
-
-
-MOST_SENSORS: Final = 100  # that are kept; clients can change their settings
-MOST_HEADS: Final = 2000  # of a sensor; robots come and go
-
-
-class LineHead(NamedTuple):
-    """What all lines about an object share: the template up to the echoes, numbers."""
-
-    template: bytes
-    numbers: tuple[float, ...]
 
 
 class EchoWriter:
@@ -145,6 +114,9 @@ class EchoWriter:
     ) -> bytes:
         """Return the echo lines of a scan, each with CRLF.
 
+        Objects are in the order of their first beam, and of their parts for the same
+        beam. There is at least one line, so that a client knows when it has them all.
+
         Args:
             time: Time of the scan, s.
             scanner: Name of the scanner item.
@@ -155,6 +127,9 @@ class EchoWriter:
             ValueError: If a number is not finite or does not fit into 32 bits.
         """
         rows = EchoRows.of(echoes)
+        count = len(rows.lines)
+        if not count:
+            return to_bytes([EchoLine(time, scanner, 0, 0, None).encode(dialect)])
         marks = {kind: find_mark(dialect, name) for kind, name in KIND_NAMES.items()}
         written = [marks[kind] for kind in rows.kinds]
         heads = self._heads_of(dialect, scanner, echoes.settings)
@@ -162,16 +137,12 @@ class EchoWriter:
         numbers: list[float] = []
         for line, (part, start, end) in enumerate(rows.lines, start=1):
             if part not in heads:
-                heads[part] = self._make_head(dialect, scanner, echoes, part)
+                target = describe_target(echoes, part, self._robot_names())
+                heads[part] = build_head(dialect, scanner, target)
             head = heads[part]
-            templates.append(join_echoes(head.template, written[start:end]))
-            numbers += (time, line, len(rows.lines), *head.numbers)
-        lines = fill_block(templates, numbers, rows.numbers.reshape(-1))
-        if lines:
-            return lines
-        reports = echo_lines(time, scanner, echoes, self._robot_names())
-        (lines,) = encode_blocks([ReportBlock(reports, dialect)])
-        return lines
+            templates.append(join_echoes(head, written[start:end]))
+            numbers += (time, line, count, *head.numbers)
+        return fill_lines(templates, numbers, rows.numbers.reshape(-1))
 
     def _heads_of(
         self, dialect: Dialect, scanner: str, settings: SensorSettings
@@ -183,14 +154,3 @@ class EchoWriter:
         if len(heads) > MOST_HEADS:
             heads.clear()
         return heads
-
-    def _make_head(
-        self, dialect: Dialect, scanner: str, echoes: Echoes, part: int
-    ) -> LineHead:
-        target = find_target(echoes, part, self._robot_names())
-        properties = ObjectProperties(
-            *(target.object, target.material, target.density, target.transparency),
-            *(target.laser_passes, target.robot_passes),
-        )
-        template = build_head(dialect, False, scanner, properties)
-        return LineHead(template, properties.numbers)

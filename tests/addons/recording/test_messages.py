@@ -15,7 +15,7 @@ from radarsim.addons.recording.messages import Fields, RosMessage, Transform
 from radarsim.addons.recording.robot_topics import Legend, RobotTopics
 from radarsim.client.robot_info import ScannerInfo
 from radarsim.geometry import Pose3, rotation_matrix
-from radarsim.protocol.targets import target_lines
+from radarsim.protocol.echoes import target_lines
 
 PointField: Any = typestore().types["sensor_msgs/msg/PointField"]
 NUMBERS = st.floats(-1e6, 1e6)

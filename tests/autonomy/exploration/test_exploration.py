@@ -22,7 +22,6 @@ from radarsim.autonomy.mapping.occupancy_grid import (
     CellClass,
 )
 from radarsim.autonomy.mapping.trajectory import trajectory_errors
-from radarsim.autonomy.navigation.control import SpeedLimits
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.runner import TripMeter
 from radarsim.client import Client
@@ -41,7 +40,7 @@ LASER = SimulationConfig(
 
 
 def create_exploration(**overrides: Any) -> Exploration:
-    values = {"speed_limits": SpeedLimits(speed=0.6), **overrides}
+    values = {"speed": 0.6, **overrides}
     return Exploration(ExplorationPlan(**values), generator_for(0, "exploring"))
 
 
@@ -144,9 +143,7 @@ def test_laser_maps_no_foliage_and_nothing_behind_it(foliage_room: Scene) -> Non
 
 
 def test_safety_distance_is_larger_without_echoes(foliage_room: Scene) -> None:
-    exploration = run(
-        foliage_room, echoes=False, penetration_depth=1.43, time_limit=2.0
-    )
+    exploration = run(foliage_room, echoes=False, foliage_density=0.7, time_limit=2.0)
     assert exploration.safety_distance == pytest.approx(0.371 + 1.43 + 0.13, abs=0.01)
     assert exploration.mapper is not None
     assert not (exploration.mapper.grid.classes() == CellClass.FOLIAGE).any()

@@ -13,8 +13,9 @@ from radarsim.autonomy.exploration.coverage import (
     ContourStrategy,
     RandomBounce,
     SpiralCoverage,
+    coverage_strategy,
+    frontier_strategy,
 )
-from radarsim.autonomy.exploration.frontier import coverage_strategy, frontier_strategy
 from radarsim.autonomy.exploration.path_follower import (
     PATIENCE,
     WAYPOINT_RADIUS,

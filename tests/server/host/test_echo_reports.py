@@ -1,7 +1,8 @@
 """Distribution of echoes over report lines: order, size and values."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,10 +19,12 @@ from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
 from radarsim.sensors.echoes import KINDS, Echoes
 from radarsim.server.host.echo_writer import (
+    KIND_NAMES,
     MOST_HEADS,
     MOST_SENSORS,
+    EchoRows,
     EchoWriter,
-    echo_lines,
+    describe_target,
 )
 
 FOLIAGE = Material("foliage", density=0.7)
@@ -61,6 +64,28 @@ def echoes_of(rows: Sequence[Row], **settings: Any) -> Echoes:
         scene_parts=PARTS,
         settings=made,
     )
+
+
+def echo_lines(
+    time: float, scanner: str, echoes: Echoes, robot_names: Mapping[int, str]
+) -> tuple[EchoLine, ...]:
+    """Return the reports of the lines that ``EchoWriter`` writes, not rounded."""
+    numbers, kinds, rows = EchoRows.of(echoes)
+    if not rows:
+        return (EchoLine(time, scanner, 0, 0, None),)
+    lines = []
+    for number, (part, start, end) in enumerate(rows, start=1):
+        beams, ranges, power, strength = numbers[start:end].T
+        seen = replace(
+            describe_target(echoes, part, robot_names),
+            beams=beams.astype(np.int64),
+            ranges=ranges,
+            kinds=tuple([KIND_NAMES[kind] for kind in kinds[start:end]]),
+            power=power,
+            strength=strength,
+        )
+        lines.append(EchoLine(time, scanner, number, len(rows), seen))
+    return tuple(lines)
 
 
 def lines_of(rows: Sequence[Row], **settings: Any) -> tuple[EchoLine, ...]:

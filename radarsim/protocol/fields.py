@@ -1,0 +1,505 @@
+"""The fields of reports: one table for each report, which writes and reads its lines.
+
+An attribute of a report is annotated with its field, which tells key and format:
+
+    velocities: Annotated[tuple[float, ...], Numbers("Vel", "plain")]
+
+Formats are those of the dialect, by name. Fields are written in the order of the
+attributes, or in that of ``layouts`` where dialects differ. They are read in any order,
+and keys in any case.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from math import isnan, nan
+from typing import (
+    Any,
+    ClassVar,
+    Final,
+    Generic,
+    Literal,
+    NamedTuple,
+    Self,
+    TypeAlias,
+    TypeVar,
+    get_type_hints,
+)
+
+import numpy as np
+
+from radarsim.geometry import Floats, Pose2, Pose3
+from radarsim.protocol.dialect import Dialect
+from radarsim.protocol.line_template import (
+    LINE_END,
+    LONGEST_NAME,
+    NO_SERIES,
+    POSITIVE,
+    TRUTH,
+    WHOLE,
+    WRAPPED,
+    marks,
+    printable_name,
+    reduce_text,
+    series_marks,
+    vector_marks,
+)
+from radarsim.protocol.message import (
+    Message,
+    Triple,
+    encode_segments,
+    parse_flipped,
+    parse_segments,
+    parse_triple,
+    wrapped_pose,
+)
+from radarsim.protocol.numbers import (
+    NumberFormat,
+    parse_flag,
+    parse_list,
+    parse_number,
+)
+
+FormatName: TypeAlias = Literal[
+    "time", "ranges", "angle", "truth", "ins", "plain", "mount", "robot", "mass"
+]
+# By the name of the dialect, as the line itself: keys, or keys with constant texts.
+Layouts: TypeAlias = Mapping[str, str]
+Split: TypeAlias = tuple[bytes, Sequence[float], Floats]
+Value = TypeVar("Value")
+
+
+class Segment(NamedTuple):
+    """One key of a line.
+
+    Attributes:
+        key: The key.
+        text: Its value, with marks for numbers.
+        numbers: Numbers of these marks.
+        series: Numbers of the marks in a series.
+    """
+
+    key: str
+    text: str
+    numbers: Sequence[float] = ()
+    series: Floats = NO_SERIES
+
+
+class Field(ABC, Generic[Value]):
+    """How one attribute of a report is written and read."""
+
+    def __init__(self, key: str) -> None:
+        self.key = key
+
+    @abstractmethod
+    def read(self, message: Message) -> Value:
+        """Read the attribute.
+
+        Raises:
+            MalformedMessage: If it is missing or not readable.
+        """
+
+    @abstractmethod
+    def write(self, value: Value, dialect: Dialect) -> Sequence[Segment]:
+        """Return the keys in which the attribute is written, mostly one."""
+
+
+class Text(Field[str]):
+    """A text that servers choose; empty if it is missing."""
+
+    def read(self, message: Message) -> str:
+        return message.get(self.key) or ""
+
+    def write(self, value: str, _: Dialect) -> Sequence[Segment]:
+        return (Segment(self.key, reduce_text(value)),)
+
+
+class RequiredText(Text):
+    """A text without which a line means nothing."""
+
+    def read(self, message: Message) -> str:
+        return message.require(self.key)
+
+
+class PrintableText(RequiredText):
+    """A text of users' choice, of which lines have printable characters only."""
+
+    def __init__(self, key: str, longest: int = LONGEST_NAME) -> None:
+        super().__init__(key)
+        self._longest = longest
+
+    def write(self, value: str, _: Dialect) -> Sequence[Segment]:
+        return (Segment(self.key, printable_name(value, self._longest)),)
+
+
+class FormattedField(Field[Value]):
+    """A field of numbers; its format has a name in the dialect."""
+
+    def __init__(self, key: str, format_name: FormatName) -> None:
+        super().__init__(key)
+        self._format_name = format_name
+
+    def format(self, dialect: Dialect) -> NumberFormat:
+        """Return the format of the numbers."""
+        number_format: NumberFormat = getattr(dialect, self._format_name)
+        return number_format
+
+
+class Number(FormattedField[float]):
+    """One number, which can have a default for lines without it."""
+
+    def __init__(
+        self, key: str, format_name: FormatName, default: float | None = None
+    ) -> None:
+        super().__init__(key, format_name)
+        self._default = default
+
+    def read(self, message: Message) -> float:
+        if self._default is None:
+            return message.parse(self.key, parse_number)
+        number = message.parse_optional(self.key, parse_number)
+        return self._default if number is None else number
+
+    def write(self, value: float, dialect: Dialect) -> Sequence[Segment]:
+        number_format = self.format(dialect)
+        number = number_format.cut_to_step(value)
+        return (Segment(self.key, marks(number_format), (number,)),)
+
+
+class Numbers(FormattedField[tuple[float, ...]]):
+    """Numbers of any count."""
+
+    def read(self, message: Message) -> tuple[float, ...]:
+        return tuple(message.parse(self.key, parse_list))
+
+    def write(self, value: tuple[float, ...], dialect: Dialect) -> Sequence[Segment]:
+        return (Segment(self.key, marks(self.format(dialect), len(value)), value),)
+
+
+class Series(FormattedField[Floats]):
+    """Numbers of any count as an array; a line has only one."""
+
+    def read(self, message: Message) -> Floats:
+        return np.array(message.parse(self.key, parse_list))
+
+    def write(self, value: Floats, dialect: Dialect) -> Sequence[Segment]:
+        text = series_marks(self.format(dialect), len(value))
+        return (Segment(self.key, text, series=value),)
+
+
+class Whole(Field[int]):
+    """A whole number."""
+
+    def read(self, message: Message) -> int:
+        return int(message.parse(self.key, parse_number))
+
+    def write(self, value: int, _: Dialect) -> Sequence[Segment]:
+        return (Segment(self.key, WHOLE, (value,)),)
+
+
+class Flag(Field[bool]):
+    """``True`` or ``False``."""
+
+    def read(self, message: Message) -> bool:
+        return message.parse(self.key, parse_flag)
+
+    def write(self, value: bool, _: Dialect) -> Sequence[Segment]:
+        return (Segment(self.key, TRUTH, (value,)),)
+
+
+class Extent(FormattedField[Triple]):
+    """Three lengths, the same in the axes of the wire."""
+
+    def read(self, message: Message) -> Triple:
+        return message.parse(self.key, parse_triple)
+
+    def write(self, value: Triple, dialect: Dialect) -> Sequence[Segment]:
+        return (Segment(self.key, marks(self.format(dialect), 3), value),)
+
+
+class Point(FormattedField[Triple]):
+    """x, y, z, converted to the axes of the wire; NaN if they are missing."""
+
+    def read(self, message: Message) -> Triple:
+        return message.parse_optional(self.key, parse_flipped) or (nan, nan, nan)
+
+    def write(self, value: Triple, dialect: Dialect) -> Sequence[Segment]:
+        return (Segment(self.key, vector_marks(self.format(dialect)), value),)
+
+
+class WheelPose(FormattedField[Pose2]):
+    """x, y and a yaw that counts turns."""
+
+    def read(self, message: Message) -> Pose2:
+        x, y, yaw = message.parse(self.key, parse_triple)
+        return Pose2(x, 0.0 - y, 0.0 - yaw)
+
+    def write(self, value: Pose2, dialect: Dialect) -> Sequence[Segment]:
+        # The yaw is flipped as z of a vector is.
+        text = vector_marks(self.format(dialect))
+        return (Segment(self.key, text, (value.x, value.y, value.yaw)),)
+
+
+class Pose(FormattedField[Pose3]):
+    """A place and the angles of a body, in two keys."""
+
+    def __init__(self, format_name: FormatName) -> None:
+        super().__init__("Location", format_name)
+
+    def read(self, message: Message) -> Pose3:
+        position = message.parse(self.key, parse_flipped)
+        return wrapped_pose(position, message.parse("Orientation", parse_flipped))
+
+    def write(self, value: Pose3, dialect: Dialect) -> Sequence[Segment]:
+        number_format, numbers = self.format(dialect), value.numbers()
+        is_positive = self._format_name == "ins" and dialect.ins_angles_positive
+        changes = WRAPPED + POSITIVE if is_positive else WRAPPED
+        angles = vector_marks(number_format, changes)
+        return (
+            Segment(self.key, vector_marks(number_format), numbers[:3]),
+            Segment("Orientation", angles, numbers[3:]),
+        )
+
+
+class Rows(Field[tuple[Any, ...]]):
+    """Items, each with the same fields; a repeated key starts the next item."""
+
+    def __init__(self, *columns: Field[Any], layouts: Layouts | None = None) -> None:
+        """Describe a row.
+
+        Args:
+            columns: The fields of a row, the name first.
+            layouts: Of a row in each dialect; None for all of its fields.
+        """
+        super().__init__(columns[0].key)
+        self._columns, self._layouts = columns, layouts or {}
+
+    def read(self, message: Message) -> tuple[Any, ...]:
+        columns = self._columns
+        return tuple(
+            tuple([column.read(item) for column in columns]) for item in message.items()
+        )
+
+    def write(self, value: tuple[Any, ...], dialect: Dialect) -> Sequence[Segment]:
+        written: list[Segment] = []
+        for row in value:
+            segments = [
+                segment
+                for column, each in zip(self._columns, row, strict=True)
+                for segment in column.write(each, dialect)
+            ]
+            written += lay_out(segments, self._layouts.get(dialect.name))
+        return written
+
+
+def lay_out(segments: Sequence[Segment], layout: str | None) -> Sequence[Segment]:
+    """Return the segments that a layout has, in its order; all without a layout.
+
+    Args:
+        segments: Segments in the order of their fields.
+        layout: See ``Layouts``.
+    """
+    if layout is None:
+        return segments
+    found = {segment.key.lower(): segment for segment in segments}
+    return [
+        Segment(key, text) if text else found[key.lower()]._replace(key=key)
+        for key, text in parse_segments(layout)
+    ]
+
+
+def join_items(segments: Iterable[Segment]) -> list[Segment]:
+    """Return the fields of each item in the segment of its name."""
+    joined: list[Segment] = []
+    for key, text, numbers, _ in segments:
+        if key == "Name":
+            joined.append(Segment(key, text, numbers))
+        else:
+            name = joined[-1]
+            both = f"{name.text} {key} {text}"
+            joined[-1] = Segment("Name", both, (*name.numbers, *numbers))
+    return joined
+
+
+MOST_KEPT: Final = 4096  # templates; a robot has about ten
+_KEPT: Final[dict[Hashable, tuple[bytes, Sequence[float]]]] = {}
+_FIELDS: Final[dict[type, Sequence[tuple[str, Field[Any]]]]] = {}
+
+
+def fields_of(report: type) -> Sequence[tuple[str, Field[Any]]]:
+    """Return the attributes of a report that have fields, in their order."""
+    found = _FIELDS.get(report)
+    if found is None:
+        hints = get_type_hints(report, include_extras=True)
+        annotated = [
+            (each.name, getattr(hints[each.name], "__metadata__", ()))
+            for each in fields(report)
+        ]
+        found = tuple((name, metadata[0]) for name, metadata in annotated if metadata)
+        _FIELDS[report] = found
+    return found
+
+
+class LineReport:
+    """A report whose line follows from the fields of its attributes.
+
+    Attributes:
+        verb: First word of the line.
+        layouts: Of the line after its verb, in each dialect; without a layout, the
+            fields are in the order of the attributes.
+        item_keys: Keys that servers of some generations write into the segment of the
+            name before them.
+    """
+
+    __slots__ = ()
+
+    verb: ClassVar[str]
+    layouts: ClassVar[Layouts] = {}
+    item_keys: ClassVar[tuple[str, ...]] = ()
+
+    @classmethod
+    def decode(cls, message: Message) -> Self:
+        """Read the report from its message.
+
+        Raises:
+            MalformedMessage: If a field is missing or not readable.
+        """
+        create: Callable[..., Self] = cls
+        return create(*cls._read(message))
+
+    @classmethod
+    def _read(cls, message: Message) -> list[Any]:
+        if cls.item_keys:
+            message = message.split_fields(*cls.item_keys)
+        return [field.read(message) for _, field in fields_of(cls)]
+
+    def segments(self, dialect: Dialect) -> Sequence[Segment]:
+        """Return the segments of the line in a dialect."""
+        segments = [
+            segment
+            for name, field in fields_of(type(self))
+            for segment in field.write(getattr(self, name), dialect)
+        ]
+        return lay_out(segments, self.layouts.get(dialect.name))
+
+    def split(self, dialect: Dialect) -> Split:
+        """Return the template of the line, its numbers, and its series.
+
+        Numbers and series are in the order of their marks.
+        """
+        numbers: list[float] = []
+        series = NO_SERIES
+        groups: list[tuple[str, str]] = []
+        for key, text, its_numbers, its_series in self.segments(dialect):
+            groups.append((key, text))
+            numbers += its_numbers
+            if its_series is not NO_SERIES:
+                series = its_series
+        line = encode_segments(self.verb, groups)
+        return f"{line}{LINE_END}".encode("latin-1"), numbers, series
+
+    def encode(self, dialect: Dialect) -> str:
+        """Write the report as one line without its end.
+
+        Raises:
+            ValueError: If a number is not finite or does not fit into 32 bits.
+        """
+        template, numbers, series = self.split(dialect)
+        if not numbers and series is NO_SERIES:  # as of all lines before a simulation
+            return template[:-1].decode("ascii")
+        from radarsim.protocol.line_writer import fill_lines
+
+        line = fill_lines([template], numbers, series)
+        return line.removesuffix(b"\r\n").decode("ascii")
+
+    def sources(self, dialect: Dialect) -> list[str]:
+        """Return the attributes whose numbers are in the line, in their order there."""
+        found = [
+            (name, field)
+            for name, field in fields_of(type(self))
+            if any(each.numbers for each in field.write(getattr(self, name), dialect))
+        ]
+        layout = self.layouts.get(dialect.name)
+        if layout is not None:
+            keys = [key for key, _ in parse_segments(layout)]
+            found.sort(key=lambda each: keys.index(each[1].key))
+        return [name for name, _ in found]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SensorReport(LineReport):
+    """One reading.
+
+    Attributes:
+        sensor_type: Value of ``Type`` on the wire.
+        time: Simulated time, s; NaN if the line has none.
+    """
+
+    verb: ClassVar[str] = "SEN"
+    sensor_type: ClassVar[str]
+
+    time: float
+
+    @classmethod
+    def decode(cls, message: Message) -> Self:
+        create: Callable[..., Self] = cls
+        return create(message.number_or_nan("Time"), *cls._read(message))
+
+    @staticmethod
+    def has_time(_: Dialect) -> bool:
+        """Return whether the lines of a dialect have a time stamp."""
+        return True
+
+    @staticmethod
+    def joins_items(_: Dialect) -> bool:
+        """Return whether values are in the segments of their items' names."""
+        return False
+
+    def segments(self, dialect: Dialect) -> Sequence[Segment]:
+        segments = LineReport.segments(self, dialect)
+        if self.joins_items(dialect):
+            segments = join_items(segments)
+        sensor_type = Segment("Type", self.sensor_type)
+        if isnan(self.time) or not self.has_time(dialect):
+            return (sensor_type, *segments)
+        time = Segment("Time", marks(dialect.time), (self.time,))
+        return (time, sensor_type, *segments)
+
+    def split_alike(
+        self, key: Hashable, dialect: Dialect
+    ) -> tuple[bytes, Sequence[float]]:
+        """Return template and numbers of the first reading that had a key.
+
+        The rows ``robots`` of the benchmark need it: readings of robots are hundreds of
+        lines in a second, and differ in hardly more than their numbers.
+        """
+        key = (type(self), dialect, key)
+        found = _KEPT.get(key)
+        if found is None:
+            if len(_KEPT) >= MOST_KEPT:
+                _KEPT.clear()
+            found = _KEPT[key] = LineReport.split(self, dialect)[:2]
+        return found
+
+    def sources(self, dialect: Dialect) -> list[str]:
+        time = ["time"] if self.has_time(dialect) else []
+        return time + LineReport.sources(self, dialect)
+
+
+class ReportGroup:
+    """Reports of one robot that are sent together, each time with other numbers.
+
+    Attributes:
+        samples: The reports with any numbers, in the order of their lines.
+        dialect: The dialect of their lines.
+    """
+
+    def __init__(self, samples: Iterable[LineReport], dialect: Dialect) -> None:
+        self.samples = tuple(samples)
+        self.dialect = dialect
+
+    @cached_property
+    def template(self) -> bytes:
+        """The templates of the lines, after each other."""
+        return b"".join([sample.split(self.dialect)[0] for sample in self.samples])
