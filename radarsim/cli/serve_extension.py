@@ -106,6 +106,7 @@ def with_extensions(run: Callable[..., None]) -> Callable[..., None]:
         ]
         run(**values, extensions=options)
 
+    # typer reads options from a signature: that of the command, and one for each field.
     hints = get_type_hints(run, include_extras=True)
     own = [
         parameter.replace(annotation=hints[name])
