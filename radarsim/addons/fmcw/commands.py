@@ -195,7 +195,7 @@ def _record_path(
     seed: int,
 ) -> None:
     """Write the turns along a path, and say how many they are."""
-    from radarsim.addons.fmcw.rotation import turns_along
+    from radarsim.addons.fmcw.sequences import turns_along
     from radarsim.addons.fmcw.spectrum_files import load_path, write_sequence
     from radarsim.rng import generator_for
     from radarsim.scene.map_file import load_map

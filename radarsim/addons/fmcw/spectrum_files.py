@@ -15,7 +15,7 @@ from radarsim.errors import describe_os_error
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from radarsim.addons.fmcw.rotation import DrivenPath, RecordedTurn
+    from radarsim.addons.fmcw.sequences import DrivenPath, DrivenTurn
     from radarsim.addons.fmcw.spectrum import Spectrum
     from radarsim.scene.scene import Scene
 
@@ -112,7 +112,7 @@ def load_path(path: Path, scene: Scene) -> DrivenPath:
     """
     import numpy as np
 
-    from radarsim.addons.fmcw.rotation import read_tum
+    from radarsim.addons.fmcw.sequences import read_tum
     from radarsim.sensors.range_scanner import SENSOR_HEIGHT
 
     try:
@@ -128,7 +128,7 @@ def load_path(path: Path, scene: Scene) -> DrivenPath:
     return way.at_heights(np.array(floor) + SENSOR_HEIGHT)
 
 
-def write_sequence(folder: Path, layout: str, turns: Iterable[RecordedTurn]) -> int:
+def write_sequence(folder: Path, layout: str, turns: Iterable[DrivenTurn]) -> int:
     """Write turns as a data set has them, with their poses; return their number.
 
     Args:
