@@ -427,6 +427,7 @@ def _combined(errors: Sequence[TrajectoryErrors]) -> TrajectoryErrors:
         known = np.isfinite(values)
         if not known.any():
             return math.nan
+        # that of all poses, of which each trajectory has another number
         squares = np.square(values[known])
         return math.sqrt(float(np.average(squares, weights=poses[known])))
 
