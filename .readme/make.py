@@ -16,7 +16,7 @@ COMMANDS = (
     "radarsim scan foliage_room --sensor radar --start RobotStart1 -o scan.png",
     "radarsim.lab.plants plants --figure shrub.png",
     "radarsim navigate bug_u_trap --algorithm bug2 --plot navigate.png",
-    "radarsim map map/ --serve foliage_room",
+    "radarsim map foliage_room -o map/",
     "radarsim sweep foliage_thickness -o sweep",
 )
 PICTURES = {

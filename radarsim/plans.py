@@ -21,6 +21,7 @@ from typing import (
     Any,
     Final,
     Literal,
+    TypeAlias,
     TypeVar,
     Union,
     get_args,
@@ -28,6 +29,7 @@ from typing import (
     get_type_hints,
 )
 
+Sets: TypeAlias = tuple[tuple[str, ...], ...]  # of fields
 REQUIRED: Final = inspect.Parameter.empty  # the default of what has none
 _SECTION: Final = re.compile(r"\n(?:Attributes|Args):\n((?:(?: +.*)?\n)*)")
 _ENTRY: Final = re.compile(r"^ {4}(\w+): (.*(?:\n {5,}.*)*)", re.MULTILINE)

@@ -27,7 +27,7 @@ OWN: Final[dict[str, dict[str, str]]] = {
     # Scanners of robots that are read beside the simulation, at times of their own.
     "radarsim.items": {"fmcw": "radarsim.addons.fmcw.antennas:Antennas"},
     # What 'radarsim explain' can print instead of what a beam meets.
-    "radarsim.explanations": {"budget": "radarsim.addons.fmcw.commands:print_budget"},
+    "radarsim.explanations": {"budget": "radarsim.addons.fmcw.budget:print_budget"},
     # Options of 'radarsim serve', and what they start beside the server.
     "radarsim.serve": {
         "navtech": "radarsim.addons.fmcw.navtech.serving:NavtechOptions",

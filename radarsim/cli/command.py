@@ -246,9 +246,10 @@ class PlanCommand(click.Command):
                 title = "Arguments" if field.option.is_argument else field.group
                 record = _names(param, field), _help(field)
                 groups.setdefault(title or "Options", []).append(record)
-        for title, rows in groups.items():
+        # Arguments come first, whatever plan they are of.
+        for title in sorted(groups, key=lambda each: each != "Arguments"):
             with formatter.section(title):
-                formatter.write_dl(rows, col_max=NAMES_WIDTH)
+                formatter.write_dl(groups[title], col_max=NAMES_WIDTH)
 
     def _given(self, ctx: click.Context) -> set[str]:
         """Return what is given, in the command, the environment or a file."""
@@ -340,4 +341,6 @@ def _help(field: PlanField) -> str:
         return field.help
     text = default.value if isinstance(default, Enum) else default
     shown = f"{text:g}" if isinstance(text, float) else str(text)
+    if isinstance(default, tuple):
+        shown = ",".join(map(str, default))
     return f"{field.help} [default: {shown}]"

@@ -16,11 +16,6 @@ def _own(name: str, help_: str, group: str, module: str = "") -> CommandEntry:
     return CommandEntry(name, target, help_, group)
 
 
-def old(name: str, help_: str, group: str) -> CommandEntry:
-    """Return the entry of a command that is still made by typer."""
-    return CommandEntry(name, f"radarsim.cli.legacy_commands:{name}", help_, group)
-
-
 COMMANDS: Final = (
     _own("serve", "Serve a map to USARSim clients until interrupted.", SERVING),
     _own("drive", "Drive a robot from the keyboard, and see what it senses.", SERVING),

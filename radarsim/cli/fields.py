@@ -11,7 +11,7 @@ import click
 from annotated_types import Ge, Gt, Interval
 
 from radarsim.errors import PresetError, did_you_mean, expected_one_of
-from radarsim.plans import RARE, Form, Option
+from radarsim.plans import RARE, Form, Option, Sets
 
 DEFAULT_PORT: Final = 3000  # of USARSim
 
@@ -117,7 +117,7 @@ class Simulation:
     """
 
     option_group: ClassVar = "Simulation"
-    one_required: ClassVar = (("map", "connect"),)
+    one_required: ClassVar[Sets] = (("map", "connect"),)
 
     map: MapName | None = None
     connect: Address | None = None

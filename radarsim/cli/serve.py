@@ -185,7 +185,10 @@ def _permitted_clients(wanted: int) -> int:
     log.warning(
         "at most %d clients: the system permits %d open files, expected %d for"
         " --max-clients %d; 'ulimit -n' tells the limit",
-        *(most, files, expected, wanted),
+        most,
+        files,
+        expected,
+        wanted,
     )
     return most
 

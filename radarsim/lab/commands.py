@@ -2,11 +2,32 @@
 
 from typing import Final
 
-from radarsim.cli.core_commands import RESULTS, old
+from radarsim.cli.core_commands import RESULTS
+from radarsim.cli.entries import CommandEntry
 
 COMMANDS: Final = (
-    old("study", "Compare radar and lasers on the same maps.", RESULTS),
-    old("sweep", "Scan, drive or map for all combinations of values.", RESULTS),
-    old("figures", "Draw the figures of the thesis.", RESULTS),
-    old("bench", "Measure the engine and the server on this machine.", RESULTS),
+    CommandEntry(
+        "study",
+        "radarsim.lab.study.commands:study",
+        "Compare radar and lasers on the same maps.",
+        RESULTS,
+    ),
+    CommandEntry(
+        "sweep",
+        "radarsim.lab.sweep.commands:sweep",
+        "Scan, drive or map for all combinations of values.",
+        RESULTS,
+    ),
+    CommandEntry(
+        "figures",
+        "radarsim.lab.figures.commands:figures",
+        "Draw the figures of the thesis.",
+        RESULTS,
+    ),
+    CommandEntry(
+        "bench",
+        "radarsim.lab.bench.commands:bench",
+        "Measure the engine and the server on this machine.",
+        RESULTS,
+    ),
 )

@@ -25,7 +25,6 @@ Nodes: TypeAlias = NDArray[np.int16]
 # that are given.
 DRAWN, ALL, GIVEN = range(3)
 NO_CHANCES: Final = np.zeros((1, 0))
-FEW_EDGES: Final = 8
 
 
 class NodeTable(NamedTuple):
@@ -92,13 +91,6 @@ class Frame(NamedTuple):
 def node_of(edges: Floats, chance: float) -> int:
     """Return the node that a random number selects: how many edges it has reached."""
     low, high = 0, len(edges)
-    if high <= FEW_EDGES:
-        # All are compared: where branches depend on random numbers, the processor
-        # guesses them wrong, and to aim a beam would take three times as long (row a of
-        # ``radarsim bench``).
-        for k in range(high):
-            low += edges[k] <= chance
-        return low
     while low < high:
         middle = (low + high) // 2
         if edges[middle] <= chance:

@@ -9,7 +9,7 @@ counted as the scene graph uses it.
 import base64
 import binascii
 import struct
-from typing import Annotated, Any, Final, TypeAlias, TypeVar
+from typing import Annotated, Final, TypeAlias, TypeVar
 from urllib.parse import unquote
 
 from annotated_types import Ge, Le, Len, MaxLen
@@ -72,7 +72,7 @@ class _Accessor(_Object):
     componentType: int  # noqa: N815
     count: _Index
     type: str
-    sparse: Any = None
+    sparse: object = None
 
 
 _EMPTY: Final = _Accessor(componentType=5126, count=0, type="VEC3")

@@ -41,6 +41,7 @@ from radarsim.scene.map_schema import (
     MAX_STARTS,
     MAX_VARIANTS,
     Entry,
+    EntryContext,
     Header,
     MaterialEntry,
     ObjectEntry,
@@ -212,7 +213,7 @@ class MapLoader:
             # one of its materials.
             key = at, frozenset(unknown_materials(item, materials))
             if key not in self._validated:
-                context = {"materials": materials, "folder": self._folder}
+                context = EntryContext(materials=materials, folder=self._folder)
                 found = self._validate(ObjectEntry, item, at, context)
                 valid = self.problems.report(at, object_problems(item))
                 self._validated[key] = found, valid
@@ -296,7 +297,7 @@ class MapLoader:
         model: type[_AnyEntry],
         item: object,
         at: KeyPath,
-        context: dict[str, object] | None = None,
+        context: EntryContext | None = None,
     ) -> _AnyEntry | None:
         """Validate an entry by itself; report its problems and return None if any."""
         try:

@@ -6,8 +6,9 @@ The models validate one key at a time. Checks of several keys are in `map_checks
 
 import math
 import re
-from collections.abc import Iterable
-from typing import Annotated, Any, Literal, TypeAlias
+from collections.abc import Collection, Iterable
+from pathlib import Path
+from typing import Annotated, Literal, TypeAlias, TypedDict, cast
 
 from annotated_types import Ge, Gt, Le, Len, MaxLen
 from pydantic import (
@@ -52,6 +53,18 @@ _BAND_KEYS = [str(band) for band in BANDS_GHZ]
 Bands: TypeAlias = tuple[float, float, float]
 
 
+class EntryContext(TypedDict):
+    """What objects are validated with.
+
+    Attributes:
+        materials: The names of the map's own materials.
+        folder: The map's own folder, links resolved.
+    """
+
+    materials: Collection[str]
+    folder: Path
+
+
 def _name(value: str) -> str:
     if not value.strip() or not value.isprintable() or re.search(r"[{}]", value):
         raise ValueError(f"{short_repr(value)}, expected printable text without braces")
@@ -69,7 +82,7 @@ def _matching(pattern: str, expected: str) -> AfterValidator:
     return AfterValidator(check)
 
 
-def _ordered(value: list[Any]) -> list[Any]:
+def _ordered(value: list[list[float]]) -> list[list[float]]:
     for low, high in zip(*value, strict=True):
         if low > high:
             raise ValueError(f"{short_repr(value)}, expected the lower corner first")
@@ -77,7 +90,7 @@ def _ordered(value: list[Any]) -> list[Any]:
 
 
 def _known_material(value: str, info: ValidationInfo) -> str:
-    context: Any = info.context
+    context = cast("EntryContext", info.context)
     own = context["materials"]
     if value not in own and value not in library_names():
         raise rejection(lambda: unknown_material(value, own))
@@ -94,7 +107,7 @@ def unknown_material(value: str, own: Iterable[str]) -> str:
 
 
 def _mesh_file(value: str, info: ValidationInfo) -> str:
-    context: Any = info.context
+    context = cast("EntryContext", info.context)
     folder = context["folder"]
     try:
         find_inside(folder, folder, value)
@@ -192,13 +205,13 @@ class Header(Entry):
 
     version: Literal[1]
     level: LevelName
-    materials: dict[Text, Any] | None = None
-    objects: list[Any] | None = None
-    starts: list[Any] | None = None
-    trial: Any = None
+    materials: dict[Text, object] | None = None
+    objects: list[object] | None = None
+    starts: list[object] | None = None
+    trial: object = None
     air: Text | None = None
     gps_origin_deg: GpsOrigin = GPS_ORIGIN
-    variants: dict[VariantName, Any] | None = None
+    variants: dict[VariantName, object] | None = None
 
 
 class VariantEntry(Entry):
@@ -210,8 +223,8 @@ class VariantEntry(Entry):
         air: Material of the air instead of the map's; None for clear air.
     """
 
-    materials: dict[Text, Any] | None = None
-    objects: list[Any] | None = None
+    materials: dict[Text, object] | None = None
+    objects: list[object] | None = None
     air: Text | None = None
 
 
@@ -321,7 +334,7 @@ class ScatterEntry(Entry):
 class ObjectEntry(Entry):
     """An object.
 
-    Validated with the context ``{"materials": names, "folder": the map's folder}``.
+    Validated with an ``EntryContext``.
 
     Attributes:
         box: Lengths along x, y, z, m.

@@ -15,7 +15,7 @@ import re
 import warnings
 from collections.abc import Iterator
 from contextlib import suppress
-from typing import Any, Final, NamedTuple, TypeAlias
+from typing import Final, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,7 @@ _BOM: Final = b"\xef\xbb\xbf"
 _Characters: TypeAlias = NDArray[np.uint8]
 _Booleans: TypeAlias = NDArray[np.bool_]
 _Integers: TypeAlias = NDArray[np.int64]
+_Number = TypeVar("_Number", np.float64, np.int64)
 
 
 class Piece(NamedTuple):
@@ -123,8 +124,8 @@ def _split_lines(content: bytes) -> _Lines:
 
 
 def _parse(
-    lines: _Lines, which: _Booleans, dropped: re.Pattern[bytes], dtype: type[Any]
-) -> tuple[NDArray[Any], _Integers]:
+    lines: _Lines, which: _Booleans, dropped: re.Pattern[bytes], dtype: type[_Number]
+) -> tuple[NDArray[_Number], _Integers]:
     """Parse the numbers of some lines; return them, and how many each line has.
 
     Args:

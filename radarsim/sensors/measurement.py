@@ -150,6 +150,7 @@ class ScanBuilder:
             outcomes, ranges = traces.outcomes, traces.ranges.copy()
         else:
             outcomes, ranges = traces.outcomes[rows], traces.ranges[rows]
+        # Changed in place; the echoes, which few ask for, follow from exact ranges.
         self.read_ends(ranges, outcomes, plan.draws.range_error)
         find_echoes = partial(self._end_echoes, plan, traces, rows)
         return self._scan(plan, ranges, rows, find_echoes, scene)

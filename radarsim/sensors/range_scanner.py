@@ -118,14 +118,14 @@ class RangeScanner:
     ) -> Any:
         """Record a turn as an FMCW radar: the power in each direction and range bin.
 
-        Returns:
-            A ``radarsim.addons.fmcw.spectrum.Spectrum``.
-
         Args:
             scene: From ``load_map``.
             pose: As in ``scan``.
             rng: Source of speckle and noise, for which it spawns a child: what scans
                 draw from it stays the same.
+
+        Returns:
+            A ``radarsim.addons.fmcw.spectrum.Spectrum``.
 
         Raises:
             PresetError: If its preset describes no FMCW radar.

@@ -124,7 +124,9 @@ class SimulationConfig:
             return own
         settings = dict(item.settings)
         max_range = self.dialect.laser_max_range
-        if max_range is not None and not _keeps_range(item.sensor):
+        # These have their own maximum range in all dialects.
+        has_own = item.sensor == "hokuyo" or has_fmcw(item.sensor)
+        if max_range is not None and not has_own:
             settings["max_range"] = max_range
         return settings | own
 
@@ -162,9 +164,10 @@ class SimulationConfig:
             raise ValueError(
                 f"item {item.name!r}: type {item.type}, expected a scanner"
             )
-        return RangeScanner(self._sensor_name(item), self.scanner_settings(item))
+        return RangeScanner(self.sensor_name(item), self.scanner_settings(item))
 
-    def _sensor_name(self, item: Item) -> str:
+    def sensor_name(self, item: Item) -> str:
+        """Return the name of a scanner's preset."""
         return str(self._own_settings(item).get("sensor", item.sensor))
 
     def scanner_settings(self, item: Item) -> SensorSettings:
@@ -173,16 +176,7 @@ class SimulationConfig:
         Raises:
             PresetError: If a setting is unknown or out of range.
         """
-        return load_settings(self._sensor_name(item), **self.settings(item))
-
-    def turn_rays(self, item: Item) -> int:
-        """Return the rays in a turn of an FMCW radar, before thin things are refined.
-
-        Raises:
-            PresetError: If it is none.
-        """
-        fmcw = load_fmcw_settings(self._sensor_name(item))
-        return fmcw.azimuths * fmcw.rays_across * fmcw.rays_up
+        return load_settings(self.sensor_name(item), **self.settings(item))
 
     def sonar_settings(self, item: Item) -> SonarSettings:
         """Return the settings of a sonar.
@@ -207,7 +201,7 @@ class SimulationConfig:
         if item.sensor is not None:
             settings = self.scanner_settings(item)
             if settings.has_detector:
-                return 1 / load_fmcw_settings(self._sensor_name(item)).rotation_hz
+                return 1 / load_fmcw_settings(self.sensor_name(item)).rotation_hz
             rate = settings.scan_rate_hz
             return 1 / rate if rate else self.dialect.scan_interval_of(item.sensor)
         intervals = {
@@ -217,11 +211,6 @@ class SimulationConfig:
             "GPS": self.dialect.gps_interval,
         }
         return intervals.get(item.type, DEFAULT_INTERVAL)
-
-
-def _keeps_range(sensor: str) -> bool:
-    """Return whether a sensor has its own maximum range in all dialects."""
-    return sensor == "hokuyo" or has_fmcw(sensor)
 
 
 MOST_RAYS: Final = 2_000  # in a scan; that takes some ms with all echoes
@@ -250,7 +239,9 @@ class RayCounts(NamedTuple):
         """Count those of an item that is a range scanner."""
         settings = config.scanner_settings(item)
         if settings.has_detector:
-            rays = config.turn_rays(item)
+            fmcw = load_fmcw_settings(config.sensor_name(item))
+            # Those of a turn, before thin things are refined.
+            rays = fmcw.azimuths * fmcw.rays_across * fmcw.rays_up
             return cls(rays, rays / config.interval(item), rays)
         directions = settings.beams * settings.rays_per_beam
         rays = directions if settings.combines_rays else settings.beams

@@ -198,6 +198,7 @@ class Simulation:
         Returns:
             What each robot reports, by its number; robots without a report are missing.
         """
+        # First, as a robot whose radar has a scan reports even if nothing else is due.
         read_by_others = self._read_scanner_items()
         reporting = self._reporting.due()
         if not reporting:
@@ -228,6 +229,7 @@ class Simulation:
             if due_scan.details is not None:
                 echoes.setdefault(number, []).append(due_scan.details)
         cast = self._cast(ray_items, boxes)
+        # Found out for all robots at once, where a reading asks for it.
         self._fleet.touched([v.robot.slot for v in reporting if v.has_touch])
         numbers = iter(self._compute([(v, items.program) for v, items in due]))
         return {

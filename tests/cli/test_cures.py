@@ -33,8 +33,8 @@ def free_port() -> str:
     "command",
     [
         ("navigate", *BUG, "--connect", "127.0.0.1:{}"),
-        ("map", "{}/m", "--port", "{}"),
-        ("map", "{}/m", "--host", "localhost", "--port", "{}"),
+        ("map", "-o", "{}/m", "--connect", "127.0.0.1:{}"),
+        ("map", "-o", "{}/m", "--connect", "localhost:{}"),
     ],
 )
 def test_without_a_server_the_command_that_starts_one_is_told(
@@ -110,7 +110,7 @@ def test_port_in_use_is_told_before_the_map_is_read(
 def test_port_in_use_has_a_cure_with_through(
     radarsim: RunCommand, tmp_path: Path, taken_port: str
 ) -> None:
-    run = radarsim("map", str(tmp_path / "m"), "--through", taken_port)
+    run = radarsim("map", "-o", str(tmp_path / "m"), "--through", taken_port)
     assert run.code == 1
     assert "in use by another program" in run.err
     assert "--through 0" in run.err
@@ -170,8 +170,8 @@ def plain_user() -> Iterator[None]:
         ("check", "{}/map.yaml"),
         (*SCAN, "-o", "{}/scan.json"),
         ("navigate", "bug_box", "--algorithm", "bug1", "--plot", "{}/a.png"),
-        ("map", "{}/m", "--serve", "empty_room"),
-        ("map", "{}/m/", "--serve", "empty_room"),
+        ("map", "-o", "{}/m", "empty_room"),
+        ("map", "-o", "{}/m/", "empty_room"),
         ("figures", "{}", "--only", "1"),
     ],
 )

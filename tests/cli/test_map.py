@@ -22,9 +22,15 @@ from radarsim.scene.map_file import shipped_maps
 from radarsim.scene.scene import Scene
 
 Command = Callable[..., Any]
-FOLIAGE = ("--serve", "foliage_room", "--time-limit", "3")
-SEEN = ("--serve", "empty_room", "--strategy", "frontiers")  # seen from the start
+FOLIAGE = ("foliage_room", "--time-limit", "3")
+SEEN = ("empty_room", "--strategy", "frontiers")  # seen from the start
 FILES = ["map.pgm", "map.png", "map.tum", "map.yaml", "map_view.png"]
+
+
+def server_of(port: object) -> str:
+    return f"127.0.0.1:{port}"
+
+
 fast_server = pytest.mark.usarsim(map="empty_room", speed=4)
 
 
@@ -34,7 +40,7 @@ def foliage_run(
 ) -> tuple[Any, Path]:
     """Map the foliage room once; return the output and the folder of the files."""
     folder = tmp_path_factory.mktemp("foliage")
-    return radarsim("map", str(folder), *FOLIAGE), folder
+    return radarsim("map", "-o", str(folder), *FOLIAGE), folder
 
 
 def test_map_is_written_and_summarised_in_lines(
@@ -68,18 +74,20 @@ def test_waypoints_are_driven_to_and_unreachable_ones_listed(
     radarsim: Command, tmp_path: Path
 ) -> None:
     way = ("--way", "-7,1", "--way=-6,0", "--way", "0.5,0")
-    run = radarsim("map", str(tmp_path), "--serve", "foliage_room", *way, "--json")
+    run = radarsim("map", "-o", str(tmp_path), "foliage_room", *way, "--json")
     told = json.loads(run.text)
     assert (told["outcome"], told["strategy"]) == ("explored", "way")
     assert told["left_out"] == [[0.5, 0.0]]  # in the middle of a bush
     assert told["judge"]["collisions"] == 0
     assert told["path_length"] > 5
-    run = radarsim("map", str(tmp_path), "--serve", "foliage_room", "--way=9,9")
+    run = radarsim("map", "-o", str(tmp_path), "foliage_room", "--way=9,9")
     assert "left out 9 9: no way there" in run.text
 
 
 def test_json_is_one_object(radarsim: Command, tmp_path: Path) -> None:
-    run = radarsim("map", str(tmp_path / "room"), *FOLIAGE, "--json", "--seed", "3")
+    run = radarsim(
+        "map", "-o", str(tmp_path / "room"), *FOLIAGE, "--json", "--seed", "3"
+    )
     told = json.loads(run.text)
     assert list(told) == [
         *("outcome", "strategy", "seed_from", "time", "path_length"),
@@ -115,7 +123,7 @@ def test_same_seed_gives_the_same_map_and_another_seed_another(
     radarsim: Command, tmp_path: Path
 ) -> None:
     for name, seed in (("a", "0"), ("b", "0"), ("c", "1")):
-        radarsim("map", str(tmp_path / name), *SEEN, "--seed", seed)
+        radarsim("map", "-o", str(tmp_path / name), *SEEN, "--seed", seed)
     for ending in (".png", ".pgm", ".tum", "_view.png"):
         one, same, other = (
             (tmp_path / f"{name}{ending}").read_bytes() for name in "abc"
@@ -139,7 +147,7 @@ def test_pictures_have_the_colours_of_usarcommander_and_nav2(
 def test_map_of_probabilities_is_a_second_picture(
     radarsim: Command, tmp_path: Path
 ) -> None:
-    run = radarsim("map", str(tmp_path / "a.png"), *SEEN, "--mode", "scale")
+    run = radarsim("map", "-o", str(tmp_path / "a.png"), *SEEN, "--mode", "scale")
     assert run.code == 0
     assert sorted(file.name for file in tmp_path.iterdir()) == [
         *("a.png", "a.tum", "a_scale.png", "a_scale.yaml", "a_view.png")
@@ -149,7 +157,7 @@ def test_map_of_probabilities_is_a_second_picture(
 
 def test_options_reach_robot_and_mapper(radarsim: Command, tmp_path: Path) -> None:
     run = radarsim(
-        *("map", f"{tmp_path}/new/", "--serve", "empty_room", "--json"),
+        *("map", "-o", f"{tmp_path}/new/", "empty_room", "--json"),
         *("--strategy", "centre_out", "--radius", "2", "--speed", "0.6"),
         *("--pose", "-7,1,90", "--motion-from", "odometry", "--no-echoes"),
         *("--foliage-density", "5", "--penetration-power", "2", "--resolution", "0.1"),
@@ -170,12 +178,16 @@ def test_options_reach_robot_and_mapper(radarsim: Command, tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("options", "texts"),
     [
-        pytest.param(["--seed", "1"], ["--seed", "--serve"], id="seed"),
+        pytest.param(["--connect", "h:1", "--seed", "1"], ["--seed", "MAP"], id="seed"),
         pytest.param(
-            ["--through", "3456", "--port", "3456"], ["--through", "3456"], id="loop"
+            ["--through", "3456", "--connect", "127.0.0.1:3456"],
+            ["--through", "3456"],
+            id="loop",
         ),
-        pytest.param(["--set", "a.b=1"], ["--set", "--serve"], id="set"),
-        pytest.param([*SEEN, "--port", "3000"], ["--port", "no --serve"], id="port"),
+        pytest.param(
+            ["--connect", "h:1", "--set", "a.b=1"], ["--set", "MAP"], id="set"
+        ),
+        pytest.param([*SEEN, "--connect", "h:1"], ["MAP and --connect"], id="server"),
         pytest.param([*SEEN, "--set", "x.y=1"], ["--set", "'x'"], id="item"),
         pytest.param([*SEEN, "--start", "R9"], ["'R9'", "RobotStart1"], id="start"),
         pytest.param(
@@ -206,8 +218,8 @@ def test_options_reach_robot_and_mapper(radarsim: Command, tmp_path: Path) -> No
         pytest.param(
             ["--through", "0", "--film", "x.avi"], ["--film"], id="film of another"
         ),
-        pytest.param(["--strategy", "luck"], ["--strategy"], id="strategy"),
-        pytest.param(["--through", "0", "--serve", "x"], ["--through"], id="through"),
+        pytest.param([*SEEN[:1], "--strategy", "luck"], ["--strategy"], id="strategy"),
+        pytest.param(["--through", "0", "x"], ["--through"], id="through"),
         pytest.param(["--through", "0", "--way", "1,2"], ["--way"], id="whose way"),
         pytest.param(
             ["--watch", "R1", "--through", "0"], ["--watch", "--through"], id="both"
@@ -216,14 +228,14 @@ def test_options_reach_robot_and_mapper(radarsim: Command, tmp_path: Path) -> No
         pytest.param(["--watch", " "], ["--watch"], id="watch nobody"),
         pytest.param(["--watch", "R1", "--way", "1,2"], ["--way"], id="watch and go"),
         pytest.param(
-            ["--through", "0", "--strategy", "auto"], ["--strategy"], id="who drives"
+            ["--through", "0", "--strategy", "contour"], ["--strategy"], id="who drives"
         ),
     ],
 )
 def test_wrong_option_is_a_usage_error(
     radarsim: Command, tmp_path: Path, options: list[str], texts: list[str]
 ) -> None:
-    run = radarsim("map", str(tmp_path), *options)
+    run = radarsim("map", "-o", str(tmp_path), *options)
     assert (run.code, run.out) == (2, b"")
     for text in texts:
         assert text in run.err
@@ -233,11 +245,11 @@ def test_wrong_option_is_a_usage_error(
 def test_missing_folder_is_a_usage_error_before_the_run(
     radarsim: Command, tmp_path: Path
 ) -> None:
-    run = radarsim("map", str(tmp_path / "no" / "map"), *SEEN)
+    run = radarsim("map", "-o", str(tmp_path / "no" / "map"), *SEEN)
     assert (run.code, run.out) == (2, b"")
     assert "no such folder" in run.err
     (tmp_path / "file").touch()
-    run = radarsim("map", f"{tmp_path}/file/", *SEEN)
+    run = radarsim("map", "-o", f"{tmp_path}/file/", *SEEN)
     assert run.code == 2
     assert "cannot make" in run.err
 
@@ -246,7 +258,7 @@ def test_folder_in_place_of_a_file_is_a_usage_error_before_the_run(
     radarsim: Command, tmp_path: Path
 ) -> None:
     (tmp_path / "map.yaml").mkdir()
-    run = radarsim("map", str(tmp_path), *SEEN)
+    run = radarsim("map", "-o", str(tmp_path), *SEEN)
     assert (run.code, run.out) == (2, b"")
     assert "a folder of that name" in run.err
 
@@ -256,7 +268,7 @@ def test_folder_without_write_permission_is_a_usage_error(
     radarsim: Command, tmp_path: Path
 ) -> None:
     tmp_path.chmod(0o500)
-    run = radarsim("map", str(tmp_path), *SEEN)
+    run = radarsim("map", "-o", str(tmp_path), *SEEN)
     tmp_path.chmod(0o700)
     assert run.code == 2
     assert "no permission" in run.err
@@ -265,7 +277,7 @@ def test_folder_without_write_permission_is_a_usage_error(
 @pytest.mark.slow
 def test_map_of_a_stuck_robot_is_written(radarsim: Command, tmp_path: Path) -> None:
     run = radarsim(
-        *("map", str(tmp_path), "--serve", "foliage_room", "--no-echoes", "--json"),
+        *("map", "-o", str(tmp_path), "foliage_room", "--no-echoes", "--json"),
         *("--strategy", "contour", "--pose", "-2,3.9,0"),
     )
     told = json.loads(run.text)
@@ -279,13 +291,13 @@ def test_map_of_a_stuck_robot_is_written(radarsim: Command, tmp_path: Path) -> N
 def test_robot_that_cannot_explore_is_an_error_and_no_file_is_written(
     radarsim: Command, tmp_path: Path
 ) -> None:
-    run = radarsim("map", str(tmp_path), *SEEN, "--robot", "P3AT", "--json")
+    run = radarsim("map", "-o", str(tmp_path), *SEEN, "--robot", "P3AT", "--json")
     told = json.loads(run.text)
     assert (run.code, told["outcome"]) == (1, "failed")
     assert "sees 180 degrees" in told["error"]
     assert told["cells"] is told["pose_errors"] is None
     assert told["files"] == []
-    run = radarsim("map", str(tmp_path), *SEEN, "--robot", "P3AT")
+    run = radarsim("map", "-o", str(tmp_path), *SEEN, "--robot", "P3AT")
     assert (run.code, run.out) == (1, b"")
     assert not [*tmp_path.iterdir()]
 
@@ -294,7 +306,7 @@ def test_several_robots_make_one_map_and_a_trajectory_each(
     radarsim: Command, tmp_path: Path
 ) -> None:
     two = (*SEEN, "--robots", "2", "--time-limit", "1")
-    run = radarsim("map", str(tmp_path / "a"), *two, "--json")
+    run = radarsim("map", "-o", str(tmp_path / "a"), *two, "--json")
     told = json.loads(run.text)
     assert (run.code, told["outcome"]) == (0, "time_limit")
     assert [Path(file).name for file in told["files"]] == [
@@ -303,7 +315,7 @@ def test_several_robots_make_one_map_and_a_trajectory_each(
     assert [robot["start"] for robot in told["robots"]] == [
         *("RobotStart1", "RobotStart2")
     ]
-    run = radarsim("map", str(tmp_path / "b"), *two)
+    run = radarsim("map", "-o", str(tmp_path / "b"), *two)
     assert "robot 2  0.00 m from RobotStart2\n" in run.text
     for ending in (".png", ".pgm", ".tum", "_view.png", "_robot2.tum"):
         one, same = ((tmp_path / f"{name}{ending}").read_bytes() for name in "ab")
@@ -321,8 +333,8 @@ def test_several_robots_make_one_map_and_a_trajectory_each(
 def test_options_of_a_single_robot_are_refused_for_several(
     radarsim: Command, tmp_path: Path, options: tuple[str, ...], message: str
 ) -> None:
-    served = ("--serve", "empty_room", "--robots", "2")
-    run = radarsim("map", str(tmp_path), *served, *options)
+    served = ("empty_room", "--robots", "2")
+    run = radarsim("map", "-o", str(tmp_path), *served, *options)
     assert run.code == 2
     assert message in run.err
     assert not [*tmp_path.iterdir()]
@@ -332,9 +344,9 @@ def test_options_of_a_single_robot_are_refused_for_several(
 def test_two_robots_map_over_tcp(
     radarsim: Command, usarsim_server: UsarsimServer, tmp_path: Path
 ) -> None:
-    port = ("--port", str(usarsim_server.address[1]))
+    port = ("--connect", f"127.0.0.1:{usarsim_server.port}")
     two = ("--robots", "2", "--strategy", "frontiers", "--time-limit", "8")
-    run = radarsim("map", str(tmp_path), *port, *two, "--json")
+    run = radarsim("map", "-o", str(tmp_path), *port, *two, "--json")
     told = json.loads(run.text)
     assert (run.code, told["error"]) == (0, None)
     assert told["robots"][1]["aligned"] == pytest.approx([0, 0, 0], abs=0.2)
@@ -347,7 +359,7 @@ def test_trajectories_of_an_earlier_run_are_removed(
     earlier, other = tmp_path / "map_robot2.tum", tmp_path / "map_robot3.tum"
     earlier.write_text(tum_text(Trajectory()))
     other.write_text("0 0 0 0 0 0 0 1\n")  # of another program
-    run = radarsim("map", str(tmp_path), "--serve", "empty_room", "--time-limit", "1")
+    run = radarsim("map", "-o", str(tmp_path), "empty_room", "--time-limit", "1")
     assert run.code == 0
     assert (tmp_path / "map.tum").exists()
     assert not earlier.exists()
@@ -357,7 +369,7 @@ def test_trajectories_of_an_earlier_run_are_removed(
 def test_missing_server_is_an_error(radarsim: Command, tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
-    run = radarsim("map", str(tmp_path), "--port", str(port), "--json")
+    run = radarsim("map", "-o", str(tmp_path), "--connect", server_of(port), "--json")
     assert (run.code, json.loads(run.text)["outcome"]) == (1, "failed")
     assert run.err.startswith(f"radarsim: no server at 127.0.0.1:{port}")
 
@@ -368,7 +380,7 @@ def test_terminal_shows_a_live_status_line(
 ) -> None:
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("TERM", "xterm")
-    run = radarsim("map", str(tmp_path), *SEEN)
+    run = radarsim("map", "-o", str(tmp_path), *SEEN)
     assert "frontier   path   0.00 m  sensed" in run.err
 
 
@@ -377,7 +389,16 @@ def test_room_is_mapped_over_tcp(
     radarsim: Command, usarsim_server: UsarsimServer, tmp_path: Path
 ) -> None:
     port = str(usarsim_server.address[1])
-    run = radarsim("map", str(tmp_path), "--port", port, "--time-limit", "6", "--json")
+    run = radarsim(
+        "map",
+        "-o",
+        str(tmp_path),
+        "--connect",
+        server_of(port),
+        "--time-limit",
+        "6",
+        "--json",
+    )
     told = json.loads(run.text)
     assert (run.code, told["outcome"]) == (0, "time_limit")
     assert told["pose_errors"]["ate"] < 0.05
@@ -398,7 +419,9 @@ def test_signal_ends_the_run_and_the_map_so_far_is_written(
     usarsim_server: UsarsimServer, tmp_path: Path, number: int, code: int
 ) -> None:
     port = str(usarsim_server.address[1])
-    with start_radarsim("map", str(tmp_path), "--port", port) as process:
+    with start_radarsim(
+        "map", "-o", str(tmp_path), "--connect", server_of(port)
+    ) as process:
         assert process.stderr is not None
         process.stderr.readline()  # it has got a scan
         time.sleep(0.3)
@@ -416,12 +439,12 @@ def test_files_of_other_programs_are_not_overwritten(
 ) -> None:
     for ending in (".png", ".pgm", ".yaml", ".tum", "_view.png"):
         (tmp_path / f"map{ending}").write_text("mine\n")
-        run = radarsim("map", str(tmp_path), *FOLIAGE)
+        run = radarsim("map", "-o", str(tmp_path), *FOLIAGE)
         assert run.code == 2
         assert f"map{ending} is no map of radarsim's" in run.err
         (tmp_path / f"map{ending}").unlink()
-    assert radarsim("map", str(tmp_path), *FOLIAGE).code == 0
-    assert radarsim("map", str(tmp_path), *FOLIAGE).code == 0  # its own may go
+    assert radarsim("map", "-o", str(tmp_path), *FOLIAGE).code == 0
+    assert radarsim("map", "-o", str(tmp_path), *FOLIAGE).code == 0  # its own may go
     assert sorted(file.name for file in tmp_path.iterdir()) == FILES
 
 
@@ -429,7 +452,7 @@ def test_simulated_map_is_not_overwritten(radarsim: Command, tmp_path: Path) -> 
     text = f"# radarsim map\n{shipped_maps()['empty_room'].read_text()}"
     (tmp_path / "yard.yaml").write_text(text)
     yard = str(tmp_path / "yard.yaml")
-    run = radarsim("map", str(tmp_path / "yard"), "--serve", yard, "--time-limit", "1")
+    run = radarsim("map", "-o", str(tmp_path / "yard"), yard, "--time-limit", "1")
     assert run.code == 2
     assert (tmp_path / "yard.yaml").read_text() == text
 
@@ -438,14 +461,14 @@ def test_seed_of_turn_away_is_accepted_without_serve(
     usarsim_server: UsarsimServer, radarsim: Command, tmp_path: Path
 ) -> None:
     port = str(usarsim_server.address[1])
-    words = ("--port", port, "--strategy", "turn_away", "--seed", "3")
-    run = radarsim("map", str(tmp_path), *words, "--time-limit", "0.5")
+    words = ("--connect", server_of(port), "--strategy", "turn_away", "--seed", "3")
+    run = radarsim("map", "-o", str(tmp_path), *words, "--time-limit", "0.5")
     assert (run.code, run.err.count("expected")) == (0, 0)
 
 
 def test_full_disk_is_reported_in_json(radarsim: Command, tmp_path: Path) -> None:
     (tmp_path / "map.pgm").symlink_to("/dev/full")
-    run = radarsim("map", str(tmp_path), *FOLIAGE, "--json")
+    run = radarsim("map", "-o", str(tmp_path), *FOLIAGE, "--json")
     told = json.loads(run.text)
     assert run.code == 1
     why = "the disk is full"
@@ -461,7 +484,9 @@ def test_interrupted_run_is_reported_in_json(
     usarsim_server: UsarsimServer, tmp_path: Path
 ) -> None:
     port = str(usarsim_server.address[1])
-    with start_radarsim("map", str(tmp_path), "--port", port, "--json") as process:
+    with start_radarsim(
+        "map", "-o", str(tmp_path), "--connect", server_of(port), "--json"
+    ) as process:
         assert process.stderr is not None
         process.stderr.readline()  # it has got a scan
         process.send_signal(signal.SIGINT)
@@ -482,8 +507,8 @@ class Through:
     """``radarsim map --through`` in a process of its own."""
 
     def __init__(self, folder: Path, server: int, *options: str) -> None:
-        through = ("--through", "0", "--port", str(server), *options)
-        self.process = start_radarsim("map", str(folder), *through)
+        through = ("--through", "0", "--connect", server_of(server), *options)
+        self.process = start_radarsim("map", "-o", str(folder), *through)
         assert self.process.stderr is not None
         line = self.process.stderr.readline().decode()
         assert line.startswith("radarsim: listening on 127.0.0.1:")
@@ -533,8 +558,8 @@ def test_watched_robot_is_mapped_until_it_leaves(
     usarsim_server: UsarsimServer, tmp_path: Path
 ) -> None:
     port = usarsim_server.address[1]
-    words = ("--watch", "r1", "--port", str(port), "--json")
-    with start_radarsim("map", str(tmp_path), *words) as process:
+    words = ("--watch", "r1", "--connect", server_of(port), "--json")
+    with start_radarsim("map", "-o", str(tmp_path), *words) as process:
         assert process.stderr is not None
         assert b"waiting" in process.stderr.readline()
         with Client.connect("127.0.0.1", port) as client:
@@ -587,11 +612,11 @@ def test_proxy_tells_which_motion_sources_a_robot_has(
 def test_film_shows_the_run_and_does_not_change_it(
     radarsim: Command, tmp_path: Path
 ) -> None:
-    words = ("--serve", "empty_room", "--way=-7,0", "--json")
-    plain = radarsim("map", str(tmp_path / "a"), *words)
+    words = ("empty_room", "--way=-7,0", "--json")
+    plain = radarsim("map", "-o", str(tmp_path / "a"), *words)
     films = [tmp_path / "a.gif", tmp_path / "b.gif"]
     runs = [
-        radarsim("map", str(tmp_path / "b"), *words, "--film", str(film))
+        radarsim("map", "-o", str(tmp_path / "b"), *words, "--film", str(film))
         for film in films
     ]
     told = [json.loads(run.text) for run in (plain, *runs)]
@@ -614,7 +639,7 @@ def test_film_shows_the_run_and_does_not_change_it(
 def test_place_of_a_film_has_to_be_a_file(radarsim: Command, tmp_path: Path) -> None:
     (tmp_path / "x.gif").symlink_to("/dev/null")
     film = str(tmp_path / "x.gif")
-    run = radarsim("map", str(tmp_path), *SEEN, "--film", film)
+    run = radarsim("map", "-o", str(tmp_path), *SEEN, "--film", film)
     assert (run.code, run.out) == (2, b"")
     assert "regular file" in run.err
 
@@ -628,7 +653,7 @@ def test_film_that_cannot_be_written_does_not_spoil_the_map(
 
     monkeypatch.setattr("radarsim.autonomy.plotting.film.open_encoder", fail)
     film = tmp_path / "x.gif"
-    run = radarsim("map", str(tmp_path), *SEEN, "--film", str(film))
+    run = radarsim("map", "-o", str(tmp_path), *SEEN, "--film", str(film))
     assert run.code == 2
     assert f"cannot write {film}: No space left" in run.err
     assert sorted(file.name for file in tmp_path.iterdir()) == FILES
@@ -646,7 +671,15 @@ def test_interrupted_run_leaves_the_film_so_far(
     usarsim_server: UsarsimServer, tmp_path: Path
 ) -> None:
     port, film = str(usarsim_server.address[1]), tmp_path / "run.gif"
-    words = ("map", str(tmp_path), "--port", port, "--film", str(film))
+    words = (
+        "map",
+        "-o",
+        str(tmp_path),
+        "--connect",
+        server_of(port),
+        "--film",
+        str(film),
+    )
     with start_radarsim(*words) as process:
         deadline = time.monotonic() + 240
         while not film_has_begun(tmp_path) and time.monotonic() < deadline:

@@ -15,7 +15,7 @@ from processes import start_radarsim
 pytestmark = pytest.mark.slow
 
 NAMES = ("map.pgm", "map.png", "map.tum", "map.yaml", "map_view.png")
-HERE = ("--serve", "empty_room", "--way=-7,0", "--time-limit", "1")
+HERE = ("empty_room", "--way=-7,0", "--time-limit", "1")
 THERE = (*HERE, "--pose=5,1,40", "--seed", "1")
 PATIENCE = 60.0  # s
 
@@ -23,7 +23,7 @@ PATIENCE = 60.0  # s
 @contextmanager
 def mapping(folder: Path, *options: str) -> Iterator[subprocess.Popen[bytes]]:
     """Run the program in a process of its own, which is not there afterwards."""
-    with start_radarsim("map", str(folder), *options) as process:
+    with start_radarsim("map", "-o", str(folder), *options) as process:
         try:
             yield process
         finally:

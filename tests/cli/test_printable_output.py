@@ -81,7 +81,7 @@ def test_markup_in_the_name_of_a_map_stays_text(
     radarsim: RunCommand, hostile_map: Path
 ) -> None:
     words = ("--algorithms", "bug2", "--seeds", "1", "--workers", "1")
-    run = radarsim("trials", "--maps", str(hostile_map), *words)
+    run = radarsim("trials", str(hostile_map), *words)
     assert run.code == 0
     assert is_printable(run.text + run.err)
     assert "[red]" in run.text
@@ -115,7 +115,7 @@ def test_markup_in_the_name_of_a_map_stays_text(
             ),
             1,
         ),
-        (("trials", "--maps", HOSTILE), 1),
+        (("trials", HOSTILE), 1),
         (("figures", f"/dev/null/{HOSTILE}"), 2),
         (("docs", HOSTILE), 2),
     ],

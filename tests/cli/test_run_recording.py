@@ -68,8 +68,8 @@ def test_map_in_the_recording_is_the_one_that_is_written(
 ) -> None:
     folder, out = tmp_path / "run", tmp_path / "maps"
     out.mkdir()
-    words = ("--serve", "foliage_room", *FIRST_SECONDS, "--record", str(folder))
-    assert run_command("map", str(out), *words).code == 0
+    words = ("foliage_room", *FIRST_SECONDS, "--record", str(folder))
+    assert run_command("map", "-o", str(out), *words).code == 0
     assert run_command("replay", str(folder), "--verify").code == 0
     found = last_map(folder)
     shape = found.info.height, found.info.width
@@ -119,8 +119,8 @@ def test_run_on_a_server_elsewhere_is_recorded(
 def test_existing_folder_is_refused_before_anything_runs(
     run_command: Command, tmp_path: Path
 ) -> None:
-    words = ("--serve", "no_such_map", "--record", str(tmp_path))
-    run = run_command("map", str(tmp_path / "maps"), *words)
+    words = ("no_such_map", "--record", str(tmp_path))
+    run = run_command("map", "-o", str(tmp_path / "maps"), *words)
     assert run.code == 1
     assert "expected a new folder" in run.err
 
@@ -132,9 +132,10 @@ def test_robot_of_another_client_is_recorded(
     option: str, usarsim_server: UsarsimServer, tmp_path: Path
 ) -> None:
     folder, port = tmp_path / "run", usarsim_server.address[1]
-    words = [option, "R1" if option == "--watch" else "0", "--port", str(port)]
+    words = [option, "R1" if option == "--watch" else "0"]
+    words += ["--connect", f"127.0.0.1:{port}"]
     words += ["--record", str(folder)]
-    with start_radarsim("map", str(tmp_path / "maps"), *words) as process:
+    with start_radarsim("map", "-o", str(tmp_path / "maps"), *words) as process:
         assert process.stderr is not None
         told = process.stderr.readline().decode()
         if option == "--through":

@@ -16,9 +16,9 @@ COMMANDS = {
     "scan": SCAN,
     "check": ("check", "foliage_room"),
     "serve": ("serve", "empty_room", "--port", "0"),
-    "map": ("map", "{}/", "--serve", "empty_room", "--time-limit", "2"),
+    "map": ("map", "-o", "{}/", "empty_room", "--time-limit", "2"),
     "navigate": ("navigate", "bug_box", "--algorithm", "bug2"),
-    "trials": ("trials", "--maps", "bug_box,bug_u_trap", "--seeds", "1"),
+    "trials": ("trials", "bug_box", "bug_u_trap", "--seeds", "1"),
     "demo": ("demo", "{}/demo.png"),
     "figures": ("figures", "{}", "--only", "2,3,6"),
 }

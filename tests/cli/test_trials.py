@@ -9,7 +9,7 @@ from radarsim.autonomy.commands.trials import _failure_text
 from radarsim.autonomy.evaluation.trials import TrialResult
 
 Command = Callable[..., Any]
-QUICK = ("trials", "--maps", "bug_box", "--seeds", "1", "--workers", "1")
+QUICK = ("trials", "bug_box", "--seeds", "1", "--workers", "1")
 
 
 @pytest.mark.slow
@@ -63,7 +63,7 @@ def test_json_is_a_list_of_scores(radarsim: Command) -> None:
 def test_map_without_a_trial_is_an_error_that_lists_those_with_one(
     radarsim: Command, name: str, texts: list[str]
 ) -> None:
-    run = radarsim("trials", "--maps", name)
+    run = radarsim("trials", name)
     assert (run.code, run.out) == (1, b"")
     assert all(text in run.err for text in texts)
 
@@ -71,7 +71,7 @@ def test_map_without_a_trial_is_an_error_that_lists_those_with_one(
 @pytest.mark.parametrize(
     ("options", "texts"),
     [
-        pytest.param(["--maps", "bug_box,"], ["names with commas"], id="empty"),
+        pytest.param(["--algorithms", "bug1,"], ["NAME,..."], id="empty"),
         pytest.param(["--algorithms", "bug3"], ["'bug3'", "'bug2'"], id="algorithm"),
         pytest.param(["--rules", "most"], ["'most'", "'thesis'"], id="rule"),
         pytest.param(["--sensors", "sonar"], ["'sonar'", "'laser'"], id="sensor"),
@@ -91,7 +91,7 @@ def test_unknown_name_is_a_usage_error_that_lists_the_known_ones(
 def test_errors_of_a_map_are_printed(radarsim: Command, tmp_path: Any) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text("version: 1\nobject: []\n")
-    run = radarsim("trials", "--maps", str(path))
+    run = radarsim("trials", str(path))
     assert run.code == 1
     assert "mine.yaml:2:1: object" in run.err
 
@@ -131,7 +131,7 @@ def test_random_trials_are_resumed(radarsim: Command, tmp_path: Any) -> None:
     ("options", "text"),
     [
         pytest.param(["--output", "x"], "with --random", id="without"),
-        pytest.param(["--random", "1", "--maps", "bug_box"], "--maps", id="maps"),
+        pytest.param(["--random", "1", "bug_box"], "MAP", id="maps"),
         pytest.param(["--random", "1", "--rules", "all"], "--rules", id="rules"),
         pytest.param(["--random", "1", "--json"], "--json", id="json"),
         pytest.param(["--random", "0"], "--random", id="none"),

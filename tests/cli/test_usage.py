@@ -10,7 +10,7 @@ from .conftest import RunCommand
     [
         pytest.param(("sarve",), ["'sarve'", "did you mean 'serve'"], id="command"),
         pytest.param(
-            ("map", "m", "--strat", "auto"),
+            ("map", "-o", "m", "--strat", "auto"),
             ["'--strat'", "did you mean '--strategy'"],
             id="beginning of an option",
         ),
@@ -37,7 +37,7 @@ from .conftest import RunCommand
             ["--sensor", "--beam"],
             id="options are missing",
         ),
-        pytest.param(("map",), ["OUT", "map --help"], id="argument is missing"),
+        pytest.param(("serve",), ["MAP", "serve --help"], id="argument is missing"),
         pytest.param(
             ("navigate", "--algorithm", "bug3"), ["--algorithm: 'bug3'"], id="value"
         ),
@@ -68,7 +68,7 @@ def test_wrong_map_gives_one_exit_code_wherever_it_is_named(
         ("check", "bug_bx"),
         ("scan", "bug_bx", "--sensor", "radar", "--pose", "0,0,0"),
         ("navigate", "bug_bx", "--algorithm", "bug1"),
-        ("trials", "--maps", "bug_bx"),
+        ("trials", "bug_bx"),
     ]
     runs = [radarsim(*command) for command in commands]
     assert {run.code for run in runs} == {1}

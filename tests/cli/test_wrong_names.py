@@ -34,13 +34,13 @@ BUG = ("navigate", "bug_box", "--algorithm", "bug1")
         (("serve", "empty_room", "--dialect", "comat"), "compat"),
         (("trials", "--algorithms", "bug"), "bug"),
         (("trials", "--sensors", "rader"), "radar"),
-        (("trials", "--maps", "bug_bx"), "bug_box"),
+        (("trials", "bug_bx"), "bug_box"),
         (("navigate", "--algorithm", "bug3"), "bug"),
         ((*BUG, "--start", "RobotStart9"), "RobotStart1"),
         ((*BUG, "--robot", "P3AT_Rada360"), "P3AT_Radar360"),
         ((*BUG, "--robot", "USARBot.P3AT_Rada360"), "P3AT_Radar360"),
         ((*BUG, "--scanner", "lms201"), "lms200"),
-        (("map", "{}/m", "--serve", "empty_room", "--robot", "P3A_Radar360"), "P3AT_R"),
+        (("map", "empty_room", "-o", "{}/m", "--robot", "P3A_Radar360"), "P3AT_R"),
     ],
 )
 def test_the_name_that_may_be_meant_is_suggested(

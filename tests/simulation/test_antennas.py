@@ -19,8 +19,8 @@ from radarsim.addons.fmcw.antennas import (
     Worker,
     antennas_of,
 )
+from radarsim.addons.fmcw.rotation import Look, Received, TurnReceiver
 from radarsim.addons.fmcw.targets import beams_of, read_ranges
-from radarsim.addons.fmcw.turn_receiver import Look, Received, TurnReceiver
 from radarsim.geometry import Pose3
 from radarsim.presets.robots import load_robot
 from radarsim.protocol.reports import (

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radarsim.addons.fmcw.beat_signal import Tones, beat_rows
 from radarsim.addons.fmcw.radar import FmcwRadar
 from radarsim.addons.fmcw.radar_equation import noise_power
 from radarsim.addons.fmcw.range_lines import Power
@@ -13,6 +14,7 @@ from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.presets.sensors import load_settings
 from radarsim.raycast.tracer import tracer_of
+from radarsim.rng import NumberedStreams
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import box, cylinder
@@ -75,6 +77,13 @@ def echo_power(which: FmcwRadar, scene: Scene, pose: Pose3 = EYE) -> Floats:
     turn = which.trace(scene, pose)
     mean = which.mean_power(tracer_of(scene), turn)
     return np.asarray(mean, np.float64) * noise_power(which.settings)
+
+
+def beat_spectrum(
+    settings: FmcwSettings, mean: Power, tones: Tones, rng: np.random.Generator
+) -> Power:
+    """Return the power in each bin of a turn, (A, B), in units of the noise."""
+    return beat_rows(settings, 0, mean, tones, NumberedStreams(rng))
 
 
 def db(ratio: Any) -> Any:

@@ -37,11 +37,11 @@ from radarsim.simulation.tick_output import DueScan, ScanDetails, report_scan
 from radarsim.simulation.vehicle import MountedScanner, Vehicle
 
 if TYPE_CHECKING:
-    from radarsim.addons.fmcw.rotation import Sector
-    from radarsim.addons.fmcw.turn_receiver import (
+    from radarsim.addons.fmcw.rotation import (
         FoundTurn,
         Look,
         Received,
+        Sector,
         TurnReceiver,
     )
     from radarsim.simulation.simulation import Simulation
@@ -132,17 +132,20 @@ class Antenna:
             boxes: The robots.
             worker: Computes what it receives.
         """
-        from radarsim.addons.fmcw import turn_receiver  # noqa: PLC0415 - scipy is slow
+        from radarsim.addons.fmcw import rotation  # noqa: PLC0415 - scipy is slow
 
+        # After a rest the robot may be elsewhere: parts of two turns would be mixed.
         if self.receiver is None or self.turned != ticks - 1:
             radar, rng = self.mounted.scanner.fmcw, self.mounted.rng
-            self.receiver = turn_receiver.TurnReceiver(radar, scene, rng)
+            self.receiver = rotation.TurnReceiver(radar, scene, rng)
             self.since, self.place = ticks, None
         pose = self.vehicle.sensor_pose(self.mounted.item)
-        look = turn_receiver.Look(
+        look = rotation.Look(
             self._directions(self.receiver.radar.settings, ticks),
-            *(pose, self._move(pose)),
-            *(boxes, self.vehicle.number),
+            pose,
+            self._move(pose),
+            boxes,
+            self.vehicle.number,
             self.mounted.scanner.settings,
             receives=(ticks + 1 - self.since) % RECEPTION_TICKS == 0,
             is_recorded=bool(self.listeners or self.observers),
@@ -167,8 +170,11 @@ class Antenna:
             if not self.vehicle.alive:
                 continue
             for sector in received.sectors:
+                settings = sector.spectrum.settings
+                turns = sector.turn + sector.first / settings.azimuths
+                seen = SeenSector(sector, _time_after(turns, settings, since))
                 for listener in (*self.listeners, *self.observers):
-                    listener(SeenSector(sector, _time_of(sector, since)))
+                    listener(seen)
             if received.turn and self.mounted.scanner.settings.has_detector:
                 scans.append(self._read(received.turn, since))
         return scans
@@ -201,18 +207,6 @@ class Antenna:
             return STANDING
         x, y, z = ((place - before) / TICK).tolist()
         return x, y, z
-
-
-def _time_of(sector: Sector, since: int) -> float:
-    """Return when an antenna began to look into the first direction, s.
-
-    Args:
-        sector: What it received.
-        since: Tick in which it began to turn.
-    """
-    settings = sector.spectrum.settings
-    turns = sector.turn + sector.first / settings.azimuths
-    return _time_after(turns, settings, since)
 
 
 def _time_after(turns: float, settings: FmcwSettings, since: int) -> float:

@@ -17,25 +17,32 @@ Amplitudes are in units of the noise in a bin.
 
 import math
 from functools import lru_cache
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
 from radarsim.addons.fmcw.radar_equation import (
+    doppler_shift,
+    elevation_pattern,
     fft_length,
     gaussian,
     noise_power,
     noise_shape,
+    received_power,
     rows_in_beam,
     sample_count,
     watts,
     window_of,
 )
-from radarsim.geometry import Floats
+from radarsim.geometry import Floats, Pose3
 from radarsim.jit import njit_cached
 from radarsim.presets.fmcw_settings import FmcwSettings
+from radarsim.raycast.attenuation import EventKind
+from radarsim.raycast.rays import RayClass, Rays
+from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.tracer import Tracer
 from radarsim.rng import NumberedStreams
 
 ROWS_AT_ONCE: Final = 40  # directions; what they need fits into a processor's cache
@@ -62,27 +69,113 @@ class Tones(NamedTuple):
     def of_rows(self, rows: range) -> "Tones":
         """Return the tones of some directions."""
         which = (self.rows >= rows.start) & (self.rows < rows.stop)
-        return Tones(
-            *(self.rows[which], self.ranges[which]),
-            *(self.phases[which], self.power[which]),
-        )
+        return Tones._make(column[which] for column in self)
 
 
 NO_TONES = Tones(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
 
+CLEARANCE: Final = 1e-3  # m; a surface this near a point does not hide it
 
-def beat_spectrum(
-    settings: FmcwSettings, mean: Power, tones: Tones, rng: np.random.Generator
-) -> Power:
-    """Return the power in each bin of a turn, (A, B), in units of the noise.
+
+class Points(NamedTuple):
+    """Points that reflect; N of them.
+
+    Attributes:
+        positions: (N, 3) m, map frame.
+        rcs: (N,) m^2, their radar cross sections.
+    """
+
+    positions: Floats
+    rcs: Floats
+
+
+def point_tones(
+    settings: FmcwSettings,
+    pose: Pose3,
+    points: Points,
+    loss_db: Floats,
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Tones:
+    """Return the tones of points in the directions whose beams they are in.
 
     Args:
         settings: The radar.
-        mean: (A, B) mean power, likewise.
-        tones: Echoes of points.
-        rng: Source of speckle and noise; it spawns a child.
+        pose: Pose of its antenna, map frame.
+        points: N points.
+        loss_db: (N,) loss on the way to each, dB one way; inf if it is hidden.
+        velocity: Of the antenna, m/s, map frame.
     """
-    return beat_rows(settings, 0, mean, tones, NumberedStreams(rng))
+    seen = (points.positions - pose.position()) @ pose.rotation()
+    distance = np.linalg.norm(seen, axis=1)
+    visible = np.isfinite(loss_db) & (distance > 0)
+    seen, distance = seen[visible], distance[visible]
+    azimuth = -np.arctan2(seen[:, 1], seen[:, 0])
+    elevation = np.arcsin(np.clip(seen[:, 2] / distance, -1, 1))
+    half = rows_in_beam(settings)
+    rows = np.rint(azimuth / settings.step)[:, None] + np.arange(-half, half + 1)
+    across = gaussian(
+        rows * settings.step - azimuth[:, None], math.radians(settings.beamwidth_az_deg)
+    )
+    pattern = across * elevation_pattern(settings, elevation)[:, None]
+    power = received_power(settings, points.rcs[visible], distance)
+    power *= 10 ** (-loss_db[visible] / 5) / noise_power(settings)
+    speeds = (seen @ (pose.rotation().T @ np.array(velocity))) / distance
+    ranges = distance + doppler_shift(settings, speeds)
+    wide = np.ones_like(rows)
+    phases = -4 * math.pi * distance / settings.wavelength
+    return Tones(
+        (rows.astype(np.int64) % settings.azimuths).ravel(),
+        (ranges[:, None] * wide).ravel(),
+        (phases[:, None] * wide).ravel(),
+        (power[:, None] * pattern**2).ravel(),
+    )
+
+
+class Sight(NamedTuple):
+    """How points are looked at.
+
+    Attributes:
+        ray_class: Class of the radar's rays.
+        power: The power with which they start.
+        boxes: The robots.
+        carrier_id: The robot that carries the radar; -1 for none.
+    """
+
+    ray_class: RayClass
+    power: float
+    boxes: Boxes | None = None
+    carrier_id: int = -1
+
+
+def losses_to(tracer: Tracer, pose: Pose3, points: Points, sight: Sight) -> Floats:
+    """Return the loss on the way to points, (N,) dB one way; inf if one is hidden.
+
+    Args:
+        tracer: Tracer of the scene.
+        pose: Pose of the antenna, map frame.
+        points: The points.
+        sight: How they are looked at.
+    """
+    offsets = points.positions - pose.position()
+    distance = np.linalg.norm(offsets, axis=1)
+    loss = np.full(len(distance), np.inf)
+    rows = np.flatnonzero(distance > CLEARANCE)
+    if not len(rows):
+        return loss
+    rays = Rays(
+        np.broadcast_to(pose.position(), (len(rows), 3)).copy(),
+        offsets[rows] / distance[rows, None],
+        distance[rows] - CLEARANCE,
+        np.full(len(rows), sight.power),
+        np.zeros(len(rows), np.uint8),
+        np.full(len(rows), sight.carrier_id, np.int64),
+        (sight.ray_class._replace(max_reflections=0),),
+    )
+    for event in tracer.trace(rays, sight.boxes, events=True).events:
+        if event["kind"] == EventKind.OUT_OF_RANGE:
+            spent = sight.power - event["power"]
+            loss[rows[event["ray"]]] = spent / sight.ray_class.power_per_db
+    return loss
 
 
 def beat_rows(
@@ -135,7 +228,7 @@ def _signal(
 
 
 @njit_cached
-def _square(spectra: Any, shape: Any, power: Any) -> None:
+def _square(spectra: Signal, shape: Power, power: Power) -> None:
     for row in range(len(power)):
         for b in range(len(shape)):
             field = spectra[row, b]
@@ -176,7 +269,7 @@ def _taps(settings: FmcwSettings) -> Power:
 
 
 @njit_cached
-def _correlate(white: Any, mean: Any, taps: Any, lines: Any) -> None:
+def _correlate(white: Signal, mean: Power, taps: Power, lines: Signal) -> None:
     """Fill correlated amplitudes of a mean power from white ones.
 
     Args:

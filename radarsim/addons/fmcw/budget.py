@@ -4,10 +4,12 @@ One ray in the middle of the beam stands for all of it, as if what it meets fill
 beam. The decibels of an echo add up to the power that is received of it.
 """
 
+import json
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field
 
+import click
 import numpy as np
 
 from radarsim.addons.fmcw.radar import FmcwRadar
@@ -24,12 +26,15 @@ from radarsim.addons.fmcw.scattering import (
     gamma_at,
     scene_scattering,
 )
+from radarsim.cli.output import print_lines
+from radarsim.errors import PresetError
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.rays import Event, Rays
 from radarsim.raycast.tracer import Tracer, tracer_of
 from radarsim.scene.scene import Part, Scene
+from radarsim.sensors.range_scanner import RangeScanner
 
 _STEPS = 2001  # of the integral over the beam
 
@@ -236,3 +241,48 @@ class _Losses:
 
 def _db(ratio: float) -> float:
     return 10 * math.log10(ratio) if ratio > 0 else -math.inf
+
+
+_WIDTH = 38  # of the labels
+
+
+def print_budget(
+    scanner: RangeScanner, scene: Scene, pose: Pose3, azimuth: int, as_json: bool
+) -> None:
+    """Print the link budget of a direction.
+
+    Raises:
+        click.BadParameter: If the sensor is no FMCW radar, or has no such direction.
+    """
+    try:
+        budget = link_budget(scanner.fmcw, scene, pose, azimuth)
+    except PresetError as error:
+        raise click.BadParameter(str(error)) from None
+    except ValueError as error:
+        raise click.BadParameter(str(error), param_hint="--beam") from None
+    if as_json:
+        click.echo(json.dumps(asdict(budget)))
+    else:
+        print_lines(budget_lines(budget))
+
+
+def budget_lines(budget: Budget) -> Iterator[str]:
+    """Yield the lines of a link budget."""
+    angle = -math.degrees(budget.angle)
+    yield f"azimuth {budget.azimuth}, {angle:.1f} deg clockwise from straight ahead"
+    for number, entry in enumerate(budget.entries):
+        yield _line(entry, "dBm" if number == 0 else "dB")
+    for echo in budget.echoes:
+        yield ""
+        yield f"{echo.object_name} ({echo.material}), {echo.kind} at {echo.range:.2f} m"
+        for entry in echo.entries:
+            yield _line(entry, "dB")
+        yield f"  {'received':{_WIDTH}}{echo.received:8.1f} dBm"
+        yield f"  {'noise':{_WIDTH}}{budget.noise:8.1f} dBm"
+        yield f"  {'signal to noise':{_WIDTH}}{echo.received - budget.noise:8.1f} dB"
+    if not budget.echoes:
+        yield "nothing comes back"
+
+
+def _line(entry: Entry, unit: str) -> str:
+    return f"  {entry.label:{_WIDTH}}{entry.db:8.1f} {unit}"

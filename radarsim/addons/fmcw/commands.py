@@ -1,15 +1,10 @@
-"""``radarsim spectrum``: turns of an FMCW radar as pictures, images or numbers.
-
-``explain --budget`` prints the link budget of one direction of it.
-"""
+"""``radarsim spectrum``: turns of an FMCW radar as pictures, images or numbers."""
 
 from __future__ import annotations
 
 import csv
 import io
-import json
-import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
@@ -20,22 +15,18 @@ from annotated_types import Ge, Gt, Interval, Unit
 from radarsim.cli.compile_progress import with_compile_progress
 from radarsim.cli.fields import MapName
 from radarsim.cli.files import check_ending, check_writable, write_file
-from radarsim.cli.output import print_lines
 from radarsim.cli.scan import PlacedSensor
 from radarsim.errors import PresetError, describe_os_error
 from radarsim.plans import RARE, Option
 
 if TYPE_CHECKING:
-    from radarsim.addons.fmcw.budget import Budget, Entry
     from radarsim.addons.fmcw.detection import Detections
-    from radarsim.addons.fmcw.rotation import DrivenPath, RecordedTurn
+    from radarsim.addons.fmcw.sequences import DrivenPath, DrivenTurn
     from radarsim.addons.fmcw.spectrum import Spectrum
-    from radarsim.geometry import Pose3
     from radarsim.scene.scene import Scene
     from radarsim.sensors.range_scanner import RangeScanner
 
 _ENDINGS: Final = ("png", "svg", "pdf", "npz", "csv")
-_LABELS: Final = 38  # columns of labels in a link budget
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -200,7 +191,7 @@ def _record_path(
     seed: int,
 ) -> None:
     """Write the turns along a path, and say how many they are."""
-    from radarsim.addons.fmcw.rotation import turns_along
+    from radarsim.addons.fmcw.sequences import turns_along
     from radarsim.rng import generator_for
 
     way = _load_path(path, scene)
@@ -276,7 +267,7 @@ def _load_path(path: Path, scene: Scene) -> DrivenPath:
     """
     import numpy as np
 
-    from radarsim.addons.fmcw.rotation import read_tum
+    from radarsim.addons.fmcw.sequences import read_tum
     from radarsim.sensors.range_scanner import SENSOR_HEIGHT
 
     try:
@@ -292,7 +283,7 @@ def _load_path(path: Path, scene: Scene) -> DrivenPath:
     return way.at_heights(np.array(floor) + SENSOR_HEIGHT)
 
 
-def _write_sequence(folder: Path, layout: str, turns: Iterable[RecordedTurn]) -> int:
+def _write_sequence(folder: Path, layout: str, turns: Iterable[DrivenTurn]) -> int:
     """Write turns as a data set has them, with their poses; return their number.
 
     Args:
@@ -327,47 +318,3 @@ def _write_sequence(folder: Path, layout: str, turns: Iterable[RecordedTurn]) ->
     write_file(folder / list_file(layout), "".join(lines).encode())
     write_file(folder / "poses.tum", "".join(poses).encode())
     return len(lines)
-
-
-def print_budget(
-    scanner: RangeScanner, scene: Scene, pose: Pose3, azimuth: int, as_json: bool
-) -> None:
-    """Print the link budget of a direction.
-
-    Raises:
-        click.BadParameter: If the sensor is no FMCW radar, or has no such direction.
-    """
-    from radarsim.addons.fmcw.budget import link_budget
-
-    try:
-        budget = link_budget(scanner.fmcw, scene, pose, azimuth)
-    except PresetError as error:
-        raise click.BadParameter(str(error)) from None
-    except ValueError as error:
-        raise click.BadParameter(str(error), param_hint="--beam") from None
-    if as_json:
-        click.echo(json.dumps(asdict(budget)))
-    else:
-        print_lines(budget_lines(budget))
-
-
-def budget_lines(budget: Budget) -> Iterator[str]:
-    """Yield the lines of a link budget."""
-    angle = -math.degrees(budget.angle)
-    yield f"azimuth {budget.azimuth}, {angle:.1f} deg clockwise from straight ahead"
-    for number, entry in enumerate(budget.entries):
-        yield _line(entry, "dBm" if number == 0 else "dB")
-    for echo in budget.echoes:
-        yield ""
-        yield f"{echo.object_name} ({echo.material}), {echo.kind} at {echo.range:.2f} m"
-        for entry in echo.entries:
-            yield _line(entry, "dB")
-        yield f"  {'received':{_LABELS}}{echo.received:8.1f} dBm"
-        yield f"  {'noise':{_LABELS}}{budget.noise:8.1f} dBm"
-        yield f"  {'signal to noise':{_LABELS}}{echo.received - budget.noise:8.1f} dB"
-    if not budget.echoes:
-        yield "nothing comes back"
-
-
-def _line(entry: Entry, unit: str) -> str:
-    return f"  {entry.label:{_LABELS}}{entry.db:8.1f} {unit}"

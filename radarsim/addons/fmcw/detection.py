@@ -1,27 +1,43 @@
 """Detectors of targets in a spectrum: CA-CFAR, OS-CFAR, and the k strongest bins.
 
-Source for the k strongest bins: D. Adolfsson and others, "CFEAR radarodometry", IROS
-2021. For the others see ``cfar_thresholds``.
+Theory of operation
+===================
+A detector of constant false alarm rate compares each bin with training bins around it,
+some guard bins apart: CA with their mean, OS with one of them in order of power. The
+factor above it is exact for noise of exponential power. With N independent bins:
+
+    CA   Pfa = (1 + alpha / N)^-N
+    OS   Pfa = product over i < k of (N - i) / (N - i + alpha)
+
+Neighbouring bins of a padded and windowed FFT are not independent. So training bins are
+some resolutions apart, and CA's factor is that of what correlation remains: the mean of
+N correlated bins is a sum of independent ones, weighted by the eigenvalues of their
+covariance, and Pfa = product of 1 / (1 + alpha lambda_i / N).
+
+Sources: H. Rohling, "Radar CFAR thresholding in clutter and multiple target
+situations", IEEE Trans. AES 19, 1983. For the k strongest bins: D. Adolfsson and
+others, "CFEAR radarodometry", IROS 2021.
 """
 
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+import math
+from collections.abc import Callable
+from functools import lru_cache
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eigvalsh, toeplitz
+from scipy.optimize import brentq
 
-from radarsim.addons.fmcw.cfar import (
-    Mask,
-    ca_mask,
-    os_mask,
-    training_correlation,
-    training_of,
-)
-from radarsim.addons.fmcw.radar_equation import dbm_of
+from radarsim.addons.fmcw.radar_equation import dbm_of, noise_correlation
 from radarsim.geometry import Floats
-from radarsim.jit import njit_cached
+from radarsim.jit import njit_cached, njit_inline
+from radarsim.presets.fmcw_settings import FmcwSettings
 
 if TYPE_CHECKING:
     from radarsim.addons.fmcw.spectrum import Spectrum
+
+Mask = NDArray[np.bool_]
 
 DETECTORS: Final = ("ca", "os", "k")
 
@@ -100,15 +116,10 @@ def strongest_mask(
     return mask & (counts >= least) & allowed
 
 
+@njit_cached
 def peaks_of(mask: Mask, power: NDArray[np.float32]) -> Mask:
     """Return the strongest bin of each run of bins that are set, (A, B)."""
     peaks = np.zeros(mask.shape, np.bool_)
-    _find_peaks(mask, power, peaks)
-    return peaks
-
-
-@njit_cached
-def _find_peaks(mask: Any, power: Any, peaks: Any) -> None:
     for row in range(len(mask)):
         best = -1
         for i in range(mask.shape[1]):
@@ -119,3 +130,270 @@ def _find_peaks(mask: Any, power: Any, peaks: Any) -> None:
                     peaks[row, best] = False
                 peaks[row, i] = True
                 best = i
+    return peaks
+
+
+TRAINING: Final = 32  # bins, half of them on each side
+GUARD: Final = 2  # resolutions between a bin and its training bins
+SPACING: Final = 2.0  # resolutions between training bins
+
+
+class Training(NamedTuple):
+    """Which bins a bin is compared with.
+
+    Attributes:
+        bins: N, half of them on each side.
+        guard: Bins between a bin and the nearest of them.
+        step: Bins from one to the next.
+    """
+
+    bins: int
+    guard: int
+    step: int
+
+
+def training_of(settings: FmcwSettings) -> Training:
+    """Return the training bins of a radar, far enough apart to be independent."""
+    step = max(round(SPACING * settings.padding), 1)
+    return Training(TRAINING, max(round(GUARD * settings.padding), 1), step)
+
+
+@lru_cache(maxsize=16)
+def training_correlation(settings: FmcwSettings, training: Training) -> Floats:
+    """Return the correlation of the noise's field between training bins, (N / 2,)."""
+    lags = np.arange(training.bins // 2, dtype=np.float64) * training.step
+    return noise_correlation(settings, lags)
+
+
+def ca_factor(count: int, pfa: float, correlation: Floats | None = None) -> float:
+    """Return alpha of CA: by how much a bin must exceed the mean of its training bins.
+
+    Args:
+        count: N.
+        pfa: Probability of a false alarm.
+        correlation: (N / 2,) of the field of the noise, by the distance between
+            training bins of one side; None for independent ones.
+
+    >>> round(ca_factor(32, 1e-4), 3)
+    10.673
+    """
+    _check_pfa(pfa)
+    if correlation is None:
+        return float(count * (pfa ** (-1 / count) - 1))
+    return _correlated_factor(count, pfa, tuple(correlation.tolist()))
+
+
+@lru_cache(maxsize=64)
+def _correlated_factor(count: int, pfa: float, correlation: tuple[float, ...]) -> float:
+    half = min(count, len(correlation))
+    # Bins of the two sides are so far apart that they are independent. Their power is
+    # the sum of two squares of the field, so that its eigenvalues count.
+    values = np.tile(eigvalsh(toeplitz(correlation[:half])), count // half)
+    return _root(lambda alpha: -float(np.log1p(alpha * values / count).sum()), pfa)
+
+
+@lru_cache(maxsize=64)
+def os_factor(count: int, order: int, pfa: float) -> float:
+    """Return alpha of OS: by how much a bin must exceed the k-th of its training bins.
+
+    Args:
+        count: N.
+        order: k, from the weakest.
+        pfa: Probability of a false alarm.
+
+    >>> round(os_factor(32, 24, 1e-4), 2)
+    8.58
+    """
+    _check_pfa(pfa)
+    rest = count - np.arange(order)
+    return _root(lambda alpha: float(np.log(rest / (rest + alpha)).sum()), pfa)
+
+
+def _check_pfa(pfa: float) -> None:
+    if not 0 < pfa < 1:
+        raise ValueError(f"pfa {pfa!r}, expected above 0 and below 1")
+
+
+def _root(log_pfa: Callable[[float], float], pfa: float) -> float:
+    """Return where the logarithm of a falling probability has a value."""
+    high = 1.0
+    while log_pfa(high) > math.log(pfa):
+        high *= 2
+    return float(brentq(lambda x: log_pfa(x) - math.log(pfa), 0, high, xtol=1e-12))
+
+
+LEVELS_PER_DB: Final = 8.0  # of the histogram of OS
+_LEVELS: Final = 2048
+
+
+def ca_mask(
+    power: NDArray[np.float32],
+    training: Training,
+    pfa: float,
+    correlation: Floats | None = None,
+) -> Mask:
+    """Return which bins exceed the mean of their training bins, (A, B).
+
+    Near the first and the last bin only the training bins of one side count.
+
+    Args:
+        power: (A, B) power.
+        training: Which bins a bin is compared with.
+        pfa: Probability of a false alarm in a bin.
+        correlation: As in ``ca_factor``.
+    """
+    half = training.bins // 2
+    both = ca_factor(training.bins, pfa, correlation)
+    factors = np.array([math.inf, ca_factor(half, pfa, correlation), both])
+    found = np.zeros(power.shape, np.bool_)
+    _find_ca(power, training.guard + 1, training.step, half, factors, found)
+    return found
+
+
+@njit_cached
+def _find_ca(
+    power: NDArray[np.float32],
+    nearest: int,
+    step: int,
+    half: int,
+    factors: Floats,
+    found: Mask,
+) -> None:
+    """Set ``found``; ``factors`` are by how many sides have training bins."""
+    count = power.shape[1]
+    farthest = nearest + (half - 1) * step
+    # Sums over the training bins before each bin. Those after a bin are before one
+    # that is this much farther on, which may be beyond the last.
+    ahead = nearest + farthest
+    sums = np.zeros(count + nearest)
+    for row in range(len(power)):
+        line = power[row]
+        for i in range(farthest, min(farthest + step, len(sums))):
+            sums[i] = 0.0
+            for q in range(half):
+                sums[i] += line[i - nearest - q * step]
+        # Bins a step apart share all training bins but two.
+        for i in range(farthest + step, len(sums)):
+            sums[i] = sums[i - step] + line[i - nearest] - line[i - step - farthest]
+        middle = min(farthest, count), max(count - farthest, 0)
+        for i in range(min(middle)):
+            found[row, i] = line[i] > factors[1] * (sums[i + ahead] / half)
+        for i in range(middle[0], middle[1]):
+            total = sums[i] + sums[i + ahead]
+            found[row, i] = line[i] > factors[2] * (total / (2 * half))
+        for i in range(max(middle), count):
+            found[row, i] = line[i] > factors[1] * (sums[i] / half)
+
+
+def os_mask(
+    power: NDArray[np.float32], training: Training, pfa: float, order: int
+) -> Mask:
+    """Return which bins exceed one of their training bins, by order of power, (A, B).
+
+    Near the first and the last bin only the training bins of one side count, and of
+    these the one that is as far from the weakest in proportion.
+
+    Args:
+        power: (A, B) power relative to the noise.
+        training: Which bins a bin is compared with.
+        pfa: Probability of a false alarm in a bin.
+        order: Which training bin, counted from the weakest.
+    """
+    found = np.zeros(power.shape, np.bool_)
+    # In steps of 1/8 dB, from -100 dB on, a histogram has the order at once.
+    levels = np.log10(np.maximum(power, np.float32(1e-10)))
+    levels *= np.float32(10 * LEVELS_PER_DB)
+    levels += np.float32(100 * LEVELS_PER_DB)
+    half, nearest = training.bins // 2, training.guard + 1
+    count, farthest = power.shape[1], nearest + (half - 1) * training.step
+    middle = farthest, count - farthest
+    for (start, end), behind, ahead in (
+        ((0, min(farthest, count - farthest)), False, True),
+        (middle, True, True),
+        ((max(farthest, count - farthest), count), True, False),
+    ):
+        bins = half * (behind + ahead)
+        which = max(order * bins // training.bins, 1)
+        factor = 10 * LEVELS_PER_DB * math.log10(os_factor(bins, which, pfa))
+        _find_os(
+            levels,
+            nearest,
+            training.step,
+            half,
+            start,
+            end,
+            behind,
+            ahead,
+            which,
+            np.float32(factor),
+            found,
+        )
+    return found
+
+
+@njit_cached
+def _find_os(
+    levels: NDArray[np.float32],
+    nearest: int,
+    step: int,
+    half: int,
+    start: int,
+    end: int,
+    behind: bool,
+    ahead: bool,
+    order: int,
+    above: np.float32,
+    found: Mask,
+) -> None:
+    """Set ``found`` where a level is by ``above`` over the ``order``-th around it.
+
+    From a bin to the one a step farther on, two training bins change on each side. The
+    histogram of their levels follows, and a pointer to the level of that order.
+    """
+    farthest = nearest + (half - 1) * step
+    histogram = np.zeros(_LEVELS, np.int32)
+    for row in range(len(levels)):
+        line = levels[row]
+        for first in range(start, min(start + step, end)):
+            histogram[:] = 0
+            for q in range(half):
+                if behind:
+                    _move(histogram, 0, line[first - nearest - q * step], 1)
+                if ahead:
+                    _move(histogram, 0, line[first + nearest + q * step], 1)
+            current, below = 0, 0
+            for i in range(first, end, step):
+                last = i - step
+                if behind and i > first:
+                    below += _move(histogram, current, line[last - farthest], -1)
+                    below += _move(histogram, current, line[i - nearest], 1)
+                if ahead and i > first:
+                    below += _move(histogram, current, line[last + nearest], -1)
+                    below += _move(histogram, current, line[i + farthest], 1)
+                current, below = _seek(histogram, current, below, order)
+                # On average the training bin was in the middle of its level.
+                found[row, i] = line[i] > current + np.float32(0.5) + above
+
+
+@njit_inline
+def _seek(
+    histogram: NDArray[np.int32], current: int, below: int, order: int
+) -> tuple[int, int]:
+    """Return the level of an order, and how many are below it."""
+    while below + histogram[current] < order:
+        below += histogram[current]
+        current += 1
+    while below >= order:
+        current -= 1
+        below -= histogram[current]
+    return current, below
+
+
+@njit_inline
+def _move(
+    histogram: NDArray[np.int32], current: int, value: np.float32, change: int
+) -> int:
+    """Change a level's count; return by how much the number below ``current`` does."""
+    level = min(max(int(value), 0), _LEVELS - 1)
+    histogram[level] += change
+    return change if level < current else 0

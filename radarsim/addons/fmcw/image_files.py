@@ -72,13 +72,8 @@ def image_of(spectrum: Spectrum, layout: str, *, time_us: int = 0) -> bytes:
         raise ValueError(f"layout {layout!r}, expected one of {LAYOUTS}")
     if layout == "radiate":
         return _encode(np.ascontiguousarray(spectrum.counts.T))
-    return _encode(rows_with_metadata(spectrum, time_us))
-
-
-def rows_with_metadata(spectrum: Spectrum, time_us: int) -> NDArray[np.uint8]:
-    """Return the rows of an image of Oxford's layout, (A, 11 + B)."""
     times, encoder = row_times(spectrum, time_us), encoder_counts(len(spectrum.angles))
-    return put_metadata(spectrum.counts, times, encoder)
+    return _encode(put_metadata(spectrum.counts, times, encoder))
 
 
 def row_times(spectrum: Spectrum, time_us: int) -> NDArray[np.int64]:

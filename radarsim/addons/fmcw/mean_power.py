@@ -21,7 +21,7 @@ Powers are in units of the noise: in watts many are too small for float32.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -130,14 +130,20 @@ class TurnPower:
         """
         settings = self._settings
         rays = FanRays(
-            *(fan.column, fan.across, fan.weights * scale.constant, fan.spread),
-            *(directions, scale.shift, traces.ranges, traces.incidence),
+            fan.column,
+            fan.across,
+            fan.weights * scale.constant,
+            fan.spread,
+            directions,
+            scale.shift,
+            traces.ranges,
+            traces.incidence,
         )
         bins = Bins(settings.bin_size, self._per_square, scale.full, scale.db_per_power)
         traced = TracedFan(rays, traces.events, scattering, bins)
         parts = settings.rays_across
-        columns = rows.start * parts, rows.stop * parts
-        _add_rays(self._beams, traced, *columns, rows.stop == settings.azimuths)
+        first, end = rows.start * parts, rows.stop * parts
+        _add_rays(self._beams, traced, first, end, rows.stop == settings.azimuths)
 
     def rows(
         self,
@@ -173,7 +179,7 @@ class TurnPower:
 
 
 @njit_cached
-def _add_rays(beams: Any, fan: Any, first: Any, end: Any, closes: Any) -> None:
+def _add_rays(beams: Beams, fan: TracedFan, first: int, end: int, closes: bool) -> None:
     """Add the power of the rays of some columns.
 
     Args:
@@ -185,6 +191,8 @@ def _add_rays(beams: Any, fan: Any, first: Any, end: Any, closes: Any) -> None:
     """
     inside = np.zeros(len(fan.scattering.gamma) + 1, np.int64)
     ray, event = 0, 0
+    # Rays add to their column and to the next one, so that two lines are enough: each
+    # is spread when its column is done, and is then the one after the next.
     for column in range(first, end):
         while ray < len(fan.rays.column) and fan.rays.column[ray] == column:
             event = add_ray(fan, beams.lines, inside, column & 1, ray, event)
@@ -195,7 +203,7 @@ def _add_rays(beams: Any, fan: Any, first: Any, end: Any, closes: Any) -> None:
 
 
 @njit_inline
-def _spread_line(beams: Any, column: Any) -> None:
+def _spread_line(beams: Beams, column: int) -> None:
     """Add a column's power to the directions that see it, and clear it."""
     lines, pattern, here = beams.lines, beams.pattern, column & 1
     low, high = lines.spans[here, 0], lines.spans[here, 1]
@@ -203,6 +211,7 @@ def _spread_line(beams: Any, column: Any) -> None:
         return
     line = lines.power[here, low : high + 1]
     row, part = column // len(pattern), column % len(pattern)
+    # Loops over bins, not sums of slices, which would be new arrays.
     for k in range(pattern.shape[1]):
         gain = np.float32(pattern[part, k])
         seen = beams.power[row + k, low : high + 1]

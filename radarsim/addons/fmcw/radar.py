@@ -7,9 +7,17 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from radarsim.addons.fmcw.beat_signal import NO_TONES, Power, Tones, beat_rows
+from radarsim.addons.fmcw.beat_signal import (
+    NO_TONES,
+    Points,
+    Power,
+    Sight,
+    Tones,
+    beat_rows,
+    losses_to,
+    point_tones,
+)
 from radarsim.addons.fmcw.mean_power import PowerScale, TurnPower
-from radarsim.addons.fmcw.points import Points, Sight, losses_to, point_tones
 from radarsim.addons.fmcw.radar_equation import (
     doppler_shift,
     noise_power,
@@ -140,14 +148,10 @@ class FmcwRadar:
             velocity: Of the antenna, m/s, map frame.
         """
         turn = self.trace(scene, pose, boxes, carrier_id)
-        power = TurnPower(self.settings)
-        self.add_power(power, tracer_of(scene), turn, velocity)
-        rows = range(self.settings.azimuths)
-        mean = power.rows(rows.start, rows.stop, power, power)
-        mean += power.sidelobes()
+        mean = self.mean_power(tracer_of(scene), turn, velocity)
         tones = self.tones(scene, pose, boxes, carrier_id, velocity)
         streams = NumberedStreams(rng)
-        spectrum = self.receive(pose, rows, mean, tones, streams)
+        spectrum = self.receive(pose, turn.rows, mean, tones, streams)
         return spectrum if boxes is not None else replace(spectrum, scene=scene)
 
     def receive(
@@ -170,7 +174,12 @@ class FmcwRadar:
         """
         settings = self.settings
         power = beat_rows(settings, rows.start, mean, tones, streams)
-        _add_to_bins(settings, rows, mean, tones)
+        # The echo power of points is that of their nearest bins.
+        bins = np.rint(tones.ranges / settings.bin_size).astype(np.int64)
+        within = (bins >= 0) & (bins < settings.bins)
+        within &= (tones.rows >= rows.start) & (tones.rows < rows.stop)
+        places = tones.rows[within] - rows.start, bins[within]
+        np.add.at(mean, places, tones.power[within])
         noise = np.float32(noise_power(settings))
         power *= noise
         mean *= noise
@@ -293,17 +302,6 @@ def points_of(scene: Scene, settings: FmcwSettings) -> Points:
     return Points(
         np.array(positions, np.float64).reshape(-1, 3), np.array(sections, np.float64)
     )
-
-
-def _add_to_bins(
-    settings: FmcwSettings, rows: range, mean: Power, tones: Tones
-) -> None:
-    """Add the power of tones in some directions to the nearest bins."""
-    bins = np.rint(tones.ranges / settings.bin_size).astype(np.int64)
-    within = (bins >= 0) & (bins < settings.bins)
-    within &= (tones.rows >= rows.start) & (tones.rows < rows.stop)
-    places = tones.rows[within] - rows.start, bins[within]
-    np.add.at(mean, places, tones.power[within])
 
 
 # The bounding boxes of the parts of each scene, (P, 2, 3) m.

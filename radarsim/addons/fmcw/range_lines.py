@@ -10,12 +10,12 @@ A volume adds to every bin that
 the ray passes, less and less as it takes from the wave.
 """
 
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.addons.fmcw.scattering import NEPER_DB
+from radarsim.addons.fmcw.scattering import NEPER_DB, Grazing
 from radarsim.geometry import Floats
 from radarsim.jit import njit_inline
 
@@ -89,7 +89,7 @@ class Passage(NamedTuple):
 
 @njit_inline
 def add_surface(
-    lines: Any, place: Any, bins: Any, t: Any, gamma: Any, length: Any
+    lines: Lines, place: Place, bins: Bins, t: float, gamma: float, length: float
 ) -> None:
     """Add what a surface returns, evenly over a length, and at least over one bin.
 
@@ -105,6 +105,7 @@ def add_surface(
         return
     power = place.weight * gamma / (t * t)
     size, count = bins.size, len(bins.per_square)
+    # At least a bin: else its power would jump from one to the next as the radar moves.
     half = 0.5 * max(length, size)
     middle = t + place.shift
     # Bin b is from (b - 1/2) to (b + 1/2) bin sizes.
@@ -121,7 +122,12 @@ def add_surface(
 
 @njit_inline
 def add_ground(
-    lines: Any, place: Any, bins: Any, grazing: Any, gamma: Any, exponent: Any
+    lines: Lines,
+    place: Place,
+    bins: Bins,
+    grazing: Grazing,
+    gamma: float,
+    exponent: float,
 ) -> None:
     """Add what level ground returns.
 
@@ -134,8 +140,10 @@ def add_ground(
         exponent: Of the cosine by which gamma falls off: 0 or 1.
     """
     depth, size, count = grazing.depth, bins.size, len(bins.per_square)
+    # The ray stands for elevations of half the angle to either side of its own.
     here = np.arcsin(min(depth / grazing.t, 1.0))
     half = 0.5 * grazing.angle
+    # Beyond straight down, 1.57 rad, ranges would grow again.
     start = max(depth / np.sin(min(here + half, 1.5)), grazing.near, NEAREST)
     end = grazing.far
     if here > half:
@@ -168,7 +176,12 @@ def add_ground(
 
 @njit_inline
 def _fill_even(
-    own: Any, beside: Any, inside: Any, place: Any, grazing: Any, scale: Any
+    own: Power,
+    beside: Power,
+    inside: Floats,
+    place: Place,
+    grazing: Grazing,
+    scale: float,
 ) -> None:
     """Add ground of one gamma to whole bins; without choices, several at once."""
     across, depth = place.across, grazing.depth
@@ -180,7 +193,12 @@ def _fill_even(
 
 @njit_inline
 def _fill_lambert(
-    own: Any, beside: Any, inside: Any, place: Any, grazing: Any, scale: Any
+    own: Power,
+    beside: Power,
+    inside: Floats,
+    place: Place,
+    grazing: Grazing,
+    scale: float,
 ) -> None:
     """Add ground whose gamma falls with the cosine, likewise."""
     across, depth, t = place.across, grazing.depth, grazing.t
@@ -192,14 +210,14 @@ def _fill_lambert(
 
 
 @njit_inline
-def _ground_at(inverse: Any, depth: Any, scale: Any) -> Any:
+def _ground_at(inverse: float, depth: float, scale: float) -> float:
     """Return what level ground returns into a bin of 1 / R^2."""
     steep = min(depth * depth * inverse, _STEEPEST)
-    return scale * inverse * inverse / np.sqrt(1.0 - steep)
+    return float(scale * inverse * inverse / np.sqrt(1.0 - steep))
 
 
 @njit_inline
-def add_volume(lines: Any, place: Any, bins: Any, passage: Any) -> None:
+def add_volume(lines: Lines, place: Place, bins: Bins, passage: Passage) -> None:
     """Add what a volume returns along the ``Passage`` of a ray through it."""
     size, count = bins.size, len(bins.per_square)
     rate = 2.0 * passage.slope / NEPER_DB  # nepers of power per metre, out and back
@@ -208,6 +226,7 @@ def add_volume(lines: Any, place: Any, bins: Any, passage: Any) -> None:
     low, high = max(int(np.floor(start)), 0), min(int(np.floor(end)), count - 1)
     if high < low:
         return
+    # Most bins are passed as a whole: their share is computed once.
     fade = np.exp(-rate * size)
     whole = _mean_depth(rate, size)
     begin = max(start, float(low))
@@ -227,15 +246,15 @@ def add_volume(lines: Any, place: Any, bins: Any, passage: Any) -> None:
 
 
 @njit_inline
-def _mean_depth(rate: Any, depth: Any) -> Any:
+def _mean_depth(rate: float, depth: float) -> float:
     """Return the integral of e^(-rate r) over a depth."""
     if rate * depth < 1e-6:
         return depth
-    return (1.0 - np.exp(-rate * depth)) / rate
+    return float((1.0 - np.exp(-rate * depth)) / rate)
 
 
 @njit_inline
-def add_to_bin(lines: Any, place: Any, b: Any, power: Any) -> None:
+def add_to_bin(lines: Lines, place: Place, b: int, power: float) -> None:
     """Add power to a bin of a ray's column, and of the next one."""
     here, beside = place.here, 1 - place.here
     lines.power[here, b] += power * (1.0 - place.across)
@@ -243,7 +262,7 @@ def add_to_bin(lines: Any, place: Any, b: Any, power: Any) -> None:
 
 
 @njit_inline
-def widen(lines: Any, low: Any, high: Any) -> None:
+def widen(lines: Lines, low: int, high: int) -> None:
     """Note that bins from ``low`` to ``high`` have power."""
     for k in range(2):
         lines.spans[k, 0] = min(lines.spans[k, 0], low)

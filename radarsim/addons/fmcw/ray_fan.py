@@ -19,7 +19,7 @@ Directions: of things as a sensor sees them, and of its rays in the map.
 
 import math
 from functools import lru_cache
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +64,9 @@ def extents_from(pose: Pose3, bounds: Floats) -> Extents:
 
 
 @njit_cached
-def _measure(bounds: Any, position: Any, rotation: Any, extents: Any) -> None:
+def _measure(
+    bounds: Floats, position: Floats, rotation: Floats, extents: Extents
+) -> None:
     seen = np.zeros((8, 3))
     for i in range(len(bounds)):
         for corner in range(8):
@@ -89,7 +91,7 @@ def _measure(bounds: Any, position: Any, rotation: Any, extents: Any) -> None:
 
 
 @njit_inline
-def _wrap(angle: Any) -> Any:
+def _wrap(angle: float) -> float:
     """Return an angle between -pi and pi, rad."""
     return (angle + math.pi) % _FULL - math.pi
 
@@ -107,7 +109,7 @@ def turned_directions(directions: Floats, rotation: Floats) -> Floats:
 
 
 @njit_cached
-def _turn(directions: Any, rotation: Any, turned: Any) -> None:
+def _turn(directions: Floats, rotation: Floats, turned: Floats) -> None:
     # Not a product of matrices, which rounds by how many rows there are.
     for ray in range(len(directions)):
         ahead, left, up = directions[ray]
@@ -158,12 +160,7 @@ class RayFan(NamedTuple):
 
     def cut(self, first: int, last: int) -> "RayFan":
         """Return the rays from one up to another."""
-        directions, column, across, weights, spread = self
-        some = slice(first, last)
-        return RayFan(
-            *(directions[some], column[some], across[some]),
-            *(weights[some], spread[some]),
-        )
+        return RayFan._make(column[first:last] for column in self)
 
 
 class Cells(NamedTuple):
@@ -231,7 +228,7 @@ def refined_fan(
         for plain, new in zip(fan, added, strict=True)
     ]
     order = np.argsort(filled[1], kind="stable")
-    return RayFan(*(column[order] for column in filled))
+    return RayFan._make(column[order] for column in filled)
 
 
 def _fill_cells(
@@ -306,20 +303,20 @@ def _patches(settings: FmcwSettings, cells: Cells, extents: Extents) -> _Patches
     some = np.flatnonzero(thin)[np.argsort(extents.distance[thin])]
     edges = extents.azimuth[some], extents.azimuth[some] + extents.width[some]
     first, last = (np.floor(each / width).astype(np.int64) for each in edges)
+    across = np.ceil(RAYS_ACROSS / np.maximum(wide[some], 1e-9))
+    up = np.ceil(RAYS_UP / np.maximum(high[some], 1e-9))
     patches = _Patches(
-        *(first, last),
-        *(bottom[some].astype(np.int64), np.ceil(top[some]).astype(np.int64)),
-        np.minimum(
-            np.ceil(RAYS_ACROSS / np.maximum(wide[some], 1e-9)), MOST_PARTS
-        ).astype(np.int64),
-        np.minimum(np.ceil(RAYS_UP / np.maximum(high[some], 1e-9)), MOST_PARTS).astype(
-            np.int64
-        ),
+        first,
+        last,
+        bottom[some].astype(np.int64),
+        np.ceil(top[some]).astype(np.int64),
+        np.minimum(across, MOST_PARTS).astype(np.int64),
+        np.minimum(up, MOST_PARTS).astype(np.int64),
     )
     sizes = (last - first + 1) * (patches.top - patches.bottom)
     added = np.cumsum(sizes * patches.across * patches.up)
     within = int(np.searchsorted(added, MOST_RAYS, side="right"))
-    return _Patches(*(each[:within] for each in patches))
+    return _Patches._make(each[:within] for each in patches)
 
 
 def _divisions(

@@ -1,12 +1,13 @@
 """What comes back along one ray: from the events on its way to power by range."""
 
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.addons.fmcw.range_lines import (
     Bins,
+    Lines,
     Passage,
     Place,
     add_ground,
@@ -24,7 +25,7 @@ from radarsim.addons.fmcw.scattering import (
 )
 from radarsim.geometry import Floats
 from radarsim.jit import njit_inline
-from radarsim.raycast.attenuation import EventKind
+from radarsim.raycast.attenuation import EventKind, EventRow
 
 _START_INSIDE, _ENTER, _LEAVE, _SHEET, _HIT = map(int, list(EventKind)[:5])
 _MIRRORED, _OUT_OF_RANGE = int(EventKind.MIRRORED), int(EventKind.OUT_OF_RANGE)
@@ -74,7 +75,14 @@ class TracedFan(NamedTuple):
 
 
 @njit_inline
-def add_ray(fan: Any, lines: Any, inside: Any, here: Any, ray: Any, event: Any) -> Any:
+def add_ray(
+    fan: TracedFan,
+    lines: Lines,
+    inside: NDArray[np.int64],
+    here: int,
+    ray: int,
+    event: int,
+) -> int:
     """Add the power of one ray; return the first event of the next one.
 
     Args:
@@ -91,12 +99,14 @@ def add_ray(fan: Any, lines: Any, inside: Any, here: Any, ray: Any, event: Any) 
     t, power, is_turned = 0.0, bins.full, False
     while event < len(events) and events[event].ray == ray:
         e = events[event]
+        # Power can only fall; rounding must not make a volume return less than nothing.
         left = min(e.power, power)
         volume = _volume_around(fan.scattering, inside, count)
         if volume > 0.0 and e.t > t:
             loss = (bins.full - power) * per_power
             slope = (power - left) / (e.t - t) * per_power
             add_volume(lines, place, bins, Passage(t, e.t, volume, loss, slope))
+        # In dB one way; the wave comes back, so that it loses twice as many.
         through = 10.0 ** (-0.2 * (bins.full - left) * per_power)
         if e.kind == _HIT:
             if not is_turned and is_level(rays.directions[ray], rays.incidence[ray]):
@@ -113,6 +123,7 @@ def add_ray(fan: Any, lines: Any, inside: Any, here: Any, ray: Any, event: Any) 
             cosine = _mirror_cosine(fan, ray, first, event)
             gamma = _surface_gamma(fan.scattering, e.part, cosine)
             add_surface(lines, place, bins, e.t, gamma * through, 0.0)
+            # From here on the ray has not the direction that it has in the fan.
             is_turned = True
         count = _count_inside(inside, count, e)
         t, power = e.t, left - e.absorbed
@@ -121,7 +132,9 @@ def add_ray(fan: Any, lines: Any, inside: Any, here: Any, ray: Any, event: Any) 
 
 
 @njit_inline
-def _volume_around(scattering: Any, inside: Any, count: Any) -> Any:
+def _volume_around(
+    scattering: Scattering, inside: NDArray[np.int64], count: int
+) -> float:
     """Return the cross section of a cubic metre of what is around a ray."""
     volume = scattering.air
     for k in range(count):
@@ -130,13 +143,13 @@ def _volume_around(scattering: Any, inside: Any, count: Any) -> Any:
 
 
 @njit_inline
-def _row(scattering: Any, part: Any) -> Any:
+def _row(scattering: Scattering, part: int) -> int:
     """Return the row of a part; robots share the last."""
     return min(part, len(scattering.gamma) - 1)
 
 
 @njit_inline
-def _surface_gamma(scattering: Any, part: Any, cosine: Any) -> Any:
+def _surface_gamma(scattering: Scattering, part: int, cosine: float) -> float:
     row = _row(scattering, part)
     return gamma_at(
         cosine,
@@ -149,7 +162,7 @@ def _surface_gamma(scattering: Any, part: Any, cosine: Any) -> Any:
 
 @njit_inline
 def _add_end(
-    fan: Any, lines: Any, place: Any, ray: Any, event: Any, through: Any
+    fan: TracedFan, lines: Lines, place: Place, ray: int, event: int, through: float
 ) -> None:
     """Add the surface that ends a ray; ``through`` is the share that comes there."""
     e = fan.events[event]
@@ -162,7 +175,7 @@ def _add_end(
 
 @njit_inline
 def _add_level(
-    fan: Any, lines: Any, place: Any, ray: Any, event: Any, through: Any
+    fan: TracedFan, lines: Lines, place: Place, ray: int, event: int, through: float
 ) -> None:
     """Add level ground that ends a ray; arguments as of ``_add_end``."""
     e, direction = fan.events[event], fan.rays.directions[ray]
@@ -176,7 +189,7 @@ def _add_level(
 
 
 @njit_inline
-def _end_of_view(rays: Any, ray: Any) -> Any:
+def _end_of_view(rays: FanRays, ray: int) -> float:
     """Return where the view over level ground ends that a ray meets, m.
 
     That is where the next ray, which looks higher, meets something upright.
@@ -186,12 +199,17 @@ def _end_of_view(rays: Any, ray: Any) -> Any:
         return np.inf
     if is_level(rays.directions[after], rays.incidence[after]):
         return np.inf
-    return max(rays.ranges[after], rays.ranges[ray])
+    return float(max(rays.ranges[after], rays.ranges[ray]))
 
 
 @njit_inline
 def _add_open_ground(
-    fan: Any, lines: Any, place: Any, ray: Any, end: Any, before: Any
+    fan: TracedFan,
+    lines: Lines,
+    place: Place,
+    ray: int,
+    end: EventRow,
+    before: tuple[float, float],
 ) -> None:
     """Add the open ground that a ray meets beyond the edge of the map.
 
@@ -217,7 +235,7 @@ def _add_open_ground(
 
 
 @njit_inline
-def _mirror_cosine(fan: Any, ray: Any, first: Any, event: Any) -> Any:
+def _mirror_cosine(fan: TracedFan, ray: int, first: int, event: int) -> float:
     """Return the cosine of the angle of incidence on a mirror.
 
     It is half the length by which the direction changes.
@@ -252,27 +270,21 @@ def _mirror_cosine(fan: Any, ray: Any, first: Any, event: Any) -> Any:
         (after.z - here.z) / run,
     )
     change = np.sqrt((dx - ux) ** 2 + (dy - uy) ** 2 + (dz - uz) ** 2)
-    return min(max(0.5 * change, GRAZING), 1.0)
+    return float(min(max(0.5 * change, GRAZING), 1.0))
 
 
 @njit_inline
-def _count_inside(inside: Any, count: Any, event: Any) -> Any:
+def _count_inside(inside: NDArray[np.int64], count: int, event: EventRow) -> int:
     """Keep the list of volumes around a ray; return their number after an event."""
     if event.kind in (_ENTER, _START_INSIDE):
         inside[count] = event.part
         return count + 1
     if event.kind == _LEAVE:
-        return _without(inside, count, event.part)
+        kept = 0
+        for k in range(count):
+            if inside[k] != event.part:
+                inside[kept] = inside[k]
+                kept += 1
+        return kept
     # After a mirror the volumes are entered anew.
     return 0 if event.kind == _MIRRORED else count
-
-
-@njit_inline
-def _without(inside: Any, count: Any, part: Any) -> Any:
-    """Remove a part from the list of volumes around the ray; return their number."""
-    kept = 0
-    for k in range(count):
-        if inside[k] != part:
-            inside[kept] = inside[k]
-            kept += 1
-    return kept

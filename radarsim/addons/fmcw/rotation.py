@@ -13,28 +13,30 @@ What the sidelobes receive is that of the turn before, as the rest of this one i
 to come; so the first turn after the start is not received. A radar that stands still
 records what ``FmcwRadar.spectrum`` does, turn by turn.
 
-Sequences: the turns that a radar records as it is driven along a path.
+A ``TurnReceiver`` adds the detector of a scanner. Nothing here reads the simulation, so
+that a thread can do it while time goes on: what it needs to know of a tick is in a
+``Look``.
 """
 
 from collections import deque
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation as Orientation
-from scipy.spatial.transform import Slerp
 
 from radarsim.addons.fmcw.beat_signal import Tones
 from radarsim.addons.fmcw.mean_power import TurnPower
 from radarsim.addons.fmcw.radar import STANDING, FmcwRadar
 from radarsim.addons.fmcw.radar_equation import rows_in_beam
 from radarsim.addons.fmcw.spectrum import Spectrum
-from radarsim.geometry import Floats, Pose3
+from radarsim.addons.fmcw.targets import find_targets, join_targets
+from radarsim.geometry import Pose3
+from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import NumberedStreams
 from radarsim.scene.scene import Scene
+from radarsim.sensors.scan import Targets
 
 
 class Sector(NamedTuple):
@@ -58,7 +60,7 @@ class Sector(NamedTuple):
         return end == self.spectrum.settings.azimuths
 
 
-class _Look(NamedTuple):
+class _TracedLook(NamedTuple):
     """Directions that were traced together; they count from the start."""
 
     rows: range
@@ -90,7 +92,7 @@ class Rotation:
         self._traced = 0  # directions since the start
         self._received = radar.settings.azimuths  # those of the first turn are not
         self._power: dict[int, TurnPower] = {}  # of turns that are needed
-        self._looks: deque[_Look] = deque()
+        self._looks: deque[_TracedLook] = deque()
         self._streams: NumberedStreams | None = None  # of the turn that is received
 
     def advance(
@@ -127,7 +129,7 @@ class Rotation:
             self.radar.add_power(power, tracer, traced, velocity)
             tones = self.radar.tones(self._scene, pose, boxes, carrier_id, velocity)
             looked = range(self._traced, self._traced + len(rows))
-            self._looks.append(_Look(looked, pose, tones.of_rows(rows)))
+            self._looks.append(_TracedLook(looked, pose, tones.of_rows(rows)))
             self._traced = looked.stop
         if not receives:
             return []
@@ -167,145 +169,98 @@ def _join(tones: Sequence[Tones]) -> Tones:
     return Tones(*map(np.concatenate, (rows, ranges, phases, power)))
 
 
-STEPS_IN_TURN = 25  # poses at which the antenna looks around
-
-
-@dataclass(frozen=True, eq=False)
-class DrivenPath:
-    """Where a radar is at each time; N poses, between which it moves evenly.
+class Look(NamedTuple):
+    """The directions into which an antenna looks in a tick, and from where.
 
     Attributes:
-        times: (N,) s, increasing.
-        positions: (N, 3) m, map frame.
-        orientations: (N, 4) unit quaternions, x, y, z, w.
+        directions: Their number.
+        pose: Pose of the antenna, map frame.
+        velocity: Of the antenna, m/s, map frame.
+        boxes: The robots.
+        carrier_id: The robot that carries it.
+        settings: Settings of its scanner.
+        receives: Whether to receive what was looked into; else a later look does.
+        is_recorded: Whether the counts of the directions are needed.
     """
 
-    times: Floats
-    positions: Floats
-    orientations: Floats
-
-    @property
-    def duration(self) -> float:
-        """From the first pose to the last, s."""
-        return float(self.times[-1] - self.times[0])
-
-    def poses_at(self, times: Floats) -> list[Pose3]:
-        """Return the poses at some times; the first before it, the last after it."""
-        inside = np.clip(times, self.times[0], self.times[-1])
-        turns = Slerp(self.times, Orientation.from_quat(self.orientations))(inside)
-        angles = turns.as_euler("ZYX")
-        places = [np.interp(inside, self.times, column) for column in self.positions.T]
-        return [
-            Pose3(*map(float, (*place, roll, pitch, yaw)))
-            for place, (yaw, pitch, roll) in zip(
-                zip(*places, strict=True), angles, strict=True
-            )
-        ]
-
-    def at_heights(self, heights: Floats) -> "DrivenPath":
-        """Return the same path at other heights, (N,) m, map frame."""
-        return replace(
-            self, positions=np.column_stack([self.positions[:, :2], heights])
-        )
+    directions: int
+    pose: Pose3
+    velocity: tuple[float, float, float]
+    boxes: Boxes
+    carrier_id: int
+    settings: SensorSettings
+    receives: bool
+    is_recorded: bool
 
 
-def read_tum(text: str) -> DrivenPath:
-    """Read a path in the format of TUM's tools.
-
-    A line is ``time x y z qx qy qz qw``, in s and m; what begins with # is a comment.
-
-    Raises:
-        ValueError: If a line is not such a pose, times do not increase, or there are
-            fewer than two poses.
-    """
-    rows: list[list[float]] = []
-    for number, line in enumerate(text.splitlines(), 1):
-        words = line.split()
-        if not words or words[0].startswith("#"):
-            continue
-        try:
-            row = [float(word) for word in words]
-        except ValueError:
-            row = []
-        if len(row) != 8 or not np.isfinite(row).all() or not any(row[4:]):
-            raise ValueError(
-                f"line {number}: {line.strip()[:80]!r}, expected time x y z qx qy qz qw"
-            )
-        if rows and row[0] <= rows[-1][0]:
-            raise ValueError(
-                f"line {number}: time {row[0]:g}, expected above {rows[-1][0]:g}"
-            )
-        rows.append(row)
-    if len(rows) < 2:
-        raise ValueError(f"{len(rows)} poses, expected at least 2")
-    numbers = np.array(rows)
-    return DrivenPath(numbers[:, 0], numbers[:, 1:4], numbers[:, 4:])
-
-
-@dataclass(frozen=True, eq=False)
-class RecordedTurn:
-    """A turn of a sequence.
+class FoundTurn(NamedTuple):
+    """What the detector of a scanner found in a turn.
 
     Attributes:
-        time: At which it began, s, as of the path.
-        spectrum: The turn; its pose is that in its middle.
+        number: Number of the turn, as of its sectors.
+        targets: The targets.
+        settings: Settings of the scanner when the turn began.
     """
 
-    time: float
-    spectrum: Spectrum
-
-    def tum_line(self) -> str:
-        """Return its pose as a line of a path in the format of TUM's tools."""
-        pose, settings = self.spectrum.pose, self.spectrum.settings
-        middle = self.time + settings.azimuths * settings.sweep_time / 2
-        turned = Orientation.from_euler("ZYX", [pose.yaw, pose.pitch, pose.roll])
-        numbers = [pose.x, pose.y, pose.z, *turned.as_quat()]
-        return " ".join([f"{middle:.6f}", *(f"{each:.6f}" for each in numbers)]) + "\n"
+    number: int
+    targets: Targets
+    settings: SensorSettings
 
 
-def turns_along(
-    radar: FmcwRadar, scene: Scene, path: DrivenPath, rng: np.random.Generator
-) -> Iterator[RecordedTurn]:
-    """Record all turns that end before a path does.
+class Received(NamedTuple):
+    """What has been received when an antenna has looked into directions.
 
-    Before the path begins the radar stands at its first pose for a turn.
+    Attributes:
+        sectors: The directions.
+        turn: What was found in the turn that they complete, if they do, and its scanner
+            has a detector.
+    """
 
-    Args:
+    sectors: list[Sector]
+    turn: FoundTurn | None
+
+
+class TurnReceiver:
+    """The antenna of a radar, and the detector of its scanner.
+
+    Attributes:
         radar: The radar.
-        scene: The map.
-        path: Where the antenna is, map frame.
-        rng: Source of speckle and noise.
     """
-    settings = radar.settings
-    rotation = Rotation(radar, scene, rng)
-    (start,) = path.poses_at(path.times[:1])
-    sectors = rotation.advance(start, settings.azimuths)
-    step = max(settings.azimuths // STEPS_IN_TURN, 1)
-    period = settings.azimuths * settings.sweep_time
-    looked, done = 0, 0
-    count = int(path.duration / period + 1e-9)
-    while done < count:
-        seconds = step * settings.sweep_time
-        time = path.times[0] + looked * settings.sweep_time
-        pose, after = path.poses_at(np.array([time, time + seconds]))
-        dx, dy, dz = ((after.position() - pose.position()) / seconds).tolist()
-        sectors += rotation.advance(pose, step, velocity=(dx, dy, dz))
-        looked += step
-        if any(each.turn == done and each.ends_turn for each in sectors):
-            began = float(path.times[0] + done * period)
-            (middle,) = path.poses_at(np.array([began + period / 2]))
-            whole = _join_sectors([each for each in sectors if each.turn == done])
-            yield RecordedTurn(began, replace(whole, pose=middle, scene=scene))
-            sectors = [each for each in sectors if each.turn > done]
-            done += 1
 
+    def __init__(
+        self, radar: FmcwRadar, scene: Scene, rng: np.random.Generator
+    ) -> None:
+        """Create an antenna that looks straight ahead; arguments as of ``Rotation``."""
+        self.radar = radar
+        self._rotation = Rotation(radar, scene, rng)
+        # Of the turn that is received; it has the settings with which it began.
+        self._settings: SensorSettings | None = None
+        self._targets: list[Targets] = []
 
-def _join_sectors(sectors: list[Sector]) -> Spectrum:
-    """Return a turn from its sectors, in order."""
-    parts = [each.spectrum for each in sectors]
-    return replace(
-        parts[0],
-        angles=np.concatenate([part.angles for part in parts]),
-        power=np.concatenate([part.power for part in parts]),
-        echo_power=np.concatenate([part.echo_power for part in parts]),
-    )
+    def advance(self, look: Look) -> Received:
+        """Look into more directions, and return what has been received meanwhile."""
+        found = None
+        sectors = self._rotation.advance(
+            look.pose,
+            look.directions,
+            boxes=look.boxes,
+            carrier_id=look.carrier_id,
+            velocity=look.velocity,
+            receives=look.receives,
+        )
+        for sector in sectors:
+            if look.is_recorded:
+                _ = sector.spectrum.counts  # computed once, here
+            found = self._detect(sector, look.settings) or found
+        return Received(sectors, found)
+
+    def _detect(self, sector: Sector, settings: SensorSettings) -> FoundTurn | None:
+        if sector.first == 0:
+            self._settings = settings if settings.has_detector else None
+            self._targets.clear()
+        if self._settings is None:
+            return None
+        self._targets.append(find_targets(sector.spectrum, self._settings))
+        if not sector.ends_turn:
+            return None
+        return FoundTurn(sector.turn, join_targets(self._targets), self._settings)

@@ -24,18 +24,18 @@ it farther on.
 """
 
 import math
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from radarsim.geometry import Floats
 from radarsim.jit import njit_inline
+from radarsim.raycast.attenuation import EventRow
 from radarsim.raycast.rays import RayClass
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material, rain_reflectivity
 
-OVERLAP: Final = 4.0  # by how much the ranges of a ray reach over those of the next
 _LEVEL: Final = 1e-6  # how far the normal of level ground is off the vertical, at most
 
 
@@ -91,20 +91,25 @@ def find_ground(tracer: Tracer) -> Ground:
 
 
 @njit_inline
-def is_level(direction: Any, cosine: Any) -> Any:
+def is_level(direction: Floats, cosine: float) -> bool:
     """Return whether a surface is level that a ray from above meets.
 
     Args:
         direction: (3,) unit vector of the ray.
         cosine: Cosine of its angle of incidence.
     """
-    return abs(cosine + direction[2]) < _LEVEL
+    return bool(abs(cosine + direction[2]) < _LEVEL)
 
 
 @njit_inline
 def grazing_at(
-    ground: Any, part: Any, event: Any, direction: Any, angle: Any, end: Any
-) -> Any:
+    ground: Ground,
+    part: int,
+    event: EventRow,
+    direction: Floats,
+    angle: float,
+    end: float,
+) -> Grazing:
     """Return the ``Grazing`` of a ray that meets level ground.
 
     Args:
@@ -130,7 +135,7 @@ def grazing_at(
 
 
 @njit_inline
-def way_to_open(ground: Any, end: Any, direction: Any) -> Any:
+def way_to_open(ground: Ground, end: EventRow, direction: Floats) -> float:
     """Return how far a ray goes until it meets open ground, m; inf if it does not.
 
     Args:
@@ -140,7 +145,7 @@ def way_to_open(ground: Any, end: Any, direction: Any) -> Any:
     """
     if ground.open_part < 0 or direction[2] >= 0.0:
         return np.inf
-    return end.t + (ground.open_height - end.z) / direction[2]
+    return float(end.t + (ground.open_height - end.z) / direction[2])
 
 
 NEPER_DB: Final = 10 / math.log(10)  # dB of power in a neper of power, 4.343
@@ -214,8 +219,8 @@ def _compute_scattering(tracer: Tracer, ray_class: RayClass) -> Scattering:
 
 @njit_inline
 def gamma_at(
-    cosine: Any, gamma: Any, exponent: Any, glint: Any, narrowness: Any
-) -> Any:
+    cosine: float, gamma: float, exponent: float, glint: float, narrowness: float
+) -> float:
     """Return the gamma of a surface at an angle of incidence.
 
     Args:
@@ -227,10 +232,10 @@ def gamma_at(
     """
     rough = gamma * cosine**exponent
     if glint <= 0.0:
-        return rough
+        return float(rough)
     square = cosine * cosine
     lobe = np.exp(-narrowness * (1.0 - square) / square)
-    return rough + glint * lobe / (square * square * cosine)
+    return float(rough + glint * lobe / (square * square * cosine))
 
 
 def lobe_of(material: Material) -> tuple[float, float]:

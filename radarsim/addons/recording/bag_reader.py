@@ -4,10 +4,17 @@ import struct
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from mcap.exceptions import McapError
-from mcap.records import Channel, Footer, Message, Metadata, Schema
+from mcap.records import (
+    Channel,
+    Footer,
+    McapRecord,
+    Message,
+    Metadata,
+    Schema,
+)
 from mcap.stream_reader import CRCValidationError, StreamReader
 from zstandard import ZstdError
 
@@ -23,7 +30,9 @@ from radarsim.addons.recording.cdr import EncodedMessage, UInt8MultiArray, decod
 from radarsim.addons.recording.host_recorder import CallKind, HostCall
 from radarsim.errors import RecordingError
 
-LARGEST_RECORD = 2**28  # bytes; chunks have about 2**16
+# Bytes; chunks have about 2**16. A length that is broken or made up must not make the
+# reader ask for as much memory.
+LARGEST_RECORD = 2**28
 _BROKEN = (
     McapError,
     CRCValidationError,
@@ -126,7 +135,7 @@ class BagReader:
             if topic in (TO_CLIENT, TO_SERVER):
                 yield _call(message)
 
-    def _records(self) -> Iterator[Any]:
+    def _records(self) -> Iterator[McapRecord]:
         """Yield the records of the file up to the first that is not whole."""
         try:
             with self._path.open("rb") as file:
@@ -159,6 +168,7 @@ def repair(folder: Path) -> int:
     if reader.is_being_written:
         text = f"{folder} is still being recorded, expected a run that has ended"
         raise RecordingError(text)
+    # Beside the old file, which is replaced once all of the new one is written.
     part = folder / f".{file_name(folder)}.part"
     count = 0
     try:

@@ -12,7 +12,7 @@ import io
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any, Final
+from typing import IO, Any, Final, cast
 
 import yaml
 from mcap.writer import CompressionType, Writer
@@ -32,7 +32,7 @@ _DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 _UNLIMITED: Final = {"sec": 9223372036, "nsec": 854775807}
 
 
-def _quality_of_service(*, latched: bool) -> list[dict[str, Any]]:
+def _quality_of_service(*, latched: bool) -> list[dict[str, object]]:
     """Return what a topic offers, as rosbag2 writes it.
 
     No two values are one object: YAML would refer to it by an anchor, which rosbag2
@@ -100,9 +100,8 @@ class BagWriter:
         self._flushed = 0
         # Unbuffered: what is written is in the file, also if the process is killed.
         self._file = _UnbufferedFile(self._path)
-        file: Any = self._file
         self._writer: Any = Writer(  # some of its methods have no types
-            file,
+            cast(IO[bytes], self._file),
             chunk_size=CHUNK_BYTES,
             compression=CompressionType.ZSTD,
         )
@@ -130,6 +129,7 @@ class BagWriter:
             entry.channel, time, message.data, time, sequence=entry.messages
         )
         entry.messages += 1
+        # By recorded time, not by that of the wall: a run gives the same bytes again.
         if time - self._flushed >= FLUSH_INTERVAL:
             self._writer.flush()
             self._flushed = time
@@ -166,7 +166,7 @@ class BagWriter:
         topic = self._topics[name] = _Topic(channel, type_, digest, latched=latched)
         return topic
 
-    def _metadata(self) -> dict[str, Any]:
+    def _metadata(self) -> dict[str, object]:
         first = self._first or 0
         length = max(0, self._last - first)
         count = sum(topic.messages for topic in self._topics.values())
@@ -209,6 +209,8 @@ class BagWriter:
 
 class _UnbufferedFile:
     """What a writer needs of a file; each write goes to the system at once."""
+
+    # No subclass of io.FileIO: the writer of mcap would put a buffer in front of it.
 
     def __init__(self, path: Path) -> None:
         self._file = io.FileIO(path, "w")

@@ -83,6 +83,8 @@ class CallConverter:
 
     def convert(self, event: RunEvent) -> Iterator[TimedMessage]:
         """Yield the messages of an event: those of the robot first, then a call."""
+        # No two events have the same time, as players sort messages by it; a thousand
+        # in a tick are still far from the next one.
         self._time = max(event.tick * TICK, self._time + 1)
         for message in self._messages(event):
             yield TimedMessage(self._time, message)
@@ -91,6 +93,7 @@ class CallConverter:
         if isinstance(event, MapSnapshot):
             yield map_message(event)
             return
+        # Before simulated time begins there is none to be told.
         idles = isinstance(event, HostCall) and event.kind is CallKind.WAIT
         if not idles and event.tick >= self._next_clock:
             self._next_clock = event.tick + CLOCK_INTERVAL
@@ -131,6 +134,7 @@ class CallConverter:
         name, *lines = text.split("\r\n")
         decoded = [decode_report(line) for line in lines if line]
         reports = [report for report in decoded if report is not None]
+        # Another setting of the same robot keeps what its topics already know.
         if connection.topics is None or connection.robot != name:
             connection.topics = RobotTopics(self._topic_name(name), self._legend)
             connection.robot = name
@@ -172,6 +176,7 @@ class CallConverter:
         self, connection: _Connection, data: bytes, time: float
     ) -> Iterator[TopicMessage]:
         """Yield what commands to drive ask for, of those that a host would read."""
+        # A host reads nothing after an endless line either.
         if connection.commands.overflow is not None:
             return
         for line in connection.commands.feed(data):

@@ -60,7 +60,7 @@ def replay(
 
     check_installed()
     from radarsim.addons.recording.bag_reader import BagReader
-    from radarsim.addons.recording.replay_server import (
+    from radarsim.addons.recording.replay import (
         ReplayServer,
         choose_client,
         recorded_clients,
@@ -82,7 +82,7 @@ def _verify(bag: BagReader, map_: str | None) -> int:
     Raises:
         RecordingError: If the map has changed.
     """
-    from radarsim.addons.recording.repetition import repeat_run
+    from radarsim.addons.recording.replay import repeat_run
 
     if bag.info.version != __version__:
         print_message(f"recorded by version {bag.info.version}, this is {__version__}")

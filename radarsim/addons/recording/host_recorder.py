@@ -165,6 +165,8 @@ class HostRecorder(HostObserver):
         """Describe the robot of a client if it is new, or has new settings."""
         if vehicle is None:
             return
+        # A changed setting makes another configuration, so that comparing identities is
+        # enough; it is done after every packet of every client.
         known, config = self._described.get(client, (None, None))
         if known is vehicle and config is vehicle.config:
             return
@@ -172,6 +174,7 @@ class HostRecorder(HostObserver):
         if self._spectra and known is not vehicle:
             self._observe_antennas(client, vehicle)
         self._tell_idle_ticks()
+        # Before what the robot is sent, as messages are made by its description.
         text = _description(vehicle)
         self._record(RobotDescription(self._tick, client, text))
 

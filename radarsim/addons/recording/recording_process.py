@@ -100,6 +100,8 @@ class RecordingProcess:
         if self._has_ended:
             return
         frame = frame_of(event)
+        # Appending to a deque needs no lock, so that no tick waits for the thread. Two
+        # counters, as one that both change would need a lock.
         self._frames.append(frame)
         self._queued += len(frame)
         while self._is_patient and self._is_behind() and not self._has_ended:
@@ -140,6 +142,7 @@ class RecordingProcess:
             pipe.close()
 
     def _write_frames(self, pipe: IO[bytes]) -> None:
+        # Only as many as there are now: the server may add them as fast as they go.
         frames = [self._frames.popleft() for _ in range(len(self._frames))]
         pipe.write(b"".join(frames))
         pipe.flush()
@@ -212,7 +215,7 @@ def write_recording(
 
 def write_run() -> None:
     """Record the events that come by standard input: the program of the process."""
-    if sys.platform != "win32":
+    if sys.platform != "win32":  # which has no such call
         os.nice(NICENESS)
     pipe = sys.stdin.buffer
     conditions = json.loads(pipe.readline() or "{}")

@@ -206,6 +206,7 @@ class RobotTopics:
             return
         groups = [each.echoes for each in lines if each.echoes is not None]
         points = [self._points(scanner, group) for group in groups]
+        # First the names, then the points that have their numbers.
         if self._legend.has_changed:
             yield TopicMessage("/radarsim/legend", self._legend.message(), latched=True)
         cloud = np.concatenate([np.zeros(0, ECHO), *points])
@@ -229,7 +230,7 @@ class RobotTopics:
     def _lines_until(self, line: Line) -> list[Line]:
         """Return all lines of a scan with its last one; nothing before that."""
         key = type(line), line.name.casefold()
-        if line.line <= 1:
+        if line.line <= 1:  # the end of the scan before was dropped on its way
             self._lines[key] = []
         lines = self._lines.setdefault(key, [])
         lines.append(line)

@@ -98,6 +98,7 @@ class WireRecorder:
             for line in lines
             if (match := _DESCRIPTION.match(line))
         ]
+        # Servers repeat these answers whenever anybody asks; only news are recorded.
         if not connection.descriptions.items() >= set(found):
             connection.descriptions.update(found)
             self._describe(number, connection)
@@ -124,6 +125,8 @@ class WireRecorder:
         found = _TIME.findall(data) if data is not None else []
         if found:
             self.time = max(self.time, float(found[-1]))
+        # What came before the first time belongs to that one: at 0 s it would be hours
+        # before the rest, if the server has been running for long.
         if self._early is not None and (found or data is None):
             early, self._early = self._early, None
             for event in early:

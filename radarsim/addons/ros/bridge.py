@@ -50,6 +50,7 @@ async def publish_map(
     """
     loop = asyncio.get_running_loop()
     while True:
+        # A robot that comes again can stand anywhere: it gets a new map.
         mapper = TrafficMapper(motion_source="ins", resolution=RESOLUTION)
         mapper.on_scan = _MapPublisher(
             mapper, lambda message: loop.call_soon_threadsafe(publish, message)
@@ -128,11 +129,13 @@ class Driver:
             reading.cancel()
 
     async def _drive(self) -> None:
+        # Who has lost the connection sends no stop: silence is one.
         late = asyncio.get_running_loop().time() - self._last > DEAD_MAN
         if self._moves and late:
             self._wanted = 0.0, 0.0
         if self._wanted is not None:
             speed, turn = self._wanted
+            # Commands come faster than robots can use them: only the newest is sent.
             self._wanted, self._moves = None, (speed, turn) != (0.0, 0.0)
             await self._client.drive(*self._robot.wheel_speeds(speed, turn))
 

@@ -57,7 +57,7 @@ class LiveTopics:
         return b"".join(asked)
 
     def _join(self, robot: str) -> list[bytes]:
-        self._leave(robot)
+        self._leave(robot)  # one of the same name, whose leaving was not told
         self._last_number += 1
         self._numbers[robot] = self._last_number
         self._wire.begin(self._last_number, robot)
@@ -75,5 +75,6 @@ class LiveTopics:
 
     def _convert(self, event: RunEvent) -> None:
         for _, message in self._converter.convert(event):
+            # The bytes of the wire are for recordings: nobody else can repeat a run.
             if message.topic not in WIRE:
                 self._publish(message)

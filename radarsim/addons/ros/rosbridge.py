@@ -11,13 +11,15 @@ import json
 import math
 from collections import deque
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.addons.recording.messages import RosMessage, TopicMessage
 from radarsim.addons.ros.live_topics import TWIST, DriveCallback
+
+Json: TypeAlias = dict[str, Any]  # an object of a client
 
 
 def message_json(message: RosMessage) -> str:
@@ -114,7 +116,7 @@ class RosbridgeClient:
         self._board = board
         self._subscriptions: dict[str, float] = {}  # shortest interval, s, by topic
         self._last: dict[str, float] = {}  # times of messages, by topic
-        self._handlers: dict[str, Callable[[dict[str, Any]], None]] = {
+        self._handlers: dict[str, Callable[[Json], None]] = {
             "subscribe": self._subscribe,
             "unsubscribe": self._unsubscribe,
             "publish": self._publish,
@@ -143,6 +145,7 @@ class RosbridgeClient:
         self.waiting.append(
             f'{{"op": "publish", "topic": {json.dumps(topic)}, "msg": {text}}}'
         )
+        # All topics share a queue, as clients expect messages in the order of time.
         while len(self.waiting) > MOST_WAITING * max(1, len(self._subscriptions)):
             self.waiting.popleft()
 
@@ -164,7 +167,7 @@ class RosbridgeClient:
             except (ValueError, TypeError) as error:
                 self._complain(f"{operation}: {error}")
 
-    def _subscribe(self, message: dict[str, Any]) -> None:
+    def _subscribe(self, message: Json) -> None:
         topic = str(message["topic"])
         if len(topic) > LONGEST_NAME:
             raise ValueError(f"a topic of {len(topic)} characters, expected a name")
@@ -173,13 +176,13 @@ class RosbridgeClient:
             raise ValueError(f"expected at most {MOST_SUBSCRIPTIONS} subscriptions")
         self._subscriptions[topic] = interval
         latched = self._board.latched(topic)
-        if latched:
+        if latched:  # whatever the throttle rate: there may be no other for long
             self._queue(topic, latched)
 
-    def _unsubscribe(self, message: dict[str, Any]) -> None:
+    def _unsubscribe(self, message: Json) -> None:
         self._subscriptions.pop(str(message["topic"]), None)
 
-    def _publish(self, message: dict[str, Any]) -> None:
+    def _publish(self, message: Json) -> None:
         topic = str(message["topic"])
         drive = self._board.drivers.get(topic)
         if drive is None:
@@ -187,7 +190,7 @@ class RosbridgeClient:
             raise ValueError(f"{topic[:80]!r}, expected a topic of: {known}")
         drive(*velocity_of(message.get("msg")))
 
-    def _call(self, message: dict[str, Any]) -> None:
+    def _call(self, message: Json) -> None:
         service = str(message["service"])
         arguments = message.get("args") or {}
         values = self._answer(service, arguments if isinstance(arguments, dict) else {})
@@ -201,7 +204,7 @@ class RosbridgeClient:
             answer["id"] = message["id"]
         self.waiting.append(json.dumps(answer))
 
-    def _answer(self, service: str, arguments: dict[str, Any]) -> dict[str, Any] | None:
+    def _answer(self, service: str, arguments: Json) -> Json | None:
         types = self._board.types
         match service:
             case "/rosapi/topics":
@@ -222,5 +225,5 @@ class RosbridgeClient:
         self.waiting.append(json.dumps({"op": "status", "level": "error", "msg": text}))
 
 
-def _ignore(_: dict[str, Any]) -> None:
+def _ignore(_: Json) -> None:
     """Do nothing: topics need no announcement here."""

@@ -12,7 +12,7 @@ from typing import Any, Final, Literal
 from annotated_types import Ge, Le
 from pydantic.fields import FieldInfo
 
-from radarsim.autonomy.exploration.options import StrategyName
+from radarsim.autonomy.exploration.plans import StrategyName
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.simulation.config import SimulationConfig

@@ -22,11 +22,10 @@ from radarsim.addons.web.requests import BadRequest, Colours, Explore, Goto
 from radarsim.addons.web.robot_client import RobotClient
 from radarsim.autonomy.exploration.exploration import (
     Exploration,
-    ExplorationPlan,
     ExplorationStep,
     Outcome,
 )
-from radarsim.autonomy.exploration.options import StrategyName
+from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.mission import run_mission
 from radarsim.autonomy.navigation.plans import Mission

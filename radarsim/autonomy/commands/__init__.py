@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from radarsim.cli.core_commands import AUTONOMY, old
+from radarsim.cli.core_commands import AUTONOMY
 from radarsim.cli.entries import CommandEntry
 
 COMMANDS: Final = (
@@ -12,6 +12,16 @@ COMMANDS: Final = (
         "Drive a robot to a goal; exit with 3 if there is no path.",
         AUTONOMY,
     ),
-    old("map", "Explore with a robot and map what it senses.", AUTONOMY),
-    old("trials", "Run navigators on several maps, and score them.", AUTONOMY),
+    CommandEntry(
+        "map",
+        "radarsim.autonomy.commands.map:map_",
+        "Explore with a robot and map what it senses.",
+        AUTONOMY,
+    ),
+    CommandEntry(
+        "trials",
+        "radarsim.autonomy.commands.trials:trials",
+        "Run navigators on several maps, and score them.",
+        AUTONOMY,
+    ),
 )

@@ -3,173 +3,135 @@
 from __future__ import annotations
 
 import logging
-import math
-from typing import TYPE_CHECKING, Final
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
 
-import typer
+import click
+from annotated_types import Interval
 
-from radarsim.addons.recording.run_recording import RunRecording
-from radarsim.autonomy.commands.map_options import (
-    DensityOption,
-    EchoesOption,
-    MapRangeOption,
-    MaxRangeOption,
-    Mode,
-    ModeOption,
-    MotionOption,
-    MotionSourceName,
-    MountOption,
-    OutArgument,
-    RadiusOption,
-    ResolutionOption,
-    RobotOption,
-    RobotsOption,
-    ScannerOption,
-    SeedOption,
-    ServeOption,
-    SpeedOption,
-    StrategyOption,
-    ThroughOption,
-    WatchOption,
-    WayOption,
-)
-from radarsim.autonomy.exploration.options import StrategyName
-from radarsim.autonomy.navigation.algorithms import ROBOT
-from radarsim.cli.options import (
-    DriveUnit,
-    DriveUnitOption,
-    FilmOption,
-    FilmSpeedOption,
-    HostOption,
-    JsonOption,
-    PortOption,
-    PoseOption,
-    PowerOption,
-    RecordOption,
-    SafetyOption,
-    ServedSettingsOption,
-    StartOption,
-    TimeLimitOption,
-    TimeoutOption,
+from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
+from radarsim.autonomy.navigation.plans import MapPose, Metres
+from radarsim.cli.compile_progress import with_compile_progress
+from radarsim.cli.fields import (
+    LOCAL_SERVER,
+    Json,
+    RunFiles,
+    Simulation,
     check_robot,
-    check_server_options,
-    check_start,
-    given_options,
-    read_item_settings,
-    read_point,
-    read_pose,
-    refuse_options,
-    server_address,
 )
 from radarsim.cli.output import MESSAGE_FORM, start_log
+from radarsim.errors import expected_one_of
+from radarsim.plans import RARE, Option
 
 if TYPE_CHECKING:
     from radarsim.autonomy.commands.map_files import MapOutput
-    from radarsim.autonomy.exploration.exploration import ExplorationPlan
     from radarsim.server.host import Host
 
-# Options that only apply to a robot that is driven, and to one that is followed.
-DRIVING: Final = (
-    *("serve", "strategy", "way", "start", "pose", "robot", "robots"),
-    *("safety_distance", "foliage_density"),
-)
-FOLLOWING: Final = ("mount", "max_range")
-# Options that only apply to one robot.
-SINGLE: Final = ("way", "pose", "film", "record")
+MOST_ROBOTS: Final = 16  # that explore at once
+TOGETHER: Final = (StrategyName.AUTO, StrategyName.FRONTIERS)  # of several robots
 
 
-def map_(
-    context: typer.Context,
-    out: OutArgument,
-    *,
-    strategy: StrategyOption = None,
-    way: WayOption = None,
-    through: ThroughOption = None,
-    watch: WatchOption = None,
-    host: HostOption = None,
-    port: PortOption = None,
-    start: StartOption = None,
-    pose: PoseOption = None,
-    robot: RobotOption = None,
-    robots: RobotsOption = 1,
-    scanner: ScannerOption = None,
-    seed_from: MotionOption = MotionSourceName.INS,
-    echoes: EchoesOption = True,
-    safety_distance: SafetyOption = None,
-    foliage_density: DensityOption = None,
-    penetration_power: PowerOption = 1.0,
-    radius: RadiusOption = 12.0,
-    speed: SpeedOption = 0.4,
-    drive_unit: DriveUnitOption = DriveUnit.RAD_PER_S,
-    timeout: TimeoutOption = 2.0,
-    time_limit: TimeLimitOption = 3600.0,
-    mount: MountOption = None,
-    max_range: MaxRangeOption = None,
-    resolution: ResolutionOption = 0.05,
-    map_range: MapRangeOption = None,
-    mode: ModeOption = Mode.TRINARY,
-    as_json: JsonOption = False,
-    serve: ServeOption = None,
-    seed: SeedOption = None,
-    settings: ServedSettingsOption = None,
-    record: RecordOption = None,
-    film: FilmOption = None,
-    film_speed: FilmSpeedOption = 6.0,
-) -> None:
-    """Explore with a robot and map what it senses, or map what another client drives.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MappedPlace(Simulation):
+    """Where a robot maps: a simulation, a server, or what another client drives.
 
-    Writes OUT.png in UsarCommander's colours, OUT.pgm with OUT.yaml for
-    nav2's map_server, the robot's trajectory as OUT.tum, and OUT_view.png,
-    the map with the robot's path, a scale and a legend.
+    Attributes:
+        through: Map what another client drives through this port.
+        watch: Map this robot of another client of a radarsim server.
+        mount: With --through or --watch, pose of the scanner on the robot, if the
+            server does not tell it.
+        max_range: Likewise, maximum range of the scanner.
+        seed: Seed of the simulation and of turn_away.
     """
-    check_server_options(serve, host=host, port=port, seed=None, settings=settings)
-    _check_combination(context, seed=seed, strategy=strategy)
 
+    one_required: ClassVar = ()  # what is followed may be on the usual server
+    at_most_one: ClassVar = (
+        ("map", "connect"),
+        ("map", "through"),
+        ("map", "watch"),
+        ("through", "watch"),
+    )
+
+    through: Annotated[int | None, Interval(ge=0, le=65535), Option(metavar="PORT")] = (
+        None
+    )
+    watch: Annotated[str | None, Option(metavar="ROBOT")] = None
+    mount: Annotated[MapPose | None, Option(needs=("through", "watch")), RARE] = None
+    max_range: Annotated[Metres | None, Option(needs=("through", "watch")), RARE] = None
+    seed: Annotated[int, Interval(ge=0)] = 0
+
+    @property
+    def follows(self) -> bool:
+        """Whether another client drives."""
+        return self.through is not None or self.watch is not None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapFileOptions(RunFiles):
+    """What is written.
+
+    Attributes:
+        output: A folder or the beginning of names; by default the map's name.
+        mode: Cells of the map for nav2: occupied, free and unknown, or probabilities.
+    """
+
+    output: Annotated[str | None, Option(names=("-o", "--output"), metavar="OUT")] = (
+        None
+    )
+    mode: Annotated[Literal["trinary", "scale"], RARE] = "trinary"
+
+
+@with_compile_progress
+def map_(
+    where: MappedPlace,
+    plan: ExplorationPlan,
+    files: MapFileOptions,
+    *,
+    robots: Annotated[int, Interval(ge=1, le=MOST_ROBOTS), Option(metavar="K")] = 1,
+    as_json: Json = False,
+) -> int:
+    """Explore with a robot and map what it senses.
+
+    Writes OUT.png, OUT.pgm and OUT.yaml for nav2, the trajectory OUT.tum, and
+    OUT_view.png with path, scale and legend.
+
+    Args:
+        where: The simulation, the server, or what is followed.
+        plan: How to explore.
+        files: What to write.
+        robots: Robots that explore at once, each from a start.
+        as_json: Print JSON, for programs.
+
+    Returns:
+        The exit code.
+    """
+    _check_combination(where, plan, files, robots)
+
+    from radarsim.addons.recording.run_recording import RunRecording
     from radarsim.autonomy.commands.map_files import MapFiles, MapOutput
     from radarsim.autonomy.commands.map_proxy import FollowedMapping
-    from radarsim.autonomy.exploration.exploration import ExplorationPlan
 
-    recording = RunRecording(record, drive_unit.value)
-    files = MapFiles(out, mode.value, robots)
-    output = MapOutput(files, recording, film, film_speed, as_json)
-    address = server_address(host, port)
-    if through is not None or watch is not None:
-        followed = FollowedMapping(
-            output,
-            address,
-            motion_source=seed_from.value,
-            resolution=resolution,
-            map_range=map_range or math.inf,
-            scanner=scanner,
-            mount=mount,
-            max_range=max_range,
-        )
-        raise typer.Exit(followed.run(through, watch, echoes=echoes))
-    plan = ExplorationPlan(
-        strategy=strategy or StrategyName.AUTO,
-        waypoints=tuple(read_point(text, "--way") for text in way or ()),
-        motion_source=seed_from.value,
-        echoes=echoes,
-        resolution=resolution,
-        map_range=map_range or math.inf,
-        robot_class=robot or ROBOT,
-        start=start,
-        pose=None if pose is None else read_pose(pose, "--pose"),
-        scanner=scanner,
-        safety_distance=safety_distance,
-        foliage_density=foliage_density,
-        penetration_power=penetration_power,
-        speed=speed,
-        radius=radius,
-        time_limit=time_limit,
-        timeout=timeout,
-        drive_unit=drive_unit.value,
-    )
-    output.check(served=serve)
-    items = read_item_settings(settings or [])
-    served = recording.load_host(serve, seed=seed, settings=items)
-    check_start(start, pose, None if served is None else served.simulation.scene)
-    raise typer.Exit(_explore(plan, output, address, served, seed or 0, robots))
+    recording = RunRecording(files.record, plan.drive_unit)
+    out = files.output or Path((where.map or "map").partition("@")[0]).stem
+    map_files = MapFiles(out, files.mode, robots)
+    output = MapOutput(map_files, recording, files.film, files.film_speed, as_json)
+    address = where.connect or LOCAL_SERVER
+    if where.follows:
+        followed = FollowedMapping(output, address, plan, where.mount, where.max_range)
+        return followed.run(where.through, where.watch)
+    output.check(served=where.map)
+    settings = where.item_settings()
+    served = recording.load_host(where.map, seed=where.seed, settings=settings)
+    if served is not None and plan.start is not None:
+        scene = served.simulation.scene
+        if scene.start(plan.start) is None:
+            names = [each.name for each in scene.starts]
+            text = expected_one_of(plan.start, names)
+            raise click.BadParameter(text, param_hint="--start")
+    check_robot(plan.robot_class, served)
+    return _explore(plan, output, address, served, where.seed, robots)
 
 
 def _explore(
@@ -180,16 +142,11 @@ def _explore(
     seed: int,
     robots: int,
 ) -> int:
-    """Explore by a plan with some robots, on a server or on a host in this process.
-
-    Returns:
-        The exit code.
-    """
+    """Explore by a plan with some robots, on a server or on a host in this process."""
     from radarsim.autonomy.commands.map_run import explore, explore_together
     from radarsim.autonomy.evaluation.mapping_run import MappingRun, MultiRobotRun
     from radarsim.autonomy.exploration.compilation import warm_up
 
-    check_robot(plan.robot_class, served)
     start_log(logging.WARNING, MESSAGE_FORM)
     warm_up()
     if robots > 1:
@@ -203,28 +160,50 @@ def _explore(
 
 
 def _check_combination(
-    context: typer.Context, *, seed: int | None, strategy: StrategyName | None
+    where: MappedPlace, plan: ExplorationPlan, files: MapFileOptions, robots: int
 ) -> None:
     """Refuse options that exclude each other, or that nothing would use."""
-    given = given_options(context)
-    if {"strategy", "way"} <= given.keys():
-        raise typer.BadParameter("expected only one of --strategy and --way")
-    if "serve" not in given and strategy is not StrategyName.TURN_AWAY:
-        text = "expected --serve or --strategy turn_away with it"
-        refuse_options({"--seed": seed}, text)
-    if context.params["robots"] > 1:
-        text = "expected one robot with it"
-        refuse_options({given[k]: k for k in SINGLE if k in given}, text)
-        if strategy not in (None, StrategyName.AUTO, StrategyName.FRONTIERS):
-            text = f"{strategy.value!r} with several robots, expected auto or frontiers"
-            raise typer.BadParameter(text, param_hint="--strategy")
-    follows = given.keys() & {"through", "watch"}
-    if len(follows) > 1:
-        raise typer.BadParameter("expected only one of --through and --watch")
-    where = "where another client drives"
-    if follows:
-        text = f"expected no --{follows.pop()} with it, {where}"
-        refuse_options({given[k]: k for k in DRIVING if k in given}, text)
-    else:
-        text = f"expected --through or --watch with it, {where}"
-        refuse_options({given[k]: k for k in FOLLOWING if k in given}, text)
+    if where.map is None and where.connect is None and not where.follows:
+        raise click.UsageError("missing: one of MAP and --connect")
+    is_random = plan.strategy is StrategyName.TURN_AWAY
+    if where.seed and where.map is None and not is_random:
+        text = "expected MAP or --strategy turn_away with it"
+        raise click.BadParameter(text, param_hint="--seed")
+    if robots > 1:
+        single = {
+            "--way": plan.waypoints,
+            "--pose": plan.pose,
+            "--film": files.film,
+            "--record": files.record,
+        }
+        _refuse(single, "expected one robot with it")
+        if plan.strategy not in TOGETHER:
+            strategy = plan.strategy.value
+            text = f"{strategy!r} with several robots, expected auto or frontiers"
+            raise click.BadParameter(text, param_hint="--strategy")
+    if where.follows:
+        default = ExplorationPlan()
+        driving = {
+            "--strategy": plan.strategy is not default.strategy,
+            "--way": plan.waypoints,
+            "--start": plan.start,
+            "--pose": plan.pose,
+            "--robot": plan.robot_class != default.robot_class,
+            "--robots": robots > 1,
+            "--safety-distance": plan.safety_distance,
+            "--foliage-density": plan.foliage_density,
+        }
+        followed = "--watch" if where.through is None else "--through"
+        text = f"expected no {followed} with it, where another client drives"
+        _refuse(driving, text)
+
+
+def _refuse(options: Mapping[str, object], text: str) -> None:
+    """Refuse options that are given.
+
+    Raises:
+        click.BadParameter: For the first of them.
+    """
+    for name, value in options.items():
+        if value:
+            raise click.BadParameter(text, param_hint=name)

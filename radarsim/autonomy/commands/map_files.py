@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+import click
 import numpy as np
-import typer
 
 from radarsim.addons.recording.run_recording import RunRecording
 from radarsim.autonomy.commands.film import check_film, drawn_robot
-from radarsim.autonomy.commands.map_options import MOST_ROBOTS
+from radarsim.autonomy.commands.map import MOST_ROBOTS
 from radarsim.autonomy.evaluation.map_truth import HiddenFloor
 from radarsim.autonomy.evaluation.mapping_run import MappingResult
 from radarsim.autonomy.exploration.exploration import Exploration
@@ -36,7 +36,7 @@ from radarsim.autonomy.plotting.map_film import MapFrames, first_extent
 from radarsim.autonomy.plotting.maps import MapView, draw_map_view, joined
 from radarsim.autonomy.plotting.outlines import Outline, outlines_of
 from radarsim.autonomy.proxy.traffic_mapper import TrafficMapper
-from radarsim.cli.options import check_writable
+from radarsim.cli.files import check_writable
 from radarsim.cli.output import print_message
 from radarsim.errors import describe_os_error
 from radarsim.files import write_atomically
@@ -240,7 +240,7 @@ class MapFiles:
             served: The map that is simulated, or None.
 
         Raises:
-            typer.BadParameter: If the folder is missing or not writable, or a file of
+            click.BadParameter: If the folder is missing or not writable, or a file of
                 another program would be overwritten.
         """
         folder = self.stem.parent
@@ -249,12 +249,12 @@ class MapFiles:
                 folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             text = f"cannot make {folder}: {describe_os_error(error)}"
-            raise typer.BadParameter(text, param_hint="OUT") from None
+            raise click.BadParameter(text, param_hint="OUT") from None
         for path in self.paths:
             check_writable(path, "OUT")
             if path.is_file() and not _may_be_replaced(path, served):
                 text = f"{path} is no map of radarsim's, expected another OUT"
-                raise typer.BadParameter(text, param_hint="OUT")
+                raise click.BadParameter(text, param_hint="OUT")
 
     def write(self, result: MappingResult) -> tuple[Path, ...]:
         """Write the map of a run, and return its files; none if there was no scan.
@@ -341,7 +341,7 @@ class MapOutput:
             served: The map that is simulated, or None.
 
         Raises:
-            typer.BadParameter: If something cannot.
+            click.BadParameter: If something cannot.
         """
         self.files.check(served=served)
         check_film(self.film)

@@ -2,10 +2,10 @@
 
 import logging
 from collections.abc import Callable
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import dataclass
 from typing import Final
 
-import typer
+import click
 
 from radarsim.autonomy.commands.film import filmed
 from radarsim.autonomy.commands.map_files import (
@@ -17,13 +17,12 @@ from radarsim.autonomy.commands.map_files import (
 from radarsim.autonomy.commands.map_run import map_progress, print_result
 from radarsim.autonomy.evaluation.mapping_run import MappingResult
 from radarsim.autonomy.exploration.compilation import warm_up
-from radarsim.autonomy.mapping.slam import MotionSource
+from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.proxy.observer import ScannerDefaults
 from radarsim.autonomy.proxy.traffic_mapper import TrafficMapper
-from radarsim.cli.options import read_pose
 from radarsim.cli.output import print_message, start_log
 from radarsim.errors import PortUnavailable, ServerError
-from radarsim.geometry import Pose3
+from radarsim.geometry import Pose2, Pose3
 from radarsim.processes import raise_on_signals
 
 LISTEN: Final = "127.0.0.1"
@@ -40,34 +39,26 @@ class FollowedMapping:
     Attributes:
         output: What is made of it.
         server: Host and port of the server.
-        motion_source: Sensor from which the motion between scans is read.
-        resolution: Side of a cell, m.
-        map_range: Range of the scanner that is mapped, m.
-        scanner: Name of the scanner to map with; None for the first.
-        mount: ``X,Y,YAW_DEG`` of the scanner on the robot, or None.
-        max_range: Maximum range of the scanner, m, or None.
+        plan: The scanner, the source of its motion, and the map's cells.
+        mount: Pose of the scanner on the robot, if the server does not tell it.
+        max_range: Maximum range of the scanner, m, likewise.
     """
 
     output: MapOutput
     server: tuple[str, int]
-    _: KW_ONLY
-    motion_source: MotionSource
-    resolution: float
-    map_range: float
-    scanner: str | None
-    mount: str | None
+    plan: ExplorationPlan
+    mount: Pose2 | None
     max_range: float | None
 
-    def run(self, port: int | None, robot: str | None, *, echoes: bool) -> int:
+    def run(self, port: int | None, robot: str | None) -> int:
         """Map what passes a port, or else what a robot's client is sent; see below.
 
         Args:
             port: Port to listen on; 0 for a free one, None to watch a robot.
             robot: Name of that robot.
-            echoes: Whether its scanners shall list their echoes.
         """
         if robot is not None:
-            return self.watch(robot, echoes=echoes)
+            return self.watch(robot)
         return self.run_proxy(port or 0)
 
     def run_proxy(self, port: int) -> int:
@@ -81,12 +72,12 @@ class FollowedMapping:
 
         Raises:
             ServerError: If the port is taken.
-            typer.BadParameter: If an option is wrong.
+            click.BadParameter: If an option is wrong.
         """
         host, served = self.server
         if port == served and host in (LISTEN, "localhost", "0.0.0.0", "::1"):
-            text = f"{port}, expected another port than the server's, see --port"
-            raise typer.BadParameter(text, param_hint="--through")
+            text = f"{port}, expected another port than the server's, see --connect"
+            raise click.BadParameter(text, param_hint="--through")
 
         def forward(traffic: TrafficMapper) -> int:
             try:
@@ -96,28 +87,27 @@ class FollowedMapping:
 
         return self._run(forward, "overheard", "")
 
-    def watch(self, robot: str, *, echoes: bool) -> int:
+    def watch(self, robot: str) -> int:
         """Watch a robot of radarsim until it leaves or a signal comes, and map it.
 
         Args:
             robot: Name of the robot.
-            echoes: Whether its scanners shall list their echoes.
 
         Returns:
             The exit code.
 
         Raises:
-            typer.BadParameter: If an option is wrong.
+            click.BadParameter: If an option is wrong.
         """
         if not robot.strip() or "," in robot:
             text = f"{robot[:80]!r}, expected the name of a robot, without commas"
-            raise typer.BadParameter(text, param_hint="--watch")
+            raise click.BadParameter(text, param_hint="--watch")
 
         def tell_wait() -> None:
             print_message(f"waiting for the robot {robot[:80]!r}")
 
         def follow(traffic: TrafficMapper) -> int:
-            return traffic.watch(self.server, robot, tell_wait, echoes=echoes)
+            return traffic.watch(self.server, robot, tell_wait, echoes=self.plan.echoes)
 
         return self._run(follow, "watched", robot)
 
@@ -125,12 +115,14 @@ class FollowedMapping:
         self, run: Callable[[TrafficMapper], int], outcome: str, robot: str
     ) -> int:
         """Let a function run a mapper, write the map, and return the exit code."""
+        mount, plan = self.mount, self.plan
+        on_body = None if mount is None else Pose3(mount.x, mount.y, 0, yaw=mount.yaw)
         traffic = TrafficMapper(
-            motion_source=self.motion_source,
-            resolution=self.resolution,
-            map_range=self.map_range,
-            scanner=self.scanner,
-            defaults=ScannerDefaults(_read_mount(self.mount), self.max_range),
+            motion_source=plan.motion_source,
+            resolution=plan.resolution,
+            map_range=plan.map_range,
+            scanner=plan.scanner,
+            defaults=ScannerDefaults(on_body, self.max_range),
         )
         traffic.on_guess = lambda name: print_message(_GUESS.format(name))
         output, recording = self.output, self.output.recording
@@ -168,13 +160,6 @@ def _complete(result: MappingResult, traffic: TrafficMapper, files: MapFiles) ->
     if traffic.error and not result.error:
         result.error = traffic.error
         print_message(traffic.error)
-
-
-def _read_mount(text: str | None) -> Pose3 | None:
-    if text is None:
-        return None
-    pose = read_pose(text, "--mount")
-    return Pose3(pose.x, pose.y, 0.0, yaw=pose.yaw)
 
 
 def _announce(address: tuple[str, int]) -> None:

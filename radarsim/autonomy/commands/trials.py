@@ -12,18 +12,21 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing
 from pathlib import Path
 from statistics import fmean
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
-import typer
+import click
+from annotated_types import Ge
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from radarsim.autonomy.navigation.algorithms import Algorithm, Rule
-from radarsim.cli.compile_progress import compile_now, with_bar
-from radarsim.cli.options import JsonOption, check_writable
+from radarsim.cli.compile_progress import compile_now, with_bar, with_compile_progress
+from radarsim.cli.fields import Json, OutputFile
+from radarsim.cli.files import check_writable
 from radarsim.cli.output import print_lines
 from radarsim.errors import MapError, PresetError, escape_unprintable, expected_one_of
+from radarsim.plans import RARE, Form, Option
 from radarsim.processes import process_cpu_count, raise_on_signals
 
 if TYPE_CHECKING:
@@ -46,7 +49,6 @@ def run_random(
         all_random_trials,
         run_random_trials,
     )
-    from radarsim.cli.compile_progress import compile_now
 
     earlier = _read(output)
     todo = all_random_trials(count, algorithms, earlier)
@@ -81,7 +83,7 @@ def _read(output: Path | None) -> list[dict[str, Any]]:
     try:
         return read_results(output)
     except (OSError, ValueError) as error:
-        raise typer.BadParameter(str(error), param_hint="--output") from None
+        raise click.BadParameter(str(error), param_hint="--output") from None
 
 
 def _written(
@@ -89,7 +91,6 @@ def _written(
 ) -> Iterator[dict[str, Any]]:
     """Write each result as soon as there is one, in one piece."""
     from radarsim.autonomy.evaluation.task_runner import opened_log
-    from radarsim.cli.compile_progress import with_bar
 
     with opened_log(output) as add:
         for result in with_bar(running, "trials", total):
@@ -131,80 +132,61 @@ def _random_failure(result: dict[str, Any]) -> str:
     return f"{name} {sensor}: {reasons}"
 
 
-MapsOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME,...",
-        help="Maps that have a trial; by default all that are made for trials.",
-    ),
-]
-AlgorithmsOption = Annotated[
-    str, typer.Option(metavar="NAME,...", help="Algorithms to compare.")
-]
-SensorsOption = Annotated[
-    str,
-    typer.Option(
-        metavar="NAME,...", help="Sensor presets; they see all the way round."
-    ),
-]
-RulesOption = Annotated[
-    str, typer.Option(metavar="NAME,...", help="Rules of the bumpers to compare.")
-]
-SeedsOption = Annotated[
-    int,
-    typer.Option(min=1, metavar="K", help="Repeat each trial with seeds 0 to K - 1."),
-]
-WorkersOption = Annotated[
-    int | None,
-    typer.Option(min=1, help="Number of processes; one for each core by default."),
-]
-RandomOption = Annotated[
-    int | None,
-    typer.Option(
-        min=1,
-        metavar="N",
-        help="Run on random maps 0 to N - 1 instead: radar and laser by turn.",
-    ),
-]
-OutputOption = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE",
-        help="With --random: add a line of JSON for each trial; those that are in"
-        " the file are not run again.",
-    ),
-]
+def _read_names(text: str) -> tuple[str, ...]:
+    """Read names with commas between them; each counts once."""
+    names = [name.strip() for name in text.split(",")]
+    if not all(names):
+        raise ValueError(f"{text!r}, expected names")
+    return tuple(dict.fromkeys(names))
 
 
+Names: TypeAlias = Annotated[tuple[str, ...], Form("NAME,...", _read_names)]
+
+
+@with_compile_progress
 def trials(
+    maps: Annotated[
+        tuple[str, ...], Option(is_argument=True, metavar="MAP", words="maps")
+    ] = (),
     *,
-    maps: MapsOption = None,
-    algorithms: AlgorithmsOption = "bug1,bug2",
-    sensors: SensorsOption = "radar",
-    rules: RulesOption = "share",
-    seeds: SeedsOption = 3,
-    workers: WorkersOption = None,
-    as_json: JsonOption = False,
-    random: RandomOption = None,
-    output: OutputOption = None,
+    algorithms: Names = ("bug1", "bug2"),
+    sensors: Names = ("radar",),
+    seeds: Annotated[int, Ge(1), Option(metavar="K")] = 3,
+    random: Annotated[int | None, Ge(1)] = None,
+    output: OutputFile = None,
+    as_json: Json = False,
+    rules: Annotated[Names, RARE] = ("share",),
+    workers: Annotated[int | None, Ge(1), RARE] = None,
 ) -> None:
-    """Run navigators on several maps, and score them by the ground truth."""
+    """Run navigators on several maps, and score them.
+
+    They are scored by the ground truth.
+
+    Args:
+        maps: Maps that have a trial; by default all that are made for trials.
+        algorithms: Algorithms to compare.
+        sensors: Sensor presets; they see all the way round.
+        seeds: Repeat each trial with seeds 0 to K - 1.
+        random: Run on random maps 0 to N - 1 instead: radar and laser by turn.
+        output: With --random: add a line of JSON for each trial; those that are in
+            the file are not run again.
+        as_json: Print JSON, for programs.
+        rules: Rules of the bumpers to compare.
+        workers: Number of processes; one for each core by default.
+    """
     from radarsim.autonomy.evaluation.trials import MAPS, all_trials
 
     workers = workers or process_cpu_count()
-    chosen = _split(algorithms, "--algorithms")
     if random is not None:
         _refuse_others(maps, rules, as_json=as_json)
-        _check((), chosen)
-        run_random(random, chosen, output, workers)
+        _check((), algorithms)
+        run_random(random, algorithms, output, workers)
         return
     if output is not None:
-        raise typer.BadParameter("expected with --random", param_hint="--output")
-    names = MAPS if maps is None else _split(maps, "--maps")
-    chosen_sensors = _split(sensors, "--sensors")
-    chosen_rules = _split(rules, "--rules")
-    _check(names, chosen, chosen_sensors, chosen_rules)
-    todo = all_trials(names, chosen, chosen_sensors, seeds, chosen_rules)
+        raise click.BadParameter("expected with --random", param_hint="--output")
+    names = maps or MAPS
+    _check(names, algorithms, sensors, rules)
+    todo = all_trials(names, algorithms, sensors, seeds, rules)
     _run(todo, min(workers, len(todo)), as_json=as_json)
 
 
@@ -218,10 +200,10 @@ def _run(todo: Sequence[TrialSpec], processes: int, *, as_json: bool) -> None:
         scores = list(with_bar(running, "trials", len(todo)))
     duration = time.perf_counter() - began
     if as_json:
-        typer.echo(json.dumps([score.to_dict() for score in scores], allow_nan=False))
+        click.echo(json.dumps([score.to_dict() for score in scores], allow_nan=False))
         return
     Console().print(_table(scores))
-    typer.echo(
+    click.echo(
         "path in truth, ratio to the shortest; means, but touches are all that were"
     )
     for score in scores:
@@ -229,26 +211,18 @@ def _run(todo: Sequence[TrialSpec], processes: int, *, as_json: bool) -> None:
             print_lines([_failure_text(score)])
     by = "1 process" if processes == 1 else f"{processes} processes"
     trials_in = "1 trial" if len(scores) == 1 else f"{len(scores)} trials"
-    typer.echo(f"{trials_in} in {duration:.1f} s by {by}")
+    click.echo(f"{trials_in} in {duration:.1f} s by {by}")
 
 
-def _refuse_others(maps: str | None, rules: str, *, as_json: bool) -> None:
+def _refuse_others(maps: Sequence[str], rules: Sequence[str], *, as_json: bool) -> None:
     """Refuse what has no meaning for random maps."""
-    if rules != Rule.SHARE:
-        raise typer.BadParameter("not with --random", param_hint="--rules")
-    if maps is not None:
-        raise typer.BadParameter("not with --random", param_hint="--maps")
+    if tuple(rules) != (Rule.SHARE,):
+        raise click.BadParameter("not with --random", param_hint="--rules")
+    if maps:
+        raise click.BadParameter("not with --random", param_hint="MAP")
     if as_json:
         text = "not with --random, whose --output is JSON"
-        raise typer.BadParameter(text, param_hint="--json")
-
-
-def _split(text: str, hint: str) -> list[str]:
-    names = [name.strip() for name in text.split(",")]
-    if not all(names):
-        text = f"{text[:80]!r}, expected names with commas between them"
-        raise typer.BadParameter(text, param_hint=hint)
-    return list(dict.fromkeys(names))
+        raise click.BadParameter(text, param_hint="--json")
 
 
 def _check(
@@ -267,13 +241,13 @@ def _check(
         try:
             config_with_sensor(name)
         except PresetError as error:
-            raise typer.BadParameter(str(error), param_hint="--sensors") from None
+            raise click.BadParameter(str(error), param_hint="--sensors") from None
 
 
 def _check_names(names: Sequence[str], known: Sequence[str], hint: str) -> None:
     for name in names:
         if name not in known:
-            raise typer.BadParameter(expected_one_of(name, known), param_hint=hint)
+            raise click.BadParameter(expected_one_of(name, known), param_hint=hint)
 
 
 def _check_map(name: str) -> None:

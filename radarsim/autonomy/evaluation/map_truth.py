@@ -145,6 +145,8 @@ def _drawn(segments: Floats, frame: GridFrame) -> Mask:
     """Return the cells that lines cross."""
     starts, spans = segments[:, 0], segments[:, 1] - segments[:, 0]
     lengths = np.hypot(*spans.T) / frame.resolution
+    # A point every quarter of a cell: a line may miss the corner of a cell that it only
+    # grazes, which is far less than what scores allow.
     counts = np.ceil(lengths * _SAMPLES).astype(np.int64) + 2
     which = np.repeat(np.arange(len(segments)), counts)
     number = np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)

@@ -22,11 +22,11 @@ from radarsim.autonomy.evaluation.navigation_run import (
 )
 from radarsim.autonomy.exploration.exploration import (
     Exploration,
-    ExplorationPlan,
     ExplorationStep,
     Outcome,
 )
 from radarsim.autonomy.exploration.multi_robot import MultiRobotExploration, Observer
+from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import CellClass
 from radarsim.autonomy.mapping.trajectory import (
@@ -427,6 +427,7 @@ def _combined(errors: Sequence[TrajectoryErrors]) -> TrajectoryErrors:
         known = np.isfinite(values)
         if not known.any():
             return math.nan
+        # that of all poses, of which each trajectory has another number
         squares = np.square(values[known])
         return math.sqrt(float(np.average(squares, weights=poses[known])))
 

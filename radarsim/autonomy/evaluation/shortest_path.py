@@ -46,6 +46,7 @@ def shortest_path(
     piece = component_around(free, start)
     if piece is None or not piece.intersects(shapely.Point(goal)):
         return None
+    # Lines along an edge are in sight, though rounding puts them a little outside.
     visible = piece.buffer(_TOLERANCE, join_style="mitre")
     return _Search(_corners(piece, start, goal), visible).path()
 
@@ -130,6 +131,8 @@ class _Search:
         lines = points - points[corner]
         lengths = self._lengths[corner] + np.hypot(*lines.T)
         (others,) = np.nonzero(lengths < self._lengths)
+        # A shortest path bends only around corners: other lines need no test of sight,
+        # which takes far longer.
         others = others[self._corners.passed(lines[others], corner)]
         others = others[self._corners.passed(lines[others], others)]
         ends = points[others]

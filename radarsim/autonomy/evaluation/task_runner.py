@@ -271,6 +271,8 @@ def _run_batches(
                 suspects.append(batch)
             else:
                 yield from results
+    # A process that crashes breaks the whole pool, and nobody knows which task it was:
+    # all that had begun may be, and are run again, each alone.
     suspects.extend(running.values())
 
 

@@ -9,18 +9,17 @@ from enum import StrEnum
 import numpy as np
 
 from radarsim.autonomy.exploration.compilation import warm_up
-from radarsim.autonomy.exploration.options import StrategyName
 from radarsim.autonomy.exploration.path_follower import (
     WAITING,
     ExplorationSettings,
     Strategy,
     WaypointFollower,
 )
+from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.exploration.strategies import create_strategy, find_unexplored
 from radarsim.autonomy.mapping.mapper import Mapper, MapperSettings
-from radarsim.autonomy.mapping.occupancy_grid import RESOLUTION
 from radarsim.autonomy.mapping.rebuildable_grid import ScanGrid
-from radarsim.autonomy.mapping.slam import MotionSource, SlamSettings
+from radarsim.autonomy.mapping.slam import SlamSettings
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import (
     ControlLoop,
@@ -30,14 +29,11 @@ from radarsim.autonomy.navigation.control import (
 )
 from radarsim.autonomy.navigation.mission import check_field_of_view, spawn_robot
 from radarsim.autonomy.navigation.observation import Observation, check_beams
-from radarsim.autonomy.navigation.plans import DrivePlan
 from radarsim.autonomy.navigation.runner import TripMeter
 from radarsim.client import Client
 from radarsim.errors import ClientError, MappingError, NavigationError
 from radarsim.geometry import Point
 
-RADIUS = 12.0  # m
-TIME_LIMIT = 3600.0  # s
 NOISE = 0.05  # m; estimated poses differ by less while the robot stands
 
 
@@ -50,33 +46,6 @@ class Outcome(StrEnum):
     STUCK = "stuck"
     FAILED = "failed"  # the server did not send what is needed
     BROKEN_OFF = "broken_off"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExplorationPlan(DrivePlan):
-    """The plan of an exploration: a robot, as in ``DrivePlan``, and how it maps.
-
-    Along waypoints the scanner need not cover a full circle.
-
-    Attributes:
-        strategy: Exploration strategy.
-        waypoints: Points to drive to in turn instead, m, map frame; empty for the
-            strategy.
-        motion_source: Where the robot's motion between scans is read from.
-        resolution: Side of a cell of the map, m, above 0.
-        map_range: Range of the scanner that is mapped, m, above 0; ``inf`` for all.
-        radius: Greatest distance from the start where no walls enclose the area, m,
-            above 0.
-    """
-
-    strategy: StrategyName = StrategyName.AUTO
-    waypoints: tuple[Point, ...] = ()
-    motion_source: MotionSource = "ins"
-    resolution: float = RESOLUTION
-    map_range: float = math.inf
-    radius: float = RADIUS
-    speed: float = 0.4
-    time_limit: float = TIME_LIMIT
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,12 +21,11 @@ import numpy as np
 
 from radarsim.autonomy.exploration.exploration import (
     Exploration,
-    ExplorationPlan,
     ExplorationStep,
     Outcome,
 )
-from radarsim.autonomy.exploration.options import StrategyName
 from radarsim.autonomy.exploration.path_follower import ExplorationSettings
+from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
 from radarsim.autonomy.exploration.strategies import find_unexplored
 from radarsim.autonomy.exploration.target_allocation import (
     SharedTargetStrategy,

@@ -21,13 +21,13 @@ from radarsim.autonomy.exploration.coverage import (
     SpiralCoverage,
     frontier_strategy,
 )
-from radarsim.autonomy.exploration.options import StrategyName
 from radarsim.autonomy.exploration.path_follower import (
     MAP_INTERVAL,
     MIN_SCANS,
     ExplorationSettings,
     Strategy,
 )
+from radarsim.autonomy.exploration.plans import StrategyName
 from radarsim.autonomy.exploration.traversability import TraversabilityMap
 from radarsim.autonomy.mapping.occupancy_grid import Mask, OccupancyGrid
 from radarsim.autonomy.navigation.control import STOP, Twist

@@ -17,7 +17,7 @@ error is spread over all poses since (``keyframe_graph``), also those of earlier
 
 import math
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from typing import Final
 
 import numpy as np
 
@@ -34,9 +34,8 @@ from radarsim.autonomy.mapping.pose_graph import KeyframeGraph
 from radarsim.autonomy.mapping.scan import PlanarScan
 from radarsim.autonomy.mapping.scan_matching import Fit, ScanPoints, best_start, fit
 from radarsim.autonomy.mapping.trajectory import Trajectory
+from radarsim.autonomy.navigation.plans import MotionSource
 from radarsim.geometry import Floats, Pose2, wrap_angle
-
-MotionSource: TypeAlias = Literal["ins", "odometry", "none"]
 
 FIRST_KEYFRAMES: Final = 10  # scans that are keyframes wherever the robot is
 MIN_POINTS: Final = 3  # points that are worth matching

@@ -33,8 +33,14 @@ MOST = 36  # bumpers; narrower sectors would hold too few beams
 
 FOUR = ("front", "left", "back", "right")
 EIGHT = (
-    *("front", "front_left", "left", "back_left"),
-    *("back", "back_right", "right", "front_right"),
+    "front",
+    "front_left",
+    "left",
+    "back_left",
+    "back",
+    "back_right",
+    "right",
+    "front_right",
 )
 
 

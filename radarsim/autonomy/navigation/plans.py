@@ -14,7 +14,7 @@ from radarsim.autonomy.navigation.algorithms import (
     Rule,
 )
 from radarsim.geometry import Pose2
-from radarsim.plans import RARE, Form, Option, PointXY, read_numbers
+from radarsim.plans import RARE, Form, Option, PointXY, Sets, read_numbers
 from radarsim.protocol.dialect import DriveUnit
 
 LEAST_SHARE = 0.1  # of a bumper's beams
@@ -31,6 +31,8 @@ def read_pose(text: str) -> Pose2:
     return Pose2(x, y, math.radians(yaw_deg))
 
 
+# Where the motion between scans is read from.
+MotionSource: TypeAlias = Literal["ins", "odometry", "none"]
 Metres: TypeAlias = Annotated[float, Gt(0), Unit("m")]
 Seconds: TypeAlias = Annotated[float, Gt(0), Unit("s")]
 MapPose: TypeAlias = Annotated[Pose2, Form("X,Y,YAW_DEG", read_pose)]
@@ -42,27 +44,27 @@ class DrivePlan:
 
     Attributes:
         robot_class: Class of the robot; its scanner has to see all the way round.
-        start: Name of a start pose of the map; the first one by default.
+        start: Name of a start of the map; the first by default.
         pose: Start here instead, map frame.
         scanner: Scanner to steer by; the first one by default.
-        safety_distance: Distance to keep between the robot's centre and obstacles; by
-            default what its size and the density of foliage require.
+        safety_distance: Distance between the robot's centre and obstacles; by default
+            the least that its size and foliage allow.
         foliage_density: Density of the thinnest foliage that it may meet, 1/m, for
             servers that send no echoes: the radar sees into it.
         penetration_power: Penetration power of the radar, for the density of foliage.
         echoes: Ask the server for the echoes of each beam, or use ranges alone: what
             blocks robots then counts where a beam first meets it, even if the beam
             goes through.
-        speed: Maximum speed; the robot's own limit holds as well.
+        speed: Maximum speed, as far as the robot allows.
         turn_speed: Maximum speed of turning on the spot.
         side: Side on which the robot keeps boundaries.
         drive_unit: Unit in which the server takes wheel speeds.
         timeout: Give up after this time without a scan.
-        time_limit: Longest duration of the run, in the server's time.
+        time_limit: Longest run, in the server's time.
     """
 
     option_group: ClassVar = "Robot"
-    at_most_one: ClassVar = (("start", "pose"),)
+    at_most_one: ClassVar[Sets] = (("start", "pose"),)
 
     robot_class: Annotated[str, Option(names=("--robot",), words="robots")] = ROBOT
     start: str | None = None

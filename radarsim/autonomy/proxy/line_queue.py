@@ -129,6 +129,7 @@ class LineQueue:
             self._buffers.pop((number, side), None)
             return []
         lines = []
+        # line by line, so that an overlong one takes no other with it
         for chunk in data.splitlines(keepends=True):
             buffer = self._buffers.setdefault((number, side), LineBuffer())
             lines += buffer.feed(chunk)

@@ -237,6 +237,7 @@ class RobotSelector:
 
     def take(self, connection: ConnectionState, report: Report) -> None:
         """Process a report of the server on one of the connections."""
+        # Poses come before the first scan, and a map needs the one that belongs to it.
         if self._first_scan is None and self._is_wanted(report):
             self.chosen, self._first_scan = connection, report
             self._waiting = [*self._early.get(connection.number, ())]
@@ -349,6 +350,7 @@ class TrafficObserver:
             self._selector.take(connection, report)
         chosen = self._selector.chosen
         if not self._is_settled and chosen is not None:
+            # from here on lines of other connections cost no time
             self._is_settled = True
             self._queue.keep_only(chosen.number)
             self._connections = {chosen.number: chosen}

@@ -79,6 +79,8 @@ class Endpoint(asyncio.Protocol):
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
         configure_socket(transport)
+        # With anything that waits to be written the partner stops reading, so that a
+        # slow peer slows the one that sends, and memory does not grow.
         transport.set_write_buffer_limits(0)
         transport.pause_reading()
         self._connected.add(self)
@@ -225,6 +227,7 @@ class TcpProxy:
         """Close the port and all connections, at once."""
         if self._listener is not None:
             self._listener.close()
+        # A client that waits for its server must not be joined after this.
         joining = list(self._joining)
         for task in joining:
             task.cancel()

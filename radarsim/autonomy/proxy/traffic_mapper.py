@@ -13,7 +13,8 @@ from typing import Any, Final
 
 from radarsim.autonomy.exploration.exploration import NOISE
 from radarsim.autonomy.mapping.mapper import Mapper, MapperSettings
-from radarsim.autonomy.mapping.slam import MotionSource, SlamSettings
+from radarsim.autonomy.mapping.slam import SlamSettings
+from radarsim.autonomy.navigation.plans import MotionSource
 from radarsim.autonomy.navigation.runner import TripMeter
 from radarsim.autonomy.proxy.line_queue import Side
 from radarsim.autonomy.proxy.observer import (

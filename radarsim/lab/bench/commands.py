@@ -5,20 +5,27 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
-import typer
+import click
 from rich.console import Console
 from rich.table import Table
 
-from radarsim.cli.compile_progress import compile_now
-from radarsim.cli.options import JsonOption
+from radarsim.cli.compile_progress import compile_now, with_compile_progress
+from radarsim.cli.fields import Json
 from radarsim.processes import raise_on_signals
 
 if TYPE_CHECKING:
     from radarsim.lab.bench.timing import BenchmarkRow
 
 
-def bench(*, as_json: JsonOption = False) -> None:
-    """Measure the engine and the server on this machine, in a few minutes."""
+@with_compile_progress
+def bench(*, as_json: Json = False) -> None:
+    """Measure the engine and the server on this machine.
+
+    It takes a few minutes.
+
+    Args:
+        as_json: Print JSON, for programs.
+    """
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from radarsim.lab.bench.run import run_all
@@ -35,7 +42,7 @@ def bench(*, as_json: JsonOption = False) -> None:
 
         rows = run_all(update)
     if as_json:
-        typer.echo(json.dumps([row.to_dict() for row in rows], indent=2))
+        click.echo(json.dumps([row.to_dict() for row in rows], indent=2))
         return
     console = Console()
     for letter, title in GROUPS.items():

@@ -7,14 +7,16 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
-import typer
+import click
 from rich.console import Console
 
-from radarsim.cli.compile_progress import compile_now
-from radarsim.cli.options import SeedOption, write_file
+from radarsim.cli.compile_progress import compile_now, with_compile_progress
+from radarsim.cli.fields import Seed
+from radarsim.cli.files import write_file
 from radarsim.cli.output import print_lines
 from radarsim.errors import describe_os_error
 from radarsim.files import is_by_radarsim
+from radarsim.plans import Option
 from radarsim.processes import process_cpu_count, raise_on_signals
 
 if TYPE_CHECKING:
@@ -23,19 +25,22 @@ if TYPE_CHECKING:
 _SMALL_WEIGHT: Final = 2.0  # s of work that is not worth starting processes
 
 
+@with_compile_progress
 def figures(
-    out: Annotated[
-        Path,
-        typer.Argument(metavar="OUT", help="A folder; it is created if necessary."),
-    ],
+    out: Annotated[Path, Option(is_argument=True)],
     *,
-    seed: SeedOption = 0,
-    only: Annotated[
-        str | None,
-        typer.Option(metavar="N,...", help="Numbers of figures; all by default."),
-    ] = None,
+    only: Annotated[str | None, Option(metavar="N,...")] = None,
+    seed: Seed = 0,
 ) -> None:
-    """Draw the figures of the thesis from runs of the program, and a page of them."""
+    """Draw the figures of the thesis.
+
+    They are drawn from runs of the program, and OUT gets a page that shows them.
+
+    Args:
+        out: A folder; it is created if necessary.
+        only: Numbers of figures; all by default.
+        seed: Seed of all random numbers.
+    """
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from radarsim.autonomy.exploration.compilation import warm_up
@@ -76,7 +81,7 @@ def _read_numbers(only: str | None) -> tuple[FigureSpec, ...]:
     try:
         return select_figures(numbers)
     except ValueError as error:
-        raise typer.BadParameter(str(error), param_hint="--only") from None
+        raise click.BadParameter(str(error), param_hint="--only") from None
 
 
 def _prepare(out: Path, names: Sequence[str]) -> None:
@@ -87,13 +92,13 @@ def _prepare(out: Path, names: Sequence[str]) -> None:
             _check_overwriting(out / name)
     except OSError as error:
         text = f"cannot write to {out}: {describe_os_error(error)}"
-        raise typer.BadParameter(text, param_hint="OUT") from None
+        raise click.BadParameter(text, param_hint="OUT") from None
 
 
 def _check_overwriting(path: Path) -> None:
     if path.exists() and not is_by_radarsim(path):
         text = f"{path} is not by radarsim, expected a folder without such a file"
-        raise typer.BadParameter(text, param_hint="OUT")
+        raise click.BadParameter(text, param_hint="OUT")
 
 
 def _page(out: Path, made: Sequence[RenderedFigure]) -> str:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from radarsim.autonomy.evaluation.map_score import BESIDE, TOLERANCE, MapScore
 from radarsim.autonomy.evaluation.mapping_run import MappingRun
-from radarsim.autonomy.exploration.exploration import ExplorationPlan
+from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.mapping.occupancy_grid import Mask, OccupancyGrid
 from radarsim.autonomy.mapping.trajectory import Trajectory
 from radarsim.autonomy.plotting.maps import MapView, map_figure
@@ -57,7 +57,7 @@ class MappingDrive:
     @property
     def command(self) -> str:
         """Command that makes the same map."""
-        words = [f"radarsim map OUT --serve {MAP} --start {START} --robot {self.robot}"]
+        words = [f"radarsim map {MAP} -o OUT --start {START} --robot {self.robot}"]
         words += [f"--way={x:g},{y:g}" for x, y in self.waypoints]
         name = self._item.name
         words += [f"--set {name}.{key}={value:g}" for key, value in self.settings]

@@ -6,8 +6,11 @@ With the default seed these are the files of the shipped maps.
 from pathlib import Path
 from typing import Annotated
 
-import typer
+import click
+from annotated_types import Ge
 
+from radarsim.cli.command import PlanCommand
+from radarsim.cli.fields import Seed
 from radarsim.errors import describe_os_error
 from radarsim.files import write_atomically
 from radarsim.lab.plants.calibration import (
@@ -16,33 +19,27 @@ from radarsim.lab.plants.calibration import (
     compare_shapes,
     target_transmission,
 )
+from radarsim.plans import Option
 from radarsim.scene.plants.plant import SEED, plant_files
 
 
 def make(
-    out: Annotated[
-        Path, typer.Argument(metavar="OUT", help="The folder for the mesh files.")
-    ],
+    out: Annotated[Path, Option(is_argument=True)],
     *,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of all plants.")] = SEED,
-    figure: Annotated[
-        Path | None,
-        typer.Option(help="Draw the three shapes of the shrub into this PNG."),
-    ] = None,
-    calibrate: Annotated[
-        bool,
-        typer.Option(
-            "--calibrate", help="Print how much power their foliage has to take."
-        ),
-    ] = False,
-    rays: Annotated[
-        int,
-        typer.Option(
-            min=1, help="Rays for the calibration of a shape, from each side."
-        ),
-    ] = RAYS,
+    seed: Seed = SEED,
+    figure: Path | None = None,
+    calibrate: bool = False,
+    rays: Annotated[int, Ge(1)] = RAYS,
 ) -> None:
-    """Write the mesh files of plants, all or none."""
+    """Write the mesh files of plants, all or none.
+
+    Args:
+        out: The folder for the mesh files.
+        seed: Seed of all plants.
+        figure: Draw the three shapes of the shrub into this PNG.
+        calibrate: Print how much power their foliage has to take.
+        rays: Rays for the calibration of a shape, from each side.
+    """
     files = plant_files(seed)
     shapes: list[Comparison] = []
     if calibrate or figure is not None:
@@ -59,15 +56,15 @@ def make(
         write_atomically(written)
     except OSError as error:
         text = f"cannot write {error.filename}: {describe_os_error(error)}"
-        raise typer.BadParameter(text) from None
+        raise click.BadParameter(text) from None
     for name, content in files.items():
-        typer.echo(f"{out / name}: {len(content)} bytes")
+        click.echo(f"{out / name}: {len(content)} bytes")
     if shapes:
-        typer.echo(f"wanted: mean transmission {target_transmission():.4f}")
+        click.echo(f"wanted: mean transmission {target_transmission():.4f}")
     for shape in shapes:
         ranges = shape.ranges.statistics()
         low, median, high = ranges.percentiles
-        typer.echo(
+        click.echo(
             f"{shape.title}: mean transmission {shape.transmission:.4f}; ranges: mean "
             f"{ranges.mean:.2f} m, deviation {ranges.deviation:.2f} m, 5, 50, 95 %: "
             f"{low:.2f}, {median:.2f}, {high:.2f} m, deviation at one offset "
@@ -78,7 +75,7 @@ def make(
 
 def main() -> None:
     """Run the program and exit with its code."""
-    typer.run(make)
+    PlanCommand("plants", make).main()
 
 
 if __name__ == "__main__":

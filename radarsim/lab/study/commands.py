@@ -4,83 +4,67 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import typer
+import click
+from annotated_types import Ge
 
 from radarsim import __version__
 from radarsim.autonomy.navigation.algorithms import Algorithm
-from radarsim.cli.compile_progress import compile_now, with_bar
+from radarsim.cli.compile_progress import compile_now, with_bar, with_compile_progress
 from radarsim.cli.output import print_lines, print_message
 from radarsim.errors import describe_os_error
+from radarsim.plans import RARE, Option
 from radarsim.processes import process_cpu_count, raise_on_signals
 
 if TYPE_CHECKING:
     from radarsim.lab.study.maps import StudyTask
 
 
-class StudyName(StrEnum):
-    """Studies."""
-
-    RADAR_VS_LASER = "radar-vs-laser"
-
-
+@with_compile_progress
 def study(
-    name: Annotated[StudyName, typer.Argument(metavar="NAME", help="radar-vs-laser")],
+    name: Annotated[Literal["radar-vs-laser"], Option(is_argument=True)],
     *,
-    out: Annotated[
-        Path,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="OUT",
-            help="A folder; runs that are in it are not run again.",
-        ),
-    ],
-    seeds: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            metavar="K",
-            help="Maps of each kind, from seeds 0 to K - 1.",
-            show_default="10, or 1 with --quick",
-        ),
-    ] = None,
-    algorithm: Annotated[
-        Algorithm, typer.Option(help="Algorithm that drives to the goals.")
-    ] = Algorithm.PLANNED,
-    workers: Annotated[
-        int | None,
-        typer.Option(min=1, help="Number of processes; one for each core by default."),
-    ] = None,
-    quick: Annotated[
-        bool, typer.Option("--quick", help="Only smoke, as a test.")
-    ] = False,
-) -> None:
-    """Let radar and lasers drive and map on the same maps, and write a page of it.
+    output: Annotated[Path, Option(names=("-o", "--output"), metavar="OUT")],
+    seeds: Annotated[int | None, Ge(1), Option(metavar="K")] = None,
+    quick: bool = False,
+    algorithm: Annotated[Algorithm, RARE] = Algorithm.PLANNED,
+    workers: Annotated[int | None, Ge(1), RARE] = None,
+) -> int:
+    """Compare radar and lasers on the same maps.
 
-    Writes OUT/index.html with a figure, and OUT/runs.csv with a row for each run.
+    They drive and map there; OUT gets index.html with a figure, and runs.csv with a
+    row for each run.
+
+    Args:
+        name: The study: radar-vs-laser.
+        output: A folder; runs that are in it are not run again.
+        seeds: Maps of each kind, from seeds 0 to K - 1; by default 10, or 1 with
+            --quick.
+        quick: Only smoke, as a test.
+        algorithm: Algorithm that drives to the goals.
+        workers: Number of processes; one for each core by default.
     """
     from radarsim.lab.study.maps import KINDS, QUICK, study_tasks
     from radarsim.lab.study.page import PAGE, write_study
 
-    assert name is StudyName.RADAR_VS_LASER
+    assert name == "radar-vs-laser"  # there is no other yet
     seeds = seeds or (1 if quick else 10)
     tasks = study_tasks(seeds, algorithm, QUICK if quick else KINDS)
-    runs = _read_runs(out)
+    runs = _read_runs(output)
     left = [task for task in tasks if task not in runs]
     if left:
-        runs |= _run(out, left, workers or process_cpu_count())
+        runs |= _run(output, left, workers or process_cpu_count())
     if missing := [task for task in tasks if task not in runs]:
         print_message(
             f"{len(missing)} of {len(tasks)} runs failed, so there is no page"
         )
-        raise typer.Exit(1)
+        return 1
     rows = [runs[task] for task in tasks]
-    print_lines(write_study(out, rows, algorithm=algorithm, seeds=seeds))
-    print_lines([out / PAGE])
+    print_lines(write_study(output, rows, algorithm=algorithm, seeds=seeds))
+    print_lines([output / PAGE])
+    return 0
 
 
 def _read_runs(out: Path) -> dict[StudyTask, dict[str, Any]]:
@@ -91,9 +75,9 @@ def _read_runs(out: Path) -> dict[StudyTask, dict[str, Any]]:
         return read_runs(out)
     except OSError as error:
         text = f"cannot use {out}: {describe_os_error(error)}"
-        raise typer.BadParameter(text, param_hint="--output") from None
+        raise click.BadParameter(text, param_hint="--output") from None
     except ValueError as error:
-        raise typer.BadParameter(str(error), param_hint="--output") from None
+        raise click.BadParameter(str(error), param_hint="--output") from None
 
 
 @contextmanager

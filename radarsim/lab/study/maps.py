@@ -18,7 +18,7 @@ import numpy as np
 
 from radarsim.autonomy.evaluation.shortest_path import shortest_path
 from radarsim.autonomy.evaluation.trials import SCANNER, run_plan
-from radarsim.autonomy.exploration.exploration import ExplorationPlan
+from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.navigation.algorithms import ROBOT_RADIUS, Algorithm
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.geometry import Point

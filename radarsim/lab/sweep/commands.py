@@ -8,11 +8,13 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
-import typer
+import click
+from annotated_types import Ge
 
 from radarsim import __version__
-from radarsim.cli.compile_progress import compile_now, with_bar
+from radarsim.cli.compile_progress import compile_now, with_bar, with_compile_progress
 from radarsim.cli.output import print_lines, print_message
+from radarsim.plans import RARE, Option
 from radarsim.processes import process_cpu_count, raise_on_signals
 
 if TYPE_CHECKING:
@@ -27,41 +29,29 @@ _BATCHES: Final = {"scan": 16, "trial": 1, "map": 1}  # tasks that a worker gets
 # Of a cluster's worker: each message takes its scheduler some 10 ms.
 _MESSAGES: Final = 4
 
-FileArgument = Annotated[
-    str, typer.Argument(metavar="FILE", help="A sweep file, or a shipped sweep.")
-]
-OutOption = Annotated[
-    Path,
-    typer.Option("-o", "--output", metavar="OUT", help="A folder for the results."),
-]
-WorkersOption = Annotated[
-    int | None,
-    typer.Option(min=1, help="Number of processes; one for each core by default."),
-]
-SchedulerOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="ADDRESS", help="Scheduler of a dask cluster that runs already."
-    ),
-]
-ResumeOption = Annotated[
-    bool, typer.Option("--resume", help="Go on with a sweep that was stopped.")
-]
-DryRunOption = Annotated[
-    bool, typer.Option("--dry-run", help="Check the file, and count its tasks.")
-]
 
-
+@with_compile_progress
 def sweep(
-    file: FileArgument,
+    file: Annotated[str, Option(is_argument=True, metavar="FILE")],
     *,
-    out: OutOption,
-    workers: WorkersOption = None,
-    scheduler: SchedulerOption = None,
-    resume: ResumeOption = False,
-    dry_run: DryRunOption = False,
-) -> None:
-    """Scan, drive or map for all combinations of parameters, and write one table."""
+    output: Annotated[Path, Option(names=("-o", "--output"), metavar="OUT")],
+    resume: bool = False,
+    dry_run: bool = False,
+    workers: Annotated[int | None, Ge(1), RARE] = None,
+    scheduler: Annotated[str | None, Option(metavar="ADDRESS", is_rare=True)] = None,
+) -> int:
+    """Scan, drive or map for all combinations of values.
+
+    Writes one table of the results, and the figure that the file asks for.
+
+    Args:
+        file: A sweep file, or a shipped sweep.
+        output: A folder for the results.
+        resume: Go on with a sweep that was stopped.
+        dry_run: Check the file, and count its tasks.
+        workers: Number of processes; one for each core by default.
+        scheduler: Scheduler of a dask cluster that runs already.
+    """
     from radarsim.autonomy.exploration.compilation import warm_up
     from radarsim.errors import import_optional
     from radarsim.lab.sweep.file import read_sweep
@@ -71,13 +61,13 @@ def sweep(
     path, wanted = read_sweep(file)
     if workers is not None and scheduler is not None:
         text = "expected only one of --workers and --scheduler"
-        raise typer.BadParameter(text)
+        raise click.BadParameter(text)
     scenes = load_scenes(path, wanted)
     tasks = sweep_tasks(wanted, scenes)
-    folder = SweepFolder(out)
+    folder = SweepFolder(output)
     if dry_run:
         print_lines([_count(wanted, len(tasks))])
-        return
+        return 0
     import_optional("pyarrow", EXTRA)
     folder.open(path, wanted, tasks, resume=resume)
     left = [task for task in tasks if not folder.has(task)]
@@ -91,8 +81,8 @@ def sweep(
     _draw(folder, wanted)
     failed = _print_failures(folder, tasks)
     spent = f"{_count(wanted, len(left))} in {time.perf_counter() - began:.1f} s"
-    print_lines([spent, out / TABLE, out / ABOUT])
-    raise typer.Exit(int(failed))
+    print_lines([spent, output / TABLE, output / ABOUT])
+    return int(failed)
 
 
 def _count(wanted: SweepFile, tasks: int) -> str:

@@ -15,7 +15,7 @@ from pydantic import (
     model_validator,
 )
 
-from radarsim.autonomy.exploration.options import StrategyName
+from radarsim.autonomy.exploration.plans import StrategyName
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.errors import (
     PresetError,

@@ -18,8 +18,7 @@ import numpy as np
 from radarsim import __version__
 from radarsim.autonomy.evaluation.task_runner import task_generator
 from radarsim.autonomy.evaluation.trials import SCANNER, run_plan, shortest_for
-from radarsim.autonomy.exploration.exploration import ExplorationPlan
-from radarsim.autonomy.exploration.options import StrategyName
+from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.errors import (

@@ -278,6 +278,8 @@ class Host:
             self._queue_outputs(self.simulation.collect_reports())
             for number in sorted(self._replying):
                 self._queue_replies(self._clients[number])
+        # After all that the tick does, as in recordings that there are already: a new
+        # robot comes after the turns of others' radars in its tick.
         for observer in self._observers:
             for number in waiting:
                 observer.execute(number, self._clients[number].vehicle)

@@ -5,10 +5,15 @@ from statistics import NormalDist
 
 import numpy as np
 import pytest
-from fmcw_scenes import correlation, db, dbm, no_echoes, radar
+from fmcw_scenes import beat_spectrum, correlation, db, dbm, no_echoes, radar
 
-from radarsim.addons.fmcw.beat_signal import NO_TONES, Power, Tones, beat_spectrum
-from radarsim.addons.fmcw.points import Points, point_tones
+from radarsim.addons.fmcw.beat_signal import (
+    NO_TONES,
+    Points,
+    Power,
+    Tones,
+    point_tones,
+)
 from radarsim.addons.fmcw.radar_equation import noise_power, received_power
 from radarsim.geometry import Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings

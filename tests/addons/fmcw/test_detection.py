@@ -2,19 +2,20 @@
 
 import numpy as np
 import pytest
-from fmcw_scenes import no_echoes, radar
+from fmcw_scenes import beat_spectrum, no_echoes, radar
 
-from radarsim.addons.fmcw.beat_signal import NO_TONES, beat_spectrum
-from radarsim.addons.fmcw.cfar import (
+from radarsim.addons.fmcw.beat_signal import NO_TONES
+from radarsim.addons.fmcw.detection import (
     Training,
     ca_factor,
     ca_mask,
     os_factor,
     os_mask,
+    peaks_of,
+    strongest_mask,
     training_correlation,
     training_of,
 )
-from radarsim.addons.fmcw.detection import peaks_of, strongest_mask
 from radarsim.rng import generator_for
 
 NEIGHBOURS = Training(32, 2, 1)

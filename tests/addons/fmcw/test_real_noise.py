@@ -6,10 +6,10 @@ echoes: deviations of counts from the median, and their correlations.
 
 import numpy as np
 import pytest
-from fmcw_scenes import correlation, no_echoes
+from fmcw_scenes import beat_spectrum, correlation, no_echoes
 
 import radarsim
-from radarsim.addons.fmcw.beat_signal import NO_TONES, beat_spectrum
+from radarsim.addons.fmcw.beat_signal import NO_TONES
 from radarsim.addons.fmcw.radar_equation import noise_power
 from radarsim.addons.fmcw.spectrum import counts_of
 

@@ -7,7 +7,7 @@ import recorded_runs
 
 from radarsim.addons.recording.bag_reader import BagReader
 from radarsim.addons.recording.host_recorder import CallKind
-from radarsim.addons.recording.repetition import repeat_run
+from radarsim.addons.recording.replay import repeat_run
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.scene.map_file import load_map, shipped_maps
 from radarsim.simulation.config import SimulationConfig

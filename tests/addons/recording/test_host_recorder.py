@@ -10,7 +10,7 @@ from radarsim.addons.recording.host_recorder import (
     RobotDescription,
     RunEvent,
 )
-from radarsim.addons.recording.repetition import repeat_run
+from radarsim.addons.recording.replay import repeat_run
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
 

@@ -19,7 +19,7 @@ from radarsim.addons.recording.host_recorder import (
     RunEvent,
 )
 from radarsim.addons.recording.recording_process import write_recording
-from radarsim.addons.recording.repetition import repeat_run
+from radarsim.addons.recording.replay import repeat_run
 from radarsim.geometry import Pose3
 from radarsim.presets.robots import load_robot
 from radarsim.rng import generator_for

@@ -18,7 +18,7 @@ from radarsim.addons.recording.bag_folder import create_folder, file_name
 from radarsim.addons.recording.bag_reader import BagReader, repair
 from radarsim.addons.recording.bag_writer import BagWriter
 from radarsim.addons.recording.host_recorder import CallKind
-from radarsim.addons.recording.repetition import repeat_run
+from radarsim.addons.recording.replay import repeat_run
 from radarsim.client.session import Session
 from radarsim.errors import RecordingError
 from radarsim.protocol.dialect import UDK

@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 from processes import start_radarsim
 
-from radarsim.addons.ros.commands import Bridge, ros
+from radarsim.addons.ros.commands import BridgeOptions, ros
 from radarsim.addons.testing import UsarsimServer
+from radarsim.cli.fields import Server
 from radarsim.client import Client
 from radarsim.errors import MissingPackage, ServerError
 from radarsim.protocol.reports import GroundTruth, WatchedLine
@@ -122,4 +123,4 @@ def test_missing_package_is_named_with_its_extra(
 ) -> None:
     monkeypatch.setitem(sys.modules, "cyclonedds.domain", None)
     with pytest.raises(MissingPackage, match=r"cyclonedds.*radarsim\[dds\]"):
-        ros(bridge=Bridge.DDS)
+        ros(Server(), BridgeOptions(bridge="dds"))

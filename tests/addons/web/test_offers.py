@@ -1,6 +1,6 @@
 from radarsim.addons.web.offers import make_offers
 from radarsim.addons.web.robot_view import RobotView
-from radarsim.autonomy.exploration.options import StrategyName
+from radarsim.autonomy.exploration.plans import StrategyName
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.presets.robots import Item, load_robot, robot_names
 from radarsim.presets.sensor_settings import SensorSettings

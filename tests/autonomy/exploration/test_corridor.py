@@ -7,7 +7,8 @@ import pytest
 
 from radarsim.autonomy.evaluation.map_score import score_mapper
 from radarsim.autonomy.evaluation.mapping_run import MappingRun
-from radarsim.autonomy.exploration.exploration import Exploration, ExplorationPlan
+from radarsim.autonomy.exploration.exploration import Exploration
+from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.mapping.trajectory import trajectory_errors
 from radarsim.client import Client
 from radarsim.geometry import Pose2

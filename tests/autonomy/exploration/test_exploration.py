@@ -14,11 +14,10 @@ from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
 from radarsim.autonomy.exploration.compilation import warm_up
 from radarsim.autonomy.exploration.exploration import (
     Exploration,
-    ExplorationPlan,
     ExplorationStep,
     Outcome,
 )
-from radarsim.autonomy.exploration.options import StrategyName
+from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
 from radarsim.autonomy.mapping.occupancy_grid import (
     CellClass,
 )

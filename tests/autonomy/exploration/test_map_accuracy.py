@@ -20,11 +20,8 @@ from shapely import affinity
 from shapely.geometry import Point, Polygon, box
 
 from radarsim.autonomy.evaluation.mapping_run import MappingResult
-from radarsim.autonomy.exploration.exploration import (
-    Exploration,
-    ExplorationPlan,
-    Outcome,
-)
+from radarsim.autonomy.exploration.exploration import Exploration, Outcome
+from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.mapping.export import nav_map
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import (

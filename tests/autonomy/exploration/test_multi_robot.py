@@ -12,10 +12,10 @@ from office_map import office_map
 
 from radarsim.autonomy.evaluation.mapping_run import MultiRobotRun
 from radarsim.autonomy.exploration import multi_robot as map_merger
-from radarsim.autonomy.exploration.exploration import ExplorationPlan, Outcome
+from radarsim.autonomy.exploration.exploration import Outcome
 from radarsim.autonomy.exploration.multi_robot import MapMerger
-from radarsim.autonomy.exploration.options import StrategyName
 from radarsim.autonomy.exploration.path_follower import WAITING, ExplorationSettings
+from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
 from radarsim.autonomy.exploration.target_allocation import (
     DEADLOCK,
     SharedTargetStrategy,

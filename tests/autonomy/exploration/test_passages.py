@@ -9,8 +9,8 @@ from flat_world import ANGLES, box, look_around, ranges_of
 from office_map import office_map
 
 from radarsim.autonomy.evaluation.mapping_run import MappingRun
-from radarsim.autonomy.exploration.exploration import ExplorationPlan
 from radarsim.autonomy.exploration.path_follower import ExplorationSettings
+from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.exploration.strategies import find_unexplored
 from radarsim.autonomy.exploration.traversability import TraversabilityMap
 from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid

@@ -16,7 +16,6 @@ from radarsim.autonomy.exploration.coverage import (
     coverage_strategy,
     frontier_strategy,
 )
-from radarsim.autonomy.exploration.options import StrategyName
 from radarsim.autonomy.exploration.path_follower import (
     PATIENCE,
     WAYPOINT_RADIUS,
@@ -25,6 +24,7 @@ from radarsim.autonomy.exploration.path_follower import (
     Strategy,
     WaypointFollower,
 )
+from radarsim.autonomy.exploration.plans import StrategyName
 from radarsim.autonomy.exploration.strategies import AutoStrategy, create_strategy
 from radarsim.autonomy.exploration.traversability import TraversabilityMap
 from radarsim.autonomy.mapping.occupancy_grid import (

@@ -12,8 +12,9 @@ from radarsim.autonomy.mapping.map_alignment import align, refine
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.autonomy.mapping.scan import BeamEnd
 from radarsim.autonomy.mapping.shared_map import SharedMap, without_discs
-from radarsim.autonomy.mapping.slam import MotionSource, Slam, SlamSettings
+from radarsim.autonomy.mapping.slam import Slam, SlamSettings
 from radarsim.autonomy.mapping.trajectory import Trajectory
+from radarsim.autonomy.navigation.plans import MotionSource
 from radarsim.geometry import Floats, Pose2
 
 POSES = [Pose2(-4.0 + 0.3 * k, 2.0 + 0.1 * k, 0.05 * k) for k in range(12)]

@@ -10,12 +10,13 @@ from hypothesis import strategies as st
 
 from radarsim.autonomy.mapping.keyframes import KeyframeMap
 from radarsim.autonomy.mapping.scan import PlanarScan
-from radarsim.autonomy.mapping.slam import MotionSource, Slam, SlamSettings
+from radarsim.autonomy.mapping.slam import Slam, SlamSettings
 from radarsim.autonomy.mapping.trajectory import (
     Trajectory,
     TrajectoryErrors,
     trajectory_errors,
 )
+from radarsim.autonomy.navigation.plans import MotionSource
 from radarsim.geometry import Floats, Pose2
 from radarsim.rng import generator_for
 

@@ -91,15 +91,25 @@ class RadarConfiguration:
             _CONFIGURATION.unpack_from(payload)
         )
         return cls(
-            *(azimuths, bin_size / 1e4, bins, encoder, rotation / 1e3, rate),
-            *(gain, offset),
+            azimuths,
+            bin_size / 1e4,
+            bins,
+            encoder,
+            rotation / 1e3,
+            rate,
+            gain,
+            offset,
         )
 
     def encode(self) -> bytes:
         """Return the payload of a message; numbers too large for it are the largest."""
         whole = (
-            *(self.azimuths, self.bin_size * 1e4, self.bins),
-            *(self.encoder_counts, self.rotation_hz * 1e3, self.packet_rate),
+            self.azimuths,
+            self.bin_size * 1e4,
+            self.bins,
+            self.encoder_counts,
+            self.rotation_hz * 1e3,
+            self.packet_rate,
         )
         limited = (min(round(number), 0xFFFF) for number in whole)
         return _CONFIGURATION.pack(*limited, self.range_gain, self.range_offset)

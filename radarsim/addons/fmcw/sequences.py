@@ -1,0 +1,157 @@
+"""Sequences: the turns that a radar records as it is driven along a path."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation as Orientation
+from scipy.spatial.transform import Slerp
+
+from radarsim.addons.fmcw.radar import FmcwRadar
+from radarsim.addons.fmcw.rotation import Rotation, Sector
+from radarsim.addons.fmcw.spectrum import Spectrum
+from radarsim.geometry import Floats, Pose3
+from radarsim.scene.scene import Scene
+
+STEPS_IN_TURN = 25  # poses at which the antenna looks around
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenPath:
+    """Where a radar is at each time; N poses, between which it moves evenly.
+
+    Attributes:
+        times: (N,) s, increasing.
+        positions: (N, 3) m, map frame.
+        orientations: (N, 4) unit quaternions, x, y, z, w.
+    """
+
+    times: Floats
+    positions: Floats
+    orientations: Floats
+
+    @property
+    def duration(self) -> float:
+        """From the first pose to the last, s."""
+        return float(self.times[-1] - self.times[0])
+
+    def poses_at(self, times: Floats) -> list[Pose3]:
+        """Return the poses at some times; the first before it, the last after it."""
+        inside = np.clip(times, self.times[0], self.times[-1])
+        turns = Slerp(self.times, Orientation.from_quat(self.orientations))(inside)
+        angles = turns.as_euler("ZYX")
+        places = [np.interp(inside, self.times, column) for column in self.positions.T]
+        return [
+            Pose3(*map(float, (*place, roll, pitch, yaw)))
+            for place, (yaw, pitch, roll) in zip(
+                zip(*places, strict=True), angles, strict=True
+            )
+        ]
+
+    def at_heights(self, heights: Floats) -> "DrivenPath":
+        """Return the same path at other heights, (N,) m, map frame."""
+        return replace(
+            self, positions=np.column_stack([self.positions[:, :2], heights])
+        )
+
+
+def read_tum(text: str) -> DrivenPath:
+    """Read a path in the format of TUM's tools.
+
+    A line is ``time x y z qx qy qz qw``, in s and m; what begins with # is a comment.
+
+    Raises:
+        ValueError: If a line is not such a pose, times do not increase, or there are
+            fewer than two poses.
+    """
+    rows: list[list[float]] = []
+    for number, line in enumerate(text.splitlines(), 1):
+        words = line.split()
+        if not words or words[0].startswith("#"):
+            continue
+        try:
+            row = [float(word) for word in words]
+        except ValueError:
+            row = []
+        if len(row) != 8 or not np.isfinite(row).all() or not any(row[4:]):
+            raise ValueError(
+                f"line {number}: {line.strip()[:80]!r}, expected time x y z qx qy qz qw"
+            )
+        if rows and row[0] <= rows[-1][0]:
+            raise ValueError(
+                f"line {number}: time {row[0]:g}, expected above {rows[-1][0]:g}"
+            )
+        rows.append(row)
+    if len(rows) < 2:
+        raise ValueError(f"{len(rows)} poses, expected at least 2")
+    numbers = np.array(rows)
+    return DrivenPath(numbers[:, 0], numbers[:, 1:4], numbers[:, 4:])
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenTurn:
+    """A turn of a sequence.
+
+    Attributes:
+        time: At which it began, s, as of the path.
+        spectrum: The turn; its pose is that in its middle.
+    """
+
+    time: float
+    spectrum: Spectrum
+
+    def tum_line(self) -> str:
+        """Return its pose as a line of a path in the format of TUM's tools."""
+        pose, settings = self.spectrum.pose, self.spectrum.settings
+        middle = self.time + settings.azimuths * settings.sweep_time / 2
+        turned = Orientation.from_euler("ZYX", [pose.yaw, pose.pitch, pose.roll])
+        numbers = [pose.x, pose.y, pose.z, *turned.as_quat()]
+        return " ".join([f"{middle:.6f}", *(f"{each:.6f}" for each in numbers)]) + "\n"
+
+
+def turns_along(
+    radar: FmcwRadar, scene: Scene, path: DrivenPath, rng: np.random.Generator
+) -> Iterator[DrivenTurn]:
+    """Record all turns that end before a path does.
+
+    Before the path begins the radar stands at its first pose for a turn.
+
+    Args:
+        radar: The radar.
+        scene: The map.
+        path: Where the antenna is, map frame.
+        rng: Source of speckle and noise.
+    """
+    settings = radar.settings
+    rotation = Rotation(radar, scene, rng)
+    (start,) = path.poses_at(path.times[:1])
+    sectors = rotation.advance(start, settings.azimuths)
+    step = max(settings.azimuths // STEPS_IN_TURN, 1)
+    period = settings.azimuths * settings.sweep_time
+    looked, done = 0, 0
+    count = int(path.duration / period + 1e-9)
+    while done < count:
+        seconds = step * settings.sweep_time
+        time = path.times[0] + looked * settings.sweep_time
+        pose, after = path.poses_at(np.array([time, time + seconds]))
+        dx, dy, dz = ((after.position() - pose.position()) / seconds).tolist()
+        sectors += rotation.advance(pose, step, velocity=(dx, dy, dz))
+        looked += step
+        if any(each.turn == done and each.ends_turn for each in sectors):
+            began = float(path.times[0] + done * period)
+            (middle,) = path.poses_at(np.array([began + period / 2]))
+            whole = _join_sectors([each for each in sectors if each.turn == done])
+            yield DrivenTurn(began, replace(whole, pose=middle, scene=scene))
+            sectors = [each for each in sectors if each.turn > done]
+            done += 1
+
+
+def _join_sectors(sectors: list[Sector]) -> Spectrum:
+    """Return a turn from its sectors, in order."""
+    parts = [each.spectrum for each in sectors]
+    return replace(
+        parts[0],
+        angles=np.concatenate([part.angles for part in parts]),
+        power=np.concatenate([part.power for part in parts]),
+        echo_power=np.concatenate([part.echo_power for part in parts]),
+    )

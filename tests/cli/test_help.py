@@ -1,0 +1,42 @@
+"""The help of commands: short enough to read, and the same wherever it is printed."""
+
+from collections.abc import Iterator
+
+import click
+import pytest
+
+from radarsim.cli.app import EntryGroup
+from radarsim.cli.entries import CommandEntry, load_entries
+
+MOST_LINES = 48
+
+
+def all_entries(
+    entries: Iterator[CommandEntry], words: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], CommandEntry]]:
+    """Yield all commands, also those of groups, with their words."""
+    for entry in entries:
+        yield (*words, entry.name), entry
+        command = entry.load()
+        if isinstance(command, EntryGroup):
+            inner = iter(command.entries.values())
+            yield from all_entries(inner, (*words, entry.name))
+
+
+ENTRIES = list(all_entries(load_entries()))
+NAMES = [" ".join(words) for words, _ in ENTRIES]
+
+
+@pytest.mark.parametrize("entry", [entry for _, entry in ENTRIES], ids=NAMES)
+def test_entry_has_the_first_line_of_the_command(entry: CommandEntry) -> None:
+    assert entry.help == (entry.load().help or "").partition("\n")[0]
+
+
+@pytest.mark.parametrize("entry", ENTRIES, ids=NAMES)
+def test_help_fits_on_a_screen(entry: tuple[tuple[str, ...], CommandEntry]) -> None:
+    words, found = entry
+    context = click.Context(found.load(), info_name=" ".join(("radarsim", *words)))
+    context.terminal_width = 78  # of 80, two stay free
+    lines = context.get_help().splitlines()
+    assert len(lines) <= MOST_LINES
+    assert max(map(len, lines)) <= 80
