@@ -36,6 +36,34 @@ from difflib import get_close_matches
 from itertools import islice
 from typing import Any, Final
 
+CUTOFF: Final = 0.6  # of difflib's ratio, from 0 to 1, above which names are similar
+MAX_LENGTH: Final = 80  # of a name in a message
+MAX_NAMES: Final = 100  # that are listed in a message, and that are compared
+_WORDS: Final = {
+    errno.EACCES: "no permission",
+    errno.EADDRINUSE: "the port is in use by another program",
+    errno.EADDRNOTAVAIL: "no address of this machine",
+    errno.ECONNABORTED: "the other side has closed the connection",
+    errno.ECONNREFUSED: "nothing listens there",
+    errno.ECONNRESET: "the other side has closed the connection",
+    errno.EEXIST: "a file of that name",
+    errno.EDQUOT: "the disk is full",
+    errno.EFBIG: "the file would be too large",
+    errno.EHOSTUNREACH: "there is no way to it",
+    errno.EISDIR: "a folder of that name",
+    errno.ELOOP: "links that lead back to themselves",
+    errno.EMFILE: "too many open files",
+    errno.ENAMETOOLONG: "the name is too long",
+    errno.ENETUNREACH: "there is no way to it",
+    errno.ENOENT: "no such file or folder",
+    errno.ENOSPC: "the disk is full",
+    errno.ENOTDIR: "no such folder",
+    errno.EPERM: "no permission",
+    errno.EPIPE: "the other side has closed the connection",
+    errno.EROFS: "the disk is read-only",
+    errno.ETIMEDOUT: "no answer in time",
+}
+
 
 def escape_unprintable(text: str) -> str:
     r"""Return a text with all characters escaped that Python calls not printable.
@@ -178,11 +206,6 @@ def import_optional(name: str, extra: str) -> Any:
         raise MissingPackage(text) from error
 
 
-CUTOFF: Final = 0.6  # of difflib's ratio, from 0 to 1, above which names are similar
-MAX_LENGTH: Final = 80  # of a name in a message
-MAX_NAMES: Final = 100  # that are listed in a message, and that are compared
-
-
 def expected_one_of(name: str, known: Collection[str]) -> str:
     """Return the message for a name that is not among the known ones.
 
@@ -224,32 +247,6 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     wanted = name[:MAX_LENGTH].casefold()
     similar = get_close_matches(wanted, names, n=1, cutoff=CUTOFF)
     return f"; did you mean {names[similar[0]]!r}?" if similar else ""
-
-
-_WORDS: Final = {
-    errno.EACCES: "no permission",
-    errno.EADDRINUSE: "the port is in use by another program",
-    errno.EADDRNOTAVAIL: "no address of this machine",
-    errno.ECONNABORTED: "the other side has closed the connection",
-    errno.ECONNREFUSED: "nothing listens there",
-    errno.ECONNRESET: "the other side has closed the connection",
-    errno.EEXIST: "a file of that name",
-    errno.EDQUOT: "the disk is full",
-    errno.EFBIG: "the file would be too large",
-    errno.EHOSTUNREACH: "there is no way to it",
-    errno.EISDIR: "a folder of that name",
-    errno.ELOOP: "links that lead back to themselves",
-    errno.EMFILE: "too many open files",
-    errno.ENAMETOOLONG: "the name is too long",
-    errno.ENETUNREACH: "there is no way to it",
-    errno.ENOENT: "no such file or folder",
-    errno.ENOSPC: "the disk is full",
-    errno.ENOTDIR: "no such folder",
-    errno.EPERM: "no permission",
-    errno.EPIPE: "the other side has closed the connection",
-    errno.EROFS: "the disk is read-only",
-    errno.ETIMEDOUT: "no answer in time",
-}
 
 
 def describe_os_error(error: OSError | UnicodeError) -> str:

@@ -44,6 +44,15 @@ MAX_FOLDERS: Final = 8  # cache folders that are kept, such as those of other br
 # decorators, others have a comment.
 MARKS: Final = (b"radarsim.jit import", b"# compiled into kernels")
 COMPILERS: Final = ("numba", "llvmlite", "numpy")  # their versions count as well
+logger: Final = logging.getLogger(__name__)
+ENGINE: Final = "the ray engine"
+# What kernels belong to, by the beginning of their module; others are of the engine.
+_SUBJECTS: Final = {
+    "radarsim.sensors.echo": "the extraction of echoes",
+    "radarsim.autonomy.mapping": "mapping",
+    "radarsim.autonomy.exploration": "exploration",
+    "radarsim.server.camera": "the camera",
+}
 
 
 @functools.cache
@@ -128,18 +137,6 @@ def _remove_oldest(parent: Path) -> None:
     folders = sorted(parent.glob(f"{PREFIX}*"), key=lambda each: -each.stat().st_mtime)
     for folder in folders[MAX_FOLDERS:]:
         shutil.rmtree(folder, ignore_errors=True)
-
-
-logger: Final = logging.getLogger(__name__)
-
-ENGINE: Final = "the ray engine"
-# What kernels belong to, by the beginning of their module; others are of the engine.
-_SUBJECTS: Final = {
-    "radarsim.sensors.echo": "the extraction of echoes",
-    "radarsim.autonomy.mapping": "mapping",
-    "radarsim.autonomy.exploration": "exploration",
-    "radarsim.server.camera": "the camera",
-}
 
 
 @dataclass(slots=True)

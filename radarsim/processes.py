@@ -33,6 +33,9 @@ _exit_codes = {int(signal.SIGINT): INTERRUPTED, int(signal.SIGTERM): TERMINATED}
 if sys.platform != "win32":
     _exit_codes[int(signal.SIGHUP)] = HUNG_UP  # the terminal was closed
 
+P = ParamSpec("P")
+T = TypeVar("T")
+
 
 @contextmanager
 def signal_handlers(
@@ -124,10 +127,6 @@ def _exit_immediately(number: int, _: FrameType | None) -> None:
 
 def _raise_exit(number: int, _: FrameType | None) -> None:
     sys.exit(_exit_codes[number])
-
-
-P = ParamSpec("P")
-T = TypeVar("T")
 
 
 class BackgroundThread:

@@ -28,6 +28,26 @@ from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 
 _TYRE: Final = 0.09  # m, width of a wheel
+HEIGHT: Final = 0.346  # m above the floor; of a P3AT's scanner
+MARGIN: Final = 0.8  # m around what is shown
+ROBOT_CLASS: Final = "P3AT"
+LEAF_OPACITY: Final = 0.35  # of the area around leaves
+_BAR_SPACE: Final = 0.06  # of the height, below what is shown, for the scale bar
+_NAME_SPACE: Final = 0.08  # of the width, on both sides, for names
+_DIGITS: Final = 6  # of rounded end points, so that lines that meet share them
+_WALLS: Final = ("wall", "fence")  # objects of these names need no label
+_SMALL: Final = 1.2  # m; names of smaller objects are written beside them
+_NAME_SHARE: Final = 0.12  # of the width, at most, that a name takes
+_DARK: Final = (Family.WOOD, Family.METAL)  # on which a name cannot be read
+# In points.
+_OFFSETS: Final = {
+    "center": (0, 0),
+    "right": (4, 0),
+    "left": (-4, 0),
+    "above": (0, 12),
+    "below": (0, -13),
+}
+_SIZE: Final = (10.5, 7.2)  # inches
 
 
 def draw_robot(
@@ -78,28 +98,6 @@ def _wheels(model: RobotModel, pose: Pose2) -> list[Pose2]:
 def _at(pose: Pose2, ahead: float, aside: float) -> tuple[float, float]:
     place = pose.compose(Pose2(ahead, aside))
     return place.x, place.y
-
-
-HEIGHT: Final = 0.346  # m above the floor; of a P3AT's scanner
-MARGIN: Final = 0.8  # m around what is shown
-ROBOT_CLASS: Final = "P3AT"
-LEAF_OPACITY: Final = 0.35  # of the area around leaves
-_BAR_SPACE: Final = 0.06  # of the height, below what is shown, for the scale bar
-_NAME_SPACE: Final = 0.08  # of the width, on both sides, for names
-_DIGITS: Final = 6  # of rounded end points, so that lines that meet share them
-_WALLS: Final = ("wall", "fence")  # objects of these names need no label
-_SMALL: Final = 1.2  # m; names of smaller objects are written beside them
-_NAME_SHARE: Final = 0.12  # of the width, at most, that a name takes
-_DARK: Final = (Family.WOOD, Family.METAL)  # on which a name cannot be read
-# In points.
-_OFFSETS: Final = {
-    "center": (0, 0),
-    "right": (4, 0),
-    "left": (-4, 0),
-    "above": (0, 12),
-    "below": (0, -13),
-}
-_SIZE: Final = (10.5, 7.2)  # inches
 
 
 @dataclass(frozen=True, slots=True, eq=False)

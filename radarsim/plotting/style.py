@@ -32,6 +32,10 @@ from radarsim.sensors.scan import Scan
 FORMS: Final = ("png", "svg", "pdf")
 # Keys of the date or the version that matplotlib would write.
 _DATES: Final = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}
+MAX_NAMES: Final = 8  # materials of one colour that a legend names
+LINE_LENGTH: Final = 26  # characters in a row of a legend
+SMOKE_OPACITY: Final = 0.7
+OUTLINE_SHADE: Final = 0.7  # brightness of the outline of an area
 
 
 def render(figure: Figure, form: str = "png", *, software: str = "radarsim") -> bytes:
@@ -57,12 +61,6 @@ def _escape_texts(figure: Figure) -> None:
     for text in figure.findobj(Text):
         if isinstance(text, Text):
             text.set_text(escape_lines(text.get_text()))
-
-
-MAX_NAMES: Final = 8  # materials of one colour that a legend names
-LINE_LENGTH: Final = 26  # characters in a row of a legend
-SMOKE_OPACITY: Final = 0.7
-OUTLINE_SHADE: Final = 0.7  # brightness of the outline of an area
 
 
 class Legend:

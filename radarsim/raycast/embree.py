@@ -88,6 +88,19 @@ SIGNATURES: Final[dict[str, tuple[type | None, list[type]]]] = {
     "rtcPointQuery": (_BOOL, [_POINTER] * 5),
     "rtcIntersect1": (None, [_POINTER, _POINTER, _POINTER]),
 }
+SLAB_BLOCK: Final = 50_000  # triangles of which intermediate results fit into memory
+# How much wider than its triangle a box is, for each metre of the scene's radius.
+# Each rounding to float32 costs up to 6e-8 of a coordinate; Embree rounds some eight
+# times before it compares.
+RELATIVE_MARGIN: Final = 2e-6
+GEOMETRY_USER: Final = 120  # one of RTCGeometryType
+_BLOCK: Final = 100_000  # triangles of which intermediate results fit into memory
+MAX_SLICES: Final = 32
+# A slice is built after so many level rays would have used it, and one more for so many
+# triangles of the scene: by then they have cost about as much as the slice will.
+RAYS_PER_SLICE: Final = 1000
+TRIANGLES_PER_RAY: Final = 20
+SMALL_SLICE: Final = 50_000  # triangles; a larger slice has half of the scene's at most
 
 
 @functools.cache
@@ -143,9 +156,6 @@ def expect_version(library: ctypes.CDLL) -> None:
         )
 
 
-SLAB_BLOCK: Final = 50_000  # triangles of which intermediate results fit into memory
-
-
 def clip_to_slab(triangles: Floats, low: float, high: float) -> Floats:
     """Return points that have the bounding boxes of the parts within a slab.
 
@@ -182,15 +192,6 @@ def _outline(corners: Floats, low: float, high: float) -> Floats:
         share = before / np.where(crosses, before - after, 1.0)
         points.append(np.where(crosses, corners + share * (ends - corners), np.nan))
     return np.concatenate(points, axis=1)
-
-
-# How much wider than its triangle a box is, for each metre of the scene's radius.
-# Each rounding to float32 costs up to 6e-8 of a coordinate; Embree rounds some eight
-# times before it compares.
-RELATIVE_MARGIN: Final = 2e-6
-
-GEOMETRY_USER: Final = 120  # one of RTCGeometryType
-_BLOCK: Final = 100_000  # triangles of which intermediate results fit into memory
 
 
 @c_callback
@@ -258,14 +259,6 @@ class _Hierarchy:
         # When Python ends, a daemon thread may still trace rays in the scene.
         close.atexit = False
         self.addresses = (scene, triangles.ctypes.data, owners.ctypes.data)
-
-
-MAX_SLICES: Final = 32
-# A slice is built after so many level rays would have used it, and one more for so many
-# triangles of the scene: by then they have cost about as much as the slice will.
-RAYS_PER_SLICE: Final = 1000
-TRIANGLES_PER_RAY: Final = 20
-SMALL_SLICE: Final = 50_000  # triangles; a larger slice has half of the scene's at most
 
 
 class EmbreeScene:

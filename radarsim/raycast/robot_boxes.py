@@ -32,6 +32,16 @@ from radarsim.jit import Int, njit_cached, njit_inline
 # footprint.
 X, Y, Z, COS, SIN, LENGTH, WIDTH, HEIGHT, FOOTPRINT_RADIUS, BOX_ID = range(10)
 NO_BOXES: Final = np.zeros((0, 10))
+SECTORS: Final = 256
+# A box that covers more sectors is listed once, as one that any ray may meet.
+MAX_SPAN: Final = SECTORS // 8
+MIN_BOXES: Final = 8  # fewer are tried one by one
+MIN_RAYS: Final = 8  # of a group, likewise
+GROUP_RADIUS: Final = 0.5  # m
+# m by which a group is larger than it has to be: rays go on behind mirrors.
+SLACK: Final = 1e-6
+MAX_SQUARE: Final = 1e30  # m2, of a distance
+MIN_HORIZONTAL: Final = 1e-6  # of a direction; steeper rays may meet any box
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,18 +168,6 @@ def box_incidence(
         else:
             cosine = abs(direction[2])
     return cosine
-
-
-SECTORS: Final = 256
-# A box that covers more sectors is listed once, as one that any ray may meet.
-MAX_SPAN: Final = SECTORS // 8
-MIN_BOXES: Final = 8  # fewer are tried one by one
-MIN_RAYS: Final = 8  # of a group, likewise
-GROUP_RADIUS: Final = 0.5  # m
-# m by which a group is larger than it has to be: rays go on behind mirrors.
-SLACK: Final = 1e-6
-MAX_SQUARE: Final = 1e30  # m2, of a distance
-MIN_HORIZONTAL: Final = 1e-6  # of a direction; steeper rays may meet any box
 
 
 class BoxIndex(NamedTuple):

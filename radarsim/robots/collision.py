@@ -62,6 +62,11 @@ CELL, REACH, MAX_SPEED = range(3)  # items of ``limits``
 
 _MIN_CELL: Final = 2.0  # m
 _CELLS_IN_REACH: Final = 3
+CONTACT_GAP: Final = 1e-3  # m left between the robot and what it runs into
+TOUCH_RANGE: Final = 2e-3  # m; anything closer touches the robot
+_WALL_RANGE: Final = 0.5  # m beyond the robot's circle within which walls are found
+_OUTLINE_RANGE: Final = 0.1  # m between the circles below which outlines matter
+_MAX_PUSHES: Final = 8  # out of two walls in turn; more would not get out of a wedge
 
 
 class RobotGrid(NamedTuple):
@@ -127,14 +132,6 @@ def enter_robots(
         grid.places[slot, ROW] = row
         grid.places[slot, NEXT] = grid.heads[bucket]
         grid.heads[bucket] = slot
-
-
-CONTACT_GAP: Final = 1e-3  # m left between the robot and what it runs into
-TOUCH_RANGE: Final = 2e-3  # m; anything closer touches the robot
-
-_WALL_RANGE: Final = 0.5  # m beyond the robot's circle within which walls are found
-_OUTLINE_RANGE: Final = 0.1  # m between the circles below which outlines matter
-_MAX_PUSHES: Final = 8  # out of two walls in turn; more would not get out of a wedge
 
 
 class Surroundings(NamedTuple):

@@ -51,6 +51,9 @@ from radarsim.robots.fleet_columns import (
 from radarsim.robots.footprint import MARGIN
 from radarsim.robots.odometry import integrate_odometry
 
+_TURN: Final = 2 * math.pi
+_MAX_SWEEP: Final = 0.05  # m; a longer step is split, not to jump over obstacles
+
 
 @dataclass(frozen=True, slots=True)
 class WheelDrive:
@@ -79,9 +82,6 @@ class WheelDrive:
         speed = value * self.max_spin / 100 if normalized else value
         speed = max(-self.max_spin, min(self.max_spin, speed))
         return speed * RAD_PER_S[self.unit]
-
-
-_TURN: Final = 2 * math.pi
 
 
 @njit_inline
@@ -142,9 +142,6 @@ def sweep_rate(left: float, right: float, track: float, radius: float) -> float:
     """
     turn = abs(right - left) / track
     return abs(left + right) / 2 + turn * radius
-
-
-_MAX_SWEEP: Final = 0.05  # m; a longer step is split, not to jump over obstacles
 
 
 @njit_cached

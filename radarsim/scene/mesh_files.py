@@ -22,6 +22,16 @@ _LIMITS: Final = {
     "bytes": MAX_FILE_BYTES,
     "bytes of text": MAX_TEXT_BYTES,
 }
+MAX_VERTICES: Final = 3 * MAX_TRIANGLES
+_STL_HEADER: Final = 84
+_STL_TRIANGLE: Final = 50
+_PLY_HEADER: Final = 16 * 1024  # bytes; common headers take a few hundred
+_PLY_BYTES: Final = {
+    **dict.fromkeys(("char", "uchar", "int8", "uint8"), 1),
+    **dict.fromkeys(("short", "ushort", "int16", "uint16"), 2),
+    **dict.fromkeys(("int", "uint", "float", "int32", "uint32", "float32"), 4),
+    **dict.fromkeys(("double", "int64", "uint64", "float64"), 8),
+}
 
 
 class MeshError(Exception):
@@ -153,19 +163,6 @@ def expect_at_most(count: int, most: int, what: str) -> None:
     """
     if count > most:
         raise MeshError(f"{count} {what}, expected at most {most}")
-
-
-MAX_VERTICES: Final = 3 * MAX_TRIANGLES
-
-_STL_HEADER: Final = 84
-_STL_TRIANGLE: Final = 50
-_PLY_HEADER: Final = 16 * 1024  # bytes; common headers take a few hundred
-_PLY_BYTES: Final = {
-    **dict.fromkeys(("char", "uchar", "int8", "uint8"), 1),
-    **dict.fromkeys(("short", "ushort", "int16", "uint16"), 2),
-    **dict.fromkeys(("int", "uint", "float", "int32", "uint32", "float32"), 4),
-    **dict.fromkeys(("double", "int64", "uint64", "float64"), 8),
-}
 
 
 def check_stl(content: bytes, budget: MeshBudget) -> None:

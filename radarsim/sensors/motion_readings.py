@@ -45,6 +45,18 @@ INS_DRIFT_INTERVAL = 0.2  # s of simulated time between two updates of the drift
 ENCODER_RESOLUTION = 0.01745  # rad per tick
 MAX_NOISE = 10.0  # times the motion itself; more overflows after a while
 ENCODER_NOISE = 0.005  # largest error, as a fraction of the total angle
+BLOCK: Final = 16  # times that random numbers are drawn ahead
+# Numbers of an INS: estimated pose and mean errors; the body's pose at the last update,
+# m, rad; standard deviation of errors; how many of the random numbers are used up.
+ESTIMATE, BIAS, BODY = 0, 6, 12
+SIGMA, INS_USED, INS_DRAWS = 18, 19, 20
+INS_NUMBERS: Final = INS_DRAWS + 6 * BLOCK
+# Numbers of a tachometer: time of the last reading, s; of the left and of the right
+# wheels: angles and speeds then, and angles that count as zero, rad, rad/s.
+READ_AT, ANGLES, SPEEDS, ANGLE_ZERO = 0, 1, 3, 5
+# Numbers of an encoder: angles of the left and of the right wheels that count as zero,
+# rad; largest error, as a fraction; how many random numbers there are, and are used up.
+TICK_ZERO, NOISE, DRAWN, USED, ENCODER_DRAWS = 0, 2, 3, 4, 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,20 +125,6 @@ def encoded_wheels(name: str, sides: Sequence[str]) -> tuple[EncodedWheel, ...]:
             return (EncodedWheel(name, sides.index(side), -1),)
     numbers = [wheel for wheel in range(len(sides)) if f"W{wheel}" in name]
     return tuple(EncodedWheel(f"W{wheel}", wheel) for wheel in numbers)
-
-
-BLOCK: Final = 16  # times that random numbers are drawn ahead
-# Numbers of an INS: estimated pose and mean errors; the body's pose at the last update,
-# m, rad; standard deviation of errors; how many of the random numbers are used up.
-ESTIMATE, BIAS, BODY = 0, 6, 12
-SIGMA, INS_USED, INS_DRAWS = 18, 19, 20
-INS_NUMBERS: Final = INS_DRAWS + 6 * BLOCK
-# Numbers of a tachometer: time of the last reading, s; of the left and of the right
-# wheels: angles and speeds then, and angles that count as zero, rad, rad/s.
-READ_AT, ANGLES, SPEEDS, ANGLE_ZERO = 0, 1, 3, 5
-# Numbers of an encoder: angles of the left and of the right wheels that count as zero,
-# rad; largest error, as a fraction; how many random numbers there are, and are used up.
-TICK_ZERO, NOISE, DRAWN, USED, ENCODER_DRAWS = 0, 2, 3, 4, 5
 
 
 def new_ins(

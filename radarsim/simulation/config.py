@@ -32,6 +32,13 @@ if TYPE_CHECKING:
     from radarsim.sensors.range_scanner import RangeScanner
 
 DEFAULT_INTERVAL: Final = 0.1  # s; of the status, and of items without another one
+MOST_RAYS: Final = 2_000  # in a scan; that takes some ms with all echoes
+MOST_RAYS_A_SECOND: Final = 50_000
+MOST_EXTRA_RAYS: Final = (
+    500_000  # a second that all robots add to those of their classes
+)
+MOST_DIRECTIONS: Final = 5_000  # of which rays are drawn; preparing them takes 1 ms
+NAMES: Final = ("rays in a scan", "rays a second", "directions of rays in a scan")
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,14 +220,6 @@ class SimulationConfig:
         return intervals.get(item.type, DEFAULT_INTERVAL)
 
 
-MOST_RAYS: Final = 2_000  # in a scan; that takes some ms with all echoes
-MOST_RAYS_A_SECOND: Final = 50_000
-MOST_EXTRA_RAYS: Final = (
-    500_000  # a second that all robots add to those of their classes
-)
-MOST_DIRECTIONS: Final = 5_000  # of which rays are drawn; preparing them takes 1 ms
-
-
 class RayCounts(NamedTuple):
     """How much a scanner asks for.
 
@@ -249,7 +248,6 @@ class RayCounts(NamedTuple):
 
 
 LIMITS: Final = RayCounts(MOST_RAYS, MOST_RAYS_A_SECOND, MOST_DIRECTIONS)
-NAMES: Final = ("rays in a scan", "rays a second", "directions of rays in a scan")
 
 
 def check_rays(item: Item, config: SimulationConfig, first: SimulationConfig) -> None:

@@ -22,6 +22,14 @@ from radarsim.autonomy.plotting.panels import Extent
 from radarsim.geometry import Floats
 from radarsim.robots.obstacles import area_within
 
+FAINTEST, STRONGEST = 0.12, 0.5  # opacity of cells where one, or most beams ended
+_BLOCK: Final = 3  # cells along a side of a square that has one dot
+_LEAST, _MOST = 0.2, 0.5  # diameter of a dot, in sides of its square
+_SAMPLE: Final = 7.0  # points; of cells in the legend
+_DOT_SAMPLE: Final = 3.0  # points; likewise of dots
+_ENTERED: Final = {"foliage": "foliage", "cloud": "smoke"}  # kinds that beams enter
+_ZORDER: Final = 2.5
+
 
 class CellImage(AxesImage):
     """Square cells, each pixel in the colour of the cell at its middle.
@@ -83,15 +91,6 @@ def _indices(
     places: Floats = low + (np.arange(pixels) + 0.5) / pixels * (high - low)
     index = np.floor((places - span[0]) / (span[1] - span[0]) * cells)
     return np.asarray(np.clip(index, -1, cells) + 1, dtype=np.int64)
-
-
-FAINTEST, STRONGEST = 0.12, 0.5  # opacity of cells where one, or most beams ended
-_BLOCK: Final = 3  # cells along a side of a square that has one dot
-_LEAST, _MOST = 0.2, 0.5  # diameter of a dot, in sides of its square
-_SAMPLE: Final = 7.0  # points; of cells in the legend
-_DOT_SAMPLE: Final = 3.0  # points; likewise of dots
-_ENTERED: Final = {"foliage": "foliage", "cloud": "smoke"}  # kinds that beams enter
-_ZORDER: Final = 2.5
 
 
 class SensedCells:

@@ -35,6 +35,11 @@ _COLOURS: Final = 255  # of a GIF frame
 _UNCHANGED: Final = 255  # index of pixels that stay as they are
 _QUALITY: Final = 8.0  # of 10
 _HEAD: Final = 1 << 16  # bytes at the beginning of an MP4 file that list its contents
+SPEED: Final = 6.0  # simulated seconds per second of film
+HOLD: Final = 2.0  # s for which the last frame is shown
+_AHEAD: Final = 4  # frames that wait for the encoder at most
+_LONGEST_GAP: Final = 20  # frames for which a film waits for a scan
+_PATIENCE: Final = 10.0  # s for the encoder to stop once the film is given up
 
 
 class FilmEncoder(Protocol):
@@ -183,13 +188,6 @@ class Mp4Encoder:
     def close(self) -> None:
         """Let ffmpeg complete the file, and wait for it."""
         self._frames.close()
-
-
-SPEED: Final = 6.0  # simulated seconds per second of film
-HOLD: Final = 2.0  # s for which the last frame is shown
-_AHEAD: Final = 4  # frames that wait for the encoder at most
-_LONGEST_GAP: Final = 20  # frames for which a film waits for a scan
-_PATIENCE: Final = 10.0  # s for the encoder to stop once the film is given up
 
 
 class FrameCanvas:

@@ -47,6 +47,22 @@ _HEAD: Final = Path(
 _SIZE: Final = 11.0  # points
 _EVERY: Final = 0.25  # of the width of the panel from one to the next
 _AROUND: Final = 0.15  # m of the path before and after, which give the direction
+AROUND: Final = 3.0  # m around the path that are shown
+NO_PATH: Final[Floats] = np.zeros((0, 2))
+ROBOT_OPACITY: Final = 0.6  # so that markers on it stand out
+_MARGIN: Final = 0.6  # m
+_WIDEST, _TALLEST = 900, 640  # pixels of a panel, at most
+_CLOSEST: Final = 160.0  # pixels per metre, at most
+_GOAL_LINE: Final[dict[str, Any]] = {
+    "color": "0.3",
+    "linestyle": "--",
+    "linewidth": 1.0,
+}
+_TRUE_PATH: Final[dict[str, Any]] = {
+    "color": palette.TRUE_PATH,
+    "linestyle": (0, (1.0, 1.6)),
+    "linewidth": 1.1,
+}
 
 
 def arrow_places(path: Floats, spacing: float) -> Floats:
@@ -87,14 +103,6 @@ def draw_arrows(axes: Axes, path: Floats, zorder: float) -> list[Artist]:
             zorder=zorder,
         )
     return drawn
-
-
-AROUND: Final = 3.0  # m around the path that are shown
-NO_PATH: Final[Floats] = np.zeros((0, 2))
-ROBOT_OPACITY: Final = 0.6  # so that markers on it stand out
-_MARGIN: Final = 0.6  # m
-_WIDEST, _TALLEST = 900, 640  # pixels of a panel, at most
-_CLOSEST: Final = 160.0  # pixels per metre, at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,18 +253,6 @@ class RunPanel:
     def artists(self) -> list[Artist]:
         """Everything in the panel, by which a film draws a frame."""
         return [*self._areas, *self._sensed.artists, *self._moving]
-
-
-_GOAL_LINE: Final[dict[str, Any]] = {
-    "color": "0.3",
-    "linestyle": "--",
-    "linewidth": 1.0,
-}
-_TRUE_PATH: Final[dict[str, Any]] = {
-    "color": palette.TRUE_PATH,
-    "linestyle": (0, (1.0, 1.6)),
-    "linewidth": 1.1,
-}
 
 
 def draw_run(view: RunView, *, form: str = "png") -> bytes:

@@ -54,6 +54,13 @@ from radarsim.protocol.reports import (
 
 SAME_RANGES: Final = 4  # equal largest ranges in a scan that are its maximum range
 ANY: Final = ""  # instead of a name: all items of a type
+log = logging.getLogger("radarsim.autonomy.proxy")
+PATIENCE: Final = 3.0  # s from the first scan for the client to ask about its scanner
+MAX_WAITING_SCANS: Final = 100  # in that time; some servers do not send the time
+MAX_EARLY_REPORTS: Final = 200  # held of each connection before its first scan
+# s between switches of threads: ten times as often as usual, so that the proxy's thread
+# waits less for the interpreter while the observer works.
+SWITCH_INTERVAL: Final = 0.0005
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,16 +190,6 @@ class ConnectionState:
 def _default_mount(scan: RangeScan, defaults: ScannerDefaults) -> ItemGeo:
     mount = defaults.mount or DEFAULT_MOUNT
     return ItemGeo(RANGE_SCANNER, ((scan.name, mount),), "")
-
-
-log = logging.getLogger("radarsim.autonomy.proxy")
-
-PATIENCE: Final = 3.0  # s from the first scan for the client to ask about its scanner
-MAX_WAITING_SCANS: Final = 100  # in that time; some servers do not send the time
-MAX_EARLY_REPORTS: Final = 200  # held of each connection before its first scan
-# s between switches of threads: ten times as often as usual, so that the proxy's thread
-# waits less for the interpreter while the observer works.
-SWITCH_INTERVAL: Final = 0.0005
 
 
 class Consumer(Protocol):

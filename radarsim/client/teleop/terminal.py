@@ -46,6 +46,25 @@ REPEAT_HOLD: Final = 0.3  # s; some repeats may come late over a network
 REPEAT_GAP: Final = 0.2  # s; faster presses of one key count as a held key
 SPEED_STEP: Final = 0.05  # m/s
 TURN_SHARE: Final = 0.3  # share of the speed that wheels have in a turn on the spot
+Draw: TypeAlias = Callable[[int, int], list[Fragments]]
+ZOOM_KEYS: Final = {"z": -1, "x": 1}
+QUIT_KEYS: Final = {"q": 0, "escape": 0, "c-c": 130, "<sigint>": 130}
+MIN_COLUMNS: Final = 64  # in a narrower terminal the panel is hidden
+ESCAPE_TIMEOUT: Final = (
+    0.05  # s; a longer pause after the byte of Esc means the key Esc itself
+)
+MIN_REDRAW_INTERVAL: Final = 0.04  # s between two drawings
+STYLE: Final = Style(
+    [
+        ("far", ""),
+        ("middle", "ansiyellow"),
+        ("near", "ansired bold"),
+        ("robot", "ansicyan bold"),
+        ("scale", "ansibrightblack"),
+        ("help", "reverse"),
+        ("warning", "ansired bold"),
+    ]
+)
 
 
 class Key(StrEnum):
@@ -127,8 +146,6 @@ class Steering:
         return REPEAT_HOLD if last is key and now - when < REPEAT_GAP else FIRST_HOLD
 
 
-Draw: TypeAlias = Callable[[int, int], list[Fragments]]
-
 DRIVE_KEYS: Final = {
     Key.AHEAD: ("up", "w"),
     Key.BACK: ("down", "s"),
@@ -138,25 +155,6 @@ DRIVE_KEYS: Final = {
     Key.FASTER: ("pageup", "+", "="),
     Key.SLOWER: ("pagedown", "-"),
 }
-ZOOM_KEYS: Final = {"z": -1, "x": 1}
-QUIT_KEYS: Final = {"q": 0, "escape": 0, "c-c": 130, "<sigint>": 130}
-
-MIN_COLUMNS: Final = 64  # in a narrower terminal the panel is hidden
-ESCAPE_TIMEOUT: Final = (
-    0.05  # s; a longer pause after the byte of Esc means the key Esc itself
-)
-MIN_REDRAW_INTERVAL: Final = 0.04  # s between two drawings
-STYLE: Final = Style(
-    [
-        ("far", ""),
-        ("middle", "ansiyellow"),
-        ("near", "ansired bold"),
-        ("robot", "ansicyan bold"),
-        ("scale", "ansibrightblack"),
-        ("help", "reverse"),
-        ("warning", "ansired bold"),
-    ]
-)
 
 
 class DrawnControl(UIControl):

@@ -24,6 +24,28 @@ DOTS_ACROSS: Final = 2
 DOTS_DOWN: Final = 4
 BRAILLE: Final = 0x2800  # the character without dots
 BITS: Final = np.array([[1, 8], [2, 16], [4, 32], [64, 128]])
+RADII: Final = (1, 2, 5, 10, 20, 50, 100)  # m, from the robot to the nearer edges
+BARS: Final = (0.5, 1, 2, 5, 10, 20, 50, 100)  # m
+LONGEST_BAR: Final = 1 / 3  # of the width
+MIN_HULL: Final = 8  # dots; a shorter hull is not drawn, only the arrow
+NEAR: Final = 0.3  # m from the circle that a turning robot needs
+MIDDLE: Final = 1.0  # m
+STYLES: Final = ("class:far", "class:middle", "class:near", "class:robot")
+FAR_STYLE, MIDDLE_STYLE, NEAR_STYLE, ROBOT_STYLE = STYLES
+SCALE_STYLE: Final = "class:scale"
+WIDTH: Final = 31  # columns
+WARNING: Final = "class:warning"
+SILENCE_WARNING: Final = (
+    0.6  # s without reports from the server, which sends some every 0.2 s
+)
+HELP: Final = "arrows or WASD drive  space stops  +/- speed  z/x zoom  q quits"
+SHORTER_HELP: Final = (  # for narrow terminals: how to end is the last to go
+    "WASD drive  space stops  +/- speed  q quits",
+    "WASD drive  space stops  q quits",
+    "space stops  q quits",
+    "q quits",
+)
+POSE_ROWS: Final = (("INS", Ins), ("odometry", Odometry), ("truth", GroundTruth))
 
 
 class Canvas:
@@ -100,18 +122,6 @@ def _joined(cells: Fragments) -> Fragments:
     ]
 
 
-RADII: Final = (1, 2, 5, 10, 20, 50, 100)  # m, from the robot to the nearer edges
-BARS: Final = (0.5, 1, 2, 5, 10, 20, 50, 100)  # m
-LONGEST_BAR: Final = 1 / 3  # of the width
-MIN_HULL: Final = 8  # dots; a shorter hull is not drawn, only the arrow
-NEAR: Final = 0.3  # m from the circle that a turning robot needs
-MIDDLE: Final = 1.0  # m
-
-STYLES: Final = ("class:far", "class:middle", "class:near", "class:robot")
-FAR_STYLE, MIDDLE_STYLE, NEAR_STYLE, ROBOT_STYLE = STYLES
-SCALE_STYLE: Final = "class:scale"
-
-
 def style_of(distance: float, clearance: float) -> str:
     """Return the style of a point at a distance from the robot's centre.
 
@@ -183,21 +193,6 @@ def _hull(robot_info: RobotInfo, dots_per_metre: float) -> Floats:
     outline = np.concatenate([np.column_stack(side) for side in sides])
     scaled: Floats = outline * (robot_info.length, robot_info.width)
     return scaled
-
-
-WIDTH: Final = 31  # columns
-WARNING: Final = "class:warning"
-SILENCE_WARNING: Final = (
-    0.6  # s without reports from the server, which sends some every 0.2 s
-)
-HELP: Final = "arrows or WASD drive  space stops  +/- speed  z/x zoom  q quits"
-SHORTER_HELP: Final = (  # for narrow terminals: how to end is the last to go
-    "WASD drive  space stops  +/- speed  q quits",
-    "WASD drive  space stops  q quits",
-    "space stops  q quits",
-    "q quits",
-)
-POSE_ROWS: Final = (("INS", Ins), ("odometry", Odometry), ("truth", GroundTruth))
 
 
 def panel_lines(

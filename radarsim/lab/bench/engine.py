@@ -32,6 +32,32 @@ from radarsim.sensors.scanning import ScanRequest, scan_batch
 WALL = Material("wall")
 FOLIAGE = Material("foliage", density=1.0)
 SENSOR = (-6.0, 0.0, 0.0)  # x, y, yaw in all of these scenes
+BATCH = 100
+# Upper limits of the ratio to a raw first-hit call, for the foliage wall and the room.
+LIMITS = {"361 beams": 2.0, "1801 beams": 2.0, "100 scans of 361 beams": 2.0}
+ROOM_LIMITS = dict.fromkeys(LIMITS, 1.7)
+BEAMS_361 = {"resolution_deg": 0.5}
+CONE = {"side_mode": "cone", "beamwidth_az_deg": 2, "beamwidth_el_deg": 2}
+# Settings of the measured sensors, and the number of rays of each beam.
+MULTI_RAY_SENSORS: dict[str, tuple[dict[str, Any], int]] = {
+    "echoes of the drawn ray": ({"return_mode": "all", "ray_choice": "drawn"}, 1),
+    "echoes of all three rays": ({"return_mode": "all"}, 3),
+    "incidence weights": ({"incidence_weights": True}, 3),
+    "cone of 16": ({**CONE, "cone_rays": 16, "ray_choice": "together"}, 16),
+    "cone of 16 random rays": (
+        {
+            **CONE,
+            "cone_rays": 16,
+            "ray_choice": "together",
+            "cone_sampling": "random",
+        },
+        16,
+    ),
+}
+# Settings that reduce such a sensor to one drawn ray for each beam.
+PLAIN = {"return_mode": "last", "incidence_weights": False, "ray_choice": "drawn"}
+BOUNCES = 2
+TRIANGLES = 1_000_000
 
 
 def foliage_wall(spheres: int = 60) -> Scene:
@@ -100,12 +126,6 @@ def _placed(
 ) -> Part:
     vertices, faces = shape
     return Part(name, material, vertices + np.array(place), faces)
-
-
-BATCH = 100
-# Upper limits of the ratio to a raw first-hit call, for the foliage wall and the room.
-LIMITS = {"361 beams": 2.0, "1801 beams": 2.0, "100 scans of 361 beams": 2.0}
-ROOM_LIMITS = dict.fromkeys(LIMITS, 1.7)
 
 
 def radar_with(beams: int) -> RangeScanner:
@@ -216,28 +236,6 @@ def _scan_row(
     return BenchmarkRow("d", f"{scene.name}, {name}", taken * 1e6, "us")
 
 
-BEAMS_361 = {"resolution_deg": 0.5}
-CONE = {"side_mode": "cone", "beamwidth_az_deg": 2, "beamwidth_el_deg": 2}
-# Settings of the measured sensors, and the number of rays of each beam.
-MULTI_RAY_SENSORS: dict[str, tuple[dict[str, Any], int]] = {
-    "echoes of the drawn ray": ({"return_mode": "all", "ray_choice": "drawn"}, 1),
-    "echoes of all three rays": ({"return_mode": "all"}, 3),
-    "incidence weights": ({"incidence_weights": True}, 3),
-    "cone of 16": ({**CONE, "cone_rays": 16, "ray_choice": "together"}, 16),
-    "cone of 16 random rays": (
-        {
-            **CONE,
-            "cone_rays": 16,
-            "ray_choice": "together",
-            "cone_sampling": "random",
-        },
-        16,
-    ),
-}
-# Settings that reduce such a sensor to one drawn ray for each beam.
-PLAIN = {"return_mode": "last", "incidence_weights": False, "ray_choice": "drawn"}
-
-
 def beams_against_rays(seconds: float) -> Iterator[BenchmarkRow]:
     """Measure scans of many rays against as many scans of one drawn ray."""
     scene = foliage_wall()
@@ -260,10 +258,6 @@ def beams_against_rays(seconds: float) -> Iterator[BenchmarkRow]:
 def _repeat(run: Callable[[], object], times: int) -> None:
     for _ in range(times):
         run()
-
-
-BOUNCES = 2
-TRIANGLES = 1_000_000
 
 
 def mirrors_and_leaves(seconds: float) -> Iterator[BenchmarkRow]:

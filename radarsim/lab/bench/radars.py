@@ -25,6 +25,9 @@ from radarsim.sensors.range_scanner import load_sensor, sensor_pose
 MAP = "foliage_room"
 PLACE = (-8.0, 0.0, 0.0)
 LIMIT = 4.0
+PLAIN: Final = 20  # robots
+SETTLE_SECONDS: Final = 2.0  # until the radar has turned twice
+TURN: Final = re.compile(rb"\{Type RangeScanner\} \{Name Navtech\}")
 
 
 def turns_of_a_radar(seconds: float) -> Iterator[BenchmarkRow]:
@@ -48,11 +51,6 @@ def turns_of_a_radar(seconds: float) -> Iterator[BenchmarkRow]:
     note = f"{result.subject * 1e3:.0f} ms against {result.reference * 1e3:.0f}"
     title = f"{settings.azimuths} x {settings.bins} bins in {MAP}"
     yield BenchmarkRow("p", title, result.ratio, "x", LIMIT, note)
-
-
-PLAIN: Final = 20  # robots
-SETTLE_SECONDS: Final = 2.0  # until the radar has turned twice
-TURN: Final = re.compile(rb"\{Type RangeScanner\} \{Name Navtech\}")
 
 
 def turning_radar(seconds: float, robots: int = PLAIN) -> Iterator[BenchmarkRow]:

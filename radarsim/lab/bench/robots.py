@@ -32,6 +32,12 @@ GAP: Final = 2.4  # m between robots
 STRIDE: Final = 803  # has no divisor in common with the number of places
 TURN: Final = 2.4  # rad from each robot to the next
 FAST, SLOW = 4.0, 2.5  # rad/s of the wheels outside and inside of a circle
+ROBOTS: Final = 100
+# Upper limits of the ratio to a raw first-hit call, by the number of poles in a row.
+LIMITS: Final = {POLES: 4.0, 0: 8.0}
+# Upper limits of what a robot costs among so many others, by what it costs among 100.
+GROWTH_LIMITS: Final = {1: None, 400: 1.3, 1000: None}
+SETTLE_TICKS: Final = 30  # until robots drive and their scans are spread over the ticks
 
 
 def hall_map(poles: int) -> str:
@@ -89,14 +95,6 @@ def _box(
         f"{{name: {name}, box: [{size[0]:g}, {size[1]:g}, {size[2]:g}],"
         f" position: [{at[0]:g}, {at[1]:g}, {at[2]:g}], material: concrete}}"
     )
-
-
-ROBOTS: Final = 100
-# Upper limits of the ratio to a raw first-hit call, by the number of poles in a row.
-LIMITS: Final = {POLES: 4.0, 0: 8.0}
-# Upper limits of what a robot costs among so many others, by what it costs among 100.
-GROWTH_LIMITS: Final = {1: None, 400: 1.3, 1000: None}
-SETTLE_TICKS: Final = 30  # until robots drive and their scans are spread over the ticks
 
 
 class DrivingRobots:

@@ -45,6 +45,17 @@ COUNT: Final = 10  # scans
 CELL: Final = 0.2  # m; readings that differ by no more are the same
 
 Mask = NDArray[np.bool_]
+NAMES: Final = {RADAR: "Radar", LASER: "Laser"}
+COLOURS: Final = {RADAR: palette.RADAR, LASER: palette.LASER}
+AIRS: Final = {"clear": "clear air", "dust": "heavy dust"}
+Samples: TypeAlias = dict[str, Line2D]  # of a legend, by their text
+READINGS: Final = "readings"  # label of their marks
+_EDGE: Final = 1.0  # m around all that is shown
+_BELOW: Final = 1.0  # m more below it, for the scale bar
+_OF_OBJECT: Final[Any] = {"marker": "o", "markersize": 3.2, "markeredgewidth": 0}
+_OF_DUST: Final[Any] = {"marker": "x", "markersize": 5, "markeredgewidth": 1.0}
+_SAMPLE: Final = 6.0  # points, of marks in the legend
+_OUTLINE: Final = 1.1  # points, around pale objects
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,19 +130,6 @@ def _crosses(scan: Scan) -> Mask:
     starts = np.broadcast_to(scan.pose.position()[:2], ends.shape)
     lines = shapely.linestrings(np.stack([starts, ends], axis=1))
     return np.asarray(shapely.intersects(lines, shapely.box(*dust_extent().ravel())))
-
-
-NAMES: Final = {RADAR: "Radar", LASER: "Laser"}
-COLOURS: Final = {RADAR: palette.RADAR, LASER: palette.LASER}
-AIRS: Final = {"clear": "clear air", "dust": "heavy dust"}
-Samples: TypeAlias = dict[str, Line2D]  # of a legend, by their text
-READINGS: Final = "readings"  # label of their marks
-_EDGE: Final = 1.0  # m around all that is shown
-_BELOW: Final = 1.0  # m more below it, for the scale bar
-_OF_OBJECT: Final[Any] = {"marker": "o", "markersize": 3.2, "markeredgewidth": 0}
-_OF_DUST: Final[Any] = {"marker": "x", "markersize": 5, "markeredgewidth": 1.0}
-_SAMPLE: Final = 6.0  # points, of marks in the legend
-_OUTLINE: Final = 1.1  # points, around pale objects
 
 
 def draw_readings(seed: int, *, sensor: str, air: str) -> DrawnFigure:

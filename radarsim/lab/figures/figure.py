@@ -27,6 +27,11 @@ from radarsim.sensors.scan import Scan
 
 ROBOT = "P3AT"
 START = "RobotStart1"
+_WHITE: Final = 255
+_GAP: Final = 24  # pixels between drawings
+TITLE_GAP: Final = 0.16  # inches above the title
+TITLE_SIZE: Final = 17  # points
+_SMALL_PRINT: Final = 0.52  # inches from the top
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,13 +129,6 @@ def _as_text(value: str | float | tuple[float, ...]) -> str:
     if isinstance(value, tuple):
         return ",".join(f"{each:g}" for each in value)
     return value if isinstance(value, str) else f"{value:g}"
-
-
-_WHITE: Final = 255
-_GAP: Final = 24  # pixels between drawings
-TITLE_GAP: Final = 0.16  # inches above the title
-TITLE_SIZE: Final = 17  # points
-_SMALL_PRINT: Final = 0.52  # inches from the top
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,6 +24,10 @@ FAR: Final = 80.0  # m; the Hokuyo's maximum range in these figures
 COUNT: Final = 20  # scans of figures 9 and 10
 STEP: Final = 0.2  # m; ranges that differ by more count as different
 _PLACES: Final = (np.arange(-9.5, -1.4, 1.0), np.arange(-5.5, 5.6, 1.0))  # x, y in m
+FRAME: Final = (0.01, 0.06, 0.98, 0.87)  # of the axes in a figure of SIZE
+SIZE: Final = (12, 8.2)  # inches
+_EDGE: Final = 0.45  # m around the room
+_BELOW: Final = 0.6  # m more below it, for the scale bar
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,12 +143,6 @@ def count_changes(scene: Scene, scans: Sequence[Scan]) -> Changes:
         int((changed & same & ~bushes).sum()),
         int((changed & same & bushes).sum()),
     )
-
-
-FRAME: Final = (0.01, 0.06, 0.98, 0.87)  # of the axes in a figure of SIZE
-SIZE: Final = (12, 8.2)  # inches
-_EDGE: Final = 0.45  # m around the room
-_BELOW: Final = 0.6  # m more below it, for the scale bar
 
 
 def new_sheet() -> tuple[Figure, Axes]:

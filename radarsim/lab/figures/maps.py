@@ -36,6 +36,10 @@ WAYPOINTS: Final = (
     (-2.0, -5.0),
     (-2.0, 5.0),
 )  # along all bushes, 2.5 m before their middles
+NAMES: Final = ("radar", "laser")
+MIN_CORE: Final = 0.01  # share of cells not sensed from which a bush has a core
+_TEXT: Final = 13.0  # points; the page shows it at half its size
+_BELOW_WALL: Final = 0.8  # m from the end of the bushes to the name of the yard
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,12 +204,6 @@ def _aligned_cells(
     frame = run.grid.frame.extended_to((west, south), (east, north))
     x, y = np.meshgrid(*frame.cell_centers())
     return run.grid.frame.copy_into(cells, frame), x, y
-
-
-NAMES: Final = ("radar", "laser")
-MIN_CORE: Final = 0.01  # share of cells not sensed from which a bush has a core
-_TEXT: Final = 13.0  # points; the page shows it at half its size
-_BELOW_WALL: Final = 0.8  # m from the end of the bushes to the name of the yard
 
 
 def draw_maps(seed: int, *, waypoints: tuple[Point, ...] = WAYPOINTS) -> DrawnFigure:

@@ -30,6 +30,13 @@ HULL, DARK = Material("hull"), Material("tyre")
 _TYRE_WIDTH: Final = 0.09  # m
 _DECK_HEIGHT: Final = 0.03  # m
 _CLEARANCE: Final = 0.06  # m between the floor and the body
+SUN: Final = np.array([-0.62, 0.22, 0.75])  # to the light: above left in a plan
+_SHADE: Final = 0.78  # brightness of the ground in shadows
+_LARGEST: Final = 2.0  # m, of sides of triangles that are painted obliquely
+_FINE: Final = 0.08  # m; the same of a robot, whose parts are close together
+_SEAM: Final = 0.6  # points; lines that close seams between triangles
+_PALER: Final = 0.65  # share of white in the colour of the ground
+_FLAT: Final = 0.05  # m above the lowest start, up to which a part is ground
 
 
 def robot_parts(model: RobotModel, pose: Pose2) -> tuple[Part, ...]:
@@ -82,15 +89,6 @@ def _placed(vertices: Floats, pose: Pose2) -> Floats:
     c, s = np.cos(pose.yaw), np.sin(pose.yaw)
     turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])  # of rows
     return np.asarray(vertices @ turn + np.array([pose.x, pose.y, 0.0]))
-
-
-SUN: Final = np.array([-0.62, 0.22, 0.75])  # to the light: above left in a plan
-_SHADE: Final = 0.78  # brightness of the ground in shadows
-_LARGEST: Final = 2.0  # m, of sides of triangles that are painted obliquely
-_FINE: Final = 0.08  # m; the same of a robot, whose parts are close together
-_SEAM: Final = 0.6  # points; lines that close seams between triangles
-_PALER: Final = 0.65  # share of white in the colour of the ground
-_FLAT: Final = 0.05  # m above the lowest start, up to which a part is ground
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,6 +37,17 @@ _MATERIALS: Final = """\
   hedge: {based_on: hedge, density: 1.0}
   smoke: {density: 0, laser_density: 0.5, laser_db_per_m: 2.3, solid: false}
 """
+MAPPING: Final = "map"
+RADAR: Final = "radar"
+SENSORS: Final = (RADAR, "physical", "hokuyo", "sick")
+QUICK: Final = ("smoke_corridor",)
+MAPPED: Final = ("hidden_room", "office")  # rooms with walls around
+BEAMS: Final = {"fov_deg": 358, "resolution_deg": 2}  # as many as in half a circle by 1
+DRIVING_TIME: Final = 900.0  # s of simulated time
+MAPPING_TIME: Final = 120.0  # s of simulated time
+MEASURED: Final = ("outcome", "collisions", "path_length", "time")
+SHARES: Final = ("reachable_coverage", "hidden_coverage", "within_two_cells")
+DRIVEN: Final = (*MEASURED[:3], "shortest_path", "time", "note")
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,19 +193,6 @@ _DRAWERS: Final[dict[str, Callable[[np.random.Generator], StudyMap]]] = {
     "dead_end": _dead_end,
 }
 KINDS: Final = (*_DRAWERS, *_FAMILIES)
-
-
-MAPPING: Final = "map"
-RADAR: Final = "radar"
-SENSORS: Final = (RADAR, "physical", "hokuyo", "sick")
-QUICK: Final = ("smoke_corridor",)
-MAPPED: Final = ("hidden_room", "office")  # rooms with walls around
-BEAMS: Final = {"fov_deg": 358, "resolution_deg": 2}  # as many as in half a circle by 1
-DRIVING_TIME: Final = 900.0  # s of simulated time
-MAPPING_TIME: Final = 120.0  # s of simulated time
-MEASURED: Final = ("outcome", "collisions", "path_length", "time")
-SHARES: Final = ("reachable_coverage", "hidden_coverage", "within_two_cells")
-DRIVEN: Final = (*MEASURED[:3], "shortest_path", "time", "note")
 
 
 @dataclass(frozen=True, slots=True)

@@ -95,6 +95,17 @@ _ABOUT: Final = {
     "forest": "Trunks of 10 to 50 cm. In some maps the goal is fenced in.",
     "office": "Six rooms with doors of all widths, some of them too narrow.",
 }
+LOG: Final = "runs.jsonl"
+TABLE: Final = "runs.csv"
+FIGURE: Final = "radar_vs_laser.png"
+PAGE: Final = "index.html"
+_KEYS: Final = ("version", "seed", "map", "sensor", "method", "outcome")
+_COLUMNS: Final = (
+    *("seed", "map", "sensor", "method", "expected", "outcome", "collisions"),
+    *("path_length", "shortest_path", "time", "reachable_coverage"),
+    *("hidden_coverage", "within_two_cells", "note"),
+)
+Row = dict[str, Any]
 
 
 def render_study(
@@ -311,20 +322,6 @@ def _marked(text: str) -> str:
         f"<code>{part}</code>" if number % 2 else part
         for number, part in enumerate(parts)
     )
-
-
-LOG: Final = "runs.jsonl"
-TABLE: Final = "runs.csv"
-FIGURE: Final = "radar_vs_laser.png"
-PAGE: Final = "index.html"
-_KEYS: Final = ("version", "seed", "map", "sensor", "method", "outcome")
-_COLUMNS: Final = (
-    *("seed", "map", "sensor", "method", "expected", "outcome", "collisions"),
-    *("path_length", "shortest_path", "time", "reachable_coverage"),
-    *("hidden_coverage", "within_two_cells", "note"),
-)
-
-Row = dict[str, Any]
 
 
 def read_runs(folder: Path) -> dict[StudyTask, Row]:

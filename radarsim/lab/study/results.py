@@ -19,6 +19,21 @@ from scipy import special
 from radarsim.lab.study.maps import KINDS, MAPPED, MAPPING, RADAR, SENSORS
 
 CONFIDENCE: Final = 0.95
+Row = Mapping[str, Any]
+TITLES: Final = {
+    "smoke_corridor": "a corridor full of smoke",
+    "hidden_room": "a room behind bushes",
+    "dead_end": "a hedge with a dead end",
+    "thin_bushes": "thin bushes",
+    "forest": "a forest",
+    "office": "an office",
+}
+# Why drives end without a verdict.
+WOULD_NOT_START: Final = "would not start"
+STUCK: Final = "got stuck"
+OUT_OF_TIME: Final = "was not there in time"
+OTHERWISE: Final = "failed otherwise"
+_STANDING: Final = 0.05  # m; a robot that drives less has stayed where it was
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,26 +101,6 @@ def mean(values: Sequence[float]) -> Estimate:
     error = float(np.std(values, ddof=1)) / math.sqrt(count)
     half = float(special.stdtrit(count - 1, (1 + CONFIDENCE) / 2)) * error
     return Estimate(value, value - half, value + half, count)
-
-
-Row = Mapping[str, Any]
-
-TITLES: Final = {
-    "smoke_corridor": "a corridor full of smoke",
-    "hidden_room": "a room behind bushes",
-    "dead_end": "a hedge with a dead end",
-    "thin_bushes": "thin bushes",
-    "forest": "a forest",
-    "office": "an office",
-}
-
-# Why drives end without a verdict.
-WOULD_NOT_START: Final = "would not start"
-STUCK: Final = "got stuck"
-OUT_OF_TIME: Final = "was not there in time"
-OTHERWISE: Final = "failed otherwise"
-
-_STANDING: Final = 0.05  # m; a robot that drives less has stayed where it was
 
 
 @dataclass(frozen=True, slots=True)

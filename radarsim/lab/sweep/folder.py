@@ -29,6 +29,10 @@ EXTRA: Final = "sweep"
 _GROUP: Final = 256  # tasks in a row group
 
 Row = dict[str, Any]
+LOG: Final = "tasks.jsonl"
+TABLE: Final = "rows.parquet"
+ABOUT: Final = "sweep.json"
+FIGURE: Final = "figure.png"
 
 
 def flat_parameters(task: Parameters) -> Row:
@@ -116,12 +120,6 @@ def _kind_of(arrow: Any, values: list[Any]) -> Any:
     if all(isinstance(value, list) for value in values):
         return arrow.list_(arrow.float64())
     return arrow.string()
-
-
-LOG: Final = "tasks.jsonl"
-TABLE: Final = "rows.parquet"
-ABOUT: Final = "sweep.json"
-FIGURE: Final = "figure.png"
 
 
 @dataclass(frozen=True, slots=True)

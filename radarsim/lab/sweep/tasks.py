@@ -55,6 +55,8 @@ TRIAL_VALUES: Final = (
 Row = dict[str, Any]
 
 _scenes: dict[str, Scene] = {}  # of this process, by their digests
+EXTRA: Final = "cluster"
+_CONNECTING: Final = 30  # s
 
 
 def load_scenes(path: Path, sweep: SweepFile) -> dict[str, Scene]:
@@ -180,10 +182,6 @@ def _host(task: Parameters, scene: Scene) -> Host:
     settings["sensor"] = settings.pop("name")
     config = SimulationConfig(item_settings={SCANNER: settings})
     return Host(scene, config=config, seed=task["seed"])
-
-
-EXTRA: Final = "cluster"
-_CONNECTING: Final = 30  # s
 
 
 @contextmanager

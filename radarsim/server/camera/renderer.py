@@ -38,6 +38,20 @@ if TYPE_CHECKING:
     from radarsim.simulation.simulation import Simulation
 
 MOUNT: Final = Pose3(0.1005, 0.0, 0.42)  # of the original's camera on a P3AT
+FULL_POWER: Final = 50.0  # a ray that has lost it sees nothing: exp(-50) is 2e-22
+AMBIENT: Final = 0.45  # brightness of a surface along the ray
+# numba compiles plain integers faster than the members of an enumeration.
+_START_INSIDE, _ENTER = int(EventKind.START_INSIDE), int(EventKind.ENTER)
+_LEAVE, _OUT_OF_RANGE = int(EventKind.LEAVE), int(EventKind.OUT_OF_RANGE)
+_HIT, _ABSORBED = int(EventKind.HIT), int(EventKind.ABSORBED)
+Pixels: TypeAlias = NDArray[np.uint8]
+WIDTH, HEIGHT = 160, 120  # pixels
+FIELD_OF_VIEW: Final = math.radians(80.0)  # from left to right, as the original's
+VIEWING_DISTANCE: Final = 1000.0  # m
+# A volume that takes a decibel of light is that much darker, whatever a laser's power.
+LIGHT: Final = RayClass(LASER, power_per_db=math.log(10) / 10)
+ZENITH: Final = "#8fb8de"
+HORIZON: Final = "#e4eef5"
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,15 +82,6 @@ class View:
         start = starts[0].pose if starts else Pose3(0.0, 0.0, 0.0)
         body = start.compose(Pose3(0.0, 0.0, load_robot("P3AT").origin_height))
         return cls(body.compose(MOUNT), boxes)
-
-
-FULL_POWER: Final = 50.0  # a ray that has lost it sees nothing: exp(-50) is 2e-22
-AMBIENT: Final = 0.45  # brightness of a surface along the ray
-
-# numba compiles plain integers faster than the members of an enumeration.
-_START_INSIDE, _ENTER = int(EventKind.START_INSIDE), int(EventKind.ENTER)
-_LEAVE, _OUT_OF_RANGE = int(EventKind.LEAVE), int(EventKind.OUT_OF_RANGE)
-_HIT, _ABSORBED = int(EventKind.HIT), int(EventKind.ABSORBED)
 
 
 @njit_inline
@@ -141,18 +146,6 @@ def shade(
             _add(pixels, ray, share, colours[min(event.part, robots)])
         elif event.kind == _OUT_OF_RANGE:
             _add(pixels, ray, seen, background[ray])
-
-
-Pixels: TypeAlias = NDArray[np.uint8]
-
-WIDTH, HEIGHT = 160, 120  # pixels
-FIELD_OF_VIEW: Final = math.radians(80.0)  # from left to right, as the original's
-VIEWING_DISTANCE: Final = 1000.0  # m
-# A volume that takes a decibel of light is that much darker, whatever a laser's power.
-LIGHT: Final = RayClass(LASER, power_per_db=math.log(10) / 10)
-
-ZENITH: Final = "#8fb8de"
-HORIZON: Final = "#e4eef5"
 
 
 class Renderer:

@@ -28,6 +28,9 @@ from radarsim.protocol.framing import LineBuffer, is_http_request
 if TYPE_CHECKING:
     from radarsim.simulation.vehicle import Vehicle
 
+WATCH_LIMIT: Final = 4_194_304  # bytes; 100 robots can list as many echoes in a second
+WATCH_CEILING: Final = 1_048_576  # bytes that tell of robots, some 20 000 of them
+
 
 class SendQueue:
     """Bounded queue of lines for one client; its length is in bytes.
@@ -105,10 +108,6 @@ class SendQueue:
                 self.dropped += line.count(b"\n")
         # They were ahead of all lines that are left, so they return to the front.
         self._lines.extendleft(reversed(answers))
-
-
-WATCH_LIMIT: Final = 4_194_304  # bytes; 100 robots can list as many echoes in a second
-WATCH_CEILING: Final = 1_048_576  # bytes that tell of robots, some 20 000 of them
 
 
 def _watch_queue() -> SendQueue:

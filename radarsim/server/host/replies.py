@@ -26,6 +26,10 @@ TOUCH_DIAMETER = 0.01  # m; the original server's number, meaningless for a bump
 ROBOT = "robot"
 SCANNER_REPORTS = ("echoes", "radartargets")  # types of reports, not of items
 NO_ITEMS = "mispkg"  # mission packages: clients ask for them, no robot carries any
+SETTING: Final = "SETTING"
+MAX_PROBLEMS: Final = 800  # characters; a client can have many settings wrong
+TARGETS: Final = "TARGETS"
+OPCODES: Final = ("SCAN", "RESET", "POSE", "ECHOES", TARGETS, SETTING)
 
 
 def geometry(
@@ -132,12 +136,6 @@ def _sonar_settings(
     beam_angle = math.radians(settings.beam_angle_deg)
     limits = settings.max_range, settings.min_range
     return item.name, *limits, beam_angle, config.interval(item)
-
-
-SETTING: Final = "SETTING"
-MAX_PROBLEMS: Final = 800  # characters; a client can have many settings wrong
-TARGETS: Final = "TARGETS"
-OPCODES: Final = ("SCAN", "RESET", "POSE", "ECHOES", TARGETS, SETTING)
 
 
 def drive(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
