@@ -13,7 +13,7 @@ import click
 
 from radarsim import __version__
 from radarsim.cli.completion import completion_options
-from radarsim.cli.entries import CommandEntry, load_entries
+from radarsim.cli.entries import CommandEntry, check_part_of, load_entries
 from radarsim.cli.output import print_message, program_name
 from radarsim.cli.usage import describe_usage_error
 from radarsim.errors import RadarsimError, describe_os_error, expected_one_of
@@ -60,8 +60,10 @@ class EntryGroup(click.Group):
 
         Raises:
             click.BadParameter: If there is no such command.
+            MissingPackage: If its part of the program is absent.
         """
         if args[0] not in self.entries and not ctx.resilient_parsing:
+            check_part_of(args[0])
             text = expected_one_of(args[0], self.entries)
             raise click.BadParameter(text, ctx, param_hint="COMMAND")
         return super().resolve_command(ctx, args)

@@ -16,8 +16,15 @@ import click
 
 from radarsim import plugins
 from radarsim.cli.command import PlanCommand
+from radarsim.errors import MissingPackage
 
 COMMANDS: Final = "radarsim.commands"
+# Commands of parts that can be absent: whoever asks for one hears what it needs.
+BEYOND_THE_CORE: Final = {
+    "autonomy": ("navigate", "map", "trials"),
+    "addons": ("commander", "ros", "replay", "recording", "import", "spectrum"),
+    "lab": ("study", "sweep", "figures", "bench"),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +50,17 @@ class CommandEntry:
         if isinstance(found, click.Command):
             return found
         return PlanCommand(self.name.split()[-1], found)
+
+
+def check_part_of(command: str) -> None:
+    """Check that the part of the program that a command is in is there.
+
+    Raises:
+        MissingPackage: If it is not.
+    """
+    for part, names in BEYOND_THE_CORE.items():
+        if command in names and not plugins.has(COMMANDS, part):
+            raise MissingPackage(f"{command}: radarsim.{part} is not installed")
 
 
 def load_entries() -> Iterator[CommandEntry]:

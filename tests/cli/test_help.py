@@ -5,8 +5,14 @@ from collections.abc import Iterator
 import click
 import pytest
 
+from radarsim import plugins
 from radarsim.cli.app import EntryGroup
-from radarsim.cli.entries import CommandEntry, load_entries
+from radarsim.cli.entries import (
+    BEYOND_THE_CORE,
+    COMMANDS,
+    CommandEntry,
+    load_entries,
+)
 
 MOST_LINES = 48
 
@@ -35,8 +41,17 @@ def test_entry_has_the_first_line_of_the_command(entry: CommandEntry) -> None:
 @pytest.mark.parametrize("entry", ENTRIES, ids=NAMES)
 def test_help_fits_on_a_screen(entry: tuple[tuple[str, ...], CommandEntry]) -> None:
     words, found = entry
-    context = click.Context(found.load(), info_name=" ".join(("radarsim", *words)))
-    context.terminal_width = 78  # of 80, two stay free
+    context = click.Context(
+        found.load(),
+        info_name=" ".join(("radarsim", *words)),
+        terminal_width=78,  # of 80, two stay free
+        help_option_names=["-h", "--help"],  # click keeps it with the command
+    )
     lines = context.get_help().splitlines()
     assert len(lines) <= MOST_LINES
     assert max(map(len, lines)) <= 80
+
+
+def test_parts_beyond_the_core_have_these_commands() -> None:
+    for part, names in BEYOND_THE_CORE.items():
+        assert [each.name for each in plugins.load(COMMANDS, part)] == [*names]

@@ -1,0 +1,156 @@
+"""The core without autonomy, add-ons and lab, and without the packages they need."""
+
+import os
+import shutil
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import radarsim
+
+PACKAGE = Path(radarsim.__file__).parent
+TESTS = Path(__file__).parent
+OTHERS = ("autonomy", "addons", "lab")
+# Imported before anything else, it hides the extras, which may be installed.
+SITE = """
+import sys
+for name in (
+    "cyclonedds", "distributed", "gymnasium", "imageio_ffmpeg", "mcap", "pandas",
+    "pettingzoo", "pyarrow", "rosbags", "xarray",
+):
+    sys.modules[name] = None
+"""
+INIT = b"INIT {ClassName USARBot.P3AT_Radar360} {Location -7.8,0,0.2}\r\n"
+HERE = ("--sensor", "radar", "--start", "RobotStart1")
+TIMEOUT = 240  # s that a busy machine may need
+# The tests of the core, except those whose fixtures are an add-on's.
+FOLDERS = (
+    *("protocol", "scene", "presets", "raycast", "sensors", "robots", "simulation"),
+    *("server", "plotting", "client"),
+)
+
+
+@pytest.fixture(scope="module")
+def core(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder that has the core, its maps and nothing else."""
+    folder = tmp_path_factory.mktemp("core")
+    unwanted = shutil.ignore_patterns("__pycache__", *OTHERS)
+    shutil.copytree(PACKAGE, folder / "radarsim", ignore=unwanted)
+    maps = PACKAGE.parent / "maps"
+    if maps.is_dir():  # not where the package is installed: it has its own
+        shutil.copytree(maps, folder / "maps")
+    (folder / "sitecustomize.py").write_text(SITE)
+    return folder
+
+
+def environment(core: Path) -> dict[str, str]:
+    known = {k: v for k, v in os.environ.items() if not k.startswith("COVERAGE")}
+    return {**known, "PYTHONPATH": str(core), "COLUMNS": "80"}
+
+
+def run(core: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        (sys.executable, "-m", *words),
+        cwd=core,
+        env=environment(core),
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("scan", "foliage_room", *HERE, "--format", "csv"), "scan,beam,angle,range"),
+        (("explain", "foliage_room", *HERE, "--beam", "92"), "radar, beam 92 at"),
+        (("check", "foliage_room"), "RobotStart1"),
+        (("drive", "--help"), "Drive a robot from the keyboard"),
+        (("serve", "--help"), "--port"),
+    ],
+    ids=lambda value: value[0] if isinstance(value, tuple) else "",
+)
+def test_commands_of_the_core_run(
+    core: Path, words: tuple[str, ...], told: str
+) -> None:
+    done = run(core, "radarsim", *words)
+    assert done.returncode == 0, done.stderr
+    assert told in done.stdout
+
+
+def test_help_lists_the_commands_of_the_core_alone(core: Path) -> None:
+    shown = run(core, "radarsim", "--help").stdout
+    listed = {line.split()[0] for line in shown.splitlines() if line[2:3].isalpha()}
+    assert {"serve", "drive", "scan", "explain", "check", "docs"} <= listed
+    assert listed.isdisjoint({"navigate", "map", "ros", "commander", "study", "bench"})
+
+
+@pytest.mark.parametrize(
+    ("name", "part"),
+    [
+        ("navigate", "radarsim.autonomy"),
+        ("ros", "radarsim.addons"),
+        ("study", "radarsim.lab"),
+    ],
+)
+def test_command_of_an_absent_part_is_told_in_one_line(
+    core: Path, name: str, part: str
+) -> None:
+    done = run(core, "radarsim", name, "foliage_room")
+    assert done.returncode == 1
+    assert done.stderr == f"radarsim: {name}: {part} is not installed\n"
+
+
+@pytest.fixture
+def served(core: Path) -> Iterator[int]:
+    """Serve a map with the core alone, and return the port."""
+    words = ("radarsim", "serve", "foliage_room", "--port", "0")
+    with subprocess.Popen(
+        (sys.executable, "-m", *words),
+        cwd=core,
+        env=environment(core),
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        try:
+            yield int(process.stdout.readline().rpartition(":")[2])
+        finally:
+            process.terminate()
+            process.wait(TIMEOUT)
+
+
+def test_server_sends_scans(served: int) -> None:
+    with socket.create_connection(("127.0.0.1", served), TIMEOUT) as client:
+        client.sendall(INIT)
+        with client.makefile("rb") as lines:
+            scan = next(
+                line for line in lines if line.startswith(b"SEN") and b"Range" in line
+            )
+    assert scan.count(b",") > 90
+
+
+@pytest.mark.slow("alone")
+@pytest.mark.timeout(3600)
+def test_tests_of_the_core_pass(core: Path) -> None:
+    unwanted = shutil.ignore_patterns("__pycache__")
+    for name in (*FOLDERS, "support", "conftest.py"):
+        source = TESTS / name
+        if source.is_dir():
+            shutil.copytree(source, core / "tests" / name, ignore=unwanted)
+        else:
+            shutil.copy(source, core / "tests")
+    others = tuple(f"radarsim.{name}" for name in OTHERS)
+    for file in (core / "tests").rglob("*.py"):
+        text = file.read_text(encoding="utf-8")
+        if any(each in text for each in (*others, "usarsim_")):
+            file.unlink()
+    shutil.copy(PACKAGE.parent / "pyproject.toml", core)
+    words = ("-q", "-p", "no:cacheprovider", "-p", "no:radarsim", "tests")
+    done = run(core, "pytest", *words)
+    assert done.returncode == 0, done.stdout[-5000:]
