@@ -124,6 +124,11 @@ def family_of(material: Material) -> Family:
     return Family.METAL if mirror else Family.STONE
 
 
+def colour_of(material: Material) -> str:
+    """Return the colour of a material: that of its family."""
+    return FAMILY_COLOURS[family_of(material)]
+
+
 def sensor_colour(medium: str) -> str:
     """Return the colour of sensors of a medium, ``radar`` or ``laser``."""
     return RADAR if medium == "radar" else LASER

@@ -21,7 +21,7 @@ from matplotlib.text import Text
 
 from radarsim.errors import escape_lines
 from radarsim.geometry import Floats
-from radarsim.plotting.palette import FAMILY_COLOURS, Family, family_of
+from radarsim.plotting.palette import FAMILY_COLOURS, Family, colour_of, family_of
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Scene
 from radarsim.sensors.beams import CENTRE, LEFT, RIGHT
@@ -176,11 +176,6 @@ def area_style(family: Family) -> dict[str, Any]:
 def material_colours(scene: Scene) -> dict[str, str]:
     """Return the colour of each material of a scene by its name, and that of robots."""
     return {material.name: colour_of(material) for material in _materials(scene)}
-
-
-def colour_of(material: Material) -> str:
-    """Return the colour of a material: that of its family."""
-    return FAMILY_COLOURS[family_of(material)]
 
 
 def _materials(scene: Scene) -> Iterator[Material]:

@@ -27,7 +27,7 @@ from radarsim.protocol.message import (
     parse_flipped,
     pose_from_wire,
 )
-from radarsim.protocol.numbers import (
+from radarsim.protocol.number_parsing import (
     LARGEST_COMMANDED,
     parse_flag,
     parse_number,

@@ -30,7 +30,7 @@ from typing import (
 import numpy as np
 
 from radarsim.geometry import Floats, Pose2, Pose3
-from radarsim.protocol.dialect import Dialect
+from radarsim.protocol.dialect import Dialect, NumberFormat
 from radarsim.protocol.line_template import (
     LINE_END,
     LONGEST_NAME,
@@ -54,12 +54,7 @@ from radarsim.protocol.message import (
     parse_triple,
     wrapped_pose,
 )
-from radarsim.protocol.numbers import (
-    NumberFormat,
-    parse_flag,
-    parse_list,
-    parse_number,
-)
+from radarsim.protocol.number_parsing import parse_flag, parse_list, parse_number
 
 FormatName: TypeAlias = Literal[
     "time", "ranges", "angle", "truth", "ins", "plain", "mount", "robot", "mass"

@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 
 from radarsim.geometry import Floats
-from radarsim.protocol.numbers import NumberFormat, Rounding
+from radarsim.protocol.dialect import NumberFormat, Rounding
 
 # compiled into kernels
 FIRST_MARK: Final = 0xC0

@@ -19,7 +19,7 @@ from typing import TypeAlias, TypeVar
 
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Pose3, wrap_angle
-from radarsim.protocol.numbers import LARGEST, parse_number, parse_numbers
+from radarsim.protocol.number_parsing import LARGEST, parse_number, parse_numbers
 
 Triple: TypeAlias = tuple[float, float, float]
 Value = TypeVar("Value")

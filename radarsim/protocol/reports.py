@@ -15,7 +15,7 @@ from typing import Annotated, ClassVar, Final, Self, TypeAlias, get_args
 
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Floats, Pose2, Pose3
-from radarsim.protocol.dialect import Dialect
+from radarsim.protocol.dialect import Dialect, NumberFormat
 from radarsim.protocol.echoes import EchoLine, RadarTargets, TargetEchoes
 from radarsim.protocol.fields import (
     Field,
@@ -57,12 +57,7 @@ from radarsim.protocol.message import (
     wrapped_pose,
     wrapped_pose_on_wire,
 )
-from radarsim.protocol.numbers import (
-    NumberFormat,
-    parse_flag,
-    parse_number,
-    parse_numbers,
-)
+from radarsim.protocol.number_parsing import parse_flag, parse_number, parse_numbers
 from radarsim.protocol.watch import (
     CommandError,
     RobotJoined,

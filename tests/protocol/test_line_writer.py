@@ -7,10 +7,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Pose2, Pose3, wrap_angle
-from radarsim.protocol.dialect import COMPAT, UDK, Dialect
+from radarsim.protocol.dialect import COMPAT, UDK, Dialect, NumberFormat, Rounding
 from radarsim.protocol.fields import MOST_KEPT, LineReport, ReportGroup
 from radarsim.protocol.line_writer import ReportBlock, encode_blocks
-from radarsim.protocol.numbers import NumberFormat, Rounding
 from radarsim.protocol.reports import (
     Encoder,
     GroundTruth,

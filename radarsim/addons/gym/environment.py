@@ -1,153 +1,340 @@
-"""``radarsim/GoTo-v0``: one robot that is to drive to a goal.
+"""The task of all environments: drive to a goal by what the scanner sees.
 
-A scene from above with a robot and its goal, as an image.
+Everything is in arrays with a row for each robot, so that one robot and many are the
+same code.
+
+Random starts and goals on the floor that robots can get to.
 """
 
-from typing import Any
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, TypeAlias
 
-import gymnasium
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+import shapely
+from gymnasium import spaces
 from numpy.typing import NDArray
+from shapely import MultiPolygon, Polygon
 
-from radarsim.addons.gym.settings import GoToSettings, Transition
-from radarsim.addons.gym.task import GoToTask
+from radarsim.addons.gym.arena import Arena
+from radarsim.addons.gym.settings import BEAM_VALUES, GoToSettings, Transition
 from radarsim.geometry import Floats, Pose2
-from radarsim.plotting.plan import HEIGHT, draw_plan, draw_robot, show_extent
-from radarsim.scene.scene import Scene
+from radarsim.scene.scene import Scene, Trial
+from radarsim.simulation.map_warnings import Position, component_around, free_space
 
-_SIZE = (6.0, 6.0)  # inches
-_DPI = 100
+_DRAWN_TOGETHER: Final = 16  # places, of which the first that is free is taken
+_MAX_DRAWS: Final = 1000  # of so many places
 
 
-class Picture:
-    """The plan of a scene, onto which robots are drawn again and again."""
+class FreePlaces:
+    """The floor on which a robot fits in every direction, by connected pieces.
 
-    def __init__(self, scene: Scene, robot: str) -> None:
-        """Draw the plan.
+    These are the pieces in which the map's starts are, or that around the origin of a
+    map without starts: the floor outside a room's walls is none of them.
+    """
+
+    def __init__(self, scene: Scene, clearance: float) -> None:
+        """Find the free floor.
 
         Args:
             scene: The map.
-            robot: Class of the robots.
-        """
-        self._robot = robot
-        figure = Figure(figsize=_SIZE, dpi=_DPI, layout="compressed")
-        self._canvas = FigureCanvasAgg(figure)
-        self._axes = figure.add_subplot()
-        self._axes.set_axis_off()
-        plan = draw_plan(self._axes, scene, scene.floor_at(0.0, 0.0) + HEIGHT)
-        show_extent(self._axes, plan.corners)
+            clearance: Distance that places have from everything solid, m.
 
-    def draw(self, poses: Floats, goals: Floats) -> NDArray[np.uint8]:
-        """Return the image, (H, W, 3).
+        Raises:
+            ValueError: If no start of the map is on free floor.
+        """
+        free = free_space(scene, clearance)
+        starts = [(start.pose.x, start.pose.y) for start in scene.starts]
+        found = [component_around(free, place) for place in starts or [(0.0, 0.0)]]
+        pieces = {piece.wkb: piece for piece in found if piece is not None}
+        if not pieces:
+            raise ValueError(
+                f"map {scene.name!r}: no start has {clearance:.2f} m of free floor"
+                " around it, expected one at least"
+            )
+        self._pieces = tuple(pieces.values())
+        self._floor = MultiPolygon(self._pieces)
+        shapely.prepare([self._floor, *self._pieces])
+
+    def draw(
+        self,
+        rng: np.random.Generator,
+        others: Sequence[Position] = (),
+        distance: float = 0.0,
+    ) -> Position:
+        """Draw a place, uniformly distributed over the floor; x and y, m.
 
         Args:
-            poses: (3,) or (N, 3) x, y and yaw of the robots, m and rad, map frame.
-            goals: (2,) or (N, 2) x and y of their goals, m, map frame.
+            rng: Source of randomness.
+            others: Places that it is not to be near, m.
+            distance: Least distance from these, m.
+
+        Raises:
+            ValueError: If there is hardly such a place.
         """
-        drawn = [
-            artist
-            for pose in np.atleast_2d(poses)
-            for artist in draw_robot(self._axes, self._robot, Pose2(*pose.tolist()))
-        ]
-        x, y = np.atleast_2d(goals).T
-        stars = self._axes.plot(x, y, "*", color="black", markersize=14, zorder=4)
-        data, (width, height) = self._canvas.print_to_buffer()  # type: ignore[no-untyped-call]
-        image = np.frombuffer(data, np.uint8).reshape(height, width, 4)[..., :3].copy()
-        for artist in (*drawn, *stars):
-            artist.remove()
-        return image
+        return _draw(self._floor, rng, others, distance)
+
+    def draw_goal(
+        self, rng: np.random.Generator, start: Position, distance: float
+    ) -> Position:
+        """Draw a place that can be reached from another; arguments as of ``draw``."""
+        point = shapely.Point(start)
+        piece = next((p for p in self._pieces if p.covers(point)), self._floor)
+        return _draw(piece, rng, [start], distance)
 
 
-Observation = dict[str, NDArray[np.float32]]
+def _draw(
+    floor: Polygon | MultiPolygon,
+    rng: np.random.Generator,
+    others: Sequence[Position],
+    distance: float,
+) -> Position:
+    low, high = np.reshape(floor.bounds, (2, 2))
+    near = np.reshape(others, (-1, 1, 2))
+    for _ in range(_MAX_DRAWS):
+        places = rng.uniform(low, high, (_DRAWN_TOGETHER, 2))
+        gaps = np.hypot(*np.moveaxis(places - near, -1, 0))
+        is_free = shapely.contains_xy(floor, *places.T) & (gaps >= distance).all(axis=0)
+        if is_free.any():
+            x, y = places[is_free.argmax()].tolist()
+            return x, y
+    raise ValueError(
+        f"no free place {distance:g} m from {len(others)} others among"
+        f" {_MAX_DRAWS * _DRAWN_TOGETHER} that were drawn"
+    )
 
 
-class GoToEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
-    """A robot in a scene, and a goal.
+GOAL_RADIUS: Final = 0.5  # m around the goal
+GOAL_SCALE: Final = 20.0  # m; the distance that is observed as 1
+MIN_DISTANCE: Final = 1.0  # m between a random start and a random goal
+CLEARANCE: Final = 0.05  # m beside a robot that starts somewhere at random
 
-    An observation has ``ranges``, of the scanner's beams from right to left, as shares
-    of its maximum range, with 1 where nothing is detected; ``goal``, its distance by
-    20 m, limited to 1, and cosine and sine of its direction from the robot's heading;
-    ``speeds``, forward and turning, as shares of the highest ones. An action is the
-    speeds of the left and right wheels, as shares of the highest one.
+Observations: TypeAlias = dict[str, NDArray[np.float32]]
 
-    An episode terminates within 0.5 m of the goal. ``info`` has the ``distance`` to the
-    goal, m, whether the robot ``touched`` something, and its true ``pose``, x, y and
-    yaw, m and rad, map frame.
+
+class GoToTask:
+    """N robots with a goal each.
+
+    Attributes:
+        settings: The settings.
+        arena: The scene with the robots.
+        goals: (N, 2) x and y of the goals, m, map frame.
+        distances: (N,) m from the robots to their goals.
+        steps: (N,) decisions since the last reset.
     """
 
-    metadata: dict[str, Any] = {  # noqa: RUF012 - so in the base class
-        "render_modes": ["rgb_array"],
-        "render_fps": 10,
-    }
-
-    def __init__(self, *, render_mode: str | None = None, **settings: Any) -> None:
-        """Load the map.
+    def __init__(
+        self, settings: GoToSettings, count: int = 1, *, meets: bool = False
+    ) -> None:
+        """Load the map; robots are to be reset first.
 
         Args:
-            render_mode: ``rgb_array``, or None for an environment without pictures.
-            settings: As in ``GoToSettings``.
+            settings: The settings.
+            count: N.
+            meets: Whether the robots see and touch each other.
 
         Raises:
             RadarsimError: If the map, the class or a sensor setting is wrong.
-            TypeError: If there is no such setting.
             ValueError: If another setting is wrong.
         """
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise ValueError(f"render_mode {render_mode!r}, expected rgb_array or None")
-        self.render_mode = render_mode
-        self.task = GoToTask(GoToSettings(**settings))
-        self.observation_space = self.task.observation_space
-        self.action_space = self.task.action_space
-        self._picture: Picture | None = None
+        self.settings = settings
+        self.arena = Arena(settings, count, meets=meets)
+        self._places: FreePlaces | None = None
+        _start_pose(self.arena.scene, settings.start)
+        _goal_position(self.arena.scene, settings.goal)
+        self.goals = np.zeros((count, 2))
+        self.distances = np.zeros(count)
+        self.steps = np.zeros(count, np.int64)
+        self._speeds = np.zeros((count, 2))
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode.
-
-        Args:
-            seed: Seed of everything random from now on; None to go on.
-            options: ``start`` and ``goal`` of this episode, as in the settings.
-
-        Raises:
-            ValueError: If an option is wrong, or there is no free place.
-        """
-        super().reset(seed=seed)
-        self.task.reset(0, self.np_random, options)
-        return self._observe(), self.task.info(0, np.zeros(1, np.bool_))
-
-    def step(
-        self, action: NDArray[np.float32]
-    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Drive for a decision period.
-
-        Args:
-            action: (2,) speeds of the left and right wheels, -1 to 1.
-
-        Raises:
-            ValueError: If the action is not finite.
-        """
-        transition: Transition = self.task.drive(np.asarray(action, np.float64)[None])
-        reward = float(self.task.settings.reward(transition)[0])
-        terminated, truncated = self.task.ended(transition)
-        return (
-            self._observe(),
-            reward,
-            bool(terminated[0]),
-            bool(truncated[0]),
-            self.task.info(0, transition.touched),
+    @property
+    def observation_space(self) -> spaces.Space[Any]:
+        """The space of one robot's observation."""
+        beams = len(self.arena.scanner.angles)
+        low, high = np.array([0, -1, -1], np.float32), np.ones(3, np.float32)
+        values = {name: BEAM_VALUES[name] for name in self.settings.beam_values}
+        return spaces.Dict(
+            {
+                "ranges": spaces.Box(0.0, 1.0, (beams,), np.float32),
+                "goal": spaces.Box(low, high, dtype=np.float32),
+                "speeds": spaces.Box(-1.0, 1.0, (2,), np.float32),
+                **{
+                    name: spaces.Box(least, most, (beams,), np.float32)
+                    for name, (least, most) in values.items()
+                },
+            }
         )
 
-    def render(self) -> NDArray[np.uint8] | None:
-        """Return a picture of the scene from above, (H, W, 3); None without a mode."""
-        if self.render_mode is None:
-            return None
-        if self._picture is None:
-            self._picture = Picture(self.task.arena.scene, self.task.settings.robot)
-        return self._picture.draw(self.task.arena.poses[0], self.task.goals[0])
+    @property
+    def action_space(self) -> spaces.Space[Any]:
+        """Speeds of the left and right wheels as shares of the highest one."""
+        return spaces.Box(-1.0, 1.0, (2,), np.float32)
 
-    def _observe(self) -> Observation:
-        rows = self.task.observe([self.np_random])
-        return {name: values[0] for name, values in rows.items()}
+    def reset(
+        self,
+        row: int,
+        rng: np.random.Generator,
+        options: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Put a robot at a start, with a goal.
+
+        Args:
+            row: The robot.
+            rng: Source of randomness.
+            options: ``start`` and ``goal``, as in the settings, for this episode;
+                others are ignored.
+
+        Raises:
+            ValueError: If a start or goal is wrong, or there is no free place.
+        """
+        options, settings = options or {}, self.settings
+        start = _start_pose(self.arena.scene, options.get("start", settings.start))
+        goal = _goal_position(self.arena.scene, options.get("goal", settings.goal))
+        if start is None:
+            pose = self._random_start(row, rng)
+        else:
+            pose = self.arena.nearest_free_pose(start)
+        self.arena.place(row, pose)
+        place = (pose.x, pose.y)
+        if goal is None:
+            goal = self._free_places.draw_goal(rng, place, MIN_DISTANCE)
+        self.goals[row] = goal
+        self.distances[row] = math.dist(goal, place)
+        self.steps[row] = 0
+        self._speeds[row] = 0.0
+
+    def drive(self, actions: Floats) -> Transition:
+        """Let all robots drive for a period.
+
+        Args:
+            actions: (N, 2) wheel speeds, limited to -1 to 1.
+
+        Raises:
+            ValueError: If an action is not finite.
+        """
+        actions = np.clip(np.asarray(actions, np.float64), -1.0, 1.0)
+        if not np.isfinite(actions).all():
+            raise ValueError(f"actions {actions.tolist()}, expected finite numbers")
+        before, poses = self.distances, self.arena.poses
+        touched = self.arena.drive(actions)
+        self.steps += 1
+        self._measure_speeds(poses)
+        distances = np.hypot(*(self.goals - self.arena.poses[:, :2]).T)
+        self.distances = distances.copy()
+        reached = distances <= GOAL_RADIUS
+        return Transition(actions, before, distances, touched, reached)
+
+    def observe(self, rngs: Sequence[np.random.Generator]) -> Observations:
+        """Return what all robots observe, (N, ...) arrays.
+
+        Args:
+            rngs: Source of randomness of each robot.
+        """
+        ranges, values = self._read_beams(rngs)
+        x, y, yaw = self.arena.poses.T
+        bearing = np.arctan2(self.goals[:, 1] - y, self.goals[:, 0] - x) - yaw
+        distance = np.minimum(self.distances / GOAL_SCALE, 1.0)
+        goal = np.column_stack([distance, np.cos(bearing), np.sin(bearing)])
+        return {
+            "ranges": np.clip(
+                ranges / self.arena.scanner.settings.max_range, 0.0, 1.0
+            ).astype(np.float32),
+            "goal": goal.astype(np.float32),
+            "speeds": self._speeds.astype(np.float32),
+            **values,
+        }
+
+    def _read_beams(
+        self, rngs: Sequence[np.random.Generator]
+    ) -> tuple[Floats, Observations]:
+        """Return the ranges, m, and the other values of beams that are observed."""
+        wanted = self.settings.beam_values
+        if not wanted:
+            return self.arena.scan(rngs), {}
+        read = self.arena.read_beams(rngs)
+        values = {name: getattr(read, name).astype(np.float32) for name in wanted}
+        return read.ranges, values
+
+    def ended(self, transition: Transition) -> tuple[NDArray[np.bool_], ...]:
+        """Return which episodes are terminated, and which are truncated, (N,) each."""
+        terminated = transition.reached.copy()
+        if self.settings.ends_at_collision:
+            terminated |= transition.touched
+        return terminated, self.steps >= self.settings.max_steps
+
+    def info(self, row: int, touched: NDArray[np.bool_]) -> dict[str, Any]:
+        """Return what environments tell beside the observation of a robot.
+
+        Args:
+            row: The robot.
+            touched: (N,) whether each robot touched something.
+        """
+        return {
+            "distance": float(self.distances[row]),
+            "touched": bool(touched[row]),
+            "pose": self.arena.poses[row].copy(),
+        }
+
+    @property
+    def _free_places(self) -> FreePlaces:
+        if self._places is None:
+            self._places = FreePlaces(self.arena.scene, self.arena.radius + CLEARANCE)
+        return self._places
+
+    def _random_start(self, row: int, rng: np.random.Generator) -> Pose2:
+        others = self.arena.places_of_others(row)
+        apart = 2 * (self.arena.radius + CLEARANCE)
+        x, y = self._free_places.draw(rng, others, apart)
+        return Pose2(x, y, float(rng.uniform(-math.pi, math.pi)))
+
+    def _measure_speeds(self, poses: Floats) -> None:
+        """Compute speeds over the last period from the poses before it."""
+        x, y, yaw = (self.arena.poses - poses).T
+        heading = poses[:, 2] + yaw / 2
+        forward = x * np.cos(heading) + y * np.sin(heading)
+        turned = np.arctan2(np.sin(yaw), np.cos(yaw))
+        limits = np.array([self.arena.max_speed, self.arena.max_turn_rate])
+        speeds = np.column_stack([forward, turned]) / self.settings.decision_period
+        self._speeds = np.clip(speeds / limits, -1.0, 1.0)
+
+
+def _start_pose(scene: Scene, start: str | Sequence[float]) -> Pose2 | None:
+    """Return a start pose; None for a random one."""
+    if not isinstance(start, str):
+        return Pose2(*_finite_numbers(start, 3, "start", "x, y and yaw"))
+    if start == "random":
+        return None
+    name = _trial(scene).start if start == "map" else start
+    found = scene.start(name)
+    if found is None:
+        known = ", ".join(each.name for each in scene.starts)
+        raise ValueError(
+            f"start {start!r}, expected random, map, x, y and yaw, or one of: {known}"
+        )
+    return Pose2(found.pose.x, found.pose.y, found.pose.yaw)
+
+
+def _goal_position(scene: Scene, goal: str | Sequence[float]) -> Sequence[float] | None:
+    """Return x and y of a goal; None for a random one."""
+    if not isinstance(goal, str):
+        return _finite_numbers(goal, 2, "goal", "x and y")
+    if goal == "random":
+        return None
+    if goal == "map":
+        return _trial(scene).goal
+    raise ValueError(f"goal {goal!r}, expected random, map, or x and y")
+
+
+def _trial(scene: Scene) -> Trial:
+    if scene.trial is None:
+        raise ValueError(f"map {scene.name!r} has no trial, expected one for 'map'")
+    return scene.trial
+
+
+def _finite_numbers(
+    values: Sequence[float], count: int, name: str, expected: str
+) -> list[float]:
+    numbers = np.asarray(values, np.float64)
+    if numbers.shape != (count,) or not np.isfinite(numbers).all():
+        raise ValueError(f"{name} {values!r}, expected {expected}, finite numbers")
+    return [float(number) for number in numbers]

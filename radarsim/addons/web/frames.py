@@ -16,10 +16,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from radarsim.addons.web.colours import colour_of
 from radarsim.addons.web.robot_view import RobotView, Scanner, SeenScan, ranges_in_cm
 from radarsim.addons.web.viewer import Viewer, encode_json
 from radarsim.geometry import Pose2, Pose3
+from radarsim.plotting.palette import colour_of
 from radarsim.protocol.reports import TargetEchoes
 from radarsim.scene.material import Material
 

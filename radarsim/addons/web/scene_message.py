@@ -8,9 +8,9 @@ from typing import Any, Final, Self
 import numpy as np
 import shapely
 
-from radarsim.addons.web.colours import colour_of
 from radarsim.addons.web.viewer import encode_json
 from radarsim.geometry import Floats
+from radarsim.plotting.palette import colour_of
 from radarsim.robots.obstacles import enclosed_area, slice_mesh
 from radarsim.scene.scene import Part, Scene
 

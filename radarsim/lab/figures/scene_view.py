@@ -18,8 +18,7 @@ from matplotlib.colors import to_rgb
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.lab.plants.figure import brightness, painted_triangles
-from radarsim.plotting.palette import MARKER, ROBOT
-from radarsim.plotting.style import colour_of
+from radarsim.plotting.palette import MARKER, ROBOT, colour_of
 from radarsim.presets.robots import RobotModel
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene

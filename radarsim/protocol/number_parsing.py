@@ -1,16 +1,12 @@
-"""Numbers, vectors and truth values as USARSim writes them.
+"""Read numbers, vectors and truth values from lines.
 
-Parsing accepts what existing clients send: decimal commas of their locale, blanks
+This accepts what existing clients send: decimal commas of their locale, blanks
 or commas between the numbers of a vector. ``nan``, ``1e400`` and ``abc`` are refused,
 so that no such number reaches the simulation.
 """
 
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from enum import Enum, auto
-
-import numpy as np
+from collections.abc import Sequence
 
 from radarsim.errors import MalformedMessage
 
@@ -108,71 +104,3 @@ def parse_flag(text: str, *, any_case: bool = True) -> bool:
         any_case: Whether ``True`` is true as well.
     """
     return (text.lower() if any_case else text) == "true"
-
-
-class Rounding(Enum):
-    """How a number is rounded to its decimals."""
-
-    NEAREST = auto()  # to the nearest; zero never has a minus sign
-    FLOAT32 = auto()  # as C's printf rounds a float32; -0.00 is possible
-    TRUNCATED = auto()  # cut off in float32: 1.3 is written as 1.2999
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class NumberFormat:
-    """How one kind of number is written; never with an exponent.
-
-    A format equals only itself, so that it is found quickly as a key.
-
-    Attributes:
-        decimals: Digits after the point, from 1 to 6.
-        rounding: How numbers are rounded to these decimals.
-        step: If given, the number is first cut to a whole multiple of it.
-    """
-
-    decimals: int
-    rounding: Rounding = Rounding.NEAREST
-    step: float | None = None
-
-    def format(self, value: float) -> str:
-        """Write one number.
-
-        Raises:
-            ValueError: If it is not finite or does not fit into 32 bits.
-        """
-        if not abs(value) < LARGEST:
-            raise ValueError(f"number {value!r}, expected less than 2**31 in size")
-        value = self.cut_to_step(value)
-        if self.rounding is Rounding.NEAREST:
-            return _rounded(value, self.decimals)
-        if self.rounding is Rounding.FLOAT32:
-            return f"{float(np.float32(value)):.{self.decimals}f}"
-        return _truncated(value, self.decimals)
-
-    def cut_to_step(self, value: float) -> float:
-        """Return the whole multiple of the step that is written for a number."""
-        if self.step is None or not abs(value) < LARGEST:
-            return value
-        return int(value / self.step + _STEP_TOLERANCE) * self.step
-
-    def join(self, values: Iterable[float]) -> str:
-        """Write a vector with commas and without blanks."""
-        return ",".join([self.format(value) for value in values])
-
-
-# A whole number of steps may come out just below, since steps are rounded themselves.
-_STEP_TOLERANCE = 1e-5
-
-
-def _rounded(value: float, decimals: int) -> str:
-    text = f"{value:.{decimals}f}"
-    return text.lstrip("-") if float(text) == 0 else text
-
-
-def _truncated(value: float, decimals: int) -> str:
-    single = np.float32(value)
-    sign = "-" if single < 0 else ""
-    size = abs(single)
-    whole = int(size)
-    rest = int((size - np.float32(whole)) * np.float32(10.0**decimals))
-    return f"{sign}{whole}.{rest:0{decimals}d}"
