@@ -35,7 +35,6 @@ from radarsim.robots.fleet_columns import (
     new_columns,
 )
 from radarsim.robots.motion import (
-    WheelDrive,
     drive_each_alone,
     drive_on,
     drive_robots,
@@ -54,6 +53,7 @@ from radarsim.robots.odometry import (
 )
 from radarsim.robots.robot import Robot
 from radarsim.robots.wall_grid import WallTable, wall_table
+from radarsim.robots.wheel_drive import WheelDrive
 
 _FIRST_SLOTS: Final = 8
 _BOX_COLUMNS: Final = [X, Y, YAW, BOTTOM, TOP, HALF_LENGTH, HALF_WIDTH, NUMBER]

@@ -7,14 +7,9 @@ Kinematics of skid steering: motion from the speeds of the left and right wheels
 
 Wheels reach their set-points at once: the set-point of a tick is the speed during that
 tick. Collisions are not modelled here.
-
-Conversion of drive commands to wheel speeds.
-
-Apart from the kinematics, because a server needs it before compiled code is loaded.
 """
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -22,7 +17,6 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.jit import Int, njit_cached, njit_inline
-from radarsim.protocol.dialect import RAD_PER_S, DriveUnit
 from radarsim.robots.collision import (
     MAX_SPEED,
     Surroundings,
@@ -53,35 +47,6 @@ from radarsim.robots.odometry import integrate_odometry
 
 _TURN: Final = 2 * math.pi
 _MAX_SWEEP: Final = 0.05  # m; a longer step is split, not to jump over obstacles
-
-
-@dataclass(frozen=True, slots=True)
-class WheelDrive:
-    """Conversion of drive commands to wheel speeds.
-
-    Attributes:
-        max_spin: Highest speed of a wheel in either direction, in ``unit``.
-        unit: Unit of ``max_spin`` and of the commands.
-    """
-
-    max_spin: float
-    unit: DriveUnit = "rad_per_s"
-
-    @property
-    def max_spin_rad_s(self) -> float:
-        """The highest speed of a wheel, rad/s."""
-        return self.max_spin * RAD_PER_S[self.unit]
-
-    def spin(self, value: float, *, normalized: bool = False) -> float:
-        """Convert a commanded value to the wheel speed, limited, rad/s.
-
-        Args:
-            value: Commanded speed in ``unit``; forward is positive.
-            normalized: Whether the value is a percentage of ``max_spin`` instead.
-        """
-        speed = value * self.max_spin / 100 if normalized else value
-        speed = max(-self.max_spin, min(self.max_spin, speed))
-        return speed * RAD_PER_S[self.unit]
 
 
 @njit_inline

@@ -21,7 +21,7 @@ from radarsim.robots.fleet_columns import (
     Y,
 )
 from radarsim.robots.footprint import Footprint
-from radarsim.robots.motion import WheelDrive
+from radarsim.robots.wheel_drive import WheelDrive
 
 if TYPE_CHECKING:
     from radarsim.robots.fleet import Fleet

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 from radarsim.errors import ServerError
 from radarsim.protocol.images import WHOLE, Region, RequestBuffer
-from radarsim.server.camera.renderer import View
+from radarsim.server.camera.view import View
 from radarsim.server.peer_connections import PeerConnection, PeerServer, RefusalLog
 
 if TYPE_CHECKING:

@@ -25,8 +25,8 @@ from radarsim.presets.sensors import (
     sonar_settings,
 )
 from radarsim.protocol.dialect import COMPAT, MAX_WHEEL_SPEEDS, Dialect, DriveUnit
-from radarsim.robots.motion import WheelDrive
-from radarsim.sensors.motion_readings import InsNoise
+from radarsim.robots.wheel_drive import WheelDrive
+from radarsim.sensors.proprioceptive import InsNoise
 
 if TYPE_CHECKING:
     from radarsim.sensors.range_scanner import RangeScanner

@@ -29,15 +29,14 @@ from radarsim.sensors.motion_readings import (
     INS_USED,
     TICK_ZERO,
     USED,
-    InsNoise,
     draw_drift,
     draw_errors,
-    encoded_wheels,
     new_encoder,
     new_ins,
     new_tachometer,
     overwrite_ins,
 )
+from radarsim.sensors.proprioceptive import InsNoise, encoded_wheels
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.readings import (
     BODY_POSE,

@@ -27,7 +27,7 @@ from radarsim.robots.fleet import Fleet
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles, overlaps
 from radarsim.scene.scene import Scene
-from radarsim.sensors.motion_readings import INS_DRIFT_INTERVAL
+from radarsim.sensors.proprioceptive import INS_DRIFT_INTERVAL
 from radarsim.sensors.range_scanner import load_sensor
 from radarsim.sensors.scanning import BatchRanges, ScanRequest, scan_ranges
 from radarsim.sensors.sonar import SonarArray

@@ -315,7 +315,7 @@ def test_start_in_a_bush_is_an_error_that_names_it(
         "  - {name: juniper, sphere: 2.0, position: [-5, 0, 0.6], material: leaves}\n"
         "starts: [{name: RobotStart1, position: [-5, 0, 0]}]\n"
     )
-    for command in ([*BUG2, "--goal", "6,0"], ["map", str(tmp_path / "o/"), "--serve"]):
+    for command in ([*BUG2, "--goal", "6,0"], ["map", "-o", str(tmp_path / "o/")]):
         run = radarsim(*command, str(path))
         assert run.code == 1
         assert "INIT at (-5.00, 0.00) in ['juniper'], expected a free place" in run.err

@@ -11,9 +11,9 @@ from radarsim.presets.robots import load_robot
 from radarsim.robots.collision import CONTACT_GAP
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.fleet_columns import ROBOT_GAP, WALL_GAP
-from radarsim.robots.motion import WheelDrive
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import Robot
+from radarsim.robots.wheel_drive import WheelDrive
 
 TICK = 0.01
 P3AT = load_robot("P3AT")

@@ -5,9 +5,9 @@ import pytest
 from radarsim.geometry import Pose2, Pose3
 from radarsim.presets.robots import load_robot
 from radarsim.robots.fleet import Fleet
-from radarsim.robots.motion import WheelDrive
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import Battery, Robot
+from radarsim.robots.wheel_drive import WheelDrive
 
 TICK = 0.01
 

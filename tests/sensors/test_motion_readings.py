@@ -19,9 +19,7 @@ from radarsim.robots.fleet_columns import (
 )
 from radarsim.sensors.motion_readings import (
     ANGLE_ZERO,
-    ENCODER_RESOLUTION,
     TICK_ZERO,
-    InsNoise,
     draw_drift,
     draw_errors,
     new_encoder,
@@ -29,6 +27,7 @@ from radarsim.sensors.motion_readings import (
     new_tachometer,
     overwrite_ins,
 )
+from radarsim.sensors.proprioceptive import ENCODER_RESOLUTION, InsNoise
 from radarsim.simulation.readings import (
     DRIFT,
     INS_POSE,

@@ -4,7 +4,7 @@ from typing import Any
 import pytest
 
 from radarsim.errors import PresetError
-from radarsim.sensors.motion_readings import InsNoise, encoded_wheels
+from radarsim.sensors.proprioceptive import InsNoise, encoded_wheels
 
 
 def test_noise_is_read_from_settings() -> None:

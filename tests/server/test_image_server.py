@@ -20,7 +20,8 @@ from radarsim.protocol.dialect import UDK
 from radarsim.protocol.images import ImageType, Region
 from radarsim.scene.scene import Scene
 from radarsim.server.camera.encoding import encode
-from radarsim.server.camera.renderer import Renderer, View
+from radarsim.server.camera.renderer import Renderer
+from radarsim.server.camera.view import View
 from radarsim.server.image_server import ImageServer, PictureSource
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.simulation import Simulation

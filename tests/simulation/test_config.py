@@ -6,7 +6,7 @@ from radarsim.errors import PresetError
 from radarsim.presets.robots import Item, load_robot
 from radarsim.presets.sensors import load_settings
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
-from radarsim.robots.motion import WheelDrive
+from radarsim.robots.wheel_drive import WheelDrive
 from radarsim.simulation.clock import TICK, seconds, ticks_of
 from radarsim.simulation.config import SimulationConfig
 

@@ -22,7 +22,8 @@ from radarsim.processes import worker_pool
 if TYPE_CHECKING:
     from radarsim.protocol.images import ImageType, Region
     from radarsim.scene.scene import Scene
-    from radarsim.server.camera.renderer import Renderer, View
+    from radarsim.server.camera.renderer import Renderer
+    from radarsim.server.camera.view import View
 
 NICENESS = 10  # ticks of the server go first
 

@@ -8,36 +8,31 @@ Surfaces are matt and are lit from where the camera is: their brightness depends
 cosine between the ray and their normal (Lambert), and is at least ``AMBIENT``. Volumes
 that let light through veil what is behind them: a ray that loses the power d in a
 volume gets the share 1 - exp(-d) of the volume's colour (Beer and Lambert).
-
-Where the camera is, apart from what draws its pictures.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 
-from radarsim.geometry import Floats, Pose3
+from radarsim.geometry import Floats
 from radarsim.jit import njit_cached, njit_inline
 from radarsim.plotting.palette import FAMILY_COLOURS, Family, family_of
-from radarsim.presets.robots import load_robot
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.rays import LASER, RayClass, Rays
 from radarsim.raycast.tracer import tracer_of
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Scene
 from radarsim.sensors.echoes import ROBOT
+from radarsim.server.camera.view import View
 
 if TYPE_CHECKING:
-    from radarsim.raycast.robot_boxes import Boxes
-    from radarsim.simulation.simulation import Simulation
+    pass
 
-MOUNT: Final = Pose3(0.1005, 0.0, 0.42)  # of the original's camera on a P3AT
 FULL_POWER: Final = 50.0  # a ray that has lost it sees nothing: exp(-50) is 2e-22
 AMBIENT: Final = 0.45  # brightness of a surface along the ray
 # numba compiles plain integers faster than the members of an enumeration.
@@ -52,36 +47,6 @@ VIEWING_DISTANCE: Final = 1000.0  # m
 LIGHT: Final = RayClass(LASER, power_per_db=math.log(10) / 10)
 ZENITH: Final = "#8fb8de"
 HORIZON: Final = "#e4eef5"
-
-
-@dataclass(frozen=True, slots=True)
-class View:
-    """Where a camera is, and where the robots are.
-
-    Attributes:
-        camera: Pose of the camera, map frame; it looks along its x axis.
-        boxes: The robots.
-        carrier_id: Id of the box of the robot that carries the camera; -1 for none.
-    """
-
-    camera: Pose3
-    boxes: Boxes
-    carrier_id: int = -1
-
-    @classmethod
-    def of(cls, simulation: Simulation) -> View:
-        """Return the view of the robot that has been in a simulation for longest.
-
-        Without robots it is that of a P3AT at the first start of the map.
-        """
-        boxes, vehicles = simulation.boxes(), simulation.vehicles
-        if vehicles:
-            first = vehicles[0]
-            return cls(first.robot.body.compose(MOUNT), boxes, first.number)
-        starts = simulation.scene.starts
-        start = starts[0].pose if starts else Pose3(0.0, 0.0, 0.0)
-        body = start.compose(Pose3(0.0, 0.0, load_robot("P3AT").origin_height))
-        return cls(body.compose(MOUNT), boxes)
 
 
 @njit_inline

@@ -15,7 +15,7 @@ from radarsim.presets.robots import Item, RobotModel
 from radarsim.presets.sensors import parse_settings
 from radarsim.protocol import reports
 from radarsim.protocol.commands import Drive, SetItem, parse_pose, parse_switch
-from radarsim.sensors.motion_readings import ENCODER_RESOLUTION
+from radarsim.sensors.proprioceptive import ENCODER_RESOLUTION
 from radarsim.server.host.connection import Diagnostic
 from radarsim.simulation.config import SimulationConfig
 

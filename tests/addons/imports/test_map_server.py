@@ -101,7 +101,7 @@ def test_map_that_is_imported_and_mapped_again_agrees(
     (tmp_path / "room.yaml").write_text(ROOM)
     maps = [tmp_path / "first", tmp_path / "second"]
     for served, out in zip(("room.yaml", "map.yaml"), maps, strict=True):
-        done = run_in_process("map", str(out), "--serve", str(tmp_path / served))
+        done = run_in_process("map", str(tmp_path / served), "-o", str(out))
         assert done.code == 0
         if served == "room.yaml":
             path = out.with_suffix(".yaml")
