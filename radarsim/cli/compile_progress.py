@@ -60,8 +60,11 @@ def with_bar(results: Iterator[_Result], name: str, total: int) -> Iterator[_Res
     )
 
     columns = (
-        *(BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()),
-        *(TextColumn("left"), TimeRemainingColumn()),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
     )
     console = Console(stderr=True)
     bar = Progress(

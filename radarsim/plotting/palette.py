@@ -74,11 +74,18 @@ ROBOT: Final = PAPER  # hull of the robot, outlined in ``MARKER``
 _ON_MATERIALS = (PAPER, INK, *FAMILY_COLOURS.values())
 _OUTLINES = (Family.STONE, Family.FOLIAGE, Family.SMOKE)  # of runs
 _RUN = (
-    *(PAPER, TRUE_PATH, GOING, FOLLOWING, RETURNING, TARGET),
+    PAPER,
+    TRUE_PATH,
+    GOING,
+    FOLLOWING,
+    RETURNING,
+    TARGET,
     *(FAMILY_COLOURS[family] for family in _OUTLINES),
 )
 _CELLS = (
-    *(NOT_SENSED, PAPER, INK),
+    NOT_SENSED,
+    PAPER,
+    INK,
     *(FAMILY_COLOURS[family] for family in (Family.FOLIAGE, Family.SMOKE)),
 )
 SHOWN_TOGETHER: Final = {

@@ -391,6 +391,17 @@ class Gps(SensorReport):
     position: Annotated[tuple[float, float] | None, GlobePosition("Latitude")]
     satellites: Annotated[int, Whole("Satellites")]
 
+    def split(self, dialect: Dialect) -> Split:
+        if isnan(self.time) or self.position is None:
+            return SensorReport.split(self, dialect)
+        latitude, longitude = self.position
+        north, *of_latitude = _split_degrees(latitude, "NS", dialect.robot)
+        east, *of_longitude = _split_degrees(longitude, "EW", dialect.robot)
+        key = (self.name, north, east, self.satellites)
+        template, (_, *rest) = self.split_alike(key, dialect)
+        angles = (*of_latitude, *of_longitude)
+        return template, (self.time, *angles, *rest[len(angles) :]), NO_SERIES
+
 
 @dataclass(frozen=True, slots=True)
 class WatchedLine:

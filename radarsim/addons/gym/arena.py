@@ -85,7 +85,9 @@ class Arena:
         self.max_turn_rate = 2 * self.max_speed / self.model.track
         self._robots = tuple(
             self._fleet.add(
-                *(f"robot_{row}", self.model, Pose2(0.0, 0.0)),
+                f"robot_{row}",
+                self.model,
+                Pose2(0.0, 0.0),
                 obstacles=self._obstacles_at(0.0, 0.0),
                 wheel_drive=drive,
             )

@@ -101,9 +101,20 @@ FIGURE: Final = "radar_vs_laser.png"
 PAGE: Final = "index.html"
 _KEYS: Final = ("version", "seed", "map", "sensor", "method", "outcome")
 _COLUMNS: Final = (
-    *("seed", "map", "sensor", "method", "expected", "outcome", "collisions"),
-    *("path_length", "shortest_path", "time", "reachable_coverage"),
-    *("hidden_coverage", "within_two_cells", "note"),
+    "seed",
+    "map",
+    "sensor",
+    "method",
+    "expected",
+    "outcome",
+    "collisions",
+    "path_length",
+    "shortest_path",
+    "time",
+    "reachable_coverage",
+    "hidden_coverage",
+    "within_two_cells",
+    "note",
 )
 Row = dict[str, Any]
 
