@@ -14,11 +14,10 @@ import pytest
 from annotated_types import Gt, Interval, Unit
 from click.testing import CliRunner
 
-from radarsim.cli.app import EntryGroup, app
+from radarsim.cli.app import EntryGroup, app, describe_usage_error
 from radarsim.cli.command import PlanCommand
 from radarsim.cli.entries import CommandEntry
 from radarsim.cli.fields import LOCAL_SERVER, Server, ServerAddress, Simulation
-from radarsim.cli.usage import describe_usage_error
 from radarsim.plans import RARE, Option, PointXY
 
 WIDTH, HEIGHT = 80, 48

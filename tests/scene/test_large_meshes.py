@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from forked_checks import ForkedChecks
 
-from radarsim.lab.bench.meshes import ball, write_map
+from radarsim.lab.bench.engine import ball, write_map
 
 pytestmark = pytest.mark.slow
 

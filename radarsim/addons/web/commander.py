@@ -6,6 +6,8 @@ What the server is asked to tell: what somebody looks at, and nothing else.
 
 Copies of the robots' lines take time of the server, echoes far more. Without a page on
 a screen, and without a map that is being made, the server tells nothing.
+
+The first message to a page: what the server and the program have.
 """
 
 from __future__ import annotations
@@ -15,10 +17,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from radarsim import __version__
 from radarsim.addons.web.activities import Activities
 from radarsim.addons.web.explanation import explain_beam
 from radarsim.addons.web.frames import FrameSender, Owner, encode_frame
-from radarsim.addons.web.greeting import make_greeting
+from radarsim.addons.web.offers import make_offers
 from radarsim.addons.web.own_robot import OwnRobot
 from radarsim.addons.web.recording import RecordingSwitch
 from radarsim.addons.web.requests import (
@@ -48,6 +51,42 @@ from radarsim.simulation.config import SimulationConfig
 
 if TYPE_CHECKING:
     from radarsim.addons.web.scene_message import SceneMessages
+    from radarsim.addons.web.server_link import ServerState
+    from radarsim.addons.web.viewer import Viewer
+    from radarsim.simulation.config import SimulationConfig
+
+
+def make_greeting(
+    viewer: Viewer,
+    state: ServerState,
+    config: SimulationConfig,
+    scene: SceneMessages | None,
+) -> dict[str, Any]:
+    """Return the message ``hello``.
+
+    Args:
+        viewer: The browser that it is for.
+        state: What is known of the server.
+        config: How the server was started, as far as it is known.
+        scene: The map; None if it is not known.
+    """
+    starts = [
+        {"name": name, "x": pose.x, "y": pose.y, "yaw": pose.yaw}
+        for name, pose in state.starts.items()
+    ]
+    return {
+        "op": "hello",
+        "viewer": viewer.name,
+        "version": __version__,
+        "level": state.level,
+        "dialect": config.dialect.name,
+        "watch": state.watches,
+        "map": scene is not None,
+        "starts": starts,
+        "materials": [] if scene is None else scene.materials,
+        **make_offers(config),
+    }
+
 
 LINGER: Final = 2.0  # s that lines still come when nobody looks, as during a reload
 

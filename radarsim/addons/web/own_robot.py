@@ -2,19 +2,41 @@
 
 Whoever drives it says so again and again. When nothing is heard for a while, as when a
 browser is closed, a key is stuck in a hidden tab or the network is down, it stops.
+
+Why a robot can do nothing by itself.
 """
 
 import asyncio
+import math
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 from typing import Final, NoReturn, Self
 
-from radarsim.addons.web.hindrance import find_hindrance
+from radarsim.addons.web.offers import FIRST_CLASS
+from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.client import AsyncClient, ClientTimeout, RobotInfo
 from radarsim.client.session import RANGE_SCANNER
+from radarsim.errors import ClientError
 from radarsim.geometry import Pose2
 from radarsim.protocol.dialect import DriveUnit
 from radarsim.protocol.reports import Report
+
+
+def find_hindrance(robot: RobotInfo) -> str | None:
+    """Return why a robot cannot drive to a goal or explore; None if it can.
+
+    Args:
+        robot: Its properties; it steers by its first scanner.
+    """
+    try:
+        scanner = robot.scanner()
+    except ClientError:
+        return "it has no range scanner"
+    if Bumpers(safety_distance=1.0).blind(scanner.angles + scanner.mount.yaw):
+        seen = f"{scanner.name} sees {math.degrees(scanner.fov):.0f}\N{DEGREE SIGN}"
+        return f"{seen}, not all around as that of a {FIRST_CLASS}"
+    return None
+
 
 DEAD_MAN: Final = 0.4  # s after the last command to drive
 ANSWER: Final = 5.0  # s that a server has to answer

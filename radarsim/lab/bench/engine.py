@@ -4,30 +4,111 @@ Most results are ratios against a raw first-hit call of Embree on the same rays,
 measured in turns in one process, so that they hold on machines of any speed.
 
 Scenes for benchmarks, generated from a few numbers.
+
+Benchmark of meshes: group k of the table.
+
+A map with one closed mesh is loaded and made ready for rays. The reference is what
+trimesh takes to read the file and embreex to build its own scene of it, which tells
+neither whether the mesh is closed nor which side of it is outside.
 """
 
 import importlib
 import math
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import Any
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final
 
 import numpy as np
+import trimesh
 
 from radarsim.geometry import Floats
 from radarsim.lab.bench.timing import BenchmarkRow, compare, measure
 from radarsim.lab.plants.scenes import leaf_scene
-from radarsim.raycast.embree import FirstHits, Mesh
+from radarsim.raycast import embree
+from radarsim.raycast.embree import FirstHits
 from radarsim.raycast.rays import Rays
-from radarsim.raycast.tracer import tracer_of
+from radarsim.raycast.tracer import Tracer, tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
-from radarsim.scene.shapes import Faces, box, sphere
+from radarsim.scene.shapes import Faces, Mesh, box, sphere
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor, sensor_pose
 from radarsim.sensors.scanning import ScanRequest, scan_batch
+
+RINGS: Final = 410  # of the ball that is measured: 670,760 triangles
+MAP: Final = """\
+version: 1
+objects: [{{name: ball, mesh: {}, material: foliage}}]
+starts: [{{name: RobotStart1, position: [9, 0, 0]}}]
+"""
+
+
+def ball(rings: int) -> Mesh:
+    """Create a closed, uneven ball of 4 ``rings`` (``rings`` - 1) triangles, 2 m."""
+    count = 2 * rings
+    polar, azimuth = np.meshgrid(
+        np.linspace(0, np.pi, rings + 1)[1:-1],
+        np.arange(count) * (2 * np.pi / count),
+        indexing="ij",
+    )
+    radius = 2 + 0.05 * np.sin(40 * polar) * np.sin(40 * azimuth)
+    x, y = np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth)
+    points = (radius * np.stack([x, y, np.cos(polar)])).reshape(3, -1).T
+    poles = np.array([[0.0, 0.0, 2.0], [0.0, 0.0, -2.0]])
+    here = np.arange((rings - 2) * count).reshape(-1, count)
+    there = np.roll(here, -1, axis=1)
+    rim, last = np.arange(count), len(points) - count
+    top, bottom = np.full(count, len(points)), np.full(count, len(points) + 1)
+    sides: list[Any] = [
+        (here, here + count, there + count),
+        (here, there + count, there),
+        (top, rim, np.roll(rim, -1)),
+        (bottom, last + np.roll(rim, -1), last + rim),
+    ]
+    faces = np.vstack([np.stack(side, axis=-1).reshape(-1, 3) for side in sides])
+    return np.vstack([points, poles]), faces.astype(np.int32)
+
+
+def write_map(folder: Path, mesh: Mesh, suffix: str) -> Path:
+    """Write a map of one mesh, and the mesh beside it; return the path of the map."""
+    content: Any = trimesh.Trimesh(*mesh, process=False).export(file_type=suffix)
+    (folder / f"ball.{suffix}").write_bytes(content)
+    path = folder / f"{suffix}.yaml"
+    path.write_text(MAP.format(f"ball.{suffix}"))
+    return path
+
+
+def mesh_maps(rings: int, seconds: float) -> Iterator[BenchmarkRow]:
+    """Measure CPU time from a map to its tracer, against reading and building only."""
+    mesh = ball(rings)
+    for suffix in ("stl", "glb"):
+        with TemporaryDirectory() as folder:
+            path = write_map(Path(folder), mesh, suffix)
+            result = compare(
+                partial(_load, path),
+                partial(_read_and_build, path.with_name(f"ball.{suffix}")),
+                seconds=seconds,
+                clock=time.process_time,
+            )
+        name = f"{len(mesh[1])} triangles, {suffix.upper()}"
+        note = f"{result.subject:.2f} s against {result.reference:.2f}"
+        yield BenchmarkRow("k", name, result.ratio, "x", 1.0, note)
+
+
+def _load(path: Path) -> Tracer:
+    return tracer_of(load_map(path))
+
+
+def _read_and_build(path: Path) -> embree.FirstHits:
+    mesh: Any = trimesh.load_mesh(path, process=False)
+    triangles = embree.Mesh(mesh.vertices, mesh.faces)
+    return embree.FirstHits([triangles], np.zeros((1, 3)), np.eye(3)[:1])
+
 
 WALL = Material("wall")
 FOLIAGE = Material("foliage", density=1.0)
@@ -137,7 +218,7 @@ def scans_against_first_hits(seconds: float) -> Iterator[BenchmarkRow]:
     """Measure whole scans, with the drawing of rays, against raw first-hit calls."""
     room = load_map("foliage_room")
     for scene, limits in ((foliage_wall(), LIMITS), (room, ROOM_LIMITS)):
-        meshes = [Mesh(part.vertices, part.faces) for part in scene.parts]
+        meshes = [embree.Mesh(part.vertices, part.faces) for part in scene.parts]
         for name, scan, rays in _workloads(scene):
             first = FirstHits(meshes, rays.origins, rays.directions)
             result = compare(scan, first.run, seconds=seconds)
@@ -294,7 +375,7 @@ def _leaves(seconds: float) -> BenchmarkRow:
     pose, rng = sensor_pose(scene, SENSOR), generator_for(0, "bench")
     radar = load_sensor("radar", **BEAMS_361)
     rays = radar.plan(tracer_of(scene), pose, rng).rays
-    meshes = [Mesh(part.vertices, part.faces) for part in scene.parts]
+    meshes = [embree.Mesh(part.vertices, part.faces) for part in scene.parts]
     first = FirstHits(meshes, rays.origins, rays.directions)
     result = compare(partial(radar.scan, scene, pose, rng), first.run, seconds=seconds)
     note = f"{result.subject * 1e6:.0f} us against {result.reference * 1e6:.0f}"

@@ -3,21 +3,25 @@
 from collections.abc import Callable, Iterator
 from typing import Final
 
-from radarsim.lab.bench.commander import commander_beside_robots
+from radarsim.lab.bench.addons import (
+    commander_beside_robots,
+    decisions,
+    recording_robots,
+    turning_radar,
+    turns_of_a_radar,
+)
 from radarsim.lab.bench.engine import (
+    RINGS,
     against_open3d,
     beams_against_rays,
     growth,
     many_poses,
+    mesh_maps,
     mirrors_and_leaves,
     scans_against_first_hits,
     throughput,
 )
-from radarsim.lab.bench.environments import decisions
 from radarsim.lab.bench.floods import FLOODS, floods, lateness_beside_floods
-from radarsim.lab.bench.meshes import RINGS, mesh_maps
-from radarsim.lab.bench.radars import turning_radar, turns_of_a_radar
-from radarsim.lab.bench.recording import recording_robots
 from radarsim.lab.bench.robots import driving_robots, growth_of_robots
 from radarsim.lab.bench.server import (
     ROBOTS,

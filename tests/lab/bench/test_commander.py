@@ -1,6 +1,6 @@
 import pytest
 
-from radarsim.lab.bench.commander import commander_beside_robots
+from radarsim.lab.bench.addons import commander_beside_robots
 
 
 @pytest.mark.slow

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from radarsim.lab.bench.meshes import ball, mesh_maps, write_map
+from radarsim.lab.bench.engine import ball, mesh_maps, write_map
 from radarsim.scene.map_file import load_map
 
 

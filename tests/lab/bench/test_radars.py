@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from radarsim.lab.bench.radars import turning_radar
+from radarsim.lab.bench.addons import turning_radar
 
 
 @pytest.mark.slow

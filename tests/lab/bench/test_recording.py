@@ -1,6 +1,6 @@
 import pytest
 
-from radarsim.lab.bench.recording import recording_robots
+from radarsim.lab.bench.addons import recording_robots
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-from radarsim.lab.bench.radars import turns_of_a_radar
+from radarsim.lab.bench.addons import turns_of_a_radar
 
 
 def test_turn_is_measured_against_its_rays_and_transforms() -> None:

@@ -11,7 +11,6 @@ from radarsim.raycast.rays import LASER, RADAR, Rays, Traces
 from radarsim.raycast.tracer import Tracer
 from radarsim.rng import generator_for
 from radarsim.scene.material import Material
-from radarsim.scene.plants.mesh import rhombi
 from radarsim.scene.plants.parameters import (
     LEAVES,
     SHRUB,
@@ -19,7 +18,7 @@ from radarsim.scene.plants.parameters import (
     YOUNG_TREE,
     PlantParameters,
 )
-from radarsim.scene.plants.plant import make_plant
+from radarsim.scene.plants.plant import make_plant, rhombi
 from radarsim.scene.scene import Part
 
 LOSS = 0.25

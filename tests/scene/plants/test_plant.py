@@ -7,9 +7,14 @@ from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.face_passes import connect_faces
 from radarsim.scene.material import Material
-from radarsim.scene.plants.mesh import ball
 from radarsim.scene.plants.parameters import LEAVES, SHRUB, WOOD
-from radarsim.scene.plants.plant import SHAPES, TUFT_RADIUS, make_plant, make_shrubs
+from radarsim.scene.plants.plant import (
+    SHAPES,
+    TUFT_RADIUS,
+    ball,
+    make_plant,
+    make_shrubs,
+)
 from radarsim.scene.scene import Part
 from radarsim.scene.topology import is_closed
 

@@ -1,10 +1,10 @@
 import pytest
 
+from radarsim.cli.check import summarise
 from radarsim.geometry import Pose3
 from radarsim.scene.material import OPAQUE, Material
 from radarsim.scene.scene import Part, Scene, StartPose, Trial
 from radarsim.scene.shapes import box, sphere
-from radarsim.scene.summary import summarise
 
 WOOD = Material("wood")
 LEAF = Material("leaf", 0.7)
