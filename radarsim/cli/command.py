@@ -176,8 +176,8 @@ class PlanCommand(click.Command):
             for plan in plans:
                 keys = {each.name: add(each) for each in plan_fields(plan)}
                 self._plans.append(_Plan(parameter.name, plan, keys, group is not None))
-        if any(field.option.is_rare for field in self.fields.values()):
-            params.append(_help_all())
+        has_rare = any(field.option.is_rare for field in self.fields.values())
+        params.append(_help_all(is_listed=has_rare))
         text = inspect.getdoc(function) or ""
         super().__init__(name, params=params, help=text.partition("\n\nArgs:\n")[0])
 
@@ -196,9 +196,15 @@ class PlanCommand(click.Command):
         given = self._given(ctx)
         for names in self._sets("one_required", "at_most_one"):
             found = [key for key in names if key in given]
-            if len(found) > 1:
-                one = "one" if names in self._sets("one_required") else "only one"
-                raise click.BadParameter(f"expected {one} of {self._listed(names)}")
+            typed = [key for key in found if _is_typed(ctx, key)]
+            if len(found) > 1 and len(typed) == 1:
+                # What is typed counts before what an exported variable says.
+                for key in {*found} - {*typed}:
+                    ctx.set_parameter_source(key, ParameterSource.DEFAULT)
+                    given.discard(key)
+            elif len(found) > 1:
+                text = f"expected only one of {self._listed(names)}"
+                raise click.BadParameter(text)
         for key in given:
             needs = self.fields[key].option.needs
             if needs and not given.intersection(needs):
@@ -302,7 +308,11 @@ def _make_param(field: PlanField) -> click.Parameter:
     )
 
 
-def _help_all() -> click.Option:
+def _is_typed(ctx: click.Context, key: str) -> bool:
+    return ctx.get_parameter_source(key) is ParameterSource.COMMANDLINE
+
+
+def _help_all(*, is_listed: bool) -> click.Option:
     def show(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
         if wanted and not ctx.resilient_parsing:
             ctx.meta["radarsim.help_all"] = True
@@ -311,6 +321,7 @@ def _help_all() -> click.Option:
 
     return click.Option(
         ["--help-all"],
+        hidden=not is_listed,
         is_flag=True,
         is_eager=True,
         expose_value=False,
@@ -341,6 +352,6 @@ def _help(field: PlanField) -> str:
         return field.help
     text = default.value if isinstance(default, Enum) else default
     shown = f"{text:g}" if isinstance(text, float) else str(text)
-    if isinstance(default, tuple):
+    if type(default) is tuple:  # not an address, which knows how it is written
         shown = ",".join(map(str, default))
     return f"{field.help} [default: {shown}]"

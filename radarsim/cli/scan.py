@@ -130,6 +130,8 @@ def scan(
 ) -> None:
     """Scan a map without a server.
 
+    Into a file or a pipe it writes all numbers, at a terminal a summary of them.
+
     Args:
         map_: A map file, or the name of a shipped map; @VARIANT may follow.
         plan: The sensor and its place.

@@ -291,3 +291,23 @@ def test_help_of_the_program_imports_no_command() -> None:
     )
     run = subprocess.check_output((sys.executable, "-c", code), text=True)
     assert run.splitlines()[-1] == "[]"
+
+
+def test_what_is_typed_counts_before_an_exported_variable() -> None:
+    def drive(where: Simulation) -> None:
+        """Drive.
+
+        Args:
+            where: Where.
+        """
+        click.echo(f"{where.map} {where.connect}")
+
+    command, variables = PlanCommand("drive", drive), {"X_CONNECT": "host:1"}
+    runner = CliRunner(env=variables)
+    typed = runner.invoke(command, ["room"], auto_envvar_prefix="X")
+    assert typed.output == "room None\n"
+    exported = runner.invoke(command, [], auto_envvar_prefix="X")
+    assert exported.output == "None host:1\n"
+    both = runner.invoke(command, ["room", "--connect", "host:1"])
+    assert both.exit_code == 2
+    assert "expected only one of MAP and --connect" in both.output

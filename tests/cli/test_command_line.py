@@ -163,7 +163,7 @@ def test_similar_words_are_suggested(
         ((*SCAN, "--count", "0"), "--count: '0', expected at least 1"),
         ((*SCAN, "--count", "1.5"), "--count: '1.5', expected a whole number"),
         ((*SCAN, "--seed"), "--seed: expected a value with it"),
-        ((*SCAN, *HERE, "--pose", "0,0,0"), "expected one of --start and --pose"),
+        ((*SCAN, *HERE, "--pose", "0,0,0"), "expected only one of --start and --pose"),
         ((*SCAN, "more"), "'more', expected no more arguments; see"),
         ((*GO, "--json=1"), "--json: expected no value with it"),
         ((*GO, "--bumpers", "40"), "--bumpers: '40', expected at most 36"),

@@ -254,7 +254,7 @@ class MapFiles:
             check_writable(path, "OUT")
             if path.is_file() and not _may_be_replaced(path, served):
                 text = f"{path} is no map of radarsim's, expected another OUT"
-                raise click.BadParameter(text, param_hint="OUT")
+                raise click.BadParameter(text, param_hint="-o")
 
     def write(self, result: MappingResult) -> tuple[Path, ...]:
         """Write the map of a run, and return its files; none if there was no scan.
