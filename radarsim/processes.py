@@ -1,14 +1,9 @@
-"""Pools of worker processes.
+"""Worker processes, a background thread, and the signals that end the program.
 
-How many processors a process may use.
-
-A thread for work whose results are needed later.
-
-How SIGINT, SIGTERM and SIGHUP end the program: at once, or by an exception.
-
-At once is the default, also while modules are imported and kernels are compiled: an
-exception gets lost in callbacks from C, or ends in a traceback or a crash there. Only
-where something is to be saved or restored the signals raise an exception.
+SIGINT, SIGTERM and SIGHUP end it at once, or by an exception. At once is the default,
+also while modules are imported and kernels are compiled: an exception gets lost in
+callbacks from C, or ends in a traceback or a crash there. Only where something is to be
+saved or restored the signals raise an exception.
 
 Imports next to nothing, so that a program can install its handlers first of all.
 """

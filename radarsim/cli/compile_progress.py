@@ -1,7 +1,4 @@
-"""Progress on stderr while kernels are compiled.
-
-The status of a run on stderr, while it lasts.
-"""
+"""Progress on stderr while kernels are compiled, and while a run lasts."""
 
 import functools
 import shutil

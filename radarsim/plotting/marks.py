@@ -1,9 +1,9 @@
-"""Marks of readings: what is seen through something is the largest.
+"""Marks of readings and echoes: what is seen through something is the largest.
 
 A single scan has a mark at the end of each ray. Of several scans each reading is a
 small, pale dot, so that the picture shows how densely they lie.
 
-Marks of echoes: their shape tells the kind, their colour the material.
+The shape of an echo's mark tells its kind, the colour its material.
 """
 
 import math

@@ -1,6 +1,6 @@
 """Plans of maps: the section of a scene at a height, filled by material.
 
-Robots in pictures, seen from above.
+Robots in it are drawn as seen from above.
 """
 
 import re

@@ -1,6 +1,6 @@
 """What plots share: the legend, colours of materials, and points in the map.
 
-Figures as files that have the same bytes each time.
+``render`` writes figures as files, with the same bytes each time.
 """
 
 import io

@@ -1,6 +1,6 @@
 """The web application: the files of the page, and the WebSocket of each browser.
 
-A limit of messages per second.
+A browser may send only so many messages in a second.
 """
 
 import asyncio

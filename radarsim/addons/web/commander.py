@@ -2,12 +2,11 @@
 
 Everything runs in one event loop. What takes long, such as spawning, is done beside it.
 
-What the server is asked to tell: what somebody looks at, and nothing else.
+The server is asked to tell what somebody looks at, and nothing else. Copies of the
+robots' lines take time of the server, echoes far more. Without a page on a screen, and
+without a map that is being made, the server tells nothing.
 
-Copies of the robots' lines take time of the server, echoes far more. Without a page on
-a screen, and without a map that is being made, the server tells nothing.
-
-The first message to a page: what the server and the program have.
+The first message to a page says what the server and the program have.
 """
 
 from __future__ import annotations

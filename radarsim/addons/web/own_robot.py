@@ -2,8 +2,6 @@
 
 Whoever drives it says so again and again. When nothing is heard for a while, as when a
 browser is closed, a key is stuck in a hidden tab or the network is down, it stops.
-
-Why a robot can do nothing by itself.
 """
 
 import asyncio

@@ -1,8 +1,6 @@
 """What a robot can do by itself: drive to a goal, and explore.
 
 Both block, and so run in threads; they tell what happens as messages.
-
-The tasks that robots are at, each in a thread of its own.
 """
 
 import asyncio

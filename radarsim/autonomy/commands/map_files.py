@@ -1,6 +1,6 @@
 """The files that ``radarsim map`` writes, and what else is made of a run.
 
-What pictures and films of ``radarsim map`` show, from the result of a run.
+Pictures and films show the result of the run.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""A run of ``radarsim map`` that explores, from its start to its files.
-
-What ``radarsim map`` prints.
-"""
+"""A run of ``radarsim map`` that explores: its progress, its files, what it prints."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,6 +1,6 @@
 """``radarsim trials``: score navigation on maps.
 
-What ``radarsim trials --random`` does: trials on random maps, line by line.
+With ``--random`` they run on random maps, and each is written as a line of JSON.
 """
 
 from __future__ import annotations

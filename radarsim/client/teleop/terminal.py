@@ -1,9 +1,7 @@
-"""Layout of the screen, and key bindings.
+"""Layout of the screen, key bindings, and the motion that keys mean.
 
 prompt_toolkit handles the terminal itself: raw keys, the alternate screen, changes of
 size, incremental drawing, and restoring everything at the end.
-
-Convert key presses to motion.
 
 Theory of operation
 ===================

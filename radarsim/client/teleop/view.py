@@ -1,8 +1,7 @@
 """Top view of a scan in text: the robot in the centre, its front upwards.
 
-Braille characters serve as pixels, two by four dots in each.
-
-The text panel beside the view.
+Braille characters serve as pixels, two by four dots in each. A panel of text stands
+beside the view.
 """
 
 import math

@@ -1,19 +1,16 @@
-"""Benchmarks of the commander: group l of the table.
+"""Benchmarks of add-ons: groups l to p of the table.
 
-Ten clients drive robots in a hall. What counts is by how much they get their scans
-later, and how much more the server works, while a commander shows the robots to
-viewers: one that reads what it is sent, and twenty that never read.
+The commander, group l. Ten clients drive robots in a hall. What counts is by how much
+they get their scans later, and how much more the server works, while a commander shows
+the robots to viewers: one that reads what it is sent, and twenty that never read.
 
-Benchmark of recordings: group m of the table.
+Recordings, group m. Clients drive robots in a hall. What counts is by how much they get
+their scans later while the server records, what the process that writes costs, and how
+much it writes.
 
-Clients drive robots in a hall. What counts is by how much they get their scans later
-while the server records, what the process that writes costs, and how much it writes.
-
-Benchmarks of the environments for reinforcement learning: group n of the table.
-
-Benchmark of a robot with a turning FMCW radar, beside plain ones: group o.
-
-What a turn of an FMCW radar costs, against its rays and one FFT per direction.
+Environments for reinforcement learning, group n. A robot with a turning FMCW radar
+beside plain ones, group o. What a turn of such a radar costs, against its rays and one
+FFT per direction, group p.
 """
 
 import json

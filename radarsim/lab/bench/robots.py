@@ -4,7 +4,7 @@ What is measured is a tenth of a second of simulated time: ten times ``Host.step
 ``take`` for the clients that are to be sent something, in which each robot sends one
 scan and all its other readings.
 
-A hall for a thousand robots, and the lines of clients that drive in it.
+They drive in a hall that holds a thousand of them.
 """
 
 import math

@@ -1,6 +1,6 @@
 """Figures 2 to 5: radar and laser in clear air and in dust, as points.
 
-What figures 2 to 5 count: readings of radar and laser in clear air and in dust.
+Their captions count the readings in both airs.
 """
 
 from dataclasses import dataclass

@@ -1,6 +1,6 @@
-"""Figures with their captions, as PNG files.
+"""Figures with their captions, as PNG files, and the scans that they show.
 
-Scans for figures, each with the command that repeats it.
+Each scan knows the command that repeats it.
 """
 
 import io

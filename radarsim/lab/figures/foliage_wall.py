@@ -1,6 +1,6 @@
 """What figures 7 to 10 count: where beams of Hokuyo and radar end in the test map.
 
-The test map as the background of figures 6 to 12.
+The plan of that map is the background of figures 6 to 12.
 """
 
 from collections.abc import Sequence

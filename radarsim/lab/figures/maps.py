@@ -1,6 +1,6 @@
 """Figure 15: the radar's and the Hokuyo's map of the test map, side by side.
 
-Robots that map the test map along its bushes, and what their maps show.
+Robots drive along the bushes of that map; what their maps show is counted.
 """
 
 import math

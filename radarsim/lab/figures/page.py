@@ -1,6 +1,6 @@
 """The page with all figures: one HTML file that needs only the pictures beside it.
 
-Style sheet and script of the page with all figures.
+Its style sheet and its script are in it.
 """
 
 import re

@@ -1,10 +1,10 @@
-"""The maps of the study: six kinds, each drawn anew for every seed.
+"""Maps and tasks of the study: six kinds of maps, each drawn anew for every seed.
 
 Three kinds have materials that radars and lasers meet differently: smoke in a corridor,
 a room behind bushes, and a hedge with a gap that leads nowhere. The others are families
 of the random maps: thin bushes, trunks, and offices.
 
-The tasks of the study: drive to a goal, or map, with one sensor on one map.
+A task is to drive to a goal, or to map, with one sensor on one map.
 """
 
 import math

@@ -1,6 +1,6 @@
 """The page of the study: its summary, the figure, and a table for each map.
 
-The files of the study: the log of its runs, one table, one figure and one page.
+Beside it the study writes the log of its runs, one table and one figure.
 """
 
 import csv

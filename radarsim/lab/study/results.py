@@ -1,9 +1,8 @@
 """What the runs of the study add up to, for each map and sensor.
 
-Estimates with intervals of 95 %.
-
-Shares have Wilson's score interval (Wilson 1927), which also holds for few runs and for
-shares of 0 and 1. Means have Student's t interval.
+All estimates have intervals of 95 %. Shares have Wilson's score interval (Wilson 1927),
+which also holds for few runs and for shares of 0 and 1. Means have Student's t
+interval.
 """
 
 import math

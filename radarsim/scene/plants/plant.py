@@ -3,9 +3,8 @@
 The wood of the three shapes is the same: it blocks the same rays, so that only the
 foliage differs, and a map has the same plants that were calibrated.
 
-Meshes of plants: closed tapered tubes for wood, balls, and leaves.
-
-A leaf is an open rhombus of two triangles that share the midrib.
+Meshes are closed tapered tubes for wood, balls, and leaves. A leaf is an open rhombus
+of two triangles that share the midrib.
 """
 
 from collections.abc import Mapping
