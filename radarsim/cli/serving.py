@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,7 +31,7 @@ from radarsim.protocol.dialect import DriveUnit
 
 if TYPE_CHECKING:
     from radarsim.presets.robots import RobotModel
-    from radarsim.server.host import Host, HostObserver
+    from radarsim.server.host import Host
     from radarsim.simulation.config import SimulationConfig
     from radarsim.simulation.simulation import Simulation
 
@@ -198,12 +198,7 @@ def cure_of_port(options: Mapping[str, int | None]) -> Iterator[None]:
 
 
 def load_host(
-    map_: str,
-    config: SimulationConfig,
-    *,
-    seed: int,
-    begins: bool = True,
-    observers: Iterable[HostObserver] = (),
+    map_: str, config: SimulationConfig, *, seed: int, begins: bool = True
 ) -> Host:
     """Load a map and create the server's host.
 
@@ -212,7 +207,6 @@ def load_host(
         config: Dialect and settings of items.
         seed: Seed of the simulation.
         begins: Whether the simulation begins at once.
-        observers: Told what is done to the host.
 
     Raises:
         MapError: If the map is wrong.
@@ -223,7 +217,7 @@ def load_host(
 
     check_item_settings(config)
     scene = load_map(map_)
-    return Host(scene, config=config, seed=seed, begins=begins, observers=observers)
+    return Host(scene, config=config, seed=seed, begins=begins)
 
 
 def load_served_host(
@@ -232,11 +226,8 @@ def load_served_host(
     seed: int | None,
     settings: Mapping[str, Mapping[str, Any]],
     drive_unit: DriveUnit,
-    observers: Iterable[HostObserver] = (),
 ) -> Host | None:
     """Create the host of the map that another command is given, if it is.
-
-    ``observers`` are as in ``load_host``.
 
     Raises:
         MapError: If the map is wrong.
@@ -247,7 +238,7 @@ def load_served_host(
     if map_ is None:
         return None
     config = SimulationConfig(drive_unit=drive_unit, item_settings=settings)
-    return load_host(map_, config, seed=seed or 0, observers=observers)
+    return load_host(map_, config, seed=seed or 0)
 
 
 def check_item_settings(config: SimulationConfig) -> None:

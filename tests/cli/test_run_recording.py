@@ -19,7 +19,7 @@ from rosbags.typesys.stores.ros2_jazzy import tf2_msgs__msg__TFMessage as TFMess
 import radarsim
 from radarsim.addons.recording.bag_reader import BagReader
 from radarsim.addons.recording.cdr import decode
-from radarsim.addons.recording.host_recorder import CallKind
+from radarsim.addons.recording.host_recorder import EventType
 from radarsim.addons.testing import UsarsimServer
 from radarsim.client import Client
 
@@ -109,7 +109,7 @@ def test_run_on_a_server_elsewhere_is_recorded(
     topics = {message.topic for message in BagReader(folder).messages()}
     assert {"/P3AT_Radar360/cmd_vel", "/clock"} <= topics
     calls = list(BagReader(folder).calls())
-    assert calls[0].kind is CallKind.CONNECT
+    assert calls[0].type is EventType.CONNECT
     assert calls[0].tick > 0  # simulated time ran before
     refused = run_command("replay", str(folder), "--verify")
     assert refused.code == 1

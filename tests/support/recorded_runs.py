@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder
-from radarsim.addons.recording.host_recorder import HostCall, HostRecorder, RunEvent
+from radarsim.addons.recording.host_recorder import HostRecorder, RunEvent
 from radarsim.addons.recording.recording_process import write_recording
 from radarsim.protocol.dialect import UDK, get_dialect
 from radarsim.scene.scene import Scene
@@ -33,7 +33,7 @@ class RecordedRun(NamedTuple):
     info: RecordingInfo
 
     @property
-    def calls(self) -> list[HostCall]:
+    def calls(self) -> list[RunEvent]:
         """The calls of the host."""
         return calls_in(self.events)
 
@@ -95,6 +95,6 @@ def host_of(run: RecordedRun, scene: Scene, *, seed: int = 1) -> Host:
     return Host(scene, config=config, seed=seed, begins=False)
 
 
-def calls_in(events: Sequence[RunEvent]) -> list[HostCall]:
+def calls_in(events: Sequence[RunEvent]) -> list[RunEvent]:
     """Return the calls, which are in bags as they are."""
-    return [event for event in events if isinstance(event, HostCall)]
+    return [event for event in events if event.is_call]

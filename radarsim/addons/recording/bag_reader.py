@@ -27,7 +27,7 @@ from radarsim.addons.recording.bag_folder import (
 from radarsim.addons.recording.bag_writer import INFORMATION, BagWriter
 from radarsim.addons.recording.call_converter import TO_CLIENT, TO_SERVER
 from radarsim.addons.recording.cdr import EncodedMessage, UInt8MultiArray, decode
-from radarsim.addons.recording.host_recorder import CallKind, HostCall
+from radarsim.addons.recording.host_recorder import EventType, RunEvent
 from radarsim.errors import RecordingError
 
 # Bytes; chunks have about 2**16. A length that is broken or made up must not make the
@@ -125,7 +125,7 @@ class BagReader:
                 case _:
                     pass
 
-    def calls(self) -> Iterator[HostCall]:
+    def calls(self) -> Iterator[RunEvent]:
         """Yield the calls of the host, in order.
 
         Raises:
@@ -184,7 +184,7 @@ def repair(folder: Path) -> int:
     return count
 
 
-def _call(message: EncodedMessage) -> HostCall:
+def _call(message: EncodedMessage) -> RunEvent:
     """Read a call from its message.
 
     Raises:
@@ -194,6 +194,6 @@ def _call(message: EncodedMessage) -> HostCall:
         octets = decode(message, UInt8MultiArray)
         name, client, tick = octets.layout.dim[0].label.split()
         data = octets.data.tobytes()
-        return HostCall(CallKind[name.upper()], int(tick), int(client), data)
+        return RunEvent(EventType[name.upper()], int(tick), int(client), data)
     except (LookupError, ValueError) as error:
         raise RecordingError(f"call {error}, expected one of radarsim") from error

@@ -1,4 +1,4 @@
-"""What is recorded of a run, so that it can be repeated, and who listens to a host.
+"""What is recorded of a run, and who listens to a host for it.
 
 A simulation depends on nothing but its scene, configuration and seed, and on the calls
 of its host: who connects, what arrives, and when time passes. With these, and with what
@@ -11,18 +11,19 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from enum import IntEnum
-from typing import TYPE_CHECKING, Final, NamedTuple, Self, TypeAlias
+from typing import TYPE_CHECKING, Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.addons.fmcw.antennas import antennas_of
-from radarsim.addons.fmcw.turn_collector import RecordedTurn, TurnCollector
+from radarsim.addons.fmcw.image_files import encoder_counts, put_metadata
 from radarsim.protocol.reports import to_bytes
 from radarsim.server.host import HostObserver
 from radarsim.server.host.replies import configuration, geometry
 
 if TYPE_CHECKING:
+    from radarsim.addons.fmcw.antennas import SeenSector
     from radarsim.simulation.config import SimulationConfig
     from radarsim.simulation.simulation import Simulation
     from radarsim.simulation.vehicle import Vehicle
@@ -31,8 +32,8 @@ if TYPE_CHECKING:
 DESCRIBED: Final = ("Robot", "RangeScanner")
 
 
-class CallKind(IntEnum):
-    """What is done to a host."""
+class EventType(IntEnum):
+    """What is recorded: calls of a host, and what else is told of a run."""
 
     CONNECT = 1
     DISCONNECT = 2
@@ -42,86 +43,94 @@ class CallKind(IntEnum):
     WAIT = 6  # ticks before simulated time begins; ``client`` counts them
     BEGIN = 7  # simulated time begins
     END = 8  # the recording ends
+    ROBOT = 100  # a robot is new, or has changed: its name, and answers about it
+    TURN = 101  # a turn of a radar on the robot of a client: a ``RecordedTurn``
+    MAP = 102  # a map that is made in the run: a ``MapSnapshot``
 
 
-class HostCall(NamedTuple):
-    """One call of a host.
+class RunEvent(NamedTuple):
+    """A call of a host, or what is told of a run beside its calls.
 
     Attributes:
-        kind: What was done.
+        type: What was done.
         tick: How many ticks of simulated time had passed.
         client: Number of the client.
-        data: Bytes that were received from a client, or sent to it.
+        data: Bytes that were received from a client, or sent to it, or what is told.
     """
 
-    kind: CallKind
+    type: EventType
     tick: int
     client: int = 0
     data: bytes = b""
 
-
-class RobotDescription(NamedTuple):
-    """What is known of the robot of a client: if it is new, or something has changed.
-
-    Attributes:
-        tick: As in ``HostCall``.
-        client: Number of the client.
-        text: Lines that end with CRLF: the robot's name, and answers of the server
-            about it.
-    """
-
-    tick: int
-    client: int
-    text: str
+    @property
+    def is_call(self) -> bool:
+        """Whether the run is repeated with it."""
+        return self.type <= EventType.END
 
 
-class ReceivedTurn(NamedTuple):
-    """A turn of a radar on the robot of a client.
+class RecordedTurn(NamedTuple):
+    """A turn of a radar.
 
     Attributes:
-        tick: As in ``HostCall``.
-        client: Number of the client.
-        turn: What it received.
+        scanner: Name of the scanner item.
+        time: When it began, s.
+        bin_size: Distance between range bins, m.
+        rows: (A, 11 + B) uint8, a row for each direction as images of Oxford's data set
+            have them: 11 bytes of time, encoder and validity, and the counts.
     """
 
-    tick: int
-    client: int
-    turn: RecordedTurn
-
-
-class MapSnapshot(NamedTuple):
-    """A map that is made in the run.
-
-    Attributes:
-        tick: As in ``HostCall``.
-        time: Simulated time of the last scan in it, s.
-        corner: x and y of its south-west corner, m.
-        resolution: Side of a cell, m.
-        cells: (R, C) int8, -1 unknown, 0 free to 100 occupied; the first row is the
-            southernmost.
-    """
-
-    tick: int
+    scanner: str
     time: float
-    corner: tuple[float, float]
-    resolution: float
-    cells: NDArray[np.int8]
+    bin_size: float
+    rows: NDArray[np.uint8]
 
     def to_bytes(self) -> bytes:
-        """Return all but the tick."""
-        head = (self.time, self.corner, self.resolution, self.cells.shape)
-        return json.dumps(head).encode() + b"\n" + self.cells.tobytes()
+        """Return the turn as the data of an event."""
+        head = (self.scanner, self.time, self.bin_size, self.rows.shape)
+        return json.dumps(head).encode() + b"\n" + self.rows.tobytes()
 
     @classmethod
-    def from_bytes(cls, tick: int, data: bytes) -> Self:
+    def from_bytes(cls, data: bytes) -> Self:
         """Read what ``to_bytes`` has returned."""
-        head, _, cells = data.partition(b"\n")
-        time, (x, y), resolution, shape = json.loads(head)
-        array = np.frombuffer(cells, np.int8).reshape(shape)
-        return cls(tick, time, (x, y), resolution, array)
+        head, _, rows = data.partition(b"\n")
+        scanner, time, bin_size, shape = json.loads(head)
+        array = np.frombuffer(rows, np.uint8).reshape(shape)
+        return cls(scanner, time, bin_size, array)
 
 
-RunEvent: TypeAlias = HostCall | RobotDescription | ReceivedTurn | MapSnapshot
+class TurnCollector:
+    """Collects what an antenna receives until a turn is complete."""
+
+    def __init__(self, scanner: str, tell: Callable[[RecordedTurn], None]) -> None:
+        """Wait for the beginning of a turn.
+
+        Args:
+            scanner: Name of the scanner item.
+            tell: Called with each turn, once it is complete.
+        """
+        self._scanner, self._tell = scanner, tell
+        self._began = 0.0  # s
+        self._rows: list[NDArray[np.uint8]] = []
+
+    def take(self, seen: SeenSector) -> None:
+        """Add what is received from neighbouring directions."""
+        sector, settings = seen.sector, seen.sector.spectrum.settings
+        if sector.first == 0:
+            self._began = seen.time
+            self._rows.clear()  # of one that the antenna did not end
+        elif not self._rows:  # the turn began before anybody listened
+            return
+        rows = np.arange(len(sector.spectrum.counts))
+        times = np.rint(1e6 * (seen.time + rows * settings.sweep_time))
+        encoder = encoder_counts(settings.azimuths)[sector.first + rows]
+        packed = put_metadata(sector.spectrum.counts, times.astype(np.int64), encoder)
+        self._rows.append(packed)
+        if sector.ends_turn:
+            turn = np.concatenate(self._rows)
+            self._rows.clear()
+            size = settings.bin_size
+            self._tell(RecordedTurn(self._scanner, self._began, size, turn))
 
 
 class HostRecorder(HostObserver):
@@ -146,20 +155,20 @@ class HostRecorder(HostObserver):
     def begin(self, simulation: Simulation) -> None:
         """See ``HostObserver.begin``."""
         self._simulation = simulation
-        self._report(CallKind.BEGIN)
+        self._report(EventType.BEGIN)
 
     def connect(self, client: int) -> None:
         """See ``HostObserver.connect``."""
-        self._report(CallKind.CONNECT, client)
+        self._report(EventType.CONNECT, client)
 
     def disconnect(self, client: int) -> None:
         """See ``HostObserver.disconnect``."""
         self._described.pop(client, None)
-        self._report(CallKind.DISCONNECT, client)
+        self._report(EventType.DISCONNECT, client)
 
     def receive(self, client: int, data: bytes) -> None:
         """See ``HostObserver.receive``."""
-        self._report(CallKind.RECEIVE, client, data)
+        self._report(EventType.RECEIVE, client, data)
 
     def execute(self, client: int, vehicle: Vehicle | None) -> None:
         """Describe the robot of a client if it is new, or has new settings."""
@@ -173,10 +182,15 @@ class HostRecorder(HostObserver):
         self._described[client] = vehicle, vehicle.config
         if self._spectra and known is not vehicle:
             self._observe_antennas(client, vehicle)
-        self._tell_idle_ticks()
+        reports = []
+        for kind in DESCRIBED:
+            reports.append(geometry(vehicle.model, kind, None))
+            reports.append(configuration(vehicle.model, vehicle.config, kind, None))
+        dialect = vehicle.config.dialect
+        lines = [report.encode(dialect) for report in reports if report is not None]
+        name = f"{vehicle.robot.name}\r\n".encode()
         # Before what the robot is sent, as messages are made by its description.
-        text = _description(vehicle)
-        self._record(RobotDescription(self._tick, client, text))
+        self._report(EventType.ROBOT, client, name + to_bytes(lines))
 
     def step(self) -> None:
         """See ``HostObserver.step``."""
@@ -187,44 +201,31 @@ class HostRecorder(HostObserver):
 
     def take(self, client: int, data: bytes) -> None:
         """See ``HostObserver.take``."""
-        self._report(CallKind.TAKE, client, data)
+        self._report(EventType.TAKE, client, data)
 
     def finish(self, client: int, data: bytes) -> None:
         """See ``HostObserver.finish``."""
-        self._report(CallKind.FINISH, client, data)
+        self._report(EventType.FINISH, client, data)
 
     def end(self) -> None:
         """Report that no more calls come."""
-        self._report(CallKind.END)
+        self._report(EventType.END)
 
-    def _report(self, kind: CallKind, client: int = 0, data: bytes = b"") -> None:
-        self._tell_idle_ticks()
-        self._record(HostCall(kind, self._tick, client, data))
-
-    def _tell_idle_ticks(self) -> None:
+    def _report(self, type_: EventType, client: int = 0, data: bytes = b"") -> None:
         # Idle ticks are counted, not reported one by one: a server can wait for its
         # engine, and a hundred times a second, for minutes.
         if self._idle_ticks:
             idle, self._idle_ticks = self._idle_ticks, 0
-            self._record(HostCall(CallKind.WAIT, self._tick, idle))
+            self._record(RunEvent(EventType.WAIT, self._tick, idle))
+        self._record(RunEvent(type_, self._tick, client, data))
 
     def _observe_antennas(self, client: int, vehicle: Vehicle) -> None:
         """Report the turns of the radars on a robot."""
 
         def report(turn: RecordedTurn) -> None:
-            self._record(ReceivedTurn(self._tick, client, turn))
+            self._report(EventType.TURN, client, turn.to_bytes())
 
         assert self._simulation is not None  # there is a robot
         for antenna in antennas_of(self._simulation).of(vehicle):
             collector = TurnCollector(antenna.mounted.item.name, report)
             antenna.observers.append(collector.take)
-
-
-def _description(vehicle: Vehicle) -> str:
-    reports = []
-    for kind in DESCRIBED:
-        reports.append(geometry(vehicle.model, kind, None))
-        reports.append(configuration(vehicle.model, vehicle.config, kind, None))
-    dialect = vehicle.config.dialect
-    lines = [report.encode(dialect) for report in reports if report is not None]
-    return f"{vehicle.robot.name}\r\n{to_bytes(lines).decode()}"

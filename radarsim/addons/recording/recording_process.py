@@ -20,16 +20,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO, BinaryIO, Final
 
-from radarsim.addons.fmcw.turn_collector import RecordedTurn
 from radarsim.addons.recording.bag_folder import RecordingInfo
-from radarsim.addons.recording.host_recorder import (
-    CallKind,
-    HostCall,
-    MapSnapshot,
-    ReceivedTurn,
-    RobotDescription,
-    RunEvent,
-)
+from radarsim.addons.recording.host_recorder import EventType, RunEvent
 from radarsim.errors import RecordingError, describe_os_error
 from radarsim.protocol.dialect import get_dialect
 
@@ -40,9 +32,7 @@ MAX_WAITING: Final = 256 * 2**20  # bytes that the process may be behind
 WRITE_INTERVAL: Final = 0.05  # s between writes to the pipe
 PAUSE: Final = 0.01  # s between looks at a process that is behind
 END_TIMEOUT: Final = 60.0  # s that it has to write what is left
-FRAME: Final = struct.Struct("<BIII")  # kind, tick, client, bytes that follow
-# Kinds of frames that are no calls, beside those of ``CallKind``.
-ROBOT, TURN, MAP = 100, 101, 102
+FRAME: Final = struct.Struct("<BIII")  # type, tick, client, bytes that follow
 # The modules are found where this process has found them.
 PROGRAM: Final = (
     "import sys; sys.path[:] = sys.argv[1:];"
@@ -157,17 +147,7 @@ def opening_of(folder: Path, info: RecordingInfo) -> bytes:
 
 def frame_of(event: RunEvent) -> bytes:
     """Return what the process is told of an event."""
-    client = 0
-    match event:
-        case HostCall(kind, tick, client, data):
-            number = int(kind)
-        case RobotDescription(tick, client, text):
-            number, data = ROBOT, text.encode()
-        case ReceivedTurn(tick, client, turn):
-            number, data = TURN, turn.to_bytes()
-        case MapSnapshot(tick):
-            number, data = MAP, event.to_bytes()
-    return FRAME.pack(number, tick, client, len(data)) + data
+    return FRAME.pack(*event[:3], len(event.data)) + event.data
 
 
 def _read_events(pipe: BinaryIO) -> Iterator[RunEvent]:
@@ -177,14 +157,7 @@ def _read_events(pipe: BinaryIO) -> Iterator[RunEvent]:
         data = pipe.read(size)
         if len(data) < size:
             return
-        if number == ROBOT:
-            yield RobotDescription(tick, client, data.decode())
-        elif number == TURN:
-            yield ReceivedTurn(tick, client, RecordedTurn.from_bytes(data))
-        elif number == MAP:
-            yield MapSnapshot.from_bytes(tick, data)
-        else:
-            yield HostCall(CallKind(number), tick, client, data)
+        yield RunEvent(EventType(number), tick, client, data)
 
 
 def write_recording(
@@ -226,9 +199,6 @@ def write_run() -> None:
         info = RecordingInfo.from_text(conditions["info"])
         write_recording(folder, info, _read_events(pipe))
     except OSError as error:
-        _complain(f"recording to {folder} ends: {describe_os_error(error)}")
+        text = f"recording to {folder} ends: {describe_os_error(error)}"
+        sys.stderr.write(f"radarsim: {text}; the server goes on\n")
         sys.exit(1)
-
-
-def _complain(text: str) -> None:
-    sys.stderr.write(f"radarsim: {text}; the server goes on\n")

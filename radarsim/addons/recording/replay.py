@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
-from radarsim.addons.recording.host_recorder import CallKind, HostCall
+from radarsim.addons.recording.host_recorder import EventType, RunEvent
 from radarsim.errors import RecordingError
 from radarsim.listening import exit_code_of_signal, listen, peer_name
 from radarsim.server.host.host import Host
@@ -62,7 +62,7 @@ class Repetition:
     difference: Difference | None
 
 
-def repeat_run(host: Host, calls: Iterable[HostCall]) -> Repetition:
+def repeat_run(host: Host, calls: Iterable[RunEvent]) -> Repetition:
     """Repeat a run up to the first difference.
 
     Args:
@@ -76,7 +76,7 @@ def repeat_run(host: Host, calls: Iterable[HostCall]) -> Repetition:
         while tick < call.tick:
             host.step()
             tick += 1
-        if call.kind is CallKind.CONNECT:
+        if call.type is EventType.CONNECT:
             clients += 1
         sent = _repeat(host, call)
         if sent is None:
@@ -89,30 +89,30 @@ def repeat_run(host: Host, calls: Iterable[HostCall]) -> Repetition:
     return Repetition(tick, clients, equal, None)
 
 
-def _repeat(host: Host, call: HostCall) -> bytes | None:
+def _repeat(host: Host, call: RunEvent) -> bytes | None:
     """Repeat one call; return what the client is sent, None if it is sent nothing."""
-    match call.kind:
-        case CallKind.TAKE:
+    match call.type:
+        case EventType.TAKE:
             return host.take(call.client)
-        case CallKind.FINISH:
+        case EventType.FINISH:
             return host.finish(call.client)
-        case CallKind.RECEIVE:
+        case EventType.RECEIVE:
             host.receive(call.client, call.data)
-        case CallKind.CONNECT:
+        case EventType.CONNECT:
             host.connect()
-        case CallKind.DISCONNECT:
+        case EventType.DISCONNECT:
             host.disconnect(call.client)
-        case CallKind.BEGIN:
+        case EventType.BEGIN:
             host.begin(host.make_simulation())
-        case CallKind.WAIT:
+        case EventType.WAIT:
             for _ in range(call.client):  # ticks, no number of a client
                 host.step()
-        case CallKind.END:
+        case _:
             pass
     return None
 
 
-def _difference(call: HostCall, sent: bytes, lines_before: int) -> Difference:
+def _difference(call: RunEvent, sent: bytes, lines_before: int) -> Difference:
     """Find the first byte that differs."""
     shorter = min(len(sent), len(call.data))
     equal = next((i for i in range(shorter) if sent[i] != call.data[i]), shorter)
@@ -151,15 +151,15 @@ class RecordedClient:
         return sum(len(data) for _, data in self.writes)
 
 
-def recorded_clients(calls: Iterable[HostCall]) -> dict[int, RecordedClient]:
+def recorded_clients(calls: Iterable[RunEvent]) -> dict[int, RecordedClient]:
     """Collect what each client was sent, by its number."""
     starts: dict[int, int] = {}
     writes: dict[int, list[tuple[float, bytes]]] = {}
-    for kind, tick, client, data in calls:
-        if kind is CallKind.CONNECT:
+    for type_, tick, client, data in calls:
+        if type_ is EventType.CONNECT:
             starts[client] = tick
             writes[client] = []
-        elif kind in (CallKind.TAKE, CallKind.FINISH) and data:
+        elif type_ in (EventType.TAKE, EventType.FINISH) and data:
             writes[client].append((seconds(tick - starts[client]), data))
     return {
         number: RecordedClient(number, tuple(each)) for number, each in writes.items()

@@ -8,14 +8,13 @@ Maps as messages.
 import json
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, Final, TypeVar
+from typing import Any, Final, NamedTuple, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.addons.fmcw.image_files import METADATA_BYTES
-from radarsim.addons.fmcw.turn_collector import RecordedTurn
-from radarsim.addons.recording.host_recorder import MapSnapshot
+from radarsim.addons.recording.host_recorder import RecordedTurn
 from radarsim.addons.recording.messages import (
     ECHO,
     TARGET,
@@ -288,26 +287,54 @@ def topic_name(name: str) -> str:
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100  # of ``nav_msgs/OccupancyGrid``
 
 
-def map_snapshot(grid: OccupancyGrid, time: float) -> MapSnapshot:
-    """Return the sensed part of a map; foliage is occupied, as robots drive into it.
+class MapSnapshot(NamedTuple):
+    """A map that is made in the run.
 
-    Args:
-        grid: The map; it has cells.
-        time: Simulated time, s.
+    Attributes:
+        time: Simulated time of the last scan in it, s.
+        corner: x and y of its south-west corner, m.
+        resolution: Side of a cell, m.
+        cells: (R, C) int8, -1 unknown, 0 free to 100 occupied; the first row is the
+            southernmost.
     """
-    levels = np.full(len(CellClass), FREE, np.int8)
-    levels[CellClass.UNKNOWN] = UNKNOWN
-    levels[[CellClass.OBSTACLE, CellClass.FOLIAGE]] = OCCUPIED
-    rows, columns = sensed_window(grid)
-    x, y = grid.frame.origin
-    size = grid.frame.resolution
-    corner = x + columns.start * size, y + rows.start * size
-    cells = levels[grid.classes()[rows, columns]]
-    return MapSnapshot(round(100 * time), time, corner, size, cells)
 
+    time: float
+    corner: tuple[float, float]
+    resolution: float
+    cells: NDArray[np.int8]
 
-def map_message(snapshot: MapSnapshot) -> TopicMessage:
-    """Return a map as a message."""
-    _, time, (x, y), resolution, cells = snapshot
-    grid = occupancy_grid(time, MAP, cells, Pose3(x, y, 0.0), resolution)
-    return TopicMessage("/map", grid, latched=True)
+    @classmethod
+    def of(cls, grid: OccupancyGrid, time: float) -> Self:
+        """Return the sensed part of a map; foliage is occupied: robots drive into it.
+
+        Args:
+            grid: The map; it has cells.
+            time: Simulated time, s.
+        """
+        levels = np.full(len(CellClass), FREE, np.int8)
+        levels[CellClass.UNKNOWN] = UNKNOWN
+        levels[[CellClass.OBSTACLE, CellClass.FOLIAGE]] = OCCUPIED
+        rows, columns = sensed_window(grid)
+        x, y = grid.frame.origin
+        size = grid.frame.resolution
+        corner = x + columns.start * size, y + rows.start * size
+        return cls(time, corner, size, levels[grid.classes()[rows, columns]])
+
+    def to_bytes(self) -> bytes:
+        """Return the map as the data of an event."""
+        head = (self.time, self.corner, self.resolution, self.cells.shape)
+        return json.dumps(head).encode() + b"\n" + self.cells.tobytes()
+
+    @classmethod
+    def from_bytes(cls, data: bytes) -> Self:
+        """Read what ``to_bytes`` has returned."""
+        head, _, cells = data.partition(b"\n")
+        time, (x, y), resolution, shape = json.loads(head)
+        array = np.frombuffer(cells, np.int8).reshape(shape)
+        return cls(time, (x, y), resolution, array)
+
+    def message(self) -> TopicMessage:
+        """Return the message of the topic ``/map``."""
+        corner = Pose3(*self.corner, 0.0)
+        grid = occupancy_grid(self.time, MAP, self.cells, corner, self.resolution)
+        return TopicMessage("/map", grid, latched=True)

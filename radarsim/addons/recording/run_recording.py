@@ -19,7 +19,7 @@ from radarsim.protocol.dialect import DriveUnit
 
 if TYPE_CHECKING:
     from radarsim.addons.recording.bag_folder import RecordingInfo
-    from radarsim.addons.recording.host_recorder import HostRecorder, RunEvent
+    from radarsim.addons.recording.host_recorder import HostRecorder
     from radarsim.addons.recording.recording_process import RecordingProcess
     from radarsim.addons.recording.wire_recorder import WireRecorder
     from radarsim.autonomy.mapping.mapper import Mapper
@@ -116,11 +116,11 @@ class RunRecording:
         """
         self.folder = folder
         self._drive_unit = drive_unit
-        self._wire: WireRecorder | None = None
+        self._host: Host | None = None
         self._info: RecordingInfo | None = None
         self._process: RecordingProcess | None = None
-        self._recorder: HostRecorder | None = None
-        self._early: list[RunEvent] = []  # before the process has been started
+        self._recorder: HostRecorder | None = None  # of a host in this process
+        self._wire: WireRecorder | None = None  # of a server that is another program
         self._map_due = -math.inf
         if folder is not None:
             from radarsim.addons.recording.bag_folder import check_installed
@@ -141,20 +141,12 @@ class RunRecording:
         """
         from radarsim.cli.serving import load_served_host
 
-        if self.folder is not None and map_ is not None:
-            from radarsim.addons.recording.host_recorder import HostRecorder
-
-            self._recorder = HostRecorder(self._add)
-        host = load_served_host(
-            map_,
-            seed=seed,
-            settings=settings,
-            drive_unit=self._drive_unit,
-            observers=() if self._recorder is None else (self._recorder,),
-        )
-        if self._recorder is not None and host is not None and map_ is not None:
+        unit = self._drive_unit
+        host = load_served_host(map_, seed=seed, settings=settings, drive_unit=unit)
+        if self.folder is not None and host is not None and map_ is not None:
             from radarsim.addons.recording.bag_folder import RecordingInfo
 
+            self._host = host
             self._info = RecordingInfo.of_host(map_, host, seed or 0)
         return host
 
@@ -204,28 +196,34 @@ class RunRecording:
         time = mapper.trajectory.times[-1]
         if time < self._map_due and not last:
             return
-        from radarsim.addons.recording.robot_topics import map_snapshot
+        from radarsim.addons.recording.host_recorder import EventType, RunEvent
+        from radarsim.addons.recording.robot_topics import MapSnapshot
 
         self._map_due = time + MAP_INTERVAL
-        self._add(map_snapshot(mapper.grid, time))
+        data = MapSnapshot.of(mapper.grid, time).to_bytes()
+        self._process.add(RunEvent(EventType.MAP, round(100 * time), 0, data))
 
     def __enter__(self) -> Self:
         """Create the folder, and begin to record."""
         if self.folder is None:
             return self
         from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder
+        from radarsim.addons.recording.host_recorder import HostRecorder
         from radarsim.addons.recording.recording_process import RecordingProcess
         from radarsim.addons.recording.wire_recorder import WireRecorder
 
-        unit = self._drive_unit
+        unit, host = self._drive_unit, self._host
         info = self._info or RecordingInfo(version=__version__, drive_unit=unit)
         create_folder(self.folder)
-        is_patient = self._recorder is not None  # simulated time waits as well
+        is_patient = host is not None  # simulated time waits as well
         self._process = RecordingProcess(self.folder, info, is_patient=is_patient)
-        for event in self._early:
-            self._process.add(event)
-        if self._recorder is None:
-            self._wire = WireRecorder(self._add)
+        if host is None:
+            self._wire = WireRecorder(self._process.add)
+        else:
+            self._recorder = HostRecorder(self._process.add)
+            # Its simulation has begun before anybody could listen, and nothing else.
+            self._recorder.begin(host.simulation)
+            host.add_observer(self._recorder)
         return self
 
     def __exit__(
@@ -243,9 +241,3 @@ class RunRecording:
             self._wire.end()
         if self._process.close():
             print_message(f"recorded in {self.folder}")
-
-    def _add(self, event: RunEvent) -> None:
-        if self._process is None:
-            self._early.append(event)
-        else:
-            self._process.add(event)

@@ -5,11 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
-from radarsim.addons.recording.host_recorder import (
-    CallKind,
-    HostCall,
-    RobotDescription,
-)
+from radarsim.addons.recording.host_recorder import EventType, RunEvent
 from radarsim.client.transport import Transport
 from radarsim.protocol.framing import LineBuffer
 
@@ -42,17 +38,16 @@ class WireRecorder:
         time: The last time that the server has sent, s.
     """
 
-    def __init__(self, record: Callable[[HostCall | RobotDescription], None]) -> None:
+    def __init__(self, record: Callable[[RunEvent], None]) -> None:
         """Begin with no connections.
 
         Args:
-            record: Called with each call, and what is known of robots; it must not
-                raise.
+            record: Called with each event; it must not raise.
         """
         self.time = 0.0
         self._record = record
         self._connections: dict[int, _Connection] = {}
-        self._early: list[HostCall | RobotDescription] | None = []
+        self._early: list[RunEvent] | None = []
 
     @property
     def tick(self) -> int:
@@ -71,12 +66,12 @@ class WireRecorder:
     def end_one(self, number: int) -> None:
         """Record that a connection is closed."""
         if self._connections.pop(number, None) is not None:
-            self._report(CallKind.DISCONNECT, number)
+            self._report(EventType.DISCONNECT, number)
 
     def sent(self, number: int, data: bytes) -> None:
         """Record what a client sends on a connection."""
         connection = self._connection(number)
-        self._report(CallKind.RECEIVE, number, data)
+        self._report(EventType.RECEIVE, number, data)
         if connection.sent.overflow is not None:
             return
         for line in connection.sent.feed(data):
@@ -89,7 +84,7 @@ class WireRecorder:
         """Record what a client is sent on a connection."""
         connection = self._connection(number)
         self._note_time(data)
-        self._report(CallKind.TAKE, number, data)
+        self._report(EventType.TAKE, number, data)
         if connection.received.overflow is not None:
             return
         lines = connection.received.feed(data)
@@ -107,18 +102,18 @@ class WireRecorder:
         """Record that no more comes."""
         self._note_time(None)
         for number in self._connections:
-            self._report(CallKind.DISCONNECT, number)
-        self._report(CallKind.END)
+            self._report(EventType.DISCONNECT, number)
+        self._report(EventType.END)
 
     def _connection(self, number: int, robot: str = "") -> _Connection:
         if number not in self._connections:
             self._connections[number] = _Connection(robot)
-            self._report(CallKind.CONNECT, number)
+            self._report(EventType.CONNECT, number)
         return self._connections[number]
 
     def _describe(self, number: int, connection: _Connection) -> None:
         lines = (connection.robot or UNNAMED, *connection.descriptions.values(), "")
-        self._pass_on(RobotDescription(self.tick, number, "\r\n".join(lines)))
+        self._report(EventType.ROBOT, number, "\r\n".join(lines).encode())
 
     def _note_time(self, data: bytes | None) -> None:
         """Read the last time in what the server sends; None for its end."""
@@ -132,10 +127,8 @@ class WireRecorder:
             for event in early:
                 self._record(event._replace(tick=self.tick))
 
-    def _report(self, kind: CallKind, client: int = 0, data: bytes = b"") -> None:
-        self._pass_on(HostCall(kind, self.tick, client, data))
-
-    def _pass_on(self, event: HostCall | RobotDescription) -> None:
+    def _report(self, type_: EventType, client: int = 0, data: bytes = b"") -> None:
+        event = RunEvent(type_, self.tick, client, data)
         if self._early is None:
             self._record(event)
         else:

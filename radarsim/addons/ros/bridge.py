@@ -1,32 +1,120 @@
 """Connects the robots of a server with a side of ROS, until the end.
 
-A robot that follows velocity commands, and stops when none come any more.
-
-The topic ``/map``: a map of one robot, made in a thread while it drives.
+A watcher of the server gets what robots are sent, which becomes the topics of
+``LiveTopics``. A robot of the bridge follows velocity commands, and stops when none
+come any more (``Driver``). One robot may be mapped in a thread while it drives
+(``publish_map``). Where topics go, and commands come from, is a ``RosSide``.
 """
 
 import asyncio
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import AsyncExitStack, suppress
-from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final, Protocol, TypeAlias
 
+from radarsim.addons.recording.call_converter import TO_CLIENT, TO_SERVER, CallConverter
+from radarsim.addons.recording.host_recorder import DESCRIBED, RunEvent
 from radarsim.addons.recording.messages import TopicMessage
-from radarsim.addons.recording.robot_topics import (
-    map_message,
-    map_snapshot,
-    topic_name,
-)
-from radarsim.addons.ros.live_topics import DriveCallback, LiveTopics
+from radarsim.addons.recording.robot_topics import MapSnapshot, topic_name
+from radarsim.addons.recording.wire_recorder import WireRecorder
 from radarsim.autonomy.proxy.traffic_mapper import TrafficMapper
 from radarsim.client import AsyncClient, ClientTimeout, RobotInfo
+from radarsim.client import session as questions
 from radarsim.errors import ClientError
-from radarsim.protocol.dialect import DriveUnit
-from radarsim.protocol.reports import CommandError
+from radarsim.protocol.dialect import COMPAT, DriveUnit
+from radarsim.protocol.line_template import printable_name
+from radarsim.protocol.reports import (
+    CommandError,
+    Report,
+    RobotJoined,
+    RobotLeft,
+    WatchedLine,
+)
 
-INTERVAL: Final = 1.0  # s between messages
-RESOLUTION: Final = 0.05  # m, side of a cell
+WIRE: Final = frozenset({TO_CLIENT, TO_SERVER})
+TWIST: Final = "geometry_msgs/msg/Twist"  # of ``cmd_vel``
+MAP_INTERVAL: Final = 1.0  # s of simulated time between messages of a map
+MAP_RESOLUTION: Final = 0.05  # m, side of a cell
+DEAD_MAN: Final = 0.5  # s after the last command
+CHECK_INTERVAL: Final = 0.05  # s
+SPAWN_TIMEOUT: Final = 120.0  # s; the server may have to compile
+SILENCE: Final = 60.0  # s that one call waits for reports
+
+# Called with a forward speed, m/s, and a turn rate, rad/s.
+DriveCallback: TypeAlias = Callable[[float, float], None]
+
+
+class RosSide(Protocol):
+    """Where topics go, and commands come from."""
+
+    def publish(self, message: TopicMessage) -> None:
+        """Publish a message; never waits."""
+
+    def subscribe(self, topic: str, take: DriveCallback) -> None:
+        """Pass the velocity commands on a topic to a function."""
+
+    async def run(self) -> None:
+        """Work until it is cancelled."""
+
+
+class LiveTopics:
+    """The topics of all robots of a server, the same as those of a recording."""
+
+    def __init__(
+        self, publish: Callable[[TopicMessage], None], drive_unit: DriveUnit
+    ) -> None:
+        """Begin with no robots.
+
+        Args:
+            publish: Called with each message.
+            drive_unit: Unit of the commands to drive.
+        """
+        self._publish = publish
+        self._converter = CallConverter(COMPAT, drive_unit)
+        self._wire = WireRecorder(self._convert)
+        self._numbers: dict[str, int] = {}  # of robots, by their names
+        self._last_number = 0
+
+    def take(self, reports: Iterable[Report]) -> bytes:
+        """Publish what reports of a watcher tell; return what is to be asked."""
+        asked = []
+        for report in reports:
+            match report:
+                case RobotJoined(robot=robot):
+                    asked += self._join(robot)
+                case RobotLeft(robot=robot):
+                    self._leave(robot)
+                case WatchedLine(robot=robot, line=line):
+                    if robot not in self._numbers:  # not every news has come
+                        asked += self._join(robot)
+                    data = f"{line}\r\n".encode("latin-1", "replace")
+                    self._wire.received(self._numbers[robot], data)
+                case _:
+                    pass
+        return b"".join(asked)
+
+    def _join(self, robot: str) -> list[bytes]:
+        self._leave(robot)  # one of the same name, whose leaving was not told
+        self._last_number += 1
+        self._numbers[robot] = self._last_number
+        self._wire.begin(self._last_number, robot)
+        name = printable_name(robot)
+        return [
+            ask(kind, robot=name).data
+            for ask in (questions.geometry, questions.configuration)
+            for kind in DESCRIBED
+        ]
+
+    def _leave(self, robot: str) -> None:
+        number = self._numbers.pop(robot, None)
+        if number is not None:
+            self._wire.end_one(number)
+
+    def _convert(self, event: RunEvent) -> None:
+        for _, message in self._converter.convert(event):
+            # The bytes of the wire are for recordings: nobody else can repeat a run.
+            if message.topic not in WIRE:
+                self._publish(message)
 
 
 async def publish_map(
@@ -51,51 +139,33 @@ async def publish_map(
     loop = asyncio.get_running_loop()
     while True:
         # A robot that comes again can stand anywhere: it gets a new map.
-        mapper = TrafficMapper(motion_source="ins", resolution=RESOLUTION)
-        mapper.on_scan = _MapPublisher(
-            mapper, lambda message: loop.call_soon_threadsafe(publish, message)
-        )
-        await mapper.follow(server, robot, echoes=echoes)
+        traffic = TrafficMapper(motion_source="ins", resolution=MAP_RESOLUTION)
+        due = -math.inf
 
+        def publish_now(traffic: TrafficMapper = traffic) -> None:
+            nonlocal due
+            mapper = traffic.mapper
+            assert mapper is not None  # it has taken in a scan
+            time = mapper.trajectory.times[-1]
+            if time >= due:
+                due = time + MAP_INTERVAL
+                message = MapSnapshot.of(mapper.grid, time).message()
+                loop.call_soon_threadsafe(publish, message)
 
-class _MapPublisher:
-    """Publishes a growing map, at most once in ``INTERVAL`` of simulated time."""
-
-    def __init__(
-        self, traffic: TrafficMapper, publish: Callable[[TopicMessage], object]
-    ) -> None:
-        self._traffic, self._publish = traffic, publish
-        self._due = -math.inf
-
-    def __call__(self) -> None:
-        mapper = self._traffic.mapper
-        assert mapper is not None  # it has taken in a scan
-        time = mapper.trajectory.times[-1]
-        if time >= self._due:
-            self._due = time + INTERVAL
-            self._publish(map_message(map_snapshot(mapper.grid, time)))
-
-
-DEAD_MAN: Final = 0.5  # s after the last command
-CHECK_INTERVAL: Final = 0.05  # s
+        traffic.on_scan = publish_now
+        await traffic.follow(server, robot, echoes=echoes)
 
 
 class Driver:
-    """The robot of a bridge.
+    """The robot of a bridge, which follows velocity commands."""
 
-    Attributes:
-        name: Name of the robot.
-    """
-
-    def __init__(self, client: AsyncClient, robot: RobotInfo, name: str) -> None:
+    def __init__(self, client: AsyncClient, robot: RobotInfo) -> None:
         """Take over a robot.
 
         Args:
             client: The client of the robot.
             robot: Its properties.
-            name: Its name.
         """
-        self.name = name
         self._client = client
         self._robot = robot
         self._wanted: tuple[float, float] | None = None  # not sent yet
@@ -146,69 +216,53 @@ class Driver:
                 await self._client.read()
 
 
-SPAWN_TIMEOUT: Final = 120.0  # s; the server may have to compile
-SILENCE: Final = 60.0  # s that one call waits for reports
+async def run_bridge(
+    server: tuple[str, int],
+    side: RosSide,
+    *,
+    robot_class: str | None = None,
+    robot_name: str = "R1",
+    start: str | None = None,
+    echoes: bool = False,
+    mapped: str | None = None,
+    drive_unit: DriveUnit = "rad_per_s",
+) -> None:
+    """Bridge until the connection to the server is lost.
 
-
-class RosSide(Protocol):
-    """Where topics go, and commands come from."""
-
-    def publish(self, message: TopicMessage) -> None:
-        """Publish a message; never waits."""
-
-    def subscribe(self, topic: str, take: DriveCallback) -> None:
-        """Pass the velocity commands on a topic to a function."""
-
-    async def run(self) -> None:
-        """Work until it is cancelled."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BridgeSettings:
-    """What a bridge does.
-
-    Attributes:
+    Args:
         server: Host and port of the server.
+        side: Where topics go, and commands come from.
         robot_class: Class of the robot to spawn; None for none, which only watches.
         robot_name: Its name.
         start: Name of its start pose; None lets the server choose.
         echoes: Whether scanners list their echoes.
         mapped: Name of the robot to publish a map of; None for no map.
         drive_unit: Unit in which the server takes wheel speeds.
-    """
-
-    server: tuple[str, int]
-    robot_class: str | None = None
-    robot_name: str = "R1"
-    start: str | None = None
-    echoes: bool = False
-    mapped: str | None = None
-    drive_unit: DriveUnit = "rad_per_s"
-
-
-async def run_bridge(settings: BridgeSettings, side: RosSide) -> None:
-    """Bridge until the connection to the server is lost.
 
     Raises:
         ClientError: When it is lost, or the robot cannot be spawned.
     """
     async with AsyncExitStack() as stack:
-        watcher = await AsyncClient.connect(*settings.server)
+        watcher = await AsyncClient.connect(*server)
         await stack.enter_async_context(watcher)
         await watcher.greeting()
-        await watcher.watch(echoes=settings.echoes)
+        await watcher.watch(echoes=echoes)
         driving = []
-        if settings.robot_class is not None:
-            client = await AsyncClient.connect(*settings.server)
+        if robot_class is not None:
+            client = await AsyncClient.connect(*server)
             await stack.enter_async_context(client)
-            driver = await _spawn(client, settings)
-            side.subscribe(f"/{topic_name(driver.name)}/cmd_vel", driver.take)
+            await client.greeting()
+            await client.spawn(
+                robot_class, name=robot_name, start=start, timeout=SPAWN_TIMEOUT
+            )
+            info = await client.robot_info(drive_unit=drive_unit)
+            driver = Driver(client, info)
+            side.subscribe(f"/{topic_name(robot_name)}/cmd_vel", driver.take)
             driving.append(driver.run())
-        topics = LiveTopics(side.publish, settings.drive_unit)
+        topics = LiveTopics(side.publish, drive_unit)
         working = [side.run(), _watch(watcher, topics), *driving]
-        if settings.mapped is not None:
-            where = settings.server, settings.mapped
-            working.append(publish_map(*where, side.publish, echoes=settings.echoes))
+        if mapped is not None:
+            working.append(publish_map(server, mapped, side.publish, echoes=echoes))
         tasks = [asyncio.ensure_future(each) for each in working]
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -218,19 +272,6 @@ async def run_bridge(settings: BridgeSettings, side: RosSide) -> None:
             await asyncio.wait(tasks)
         for task in done:
             task.result()
-
-
-async def _spawn(client: AsyncClient, settings: BridgeSettings) -> Driver:
-    await client.greeting()
-    assert settings.robot_class is not None
-    await client.spawn(
-        settings.robot_class,
-        name=settings.robot_name,
-        start=settings.start,
-        timeout=SPAWN_TIMEOUT,
-    )
-    info = await client.robot_info(drive_unit=settings.drive_unit)
-    return Driver(client, info, settings.robot_name)
 
 
 async def _watch(client: AsyncClient, topics: LiveTopics) -> None:

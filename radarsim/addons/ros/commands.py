@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
@@ -18,7 +17,7 @@ from radarsim.plans import RARE, Option
 from radarsim.protocol.dialect import DriveUnit
 
 if TYPE_CHECKING:
-    from radarsim.addons.ros.bridge import BridgeSettings, RosSide
+    from radarsim.addons.ros.bridge import RosSide
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,67 +71,59 @@ def ros(
     Returns:
         The exit code.
     """
-    from radarsim.addons.ros.bridge import BridgeSettings
-
-    start_log(logging.WARNING, "%(asctime)s %(levelname)s %(message)s")
-    logging.getLogger("uvicorn").setLevel(logging.ERROR)  # peers cannot fill the log
-    settings = BridgeSettings(
-        server=server.connect,
-        robot_class=robot,
-        robot_name=name,
-        start=start,
-        echoes=echoes,
-        mapped=map_,
-        drive_unit=drive_unit,
-    )
-    if options.bridge == "dds":
-        side = _join_domain(options.domain, options.interface)
-    else:
-        side = _make_server(options.web_host, options.web, options.origin)
-    with cure_of_port({"--web": options.web}):
-        return asyncio.run(_run(settings, side))
-
-
-def _join_domain(domain: int, interface: str) -> RosSide:
-    """Return the side of DDS.
-
-    Raises:
-        MissingPackage: If a package is missing; it names the extra.
-        ServerError: If it cannot join.
-    """
-    for package in ("cyclonedds.domain", "rosbags.typesys"):
-        import_optional(package, "dds")
-    from radarsim.addons.ros.dds import DdsParticipant
-
-    side = DdsParticipant(domain, interface)
-    print_now(f"radarsim: DDS domain {domain} on {interface}")
-    return side
-
-
-def _make_server(host: str, port: int, origins: Sequence[str]) -> RosSide:
-    """Return the side of rosbridge, which does not listen yet."""
-    from radarsim.addons.ros.rosbridge_server import RosbridgeServer
-
-    if host not in ("127.0.0.1", "localhost", "::1"):
-        print_message(f"whoever reaches {host} can drive the robot")
-    return RosbridgeServer(host, port, announce, origins)
-
-
-async def _run(settings: BridgeSettings, side: RosSide) -> int:
-    """Bridge until a signal comes."""
     from radarsim.addons.ros.bridge import run_bridge
     from radarsim.listening import exit_code_of_signal
 
-    with exit_code_of_signal() as exit_code:
-        running = asyncio.ensure_future(run_bridge(settings, side))
-        pending: set[asyncio.Future[object]] = {running, exit_code}  # type: ignore[arg-type]
-        await asyncio.wait(pending, return_when=asyncio.FIRST_COMPLETED)
-        if running.done():
-            running.result()  # raises what ended it
-            return 1
-        running.cancel()
-        await asyncio.wait({running})
-        return exit_code.result()
+    start_log(logging.WARNING, "%(asctime)s %(levelname)s %(message)s")
+    logging.getLogger("uvicorn").setLevel(logging.ERROR)  # peers cannot fill the log
+    side = _make_side(options)
+
+    async def run() -> int:
+        with exit_code_of_signal() as exit_code:
+            bridge = run_bridge(
+                server.connect,
+                side,
+                robot_class=robot,
+                robot_name=name,
+                start=start,
+                echoes=echoes,
+                mapped=map_,
+                drive_unit=drive_unit,
+            )
+            running = asyncio.ensure_future(bridge)
+            pending: set[asyncio.Future[object]] = {running, exit_code}  # type: ignore[arg-type]
+            await asyncio.wait(pending, return_when=asyncio.FIRST_COMPLETED)
+            if running.done():
+                running.result()  # raises what ended it
+                return 1
+            running.cancel()
+            await asyncio.wait({running})
+            return exit_code.result()
+
+    with cure_of_port({"--web": options.web}):
+        return asyncio.run(run())
+
+
+def _make_side(options: BridgeOptions) -> RosSide:
+    """Return the side of ROS: a member of a DDS domain, or a server of rosbridge.
+
+    Raises:
+        MissingPackage: If a package is missing; it names the extra.
+        ServerError: If it cannot join the domain.
+    """
+    if options.bridge == "dds":
+        for package in ("cyclonedds.domain", "rosbags.typesys"):
+            import_optional(package, "dds")
+        from radarsim.addons.ros.dds import DdsParticipant
+
+        side = DdsParticipant(options.domain, options.interface)
+        print_now(f"radarsim: DDS domain {options.domain} on {options.interface}")
+        return side
+    from radarsim.addons.ros.rosbridge_server import RosbridgeServer
+
+    if options.web_host not in ("127.0.0.1", "localhost", "::1"):
+        print_message(f"whoever reaches {options.web_host} can drive the robot")
+    return RosbridgeServer(options.web_host, options.web, announce, options.origin)
 
 
 def announce(address: tuple[str, int]) -> None:

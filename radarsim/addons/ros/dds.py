@@ -21,7 +21,7 @@ from rosbags.interfaces.typing import FieldDesc
 
 from radarsim.addons.recording.cdr import encode, typestore
 from radarsim.addons.recording.messages import TopicMessage
-from radarsim.addons.ros.live_topics import TWIST, DriveCallback
+from radarsim.addons.ros.bridge import TWIST, DriveCallback
 from radarsim.errors import ServerError
 
 LOOPBACK: Final = "lo"

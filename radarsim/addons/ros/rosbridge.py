@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.addons.recording.messages import RosMessage, TopicMessage
-from radarsim.addons.ros.live_topics import TWIST, DriveCallback
+from radarsim.addons.ros.bridge import TWIST, DriveCallback
 
 Json: TypeAlias = dict[str, Any]  # an object of a client
 

@@ -10,7 +10,7 @@ from starlette.routing import WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from radarsim.addons.recording.messages import TopicMessage
-from radarsim.addons.ros.live_topics import DriveCallback
+from radarsim.addons.ros.bridge import DriveCallback
 from radarsim.addons.ros.rosbridge import LONGEST_MESSAGE, RosbridgeClient, TopicBoard
 from radarsim.listening import bind
 from radarsim.server.web_server import Doors, WebServer

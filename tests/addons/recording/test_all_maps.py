@@ -6,7 +6,7 @@ import pytest
 import recorded_runs
 
 from radarsim.addons.recording.bag_reader import BagReader
-from radarsim.addons.recording.host_recorder import CallKind
+from radarsim.addons.recording.host_recorder import EventType
 from radarsim.addons.recording.replay import repeat_run
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.scene.map_file import load_map, shipped_maps
@@ -32,7 +32,7 @@ def test_recording_is_repeated_and_a_changed_byte_is_found(
     assert same.bytes == sum(map(len, run.sent.values())) > 10_000
     changed = [
         call._replace(data=call.data.replace(b"{Left 3}", b"{Left 0}"))
-        if call.kind is CallKind.RECEIVE
+        if call.type is EventType.RECEIVE
         else call
         for call in calls
     ]

@@ -4,10 +4,8 @@ import pytest
 import recorded_runs
 
 from radarsim.addons.recording.host_recorder import (
-    CallKind,
-    HostCall,
+    EventType,
     HostRecorder,
-    RobotDescription,
     RunEvent,
 )
 from radarsim.addons.recording.replay import repeat_run
@@ -34,7 +32,7 @@ def events_of(scene: Scene, *received: bytes) -> list[RunEvent]:
 
 
 def described(events: list[RunEvent]) -> list[str]:
-    return [event.text for event in events if isinstance(event, RobotDescription)]
+    return [e.data.decode() for e in events if e.type is EventType.ROBOT]
 
 
 def test_clients_are_sent_the_same_as_by_a_plain_host(foliage_room: Scene) -> None:
@@ -45,11 +43,11 @@ def test_clients_are_sent_the_same_as_by_a_plain_host(foliage_room: Scene) -> No
 
 def test_ticks_before_the_beginning_are_counted(foliage_room: Scene) -> None:
     run = recorded_runs.run_two_clients(foliage_room, ticks=1)
-    waits = [call.client for call in run.calls if call.kind is CallKind.WAIT]
+    waits = [call.client for call in run.calls if call.type is EventType.WAIT]
     assert waits == [3, 1]  # before the first command, and before it begins
-    kinds = [call.kind for call in run.calls]
-    assert kinds.index(CallKind.BEGIN) > kinds.index(CallKind.WAIT)
-    assert run.calls[-1] == HostCall(CallKind.END, 2)
+    kinds = [call.type for call in run.calls]
+    assert kinds.index(EventType.BEGIN) > kinds.index(EventType.WAIT)
+    assert run.calls[-1] == RunEvent(EventType.END, 2)
 
 
 def test_takes_of_nothing_are_no_calls(foliage_room: Scene) -> None:
@@ -58,8 +56,8 @@ def test_takes_of_nothing_are_no_calls(foliage_room: Scene) -> None:
     client = host.connect()
     assert host.take(client)
     assert not host.take(client)
-    assert [call.kind for call in recorded_runs.calls_in(events)].count(
-        CallKind.TAKE
+    assert [call.type for call in recorded_runs.calls_in(events)].count(
+        EventType.TAKE
     ) == 1
 
 

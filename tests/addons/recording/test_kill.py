@@ -13,7 +13,7 @@ from rosbags.highlevel import AnyReader
 from radarsim.addons.recording.bag_folder import create_folder, file_name
 from radarsim.addons.recording.bag_reader import BagReader, repair
 from radarsim.addons.recording.bag_writer import CHUNK_BYTES
-from radarsim.addons.recording.host_recorder import HostCall
+from radarsim.addons.recording.host_recorder import RunEvent
 from radarsim.addons.recording.recording_process import PROGRAM, frame_of, opening_of
 from radarsim.errors import RecordingError
 from radarsim.scene.scene import Scene
@@ -54,7 +54,7 @@ def wait_until_idle(path: Path) -> None:
         time.sleep(0.02)
 
 
-def repaired_calls(folder: Path) -> list[HostCall]:
+def repaired_calls(folder: Path) -> list[RunEvent]:
     repair(folder)
     with AnyReader([folder]) as reader:
         assert reader.message_count == len(list(BagReader(folder).messages()))

@@ -11,12 +11,13 @@ import radarsim
 from radarsim.addons.fmcw.antennas import LATENCY, SeenSector, antennas_of
 from radarsim.addons.fmcw.rotation import Sector
 from radarsim.addons.fmcw.spectrum import Spectrum
-from radarsim.addons.fmcw.turn_collector import RecordedTurn, TurnCollector
 from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder
 from radarsim.addons.recording.host_recorder import (
+    EventType,
     HostRecorder,
-    ReceivedTurn,
+    RecordedTurn,
     RunEvent,
+    TurnCollector,
 )
 from radarsim.addons.recording.recording_process import write_recording
 from radarsim.addons.recording.replay import repeat_run
@@ -85,8 +86,8 @@ def test_turn_is_what_the_radar_receives_there(
 def test_recorded_spectra_change_nothing_else(
     events: list[RunEvent], foliage_room: Scene
 ) -> None:
-    (turn,) = [event.turn for event in events if isinstance(event, ReceivedTurn)]
-    assert turn.scanner == "Navtech"
+    (turn,) = [event.data for event in events if event.type is EventType.TURN]
+    assert RecordedTurn.from_bytes(turn).scanner == "Navtech"
     host = Host(foliage_room, begins=False)
     assert repeat_run(host, recorded_runs.calls_in(events)).difference is None
 

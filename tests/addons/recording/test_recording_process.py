@@ -18,7 +18,7 @@ from processes import start_radarsim
 from radarsim.addons.recording import recording_process
 from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder, file_name
 from radarsim.addons.recording.bag_reader import BagReader, repair
-from radarsim.addons.recording.host_recorder import CallKind, HostCall, RunEvent
+from radarsim.addons.recording.host_recorder import EventType, RunEvent
 from radarsim.addons.recording.recording_process import (
     PROGRAM,
     RecordingProcess,
@@ -97,7 +97,7 @@ def test_replay_sends_the_recorded_bytes(recorded: Path) -> None:
     expected = b"".join(
         call.data
         for call in BagReader(recorded).calls()
-        if call.kind in (CallKind.TAKE, CallKind.FINISH)
+        if call.type in (EventType.TAKE, EventType.FINISH)
     )
     with socket.create_connection(("127.0.0.1", port), timeout=TIMEOUT) as client:
         client.sendall(b"DRIVE {Left 1} {Right 1}\r\n")
@@ -216,7 +216,7 @@ def test_recording_that_falls_behind_ends(
     process = RecordingProcess(folder, info)
     with caplog.at_level(logging.WARNING):
         for _ in range(3):
-            process.add(HostCall(CallKind.RECEIVE, 1, 1, bytes(2_000_000)))
+            process.add(RunEvent(EventType.RECEIVE, 1, 1, bytes(2_000_000)))
     assert caplog.text.count("recording ends") == 1
     assert not process.close()
     assert (folder / file_name(folder)).exists()

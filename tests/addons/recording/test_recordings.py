@@ -17,7 +17,7 @@ from rosbags.interfaces import ConnectionExtRosbag2
 from radarsim.addons.recording.bag_folder import create_folder, file_name
 from radarsim.addons.recording.bag_reader import BagReader, repair
 from radarsim.addons.recording.bag_writer import BagWriter
-from radarsim.addons.recording.host_recorder import CallKind
+from radarsim.addons.recording.host_recorder import EventType
 from radarsim.addons.recording.replay import repeat_run
 from radarsim.client.session import Session
 from radarsim.errors import RecordingError
@@ -83,7 +83,7 @@ def test_changed_command_is_found_with_tick_line_and_byte(
 ) -> None:
     changed = [
         call._replace(data=call.data.replace(b"{Left 3}", b"{Left 4}"))
-        if call.kind is CallKind.RECEIVE
+        if call.type is EventType.RECEIVE
         else call
         for call in run.calls
     ]

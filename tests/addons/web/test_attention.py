@@ -9,8 +9,7 @@ import pytest
 from web_pages import Page, open_page
 
 from radarsim.addons.recording.host_recorder import (
-    CallKind,
-    HostCall,
+    EventType,
     HostRecorder,
     RunEvent,
 )
@@ -27,18 +26,18 @@ class Wire:
     """What a server does, call by call."""
 
     def __init__(self, scene: Scene) -> None:
-        self.calls: list[HostCall] = []
+        self.calls: list[RunEvent] = []
         self._news = asyncio.Event()
         self.host = Host(scene, observers=[HostRecorder(self._take)])
 
     def _take(self, event: RunEvent) -> None:
-        if isinstance(event, HostCall):
+        if event.is_call:
             self.calls.append(event)
             self._news.set()
 
     def copies(self, since: int = 0) -> list[int]:
         """Return the ticks at which copies were sent, from a call on."""
-        takes = (call for call in self.calls[since:] if call.kind is CallKind.TAKE)
+        takes = (call for call in self.calls[since:] if call.type is EventType.TAKE)
         return [call.tick for call in takes if b"SEE {" in call.data]
 
     async def until_copied(self) -> None:
