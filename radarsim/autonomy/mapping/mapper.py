@@ -19,12 +19,12 @@ from radarsim.autonomy.mapping.scan import Layer, PlanarScan, read_scan
 from radarsim.autonomy.mapping.slam import Slam, SlamSettings
 from radarsim.autonomy.mapping.trajectory import Trajectory
 from radarsim.autonomy.navigation.observation import (
-    EchoCollector,
     Observation,
     ScanClock,
 )
 from radarsim.client import ScannerInfo
 from radarsim.client.robot_info import from_centre, same_name
+from radarsim.client.robot_state import EchoCollector
 from radarsim.geometry import Pose2
 from radarsim.protocol.reports import (
     EchoLine,

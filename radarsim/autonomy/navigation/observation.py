@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from radarsim.autonomy.navigation.algorithms import PoseSource
 from radarsim.client import ScannerInfo, beam_angles
 from radarsim.client.robot_info import from_centre, same_name
+from radarsim.client.robot_state import EchoCollector
 from radarsim.errors import ClientError
 from radarsim.geometry import Floats, Pose2
 from radarsim.protocol.reports import (
@@ -135,37 +136,6 @@ def check_beams(count: int, scanner: ScannerInfo) -> None:
 
 ECHO_WAIT: Final = 0.5  # s without echoes after which ranges alone count
 _AIR: Final = "rain"  # a kind of echo of nothing that blocks
-
-
-class EchoCollector:
-    """Collects the echo lines of one scan, which arrive before it."""
-
-    def __init__(self) -> None:
-        self._time = math.nan
-        self._lines: dict[int, TargetEchoes] = {}
-        self._line_count = -1
-
-    def take(self, line: EchoLine) -> None:
-        """Add a line; a line of another time starts anew."""
-        # Lines of a slow connection may be left out, so the last one ends no scan.
-        if not _is_same_time(line.time, self._time):
-            self._time, self._lines = line.time, {}
-        self._line_count = line.lines
-        if line.echoes is not None and 0 < line.line <= line.lines:
-            self._lines[line.line] = line.echoes
-
-    def of(self, scan: RangeScan) -> Sequence[TargetEchoes] | None:
-        """Return all echoes of a scan; None if any line is missing."""
-        is_complete = len(self._lines) == self._line_count
-        if not is_complete or not _is_same_time(scan.time, self._time):
-            return None
-        echoes, self._lines, self._line_count = list(self._lines.values()), {}, -1
-        return echoes
-
-
-def _is_same_time(one: float, other: float) -> bool:
-    """Compare time stamps; some servers send none, which are nan."""
-    return one == other or (math.isnan(one) and math.isnan(other))
 
 
 def blocked_ranges(ranges: Floats, beams: NDArray[np.int64], lengths: Floats) -> Floats:

@@ -1,30 +1,186 @@
-"""The teleoperation loop: read reports, send drive commands, draw the screen."""
+"""The teleoperation loop: what keys mean, the screen, and a robot that is driven.
+
+prompt_toolkit handles the terminal itself: raw keys, the alternate screen, changes of
+size, incremental drawing, and restoring everything at the end.
+
+Theory of operation
+===================
+Terminals report keys that are pressed, never keys that are released; a key that is held
+repeats, after a pause of up to 0.66 s. So every press moves the robot for a limited
+time: long enough to bridge that pause, and much shorter once the key repeats. A
+released key or a lost connection therefore stops the robot.
+
+Of two keys that are held only the later one repeats. A turn key therefore prolongs a
+motion ahead or back, so that the robot drives a curve; a key for ahead or back does not
+prolong a turn.
+"""
 
 import asyncio
+import math
 import signal
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import partial
-from types import FrameType
+from typing import Final, TypeAlias
 
 from prompt_toolkit.application import Application
+from prompt_toolkit.filters import Condition
 from prompt_toolkit.input import Input
+from prompt_toolkit.key_binding import KeyBindings
+from prompt_toolkit.layout import (
+    ConditionalContainer,
+    HSplit,
+    Layout,
+    UIContent,
+    UIControl,
+    VSplit,
+    Window,
+)
 from prompt_toolkit.output import Output
+from prompt_toolkit.styles import Style
 
 from radarsim.client import AsyncClient, ClientTimeout, DriveUnit
-from radarsim.client.teleop.robot_state import RobotState
-from radarsim.client.teleop.terminal import Key, Steering, make_bindings, make_screen
-from radarsim.client.teleop.view import RADII, Fragments, draw_view, panel_lines
+from radarsim.client.teleop.view import (
+    RADII,
+    WIDTH,
+    DrivenRobot,
+    Fragments,
+    draw_view,
+    help_text,
+    panel_lines,
+)
 from radarsim.errors import ClientError, RadarsimError, expected_one_of
+from radarsim.listening import signal_callbacks
 
-SILENCE_LIMIT = 2.5  # s without reports after which the server counts as gone
-STEERING_INTERVAL = 0.02  # s between two evaluations of the keys
-FIRST_ZOOM = RADII.index(10)
-SIGNALS = (
-    "SIGTERM",
-    "SIGHUP",
-)  # SIGHUP, when the terminal closes, does not exist on Windows
+FIRST_HOLD: Final = 0.7  # s; bridges the pause before a held key repeats
+REPEAT_HOLD: Final = 0.3  # s; some repeats may come late over a network
+REPEAT_GAP: Final = 0.2  # s; faster presses of one key count as a held key
+SPEED_STEP: Final = 0.05  # m/s
+TURN_SHARE: Final = 0.3  # share of the speed that wheels have in a turn on the spot
+Draw: TypeAlias = Callable[[int, int], list[Fragments]]
+ZOOM_KEYS: Final = {"z": -1, "x": 1}
+QUIT_KEYS: Final = {"q": 0, "escape": 0, "c-c": 130, "<sigint>": 130}
+MIN_COLUMNS: Final = 64  # in a narrower terminal the panel is hidden
+# s; arrow keys begin with the byte of Esc, which alone means the key Esc.
+ESCAPE_TIMEOUT: Final = 0.05
+MIN_REDRAW_INTERVAL: Final = 0.04  # s between two drawings
+SILENCE_LIMIT: Final = 2.5  # s without reports after which the server counts as gone
+STEERING_INTERVAL: Final = 0.02  # s between two evaluations of the keys
+FIRST_ZOOM: Final = RADII.index(10)
+# SIGHUP comes when the terminal closes, and does not exist on Windows.
+SIGNALS: Final = [
+    getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)
+]
+STYLE: Final = Style(
+    [
+        ("far", ""),
+        ("middle", "ansiyellow"),
+        ("near", "ansired bold"),
+        ("robot", "ansicyan bold"),
+        ("scale", "ansibrightblack"),
+        ("help", "reverse"),
+        ("warning", "ansired bold"),
+    ]
+)
+
+
+class Key(StrEnum):
+    """The effect of a key on the motion."""
+
+    AHEAD = "ahead"
+    BACK = "back"
+    LEFT = "left"
+    RIGHT = "right"
+    STOP = "stop"
+    FASTER = "faster"
+    SLOWER = "slower"
+
+
+DIRECTIONS: Final = {Key.AHEAD: 1, Key.BACK: -1}
+TURNS: Final = {Key.LEFT: 1, Key.RIGHT: -1}
+SPEED_CHANGES: Final = {Key.FASTER: SPEED_STEP, Key.SLOWER: -SPEED_STEP}
+
+
+class Steering:
+    """The motion that the keys pressed so far ask for.
+
+    Attributes:
+        speed: Speed that the keys set, m/s.
+    """
+
+    def __init__(self, speed: float, *, top_speed: float, wheel_separation: float):
+        """Start at rest.
+
+        Args:
+            speed: Speed that keys set at first, m/s; limited to the top speed.
+            top_speed: Top speed of the robot, m/s.
+            wheel_separation: Distance between left and right wheels, m.
+        """
+        self.speed = min(speed, top_speed)
+        self._top_speed = top_speed
+        self._wheel_separation = wheel_separation
+        self._direction = 0  # 1 ahead, -1 back
+        self._turn = 0  # 1 to the left, -1 to the right
+        self._direction_ends = self._turn_ends = -math.inf
+        self._last: Key | None = None
+        self._last_time = -math.inf
+
+    def press(self, key: Key, now: float) -> None:
+        """Process a key press at a time, s, that never decreases."""
+        if key is Key.STOP:
+            self._direction = self._turn = 0
+        elif key in SPEED_CHANGES:
+            speed = round(self.speed + SPEED_CHANGES[key], 9)
+            self.speed = max(min(SPEED_STEP, self.speed), min(speed, self._top_speed))
+        else:
+            is_held = self._last is key and now - self._last_time < REPEAT_GAP
+            ends = now + (REPEAT_HOLD if is_held else FIRST_HOLD)
+            if key in DIRECTIONS:
+                self._direction, self._direction_ends = DIRECTIONS[key], ends
+            else:
+                self._turn, self._turn_ends = TURNS[key], ends
+                # The key for ahead may be held still, but repeats no more.
+                if now < self._direction_ends:
+                    self._direction_ends = ends
+        self._last, self._last_time = key, now
+
+    def motion(self, now: float) -> tuple[float, float]:
+        """Return the motion at a time.
+
+        Returns:
+            Speed ahead, m/s, and turn, rad/s counter-clockwise.
+        """
+        direction = self._direction if now < self._direction_ends else 0
+        turn = self._turn if now < self._turn_ends else 0
+        fastest_turn = TURN_SHARE * self.speed / (self._wheel_separation / 2)
+        return direction * self.speed, turn * fastest_turn
+
+
+DRIVE_KEYS: Final = {
+    Key.AHEAD: ("up", "w"),
+    Key.BACK: ("down", "s"),
+    Key.LEFT: ("left", "a"),
+    Key.RIGHT: ("right", "d"),
+    Key.STOP: (" ",),
+    Key.FASTER: ("pageup", "+", "="),
+    Key.SLOWER: ("pagedown", "-"),
+}
+
+
+class DrawnControl(UIControl):
+    """A part of the screen drawn by a function of its columns and rows."""
+
+    def __init__(self, draw: Draw) -> None:
+        self._draw = draw
+
+    def create_content(self, width: int, height: int) -> UIContent:
+        """Draw the content."""
+        lines = self._draw(width, height) if width > 0 and height > 0 else []
+        # Copied, since prompt_toolkit expects a list of a wider type.
+        return UIContent(
+            lambda i: [*lines[i]], line_count=len(lines), show_cursor=False
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,31 +231,28 @@ async def drive(
         return await teleop.run()
 
 
-async def prepare(client: AsyncClient, settings: TeleopSettings) -> RobotState:
+async def prepare(client: AsyncClient, settings: TeleopSettings) -> DrivenRobot:
     """Spawn the robot, and query its properties.
 
     Raises:
         ClientError: If the server lacks what the settings ask for, or does not answer.
     """
     greeting = await client.greeting()
-    start = await _choose_start(client, settings.start)
+    start = settings.start
+    try:
+        starts = [*await client.start_poses()]
+    except ClientTimeout:  # not every server knows any
+        if start is not None:
+            raise
+    else:
+        if start is None:
+            start = next(iter(starts), None)
+        elif start not in starts:
+            raise ClientError(f"start {expected_one_of(start, starts)}")
     await client.spawn(settings.robot, start=start)
     robot_info = await client.robot_info(drive_unit=settings.drive_unit)
-    return RobotState(robot_info, robot_info.scanner(settings.scanner), greeting.level)
-
-
-async def _choose_start(client: AsyncClient, wanted: str | None) -> str | None:
-    try:
-        names = list(await client.start_poses())
-    except ClientTimeout:
-        if wanted is not None:
-            raise
-        return None
-    if wanted is None:
-        return names[0] if names else None
-    if wanted not in names:
-        raise ClientError(f"start {expected_one_of(wanted, names)}")
-    return wanted
+    scanner = robot_info.scanner(settings.scanner)
+    return DrivenRobot(robot_info, scanner, greeting.level)
 
 
 class Teleop:
@@ -115,7 +268,7 @@ class Teleop:
     def __init__(
         self,
         client: AsyncClient,
-        state: RobotState,
+        state: DrivenRobot,
         speed: float,
         *,
         silence_limit: float = SILENCE_LIMIT,
@@ -145,13 +298,7 @@ class Teleop:
         self._client = client
         self._clock = asyncio.get_running_loop().time
         self._heard = self._clock()
-        self._app: Application[int] = make_screen(
-            self._view,
-            self._panel,
-            make_bindings(self._press, self._change_zoom, self._leave),
-            keyboard=keyboard,
-            terminal=terminal,
-        )
+        self._app = self._make_screen(keyboard, terminal)
 
     @property
     def radius(self) -> float:
@@ -174,7 +321,7 @@ class Teleop:
             asyncio.create_task(self._listen()),
             asyncio.create_task(self._steer()),
         ]
-        with _calling_on_signals(partial(self._leave, 0)):
+        with signal_callbacks(SIGNALS, lambda _: self._leave(0)):
             try:
                 done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             finally:
@@ -203,11 +350,56 @@ class Teleop:
                 self.commanded = motion
             await asyncio.sleep(STEERING_INTERVAL)
 
-    def _press(self, key: Key) -> None:
-        self.steering.press(key, self._clock())
+    def _make_screen(
+        self, keyboard: Input | None, terminal: Output | None
+    ) -> Application[int]:
+        """Create the application, whose result is an exit code."""
+        app: Application[int]
 
-    def _change_zoom(self, step: int) -> None:
-        self._zoom = min(max(self._zoom + step, 0), len(RADII) - 1)
+        def is_wide() -> bool:
+            return app.output.get_size().columns >= MIN_COLUMNS
+
+        panel = Window(DrawnControl(self._panel), width=WIDTH)
+        beside = VSplit([Window(width=1, char="│"), panel])
+        view = Window(DrawnControl(self._view))
+        picture = VSplit([view, ConditionalContainer(beside, Condition(is_wide))])
+        keys = DrawnControl(lambda width, _: [[("", help_text(width))]])
+        footer = Window(keys, height=1, style="class:help")
+        app = Application(
+            Layout(HSplit([picture, footer])),
+            key_bindings=self._bind_keys(),
+            style=STYLE,
+            full_screen=True,
+            min_redraw_interval=MIN_REDRAW_INTERVAL,
+            refresh_interval=0.2,
+            input=keyboard,
+            output=terminal,
+        )
+        app.ttimeoutlen = ESCAPE_TIMEOUT
+        return app
+
+    def _bind_keys(self) -> KeyBindings:
+        """Bind all keys; upper case equals lower case."""
+        bindings = KeyBindings()
+
+        def bind(name: str, act: Callable[[], None]) -> None:
+            for one in {name, name.upper()} if len(name) == 1 else {name}:
+                bindings.add(one)(lambda _: act())
+
+        def press(key: Key) -> None:
+            self.steering.press(key, self._clock())
+
+        def zoom(step: int) -> None:
+            self._zoom = min(max(self._zoom + step, 0), len(RADII) - 1)
+
+        for key, names in DRIVE_KEYS.items():
+            for name in names:
+                bind(name, partial(press, key))
+        for name, step in ZOOM_KEYS.items():
+            bind(name, partial(zoom, step))
+        for name, code in QUIT_KEYS.items():
+            bind(name, partial(self._leave, code))
+        return bindings
 
     def _leave(self, code: int) -> None:
         if self._app.is_running and not self._app.is_done:
@@ -225,20 +417,3 @@ class Teleop:
             silence=self._clock() - self._heard,
         )
         return lines[:rows]
-
-
-@contextmanager
-def _calling_on_signals(end: Callable[[], None]) -> Iterator[None]:
-    """Call a function in the event loop when a signal asks the process to end."""
-    loop = asyncio.get_running_loop()
-
-    def handle(_number: int, _frame: FrameType | None) -> None:
-        loop.call_soon_threadsafe(end)
-
-    numbers = [getattr(signal, name) for name in SIGNALS if hasattr(signal, name)]
-    before = {number: signal.signal(number, handle) for number in numbers}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

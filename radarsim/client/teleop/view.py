@@ -1,21 +1,28 @@
-"""Top view of a scan in text: the robot in the centre, its front upwards.
+"""What a driver sees: a top view of the newest scan in text, and a panel beside it.
 
-Braille characters serve as pixels, two by four dots in each. A panel of text stands
-beside the view.
+The robot is in the centre of the view, its front upwards. Braille characters serve as
+pixels, two by four dots in each.
 """
 
 import math
+from collections import deque
 from itertools import groupby
 from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.client.robot_info import RobotInfo
-from radarsim.client.teleop.robot_state import RobotState
+from radarsim.client.robot_info import (
+    RobotInfo,
+    ScannerInfo,
+    beam_angles,
+    from_centre,
+    same_name,
+)
+from radarsim.client.robot_state import RobotState
 from radarsim.errors import escape_unprintable
 from radarsim.geometry import Floats, Pose2, wrap_angle
-from radarsim.protocol.reports import GroundTruth, Ins, Odometry
+from radarsim.protocol.reports import GroundTruth, Ins, Odometry, RangeScan, Report
 
 Fragments: TypeAlias = list[tuple[str, str]]  # one line: styles and texts
 
@@ -34,9 +41,8 @@ FAR_STYLE, MIDDLE_STYLE, NEAR_STYLE, ROBOT_STYLE = STYLES
 SCALE_STYLE: Final = "class:scale"
 WIDTH: Final = 31  # columns
 WARNING: Final = "class:warning"
-SILENCE_WARNING: Final = (
-    0.6  # s without reports from the server, which sends some every 0.2 s
-)
+SILENCE_WARNING: Final = 0.6  # s; a server sends some report every 0.2 s
+RATE_SCANS: Final = 11  # scans that the scan rate is measured over
 HELP: Final = "arrows or WASD drive  space stops  +/- speed  z/x zoom  q quits"
 SHORTER_HELP: Final = (  # for narrow terminals: how to end is the last to go
     "WASD drive  space stops  +/- speed  q quits",
@@ -45,6 +51,63 @@ SHORTER_HELP: Final = (  # for narrow terminals: how to end is the last to go
     "q quits",
 )
 POSE_ROWS: Final = (("INS", Ins), ("odometry", Odometry), ("truth", GroundTruth))
+
+
+class DrivenRobot(RobotState):
+    """The state of a robot, and the scans of the scanner that is displayed.
+
+    Attributes:
+        robot_info: Properties of the robot.
+        scanner: The scanner that is displayed.
+        level: Name of the map.
+        scan: The newest scan; None before the first.
+    """
+
+    def __init__(self, robot_info: RobotInfo, scanner: ScannerInfo, level: str) -> None:
+        super().__init__()
+        self.robot_info = robot_info
+        self.scanner = scanner
+        self.level = level
+        self.scan: RangeScan | None = None
+        self._scan_times: deque[float] = deque(maxlen=RATE_SCANS)
+
+    def take(self, report: Report) -> bool:
+        """Process a report; scans of other scanners are ignored."""
+        if isinstance(report, RangeScan):
+            if not same_name(report.name, self.scanner.name):
+                return False
+            self.scan = report
+            self._scan_times.append(report.time)
+        return super().take(report)
+
+    def points(self) -> Floats:
+        """Return the end points of the newest scan.
+
+        Returns:
+            (N, 2) m from the robot's centre, x ahead and y to its left.
+        """
+        if self.scan is None:
+            return np.zeros((0, 2))
+        seen = self.scan.ranges > 0  # a blinded scanner reads 0
+        bearings, ranges = from_centre(
+            self.scan.ranges[seen],
+            beam_angles(self.scan)[seen],
+            self.scanner.mount,
+            self.scanner.max_range,
+        )
+        ended = np.isfinite(ranges)
+        bearings, ranges = bearings[ended], ranges[ended]
+        return np.column_stack([ranges * np.cos(bearings), ranges * np.sin(bearings)])
+
+    def is_blind(self) -> bool:
+        """Return whether no beam of the newest scan reads more than 0."""
+        return self.scan is not None and not (self.scan.ranges > 0).any()
+
+    def scan_rate(self) -> float:
+        """Return scans per second of server time; nan before the second scan."""
+        times = self._scan_times
+        spent = times[-1] - times[0] if times else 0.0
+        return (len(times) - 1) / spent if spent > 0 else math.nan
 
 
 class Canvas:
@@ -101,24 +164,17 @@ class Canvas:
         inks: NDArray[np.int8] = cells.max(axis=(2, 3))
         lines = []
         for row in range(self.rows):
-            line = [
-                self._letters.get((row, column)) or self._braille(*cell)
-                for column, cell in enumerate(zip(bits[row], inks[row], strict=True))
-            ]
-            lines.append(_joined(line))
+            line: Fragments = []
+            for column in range(self.columns):
+                dots = bits[row, column]
+                # A blank rather than braille without dots: copied text is plain then.
+                braille = chr(BRAILLE + dots) if dots else " "
+                drawn = self._styles[inks[row, column]], braille
+                line.append(self._letters.get((row, column), drawn))
+            # Neighbours of one style are one fragment, so the terminal is sent less.
+            styles = groupby(line, key=lambda cell: cell[0])
+            lines.append([(each, "".join(t for _, t in run)) for each, run in styles])
         return lines
-
-    def _braille(self, bits: int, style: int) -> tuple[str, str]:
-        # A blank rather than braille without dots, so that copied text is plain.
-        return self._styles[style], chr(BRAILLE + bits) if bits else " "
-
-
-def _joined(cells: Fragments) -> Fragments:
-    """Join neighbours of the same style."""
-    return [
-        (style, "".join(text for _, text in cells))
-        for style, cells in groupby(cells, key=lambda cell: cell[0])
-    ]
 
 
 def style_of(distance: float, clearance: float) -> str:
@@ -163,7 +219,12 @@ def draw_view(
     plot(points[middle & ~near], MIDDLE_STYLE)
     plot(points[near], NEAR_STYLE)
     if robot_info.length * dots_per_metre >= MIN_HULL:
-        plot(_hull(robot_info, dots_per_metre), ROBOT_STYLE)
+        longest = max(robot_info.length, robot_info.width)
+        along = np.arange(-0.5, 0.5, 1 / (longest * dots_per_metre))  # one dot apart
+        half = np.full_like(along, 0.5)
+        sides = [(along, half), (along, -half), (half, along), (-half, along)]
+        outline = np.concatenate([np.column_stack(side) for side in sides])
+        plot(outline * (robot_info.length, robot_info.width), ROBOT_STYLE)
     canvas.write(rows // 2, columns // 2, "▲", ROBOT_STYLE)
     canvas.write(rows - 1, 0, scale_bar(dots_per_metre, columns), SCALE_STYLE)
     return canvas.lines()
@@ -182,20 +243,8 @@ def scale_bar(dots_per_metre: float, columns: int) -> str:
     return f"├{'─' * (cells - 2)}┤ {length:g} m "
 
 
-def _hull(robot_info: RobotInfo, dots_per_metre: float) -> Floats:
-    """Return points on the outline, one dot apart, (N, 2) m."""
-    along = np.arange(
-        -0.5, 0.5, 1 / (max(robot_info.length, robot_info.width) * dots_per_metre)
-    )
-    half = np.full_like(along, 0.5)
-    sides = [(along, half), (along, -half), (half, along), (-half, along)]
-    outline = np.concatenate([np.column_stack(side) for side in sides])
-    scaled: Floats = outline * (robot_info.length, robot_info.width)
-    return scaled
-
-
 def panel_lines(
-    state: RobotState,
+    state: DrivenRobot,
     *,
     speed: float,
     commanded: tuple[float, float],
@@ -213,13 +262,17 @@ def panel_lines(
         Lines, none wider than ``WIDTH`` for numbers of usual size.
     """
     head = f"{state.robot_info.name}, {state.scanner.name}"
+    battery = "-" if state.battery is None else state.battery
+    touch = "", "no" if state.touched else "-"
+    if any(state.touched.values()):
+        touch = WARNING, "TOUCHING"
     plain = [
         escape_unprintable(state.level)[:WIDTH],
         escape_unprintable(head)[:WIDTH],
         "",
-        f"time     {_number(state.time, 10, 2)} s",
-        f"scans    {_number(state.scan_rate(), 10, 1)} /s",
-        f"battery  {_battery(state.battery)}",
+        f"time     {_number(state.time, 2)} s",
+        f"scans    {_number(state.scan_rate(), 1)} /s",
+        f"battery  {battery:>10}{'' if state.battery is None else ' s'}",
         "",
         f"speed    {speed:10.2f} m/s",
         f"ordered  {_motion(commanded)}",
@@ -230,8 +283,7 @@ def panel_lines(
         "",
     ]
     lines: list[Fragments] = [[("", line)] for line in plain]
-    lines += [[("", "touch    "), _touch(state)]]
-    lines += [[("", "nearest  "), nearest(state)], []]
+    lines += [[("", "touch    "), touch], [("", "nearest  "), nearest(state)], []]
     return lines + [[(WARNING, text)] for text in warnings(state, silence)]
 
 
@@ -245,7 +297,7 @@ def help_text(width: int) -> str:
     return next(fitting, SHORTER_HELP[-1][:width])
 
 
-def nearest(state: RobotState) -> tuple[str, str]:
+def nearest(state: DrivenRobot) -> tuple[str, str]:
     """Return the style and text for distance and direction of the nearest obstacle."""
     points = state.points()
     if not len(points):
@@ -271,7 +323,7 @@ def bearing(angle: float) -> str:
     return f"{size}° {'left' if degrees > 0 else 'right'}"
 
 
-def warnings(state: RobotState, silence: float) -> list[str]:
+def warnings(state: DrivenRobot, silence: float) -> list[str]:
     """Return what the driver should know at once."""
     texts = []
     if silence > SILENCE_WARNING:
@@ -283,12 +335,6 @@ def warnings(state: RobotState, silence: float) -> list[str]:
     if state.battery == 0:
         texts.append("battery empty")
     return texts
-
-
-def _touch(state: RobotState) -> tuple[str, str]:
-    if not state.touched:
-        return "", "-"
-    return (WARNING, "TOUCHING") if any(state.touched.values()) else ("", "no")
 
 
 def _pose(pose: Pose2 | None) -> str:
@@ -305,9 +351,5 @@ def _motion(motion: tuple[float, float] | None) -> str:
     return f"{speed:10.2f} m/s{turn:4d}°/s"
 
 
-def _number(value: float, width: int, digits: int) -> str:
-    return f"{'-':>{width}}" if math.isnan(value) else f"{value:{width}.{digits}f}"
-
-
-def _battery(seconds: int | None) -> str:
-    return f"{'-':>10}" if seconds is None else f"{seconds:10d} s"
+def _number(value: float, digits: int) -> str:
+    return f"{'-':>10}" if math.isnan(value) else f"{value:10.{digits}f}"

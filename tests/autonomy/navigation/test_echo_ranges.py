@@ -11,12 +11,12 @@ from radarsim.autonomy.evaluation.random_trials import load_random_map
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.mission import run_mission
 from radarsim.autonomy.navigation.observation import (
-    EchoCollector,
     blocked_ranges,
     blocking_echoes,
 )
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.client import Client
+from radarsim.client.robot_state import EchoCollector
 from radarsim.protocol.reports import EchoLine, RangeScan, TargetEchoes
 from radarsim.scene.random_maps import Disc, RandomMap
 from radarsim.server.host import Host

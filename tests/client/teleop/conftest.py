@@ -3,7 +3,7 @@
 import pytest
 
 from radarsim.client import RobotInfo, ScannerInfo
-from radarsim.client.teleop.robot_state import RobotState
+from radarsim.client.teleop.view import DrivenRobot
 from radarsim.geometry import Pose3
 
 SCANNER = ScannerInfo(
@@ -34,5 +34,5 @@ def robot_info() -> RobotInfo:
 
 
 @pytest.fixture
-def state() -> RobotState:
-    return RobotState(FACTS, SCANNER, "DM-Test")
+def state() -> DrivenRobot:
+    return DrivenRobot(FACTS, SCANNER, "DM-Test")

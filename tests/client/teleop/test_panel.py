@@ -3,11 +3,11 @@ import math
 import numpy as np
 import pytest
 
-from radarsim.client.teleop.robot_state import RobotState
-from radarsim.client.teleop.terminal import MIN_COLUMNS
+from radarsim.client.teleop.teleop import MIN_COLUMNS
 from radarsim.client.teleop.view import (
     HELP,
     WIDTH,
+    DrivenRobot,
     bearing,
     help_text,
     nearest,
@@ -25,7 +25,7 @@ from radarsim.protocol.reports import (
 )
 
 
-def panel(state: RobotState, silence: float = 0.0) -> list[str]:
+def panel(state: DrivenRobot, silence: float = 0.0) -> list[str]:
     lines = panel_lines(state, speed=0.4, commanded=(-0.4, -0.6), silence=silence)
     return ["".join(text for _, text in line) for line in lines]
 
@@ -34,7 +34,7 @@ def scan(*ranges: float) -> RangeScan:
     return RangeScan(1.0, "lms200", math.pi / 2, math.pi, np.array(ranges))
 
 
-def fill(state: RobotState) -> None:
+def fill(state: DrivenRobot) -> None:
     for time in (1234.5, 1234.6):
         state.take(Status(time, battery=3599, light=False))
         state.take(GroundTruth(time, "GndTruth", Pose3(-123.45, 1.0, 0.1, yaw=3.1)))
@@ -44,7 +44,7 @@ def fill(state: RobotState) -> None:
     state.take(scan(9.0, 5.0, 2.0))
 
 
-def test_panel_shows_every_value(state: RobotState) -> None:
+def test_panel_shows_every_value(state: DrivenRobot) -> None:
     fill(state)
     text = "\n".join(panel(state))
     for expected in (
@@ -63,12 +63,12 @@ def test_panel_shows_every_value(state: RobotState) -> None:
         assert expected in text
 
 
-def test_names_from_the_server_are_printable(state: RobotState) -> None:
+def test_names_from_the_server_are_printable(state: DrivenRobot) -> None:
     state.level = "a\x1b[2J"
     assert panel(state)[0] == r"a\x1b[2J"
 
 
-def test_unknown_values_are_dashes(state: RobotState) -> None:
+def test_unknown_values_are_dashes(state: DrivenRobot) -> None:
     text = "\n".join(panel(state))
     for name in ("time", "scans", "battery", "measured", "INS", "truth", "touch"):
         assert any(
@@ -78,7 +78,7 @@ def test_unknown_values_are_dashes(state: RobotState) -> None:
     assert "no scan yet" in text
 
 
-def test_panel_fits_on_24_rows(state: RobotState) -> None:
+def test_panel_fits_on_24_rows(state: DrivenRobot) -> None:
     fill(state)
     lines = panel(state, silence=2.4)
     assert max(map(len, lines)) <= WIDTH
@@ -86,7 +86,7 @@ def test_panel_fits_on_24_rows(state: RobotState) -> None:
     assert len(HELP) <= MIN_COLUMNS
 
 
-def test_touch_is_highlighted(state: RobotState) -> None:
+def test_touch_is_highlighted(state: DrivenRobot) -> None:
     state.take(Touch(1.0, "Front", touched=False))
     state.take(Touch(1.0, "Back", touched=True))
     assert "touch    TOUCHING" in panel(state)
@@ -115,13 +115,13 @@ def test_bearings_are_given_in_words(angle: float, text: str) -> None:
     ],
 )
 def test_nearest_obstacle_is_measured_from_the_centre_and_coloured(
-    state: RobotState, ranges: tuple[float, ...], style: str, text: str
+    state: DrivenRobot, ranges: tuple[float, ...], style: str, text: str
 ) -> None:
     state.take(scan(*ranges))
     assert nearest(state) == (style, text)
 
 
-def test_panel_warns(state: RobotState) -> None:
+def test_panel_warns(state: DrivenRobot) -> None:
     assert warnings(state, 0.1) == ["no scan yet"]
     state.take(scan(0.0, 0.0, 0.0))
     state.take(Status(1.0, battery=0, light=False))

@@ -14,8 +14,8 @@ from prompt_toolkit.output import DummyOutput
 
 from radarsim.addons.testing import UsarsimServer
 from radarsim.client import AsyncClient, ClientError, ClientTimeout
-from radarsim.client.teleop.robot_state import RobotState
 from radarsim.client.teleop.teleop import Teleop, TeleopSettings, prepare
+from radarsim.client.teleop.view import DrivenRobot
 from radarsim.errors import RadarsimError
 from radarsim.protocol.reports import GroundTruth
 
@@ -103,7 +103,7 @@ async def faulty_server(
 
 @pytest.mark.parametrize("terminal", [DummyOutput(), Narrow()], ids=["wide", "narrow"])
 async def test_keys_zoom_and_set_the_speed(
-    state: RobotState, keyboard: PipeInput, terminal: DummyOutput
+    state: DrivenRobot, keyboard: PipeInput, terminal: DummyOutput
 ) -> None:
     async with faulty_server(beats=5) as (client, _):
         driver = Teleop(client, state, 0.4, keyboard=keyboard, terminal=terminal)
@@ -130,7 +130,7 @@ async def test_keys_zoom_and_set_the_speed(
     ],
 )
 async def test_exit_code_and_stop_command_at_the_end(
-    state: RobotState, keyboard: PipeInput, text: str, number: int | None, code: int
+    state: DrivenRobot, keyboard: PipeInput, text: str, number: int | None, code: int
 ) -> None:
     before = signal.getsignal(signal.SIGTERM)
     async with faulty_server(beats=3) as (client, received):
@@ -155,7 +155,7 @@ async def test_exit_code_and_stop_command_at_the_end(
     ],
 )
 async def test_lost_server_ends_teleop(
-    state: RobotState, keyboard: PipeInput, drop: bool, kind: type, text: str
+    state: DrivenRobot, keyboard: PipeInput, drop: bool, kind: type, text: str
 ) -> None:
     async with faulty_server(beats=3, drop=drop) as (client, received):
         driver = Teleop(
@@ -173,7 +173,7 @@ async def test_lost_server_ends_teleop(
 
 
 async def test_closed_keyboard_ends_teleop(
-    state: RobotState, keyboard: PipeInput
+    state: DrivenRobot, keyboard: PipeInput
 ) -> None:
     async with faulty_server(beats=1) as (client, received):
         driver = Teleop(client, state, 0.4, keyboard=keyboard, terminal=DummyOutput())

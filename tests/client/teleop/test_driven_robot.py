@@ -3,7 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from radarsim.client.teleop.robot_state import MOTION_WINDOW, RobotState
+from radarsim.client.robot_state import MOTION_WINDOW
+from radarsim.client.teleop.view import DrivenRobot
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.reports import (
     GroundTruth,
@@ -25,13 +26,13 @@ def truth(time: float, x: float, y: float, yaw: float) -> GroundTruth:
     return GroundTruth(time, "GndTruth", Pose3(x, y, 0.1, yaw=yaw))
 
 
-def speed_of(state: RobotState) -> float:
+def speed_of(state: DrivenRobot) -> float:
     motion = state.motion()
     assert motion is not None
     return motion[0]
 
 
-def test_newest_report_of_each_kind_is_kept(state: RobotState) -> None:
+def test_newest_report_of_each_kind_is_kept(state: DrivenRobot) -> None:
     for time in (1.0, 2.0):
         state.take(truth(time, time, 0.0, 0.0))
         state.take(Ins(time, "InsTest", Pose3(time, 1.0, 0.0)))
@@ -51,7 +52,7 @@ def test_newest_report_of_each_kind_is_kept(state: RobotState) -> None:
     assert state.scan.ranges[1] == 2.0
 
 
-def test_other_reports_are_ignored(state: RobotState) -> None:
+def test_other_reports_are_ignored(state: DrivenRobot) -> None:
     state.take(RobotConf("P3AT", 11.9, 8.17, 1.0))
     state.take(scan(1.0, 1.0, 1.0, 1.0, name="Hokuyo"))
     assert math.isnan(state.time)
@@ -60,18 +61,18 @@ def test_other_reports_are_ignored(state: RobotState) -> None:
     assert not state.is_blind()
 
 
-def test_points_are_relative_to_the_robot_centre(state: RobotState) -> None:
+def test_points_are_relative_to_the_robot_centre(state: DrivenRobot) -> None:
     state.take(scan(1.0, 1.0, 2.0, 3.0))
     expected = [[0.2, -1.0], [2.2, 0.0], [0.2, 3.0]]
     assert state.points() == pytest.approx(np.array(expected), abs=1e-6)
 
 
-def test_beams_without_return_give_no_points(state: RobotState) -> None:
+def test_beams_without_return_give_no_points(state: DrivenRobot) -> None:
     state.take(scan(1.0, 10.0, 9.98, 0.0))
     assert state.points() == pytest.approx(np.array([[10.18, 0.0]]), abs=1e-6)
 
 
-def test_scanner_that_reads_only_0_is_blind(state: RobotState) -> None:
+def test_scanner_that_reads_only_0_is_blind(state: DrivenRobot) -> None:
     state.take(scan(1.0, 0.0, 0.0, 0.0))
     assert state.is_blind()
     assert len(state.points()) == 0
@@ -79,7 +80,7 @@ def test_scanner_that_reads_only_0_is_blind(state: RobotState) -> None:
     assert not state.is_blind()
 
 
-def test_scan_rate_is_by_server_time(state: RobotState) -> None:
+def test_scan_rate_is_by_server_time(state: DrivenRobot) -> None:
     assert math.isnan(state.scan_rate())
     state.take(scan(0.0, 1.0, 1.0, 1.0))
     assert math.isnan(state.scan_rate())
@@ -91,7 +92,7 @@ def test_scan_rate_is_by_server_time(state: RobotState) -> None:
 @pytest.mark.parametrize("yaw", [0.0, 2.0, math.pi - 0.1])
 @pytest.mark.parametrize("speed", [0.4, -0.4])
 def test_speed_is_measured_along_the_heading(
-    state: RobotState, yaw: float, speed: float
+    state: DrivenRobot, yaw: float, speed: float
 ) -> None:
     assert state.motion() is None
     turn, radius = 0.5, speed / 0.5
@@ -106,7 +107,7 @@ def test_speed_is_measured_along_the_heading(
 
 
 def test_measured_speed_is_zero_one_window_after_a_stop(
-    state: RobotState,
+    state: DrivenRobot,
 ) -> None:
     for i in range(20):
         state.take(truth(i / 10, min(i, 10) / 10, 0.0, 0.0))
@@ -114,7 +115,7 @@ def test_measured_speed_is_zero_one_window_after_a_stop(
     assert state.motion() == (0.0, 0.0)
 
 
-def test_motion_is_measured_by_the_best_pose_sensor(state: RobotState) -> None:
+def test_motion_is_measured_by_the_best_pose_sensor(state: DrivenRobot) -> None:
     state.take(Odometry(0.0, "Odometer", Pose2(0.0, 0.0)))
     state.take(Odometry(0.1, "Odometer", Pose2(0.1, 0.0)))
     assert speed_of(state) == pytest.approx(1.0)
@@ -124,7 +125,7 @@ def test_motion_is_measured_by_the_best_pose_sensor(state: RobotState) -> None:
     assert speed_of(state) == pytest.approx(0.5)
 
 
-def test_clock_reset_restarts_the_measurement(state: RobotState) -> None:
+def test_clock_reset_restarts_the_measurement(state: DrivenRobot) -> None:
     for report in (truth(5.0, 0.0, 0.0, 0.0), truth(0.1, 3.0, 0.0, 0.0)):
         state.take(report)
     assert state.motion() is None
