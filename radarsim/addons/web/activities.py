@@ -1,14 +1,21 @@
 """What goes on with robots beside driving: tasks, and the maps that are made.
 
-The modules that do it take seconds to import, and what they have compiled to load, so
+Tasks run in threads, as what they are done with blocks; so do makers of maps. All of it
+is in ``algorithms``, which takes seconds to import and what it has compiled to load. So
 ``import_algorithms`` and ``load_algorithms`` do that beside all else; who asks earlier
 waits for it.
 """
 
+import asyncio
 import importlib
+import logging
+import threading
 from collections.abc import Callable, Iterator, Set
+from contextlib import suppress
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
+from radarsim.addons.web.own_robot import OwnRobot, RobotClient, Tell, Work
 from radarsim.addons.web.requests import (
     BadRequest,
     Cancel,
@@ -17,23 +24,22 @@ from radarsim.addons.web.requests import (
     Goto,
     Map,
 )
-from radarsim.addons.web.roster import Roster
-from radarsim.addons.web.tasks import TaskBoard, Work
-from radarsim.addons.web.viewer import encode_json
+from radarsim.addons.web.robots import Robots
+from radarsim.addons.web.viewers import Viewers, encode_json
+from radarsim.errors import RadarsimError
 
 if TYPE_CHECKING:
-    from radarsim.addons.web.map_maker import MapMaker
+    from radarsim.addons.web.algorithms import MapMaker
 
+log = logging.getLogger("radarsim.addons.web")
+MOST_TASKS: Final = 20  # at a time
 MOST_MAPS: Final = 10  # that are made at a time
 DEFAULT_COLOURS: Final[Colours] = "usarcommander"
-
-Broadcast = Callable[[str, object], None]
 
 
 def import_algorithms() -> None:
     """Import what tasks and maps are made with."""
-    importlib.import_module("radarsim.addons.web.map_maker")
-    importlib.import_module("radarsim.addons.web.tasks")
+    importlib.import_module("radarsim.addons.web.algorithms")
 
 
 def load_algorithms() -> None:
@@ -41,29 +47,145 @@ def load_algorithms() -> None:
     importlib.import_module("radarsim.autonomy.exploration.compilation").warm_up()
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Task:
+    """One task.
+
+    Attributes:
+        number: Its number.
+        robot: The robot.
+        kind: ``goto`` or ``explore``.
+        client: Where the task reads and drives.
+    """
+
+    number: int
+    robot: OwnRobot
+    kind: str
+    client: RobotClient
+
+    def describe(self, state: str, text: str = "") -> dict[str, Any]:
+        """Return the message ``task``.
+
+        Args:
+            state: ``running``, ``done``, ``failed`` or ``cancelled``.
+            text: How it ended, or what is done.
+        """
+        return {
+            "op": "task",
+            "id": self.number,
+            "robot": self.robot.name,
+            "kind": self.kind,
+            "state": state,
+            "text": text,
+        }
+
+
+class TaskBoard:
+    """The tasks that run, of which a robot has at most one.
+
+    Attributes:
+        running: Tasks by their numbers.
+    """
+
+    def __init__(self, tell: Tell) -> None:
+        """Create an empty board; to be called in the event loop.
+
+        Args:
+            tell: Called with messages, in the event loop.
+        """
+        self.running: dict[int, Task] = {}
+        self._tell = tell
+        self._threads: set[int] = set()  # also of cancelled tasks, until they notice
+        self._loop = asyncio.get_running_loop()
+        self._count = 0
+
+    def find(self, robot: str) -> Task | None:
+        """Return the task that a robot is at, if any."""
+        tasks = (task for task in self.running.values() if task.robot.name == robot)
+        return next(tasks, None)
+
+    def begin(self, robot: OwnRobot, kind: str, work: Work) -> None:
+        """Begin a task, instead of the one that the robot is at.
+
+        Raises:
+            BadRequest: If there are too many tasks.
+        """
+        self.cancel_of(robot.name)
+        if len(self._threads) >= MOST_TASKS:
+            raise BadRequest(f"{MOST_TASKS} tasks are running, expected no more")
+        self._count += 1
+        task = Task(self._count, robot, kind, RobotClient(robot))
+        self.running[task.number] = task
+        self._threads.add(task.number)
+        self._tell(task.describe("running"))
+        threading.Thread(target=self._run, args=(task, work), daemon=True).start()
+
+    def cancel(self, number: int) -> None:
+        """Cancel a task; one that has ended stays as it is."""
+        task = self.running.pop(number, None)
+        if task is not None:
+            task.client.cancel()
+            task.robot.set_wheels(0.0, 0.0)
+            self._tell(task.describe("cancelled"))
+
+    def cancel_of(self, robot: str) -> None:
+        """Cancel the task of a robot, if it has one."""
+        task = self.find(robot)
+        if task is not None:
+            self.cancel(task.number)
+
+    def tell_threadsafe(self, message: dict[str, Any]) -> None:
+        """Tell a message from any thread."""
+        self._call(self._tell, message)
+
+    def _run(self, task: Task, work: Work) -> None:
+        """Do the work, in its thread."""
+        state, text = "failed", "an error of the program"
+        try:
+            text = work(task.client, self.tell_threadsafe)
+            state = "done"
+        except RadarsimError as error:
+            text = str(error)
+        except Exception:
+            log.exception("the %s of %s failed", task.kind, task.robot.name)
+        self._call(self._end, task, state, text)
+
+    def _end(self, task: Task, state: str, text: str) -> None:
+        self._threads.discard(task.number)
+        if self.running.pop(task.number, None) is not None:  # else it was cancelled
+            task.client.cancel()
+            self._tell(task.describe(state, text))
+
+    def _call(self, function: Callable[..., None], *arguments: Any) -> None:
+        with suppress(RuntimeError):  # the loop is closed
+            self._loop.call_soon_threadsafe(function, *arguments)
+
+
 class Activities:
     """Tasks and maps of robots, and the newest messages about them.
 
     Attributes:
-        on_mapped: Called when other robots than before are mapped.
         bounds: Extent of the map, west, south, east and north, m; None if it is not
             known.
         safety_distance: Distance that robots keep on the way to a goal, m; None for the
             least one that suits them.
     """
 
-    def __init__(self, roster: Roster, broadcast: Broadcast) -> None:
-        """Create it without any; to be called in the event loop.
+    def __init__(
+        self, robots: Robots, viewers: Viewers, on_change: Callable[[], None]
+    ) -> None:
+        """Begin without any; to be called in the event loop.
 
         Args:
-            roster: The robots.
-            broadcast: Called with a message to all browsers, and its subject.
+            robots: The robots.
+            viewers: The browsers, which are told.
+            on_change: Called when others are at work or are mapped than before.
         """
         self.bounds: tuple[float, float, float, float] | None = None
         self.safety_distance: float | None = None
-        self.on_mapped: Callable[[], None] = lambda: None
-        self._roster = roster
-        self._broadcast = broadcast
+        self._robots = robots
+        self._viewers = viewers
+        self._on_change = on_change
         self._tasks = TaskBoard(self._tell)
         self._makers: dict[str, MapMaker] = {}
         self._colours: dict[str, Colours] = {}
@@ -88,10 +210,17 @@ class Activities:
         Raises:
             BadRequest: If that is not possible.
         """
-        from radarsim.addons.web.tasks import GoingTo  # noqa: PLC0415
+        from radarsim.addons.web.algorithms import plan_drive  # noqa: PLC0415
 
-        self._check_goal(request.goal)
-        self._begin("goto", request.robot, GoingTo(request, self.safety_distance))
+        if self.bounds is not None:
+            west, south, east, north = self.bounds
+            (x, y) = request.goal
+            if not (west <= x <= east and south <= y <= north):
+                raise BadRequest(
+                    f"goal ({x:g}, {y:g}) is outside of the map, expected x from"
+                    f" {west:g} to {east:g} m and y from {south:g} to {north:g} m"
+                )
+        self._begin("goto", request.robot, plan_drive(request, self.safety_distance))
 
     def explore(self, request: Explore) -> None:
         """Explore, and show the map that is made for that.
@@ -99,11 +228,11 @@ class Activities:
         Raises:
             BadRequest: If that is not possible.
         """
-        from radarsim.addons.web.tasks import Exploring  # noqa: PLC0415
+        from radarsim.addons.web.algorithms import plan_exploration  # noqa: PLC0415
 
         name = request.robot
-        work = Exploring(request, self._colours.get(name, DEFAULT_COLOURS))
-        self._begin("explore", name, work)
+        colours = self._colours.get(name, DEFAULT_COLOURS)
+        self._begin("explore", name, plan_exploration(request, colours))
         self._stop_map(name)  # the explorer's own is shown
 
     def cancel(self, request: Cancel) -> None:
@@ -112,7 +241,7 @@ class Activities:
 
     def stop(self, robot: str | None) -> None:
         """Cancel the task of a robot; None for those of all robots."""
-        for name in [*self._roster.own] if robot is None else [robot]:
+        for name in [*self._robots.own] if robot is None else [robot]:
             self._tasks.cancel_of(name)
 
     def switch_map(self, request: Map) -> None:
@@ -121,16 +250,22 @@ class Activities:
         Raises:
             BadRequest: If that is not possible.
         """
-        name = request.robot
-        self._roster.find(name)
+        view = self._robots.find(request.robot)
+        name = view.name
         self._colours[name] = request.colours
         if not request.on:
             self._stop_map(name)
             self._tell({"op": "map", "robot": name, "png": None})
         elif name in self._makers:
             self._makers[name].colours = request.colours
+        elif len(self._makers) >= MOST_MAPS:
+            raise BadRequest(f"{MOST_MAPS} maps are being made, expected no more")
         else:
-            self._make_map(request)
+            from radarsim.addons.web.algorithms import MapMaker  # noqa: PLC0415
+
+            tell, has_echoes = self._tasks.tell_threadsafe, self._robots.is_watching
+            self._makers[name] = MapMaker(view, request, tell, has_echoes=has_echoes)
+            self._on_change()
 
     def forget(self, robot: str) -> None:
         """End what goes on with a robot that is gone."""
@@ -142,56 +277,27 @@ class Activities:
 
     def close(self) -> None:
         """End everything."""
-        for robot in {*self._makers, *self._roster.own}:
+        for robot in {*self._makers, *self._robots.own}:
             self.forget(robot)
 
-    def _check_goal(self, goal: tuple[float, float]) -> None:
-        if self.bounds is None:
-            return
-        west, south, east, north = self.bounds
-        (x, y) = goal
-        if not (west <= x <= east and south <= y <= north):
-            raise BadRequest(
-                f"goal ({x:g}, {y:g}) is outside of the map, expected x from {west:g}"
-                f" to {east:g} m and y from {south:g} to {north:g} m"
-            )
-
     def _begin(self, kind: str, robot: str, work: Work) -> None:
-        own = self._roster.find_own(robot)
+        own = self._robots.find_own(robot)
         if own.hindrance is not None:
             raise BadRequest(f"{robot!r} cannot go by itself: {own.hindrance}")
         self._tasks.begin(own, kind, work)
-
-    def _make_map(self, request: Map) -> None:
-        from radarsim.addons.web.map_maker import (  # noqa: PLC0415
-            MapMaker,
-            choose_scanner,
-        )
-
-        view = self._roster.find(request.robot)
-        if len(self._makers) >= MOST_MAPS:
-            raise BadRequest(f"{MOST_MAPS} maps are being made, expected no more")
-        self._makers[view.name] = MapMaker(
-            view,
-            choose_scanner(view, request.scanner),
-            request.colours,
-            self._tasks.tell_threadsafe,
-            has_echoes=self._roster.is_watching,
-        )
-        self.on_mapped()
 
     def _stop_map(self, robot: str) -> None:
         maker = self._makers.pop(robot, None)
         if maker is not None:
             maker.stop()
-            self.on_mapped()
+            self._on_change()
 
     def _tell(self, message: dict[str, Any]) -> None:
         """Tell all browsers, and those that come later."""
         op, robot = message["op"], message["robot"]
         if op == "task":  # frames say who drives
-            self._roster.on_change()
+            self._on_change()
         text = encode_json(message)
-        if robot in self._roster.views:
+        if robot in self._robots.views:
             self._newest[op, robot] = text
-        self._broadcast(text, (op, robot, message.get("id")))
+        self._viewers.broadcast(text, (op, robot, message.get("id")))

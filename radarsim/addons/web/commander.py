@@ -2,14 +2,11 @@
 
 Everything runs in one event loop. What takes long, such as spawning, is done beside it.
 
-The server is asked to tell what somebody looks at, and nothing else. Copies of the
-robots' lines take time of the server, echoes far more. Without a page on a screen, and
-without a map that is being made, the server tells nothing.
-
-The first message to a page says what the server and the program have.
+How messages flow: a request of a page (``program`` receives it, ``requests`` checks it)
+comes to ``Commander.act``, which hands it to the robots, to the activities or to the
+recording. Reports come from the server's connections to ``robots``. Whatever changes is
+told by ``viewers``: texts at once, and all that moves by the next frame.
 """
-
-from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping
@@ -18,10 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from radarsim import __version__
 from radarsim.addons.web.activities import Activities
-from radarsim.addons.web.explanation import explain_beam
-from radarsim.addons.web.frames import FrameSender, Owner, encode_frame
 from radarsim.addons.web.offers import make_offers
-from radarsim.addons.web.own_robot import OwnRobot
 from radarsim.addons.web.recording import RecordingSwitch
 from radarsim.addons.web.requests import (
     Ack,
@@ -42,102 +36,20 @@ from radarsim.addons.web.requests import (
     Stop,
     Triangles,
 )
-from radarsim.addons.web.roster import Roster, Spawner
-from radarsim.addons.web.scanner_settings import change_setting, undo_setting
+from radarsim.addons.web.robot_messages import Owner, encode_frame, explain_beam
+from radarsim.addons.web.robots import Robots
 from radarsim.addons.web.server_link import ServerLink
-from radarsim.addons.web.viewer import Viewer, Viewers
+from radarsim.addons.web.viewers import Viewer, Viewers
 from radarsim.simulation.config import SimulationConfig
 
 if TYPE_CHECKING:
     from radarsim.addons.web.scene_message import SceneMessages
-    from radarsim.addons.web.server_link import ServerState
-    from radarsim.addons.web.viewer import Viewer
-    from radarsim.simulation.config import SimulationConfig
-
-
-def make_greeting(
-    viewer: Viewer,
-    state: ServerState,
-    config: SimulationConfig,
-    scene: SceneMessages | None,
-) -> dict[str, Any]:
-    """Return the message ``hello``.
-
-    Args:
-        viewer: The browser that it is for.
-        state: What is known of the server.
-        config: How the server was started, as far as it is known.
-        scene: The map; None if it is not known.
-    """
-    starts = [
-        {"name": name, "x": pose.x, "y": pose.y, "yaw": pose.yaw}
-        for name, pose in state.starts.items()
-    ]
-    return {
-        "op": "hello",
-        "viewer": viewer.name,
-        "version": __version__,
-        "level": state.level,
-        "dialect": config.dialect.name,
-        "watch": state.watches,
-        "map": scene is not None,
-        "starts": starts,
-        "materials": [] if scene is None else scene.materials,
-        **make_offers(config),
-    }
-
 
 LINGER: Final = 2.0  # s that lines still come when nobody looks, as during a reload
 
 
-class Attention:
-    """Asks the server for what is needed, and no more for what is not."""
-
-    def __init__(
-        self,
-        link: ServerLink,
-        viewers: Viewers,
-        roster: Roster,
-        activities: Activities,
-    ) -> None:
-        """Ask for nothing yet; to be called in the event loop.
-
-        Args:
-            link: The connection to the server.
-            viewers: The browsers.
-            roster: The robots.
-            activities: What goes on with the robots.
-        """
-        self._link = link
-        self._viewers = viewers
-        self._roster = roster
-        self._activities = activities
-        self._loop = asyncio.get_running_loop()
-        self._end: asyncio.TimerHandle | None = None
-
-    def update(self) -> None:
-        """Ask for what is needed now."""
-        looking, mapped = self._viewers.looking, self._activities.mapped
-        if looking or mapped:
-            if self._end is not None:
-                self._end.cancel()
-                self._end = None
-            wanted = mapped | {viewer.selected for viewer in looking}
-            self._link.watch(self._roster.views.keys() & wanted)
-        elif self._end is None:
-            self._end = self._loop.call_later(LINGER, self._link.watch, None)
-
-
-NOT_OWN: Final = Owner(mine=False, driver=None, hindrance="it is another program's")
-
-
 class Commander:
-    """Robots, browsers, and the server between them.
-
-    Attributes:
-        roster: The robots.
-        viewers: The browsers, by name.
-    """
+    """Robots, browsers, and the server between them."""
 
     def __init__(
         self,
@@ -152,28 +64,24 @@ class Commander:
             config: How the server was started, as far as it is known.
             record_to: Folder in which each recording gets one of its own.
         """
-        self.viewers = Viewers()
-        self.roster = Roster(address, config)
         self._config = config
         self._scene: SceneMessages | None = None
-        self._frames = FrameSender(self.viewers, self._frame)
-        self._link = ServerLink(address)
-        self._recording = RecordingSwitch(address, config, record_to, self.viewers)
-        self._activities = Activities(self.roster, self.viewers.broadcast)
-        self._attention = Attention(
-            self._link, self.viewers, self.roster, self._activities
-        )
-        self._spawner = Spawner(self.roster, self._tell_driver)
         self._is_lost = True
-        self._activities.on_mapped = self._attention.update
-        self.roster.on_change = self._robots_changed
-        self.roster.on_left = self._activities.forget
-        self.roster.on_lost = self._tell_lost
-        self.roster.on_refusal = self._tell_refusal
-        self._link.on_change = self._server_changed
-        self._link.on_reports = self.roster.watch
+        self._loop = asyncio.get_running_loop()
+        self._linger: asyncio.TimerHandle | None = None
+        self._viewers = Viewers(self._frame)
+        self._robots = Robots(
+            address,
+            config,
+            self._viewers,
+            on_change=self._robots_changed,
+            on_left=self._robot_left,
+        )
+        self._activities = Activities(self._robots, self._viewers, self._robots_changed)
+        self._link = ServerLink(address, self._server_changed, self._robots.watch)
+        self._recording = RecordingSwitch(address, config, record_to, self._viewers)
         self._handlers: Mapping[type[Request], Callable[[Viewer, Any], None]] = {
-            Ack: lambda viewer, _: self._frames.acknowledge(viewer),
+            Ack: lambda viewer, _: self._viewers.acknowledge(viewer),
             Cancel: lambda _, request: self._activities.cancel(request),
             Drive: self._drive,
             Explain: self._explain,
@@ -182,10 +90,10 @@ class Commander:
             Look: self._look,
             Map: lambda _, request: self._activities.switch_map(request),
             Record: lambda _, request: self._recording.switch(request.on),
-            Remove: self._spawner.remove,
+            Remove: self._robots.remove,
             Select: self._select,
             Setting: self._set,
-            Spawn: self._spawner.spawn,
+            Spawn: self._robots.spawn,
             Stop: self._stop,
             Triangles: self._send_triangles,
         }
@@ -195,23 +103,22 @@ class Commander:
         try:
             await self._link.run()
         finally:
-            self._spawner.close()
             self._activities.close()
-            await asyncio.gather(self.roster.close(), self._recording.close())
+            await asyncio.gather(self._robots.close(), self._recording.close())
 
-    def show_scene(self, scene: SceneMessages) -> None:
+    def show_scene(self, scene: "SceneMessages") -> None:
         """Show the map that the server serves."""
         self._scene = scene
         self._activities.safety_distance = scene.safety_distance
         self._activities.bounds = scene.bounds
-        for viewer in self.viewers.values():
+        for viewer in self._viewers:
             self._greet(viewer)
             viewer.send(scene.plan, "scene")
 
     def join(self) -> Viewer:
         """Add a browser, and tell it what there is."""
-        viewer = self.viewers.add()
-        self._attention.update()
+        viewer = self._viewers.add()
+        self._watch()
         self._greet(viewer)
         if self._scene is not None:
             viewer.send(self._scene.plan)
@@ -219,17 +126,16 @@ class Commander:
         self._tell_server(viewer)
         for text in self._activities.messages():
             viewer.send(text)
-        self._frames.send_to(viewer)
+        self._viewers.send_frame(viewer)
         return viewer
 
     def leave(self, viewer: Viewer) -> None:
         """Remove a browser, and stop what it drives."""
-        self.viewers.remove(viewer)
-        self._attention.update()
-        for robot in self.roster.own.values():
+        self._viewers.remove(viewer)
+        self._watch()
+        for robot in self._robots.own.values():
             if robot.driver == viewer.name:
                 robot.release()
-                self._tell_driver(robot)
 
     def act(self, viewer: Viewer, request: Request) -> None:
         """Do what a browser asks for.
@@ -245,26 +151,20 @@ class Commander:
     # What browsers ask for
 
     def _drive(self, viewer: Viewer, request: Drive) -> None:
-        robot = self.roster.find_own(request.robot)
-        before = robot.driver
-        if before not in (None, viewer.name):
-            raise BadRequest(f"{before} drives {robot.name!r}")
+        robot = self._robots.find_own(request.robot)
+        if robot.driver not in (None, viewer.name):
+            raise BadRequest(f"{robot.driver} drives {robot.name!r}")
         if request.v or request.w:  # who drives takes over
             self._activities.stop(robot.name)
         robot.drive(viewer.name, request.v, request.w)
-        if robot.driver != before:
-            self._tell_driver(robot)
 
     def _stop(self, _: Viewer, request: Stop) -> None:
-        robots = [*self.roster.own.values()]
+        robots = [*self._robots.own.values()]
         if request.robot is not None:
-            robots = [self.roster.find_own(request.robot)]
+            robots = [self._robots.find_own(request.robot)]
         self._activities.stop(request.robot)
         for robot in robots:
-            had_driver = robot.driver is not None
             robot.release()
-            if had_driver:
-                self._tell_driver(robot)
 
     def _select(self, viewer: Viewer, request: Select) -> None:
         viewer.selected = request.robot
@@ -272,18 +172,19 @@ class Commander:
 
     def _look(self, viewer: Viewer, request: Look) -> None:
         viewer.is_looking = request.on
-        self._attention.update()
-        self._frames.catch_up(viewer)
+        self._watch()
+        self._viewers.catch_up(viewer)
 
     def _set(self, _: Viewer, request: Setting) -> None:
-        robot = self.roster.find_own(request.robot)
+        robot = self._robots.find_own(request.robot)
         if not self._link.state.watches:
             raise BadRequest("this server changes no settings")
-        change_setting(robot, self.roster.find(robot.name), request)
-        self._frames.changed()
+        scanner, value = self._robots.find(robot.name).change_setting(request)
+        robot.change_setting(scanner, request.key, value)
+        self._viewers.update()
 
     def _explain(self, viewer: Viewer, request: Explain) -> None:
-        viewer.send(explain_beam(self.roster.find(request.robot), request))
+        viewer.send(explain_beam(self._robots.find(request.robot), request))
 
     def _send_triangles(self, viewer: Viewer, _: Triangles) -> None:
         if self._scene is None:
@@ -293,26 +194,58 @@ class Commander:
     # What browsers are told
 
     def _greet(self, viewer: Viewer) -> None:
-        greeting = make_greeting(viewer, self._link.state, self._config, self._scene)
+        """Tell what the server and the program have."""
+        state, scene = self._link.state, self._scene
+        greeting = {
+            "op": "hello",
+            "viewer": viewer.name,
+            "version": __version__,
+            "level": state.level,
+            "dialect": self._config.dialect.name,
+            "watch": state.watches,
+            "map": scene is not None,
+            "starts": [
+                {"name": name, "x": pose.x, "y": pose.y, "yaw": pose.yaw}
+                for name, pose in state.starts.items()
+            ],
+            "materials": [] if scene is None else scene.materials,
+            **make_offers(self._config),
+        }
         viewer.send(greeting, "hello")
 
     def _robots_changed(self) -> None:
-        self._attention.update()  # echoes of robots that were selected before they came
-        self._frames.changed()
+        self._watch()  # echoes of robots that were selected before they came
+        self._viewers.update()
+
+    def _robot_left(self, name: str) -> None:
+        self._activities.forget(name)
+
+    def _watch(self) -> None:
+        """Ask the server for what is needed now, and no more for what is not."""
+        looking = [viewer for viewer in self._viewers if viewer.is_looking]
+        mapped = self._activities.mapped
+        if looking or mapped:
+            if self._linger is not None:
+                self._linger.cancel()
+                self._linger = None
+            wanted = mapped | {viewer.selected for viewer in looking}
+            self._link.watch(self._robots.views.keys() & wanted)
+        elif self._linger is None:
+            self._linger = self._loop.call_later(LINGER, self._link.watch, None)
 
     def _server_changed(self) -> None:
         state = self._link.state
         was_lost, self._is_lost = self._is_lost, bool(state.problem)
-        self._spawner.starts = state.starts
+        self._robots.starts = state.starts
         if state.problem:
-            self.roster.forget_others()
-            self.viewers.broadcast({"op": "lost", "text": state.problem}, "server")
+            self._robots.forget_others()
+            self._viewers.broadcast({"op": "lost", "text": state.problem}, "server")
             return
-        for viewer in self.viewers.values():
+        for viewer in self._viewers:
             self._greet(viewer)
             self._tell_server(viewer)
         if was_lost:
-            self.viewers.broadcast({"op": "found"}, "server")
+            self._viewers.broadcast({"op": "found"}, "server")
 
     def _tell_server(self, viewer: Viewer) -> None:
         """Tell a browser what the server does not do."""
@@ -323,36 +256,9 @@ class Commander:
             text = f"robots of others are not shown: {state.refusal}"
             viewer.send({"op": "notice", "text": text})
 
-    def _tell_driver(self, robot: OwnRobot) -> None:
-        message = {"op": "viewer", "robot": robot.name, "driver": robot.driver}
-        self.viewers.broadcast(message, ("driver", robot.name))
-        self._frames.changed()
-
-    def _tell_refusal(self, robot: OwnRobot, text: str) -> None:
-        if robot.name in self.roster.views:
-            undo_setting(self.roster.views[robot.name])
-        self.viewers.broadcast({"op": "error", "text": f"{robot.name!r}: {text}"}, None)
-        self._frames.changed()
-
-    def _tell_lost(self, robot: OwnRobot, reason: str) -> None:
-        """Tell all that a robot is gone, and who drives it that it is an error."""
-        text = f"the robot {robot.name!r} is gone: {reason}"
-        for viewer in self.viewers.values():
-            drives = robot.driver == viewer.name
-            viewer.send({"op": "error" if drives else "notice", "text": text})
-
-    def _work_of(self, robot: str) -> str | None:
-        return "task" if self._activities.is_at_work(robot) else None
-
     def _frame(self, selected: str | None) -> bytes:
-        roster = self.roster
-        own = {
-            name: Owner(
-                mine=True,
-                driver=robot.driver or self._work_of(name),
-                hindrance=robot.hindrance,
-            )
-            for name, robot in roster.own.items()
-        }
-        owners = {name: own.get(name, NOT_OWN) for name in roster.views}
-        return encode_frame(roster.views.values(), owners, selected)
+        owners = {}
+        for name, robot in self._robots.own.items():
+            work = "task" if self._activities.is_at_work(name) else None
+            owners[name] = Owner(True, robot.driver or work, robot.hindrance)
+        return encode_frame(self._robots.views.values(), owners, selected)

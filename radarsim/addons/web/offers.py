@@ -3,14 +3,9 @@
 Names are those of the program; labels are for people.
 """
 
-import typing
 from collections.abc import Iterable, Mapping
 from enum import StrEnum
-from types import NoneType
-from typing import Any, Final, Literal
-
-from annotated_types import Ge, Le
-from pydantic.fields import FieldInfo
+from typing import Any, Final
 
 from radarsim.autonomy.exploration.plans import StrategyName
 from radarsim.autonomy.navigation.algorithms import Algorithm
@@ -43,7 +38,6 @@ _METRES: Final = (
     "range_quantum",
     "range_resolution",
 )
-_TYPES: Final = {float: "number", int: "integer", bool: "boolean"}
 
 
 def make_offers(config: SimulationConfig) -> dict[str, Any]:
@@ -65,14 +59,12 @@ def _classes(config: SimulationConfig) -> Iterable[dict[str, str]]:
     """Yield the robot classes, with what their scanners see."""
     for name in sorted(config.robot_names(), key=lambda name: name != FIRST_CLASS):
         scanners = config.robot(name).items_of("RangeScanner")
-        words = [_scanner_words(config.scanner_settings(item)) for item in scanners]
+        words = []
+        for settings in map(config.scanner_settings, scanners):
+            covered = settings.fov_deg + settings.resolution_deg  # with the gap behind
+            angle = 360 if covered >= 360 else round(settings.fov_deg)
+            words.append(f"{settings.medium} {angle}\N{DEGREE SIGN}")
         yield {"name": name, "label": f"{name}: {' + '.join(words) or 'no scanner'}"}
-
-
-def _scanner_words(settings: SensorSettings) -> str:
-    covered = settings.fov_deg + settings.resolution_deg  # with the gap behind
-    angle = 360 if covered >= 360 else round(settings.fov_deg)
-    return f"{settings.medium} {angle}\N{DEGREE SIGN}"
 
 
 def _named(choices: type[StrEnum]) -> list[dict[str, str]]:
@@ -81,73 +73,32 @@ def _named(choices: type[StrEnum]) -> list[dict[str, str]]:
 
 def _settings() -> Iterable[dict[str, Any]]:
     """Yield the settings of scanners that one control each can change."""
-    fields = SensorSettings.model_fields
-    for key in (*SLIDERS, *(key for key in fields if key not in SLIDERS)):
-        if key != "medium" and (setting := _setting(key, fields[key])) is not None:
-            yield setting
-
-
-def _setting(key: str, field: FieldInfo) -> dict[str, Any] | None:
-    """Describe a setting; return None for one that is a list."""
-    kind, choices, limits = _read_type(field)
-    if kind is None:
-        return None
-    least, most = limits.get("ge"), limits.get("le")
-    step = 1.0 if kind == "integer" else None
-    if kind == "number" and key in SLIDERS:
-        least, most, step = SLIDERS[key]
-    words, unit = _words_and_unit(key)
-    return {
-        "key": key,
-        "label": _label(words),
-        "type": kind,
-        "min": least,
-        "max": most,
-        "step": step,
-        "unit": unit,
-        "choices": choices,
-        "slides": kind == "number" and key in SLIDERS,
-    }
-
-
-def _read_type(
-    field: FieldInfo,
-) -> tuple[str | None, list[Any] | None, dict[str, float]]:
-    """Return the type of a field in words, its choices, and its limits."""
-    limits: dict[str, float] = {}
-    for mark in field.metadata:
-        limits |= _limit(mark)
-    annotation = field.annotation
-    union = [each for each in typing.get_args(annotation) if each is not NoneType]
-    if NoneType in typing.get_args(annotation) and len(union) == 1:
-        annotation = union[0]
-    if typing.get_origin(annotation) is typing.Annotated:
-        annotation, *marks = typing.get_args(annotation)
-        for mark in marks:
-            for each in getattr(mark, "metadata", [mark]):
-                limits |= _limit(each)
-    if typing.get_origin(annotation) is Literal:
-        return "choice", list(typing.get_args(annotation)), limits
-    return (
-        _TYPES.get(annotation) if isinstance(annotation, type) else None,
-        None,
-        limits,
-    )
-
-
-def _limit(mark: object) -> dict[str, float]:
-    if isinstance(mark, Ge) and isinstance(mark.ge, int | float):
-        return {"ge": mark.ge}
-    if isinstance(mark, Le) and isinstance(mark.le, int | float):
-        return {"le": mark.le}
-    return {}
-
-
-def _words_and_unit(key: str) -> tuple[str, str]:
-    words, _, last = key.rpartition("_")
-    if key in _METRES:
-        return key, "m"
-    return (words, _UNITS[last]) if last in _UNITS else (key, "")
+    schema = SensorSettings.model_json_schema()["properties"]
+    for key in (*SLIDERS, *(key for key in schema if key not in SLIDERS)):
+        described = schema[key]
+        # One that may be left out is any of a value and of null.
+        described = described.get("anyOf", [described])[0]
+        kind, choices = described["type"], described.get("enum")
+        if key == "medium" or kind == "array":
+            continue
+        least, most = described.get("minimum"), described.get("maximum")
+        step = 1.0 if kind == "integer" and choices is None else None
+        slides = kind == "number" and key in SLIDERS
+        if slides:
+            least, most, step = SLIDERS[key]
+        words, _, last = key.rpartition("_")
+        unit = "m" if key in _METRES else _UNITS.get(last, "")
+        yield {
+            "key": key,
+            "label": _label(words if last in _UNITS else key),
+            "type": kind if choices is None else "choice",
+            "min": least,
+            "max": most,
+            "step": step,
+            "unit": unit,
+            "choices": choices,
+            "slides": slides,
+        }
 
 
 def _label(name: str) -> str:

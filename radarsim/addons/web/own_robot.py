@@ -2,44 +2,30 @@
 
 Whoever drives it says so again and again. When nothing is heard for a while, as when a
 browser is closed, a key is stuck in a hidden tab or the network is down, it stops.
+
+Navigators and explorers are written for a blocking ``Client``, and run in threads.
+``RobotClient`` is one: it is handed the reports of a robot that is there already, and
+passes commands to its connection.
 """
 
 import asyncio
 import math
+import queue
+import time
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
-from typing import Final, NoReturn, Self
+from typing import Any, Final, NoReturn, TypeAlias
 
 from radarsim.addons.web.offers import FIRST_CLASS
 from radarsim.autonomy.navigation.bumpers import Bumpers
-from radarsim.client import AsyncClient, ClientTimeout, RobotInfo
-from radarsim.client.session import RANGE_SCANNER
+from radarsim.client import AsyncClient, Client, ClientTimeout, DriveUnit, RobotInfo
 from radarsim.errors import ClientError
-from radarsim.geometry import Pose2
-from radarsim.protocol.dialect import DriveUnit
+from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.reports import Report
 
-
-def find_hindrance(robot: RobotInfo) -> str | None:
-    """Return why a robot cannot drive to a goal or explore; None if it can.
-
-    Args:
-        robot: Its properties; it steers by its first scanner.
-    """
-    try:
-        scanner = robot.scanner()
-    except ClientError:
-        return "it has no range scanner"
-    if Bumpers(safety_distance=1.0).blind(scanner.angles + scanner.mount.yaw):
-        seen = f"{scanner.name} sees {math.degrees(scanner.fov):.0f}\N{DEGREE SIGN}"
-        return f"{seen}, not all around as that of a {FIRST_CLASS}"
-    return None
-
-
 DEAD_MAN: Final = 0.4  # s after the last command to drive
-ANSWER: Final = 5.0  # s that a server has to answer
-SPAWN_TIMEOUT: Final = 120.0  # s; a server may have to compile first
 SILENCE: Final = 60.0  # s that one call waits for reports
+MOST_WAITING: Final = 1000  # times that reports arrive; beyond it the oldest are lost
 
 
 class OwnRobot:
@@ -52,11 +38,15 @@ class OwnRobot:
         hindrance: Why it can do nothing by itself; None if it can.
         driver: Name of the viewer that drives it; None for none.
         listeners: Called with the reports that arrive, at once.
-        on_expiry: Called when it was stopped because nobody drove it any more.
     """
 
     def __init__(
-        self, client: AsyncClient, name: str, class_name: str, info: RobotInfo
+        self,
+        client: AsyncClient,
+        name: str,
+        class_name: str,
+        info: RobotInfo,
+        on_driver: Callable[["OwnRobot"], None],
     ) -> None:
         """Take a connection whose robot is spawned.
 
@@ -65,6 +55,7 @@ class OwnRobot:
             name: Name of the robot.
             class_name: Name of its class.
             info: Its properties.
+            on_driver: Called when another viewer drives it than before, or none.
         """
         self.name = name
         self.class_name = class_name
@@ -72,48 +63,13 @@ class OwnRobot:
         self.hindrance = find_hindrance(info)
         self.driver: str | None = None
         self.listeners: list[Callable[[Sequence[Report]], None]] = []
-        self.on_expiry: Callable[[], None] = lambda: None
+        self._on_driver = on_driver
         self._client = client
         self._loop = asyncio.get_running_loop()
         self._dead_man: asyncio.TimerHandle | None = None
         self._wheels = (0.0, 0.0)
         self._outbox: dict[object, Callable[[], Awaitable[None]]] = {}
         self._wake = asyncio.Event()
-
-    @classmethod
-    async def spawn(
-        cls,
-        address: tuple[str, int],
-        class_name: str,
-        name: str,
-        place: str | Pose2 | None,
-        drive_unit: DriveUnit,
-    ) -> Self:
-        """Connect, and spawn a robot.
-
-        Args:
-            address: Host and port of the server.
-            class_name: Name of the class.
-            name: Name of the robot.
-            place: Name of a start, a pose in the map frame, or None.
-            drive_unit: Unit of the server's wheel speeds.
-
-        Raises:
-            ClientError: If the server is not there, or no robot comes.
-            ValueError: If a text cannot be written on a line.
-        """
-        client = await AsyncClient.connect(*address, timeout=ANSWER)
-        try:
-            start = place if isinstance(place, str) else None
-            pose = place if isinstance(place, Pose2) else None
-            await client.spawn(
-                class_name, name=name, start=start, pose=pose, timeout=SPAWN_TIMEOUT
-            )
-            info = await client.robot_info(drive_unit=drive_unit)
-        except BaseException:
-            await client.close()
-            raise
-        return cls(client, name, class_name, info)
 
     async def run(self) -> None:
         """Pass on reports, and send commands, until the connection ends.
@@ -135,7 +91,8 @@ class OwnRobot:
 
     async def close(self) -> None:
         """Stop the robot and close the connection, upon which the server removes it."""
-        self.release()
+        self._cancel_dead_man()
+        self.set_wheels(0.0, 0.0)
         await self._client.close()
 
     def drive(self, driver: str, ahead: float, left: float) -> None:
@@ -149,43 +106,50 @@ class OwnRobot:
         if not ahead and not left:
             self.release()
             return
-        self.release(stops=False)
-        self.driver = driver
-        self._dead_man = self._loop.call_later(DEAD_MAN, self._expire)
+        self._cancel_dead_man()
+        self._dead_man = self._loop.call_later(DEAD_MAN, self.release)
         top = self.info.max_wheel_speed
         turn = 2 * top / self.info.wheel_separation
         self.set_wheels(*self.info.wheel_speeds(ahead * top, left * turn))
+        self._set_driver(driver)
 
-    def release(self, *, stops: bool = True) -> None:
-        """End driving, and stop unless another command follows at once."""
-        if self._dead_man is not None:
-            self._dead_man.cancel()
-            self._dead_man = None
-        self.driver = None
-        if stops:
-            self.set_wheels(0.0, 0.0)
+    def release(self) -> None:
+        """End driving, and stop."""
+        self._cancel_dead_man()
+        self.set_wheels(0.0, 0.0)
+        self._set_driver(None)
 
     def set_wheels(self, left: float, right: float) -> None:
         """Set wheel speeds in the server's unit; sent if they differ, or are 0."""
+        # A stop is sent whatever is believed to be set: a robot must not drive on.
         if (left, right) != self._wheels or not (left or right):
             self._wheels = (left, right)
             self._post("wheels", lambda: self._client.drive(left, right))
 
-    def change_setting(self, scanner: str, key: str, value: str) -> None:
+    def change_setting(self, scanner: str, key: str, value: object) -> None:
         """Change a setting of a scanner from its next scan on."""
-        order = RANGE_SCANNER, scanner, "SETTING", f"{key}={value}"
-        self._post((scanner, key), lambda: self._client.set_item(*order))
+        change = {key: value}
+        self._post(
+            (scanner, key), lambda: self._client.change_settings(scanner, **change)
+        )
 
     def switch_echoes(self, scanner: str, on: bool) -> None:
         """Ask for the echoes of a scanner on this connection, or no more."""
         self._post((scanner, ""), lambda: self._client.echoes(scanner, on))
 
-    def _expire(self) -> None:
-        self.release()
-        self.on_expiry()
+    def _cancel_dead_man(self) -> None:
+        if self._dead_man is not None:
+            self._dead_man.cancel()
+            self._dead_man = None
+
+    def _set_driver(self, driver: str | None) -> None:
+        if driver != self.driver:
+            self.driver = driver
+            self._on_driver(self)
 
     def _post(self, subject: object, send: Callable[[], Awaitable[None]]) -> None:
         """Send a command soon; one of the same subject that still waits is dropped."""
+        # A server that is slow to read gets what is wanted now, and nothing old.
         self._outbox.pop(subject, None)
         self._outbox[subject] = send
         self._wake.set()
@@ -203,3 +167,125 @@ class OwnRobot:
             self._wake.clear()
             while self._outbox:
                 await self._outbox.pop(next(iter(self._outbox)))()
+
+
+def find_hindrance(robot: RobotInfo) -> str | None:
+    """Return why a robot cannot drive to a goal or explore; None if it can.
+
+    Args:
+        robot: Its properties; it steers by its first scanner.
+    """
+    try:
+        scanner = robot.scanner()
+    except ClientError:
+        return "it has no range scanner"
+    if Bumpers(safety_distance=1.0).blind(scanner.angles + scanner.mount.yaw):
+        seen = f"{scanner.name} sees {math.degrees(scanner.fov):.0f}\N{DEGREE SIGN}"
+        return f"{seen}, not all around as that of a {FIRST_CLASS}"
+    return None
+
+
+class RobotClient(Client):
+    """A client for a thread, whose robot is spawned, and which can be cancelled.
+
+    Only the methods that algorithms use exist.
+    """
+
+    def __init__(self, robot: OwnRobot) -> None:
+        """Listen to a robot; to be called in the event loop.
+
+        Args:
+            robot: The robot.
+        """
+        super().__init__(_Clock())
+        self._robot = robot
+        self._loop = asyncio.get_running_loop()
+        self._reports: queue.Queue[Sequence[Report]] = queue.Queue()
+        self._is_cancelled = False
+        robot.listeners.append(self._take)
+
+    def cancel(self) -> None:
+        """Let every call raise, also one that waits; in the event loop."""
+        self._is_cancelled = True
+        self._reports.put(())  # wakes up the thread
+        if self._take in self._robot.listeners:
+            self._robot.listeners.remove(self._take)
+
+    def spawn(
+        self,
+        class_name: str,
+        *,
+        name: str | None = None,
+        start: str | None = None,
+        pose: Pose2 | Pose3 | None = None,
+        timeout: float | None = None,
+    ) -> None:
+        """Take the robot that is there, where it is."""
+
+    def robot_info(self, *, drive_unit: DriveUnit = "rad_per_s") -> RobotInfo:  # noqa: ARG002
+        """Return the properties of the robot."""
+        return self._robot.info
+
+    def echoes(self, scanner: str, on: bool = True) -> None:
+        """See ``Client.echoes``."""
+        self._call(self._robot.switch_echoes, scanner, on)
+
+    def drive(self, left: float, right: float) -> None:
+        """See ``Client.drive``."""
+        self._check()
+        self._call(self._set_wheels, left, right)
+
+    def stop(self) -> bool:
+        """See ``Client.stop``; who has cancelled it has stopped the robot as well."""
+        self._call(self._set_wheels, 0.0, 0.0)
+        return True
+
+    def read(self, timeout: float | None = None) -> list[Report]:
+        """See ``Client.read``."""
+        reports: list[Report] = []
+        try:
+            reports += self._reports.get(timeout=timeout)
+            while not self._reports.empty():
+                reports += self._reports.get_nowait()
+        except queue.Empty:
+            raise ClientTimeout(f"no report within {timeout:g} s") from None
+        self._check()
+        return reports
+
+    def _take(self, reports: Sequence[Report]) -> None:
+        if self._reports.qsize() >= MOST_WAITING:
+            self._reports.get()
+        self._reports.put(reports)
+
+    def _set_wheels(self, left: float, right: float) -> None:
+        """Set speeds in the event loop, unless it was cancelled meanwhile."""
+        if not self._is_cancelled:
+            self._robot.set_wheels(left, right)
+
+    def _check(self) -> None:
+        if self._is_cancelled:
+            raise ClientError("cancelled")
+
+    def _call(self, function: Callable[..., None], *arguments: Any) -> None:
+        self._loop.call_soon_threadsafe(function, *arguments)
+
+
+class _Clock:
+    """A transport that has nothing but a clock."""
+
+    def send(self, data: bytes) -> NoReturn:
+        raise ConnectionError(f"{data[:80]!r} cannot be sent here")
+
+    def receive(self, timeout: float) -> NoReturn:
+        raise ConnectionError(f"nothing comes here, nor within {timeout:g} s")
+
+    def time(self) -> float:
+        return time.monotonic()
+
+    def close(self) -> None:
+        pass
+
+
+Tell: TypeAlias = Callable[[dict[str, Any]], None]  # browsers, with a message
+# What a robot does by itself: returns how it went, in words, or raises why it did not.
+Work: TypeAlias = Callable[[RobotClient, Tell], str]

@@ -1,29 +1,60 @@
-"""The program: listens for browsers, and ends by a signal or with its parent."""
+"""The program: serves the page and talks to browsers, until it is told to end.
 
-from __future__ import annotations
+By HTTP it sends the files of the page; all else goes over the WebSocket of each
+browser, of which the first message has to have the token. A browser may send only so
+many messages in a second.
+"""
 
 import asyncio
 import os
 import sys
 import threading
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeVar
+
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import FileResponse, PlainTextResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from radarsim.addons.web.activities import import_algorithms, load_algorithms
-from radarsim.addons.web.app import create_app
 from radarsim.addons.web.commander import Commander
-from radarsim.addons.web.requests import LONGEST_MESSAGE
+from radarsim.addons.web.requests import (
+    LONGEST_MESSAGE,
+    MESSAGES_PER_SECOND,
+    BadRequest,
+    Hello,
+    parse_request,
+)
+from radarsim.addons.web.viewers import SlowViewer, Viewer
+from radarsim.errors import RadarsimError
 from radarsim.listening import bind, exit_code_of_signal
-from radarsim.server.web_server import Doors, WebServer
+from radarsim.server.web_server import DoorKeeper, Doors, WebServer, is_token
 from radarsim.simulation.config import SimulationConfig
 
 if TYPE_CHECKING:
     from radarsim.addons.web.scene_message import SceneMessages
 
 FIRST_LOOK: Final = 3.0  # s in which nothing takes time from the first browser
+PAGE: Final = Path(__file__).parent / "page"
+HELLO_TIMEOUT: Final = 5.0  # s
+# Why a WebSocket was closed, beside the codes of the protocol.
+WRONG_TOKEN, NO_HELLO, SLOW, TOO_FAST, TOO_LONG = 4401, 4408, 4409, 4429, 1009
+# Not left to the tables of the system, where scripts may be plain text.
+MEDIA_TYPES: Final[Mapping[str, str]] = {
+    ".css": "text/css",
+    ".html": "text/html",
+    ".js": "text/javascript",
+    ".svg": "image/svg+xml",
+}
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,7 +120,7 @@ async def serve_page(
         server = WebServer(
             app, lambda: announce(address), longest_message=LONGEST_MESSAGE
         )
-        loading = asyncio.ensure_future(_load(settings.map))
+        loading = asyncio.ensure_future(_in_thread(_load_scene, settings.map))
         if not settings.is_child:
             await asyncio.wait({end, loading}, return_when=asyncio.FIRST_COMPLETED)
             if end.done():
@@ -111,7 +142,7 @@ async def serve_page(
 
 
 async def _work(
-    commander: Commander, loading: asyncio.Future[SceneMessages | None]
+    commander: Commander, loading: "asyncio.Future[SceneMessages | None]"
 ) -> None:
     """Run a commander, and meanwhile load what takes long."""
     running = asyncio.ensure_future(commander.run())
@@ -128,41 +159,29 @@ async def _work(
         await asyncio.wait({running})
 
 
-async def _load(map_: str | None) -> SceneMessages | None:
-    return None if map_ is None else await _in_thread(_load_scene, map_)
-
-
-def _load_scene(map_: str) -> SceneMessages:
+def _load_scene(map_: str | None) -> "SceneMessages | None":
+    if map_ is None:
+        return None
     from radarsim.addons.web.scene_message import SceneMessages  # noqa: PLC0415
     from radarsim.scene.map_file import load_map  # noqa: PLC0415
 
     return SceneMessages.of(load_map(map_))
 
 
-async def _in_thread(function: Callable[..., Any], *arguments: object) -> Any:
+async def _in_thread(function: Callable[..., Result], *arguments: object) -> Result:
     """Call a function in a thread for which the end of the program does not wait."""
-    loop = asyncio.get_running_loop()
-    result: asyncio.Future[Any] = loop.create_future()
-
-    def tell(value: Any, error: Exception | None) -> None:
-        if result.cancelled():
-            return
-        if error is None:
-            result.set_result(value)
-        else:
-            result.set_exception(error)
+    future: Future[Result] = Future()
+    # Who awaits it may be cancelled, but a call that runs cannot be.
+    future.set_running_or_notify_cancel()
 
     def run() -> None:
-        value, failure = None, None
         try:
-            value = function(*arguments)
+            future.set_result(function(*arguments))
         except Exception as error:  # noqa: BLE001 - raised where it is awaited
-            failure = error
-        with suppress(RuntimeError):  # the loop is closed
-            loop.call_soon_threadsafe(tell, value, failure)
+            future.set_exception(error)
 
     threading.Thread(target=run, daemon=True).start()
-    return await result
+    return await asyncio.wrap_future(future)
 
 
 def _end_with_stdin(exit_code: asyncio.Future[int]) -> None:
@@ -179,3 +198,139 @@ def _end_with_stdin(exit_code: asyncio.Future[int]) -> None:
         loop.call_soon_threadsafe(end)
 
     threading.Thread(target=wait, daemon=True).start()
+
+
+def create_app(commander: Commander, doors: Doors, token: str) -> Starlette:
+    """Create the web application.
+
+    Args:
+        commander: What browsers see and ask.
+        doors: Who may come in.
+        token: What a browser has to know.
+    """
+    # What is asked for is looked up here, so that nothing else can be read.
+    files = {
+        path.relative_to(PAGE).as_posix(): path
+        for path in sorted(PAGE.rglob("*"))
+        if path.is_file() and path.suffix in MEDIA_TYPES
+    }
+
+    async def send_file(request: Request) -> Response:
+        path = files.get(request.path_params.get("name", "index.html"))
+        if path is None:
+            return PlainTextResponse("no such file\n", 404)
+        headers = {"Cache-Control": "no-cache"}
+        return FileResponse(path, headers=headers, media_type=MEDIA_TYPES[path.suffix])
+
+    async def talk(socket: WebSocket) -> None:
+        await _Conversation(socket, commander, token).run()
+
+    routes = [
+        Route("/", send_file),
+        Route("/static/{name:path}", send_file),
+        WebSocketRoute("/ws", talk),
+    ]
+    return Starlette(routes=routes, middleware=[Middleware(DoorKeeper, doors=doors)])
+
+
+class RateLimit:
+    """Counts messages in a window of a second."""
+
+    def __init__(self, most: int) -> None:
+        """Start with an empty window.
+
+        Args:
+            most: Greatest number of messages in any second.
+        """
+        self._times: deque[float] = deque(maxlen=most)
+
+    def allows(self, now: float) -> bool:
+        """Count a message at a time in s, and return whether it is within the limit."""
+        times = self._times
+        is_full = len(times) == times.maxlen
+        within = not is_full or now - times[0] >= 1.0
+        times.append(now)
+        return within
+
+
+class _Conversation:
+    """What one browser says and is told."""
+
+    def __init__(self, socket: WebSocket, commander: Commander, token: str) -> None:
+        self._socket = socket
+        self._commander = commander
+        self._token = token
+
+    async def run(self) -> None:
+        """Talk until either side ends it."""
+        await self._socket.accept()
+        with suppress(WebSocketDisconnect):
+            refusal = await self._await_hello()
+            if refusal is None:
+                await self._talk()
+            else:
+                await self._socket.close(refusal)
+
+    async def _await_hello(self) -> int | None:
+        """Return why the first message does not open the others; None if it does."""
+        try:
+            async with asyncio.timeout(HELLO_TIMEOUT):
+                hello = parse_request(await self._receive())
+        except TimeoutError:
+            return NO_HELLO
+        except BadRequest:
+            return WRONG_TOKEN
+        if isinstance(hello, Hello) and is_token(hello.token, self._token):
+            return None
+        return WRONG_TOKEN
+
+    async def _talk(self) -> None:
+        viewer = self._commander.join()
+        sending = asyncio.ensure_future(self._send(viewer))
+        hearing = asyncio.ensure_future(self._hear(viewer))
+        try:
+            await asyncio.wait({sending, hearing}, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            self._commander.leave(viewer)  # at once: it may be driving
+            sending.cancel()
+            hearing.cancel()
+        await asyncio.gather(sending, hearing, return_exceptions=True)
+        code = SLOW if sending.done() and not sending.cancelled() else TOO_FAST
+        with suppress(RuntimeError):  # it is closed already
+            await self._socket.close(code)
+
+    async def _hear(self, viewer: Viewer) -> None:
+        """Act upon messages until there are too many of them."""
+        limit, clock = RateLimit(MESSAGES_PER_SECOND), asyncio.get_running_loop().time
+        while limit.allows(clock()):
+            text = await self._receive()
+            try:
+                self._commander.act(viewer, parse_request(text))
+            except RadarsimError as error:
+                viewer.send({"op": "error", "text": str(error)})
+
+    async def _send(self, viewer: Viewer) -> None:
+        """Send what there is to send until the browser is too slow."""
+        with suppress(SlowViewer):
+            async for data in viewer.outgoing():
+                if isinstance(data, str):
+                    await self._socket.send_text(data)
+                else:
+                    await self._socket.send_bytes(data)
+
+    async def _receive(self) -> str:
+        """Return the next message.
+
+        Raises:
+            WebSocketDisconnect: If the browser is gone, or its message is too long.
+        """
+        message = await self._socket.receive()
+        if message["type"] == "websocket.disconnect":
+            raise WebSocketDisconnect(message.get("code", 1005))
+        text = message.get("text")
+        if text is None:
+            return ""  # bytes, which are no request
+        if len(text) > LONGEST_MESSAGE:
+            await self._socket.close(TOO_LONG)
+            raise WebSocketDisconnect(TOO_LONG)
+        return str(text)

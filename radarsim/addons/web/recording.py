@@ -1,20 +1,51 @@
-"""Begins and ends recordings, one at a time, and tells all browsers."""
+"""Recordings of all robots of a server, which the page begins and ends, one at a time.
 
-from __future__ import annotations
+A recording has a connection of its own that watches the robots, and is none of those
+that show them: what is recorded does not depend on who looks. Another process writes
+the files.
+"""
 
 import asyncio
+from collections.abc import Callable
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
-from radarsim.addons.recording.bag_folder import check_installed
+from radarsim import __version__
+from radarsim.addons.recording.bag_folder import (
+    RecordingInfo,
+    check_installed,
+    create_folder,
+)
 from radarsim.addons.web.requests import BadRequest
-from radarsim.addons.web.viewer import Viewers
-from radarsim.errors import RadarsimError, RecordingError
+from radarsim.addons.web.viewers import Viewers
+from radarsim.client import session as questions
+from radarsim.client.session import RANGE_SCANNER, ROBOT
+from radarsim.client.transport import CHUNK, lost, no_server
+from radarsim.errors import (
+    ClientError,
+    MalformedMessage,
+    RadarsimError,
+    RecordingError,
+)
+from radarsim.protocol.framing import LineBuffer
+from radarsim.protocol.reports import (
+    CommandError,
+    Greeting,
+    Report,
+    RobotJoined,
+    Watching,
+    decode_report,
+)
+from radarsim.protocol.watch import is_seen, split_seen
 from radarsim.simulation.config import SimulationConfig
 
 if TYPE_CHECKING:
-    from radarsim.addons.web.robots_recording import RobotsRecording
+    from radarsim.addons.recording.recording_process import RecordingProcess
+    from radarsim.addons.recording.wire_recorder import WireRecorder
+
+ANSWER: Final = 5.0  # s that the server has to answer
 
 
 class RecordingSwitch:
@@ -56,8 +87,7 @@ class RecordingSwitch:
         if not on:
             if self._state["on"] and self._task is not None:
                 self._task.cancel()
-            return
-        if self._task is None:
+        elif self._task is None:
             check_installed()
             self._task = asyncio.ensure_future(self._record())
         elif self._task.cancelling():
@@ -71,35 +101,145 @@ class RecordingSwitch:
             await asyncio.wait({self._task})
 
     async def _record(self) -> None:
+        name = f"recording_{datetime.now().astimezone():%Y%m%d_%H%M%S}"
+        folder = self._folder.resolve() / name
+        recording = _Recording(self._server, folder, self._config)
         try:
-            recording = await asyncio.to_thread(self._plan)
-            await self._run(recording)
-        finally:
-            self._task = None
-
-    async def _run(self, recording: RobotsRecording) -> None:
-        folder = recording.folder
-        try:
-            await recording.run(
-                lambda: self._tell(on=True, text=f"Records to {folder}")
-            )
+            await recording.run(lambda: self._tell(True, f"Records to {folder}"))
         except asyncio.CancelledError:
             self._tell(False, f"Recorded in {folder}")
         except RadarsimError as error:
             was_on = self._state["on"] and not isinstance(error, RecordingError)
             self._tell(False, f"Recorded in {folder}" if was_on else "")
-            text = f"recording: {error}"
-            self._viewers.broadcast({"op": "error", "text": text})
-
-    def _plan(self) -> RobotsRecording:
-        from radarsim.addons.web.robots_recording import (  # noqa: PLC0415 - imports much
-            RobotsRecording,
-        )
-
-        name = f"recording_{datetime.now().astimezone():%Y%m%d_%H%M%S}"
-        folder = self._folder.resolve() / name
-        return RobotsRecording(self._server, folder, self._config)
+            self._viewers.broadcast({"op": "error", "text": f"recording: {error}"})
+        finally:
+            self._task = None
 
     def _tell(self, on: bool, text: str) -> None:
         self._state = {"op": "recording", "on": on, "text": text}
         self._viewers.broadcast(self._state, "recording")
+
+
+class _Recording:
+    """One recording; each robot is in it as a client that was sent its lines."""
+
+    def __init__(
+        self, server: tuple[str, int], folder: Path, config: SimulationConfig
+    ) -> None:
+        self._server = server
+        self._folder = folder
+        self._config = config
+        self._lines = LineBuffer()
+        self._level = ""
+        self._numbers: dict[str, int] = {}  # of robots
+
+    async def run(self, on_begin: Callable[[], None]) -> None:
+        """Record until the task is cancelled; the recording is complete then as well.
+
+        Args:
+            on_begin: Called when recording has begun.
+
+        Raises:
+            ClientError: If the server is not there, does not let robots be watched, or
+                closes the connection.
+            RecordingError: If the recording cannot be written.
+        """
+        # Before the server sends anything, as this takes seconds.
+        process_type, recorder_type = await asyncio.to_thread(_import_recorders)
+        try:
+            reader, writer = await asyncio.open_connection(*self._server)
+        except (OSError, UnicodeError) as error:
+            raise no_server(*self._server, error) from None
+        try:
+            writer.write(questions.watch(None, echoes=True))
+            lines = await self._await_permission(reader)
+            process = await asyncio.to_thread(self._begin, process_type)
+            recorder = recorder_type(process.add)
+            try:
+                on_begin()
+                while not process.has_ended:
+                    for line in lines:
+                        with suppress(MalformedMessage):
+                            self._take(line, recorder, writer)
+                    lines = await self._read(reader)
+            finally:
+                recorder.end()
+                is_whole = await asyncio.to_thread(process.close)
+        finally:
+            writer.close()
+        if not is_whole:
+            text = f"{self._folder} ends early: is the disk full? radarsim's terminal"
+            raise RecordingError(f"{text} tells why")
+
+    async def _await_permission(self, reader: asyncio.StreamReader) -> list[str]:
+        """Return the lines from the answer to ``WATCH`` on."""
+        try:
+            async with asyncio.timeout(ANSWER):
+                while True:
+                    lines = await self._read(reader)
+                    for i, line in enumerate(lines):
+                        report = _decode(line)
+                        if isinstance(report, Greeting):
+                            self._level = report.level
+                        elif isinstance(report, CommandError):
+                            raise ClientError(report.text)
+                        elif isinstance(report, Watching):
+                            return lines[i:]
+        except TimeoutError:
+            text = "this server does not tell of robots, expected one of radarsim"
+            raise ClientError(text) from None
+
+    def _begin(self, kind: "type[RecordingProcess]") -> "RecordingProcess":
+        """Create the folder, and start the process that writes into it."""
+        config = self._config
+        info = RecordingInfo.model_validate(
+            {
+                "version": __version__,
+                "level": self._level,
+                "dialect": config.dialect.name,
+                "drive_unit": config.drive_unit or config.dialect.drive_unit,
+            }
+        )
+        create_folder(self._folder)
+        return kind(self._folder, info)
+
+    async def _read(self, reader: asyncio.StreamReader) -> list[str]:
+        """Return the next lines."""
+        try:
+            data = await reader.read(CHUNK)
+        except OSError as error:
+            raise ClientError(str(lost(error))) from None
+        if not data:
+            raise ClientError("the server closed the connection")
+        return self._lines.feed(data)
+
+    def _take(
+        self, line: str, recorder: "WireRecorder", writer: asyncio.StreamWriter
+    ) -> None:
+        """Record a line of a robot; ask about a robot that is new."""
+        if is_seen(line):
+            robot, own = split_seen(line)
+            if robot not in self._numbers:
+                self._numbers[robot] = len(self._numbers) + 1
+                recorder.begin(self._numbers[robot], robot)
+            recorder.received(self._numbers[robot], f"{own}\r\n".encode("latin-1"))
+        elif isinstance(report := _decode(line), RobotJoined):
+            # No client of the robot has to ask: a recording cannot be read without.
+            for kind in (ROBOT, RANGE_SCANNER):
+                for ask in (questions.geometry, questions.configuration):
+                    writer.write(ask(kind, robot=report.robot).data)
+
+
+def _import_recorders() -> "tuple[type[RecordingProcess], type[WireRecorder]]":
+    from radarsim.addons.recording.recording_process import (  # noqa: PLC0415
+        RecordingProcess,
+    )
+    from radarsim.addons.recording.wire_recorder import WireRecorder  # noqa: PLC0415
+
+    return RecordingProcess, WireRecorder
+
+
+def _decode(line: str) -> Report | None:
+    with suppress(MalformedMessage):
+        return decode_report(line)
+    return None

@@ -8,7 +8,7 @@ from typing import Any, Final, Self
 import numpy as np
 import shapely
 
-from radarsim.addons.web.viewer import encode_json
+from radarsim.addons.web.viewers import encode_json
 from radarsim.geometry import Floats
 from radarsim.plotting.palette import colour_of
 from radarsim.robots.obstacles import enclosed_area, slice_mesh

@@ -1,4 +1,9 @@
-"""The connection that sees the robots of all clients; opened anew when it is lost."""
+"""The connection that sees the robots of all clients; opened anew when it is lost.
+
+The server is asked to tell what somebody looks at, and nothing else. Copies of the
+robots' lines take time of the server, echoes far more. Without a page on a screen, and
+without a map that is being made, the server tells nothing.
+"""
 
 import asyncio
 from collections.abc import Callable, Iterable, Sequence
@@ -41,20 +46,25 @@ class ServerLink:
 
     Attributes:
         state: What is known of the server.
-        on_change: Called when the connection is there, when it is lost, and when the
-            server turns out to tell of robots, or refuses to.
-        on_reports: Called with reports of all robots.
     """
 
-    def __init__(self, address: tuple[str, int]) -> None:
+    def __init__(
+        self,
+        address: tuple[str, int],
+        on_change: Callable[[], None],
+        on_reports: Callable[[Sequence[Report]], None],
+    ) -> None:
         """Describe a link that is not open yet.
 
         Args:
             address: Host and port of the server.
+            on_change: Called when the connection is there, when it is lost, and when
+                the server turns out to tell of robots, or refuses to.
+            on_reports: Called with reports of all robots.
         """
         self.state = ServerState()
-        self.on_change: Callable[[], None] = lambda: None
-        self.on_reports: Callable[[Sequence[Report]], None] = lambda _: None
+        self._on_change = on_change
+        self._on_reports = on_reports
         self._address = address
         self._client: AsyncClient | None = None
         self._echoes: frozenset[str] | None = None  # None while no robot is watched
@@ -69,7 +79,7 @@ class ServerLink:
                 self._client = None
                 if self.state.problem != str(error):
                     self.state = ServerState(self.state.level, problem=str(error))
-                    self.on_change()
+                    self._on_change()
             await asyncio.sleep(RETRY)
 
     def watch(self, echoes: Iterable[str] | None) -> None:
@@ -80,7 +90,7 @@ class ServerLink:
                 no robot.
         """
         wanted = None
-        if echoes is not None:
+        if echoes is not None:  # commas part the names on a line
             wanted = frozenset(name for name in echoes if "," not in name)
         if wanted == self._echoes:
             return
@@ -101,7 +111,7 @@ class ServerLink:
                 starts = await client.start_poses()
             self.state = ServerState(level, starts, problem="")
             self._client = client
-            self.on_change()
+            self._on_change()
             await self._ask(client)
             while True:
                 with suppress(ClientTimeout):
@@ -115,22 +125,23 @@ class ServerLink:
                 await client.watch(echoes=sorted(self._echoes))
 
     def _take(self, reports: Sequence[Report]) -> None:
-        self.on_reports(reports)
+        self._on_reports(reports)
+        state = self.state
         for report in reports:
             if isinstance(report, Watching):
-                self._set_watching(refusal="")
+                refusal = ""
             elif isinstance(report, CommandError):  # it may have had too many watchers
                 assert self._client is not None
                 self._asking = asyncio.ensure_future(self._ask_later(self._client))
-                self._set_watching(report.text)
-
-    def _set_watching(self, refusal: str) -> None:
-        state = self.state
-        if state.watches == bool(refusal) or state.refusal != refusal:
-            state.watches, state.refusal = not refusal, refusal
-            self.on_change()
+                refusal = report.text
+            else:
+                continue
+            if state.watches == bool(refusal) or state.refusal != refusal:
+                state.watches, state.refusal = not refusal, refusal
+                self._on_change()
 
     async def _ask_later(self, client: AsyncClient) -> None:
         await asyncio.sleep(ASK_AGAIN)
+        # Unless it was lost, or asked for something else, meanwhile.
         if client is self._client and self._asking is asyncio.current_task():
             await self._ask(client)

@@ -153,8 +153,8 @@ async def test_wrong_setting_is_told_and_not_sent(commander: Any) -> None:
 async def test_browser_is_told_why_a_robot_does_not_come(
     commander: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("radarsim.addons.web.roster.LONG_WAIT", 0.1)
-    monkeypatch.setattr("radarsim.addons.web.own_robot.SPAWN_TIMEOUT", 1.0)
+    monkeypatch.setattr("radarsim.addons.web.robots.LONG_WAIT", 0.1)
+    monkeypatch.setattr("radarsim.addons.web.robots.SPAWN_TIMEOUT", 1.0)
     async with open_page(commander.web, commander.token) as page:
         await page.send("spawn", **{"class": "Tank", "name": "T1"})
         notice = await page.hear("notice")

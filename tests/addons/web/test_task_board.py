@@ -5,19 +5,8 @@ from typing import Any
 
 import pytest
 
+from radarsim.addons.web.activities import MOST_TASKS, TaskBoard
 from radarsim.addons.web.requests import BadRequest
-from radarsim.addons.web.tasks import MOST_TASKS, TaskBoard
-
-
-class Waiting:
-    """Work that does not notice that it is cancelled, until it is told."""
-
-    def __init__(self) -> None:
-        self.end = threading.Event()
-
-    def run(self, client: object, tell: object) -> str:  # noqa: ARG002
-        self.end.wait(240)
-        return "ended"
 
 
 async def test_cancelled_tasks_count_until_their_threads_have_ended() -> None:
@@ -28,14 +17,20 @@ async def test_cancelled_tasks_count_until_their_threads_have_ended() -> None:
             ended.set()
 
     board = TaskBoard(tell)
-    waiting: Any = Waiting()
+    end = threading.Event()
+
+    def wait(*_: object) -> str:
+        """Work that does not notice that it is cancelled, until it is told."""
+        end.wait(240)
+        return "ended"
+
     robot: Any = SimpleNamespace(name="R1", listeners=[], set_wheels=lambda *_: None)
     for _ in range(MOST_TASKS):
-        board.begin(robot, "explore", waiting)
+        board.begin(robot, "explore", wait)
     assert len(board.running) == 1  # a robot has one, the others are cancelled
     other: Any = SimpleNamespace(name="R2", listeners=[], set_wheels=lambda *_: None)
     with pytest.raises(BadRequest, match="tasks"):
-        board.begin(other, "explore", waiting)
-    waiting.end.set()
+        board.begin(other, "explore", wait)
+    end.set()
     await asyncio.wait_for(ended.wait(), 240)
-    board.begin(other, "explore", waiting)
+    board.begin(other, "explore", wait)

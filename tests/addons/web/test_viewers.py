@@ -4,9 +4,14 @@ import math
 
 import pytest
 
-from radarsim.addons.web.app import RateLimit
-from radarsim.addons.web.frames import FrameSender
-from radarsim.addons.web.viewer import MOST_TEXTS, SlowViewer, Viewer, encode_json
+from radarsim.addons.web.program import RateLimit
+from radarsim.addons.web.viewers import (
+    MOST_TEXTS,
+    SlowViewer,
+    Viewer,
+    Viewers,
+    encode_json,
+)
 
 
 async def take(viewer: Viewer, count: int) -> list[str | bytes]:
@@ -52,40 +57,39 @@ def test_numbers_that_json_has_not_are_null() -> None:
     assert json.loads(text) == {"a": [None, 1.5], "b": [None]}
 
 
-async def test_frames_wait_for_the_acknowledgement_of_the_one_before() -> None:
-    viewer = Viewer("viewer 1")
-    made: list[str | None] = []
+class Frames:
+    """Browsers that are sent frames, and the frames that are made."""
 
-    def make(selected: str | None) -> bytes:
-        made.append(selected)
+    def __init__(self) -> None:
+        self.made: list[str | None] = []
+        self.viewers = Viewers(self.make)
+        self.viewer = self.viewers.add()
+
+    def make(self, selected: str | None) -> bytes:
+        self.made.append(selected)
         return b"frame"
 
-    sender = FrameSender({viewer.name: viewer}, make)
-    sender.send_to(viewer)
+
+async def test_frames_wait_for_the_acknowledgement_of_the_one_before() -> None:
+    frames = Frames()
+    frames.viewers.send_frame(frames.viewer)
     for _ in range(3):
-        sender.changed()
+        frames.viewers.update()
         await asyncio.sleep(0.11)
-    assert len(made) == 1
-    sender.acknowledge(viewer)
-    assert len(made) == 2
-    sender.acknowledge(viewer)
-    assert len(made) == 2  # nothing is new
+    assert len(frames.made) == 1
+    frames.viewers.acknowledge(frames.viewer)
+    assert len(frames.made) == 2
+    frames.viewers.acknowledge(frames.viewer)
+    assert len(frames.made) == 2  # nothing is new
 
 
 async def test_frames_are_at_least_a_tenth_of_a_second_apart_on_average() -> None:
-    viewer = Viewer("viewer 1")
-    made: list[str | None] = []
-
-    def make(selected: str | None) -> bytes:
-        made.append(selected)
-        return b"frame"
-
-    sender = FrameSender({viewer.name: viewer}, make)
+    frames = Frames()
     loop = asyncio.get_running_loop()
     begin = loop.time()
-    while len(made) < 7:
-        sender.changed()
-        viewer.is_ready = True
+    while len(frames.made) < 7:
+        frames.viewers.update()
+        frames.viewer.is_ready = True
         await asyncio.sleep(0.001)
     assert loop.time() - begin >= 0.48
 

@@ -1,0 +1,293 @@
+"""What robots do by themselves: drive to a goal, explore, and map what they sense.
+
+All of it blocks, and so runs in threads; it tells what happens as messages.
+"""
+
+import base64
+import io
+import logging
+import math
+import queue
+import threading
+import time
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.colors import to_rgb
+from PIL import Image
+
+from radarsim.addons.web.own_robot import RobotClient, Tell, Work
+from radarsim.addons.web.requests import BadRequest, Colours, Explore, Goto, Map
+from radarsim.addons.web.robot_view import RobotView
+from radarsim.autonomy.exploration.exploration import (
+    Exploration,
+    ExplorationStep,
+    Outcome,
+)
+from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
+from radarsim.autonomy.mapping.export import commander_pixels, sensed_window
+from radarsim.autonomy.mapping.mapper import Mapper, MapperSettings
+from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
+from radarsim.autonomy.mapping.slam import SlamSettings
+from radarsim.autonomy.navigation.algorithms import Algorithm
+from radarsim.autonomy.navigation.mission import run_mission
+from radarsim.autonomy.navigation.plans import Mission
+from radarsim.autonomy.navigation.run_log import RunLog
+from radarsim.autonomy.navigation.runner import NavigationStep
+from radarsim.autonomy.plotting.maps import CELL_COLOURS
+from radarsim.client import ScannerInfo
+from radarsim.client.robot_info import same_name
+from radarsim.errors import RadarsimError, expected_one_of
+from radarsim.geometry import Floats, Pose2
+from radarsim.protocol.reports import Report
+from radarsim.rng import generator_for
+
+log = logging.getLogger("radarsim.addons.web")
+PATH_INTERVAL: Final = 0.5  # s between two messages
+MAP_INTERVAL: Final = 1.0  # s between two pictures
+MOST_POINTS: Final = 1000  # of a path in a message
+MOST_WAITING: Final = 2000  # reports for a map; beyond it new ones are lost
+HERE: Final = Pose2(0.0, 0.0)  # the robot is spawned; this is not looked at
+_SHADES: Final = np.array(
+    [[round(255 * part) for part in to_rgb(CELL_COLOURS[each])] for each in CellClass],
+    np.uint8,
+)
+
+
+class _Timer:
+    """Says when an interval has passed."""
+
+    def __init__(self, interval: float) -> None:
+        self._interval = interval
+        self._due = -math.inf
+
+    def is_due(self) -> bool:
+        """Return whether it has passed since this was true before."""
+        now = time.monotonic()
+        is_due = now >= self._due
+        if is_due:
+            self._due = now + self._interval
+        return is_due
+
+
+def plan_drive(request: Goto, safety_distance: float | None) -> Work:
+    """Plan a drive to a goal, which tells the path.
+
+    Args:
+        request: Algorithm and goal.
+        safety_distance: m; None for the least one that suits the robot.
+
+    Raises:
+        BadRequest: If there is no such algorithm.
+    """
+    names = [each.value for each in Algorithm]
+    if request.algorithm not in names:
+        raise BadRequest(f"algorithm {expected_one_of(request.algorithm, names)}")
+    mission = Mission(
+        algorithm=Algorithm(request.algorithm),
+        goals=(request.goal,),
+        pose=HERE,
+        safety_distance=safety_distance,
+        time_limit=math.inf,
+    )
+
+    def drive(client: RobotClient, tell: Tell) -> str:
+        run_log = RunLog()
+        timer = _Timer(PATH_INTERVAL)
+
+        def tell_path() -> None:
+            path = describe_path(request.robot, run_log.path)
+            marks = {"hits": run_log.hit_points, "leaves": run_log.leave_points}
+            tell({**path, **marks, "goal": request.goal})
+
+        def observe(step: NavigationStep) -> None:
+            run_log.add(step)
+            if timer.is_due():
+                tell_path()
+
+        try:
+            result = run_mission(client, mission, observe)
+        finally:
+            tell_path()
+        if result.outcome != "reached":
+            no_path = result.outcome == "no_path"
+            raise RadarsimError("there is no path" if no_path else result.outcome)
+        return f"reached in {result.time:.0f} s, {result.path_length:.1f} m"
+
+    return drive
+
+
+def plan_exploration(request: Explore, colours: Colours) -> Work:
+    """Plan an exploration, which tells path and map.
+
+    Args:
+        request: The strategy.
+        colours: Colours of the map.
+
+    Raises:
+        BadRequest: If there is no such strategy.
+    """
+    names = [each.value for each in StrategyName]
+    if request.strategy not in names:
+        raise BadRequest(f"strategy {expected_one_of(request.strategy, names)}")
+    plan = ExplorationPlan(strategy=StrategyName(request.strategy), pose=HERE)
+    exploration = Exploration(plan, generator_for(0, request.robot))
+
+    def explore(client: RobotClient, tell: Tell) -> str:
+        paths, maps = _Timer(PATH_INTERVAL), _Timer(MAP_INTERVAL)
+
+        def show(*, path: bool, grid: bool) -> None:
+            mapper = exploration.mapper
+            if mapper is None or not mapper.scans:
+                return
+            if path:
+                tell(describe_path(request.robot, mapper.trajectory.rows()))
+            if grid:
+                tell(describe_map(request.robot, mapper.grid, colours))
+
+        def observe(_: ExplorationStep) -> None:
+            show(path=paths.is_due(), grid=maps.is_due())
+
+        try:
+            exploration.run(client, observe)
+        finally:
+            show(path=True, grid=True)
+        outcome, trip = exploration.outcome, exploration.trip
+        if outcome is not Outcome.EXPLORED:
+            raise RadarsimError(outcome.value.replace("_", " "))
+        return f"explored in {trip.time:.0f} s, {trip.length:.1f} m"
+
+    return explore
+
+
+def describe_path(robot: str, path: Floats) -> dict[str, Any]:
+    """Return the message ``path``; of a long one, points that are evenly spread.
+
+    Args:
+        robot: Name of the robot.
+        path: (N, 2) or more columns; x and y in m, map frame.
+    """
+    step = max(1, math.ceil(len(path) / MOST_POINTS))
+    last = path[-1:] if len(path) and (len(path) - 1) % step else path[:0]
+    points = np.concatenate([path[::step], last])[:, :2]
+    return {
+        "op": "path",
+        "robot": robot,
+        "points": np.round(points, 3).tolist(),
+        "hits": [],
+        "leaves": [],
+        "goal": None,
+    }
+
+
+def describe_map(robot: str, grid: OccupancyGrid, colours: Colours) -> dict[str, Any]:
+    """Return the message ``map``: a picture of what is sensed, and where it belongs.
+
+    The first row of the picture is the northernmost; ``origin`` is the south-western
+    corner, m, map frame.
+
+    Args:
+        robot: Name of the robot that it is a map of.
+        grid: The map, which has taken in a scan.
+        colours: Those of UsarCommander, or those of the materials.
+    """
+    rows, columns = sensed_window(grid)
+    x, y = grid.frame.origin
+    size = grid.frame.resolution
+    if colours == "usarcommander":
+        pixels = commander_pixels(grid)[rows, columns]
+    else:
+        pixels = _SHADES[grid.classes()[rows, columns]]
+    data = io.BytesIO()
+    Image.fromarray(np.flip(pixels, axis=0)).save(data, "png")
+    height, width = pixels.shape[:2]
+    return {
+        "op": "map",
+        "robot": robot,
+        "resolution": size,
+        "origin": [x + columns.start * size, y + rows.start * size],
+        "width": width,
+        "height": height,
+        "colours": colours,
+        "png": base64.b64encode(data.getvalue()).decode(),
+    }
+
+
+class MapMaker:
+    """Makes a map of what one scanner of a robot senses, whoever drives it.
+
+    Attributes:
+        colours: Colours of the pictures.
+    """
+
+    def __init__(
+        self, robot: RobotView, request: Map, tell: Tell, *, has_echoes: bool
+    ) -> None:
+        """Start.
+
+        Args:
+            robot: The robot, whose reports it takes until it is stopped.
+            request: The scanner to map with, and the colours.
+            tell: Called with messages, in the maker's thread.
+            has_echoes: Whether the echoes of the scanner are told.
+
+        Raises:
+            BadRequest: If it has no such scanner, or it has not scanned yet.
+        """
+        self.colours = request.colours
+        self._robot = robot
+        self._tell = tell
+        settings = MapperSettings(
+            slam=SlamSettings(motion_source="ins"),
+            echo_wait=1.0 if has_echoes else 0.0,
+            robot_radius=min(robot.size) / 2,
+        )
+        scanner = _choose_scanner(robot, request.scanner)
+        self._mapper = Mapper(scanner, settings, clock=time.monotonic)
+        self._reports: queue.Queue[Report | None] = queue.Queue()
+        robot.listeners.append(self._take)
+        threading.Thread(target=self._run, daemon=True).start()
+
+    def stop(self) -> None:
+        """End the map."""
+        if self._take in self._robot.listeners:
+            self._robot.listeners.remove(self._take)
+        self._reports.put(None)
+
+    def _take(self, report: Report) -> None:
+        if self._reports.qsize() < MOST_WAITING:
+            self._reports.put(report)
+
+    def _run(self) -> None:
+        shown, timer = 0, _Timer(MAP_INTERVAL)
+        try:
+            while (report := self._reports.get()) is not None:
+                self._mapper.take(report)
+                if self._mapper.scans > shown and timer.is_due():
+                    shown = self._mapper.scans
+                    grid = self._mapper.grid
+                    self._tell(describe_map(self._robot.name, grid, self.colours))
+        except RadarsimError as error:
+            log.warning("the map of %s ends: %s", self._robot.name, error)
+
+
+def _choose_scanner(robot: RobotView, name: str | None) -> ScannerInfo:
+    """Return the scanner of a name; without one the first radar, or else the first."""
+    seen = [scans[-1].scan for scans in robot.scans.values()]
+    if name is not None:
+        seen = [scan for scan in seen if same_name(scan.name, name)]
+    seen.sort(key=lambda scan: robot.scanner(scan.name).medium != "radar")
+    if not seen:
+        wanted = "any scanner" if name is None else f"the scanner {name!r}"
+        raise BadRequest(f"no scan of {wanted} of {robot.name!r} has come yet")
+    scan, gaps = seen[0], len(seen[0].ranges) - 1
+    scanner = robot.scanner(scan.name)
+    return ScannerInfo(
+        scan.name,
+        scanner.mount,
+        min_range=float(scanner.settings.get("min_range", 0.0)),
+        max_range=scanner.max_range,
+        resolution=scan.fov / gaps if gaps else scan.resolution,
+        fov=scan.fov,
+        beams=gaps + 1,
+    )

@@ -1,0 +1,275 @@
+"""All robots that are known, and those of them that the commander spawned.
+
+What is told of a robot comes from the connection that watches all of them; of the
+commander's own robots, by their own connections where the server lets nobody watch.
+"""
+
+import asyncio
+import math
+from collections.abc import Callable, Coroutine, Iterable, Mapping
+from typing import Any, Final
+
+from radarsim.addons.web.own_robot import OwnRobot
+from radarsim.addons.web.requests import BadRequest, Remove, Spawn
+from radarsim.addons.web.robot_view import RobotView
+from radarsim.addons.web.viewers import Viewer, Viewers
+from radarsim.client import AsyncClient
+from radarsim.errors import ClientError, RadarsimError, expected_one_of
+from radarsim.geometry import Pose2, Pose3
+from radarsim.protocol.reports import (
+    CommandError,
+    Report,
+    RobotJoined,
+    RobotLeft,
+    WatchedLine,
+    Watching,
+)
+from radarsim.simulation.config import SimulationConfig
+
+MOST_ROBOTS: Final = 100  # that the commander spawns
+MOST_VIEWS: Final = 2000  # robots that are known; a server has at most 1024
+NEAR: Final = 0.8  # m from a start at which a robot occupies it
+ANSWER: Final = 5.0  # s that a server has to answer
+SPAWN_TIMEOUT: Final = 120.0  # s; a server may have to compile first
+LONG_WAIT: Final = 4.0  # s for a robot, after which a browser is told why
+
+
+class Robots:
+    """Robots by name.
+
+    Attributes:
+        views: What is known of each robot.
+        own: Robots that the commander spawned.
+        starts: Starts of the map, of which a robot gets the first free one.
+        is_watching: Whether the server tells of all robots now, so that the own
+            connections of robots need not be looked at.
+    """
+
+    def __init__(
+        self,
+        address: tuple[str, int],
+        config: SimulationConfig,
+        viewers: Viewers,
+        *,
+        on_change: Callable[[], None],
+        on_left: Callable[[str], None],
+    ) -> None:
+        """Begin without any.
+
+        Args:
+            address: Host and port of the server.
+            config: How the server was started, as far as it is known.
+            viewers: The browsers, which are told what happens to robots.
+            on_change: Called when there is something new to show.
+            on_left: Called with the name of a robot that is gone.
+        """
+        self.views: dict[str, RobotView] = {}
+        self.own: dict[str, OwnRobot] = {}
+        self.starts: Mapping[str, Pose3] = {}
+        self.is_watching = False
+        self._address = address
+        self._config = config
+        self._viewers = viewers
+        self._on_change = on_change
+        self._on_left = on_left
+        self._spawning: set[str] = set()
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    def find_own(self, name: str) -> OwnRobot:
+        """Return a robot of the commander.
+
+        Raises:
+            BadRequest: If there is none of that name.
+        """
+        if name not in self.own:
+            whose = "another client's" if name in self.views else "no"
+            raise BadRequest(f"{whose} robot {expected_one_of(name, [*self.own])}")
+        return self.own[name]
+
+    def find(self, name: str) -> RobotView:
+        """Return what is known of a robot.
+
+        Raises:
+            BadRequest: If there is none of that name.
+        """
+        if name not in self.views:
+            raise BadRequest(f"no robot {expected_one_of(name, [*self.views])}")
+        return self.views[name]
+
+    def spawn(self, viewer: Viewer, request: Spawn) -> None:
+        """Spawn a robot, and run it until it is removed.
+
+        Raises:
+            BadRequest: If it cannot have that name or place.
+        """
+        if request.start is not None and request.pose is not None:
+            raise BadRequest("a start and a pose, expected only one of them")
+        if len(self.own) + len(self._spawning) >= MOST_ROBOTS:
+            raise BadRequest(f"{MOST_ROBOTS} robots are there, expected no more")
+        taken = {name.casefold() for name in (*self.views, *self._spawning)}
+        if request.name is None:
+            numbers = range(1, len(taken) + 2)
+            name = next(f"R{n}" for n in numbers if f"r{n}" not in taken)
+        else:
+            name = " ".join(request.name.split())
+            if name.casefold() in taken:
+                raise BadRequest(f"there is a robot {name!r}, expected another name")
+        self._spawning.add(name)  # at once: another browser must not get it meanwhile
+        self._begin(viewer, self._spawn(viewer, name, request))
+
+    def remove(self, viewer: Viewer, request: Remove) -> None:
+        """Remove a robot of the commander.
+
+        Raises:
+            BadRequest: If it is none of the commander.
+        """
+        self._begin(viewer, self._remove(self.find_own(request.robot)))
+
+    async def close(self) -> None:
+        """Remove all robots of the commander."""
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*(self._remove(robot) for robot in [*self.own.values()]))
+
+    def watch(self, reports: Iterable[Report]) -> None:
+        """Process what the server tells of all robots."""
+        news = False
+        for report in reports:
+            match report:
+                case Watching(robots):
+                    if robots.names is None:
+                        self.is_watching = True
+                    else:
+                        self.forget_others()
+                case RobotJoined(robot, class_name):
+                    self._add(robot, class_name).learn_presets(self._config)
+                case RobotLeft(robot) if robot not in self.own:
+                    # own ones by their connections: it may have been one before
+                    if self.views.pop(robot, None) is not None:
+                        self._on_left(robot)
+                        news = True
+                case WatchedLine(robot, _, line) if line is not None:
+                    view = self.views.get(robot)
+                    news |= view is not None and view.take(line)
+        if news:
+            self._on_change()
+
+    def forget_others(self) -> None:
+        """Forget robots of other clients, of which nothing more is heard."""
+        self.is_watching = False
+        for name in self.views.keys() - self.own.keys():
+            del self.views[name]
+            self._on_left(name)
+        self._on_change()
+
+    def _begin(self, viewer: Viewer, work: Coroutine[Any, Any, None]) -> None:
+        """Do something beside all else, and tell the browser if it fails."""
+
+        async def report() -> None:
+            try:
+                await work
+            except RadarsimError as error:
+                viewer.send({"op": "error", "text": str(error)})
+
+        task = asyncio.ensure_future(report())
+        self._tasks.add(task)  # the event loop would forget it
+        task.add_done_callback(self._tasks.discard)
+
+    async def _spawn(self, viewer: Viewer, name: str, request: Spawn) -> None:
+        def tell_wait() -> None:
+            text = f"{name} is not there yet: there is no free place, or the server"
+            viewer.send({"op": "notice", "text": f"{text} still compiles"})
+
+        start, pose = request.start, request.pose and Pose2(*request.pose)
+        if start is None and pose is None:
+            start = self._free_start()
+        class_name, drive_unit = request.class_name, self._config.wheel_drive().unit
+        waiting = asyncio.get_running_loop().call_later(LONG_WAIT, tell_wait)
+        try:
+            client = await AsyncClient.connect(*self._address, timeout=ANSWER)
+            try:
+                await client.spawn(
+                    class_name, name=name, start=start, pose=pose, timeout=SPAWN_TIMEOUT
+                )
+                info = await client.robot_info(drive_unit=drive_unit)
+            except BaseException:  # also when it is cancelled
+                await client.close()
+                raise
+        except ValueError as error:  # a text that cannot be written on a line
+            raise BadRequest(str(error)) from None
+        finally:
+            waiting.cancel()
+            self._spawning.discard(name)
+        robot = OwnRobot(client, name, class_name, info, self._tell_driver)
+        self._add(name, class_name).describe(info)
+        self.own[name] = robot
+        robot.listeners.append(lambda reports: self._take_own(robot, reports))
+        self._begin(viewer, self._run(robot))
+        viewer.send({"op": "spawned", "robot": name})
+
+    def _free_start(self) -> str | None:
+        """Return the first start at which no robot stands; the first if all have one.
+
+        None leaves the choice to the server.
+        """
+        poses = [view.pose for view in self.views.values() if view.pose is not None]
+        for name, start in self.starts.items():
+            distances = (math.hypot(p.x - start.x, p.y - start.y) for p in poses)
+            if min(distances, default=math.inf) > NEAR:
+                return name
+        return next(iter(self.starts), None)
+
+    async def _run(self, robot: OwnRobot) -> None:
+        """Run a robot until it is removed, or its connection is lost."""
+        try:
+            await robot.run()
+        except ClientError as error:
+            if self.own.get(robot.name) is robot:
+                self._forget(robot)
+                # Who drives it is told that this is an error, all others that it is so.
+                text = f"the robot {robot.name!r} is gone: {error}"
+                for viewer in self._viewers:
+                    op = "error" if robot.driver == viewer.name else "notice"
+                    viewer.send({"op": op, "text": text})
+                await robot.close()
+
+    async def _remove(self, robot: OwnRobot) -> None:
+        self._forget(robot)
+        await robot.close()
+
+    def _forget(self, robot: OwnRobot) -> None:
+        self.own.pop(robot.name, None)
+        if self.views.pop(robot.name, None) is not None:
+            self._on_left(robot.name)
+        self._on_change()
+
+    def _add(self, name: str, class_name: str) -> RobotView:
+        """Add a robot, if it is not known yet, and return what is known of it."""
+        view = self.views.get(name)
+        if view is None:
+            config = self._config if self.is_watching else None
+            view = RobotView(name, class_name, config)
+            if len(self.views) < MOST_VIEWS:
+                self.views[name] = view
+                self._on_change()
+        return view
+
+    def _take_own(self, robot: OwnRobot, reports: Iterable[Report]) -> None:
+        """Process reports of a robot of the commander on its own connection."""
+        view = self.views.get(robot.name)
+        for report in reports:
+            if isinstance(report, CommandError) and robot.name in self.own:
+                if view is not None:  # it may have refused a setting
+                    view.undo_setting()
+                text = f"{robot.name!r}: {report.text}"
+                self._viewers.broadcast({"op": "error", "text": text})
+                self._viewers.update()
+        if view is not None and not self.is_watching:
+            news = [view.take(report) for report in reports]
+            if any(news):
+                self._on_change()
+
+    def _tell_driver(self, robot: OwnRobot) -> None:
+        message = {"op": "viewer", "robot": robot.name, "driver": robot.driver}
+        self._viewers.broadcast(message, ("driver", robot.name))
+        self._viewers.update()
