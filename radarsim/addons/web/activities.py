@@ -84,7 +84,7 @@ class TaskBoard:
     """The tasks that run, of which a robot has at most one.
 
     Attributes:
-        running: Tasks by their numbers.
+        running: Tasks by the names of their robots.
     """
 
     def __init__(self, tell: Tell) -> None:
@@ -93,16 +93,11 @@ class TaskBoard:
         Args:
             tell: Called with messages, in the event loop.
         """
-        self.running: dict[int, Task] = {}
+        self.running: dict[str, Task] = {}
         self._tell = tell
-        self._threads: set[int] = set()  # also of cancelled tasks, until they notice
+        self._threads = 0  # also of cancelled tasks, until they notice
         self._loop = asyncio.get_running_loop()
         self._count = 0
-
-    def find(self, robot: str) -> Task | None:
-        """Return the task that a robot is at, if any."""
-        tasks = (task for task in self.running.values() if task.robot.name == robot)
-        return next(tasks, None)
 
     def begin(self, robot: OwnRobot, kind: str, work: Work) -> None:
         """Begin a task, instead of the one that the robot is at.
@@ -110,29 +105,23 @@ class TaskBoard:
         Raises:
             BadRequest: If there are too many tasks.
         """
-        self.cancel_of(robot.name)
-        if len(self._threads) >= MOST_TASKS:
+        self.cancel(robot.name)
+        if self._threads >= MOST_TASKS:
             raise BadRequest(f"{MOST_TASKS} tasks are running, expected no more")
         self._count += 1
         task = Task(self._count, robot, kind, RobotClient(robot))
-        self.running[task.number] = task
-        self._threads.add(task.number)
+        self.running[robot.name] = task
+        self._threads += 1
         self._tell(task.describe("running"))
         threading.Thread(target=self._run, args=(task, work), daemon=True).start()
 
-    def cancel(self, number: int) -> None:
-        """Cancel a task; one that has ended stays as it is."""
-        task = self.running.pop(number, None)
+    def cancel(self, robot: str) -> None:
+        """Cancel the task of a robot, if it has one."""
+        task = self.running.pop(robot, None)
         if task is not None:
             task.client.cancel()
             task.robot.set_wheels(0.0, 0.0)
             self._tell(task.describe("cancelled"))
-
-    def cancel_of(self, robot: str) -> None:
-        """Cancel the task of a robot, if it has one."""
-        task = self.find(robot)
-        if task is not None:
-            self.cancel(task.number)
 
     def tell_threadsafe(self, message: dict[str, Any]) -> None:
         """Tell a message from any thread."""
@@ -151,8 +140,9 @@ class TaskBoard:
         self._call(self._end, task, state, text)
 
     def _end(self, task: Task, state: str, text: str) -> None:
-        self._threads.discard(task.number)
-        if self.running.pop(task.number, None) is not None:  # else it was cancelled
+        self._threads -= 1
+        if self.running.get(task.robot.name) is task:  # else it was cancelled
+            del self.running[task.robot.name]
             task.client.cancel()
             self._tell(task.describe(state, text))
 
@@ -202,7 +192,7 @@ class Activities:
 
     def is_at_work(self, robot: str) -> bool:
         """Return whether a robot is at a task."""
-        return self._tasks.find(robot) is not None
+        return robot in self._tasks.running
 
     def go(self, request: Goto) -> None:
         """Drive to a goal.
@@ -236,13 +226,15 @@ class Activities:
         self._stop_map(name)  # the explorer's own is shown
 
     def cancel(self, request: Cancel) -> None:
-        """Cancel a task."""
-        self._tasks.cancel(request.task)
+        """Cancel a task; one that has ended stays as it is."""
+        for robot, task in [*self._tasks.running.items()]:
+            if task.number == request.task:
+                self._tasks.cancel(robot)
 
     def stop(self, robot: str | None) -> None:
         """Cancel the task of a robot; None for those of all robots."""
         for name in [*self._robots.own] if robot is None else [robot]:
-            self._tasks.cancel_of(name)
+            self._tasks.cancel(name)
 
     def switch_map(self, request: Map) -> None:
         """Make a map of a robot, or no more, or in other colours.
@@ -269,7 +261,7 @@ class Activities:
 
     def forget(self, robot: str) -> None:
         """End what goes on with a robot that is gone."""
-        self._tasks.cancel_of(robot)
+        self._tasks.cancel(robot)
         self._stop_map(robot)
         self._colours.pop(robot, None)
         for key in [key for key in self._newest if key[1] == robot]:

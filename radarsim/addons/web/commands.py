@@ -10,11 +10,10 @@ import logging
 import subprocess
 import sys
 import threading
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final
+from typing import Annotated, ClassVar, Final
 from urllib.parse import urlencode
 
 import click
@@ -32,9 +31,6 @@ from radarsim.cli.serving import (
 from radarsim.errors import ServerError, describe_os_error
 from radarsim.plans import RARE, Option
 from radarsim.processes import exit_immediately, set_exit_code_of_sigterm
-
-if TYPE_CHECKING:
-    from radarsim.addons.web.program import CommanderSettings
 
 END_TIMEOUT: Final = 5.0  # s that it has to end by itself
 ANY_ADDRESS: Final = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # where to reach them
@@ -142,13 +138,17 @@ def commander(
         raise click.BadParameter(text, param_hint="--record-to")
     with cure_of_port({OPTION: page.web}):  # before imports that take long
         check_port(page.web_host, page.web)
-    from radarsim.addons.web.program import CommanderSettings
+    from radarsim.addons.web.program import CommanderSettings, run_commander
     from radarsim.server.web_server import make_token
 
-    # The parent says what is wrong with the options that it passes on, and ends.
-    address = server.connect or _read_address()
+    address: tuple[str, int] | None = server.connect
+    if address is None:  # the parent writes it when it listens
+        host, _, port = sys.stdin.readline().strip().rpartition(" ")
+        if not host:  # it has ended instead, and said why
+            raise click.exceptions.Exit(1)
+        address = host, int(port)
     config = server.config()
-    if not child:
+    if not child:  # else the parent says what is wrong with them, and ends
         check_item_settings(config)
     token = make_token()
     if page.web_token_file is not None:
@@ -157,32 +157,23 @@ def commander(
         print_message(
             f"whoever reaches {page.web_host} and knows the token can drive the robots"
         )
-    return _run(
-        CommanderSettings(
-            server=address,
-            web_host=page.web_host,
-            web_port=page.web,
-            token=token,
-            config=config,
-            map=server.map or server.draw,
-            record_to=page.record_to,
-            is_child=child,
-        )
+    settings = CommanderSettings(
+        server=address,
+        web_host=page.web_host,
+        web_port=page.web,
+        token=token,
+        config=config,
+        map=server.map or server.draw,
+        record_to=page.record_to,
+        is_child=child,
     )
-
-
-def _run(settings: CommanderSettings) -> int:
-    """Serve the page until a signal comes."""
-    from radarsim.addons.web.program import run_commander
-
     start_log(logging.WARNING, "%(asctime)s %(levelname)s %(message)s")
     logging.getLogger("uvicorn").setLevel(logging.ERROR)  # peers cannot fill the log
-    running = run_commander(
-        settings, lambda address: announce_commander(address, settings.token)
-    )
-    with cure_of_port({"--web": settings.web_port}):
-        code = asyncio.run(running)
-    exit_immediately(code)  # threads may still import or compute
+    with cure_of_port({OPTION: page.web}):
+        code = asyncio.run(
+            run_commander(settings, lambda at: announce_commander(at, token))
+        )
+    return exit_immediately(code)  # threads may still import or compute
 
 
 def read_token(path: Path) -> str:
@@ -214,72 +205,6 @@ def announce_commander(address: tuple[str, int], token: str) -> None:
     print_now(f"radarsim: commander on http://{host}:{address[1]}/#{fragment}")
 
 
-def _read_address() -> tuple[str, int]:
-    """Read host and port of the server, which the parent writes when it listens.
-
-    Raises:
-        click.exceptions.Exit: If the parent has ended instead, and said why.
-    """
-    host, _, port = sys.stdin.readline().strip().rpartition(" ")
-    if not host:
-        raise click.exceptions.Exit(1)
-    return host, int(port)
-
-
-class CommanderProcess:
-    """A commander that waits until the server listens."""
-
-    def __init__(self, words: Sequence[str]) -> None:
-        """Start it.
-
-        Args:
-            words: Words of the command line of ``radarsim commander``.
-
-        Raises:
-            ServerError: If it cannot be started.
-        """
-        command = [sys.executable, "-c", PROGRAM, *sys.path]
-        try:
-            self._process = subprocess.Popen(
-                [*command, "commander", "--child", *words],
-                stdin=subprocess.PIPE,  # closed when this process ends, however it ends
-                text=True,
-                start_new_session=True,  # Ctrl-C in a terminal is not for it
-            )
-        except OSError as error:
-            text = f"cannot start the commander: {describe_os_error(error)}"
-            raise ServerError(text) from error
-        self._is_stopping = False
-        threading.Thread(target=self._watch, daemon=True).start()
-
-    def connect(self, address: tuple[str, int]) -> None:
-        """Tell it where the server listens."""
-        host, port = address
-        assert self._process.stdin is not None
-        with suppress(OSError):  # it has ended, and said why
-            self._process.stdin.write(f"{ANY_ADDRESS.get(host, host)} {port}\n")
-            self._process.stdin.flush()
-
-    def stop(self) -> None:
-        """End it."""
-        self._is_stopping = True
-        assert self._process.stdin is not None
-        with suppress(OSError):
-            self._process.stdin.close()
-        try:
-            self._process.wait(END_TIMEOUT)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-
-    def _watch(self) -> None:
-        """Tell when it ends by itself; robots are served on without it."""
-        code = self._process.wait()
-        if not self._is_stopping:
-            how = f"exit code {code}" if code >= 0 else f"signal {-code}"
-            print_message(f"the commander has ended ({how}); there is no page any more")
-
-
 @dataclass(frozen=True, slots=True)
 class WebOptions:
     """The option ``--web`` of ``radarsim serve``.
@@ -301,25 +226,59 @@ class WebOptions:
 
 
 class CommanderExtension(ServeExtension):
-    """A commander beside the server that it shows."""
+    """A commander beside the server that it shows, in a process of its own."""
 
     def __init__(self, page: PageOptions, served: ServedMap) -> None:
         """Plan a commander."""
         self.ports = {OPTION: page.web}
         self.address = page.web_host
         self._words = [served.map, *page.words(), *served.options.words()]
-        self._process: CommanderProcess | None = None
+        self._process: subprocess.Popen[str] | None = None
+        self._is_stopping = False
 
     def open(self) -> None:
-        """Start it: it can import what it needs while the map is read."""
-        self._process = CommanderProcess(self._words)
+        """Start it: it can import what it needs while the map is read.
+
+        Raises:
+            ServerError: If it cannot be started.
+        """
+        command = [sys.executable, "-c", PROGRAM, *sys.path]
+        try:
+            self._process = subprocess.Popen(
+                [*command, "commander", "--child", *self._words],
+                stdin=subprocess.PIPE,  # closed when this process ends, however it ends
+                text=True,
+                start_new_session=True,  # Ctrl-C in a terminal is not for it
+            )
+        except OSError as error:
+            text = f"cannot start the commander: {describe_os_error(error)}"
+            raise ServerError(text) from error
+        threading.Thread(target=self._watch, args=(self._process,), daemon=True).start()
 
     def announce(self, address: tuple[str, int]) -> None:
         """Tell it where the server listens."""
-        if self._process is not None:
-            self._process.connect(address)
+        host, port = address
+        if self._process is not None and self._process.stdin is not None:
+            with suppress(OSError):  # it has ended, and said why
+                self._process.stdin.write(f"{ANY_ADDRESS.get(host, host)} {port}\n")
+                self._process.stdin.flush()
 
     def close(self) -> None:
         """End it."""
-        if self._process is not None:
-            self._process.stop()
+        process, self._is_stopping = self._process, True
+        if process is None or process.stdin is None:
+            return
+        with suppress(OSError):
+            process.stdin.close()
+        try:
+            process.wait(END_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+    def _watch(self, process: subprocess.Popen[str]) -> None:
+        """Tell when it ends by itself; robots are served on without it."""
+        code = process.wait()
+        if not self._is_stopping:
+            how = f"exit code {code}" if code >= 0 else f"signal {-code}"
+            print_message(f"the commander has ended ({how}); there is no page any more")
