@@ -10,16 +10,13 @@ expected. So the blocking and the asynchronous client are a few lines each and b
 alike.
 """
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, TypeAlias, TypeVar
 
 from radarsim.client import session as questions
-from radarsim.client.robot_info import (
-    RobotInfo,
-    ScannerDescriptions,
-)
+from radarsim.client.robot_info import RobotInfo, ScannerDescriptions
 from radarsim.client.session import (
     RANGE_SCANNER,
     ROBOT,
@@ -67,11 +64,13 @@ class Wait:
         expected: Name of what is waited for.
         timeout: Length of the wait, s.
         until: Time of the clock at which it ends, s.
+        hint: Why nothing may have come.
     """
 
     expected: str
     timeout: float
     until: float
+    hint: str = ""
 
 
 class Requests:
@@ -168,33 +167,21 @@ class Requests:
 
         yield from self.send(questions.start_poses().data)
         try:
-            report = yield from self._skip_or_explain(is_news, wait, LATE)
+            report = yield from self._skip(is_news, replace(wait, hint=LATE))
         except ClientTimeout:
-            may_compile = timeout is None and self._answers
-            if not may_compile or wait.timeout >= COMPILING_LIMIT:
+            # One that has greeted, and answered all before INIT, is at work on INIT.
+            answers = self.session.greeting is not None and not self._leaves_unanswered
+            if timeout is not None or not answers or wait.timeout >= COMPILING_LIMIT:
                 raise
             self._notify(COMPILING.format(COMPILING_LIMIT, question.what))
             until = wait.until + COMPILING_LIMIT - wait.timeout
-            longer = Wait(question.what, COMPILING_LIMIT, until)
-            report = yield from self._skip_or_explain(is_news, longer, LATE)
+            longer = Wait(question.what, COMPILING_LIMIT, until, LATE)
+            report = yield from self._skip(is_news, longer)
             wait = self._wait(question.what, timeout)  # it has just begun
         if question.accepts(report):
             return report
-        return (yield from self._skip_or_explain(question.accepts, wait, REFUSED))
-
-    def _skip_or_explain(
-        self, wanted: Callable[[Report], bool], wait: Wait, hint: str
-    ) -> Exchange[Report]:
-        """Skip reports as ``_skip`` does; a timeout has a hint of its reason."""
-        try:
-            return (yield from self._skip(wanted, wait))
-        except ClientTimeout as error:
-            raise ClientTimeout(f"{error}; {hint}") from None
-
-    @property
-    def _answers(self) -> bool:
-        """Whether the server greets, and has answered what it was asked."""
-        return self.session.greeting is not None and not self._leaves_unanswered
+        # INIT is done, and there are still no reports of a robot.
+        return (yield from self._skip(question.accepts, replace(wait, hint=REFUSED)))
 
     def ask(self, question: Question, timeout: float | None = None) -> Exchange[Report]:
         """Send a question and return its answer; earlier reports are skipped."""
@@ -220,8 +207,15 @@ class Requests:
         yield from self._describe_scanners(descriptions, None)
         for name in descriptions.incomplete(self.session.scans):
             yield from self._describe_scanners(descriptions, name)
-        names = descriptions.names(self.session.scans)
-        yield from self._wait_for_scans(names)
+        names = {name.casefold() for name in descriptions.names(self.session.scans)}
+
+        def have_scanned() -> bool:
+            return names <= {name.casefold() for name in self.session.scans}
+
+        if not have_scanned():  # the beams of a scan can be counted
+            with suppress(ClientTimeout):
+                wait = self._wait("scans", SILENCE_LIMIT)
+                yield from self._skip(lambda _: have_scanned(), wait)
         scanners = descriptions.scanners(self.session.scans)
         return RobotInfo.from_reports(geo, conf, scanners, drive_unit)
 
@@ -279,19 +273,6 @@ class Requests:
         with suppress(ClientTimeout):
             yield from self._skip(complete, self._wait("scanners", SILENCE_LIMIT))
 
-    def _wait_for_scans(self, names: Sequence[str]) -> Exchange[None]:
-        """Wait up to 2 s for a scan of each scanner, to count its beams."""
-
-        def complete() -> bool:
-            scanned = {name.casefold() for name in self.session.scans}
-            return all(name.casefold() in scanned for name in names)
-
-        if not complete():
-            with suppress(ClientTimeout):
-                yield from self._skip(
-                    lambda _: complete(), self._wait("scans", SILENCE_LIMIT)
-                )
-
     def _skip(self, wanted: Callable[[Report], bool], wait: Wait) -> Exchange[Report]:
         """Skip reports up to the first that is wanted; keep those after it."""
         while True:
@@ -309,7 +290,7 @@ class Requests:
             try:
                 data = yield wait.until - self._clock()
             except TimeoutError:
-                raise ClientTimeout(self._timeout_text(wait)) from None
+                raise self._timeout(wait) from None
             except ConnectionError as error:
                 text = f"{error}, expected {wait.expected}"
                 raise ClientError(f"{text}, {self._describe_last_line()}") from None
@@ -325,11 +306,12 @@ class Requests:
     def _check(self, wait: Wait) -> None:
         """Raise if the time is up, although other lines keep coming."""
         if self._clock() >= wait.until:
-            raise ClientTimeout(self._timeout_text(wait))
+            raise self._timeout(wait)
 
-    def _timeout_text(self, wait: Wait) -> str:
+    def _timeout(self, wait: Wait) -> ClientTimeout:
         text = f"no {wait.expected} within {wait.timeout:g} s"
-        return f"{text}, {self._describe_last_line()}"
+        hint = wait.hint and f"; {wait.hint}"
+        return ClientTimeout(f"{text}, {self._describe_last_line()}{hint}")
 
     def _describe_last_line(self) -> str:
         session = self.session

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 from radarsim import __version__
 from radarsim.addons.web.activities import Activities
-from radarsim.addons.web.offers import make_offers
 from radarsim.addons.web.recording import RecordingSwitch
 from radarsim.addons.web.requests import (
     Ack,
@@ -35,8 +34,9 @@ from radarsim.addons.web.requests import (
     Spawn,
     Stop,
     Triangles,
+    make_offers,
 )
-from radarsim.addons.web.robot_messages import Owner, encode_frame, explain_beam
+from radarsim.addons.web.robot_view import Owner, encode_frame, explain_beam
 from radarsim.addons.web.robots import Robots
 from radarsim.addons.web.server_link import ServerLink
 from radarsim.addons.web.viewers import Viewer, Viewers

@@ -2,14 +2,25 @@
 
 A message is a JSON object whose ``op`` tells its kind. Keys that a kind does not have,
 and values of another type, are errors.
+
+Many a message names something that the program has: a class, an algorithm, a setting.
+The page offers what ``make_offers`` lists, which comes from the program's own tables,
+so that none is old. Names are those of the program; labels are for people.
 """
 
-from typing import Annotated, Literal, TypeAlias, get_args
+import functools
+import operator
+from collections.abc import Iterable, Mapping
+from enum import StrEnum
+from typing import Annotated, Any, Final, Literal, TypeAlias, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
-from pydantic_core import ErrorDetails
 
+from radarsim.autonomy.exploration.plans import StrategyName
+from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.errors import RadarsimError, expected_one_of
+from radarsim.presets.sensor_settings import SensorSettings
+from radarsim.simulation.config import SimulationConfig
 from radarsim.validation import describe_invalid
 
 LONGEST_MESSAGE = 4096  # bytes
@@ -178,34 +189,14 @@ class Ack(Request):
     t: Time | None = None
 
 
-AnyRequest: TypeAlias = Annotated[
-    Hello
-    | Select
-    | Look
-    | Spawn
-    | Remove
-    | Drive
-    | Stop
-    | Setting
-    | Goto
-    | Explore
-    | Map
-    | Cancel
-    | Explain
-    | Record
-    | Triangles
-    | Ack,
-    Field(discriminator="op"),
-]
-
-OPS = [
-    get_args(kind.model_fields["op"].annotation)[0]
-    for kind in get_args(get_args(AnyRequest)[0])
-]
-_ADAPTER: TypeAdapter[AnyRequest] = TypeAdapter(AnyRequest)
+# ``op`` chooses among all kinds, so that errors are those of one kind.
+_KINDS: Final = Request.__subclasses__()
+OPS: Final = [get_args(kind.model_fields["op"].annotation)[0] for kind in _KINDS]
+_ANY: Any = Annotated[functools.reduce(operator.or_, _KINDS), Field(discriminator="op")]
+_ADAPTER: Final[TypeAdapter[Request]] = TypeAdapter(_ANY)
 
 
-def parse_request(text: str) -> AnyRequest:
+def parse_request(text: str) -> Request:
     """Parse a message of the page.
 
     Raises:
@@ -215,14 +206,106 @@ def parse_request(text: str) -> AnyRequest:
     try:
         return _ADAPTER.validate_json(text)
     except ValidationError as error:
-        raise BadRequest(_describe(error.errors()[0])) from None
-
-
-def _describe(problem: ErrorDetails) -> str:
-    """Return what is wrong, and where."""
-    if problem["type"] == "union_tag_invalid":
-        return f"op {expected_one_of(problem['ctx']['tag'], OPS)}"
-    if problem["type"] in ("json_invalid", "union_tag_not_found"):
-        return problem["msg"]
+        problem = error.errors()[0]
     place = ".".join(str(step) for step in problem["loc"])
-    return f"{place or 'message'}: {describe_invalid(problem)}"
+    text = f"{place or 'message'}: {describe_invalid(problem)}"
+    if problem["type"] == "union_tag_invalid":
+        text = f"op {expected_one_of(problem['ctx']['tag'], OPS)}"
+    elif problem["type"] in ("json_invalid", "union_tag_not_found"):
+        text = problem["msg"]
+    raise BadRequest(text)
+
+
+# What slides, the most useful first: smallest and greatest value, and step. Others take
+# any number within the limits of the settings.
+SLIDERS: Final[Mapping[str, tuple[float, float, float]]] = {
+    "side_offset_uu": (0, 100, 1),
+    "penetration_power": (0, 5, 0.05),
+    "max_range": (1, 80, 1),
+    "ray_choice": (0, 0, 0),  # choices have no limits, but a place in the order
+    "return_mode": (0, 0, 0),
+}
+FIRST_CLASS: Final = "P3AT_Compare360"  # a radar and a laser that see all around
+_UNITS: Final = {
+    "deg": "°",
+    "uu": "UU",
+    "hz": "Hz",
+    "ghz": "GHz",
+    "db": "dB",
+    "dbsm": "dBsm",
+}
+_METRES: Final = (
+    "divergence_distance",
+    "max_range",
+    "min_range",
+    "range_noise",
+    "range_quantum",
+    "range_resolution",
+)
+
+
+def make_offers(config: SimulationConfig) -> dict[str, Any]:
+    """Return the lists of classes, algorithms, strategies and settings.
+
+    Args:
+        config: The classes of the server, and how their items differ from their
+            presets.
+    """
+    return {
+        "classes": list(_classes(config)),
+        "algorithms": _named(Algorithm),
+        "strategies": _named(StrategyName),
+        "settings": list(_settings()),
+    }
+
+
+def _classes(config: SimulationConfig) -> Iterable[dict[str, str]]:
+    """Yield the robot classes, with what their scanners see."""
+    for name in sorted(config.robot_names(), key=lambda name: name != FIRST_CLASS):
+        scanners = config.robot(name).items_of("RangeScanner")
+        words = []
+        for settings in map(config.scanner_settings, scanners):
+            covered = settings.fov_deg + settings.resolution_deg  # with the gap behind
+            angle = 360 if covered >= 360 else round(settings.fov_deg)
+            words.append(f"{settings.medium} {angle}\N{DEGREE SIGN}")
+        yield {"name": name, "label": f"{name}: {' + '.join(words) or 'no scanner'}"}
+
+
+def _named(choices: type[StrEnum]) -> list[dict[str, str]]:
+    return [{"name": each.value, "label": _label(each.value)} for each in choices]
+
+
+def _settings() -> Iterable[dict[str, Any]]:
+    """Yield the settings of scanners that one control each can change."""
+    schema = SensorSettings.model_json_schema()["properties"]
+    for key in (*SLIDERS, *(key for key in schema if key not in SLIDERS)):
+        described = schema[key]
+        # One that may be left out is any of a value and of null.
+        described = described.get("anyOf", [described])[0]
+        kind, choices = described["type"], described.get("enum")
+        if key == "medium" or kind == "array":
+            continue
+        least, most = described.get("minimum"), described.get("maximum")
+        step = 1.0 if kind == "integer" and choices is None else None
+        slides = kind == "number" and key in SLIDERS
+        if slides:
+            least, most, step = SLIDERS[key]
+        words, _, last = key.rpartition("_")
+        unit = "m" if key in _METRES else _UNITS.get(last, "")
+        yield {
+            "key": key,
+            "label": _label(words if last in _UNITS else key),
+            "type": kind if choices is None else "choice",
+            "min": least,
+            "max": most,
+            "step": step,
+            "unit": unit,
+            "choices": choices,
+            "slides": slides,
+        }
+
+
+def _label(name: str) -> str:
+    """Return a name as words: ``side_offset`` is Side offset."""
+    words = name.replace("_", " ")
+    return words[:1].upper() + words[1:]

@@ -1,4 +1,4 @@
-from radarsim.addons.web.offers import make_offers
+from radarsim.addons.web.requests import make_offers
 from radarsim.addons.web.robot_view import RobotView
 from radarsim.autonomy.exploration.plans import StrategyName
 from radarsim.autonomy.navigation.algorithms import Algorithm
