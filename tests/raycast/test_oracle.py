@@ -91,12 +91,15 @@ class Oracle:
         self.loss = np.array([number or 0.0 for number in loss])
         if medium == LASER:
             self.loss[:] = 0.0
-        self.parts = parts
-        self.corners = np.concatenate([p.vertices[p.faces] for p in parts])
+        self.each = [p.vertices[p.faces] for p in parts]
+        self.bounds = [(c.min(axis=(0, 1)), c.max(axis=(0, 1))) for c in self.each]
+        self.corners = np.concatenate(self.each)
         self.owner = np.repeat(np.arange(len(parts)), [len(p.faces) for p in parts])
 
-    def hits(self, origin: Floats, direction: Floats, blur: float) -> NDArray[np.bool_]:
-        """Return which triangles the ray comes as near to as this share of them."""
+    def cut(
+        self, origin: Floats, direction: Floats
+    ) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return where a ray meets planes, and which triangles it nears or hits."""
         a, b, c = self.corners.transpose(1, 0, 2)
         ab, ac, gap = b - a, c - a, origin - a
         p = np.cross(direction, ac)
@@ -105,18 +108,20 @@ class Oracle:
             scale = 1 / np.einsum("ij,ij->i", ab, p)
             u = np.einsum("ij,ij->i", gap, p) * scale
             v = q @ direction * scale
-            self.t = np.einsum("ij,ij->i", ac, q) * scale
-            near: NDArray[np.bool_] = (u >= -blur) & (v >= -blur) & (u + v <= 1 + blur)
-            near &= np.isfinite(self.t) & (self.t >= -1e-9)
-        return near
+            t = np.einsum("ij,ij->i", ac, q) * scale
+            ahead = np.isfinite(t) & (t >= -1e-9)
+            near, hit = (
+                ahead & (u >= -blur) & (v >= -blur) & (u + v <= 1 + blur)
+                for blur in (1e-6, 1e-12)
+            )
+        return t, near, hit
 
     def inside(self, index: int, points: Floats) -> NDArray[np.bool_]:
         """Return which points a part contains: the solid angle of its faces."""
-        corners = self.corners[self.owner == index]
-        low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+        low, high = self.bounds[index]
         answer: NDArray[np.bool_] = ((points > low) & (points < high)).all(axis=1)
         for row in np.flatnonzero(answer):
-            a, b, c = (corners - points[row]).transpose(1, 0, 2)
+            a, b, c = (self.each[index] - points[row]).transpose(1, 0, 2)
             la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
             dots = (
                 la * lb * lc
@@ -131,10 +136,9 @@ class Oracle:
     def answer(
         self, origin: Floats, direction: Floats, max_range: float, power: float
     ) -> Answer:
-        near = self.hits(origin, direction, 1e-6)
-        t = self.t
+        t, near, hit = self.cut(origin, direction)
         opaque = np.isinf(self.density)[self.owner]
-        walls = t[self.hits(origin, direction, 1e-12) & opaque]
+        walls = t[hit & opaque]
         end = float(np.min(walls, initial=np.inf))
         stop = min(end, max_range)
         cuts = np.unique(np.clip(t[near & ~opaque & (t < stop)], 0.0, stop))

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 import recorded_runs
+from commands import run_in_process
 from processes import start_radarsim
 
 from radarsim.addons.recording import recording_process
@@ -30,13 +31,6 @@ from radarsim.scene.scene import Scene
 
 DISK_SIZES = range(8_000, 64_000, 7_000)  # bytes
 TIMEOUT = 240  # s that a busy machine may need
-
-
-def run_radarsim(*words: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "radarsim", *words]
-    return subprocess.run(
-        command, capture_output=True, text=True, timeout=TIMEOUT, check=False
-    )
 
 
 def serve(folder: Path) -> tuple["subprocess.Popen[bytes]", int]:
@@ -72,22 +66,22 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_run_over_tcp_is_repeated_to_the_byte(recorded: Path) -> None:
-    done = run_radarsim("replay", str(recorded), "--verify")
-    assert done.returncode == 0, done.stderr
-    assert "all the same" in done.stdout
+    done = run_in_process("replay", str(recorded), "--verify")
+    assert done.code == 0, done.err
+    assert "all the same" in done.text
 
 
 def test_other_map_is_refused(recorded: Path) -> None:
-    done = run_radarsim("replay", str(recorded), "--verify", "--map", "smoke_room")
-    assert done.returncode == 1
-    assert "expected the map recorded" in " ".join(done.stderr.split())
+    done = run_in_process("replay", str(recorded), "--verify", "--map", "smoke_room")
+    assert done.code == 1
+    assert "expected the map recorded" in " ".join(done.err.split())
 
 
 def test_contents_are_listed(recorded: Path) -> None:
-    done = run_radarsim("recording", "info", str(recorded))
-    assert done.returncode == 0, done.stderr
-    assert "/radarsim/wire/to_client" in done.stdout
-    assert "map empty_room, seed 0" in done.stdout
+    done = run_in_process("recording", "info", str(recorded))
+    assert done.code == 0, done.err
+    assert "/radarsim/wire/to_client" in done.text
+    assert "map empty_room, seed 0" in done.text
 
 
 def test_replay_sends_the_recorded_bytes(recorded: Path) -> None:
@@ -111,9 +105,9 @@ def test_replay_sends_the_recorded_bytes(recorded: Path) -> None:
 
 
 def test_replay_names_the_clients_there_are(recorded: Path) -> None:
-    done = run_radarsim("replay", str(recorded), "--port", "0", "--client", "7")
-    assert done.returncode == 1
-    assert "client 7, expected one of 1" in done.stderr
+    done = run_in_process("replay", str(recorded), "--port", "0", "--client", "7")
+    assert done.code == 1
+    assert "client 7, expected one of 1" in done.err
 
 
 def test_recording_of_a_killed_server_is_complete(tmp_path: Path) -> None:
@@ -133,15 +127,17 @@ def test_recording_of_a_killed_server_is_complete(tmp_path: Path) -> None:
 
 
 def test_existing_folder_is_refused_before_the_map_is_read(tmp_path: Path) -> None:
-    done = run_radarsim("serve", "no_such_map", "--record", str(tmp_path))
-    assert done.returncode == 1
-    assert "expected a new folder" in " ".join(done.stderr.split())
+    done = run_in_process("serve", "no_such_map", "--record", str(tmp_path))
+    assert done.code == 1
+    assert "expected a new folder" in " ".join(done.err.split())
 
 
 def test_wrong_map_leaves_no_folder(tmp_path: Path) -> None:
     folder = tmp_path / "run"
-    done = run_radarsim("serve", "no_such_map", "--port", "0", "--record", str(folder))
-    assert done.returncode == 1
+    done = run_in_process(
+        "serve", "no_such_map", "--port", "0", "--record", str(folder)
+    )
+    assert done.code == 1
     assert not folder.exists()
 
 
