@@ -1,7 +1,7 @@
-"""What pictures of plans say beside the drawing: a title in words and a scale bar."""
+"""What pictures of plans say: a title in words, names at places, and a scale bar."""
 
 import math
-from typing import Final
+from typing import Any, Final
 
 from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
@@ -32,6 +32,27 @@ def write_title(axes: Axes, words: str, small_print: str = "") -> None:
         )
 
 
+def write_at(
+    axes: Axes,
+    text: str,
+    place: tuple[float, float],
+    *,
+    offset: tuple[float, float] = (0.0, 0.0),
+    **style: Any,
+) -> None:
+    """Write a text, some points beside a place in the units of the axes.
+
+    Args:
+        axes: The axes.
+        text: The text.
+        place: The place.
+        offset: How far to its right and above it, points.
+        **style: Of the text, as for ``Axes.annotate``; by default it has a halo.
+    """
+    style.setdefault("path_effects", [HALO])
+    axes.annotate(text, place, xytext=offset, textcoords="offset points", **style)
+
+
 def draw_scale_bar(axes: Axes) -> float:
     """Draw a scale bar in the lower left corner, and hide the numbers of the axes.
 
@@ -55,14 +76,8 @@ def draw_scale_bar(axes: Axes) -> float:
         label="scale",
         zorder=9,
     )
-    axes.annotate(
-        f"{length:g} m",
-        (x + length / 2, y),
-        xytext=(0, 3),
-        textcoords="offset points",
-        ha="center",
-        path_effects=[HALO],
-        zorder=9,
+    write_at(
+        axes, f"{length:g} m", (x + length / 2, y), offset=(0, 3), ha="center", zorder=9
     )
     axes.set_xticks([])
     axes.set_yticks([])

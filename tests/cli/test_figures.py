@@ -14,12 +14,9 @@ from processes import start_radarsim
 from radarsim.autonomy.mapping.export import commander_png
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.files import PICTURE_MARK
-from radarsim.lab.figures import beam_scatter as scatter
-from radarsim.lab.figures import bug_runs as bugs
 from radarsim.lab.figures import dust as readings
 from radarsim.lab.figures import foliage_wall as foliage
-from radarsim.lab.figures import maps as explored
-from radarsim.lab.figures import offset_rays as offsets
+from radarsim.lab.figures import rays, runs
 from radarsim.lab.figures.catalogue import FIGURES, NUMBERS
 from radarsim.lab.figures.figure import ScanSpec
 from radarsim.lab.figures.page import split_page
@@ -30,8 +27,8 @@ SHOTS = {
     "8": foliage.radar(5, 0),
     "10": foliage.radar(5, 100),
     "3": readings.scan_spec_for(readings.RADAR, "dust", 5),
-    "5b": scatter.scan_spec_for(5),
-    "11": offsets.scan_spec_for(5, 50, 1),
+    "5b": rays.scatter_spec(5),
+    "11": rays.offset_spec(5, 50, 1),
 }
 
 
@@ -118,8 +115,8 @@ def test_commands_in_captions_repeat_the_scans(radarsim: Command, number: str) -
 
 @pytest.mark.slow
 def test_commands_in_captions_repeat_the_runs(radarsim: Command) -> None:
-    run = bugs.run(bugs.CLOSED, Algorithm.BUG2, 1)
-    words = f"navigate --serve {bugs.CLOSED} --algorithm bug2 --seed 1 --json"
+    run = runs.run(runs.CLOSED, Algorithm.BUG2, 1)
+    words = f"navigate --serve {runs.CLOSED} --algorithm bug2 --seed 1 --json"
     told = json.loads(radarsim(*words.split()).text)
     assert told["path_length"] == pytest.approx(run.run_log.path_length, abs=1e-3)
     assert run.monitor is not None
@@ -131,7 +128,7 @@ def test_commands_in_captions_repeat_the_runs(radarsim: Command) -> None:
 def test_commands_in_captions_repeat_the_maps(
     radarsim: Command, tmp_path: Path
 ) -> None:
-    drive = explored.hokuyo(1, ((-6.0, 0.0), (-6.0, -1.0)))
+    drive = runs.hokuyo(1, ((-6.0, 0.0), (-6.0, -1.0)))
     run = drive.explore()
     words = shlex.split(drive.command.replace(" OUT ", f" {tmp_path}/map "))
     told = json.loads(radarsim(*words[1:], "--json").text)

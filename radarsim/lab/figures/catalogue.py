@@ -7,8 +7,6 @@ from functools import partial
 from typing import Final
 
 from radarsim.autonomy.navigation.algorithms import Algorithm
-from radarsim.lab.figures.beam_scatter import draw_scatter
-from radarsim.lab.figures.bug_runs import draw_bug
 from radarsim.lab.figures.dust import LASER, RADAR, draw_all_readings, draw_readings
 from radarsim.lab.figures.figure import DrawnFigure
 from radarsim.lab.figures.hedge import (
@@ -17,8 +15,8 @@ from radarsim.lab.figures.hedge import (
     draw_repeated_scans,
     draw_single_scans,
 )
-from radarsim.lab.figures.maps import draw_maps
-from radarsim.lab.figures.offset_rays import draw_offset_rays
+from radarsim.lab.figures.rays import draw_offset_rays, draw_scatter
+from radarsim.lab.figures.runs import draw_bug, draw_maps
 from radarsim.lab.figures.scenes import draw_test_map, draw_trial_scene
 from radarsim.processes import worker_pool
 
@@ -50,7 +48,7 @@ class FigureSpec:
         return f"figure_{digits:0>2}{self.number[len(digits) :]}.png"
 
 
-FIGURES: Final = (
+FIGURES: Final[tuple[FigureSpec, ...]] = (
     FigureSpec("1", "The trial scene", draw_trial_scene, 3),
     FigureSpec("2-5", "Dust blinds the laser and not the radar", draw_all_readings, 3),
     FigureSpec(

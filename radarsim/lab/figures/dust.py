@@ -4,7 +4,7 @@ Their captions count the readings in both airs.
 """
 
 from dataclasses import dataclass
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 import shapely
@@ -20,7 +20,7 @@ from radarsim.lab.figures.figure import (
     ROBOT,
     DrawnFigure,
     ScanSpec,
-    draw_small_print,
+    draw_legend,
     draw_title,
     load_scene,
     object_names,
@@ -44,16 +44,20 @@ SMOKE_CELL: Final = "cloud"  # the name of the dust in the map
 COUNT: Final = 10  # scans
 CELL: Final = 0.2  # m; readings that differ by no more are the same
 
-Mask = NDArray[np.bool_]
 NAMES: Final = {RADAR: "Radar", LASER: "Laser"}
 COLOURS: Final = {RADAR: palette.RADAR, LASER: palette.LASER}
 AIRS: Final = {"clear": "clear air", "dust": "heavy dust"}
-Samples: TypeAlias = dict[str, Line2D]  # of a legend, by their text
 READINGS: Final = "readings"  # label of their marks
 _EDGE: Final = 1.0  # m around all that is shown
 _BELOW: Final = 1.0  # m more below it, for the scale bar
 _OF_OBJECT: Final[Any] = {"marker": "o", "markersize": 3.2, "markeredgewidth": 0}
 _OF_DUST: Final[Any] = {"marker": "x", "markersize": 5, "markeredgewidth": 1.0}
+_RING: Final[Any] = {
+    "marker": "o",
+    "markerfacecolor": "none",
+    "markeredgecolor": MARKER,
+    "markersize": 9,
+}
 _SAMPLE: Final = 6.0  # points, of marks in the legend
 _OUTLINE: Final = 1.1  # points, around pale objects
 
@@ -93,11 +97,15 @@ def count_readings(sensor: str, air: str, seed: int) -> Counts:
     clear = scan_spec_for(sensor, "clear", seed).take()
     scans = scan_spec_for(sensor, air, seed).take()
     found = np.array([np.isfinite(scan.ranges) for scan in clear])
-    across = np.array([_crosses(scan) for scan in clear]) & found
-    with np.errstate(invalid="ignore"):  # inf - inf, of beams that are left out
-        pairs = zip(clear, scans, strict=True)
-        moved = np.array([np.abs(one.ranges - two.ranges) for one, two in pairs])
-    same = found & (moved <= CELL)
+    cloud = shapely.box(*dust_extent().ravel())
+    crossing = []
+    for scan in clear:
+        ends = scan_points(scan)
+        starts = np.broadcast_to(scan.pose.position()[:2], ends.shape)
+        lines = shapely.linestrings(np.stack([starts, ends], axis=1))
+        crossing.append(shapely.intersects(lines, cloud))
+    across = np.array(crossing) & found
+    same = found & np.array(list(map(_are_same, clear, scans)))
     answers = [object_names(scan) for scan in scans]
     names = {name for each in answers for name in each.tolist()} - {"", SMOKE_CELL}
     return Counts(
@@ -124,12 +132,10 @@ def dust_extent() -> Floats:
     return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
 
-def _crosses(scan: Scan) -> Mask:
-    """Return a mask (N,) of the readings whose beams cross the dust."""
-    ends = scan_points(scan)
-    starts = np.broadcast_to(scan.pose.position()[:2], ends.shape)
-    lines = shapely.linestrings(np.stack([starts, ends], axis=1))
-    return np.asarray(shapely.intersects(lines, shapely.box(*dust_extent().ravel())))
+def _are_same(one: Scan, other: Scan) -> NDArray[np.bool_]:
+    """Return which readings of two scans are the same, (N,)."""
+    with np.errstate(invalid="ignore"):  # inf - inf: a beam without return is not
+        return np.abs(one.ranges - other.ranges) <= CELL
 
 
 def draw_readings(seed: int, *, sensor: str, air: str) -> DrawnFigure:
@@ -137,24 +143,33 @@ def draw_readings(seed: int, *, sensor: str, air: str) -> DrawnFigure:
     shot = scan_spec_for(sensor, air, seed)
     counts = count_readings(sensor, air, seed)
     drawing = Figure(figsize=(9.6, 9.9), dpi=110)
-    axes = drawing.add_axes((0.01, 0.07, 0.98, 0.86))
-    samples = _draw_panel(axes, shot)
-    draw_title(drawing, f"{NAMES[sensor]} in {AIRS[air]}: {_verdict(counts)}")
-    _draw_small_print(drawing, f"{COUNT} scans by {sensor} in {shot.map}", samples)
-    who = f"{NAMES[sensor]} readings of the trial scene in {AIRS[air]}, {COUNT} scans."
+    samples = _draw_panel(drawing.add_axes((0.01, 0.07, 0.98, 0.86)), shot)
+    draw_title(
+        drawing,
+        f"{NAMES[sensor]} in {AIRS[air]}: {_verdict(counts)}",
+        f"{COUNT} scans by {sensor} in {shot.map}",
+    )
+    draw_legend(drawing, samples, 11)
+    if air == "clear":
+        found = "Every object is read; where nothing stands, nothing comes back."
+    elif counts.unchanged > 0.9 * counts.crossing:
+        found = "The dust does not trouble it."
+    else:
+        found = "It sees the dust instead of what is behind."
     return DrawnFigure(
-        (drawing,),
-        f"{who} {_conclusion(counts, dusty=air != 'clear')}",
+        drawing,
+        f"{NAMES[sensor]} readings of the trial scene in {AIRS[air]}, {COUNT} scans."
+        f" {found}",
         (shot.command,),
-        _details(shot, counts, dusty=air != "clear"),
+        _details(shot, counts),
     )
 
 
 def draw_all_readings(seed: int) -> DrawnFigure:
     """Draw figures 2 to 5 as one panel of two rows and two columns."""
     drawing = Figure(figsize=(12.4, 12.6), dpi=110)
-    samples: Samples = {}
-    commands, details = [], []
+    samples: dict[str, Line2D] = {}
+    commands, details, read = [], [], []
     for row, sensor in enumerate(NAMES):
         for column, air in enumerate(AIRS):
             place = (0.005 + 0.5 * column, 0.5 - 0.455 * row, 0.49, 0.415)
@@ -165,15 +180,17 @@ def draw_all_readings(seed: int) -> DrawnFigure:
             title = f"{NAMES[sensor]}, {AIRS[air]}: {_verdict(counts)}"
             axes.set_title(title, fontsize=13, loc="left", fontweight="bold")
             commands.append(shot.command)
-            told = _details(shot, counts, dusty=air != "clear")
-            details.append(f"{NAMES[sensor]}, {AIRS[air]}: {told}")
-    dusty = [count_readings(sensor, "dust", seed) for sensor in (RADAR, LASER)]
-    read, missed = (counts.objects for counts in dusty)
-    everything = f"{read} of {dusty[0].all_objects} objects"
-    draw_title(drawing, f"In dust the radar reads {everything}, the laser {missed}")
-    _draw_small_print(drawing, f"{COUNT} scans each, in {MAP}", samples)
+            details.append(f"{NAMES[sensor]}, {AIRS[air]}: {_details(shot, counts)}")
+        read.append(counts.objects)  # in dust, the last air
+    everything = f"{read[0]} of {counts.all_objects} objects"
+    draw_title(
+        drawing,
+        f"In dust the radar reads {everything}, the laser {read[1]}",
+        f"{COUNT} scans each, in {MAP}",
+    )
+    draw_legend(drawing, samples, 11)
     return DrawnFigure(
-        (drawing,),
+        drawing,
         "Radar (above) and laser (below) read the trial scene in clear air (left) and"
         " through heavy dust (right). The radar reads the same in both; the laser reads"
         " the near edge of the dust and misses what is behind it.",
@@ -186,19 +203,11 @@ def _verdict(counts: Counts) -> str:
     return f"{counts.objects} of {counts.all_objects} objects read"
 
 
-def _conclusion(counts: Counts, *, dusty: bool) -> str:
-    if not dusty:
-        return "Every object is read; where nothing stands, nothing comes back."
-    if counts.unchanged > 0.9 * counts.crossing:
-        return "The dust does not trouble it."
-    return "It sees the dust instead of what is behind."
-
-
-def _details(shot: ScanSpec, counts: Counts, *, dusty: bool) -> str:
-    step = shot.scanner.settings.resolution_deg
+def _details(shot: ScanSpec, counts: Counts) -> str:
+    settings = shot.scanner.settings
+    step, noise = settings.resolution_deg, settings.range_noise
     taken = f"{COUNT} scans by {WHO[shot.sensor]}, a beam every {step:g}°."
-    if not dusty:
-        noise = shot.scanner.settings.range_noise
+    if shot.map == MAP:
         return (
             f"{taken} {counts.objects} of {counts.all_objects} objects are"
             f" read, in {counts.clear} readings."
@@ -213,37 +222,10 @@ def _details(shot: ScanSpec, counts: Counts, *, dusty: bool) -> str:
     )
 
 
-def _draw_panel(axes: Axes, shot: ScanSpec) -> Samples:
+def _draw_panel(axes: Axes, shot: ScanSpec) -> dict[str, Line2D]:
     """Draw dust, pale objects, robot and readings; return samples by their text."""
     draw_plan(axes, load_scene(MAP), shot.pose.z)
-    _pale_objects(axes)
-    draw_robot(axes, ROBOT, shot.robot)
-    samples: Samples = {}
-    if shot.map != MAP:
-        _draw_dust(axes)
-        samples |= _draw_missed(axes, shot)
-    of_objects, of_dust = _readings(shot.take())
-    who, colour = f"{NAMES[shot.sensor].lower()} reading", COLOURS[shot.sensor]
-    text = f"{who} of an object"
-    samples = {text: _mark(axes, of_objects, colour, _OF_OBJECT)} | samples
-    if len(of_dust):
-        sample = _mark(axes, of_dust, colour, _OF_DUST)
-        samples = {f"{who} of the dust": sample} | samples
-    _frame(axes, shot)
-    return samples
-
-
-def _mark(axes: Axes, points: Floats, colour: str, style: dict[str, Any]) -> Line2D:
-    """Mark readings, (N, 2) m, over the objects; return a sample."""
-    axes.plot(
-        *points.T, linestyle="none", color=colour, zorder=3.5, label=READINGS, **style
-    )
-    sample = style | {"markersize": _SAMPLE}
-    return Line2D([], [], linestyle="none", color=colour, **sample)
-
-
-def _pale_objects(axes: Axes) -> None:
-    """Make the objects of a plan pale and outlined, so that readings show on them."""
+    # Objects are pale and outlined, so that readings show on them.
     for patch in axes.patches:
         if isinstance(patch, PathPatch):
             red, green, blue, opacity = to_rgba(patch.get_facecolor())
@@ -251,70 +233,44 @@ def _pale_objects(axes: Axes) -> None:
             patch.set_edgecolor(colour)
             patch.set_facecolor((*to_rgb(palette.paler(colour)), opacity))
             patch.set_linewidth(_OUTLINE)
-
-
-def _draw_dust(axes: Axes) -> None:
-    low, high = dust_extent()
-    wide, tall = high - low
-    style = area_style(Family.SMOKE)
-    axes.add_patch(Rectangle(low, wide, tall, zorder=0.5, **style))
-    x, y = ((low + high) / 2).tolist()
-    axes.text(x, y, "dust", ha="center", va="center", fontsize="large")
-
-
-def _draw_missed(axes: Axes, shot: ScanSpec) -> Samples:
-    """Draw rings around the readings of clear air that dust changes."""
-    missed = _missed(shot)
-    if not len(missed):
-        return {}
-    style: dict[str, Any] = {
-        "markerfacecolor": "none",
-        "markeredgecolor": MARKER,
-        "markersize": 9,
-    }
-    axes.plot(*missed.T, "o", linestyle="none", zorder=3, **style)
-    sample = Line2D([], [], marker="o", linestyle="none", **style)
-    return {"read in clear air, missed in dust": sample}
-
-
-def _readings(scans: list[Scan]) -> tuple[Floats, Floats]:
-    """Return the readings of objects and those of the dust, (N, 2) m each."""
+    draw_robot(axes, ROBOT, shot.robot)
+    scans = shot.take()
+    samples: dict[str, Line2D] = {}
+    if shot.map != MAP:
+        low, high = dust_extent()
+        wide, tall = high - low
+        style = area_style(Family.SMOKE)
+        axes.add_patch(Rectangle(low, wide, tall, zorder=0.5, **style))
+        x, y = ((low + high) / 2).tolist()
+        axes.text(x, y, "dust", ha="center", va="center", fontsize="large")
+        # Rings around the readings of a scan in clear air that dust changes.
+        (clear, *_) = scan_spec_for(shot.sensor, "clear", shot.seed).take()
+        changed = np.isfinite(clear.ranges) & ~_are_same(clear, scans[0])
+        if changed.any():
+            missed = scan_points(clear)[changed]
+            axes.plot(*missed.T, linestyle="none", zorder=3, **_RING)
+            sample = Line2D([], [], linestyle="none", **_RING)
+            samples["read in clear air, missed in dust"] = sample
     points = np.concatenate([scan_points(scan) for scan in scans])
     names = np.concatenate([object_names(scan) for scan in scans])
     of_dust = names == SMOKE_CELL
-    return points[(names != "") & ~of_dust], points[of_dust]
-
-
-def _missed(shot: ScanSpec) -> Floats:
-    """Return the readings of a scan in clear air that dust changes, (N, 2) m."""
-    (clear, *_), (dusty, *_) = (
-        scan_spec_for(shot.sensor, "clear", shot.seed).take(),
-        shot.take(),
-    )
-    with np.errstate(invalid="ignore"):  # inf - inf, of beams that are left out
-        same = np.abs(clear.ranges - dusty.ranges) <= CELL
-    return scan_points(clear)[np.isfinite(clear.ranges) & ~same]
-
-
-def _frame(axes: Axes, shot: ScanSpec) -> None:
-    """Set the limits, the same for all panels."""
+    who, colour = f"{NAMES[shot.sensor].lower()} reading", COLOURS[shot.sensor]
+    for text, chosen, style in (
+        (f"{who} of an object", (names != "") & ~of_dust, _OF_OBJECT),
+        (f"{who} of the dust", of_dust, _OF_DUST),
+    ):
+        if not chosen.any():
+            continue
+        look = {"linestyle": "none", "color": colour, **style}
+        axes.plot(*points[chosen].T, zorder=3.5, label=READINGS, **look)
+        # the last is the first in the legend
+        samples = {text: Line2D([], [], **look | {"markersize": _SAMPLE})} | samples
+    # The limits are the same for all panels.
     corners = [part.vertices[:, :2] for part in trial_parts()]
-    ends = np.concatenate([*corners, dust_extent(), [shot.pose.position()[:2]]])
-    low, high = ends.min(axis=0) - _EDGE, ends.max(axis=0) + _EDGE
+    everything = np.concatenate([*corners, dust_extent(), [shot.pose.position()[:2]]])
+    low, high = everything.min(axis=0) - _EDGE, everything.max(axis=0) + _EDGE
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1] - _BELOW, high[1])
     axes.set_axis_off()
     draw_scale_bar(axes)
-
-
-def _draw_small_print(drawing: Figure, text: str, samples: Samples) -> None:
-    """Write a text below the title, and the legend at the bottom."""
-    draw_small_print(drawing, text)
-    drawing.legend(
-        list(samples.values()),
-        list(samples),
-        loc="lower center",
-        ncols=len(samples),
-        fontsize=11,
-        frameon=False,
-    )
+    return samples

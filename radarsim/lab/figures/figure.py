@@ -4,7 +4,7 @@ Each scan knows the command that repeats it.
 """
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Final
@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib import image
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from radarsim.errors import expected_one_of
@@ -27,10 +28,8 @@ from radarsim.sensors.scan import Scan
 
 ROBOT = "P3AT"
 START = "RobotStart1"
-_WHITE: Final = 255
-_GAP: Final = 24  # pixels between drawings
-TITLE_GAP: Final = 0.16  # inches above the title
-TITLE_SIZE: Final = 17  # points
+_TITLE_GAP: Final = 0.16  # inches above the title
+_TITLE_SIZE: Final = 17  # points
 _SMALL_PRINT: Final = 0.52  # inches from the top
 
 
@@ -59,7 +58,9 @@ class ScanSpec:
         """Command that takes the same scans."""
         words = ["radarsim scan", self.map, "--sensor", self.sensor]
         for key, value in self.settings:
-            words += ["--set", f"{key}={_as_text(value)}"]
+            values = value if isinstance(value, tuple) else (value,)
+            text = ",".join(v if isinstance(v, str) else f"{v:g}" for v in values)
+            words += ["--set", f"{key}={text}"]
         words += ["--start", self.start, "--seed", str(self.seed)]
         if self.count > 1:
             words += ["--count", str(self.count)]
@@ -125,43 +126,39 @@ def object_names(scan: Scan) -> NDArray[np.str_]:
     return np.where(np.isfinite(scan.ranges), names, "")
 
 
-def _as_text(value: str | float | tuple[float, ...]) -> str:
-    if isinstance(value, tuple):
-        return ",".join(f"{each:g}" for each in value)
-    return value if isinstance(value, str) else f"{value:g}"
-
-
 @dataclass(frozen=True, slots=True)
 class DrawnFigure:
     """A figure that has been drawn, with its caption.
 
     Attributes:
-        drawings: Drawings, one below the other.
+        drawing: The drawing.
         caption: What the figure shows and what to see in it, in two sentences.
         commands: Commands that take the same scans, drive the same path or show more.
         details: The measured numbers, in sentences; a line for each paragraph.
     """
 
-    drawings: tuple[Figure, ...]
+    drawing: Figure
     caption: str
     commands: tuple[str, ...] = ()
     details: str = ""
 
     @property
     def headline(self) -> str:
-        """What is written above the drawings, or above their panels."""
-        texts = [
-            text.get_text() for drawing in self.drawings for text in drawing.texts[:1]
-        ]
-        panels = [axes for drawing in self.drawings for axes in drawing.axes]
-        titles = [axes.get_title(loc="left") for axes in panels]
+        """What is written above the drawing, or above its panels."""
+        texts = [text.get_text() for text in self.drawing.texts[:1]]
+        titles = [axes.get_title(loc="left") for axes in self.drawing.axes]
         return "; ".join(texts or filter(None, titles))
 
     def as_png(self) -> bytes:
         """Return the content of a PNG file; equal drawings give equal bytes."""
-        pixels = _stack([_rasterise(drawing) for drawing in self.drawings])
+        flat = io.BytesIO()
+        FigureCanvasAgg(self.drawing).print_figure(flat, format="rgba")
+        width, height = self.drawing.canvas.get_width_height()
+        pixels = np.frombuffer(flat.getvalue(), np.uint8).reshape(height, width, 4)
         data = io.BytesIO()
-        image.imsave(data, pixels, format="png", metadata={"Software": "radarsim"})
+        # without the opacity, as all of it is opaque
+        rgb = np.ascontiguousarray(pixels[:, :, :3])
+        image.imsave(data, rgb, format="png", metadata={"Software": "radarsim"})
         return data.getvalue()
 
 
@@ -170,40 +167,31 @@ def png_size(png: bytes) -> tuple[int, int]:
     return int.from_bytes(png[16:20], "big"), int.from_bytes(png[20:24], "big")
 
 
-def _rasterise(drawing: Figure) -> NDArray[np.uint8]:
-    data = io.BytesIO()
-    FigureCanvasAgg(drawing).print_figure(data, format="rgba")
-    width, height = drawing.canvas.get_width_height()
-    flat = np.frombuffer(data.getvalue(), np.uint8)
-    return flat.reshape(height, width, 4)[:, :, :3]
-
-
-def _stack(pictures: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
-    """Stack pictures vertically, padded with white on the right."""
-    width = max(picture.shape[1] for picture in pictures)
-    rows = [
-        np.pad(
-            picture,
-            (
-                (_GAP if number else 0, 0),
-                (0, width - picture.shape[1]),
-                (0, 0),
-            ),
-            constant_values=_WHITE,
-        )
-        for number, picture in enumerate(pictures)
-    ]
-    return np.concatenate(rows)
-
-
-def draw_title(drawing: Figure, text: str) -> None:
-    """Write the title of a figure at its upper left."""
+def draw_title(drawing: Figure, text: str, small_print: str = "") -> None:
+    """Write the title of a figure at its upper left, and a small text below it."""
     _, height = drawing.get_size_inches()
-    place = (0.02, 1 - TITLE_GAP / height)
-    drawing.text(*place, text, va="top", fontsize=TITLE_SIZE, fontweight="bold")
+    top = 1 - _TITLE_GAP / height
+    drawing.text(0.02, top, text, va="top", fontsize=_TITLE_SIZE, fontweight="bold")
+    if small_print:
+        top = 1 - _SMALL_PRINT / height
+        drawing.text(0.02, top, small_print, va="top", color=QUIET)
 
 
-def draw_small_print(drawing: Figure, text: str) -> None:
-    """Write a text below the title of a figure."""
-    _, height = drawing.get_size_inches()
-    drawing.text(0.02, 1 - _SMALL_PRINT / height, text, va="top", color=QUIET)
+def draw_legend(
+    drawing: Figure, samples: Mapping[str, Line2D], size: float | str | None = None
+) -> None:
+    """Draw a legend at the bottom of a figure, in one row.
+
+    Args:
+        drawing: The figure.
+        samples: Samples by their texts.
+        size: Font size; by default that of matplotlib.
+    """
+    drawing.legend(
+        list(samples.values()),
+        list(samples),
+        loc="lower center",
+        ncols=len(samples),
+        fontsize=size,
+        frameon=False,
+    )

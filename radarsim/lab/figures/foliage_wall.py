@@ -5,14 +5,14 @@ The plan of that map is the background of figures 6 to 12.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from radarsim.lab.figures.figure import ROBOT, ScanSpec, hit_points, object_names
-from radarsim.plotting.annotations import HALO, as_words, draw_scale_bar
+from radarsim.plotting.annotations import as_words, draw_scale_bar, write_at
 from radarsim.plotting.plan import draw_plan, draw_robot
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Part, Scene
@@ -24,8 +24,6 @@ FAR: Final = 80.0  # m; the Hokuyo's maximum range in these figures
 COUNT: Final = 20  # scans of figures 9 and 10
 STEP: Final = 0.2  # m; ranges that differ by more count as different
 _PLACES: Final = (np.arange(-9.5, -1.4, 1.0), np.arange(-5.5, 5.6, 1.0))  # x, y in m
-FRAME: Final = (0.01, 0.06, 0.98, 0.87)  # of the axes in a figure of SIZE
-SIZE: Final = (12, 8.2)  # inches
 _EDGE: Final = 0.45  # m around the room
 _BELOW: Final = 0.6  # m more below it, for the scale bar
 
@@ -147,8 +145,8 @@ def count_changes(scene: Scene, scans: Sequence[Scan]) -> Changes:
 
 def new_sheet() -> tuple[Figure, Axes]:
     """Return a figure for the test map, and its axes."""
-    drawing = Figure(figsize=SIZE, dpi=120)
-    return drawing, drawing.add_axes(FRAME)
+    drawing = Figure(figsize=(12, 8.2), dpi=120)
+    return drawing, drawing.add_axes((0.01, 0.06, 0.98, 0.87))
 
 
 def draw_room(axes: Axes, shot: ScanSpec) -> None:
@@ -173,13 +171,6 @@ def name_hidden_objects(axes: Axes, scene: Scene) -> None:
     """Write the names of the objects behind the bushes to their right."""
     for part in hidden_parts(scene):
         low, high = part.vertices.min(axis=0), part.vertices.max(axis=0)
-        axes.annotate(
-            as_words(part.object_name),
-            (high[0], (low[1] + high[1]) / 2),
-            xytext=(5, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize="large",
-            path_effects=[HALO],
-            zorder=8,
-        )
+        text, place = as_words(part.object_name), (high[0], (low[1] + high[1]) / 2)
+        style: Any = {"va": "center", "fontsize": "large", "zorder": 8}
+        write_at(axes, text, place, offset=(5, 0), **style)

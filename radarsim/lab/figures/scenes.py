@@ -1,17 +1,23 @@
-"""Figures 1 and 6: views of the maps."""
+"""Figures 1 and 6: the maps, in sunlight, obliquely and from above.
+
+Triangles are painted from the farthest to the nearest (painter's algorithm), ordered by
+their middles; large triangles are subdivided first, so that this order is right.
+"""
 
 import math
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-from radarsim.geometry import Floats, Pose3
+from radarsim.geometry import Floats, Pose2
 from radarsim.lab.figures.figure import (
     ROBOT,
     DrawnFigure,
@@ -25,25 +31,63 @@ from radarsim.lab.figures.foliage_wall import (
     new_sheet,
     show_room,
 )
-from radarsim.lab.figures.scene_view import (
-    ABOVE,
-    View,
-    draw_solids,
-    robot_parts,
-)
-from radarsim.plotting.annotations import HALO, as_words
+from radarsim.lab.plants.figure import brightness, painted_triangles
+from radarsim.plotting import palette
+from radarsim.plotting.annotations import as_words, write_at
+from radarsim.plotting.palette import colour_of
 from radarsim.plotting.plan import draw_robot
-from radarsim.presets.robots import load_robot
+from radarsim.presets.robots import RobotModel, load_robot
 from radarsim.robots.obstacles import slice_parts
+from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
+from radarsim.scene.shapes import Mesh, box, cylinder
 from radarsim.sensors.range_scanner import load_sensor
 
 TRIAL: Final = "marulan_trial"
 ROOM: Final = "foliage_room"
-GROUND: Final = frozenset({"ground", "floor"})
-OBLIQUE: Final = View(math.radians(-101), math.radians(33))  # x is right
+_GROUND: Final = frozenset({"ground", "floor"})
 _EDGE: Final = 1.2  # m around what is shown
 _SMALL: Final = 9.0  # points
+_ROBOT: Final = "robot"  # of the parts of a robot
+_HULL, _DARK = Material("hull"), Material("tyre")
+_TYRE_WIDTH: Final = 0.09  # m
+_DECK_HEIGHT: Final = 0.03  # m
+_CLEARANCE: Final = 0.06  # m between the floor and the body
+SUN: Final = np.array([-0.62, 0.22, 0.75])  # to the light: above left in a plan
+_SHADE: Final = 0.78  # brightness of the ground in shadows
+_LARGEST: Final = 2.0  # m, of sides of triangles that are painted obliquely
+_FINE: Final = 0.08  # m; the same of a robot, whose parts are close together
+_SEAM: Final = 0.6  # points; lines that close seams between triangles
+_PALER: Final = 0.65  # share of white in the colour of the ground
+_FLAT: Final = 0.05  # m above the lowest start, up to which a part is ground
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """Direction of an orthographic view.
+
+    Attributes:
+        azimuth: Azimuth of the viewer, rad, counter-clockwise from the map's x axis.
+        elevation: Elevation of the viewer above the horizon, rad.
+    """
+
+    azimuth: float
+    elevation: float
+
+    def project(self, points: Floats) -> Floats:
+        """Return right, up and depth towards the viewer of points, (..., 3) m each."""
+        c, s = math.cos(self.azimuth), math.sin(self.azimuth)
+        low, high = math.cos(self.elevation), math.sin(self.elevation)
+        axes = np.array(
+            [[-s, c, 0.0], [-high * c, -high * s, low], [low * c, low * s, high]]
+        )
+        return np.asarray(points @ axes.T)
+
+
+ABOVE: Final = View(-math.pi / 2, math.pi / 2)  # x to the right, y up
+
+
+OBLIQUE: Final = View(math.radians(-101), math.radians(33))  # x is right
 
 
 def draw_trial_scene(seed: int) -> DrawnFigure:
@@ -52,18 +96,29 @@ def draw_trial_scene(seed: int) -> DrawnFigure:
     drawing = Figure(figsize=(16, 6.9), dpi=110)
     oblique = drawing.add_axes((0.005, 0.02, 0.605, 0.87))
     plan = drawing.add_axes((0.655, 0.09, 0.34, 0.8))
+    parts = named_parts(scene)
     _draw_oblique(oblique, scene)
     _draw_plan(plan, scene)
-    _label(plan, named_parts(scene), letter=0.38)
+    _label(plan, parts, letter=0.38)
     plan.set_xlim(right=plan.get_xlim()[1] + 4.5)  # for the names
     draw_title(drawing, "The trial scene: poles, boxes and plants on open ground")
+    stems = (re.sub(r"_\d+$", "", part.object_name) for part in parts)
+    kinds = {"pole": "poles", "post": "poles"}
+    kinds |= dict.fromkeys(("block", "crate", "cabinet"), "boxes")
+    counts = Counter(kinds.get(stem, "plants") for stem in stems)
+    sensor = ScanSpec(TRIAL, "radar", seed).pose.position()[:2]
+    places = [part.vertices[:, :2] - sensor for part in parts]
+    away = [float(np.hypot(*place.T).min()) for place in places]
     return DrawnFigure(
-        (drawing,),
+        drawing,
         "The trial scene, made after the static trial of the Marulan data sets,"
         " obliquely and from above. Figures 2 to 5 are readings of it, taken by the"
         " robot on the left.",
         (f"radarsim check {TRIAL}",),
-        _trial_details(scene, ScanSpec(TRIAL, "radar", seed).pose),
+        f"{counts['poles']} poles, {counts['boxes']} boxes and {counts['plants']}"
+        f" plants stand {min(away):.0f} to {max(away):.0f} m from the sensor of the"
+        f" {ROBOT}. Nothing else is there, so a beam"
+        " that passes all of them does not come back.",
     )
 
 
@@ -75,23 +130,43 @@ def draw_test_map(seed: int) -> DrawnFigure:
     show_room(plan, scene)
     objects = [part for part in named_parts(scene) if "wall" not in part.object_name]
     _label(plan, objects, letter=0.15)
-    hidden = len(hidden_parts(scene))
+    hidden, bushes = len(hidden_parts(scene)), bush_parts(scene)
     draw_title(
         drawing, f"The test map: a wall of bushes, and {hidden} things behind it"
     )
+    # inside of the walls, m
+    walls = {part.object_name: part.vertices for part in scene.parts}
+    wide = walls["east_wall"][:, 0].min() - walls["west_wall"][:, 0].max()
+    deep = walls["north_wall"][:, 1].min() - walls["south_wall"][:, 1].max()
+    height = ScanSpec(ROOM, "radar", seed).pose.z
+    cuts = [slice_parts([bush], height).reshape(-1, 2) for bush in bushes]
+    thick = max(float(np.ptp(cut[:, 0])) for cut in cuts)
+    power = load_sensor("radar").settings.penetration_power
+    density = bushes[0].material.density
     return DrawnFigure(
-        (drawing,),
+        drawing,
         "The test map from above, with the robot at its start. Every straight line"
         " from one side to the other goes through leaves, more or less deep.",
         (f"radarsim check {ROOM}",),
-        _map_details(scene, ScanSpec(ROOM, "radar", seed).pose),
+        f"A room of {wide:.1f} by {deep:.1f} m. A wall of {len(bushes)} spherical"
+        f" bushes parts it from side to side; behind it stand {hidden} things to"
+        " discover. The spheres overlap at the height of the sensor, so that every"
+        " straight line goes through leaves: next to none at their edges,"
+        f" {thick:.2f} m in the middle of the largest. The radar's beams get through"
+        f" {power / density:.2f} m. To a laser it is a solid wall.",
     )
+
+
+def named_parts(scene: Scene) -> list[Part]:
+    """Return one part of each object that stands on the ground."""
+    parts = {part.object_name: part for part in scene.parts}
+    return [part for name, part in parts.items() if name not in _GROUND]
 
 
 def _draw_oblique(axes: Axes, scene: Scene) -> None:
     """Draw a scene and a robot at its first start obliquely, with names."""
-    model, pose = load_robot(ROBOT), ScanSpec(scene.name, "radar", 0).robot
-    robot = robot_parts(model, pose)
+    pose = ScanSpec(scene.name, "radar", 0).robot
+    robot = robot_parts(load_robot(ROBOT), pose)
     draw_solids(axes, replace(scene, parts=(*scene.parts, *robot)), OBLIQUE)
     _show(axes, OBLIQUE.project(_corners(scene))[:, :2])
     axes.set_axis_off()
@@ -100,68 +175,10 @@ def _draw_oblique(axes: Axes, scene: Scene) -> None:
         low, high = part.vertices.min(axis=0), part.vertices.max(axis=0)
         middle = (low + high) / 2
         x, y, _ = OBLIQUE.project(np.array([middle[0], middle[1], high[2]]))
-        axes.annotate(
-            as_words(name),
-            (x, y),
-            xytext=(0, 5),
-            textcoords="offset points",
-            ha="center",
-            fontsize=_SMALL,
-            path_effects=[HALO],
-            zorder=6,
+        words = as_words(name)
+        write_at(
+            axes, words, (x, y), offset=(0, 5), ha="center", fontsize=_SMALL, zorder=6
         )
-
-
-def named_parts(scene: Scene) -> list[Part]:
-    """Return one part of each object that stands on the ground."""
-    parts = {part.object_name: part for part in scene.parts}
-    return [part for name, part in parts.items() if name not in GROUND]
-
-
-def _trial_details(scene: Scene, sensor: Pose3) -> str:
-    parts = named_parts(scene)
-    counts = Counter(_kind(part.object_name) for part in parts)
-    solids = ", ".join(f"{counts[kind]} {kind}" for kind in ("poles", "boxes"))
-    places = [part.vertices[:, :2] - sensor.position()[:2] for part in parts]
-    away = [float(np.hypot(*place.T).min()) for place in places]
-    return (
-        f"{solids} and {counts['plants']} plants"
-        f" stand {min(away):.0f} to {max(away):.0f} m from the sensor of the"
-        f" {ROBOT}. Nothing else is there, so a beam"
-        " that passes all of them does not come back."
-    )
-
-
-def _kind(name: str) -> str:
-    """Return the category of an object by its name."""
-    stem = re.sub(r"_\d+$", "", name)
-    kinds = {"pole": "poles", "post": "poles"}
-    boxes = {"block": "boxes", "crate": "boxes", "cabinet": "boxes"}
-    return {**kinds, **boxes}.get(stem, "plants")
-
-
-def _map_details(scene: Scene, sensor: Pose3) -> str:
-    (wide, tall), bushes = _inside(scene), bush_parts(scene)
-    cuts = [slice_parts([bush], sensor.z).reshape(-1, 2) for bush in bushes]
-    thick = max(float(np.ptp(split_rays[:, 0])) for split_rays in cuts)
-    hidden = len(hidden_parts(scene))
-    depth = load_sensor("radar").settings.penetration_power / bushes[0].material.density
-    return (
-        f"A room of {wide:.1f} by {tall:.1f} m. A wall of {len(bushes)} spherical"
-        f" bushes parts it from side to side; behind it stand {hidden} things to"
-        " discover. The spheres overlap at the height of the sensor, so that every"
-        " straight line goes through leaves: next to none at their edges,"
-        f" {thick:.2f} m in the middle of the largest. The radar's beams get through"
-        f" {depth:.2f} m. To a laser it is a solid wall."
-    )
-
-
-def _inside(scene: Scene) -> tuple[float, float]:
-    """Return the inner width and depth of a room, m."""
-    parts = {part.object_name: part.vertices for part in scene.parts}
-    wide = parts["east_wall"][:, 0].min() - parts["west_wall"][:, 0].max()
-    deep = parts["north_wall"][:, 1].min() - parts["south_wall"][:, 1].max()
-    return float(wide), float(deep)
 
 
 def _draw_plan(axes: Axes, scene: Scene) -> None:
@@ -201,7 +218,8 @@ def _label(axes: Axes, parts: Sequence[Part], *, letter: float) -> None:
         parts: One part of each object to label.
         letter: Width of a letter, m.
     """
-    boxes = [_box(part) for part in parts]
+    places = [part.vertices[:, :2] for part in parts]
+    boxes = [(*xy.min(axis=0).tolist(), *xy.max(axis=0).tolist()) for xy in places]
     for part, (west, south, east, north) in zip(parts, boxes, strict=True):
         text, middle = part.object_name, (south + north) / 2
         end, up, down = east + letter * len(text), middle + letter, middle - letter
@@ -211,22 +229,167 @@ def _label(axes: Axes, parts: Sequence[Part], *, letter: float) -> None:
         _name(axes, text, west if covered else east, middle, on_left=covered)
 
 
-def _box(part: Part) -> tuple[float, float, float, float]:
-    """Return the lower and upper x, y of a part, m."""
-    low, high = part.vertices.min(axis=0), part.vertices.max(axis=0)
-    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
-
-
 def _name(axes: Axes, text: str, x: float, y: float, *, on_left: bool = False) -> None:
     """Write a text on the right or left of a place."""
-    axes.annotate(
+    write_at(
+        axes,
         as_words(text),
         (x, y),
-        xytext=(-3 if on_left else 3, 0),
-        textcoords="offset points",
+        offset=(-3 if on_left else 3, 0),
         ha="right" if on_left else "left",
         va="center",
         fontsize=_SMALL,
-        path_effects=[HALO],
         zorder=6,
     )
+
+
+def robot_parts(model: RobotModel, pose: Pose2) -> tuple[Part, ...]:
+    """Return the body, the deck, the scanner and the wheels of a robot.
+
+    Args:
+        model: The robot class.
+        pose: Pose of the robot on the floor, map frame.
+    """
+    top = 2 * model.origin_height
+    inside = model.wheel_separation - _TYRE_WIDTH
+    across = model.wheel_separation + _TYRE_WIDTH
+    body = box(model.length, inside, top - _CLEARANCE)
+    deck = box(model.length, across, _DECK_HEIGHT)
+    scanner = cylinder(_TYRE_WIDTH, model.height - top)
+    ahead = model.items_of("RangeScanner")[0].mount.x
+    pieces: list[tuple[Material, Mesh, tuple[float, float, float]]] = [
+        (_HULL, body, (0.0, 0.0, (top + _CLEARANCE) / 2)),
+        (_DARK, deck, (0.0, 0.0, top + _DECK_HEIGHT / 2)),
+        (_HULL, scanner, (ahead - _TYRE_WIDTH, 0.0, (top + model.height) / 2)),
+    ]
+    upright, faces = cylinder(model.wheel_radius, _TYRE_WIDTH)
+    x, y, z = upright.T
+    wheel = np.column_stack([x, -z, y]), faces  # around the y axis
+    for fore in (-1, 1):
+        for side in (-1, 1):
+            axle, left = fore * model.wheel_base, side * model.wheel_separation
+            pieces.append((_DARK, wheel, (axle / 2, left / 2, model.wheel_radius)))
+    c, s = np.cos(pose.yaw), np.sin(pose.yaw)
+    turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])  # of rows
+    moved = np.array([pose.x, pose.y, 0.0])
+    return tuple(
+        Part(_ROBOT, material, (vertices + np.array(place)) @ turn + moved, faces)
+        for material, (vertices, faces), place in pieces
+    )
+
+
+def ground_colour(scene: Scene) -> Floats:
+    """Return the colour of the painted floor, RGB (3,)."""
+    colour = colour_of(_ground_and_rest(scene)[0][0].material)
+    level = np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
+    lit = brightness(level, SUN)[0] * np.array(to_rgb(colour))
+    return np.asarray(_PALER + (1 - _PALER) * lit)
+
+
+def draw_solids(axes: Axes, scene: Scene, view: View) -> None:
+    """Draw a scene in sunlight: its floor, the shadows on it, then the objects.
+
+    Walls around a room cast no shadow into it.
+    """
+    ground, rest = _ground_and_rest(scene)
+    if ground:
+        axes.add_collection(_painting(ground, view, math.inf, _PALER, zorder=0))
+        low, high = scene.bounds[:, :2]
+        casting = [
+            part
+            for part in rest
+            if (part.vertices[:, :2].min(axis=0) > low).all()
+            and (part.vertices[:, :2].max(axis=0) < high).all()
+        ]
+        axes.add_collection(_shadows(ground, casting, view))
+    largest = math.inf if view == ABOVE else _LARGEST
+    axes.add_collection(_painting(rest, view, largest, 0.0, zorder=1))
+    axes.set_aspect("equal")
+
+
+def _ground_and_rest(scene: Scene) -> tuple[list[Part], list[Part]]:
+    flat = min((start.pose.z for start in scene.starts), default=0.0) + _FLAT
+    ground = [part for part in scene.parts if _top(part) <= flat]
+    return ground, [part for part in scene.parts if _top(part) > flat]
+
+
+def _top(part: Part) -> float:
+    return float(part.vertices[:, 2].max(initial=-math.inf))
+
+
+def _painting(
+    parts: Sequence[Part],
+    view: View,
+    largest: float,
+    paler: float,
+    *,
+    zorder: int,
+) -> PolyCollection:
+    """Create the polygons of parts.
+
+    Args:
+        parts: What is painted.
+        view: Direction to see it from.
+        largest: Sides of triangles that are longer are cut, m. What lies flat or is
+            seen from right above is in order without cuts, whose seams would show.
+        paler: Share of white in colours.
+        zorder: Z-order in the axes.
+    """
+    corners, shades = [], []
+    for part in parts:
+        is_robot = part.object_name == _ROBOT
+        triangles = _cut(part.vertices[part.faces], _FINE if is_robot else largest)
+        colour = colour_of(part.material)
+        if is_robot:  # as in plans
+            colour = palette.MARKER if part.material == _DARK else palette.ROBOT
+        # leaves are lit from both sides
+        thin = part.material.sheet_loss is not None
+        light = brightness(triangles, SUN, both_sides=thin)
+        corners.append(triangles)
+        shades.append(light[:, None] * np.array(to_rgb(colour)))
+    seen = view.project(np.concatenate(corners))
+    order = np.argsort(seen[:, :, 2].mean(axis=1), kind="stable")
+    paint = paler + (1 - paler) * np.concatenate(shades)[order]
+    return painted_triangles(
+        seen[order][:, :, :2],
+        paint,
+        linewidths=_SEAM if zorder else 3 * _SEAM,
+        zorder=zorder,
+    )
+
+
+def _shadows(
+    ground: Sequence[Part],
+    parts: Sequence[Part],
+    view: View,
+) -> PolyCollection:
+    """Create the shadows of parts on the ground, clipped to its bounding box."""
+    height = max(_top(part) for part in ground)
+    corners = np.concatenate([part.vertices[part.faces] for part in parts])
+    lifts = np.maximum(corners[..., 2:] - height, 0.0)
+    flat = corners[..., :2] - lifts * (SUN[:2] / SUN[2])
+    floor = np.concatenate([part.vertices[:, :2] for part in ground])
+    flat = np.clip(flat, floor.min(axis=0), floor.max(axis=0))
+    level = np.concatenate([flat, np.full_like(lifts, height)], axis=2)
+    colour = np.array(to_rgb(colour_of(ground[0].material)))
+    shade = _SHADE * (_PALER + (1 - _PALER) * colour)
+    return painted_triangles(
+        view.project(level)[:, :, :2],
+        shade,
+        linewidths=0.3,
+        zorder=0.5,
+        label="shadows",
+    )
+
+
+def _cut(corners: Floats, largest: float = _LARGEST) -> Floats:
+    """Subdivide triangles, (T, 3, 3) m, until no side is longer than ``largest``."""
+    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    large = sides.max(axis=1) > largest
+    if not large.any():
+        return corners
+    a, b, c = np.swapaxes(corners[large], 0, 1)
+    ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+    quarters = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+    segments = np.concatenate([np.stack(one, axis=1) for one in quarters])
+    return np.concatenate([corners[~large], _cut(segments, largest)])

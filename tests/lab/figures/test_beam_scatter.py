@@ -1,18 +1,18 @@
 import pytest
 from matplotlib.patches import FancyArrowPatch
 
-from radarsim.lab.figures.beam_scatter import (
+from radarsim.lab.figures.rays import (
     RAYS,
     draw_scatter,
     returns_of,
-    scan_spec_for,
+    scatter_spec,
     take_beam,
 )
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_one_direction_has_a_pole_and_the_hedge_behind_it(seed: int) -> None:
-    scan, rays = take_beam(scan_spec_for(seed))
+    scan, rays = take_beam(scatter_spec(seed))
     pole, hedge = returns_of(scan)
     assert (pole.name, hedge.name) == ("pole_4", "hedge")
     assert pole.range == pytest.approx(15.4, abs=0.1)
@@ -23,7 +23,7 @@ def test_one_direction_has_a_pole_and_the_hedge_behind_it(seed: int) -> None:
 
 
 def test_strength_of_the_pole_is_the_share_of_rays_that_hit_it() -> None:
-    scan, rays = take_beam(scan_spec_for(0))
+    scan, rays = take_beam(scatter_spec(0))
     pole = returns_of(scan)[0]
     across = rays.directions[:, :2]
     x, y = -0.48 - rays.origins[0, 0], 2.42 - rays.origins[0, 1]
@@ -33,7 +33,7 @@ def test_strength_of_the_pole_is_the_share_of_rays_that_hit_it() -> None:
 
 def test_details_state_range_strength_and_time() -> None:
     drawn = draw_scatter(0)
-    scan, _ = take_beam(scan_spec_for(0))
+    scan, _ = take_beam(scatter_spec(0))
     for one in returns_of(scan):
         described = f"{one.name}, {one.range:.2f} m away, gives back"
         assert f"{described} {100 * one.strength:.0f} %" in drawn.details
@@ -42,9 +42,9 @@ def test_details_state_range_strength_and_time() -> None:
 
 
 def test_ways_back_lead_from_the_objects_to_the_sensor() -> None:
-    (drawing,) = draw_scatter(0).drawings
+    drawing = draw_scatter(0).drawing
     plan, bars = drawing.axes[:2]
-    scan, _ = take_beam(scan_spec_for(0))
+    scan, _ = take_beam(scatter_spec(0))
     arrows = [each for each in plan.patches if isinstance(each, FancyArrowPatch)]
     for arrow, one in zip(arrows, returns_of(scan), strict=True):
         extent = arrow.get_path().get_extents()
@@ -54,6 +54,6 @@ def test_ways_back_lead_from_the_objects_to_the_sensor() -> None:
 
 
 def test_a_metre_is_as_long_along_the_beam_as_across() -> None:
-    plan = draw_scatter(0).drawings[0].axes[0]
+    plan = draw_scatter(0).drawing.axes[0]
     box, view = plan.get_window_extent(), plan.viewLim
     assert box.width / view.width == pytest.approx(box.height / view.height)

@@ -3,7 +3,7 @@ import functools
 import pytest
 
 from radarsim.autonomy.navigation.algorithms import Algorithm
-from radarsim.lab.figures.bug_runs import CLOSED, OPEN, draw_bug, run
+from radarsim.lab.figures.runs import CLOSED, OPEN, draw_bug, run
 
 drawn_bug = functools.cache(draw_bug)
 BUGS = (Algorithm.BUG1, Algorithm.BUG2)
@@ -29,7 +29,7 @@ def test_upper_run_succeeds_and_lower_run_fails(
     assert "On the left: goal reached after" in left
     assert "no path after" in right
     assert "touched something 0 times" in right
-    (drawing,) = drawn.drawings
+    drawing = drawn.drawing
     reached, failed = drawing.axes
     assert "reaches its goal" in reached.get_title("left")
     assert "no path" in failed.get_title("left")

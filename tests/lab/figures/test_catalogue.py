@@ -71,6 +71,6 @@ def test_caption_has_two_sentences_and_the_picture_a_title_in_words(
     assert len(re.findall(r"\.(?: |$)", drawn.caption)) == 2
     assert len(drawn.caption.split()) < 60
     assert drawn.details
-    title = drawn.drawings[0].texts[0].get_text()
+    title = drawn.drawing.texts[0].get_text()
     assert len(title.split()) > 3
     assert "_" not in title

@@ -24,7 +24,7 @@ def panel() -> DrawnFigure:
 
 
 def test_panel_has_the_four_figures_with_the_same_limits(panel: DrawnFigure) -> None:
-    axes = panel.drawings[0].axes
+    axes = panel.drawing.axes
     titles = [each.get_title(loc="left") for each in axes]
     assert [title.split(":")[0] for title in titles] == [
         "Radar, clear air",
@@ -38,8 +38,8 @@ def test_panel_has_the_four_figures_with_the_same_limits(panel: DrawnFigure) -> 
 
 
 def test_single_figures_have_the_limits_of_the_panel(panel: DrawnFigure) -> None:
-    (alone,) = draw_readings(0, sensor=LASER, air="clear").drawings[0].axes
-    assert alone.viewLim.bounds == panel.drawings[0].axes[0].viewLim.bounds
+    (alone,) = draw_readings(0, sensor=LASER, air="clear").drawing.axes
+    assert alone.viewLim.bounds == panel.drawing.axes[0].viewLim.bounds
 
 
 @pytest.mark.parametrize(
@@ -58,7 +58,7 @@ def test_caption_states_the_conclusion_and_details_the_counts(
 
 
 def test_plotted_points_are_the_readings_of_all_scans() -> None:
-    axes = draw_readings(0, sensor=LASER, air="dust").drawings[0].axes[0]
+    axes = draw_readings(0, sensor=LASER, air="dust").drawing.axes[0]
     drawn = {
         str(line.get_marker()): len(np.asarray(line.get_xdata()))
         for line in axes.lines
@@ -71,7 +71,7 @@ def test_plotted_points_are_the_readings_of_all_scans() -> None:
 
 @pytest.mark.parametrize("sensor", [RADAR, LASER])
 def test_readings_lie_over_all_objects_and_outlines(sensor: str) -> None:
-    axes = draw_readings(0, sensor=sensor, air="clear").drawings[0].axes[0]
+    axes = draw_readings(0, sensor=sensor, air="clear").drawing.axes[0]
     readings = [line for line in axes.lines if line.get_label() == READINGS]
     objects = [patch for patch in axes.patches if isinstance(patch, PathPatch)]
     others = [*objects, *axes.findobj(LineCollection)]
@@ -82,7 +82,7 @@ def test_readings_lie_over_all_objects_and_outlines(sensor: str) -> None:
 
 def test_legend_lists_only_what_is_drawn() -> None:
     def legend(sensor: str, air: str) -> list[str]:
-        (drawing,) = draw_readings(0, sensor=sensor, air=air).drawings
+        drawing = draw_readings(0, sensor=sensor, air=air).drawing
         return [text.get_text() for text in drawing.legends[0].get_texts()]
 
     assert legend(RADAR, "clear") == ["radar reading of an object"]
@@ -94,6 +94,6 @@ def test_legend_lists_only_what_is_drawn() -> None:
 
 def test_presets_are_named_only_in_the_small_print() -> None:
     drawn = draw_readings(0, sensor=RADAR, air="clear")
-    title, *others = drawn.drawings[0].texts
+    title, *others = drawn.drawing.texts
     assert RADAR not in title.get_text() + drawn.caption
     assert any(RADAR in text.get_text() for text in others)

@@ -32,7 +32,7 @@ def seen_through() -> DrawnFigure:
 
 
 def axes_of(drawn: DrawnFigure) -> Axes:
-    (axes,) = drawn.drawings[0].axes
+    (axes,) = drawn.drawing.axes
     return axes
 
 
@@ -102,8 +102,8 @@ def test_legend_lists_only_what_is_drawn(
     def legend(drawing: Figure) -> set[str]:
         return {text.get_text() for text in drawing.legends[0].get_texts()}
 
-    assert legend(laser.drawings[0]) == set(beams(laser)) == {NEAR.text, STOPPED.text}
-    assert legend(seen_through.drawings[0]) == set(beams(seen_through))
+    assert legend(laser.drawing) == set(beams(laser)) == {NEAR.text, STOPPED.text}
+    assert legend(seen_through.drawing) == set(beams(seen_through))
     assert THROUGH.text in beams(seen_through)
 
 
@@ -123,9 +123,9 @@ def test_titles_and_details_state_the_counts(
 ) -> None:
     shot = radar(0, 0)
     counts = count_ends(shot.scene, shot.take()[0])
-    title = seen_through.drawings[0].texts[0].get_text()
+    title = seen_through.drawing.texts[0].get_text()
     assert f"{counts.behind} of {counts.beams} beams" in title
-    assert "0 of 228 beams" in laser.drawings[0].texts[0].get_text()
+    assert "0 of 228 beams" in laser.drawing.texts[0].get_text()
     assert f"{counts.behind} of its 181 beams go" in seen_through.details
     assert "0 behind them" in laser.details
     assert "0 of 24624 beams end behind" in laser.details
@@ -134,12 +134,12 @@ def test_titles_and_details_state_the_counts(
 
 
 def test_small_print_tells_the_range_given_to_the_hokuyo(laser: DrawnFigure) -> None:
-    _, small_print = laser.drawings[0].texts
+    _, small_print = laser.drawing.texts
     assert "80 m" in small_print.get_text()
 
 
 def test_small_print_names_what_the_radar_reads_behind_the_bushes(
     seen_through: DrawnFigure,
 ) -> None:
-    _, small_print = seen_through.drawings[0].texts
+    _, small_print = seen_through.drawing.texts
     assert {"cabinet", "wall"} <= set(re.findall(r"\w+", small_print.get_text()))

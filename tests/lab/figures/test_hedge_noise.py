@@ -26,7 +26,7 @@ def repeated() -> DrawnFigure:
 
 def shifts(drawn: DrawnFigure, panel: int) -> list[np.ndarray]:
     """Return the lines between readings in a panel, (2, 2) m each."""
-    axes = drawn.drawings[0].axes[panel]
+    axes = drawn.drawing.axes[panel]
     return [
         np.asarray(line)
         for lines in axes.collections
@@ -38,7 +38,7 @@ def shifts(drawn: DrawnFigure, panel: int) -> list[np.ndarray]:
 def test_panels_share_limits_and_size(
     single: DrawnFigure, repeated: DrawnFigure
 ) -> None:
-    panels = [axes for drawn in (single, repeated) for axes in drawn.drawings[0].axes]
+    panels = [axes for drawn in (single, repeated) for axes in drawn.drawing.axes]
     assert len(panels) == 2 * len(OFFSETS)
     assert len({axes.viewLim.bounds for axes in panels}) == 1
     sizes = [axes.get_window_extent().size for axes in panels]
@@ -51,7 +51,7 @@ def test_more_readings_are_off_from_panel_to_panel(
     for drawn in (single, repeated):
         none, some, many = (len(shifts(drawn, panel)) for panel in range(3))
         assert none == 0 < some < many
-    assert "N = 0: 0 of 181" in single.drawings[0].axes[0].get_title()
+    assert "N = 0: 0 of 181" in single.drawing.axes[0].get_title()
 
 
 def test_each_line_leads_from_the_reading_without_noise_to_the_real_one(
@@ -77,6 +77,6 @@ def test_commands_take_the_scans_of_all_panels(
 
 
 def test_legend_says_how_near_readings_stay_that_count_as_the_same() -> None:
-    (drawing,) = draw_repeated_scans(0).drawings
+    drawing = draw_repeated_scans(0).drawing
     texts = [text.get_text() for text in drawing.legends[0].get_texts()]
     assert any(f"within {100 * STEP:g} cm" in text for text in texts)

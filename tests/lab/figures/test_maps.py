@@ -9,7 +9,7 @@ from matplotlib.image import AxesImage
 
 from radarsim.lab.figures.figure import load_scene
 from radarsim.lab.figures.foliage_wall import bush_parts, far_side
-from radarsim.lab.figures.maps import (
+from radarsim.lab.figures.runs import (
     MappingResult,
     bush_coverage,
     count_object_cells,
@@ -72,7 +72,7 @@ def test_bushes_are_round_and_the_hokuyo_has_only_their_edges(pair: Pair) -> Non
 
 def test_both_maps_have_the_same_scale_and_their_own_titles(pair: Pair) -> None:
     drawn = draw_map_pair(*pair)
-    (drawing,) = drawn.drawings
+    drawing = drawn.drawing
     left, right = drawing.axes
     assert left.viewLim.bounds == right.viewLim.bounds
     for axes in (left, right):

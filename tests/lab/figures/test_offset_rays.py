@@ -4,10 +4,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.text import Annotation
 
-from radarsim.lab.figures.offset_rays import (
+from radarsim.lab.figures.rays import (
     RAY_COLOURS,
     draw_offset_rays,
-    scan_spec_for,
+    offset_spec,
     start_distance,
 )
 from radarsim.sensors.beams import LEFT, RIGHT
@@ -15,7 +15,7 @@ from radarsim.sensors.beams import LEFT, RIGHT
 
 @pytest.mark.parametrize(("offset", "apart"), [(50, 0.4), (100, 0.8)])
 def test_rays_start_twice_the_offset_apart(offset: int, apart: float) -> None:
-    scans = {side: scan_spec_for(0, offset, side).take()[0] for side in (LEFT, RIGHT)}
+    scans = {side: offset_spec(0, offset, side).take()[0] for side in (LEFT, RIGHT)}
     assert start_distance(scans) == pytest.approx(apart)
     for side, scan in scans.items():
         assert scan.rays is not None
@@ -24,12 +24,12 @@ def test_rays_start_twice_the_offset_apart(offset: int, apart: float) -> None:
     drawn = draw_offset_rays(0, offset=offset)
     assert f"{apart:.2f} m apart" in drawn.details
     assert drawn.commands == tuple(
-        scan_spec_for(0, offset, s).command for s in (LEFT, RIGHT)
+        offset_spec(0, offset, s).command for s in (LEFT, RIGHT)
     )
 
 
 def test_left_rays_are_red_and_right_rays_blue_and_the_room_shows_every_third() -> None:
-    (drawing,) = draw_offset_rays(0, offset=50).drawings
+    drawing = draw_offset_rays(0, offset=50).drawing
     for axes, beams in zip(drawing.axes, (61, 181), strict=True):
         (rays,) = (
             lines
@@ -46,7 +46,7 @@ def test_left_rays_are_red_and_right_rays_blue_and_the_room_shows_every_third() 
 
 
 def test_distance_of_the_rays_is_drawn_with_arrows() -> None:
-    close = draw_offset_rays(0, offset=100).drawings[0].axes[1]
+    close = draw_offset_rays(0, offset=100).drawing.axes[1]
     assert "0.8 m" in {text.get_text() for text in close.texts}
     arrows = [text.arrow_patch for text in close.texts if isinstance(text, Annotation)]
     assert [arrow is not None for arrow in arrows].count(True) == 1

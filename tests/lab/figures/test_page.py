@@ -13,7 +13,7 @@ COMMAND = "radarsim scan room --set a=1 --seed 0"
 
 
 def png(width: float = 2.0) -> bytes:
-    return DrawnFigure((Figure(figsize=(width, 1), dpi=50),), "a caption").as_png()
+    return DrawnFigure(Figure(figsize=(width, 1), dpi=50), "a caption").as_png()
 
 
 def made(number: str, caption: str = "See 3 < 4 & more.") -> RenderedFigure:
@@ -89,11 +89,11 @@ def test_alternative_text_is_what_the_picture_says_and_not_its_name() -> None:
     drawing = Figure()
     drawing.text(0, 1, "What one sees")
     drawing.add_subplot().set_title("a panel", loc="left")
-    assert DrawnFigure((drawing,), "").headline == "What one sees"
+    assert DrawnFigure(drawing, "").headline == "What one sees"
     without = Figure()
     for axes, title in zip(without.subplots(1, 2), ("one", "two"), strict=True):
         axes.set_title(title, loc="left")
-    assert DrawnFigure((without,), "").headline == "one; two"
+    assert DrawnFigure(without, "").headline == "one; two"
 
 
 def test_list_of_contents_and_pictures_lead_somewhere() -> None:
@@ -142,15 +142,8 @@ def test_pictures_have_size_and_software_metadata() -> None:
     assert PICTURE_MARK in picture[:1024]
 
 
-def test_drawings_of_different_widths_are_stacked() -> None:
-    drawings = tuple(Figure(figsize=(width, 1), dpi=50) for width in (2, 4))
-    width, height = png_size(DrawnFigure(drawings, "").as_png())
-    assert width == 200
-    assert height > 100
-
-
 def test_the_same_drawing_gives_the_same_bytes() -> None:
     assert png() == png()
     drawn = Figure(figsize=(2, 1), dpi=50)
     drawn.add_subplot().plot(np.arange(3))
-    assert DrawnFigure((drawn,), "").as_png() != png()
+    assert DrawnFigure(drawn, "").as_png() != png()

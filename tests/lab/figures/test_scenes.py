@@ -6,19 +6,17 @@ import pytest
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.lab.figures.figure import DrawnFigure, load_scene
-from radarsim.lab.figures.scene_view import (
+from radarsim.lab.figures.scenes import (
     ABOVE,
+    OBLIQUE,
     SUN,
     View,
     _cut,
-    ground_colour,
-    robot_parts,
-)
-from radarsim.lab.figures.scenes import (
-    OBLIQUE,
     draw_test_map,
     draw_trial_scene,
+    ground_colour,
     named_parts,
+    robot_parts,
 )
 from radarsim.plotting.annotations import as_words
 from radarsim.presets.robots import load_robot
@@ -76,13 +74,13 @@ def test_trial_scene_consists_of_poles_boxes_and_plants(trial: DrawnFigure) -> N
         named_parts(load_scene("marulan_trial"))
     )
     objects = named_parts(load_scene("marulan_trial"))
-    for axes in trial.drawings[0].axes:
+    for axes in trial.drawing.axes:
         names = {text.get_text() for text in axes.texts}
         assert {as_words(part.object_name) for part in objects} < names
 
 
 def test_labels_do_not_cover_other_objects(trial: DrawnFigure) -> None:
-    (drawing,) = trial.drawings
+    drawing = trial.drawing
     plan = drawing.axes[1]
     drawing.draw_without_rendering()
     parts = {
@@ -104,12 +102,12 @@ def test_details_of_the_test_map_names_the_hidden_objects() -> None:
     assert details.startswith("A room of 20.8 by 12.8 m. A wall of 7 spherical bushes")
     assert "behind it stand 4 things" in details
     assert "get through 1.43 m" in details
-    assert "4 things behind it" in drawn.drawings[0].texts[0].get_text()
+    assert "4 things behind it" in drawn.drawing.texts[0].get_text()
 
 
 def test_light_comes_from_above_left_and_shadows_fall_to_the_right() -> None:
     assert SUN[0] < 0 < SUN[1]
-    plan = draw_test_map(0).drawings[0].axes[0]
+    plan = draw_test_map(0).drawing.axes[0]
     (shadows,) = (each for each in plan.collections if each.get_label() == "shadows")
     points = np.concatenate([path.vertices for path in shadows.get_paths()])
     room = load_scene("foliage_room")

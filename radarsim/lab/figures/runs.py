@@ -1,45 +1,132 @@
-"""Figure 15: the radar's and the Hokuyo's map of the test map, side by side.
+"""Figures of runs: 13 and 14, Bug1 and Bug2, and 15, maps by a radar and a laser.
 
-Robots drive along the bushes of that map; what their maps show is counted.
+Figures 13 and 14 show a run that reaches its goal beside one that finds no path. For
+figure 15 robots drive along the bushes of the test map, one with a radar and one with a
+Hokuyo; what their maps show is counted.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 import shapely
-from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from radarsim.autonomy.evaluation.map_score import BESIDE, TOLERANCE, MapScore
 from radarsim.autonomy.evaluation.mapping_run import MappingRun
+from radarsim.autonomy.evaluation.navigation_run import NavigationRun
+from radarsim.autonomy.evaluation.trials import load_trial
 from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.mapping.occupancy_grid import Mask, OccupancyGrid
 from radarsim.autonomy.mapping.trajectory import Trajectory
+from radarsim.autonomy.navigation.algorithms import Algorithm
+from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.plotting.maps import MapView, map_figure
 from radarsim.autonomy.plotting.outlines import outlines_of
+from radarsim.autonomy.plotting.runs import RunView, SteeringSensor, run_figure
 from radarsim.geometry import Floats, Point
-from radarsim.lab.figures.figure import START, DrawnFigure, find_start_pose, load_scene
+from radarsim.lab.figures.figure import (
+    ROBOT,
+    START,
+    DrawnFigure,
+    find_start_pose,
+    load_scene,
+)
 from radarsim.lab.figures.foliage_wall import FAR, MAP, bush_parts, hidden_parts
-from radarsim.plotting.annotations import HALO, as_words
+from radarsim.plotting.annotations import as_words, write_at
 from radarsim.presets.robots import Item, load_robot
 from radarsim.presets.sensors import load_settings
 from radarsim.robots.obstacles import slice_parts
-from radarsim.scene.scene import Part, Scene
+from radarsim.scene.scene import Part
 from radarsim.sensors.range_scanner import RangeScanner
 from radarsim.server.host import Host
 from radarsim.simulation.config import SimulationConfig
+from radarsim.simulation.map_warnings import plan_height
 
-WAYPOINTS: Final = (
-    (-2.0, -5.0),
-    (-2.0, 5.0),
-)  # along all bushes, 2.5 m before their middles
-NAMES: Final = ("radar", "laser")
-MIN_CORE: Final = 0.01  # share of cells not sensed from which a bush has a core
 _TEXT: Final = 13.0  # points; the page shows it at half its size
+OPEN: Final = "bug_u_trap"  # a goal that can be reached
+CLOSED: Final = "bug_closed_box"  # and one that cannot
+_LIMIT: Final = 600.0  # s of simulated time
+# How runs end, in details and in titles.
+_ENDINGS: Final = {
+    "reached": ("goal reached", "reaches its goal"),
+    "no_path": ("no path", "finds that there is no path"),
+}
+# What the algorithms do differently, in captions: leaving, and finding no path.
+_CAPTIONS: Final = {
+    Algorithm.BUG1: (
+        "goes all the way round it, and leaves it where it came nearest (L1)",
+        "the wall is between it and the goal even there",
+    ),
+    Algorithm.BUG2: (
+        "goes along it, and leaves it where it is back on the line to the goal, and"
+        " nearer (L1)",
+        "it comes back to H1 without having crossed that line nearer to the goal",
+    ),
+}
+# Along all bushes, 2.5 m before their middles.
+WAYPOINTS: Final = ((-2.0, -5.0), (-2.0, 5.0))
+_MIN_CORE: Final = 0.01  # share of cells not sensed from which a bush has a core
 _BELOW_WALL: Final = 0.8  # m from the end of the bushes to the name of the yard
+
+
+def run(map_: str, algorithm: Algorithm, seed: int) -> NavigationRun:
+    """Drive a robot towards the goal of a map's trial."""
+    scene, trial = load_trial(map_)
+    mission = Mission(
+        algorithm=algorithm,
+        goals=(trial.goal,),
+        start=trial.start,
+        safety_distance=trial.safety_distance,
+        time_limit=_LIMIT,
+    )
+    driven = NavigationRun(mission, Host(scene, seed=seed))
+    driven.execute(("", 0))  # no address, as the server is in this process
+    return driven
+
+
+def draw_bug(seed: int, *, algorithm: Algorithm) -> DrawnFigure:
+    """Draw a run that reaches the goal beside one that finds no path."""
+    views, endings, touched = [], [], 0
+    name = algorithm.value.capitalize()
+    for map_ in (OPEN, CLOSED):
+        driven = run(map_, algorithm, seed)
+        scene, monitor = driven.scene, driven.monitor
+        assert scene is not None
+        assert monitor is not None  # the server is in this process
+        length, off = monitor.path_length, monitor.distance(driven.mission.goals[-1])
+        touched += monitor.collisions
+        ending, title = _ENDINGS.get(driven.outcome, (driven.outcome, driven.outcome))
+        views.append(
+            RunView(
+                driven.run_log,
+                f"{name} {title}, after {length:.1f} m",
+                driven.mission.robot_class,
+                SteeringSensor("radar", "radar"),
+                outlines_of(scene, plan_height(scene)),
+                true_path=monitor.positions,
+            )
+        )
+        endings.append(
+            f"{ending} after {length:.1f} m, {driven.circuits}"
+            f" time{'s' * (driven.circuits != 1)} all round an obstacle, in truth"
+            f" {off:.2f} m from the goal"
+        )
+    leaving, finding = _CAPTIONS[algorithm]
+    options = f"--algorithm {algorithm.value} --seed {seed}"
+    return DrawnFigure(
+        run_figure(views, text=_TEXT),
+        f"{name} drives towards the goal until something is in"
+        f" the way (H1), {leaving}. At the closed box on the right {finding}, so it"
+        " knows that there is no path.",
+        tuple(f"radarsim navigate {map_} {options}" for map_ in (OPEN, CLOSED)),
+        f"A {ROBOT} drives by the eight bumpers of its radar. On the left:"
+        f" {endings[0]}. On the right: {endings[1]}. It touched something"
+        f" {touched} times. The coloured path is where the robot believes to be, by its"
+        " drifting INS, the dotted one where it truly is. The violet is where its beams"
+        " ended, by that belief; the grey walls are the map, which it does not know.",
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,8 +244,7 @@ def hokuyo(seed: int, waypoints: tuple[Point, ...] = WAYPOINTS) -> MappingDrive:
 
 def bush_coverage(run: MappingResult) -> list[BushCoverage]:
     """Return what a map shows of each bush."""
-    scene = load_scene(MAP)
-    return [_cover_bush(run, scene, part) for part in bush_parts(scene)]
+    return [_cover_bush(run, part) for part in bush_parts(load_scene(MAP))]
 
 
 def count_object_cells(run: MappingResult) -> dict[str, int]:
@@ -166,24 +252,23 @@ def count_object_cells(run: MappingResult) -> dict[str, int]:
 
     A cell counts if it is within the tolerance of the object's outline.
     """
-    scene = load_scene(MAP)
-    ended, x, y = _aligned_cells(run, scene, run.grid.beam_end_cells())
+    ended, x, y = _aligned_cells(run, run.grid.beam_end_cells())
     black = shapely.points(x[ended], y[ended])
     far = (TOLERANCE + BESIDE) * run.grid.frame.resolution
     counts = {}
-    for part in hidden_parts(scene):
+    for part in hidden_parts(load_scene(MAP)):
         lines = shapely.MultiLineString(list(slice_parts([part], run.drive.height)))
         near = shapely.distance(lines, black) <= far
         counts[part.object_name] = int(np.count_nonzero(near))
     return counts
 
 
-def _cover_bush(run: MappingResult, scene: Scene, part: Part) -> BushCoverage:
+def _cover_bush(run: MappingResult, part: Part) -> BushCoverage:
     corners = slice_parts([part], run.drive.height).reshape(-1, 2)
     area = shapely.MultiPoint(corners).convex_hull
     middle = area.centroid
-    sensed, x, y = _aligned_cells(run, scene, run.grid.sensed_cells())
-    near, _, _ = _aligned_cells(run, scene, run.grid.short_range_cells())
+    sensed, x, y = _aligned_cells(run, run.grid.sensed_cells())
+    near, _, _ = _aligned_cells(run, run.grid.short_range_cells())
     covered = np.asarray(shapely.contains_xy(area, x, y))
     blue = covered & ~sensed
     return BushCoverage(
@@ -196,11 +281,9 @@ def _cover_bush(run: MappingResult, scene: Scene, part: Part) -> BushCoverage:
     )
 
 
-def _aligned_cells(
-    run: MappingResult, scene: Scene, cells: NDArray[np.bool_]
-) -> tuple[Mask, Floats, Floats]:
+def _aligned_cells(run: MappingResult, cells: Mask) -> tuple[Mask, Floats, Floats]:
     """Return cells of a map on a grid over the whole scene, and the x, y of each."""
-    (west, south), (east, north) = scene.bounds[:, :2].tolist()
+    (west, south), (east, north) = load_scene(MAP).bounds[:, :2].tolist()
     frame = run.grid.frame.extended_to((west, south), (east, north))
     x, y = np.meshgrid(*frame.cell_centers())
     return run.grid.frame.copy_into(cells, frame), x, y
@@ -215,51 +298,55 @@ def draw_maps(seed: int, *, waypoints: tuple[Point, ...] = WAYPOINTS) -> DrawnFi
 
 def draw_map_pair(left: MappingResult, right: MappingResult) -> DrawnFigure:
     """Draw the radar's map and the Hokuyo's side by side."""
-    runs = (left, right)
-    views = [_view(run, name) for run, name in zip(runs, NAMES, strict=True)]
+    runs, scene = (left, right), load_scene(MAP)
+    hidden = hidden_parts(scene)
+    shares = [100 * (run.score.hidden_coverage or 0.0) for run in runs]
+    views = [
+        MapView(
+            run.grid,
+            run.trajectory.rows(),
+            run.drive.robot,
+            f"{share:.0f} % of the yard mapped with the {name}",
+            outlines_of(scene, run.drive.height),
+        )
+        for run, share, name in zip(runs, shares, ("radar", "laser"), strict=True)
+    ]
     drawing = map_figure(views, text=_TEXT)
+    # The bushes, the yard behind them, and the things in it that a map shows.
+    corners = np.concatenate([part.vertices for part in bush_parts(scene)])[:, :2]
+    (west, south), (east, north) = corners.min(axis=0), corners.max(axis=0)
+    yard = (east + scene.bounds[1, 0]) / 2, north - _BELOW_WALL
+    shown: list[list[str]] = []
     for axes, run in zip(drawing.axes, runs, strict=True):
-        _draw_names(axes, run)
-    commands = tuple(run.drive.command for run in runs)
-    return DrawnFigure((drawing,), _caption(*runs), commands, _details(*runs))
-
-
-def _view(run: MappingResult, name: str) -> MapView:
-    share = run.score.hidden_coverage or 0.0
-    return MapView(
-        run.grid,
-        run.trajectory.rows(),
-        run.drive.robot,
-        f"{100 * share:.0f} % of the yard mapped with the {name}",
-        outlines_of(load_scene(MAP), run.drive.height),
-    )
-
-
-def _caption(left: MappingResult, right: MappingResult) -> str:
-    things = [len(_shown(run)) for run in (left, right)]
-    shares = [run.score.hidden_coverage or 0.0 for run in (left, right)]
-    return (
+        style: Any = {"ha": "center", "fontsize": _TEXT, "zorder": 5}
+        middle = (west + east) / 2, (south + north) / 2
+        write_at(axes, "bushes", middle, rotation=90, va="center", **style)
+        write_at(axes, "the yard behind the bushes", yard, va="center", **style)
+        counts = count_object_cells(run)
+        seen = [part for part in hidden if counts[part.object_name]]
+        shown.append([as_words(part.object_name) for part in seen])
+        for part, words in zip(seen, shown[-1], strict=True):
+            low, high = part.vertices.min(axis=0), part.vertices.max(axis=0)
+            place = (low[0] + high[0]) / 2, low[1]
+            write_at(axes, words, place, offset=(0, -4), va="top", **style)
+    settings, longest = left.drive.scanner.settings, right.drive.scanner.settings
+    return DrawnFigure(
+        drawing,
         "Two robots drive along a wall of bushes, on this side of it only, and map what"
         " they sense: green is foliage, black is solid, and grey is not sensed."
-        f" The radar's map has {_percent(shares[0])} of the yard behind the bushes and"
-        f" {things[0]} of the {len(hidden_parts(load_scene(MAP)))} things in it, the"
-        f" laser's {_percent(shares[1])} and {things[1] or 'none'}."
-    )
-
-
-def _details(left: MappingResult, right: MappingResult) -> str:
-    settings, longest = left.drive.scanner.settings, right.drive.scanner.settings
-    hidden = hidden_parts(load_scene(MAP))
-    return (
+        f" The radar's map has {shares[0]:.1f} % of the yard behind the bushes and"
+        f" {len(shown[0])} of the {len(hidden)} things in it, the"
+        f" laser's {shares[1]:.1f} % and {len(shown[1]) or 'none'}.",
+        tuple(run.drive.command for run in runs),
         f"From {START} they drive {left.length:.2f} and {right.length:.2f} m: a"
         f" {left.drive.robot} by its radar, N = {settings.side_offset_uu:g}, and a"
         f" {right.drive.robot} by its laser, a Hokuyo, whose own range of"
         f" {load_settings('hokuyo').max_range:g} m is made {longest.max_range:g} m, so"
         " that it is the foliage that stops it. The yard is the floor behind the bushes"
         f" on which a robot would have room; of the {len(hidden)} things there the"
-        f" radar's map shows {_join_names(_shown(left))}, the laser's"
-        f" {_join_names(_shown(right))}."
-        f" {_describe_bushes(bush_coverage(left), bush_coverage(right))}"
+        f" radar's map shows {_join_names(shown[0])}, the laser's"
+        f" {_join_names(shown[1])}."
+        f" {_describe_bushes(bush_coverage(left), bush_coverage(right))}",
     )
 
 
@@ -269,7 +356,7 @@ def _describe_bushes(
     """Describe what of the bushes is not sensed, and what counts as near."""
     foliage = bush_parts(load_scene(MAP))[0].material
     depth = load_settings("radar").penetration_power / foliage.density
-    cores = [bush for bush in left if bush.blue > MIN_CORE * bush.cells]
+    cores = [bush for bush in left if bush.blue > _MIN_CORE * bush.cells]
     away = [bush.beyond for bush in cores]
     dark_cores = (
         f"; cores stay dark in {_join_names([as_words(bush.name) for bush in cores])},"
@@ -278,64 +365,25 @@ def _describe_bushes(
         if cores
         else ""
     )
-    dark, near = (lambda one: one.blue), (lambda one: one.grey)
+    dark, dark_to_laser, near = (
+        f"{100 * (sum(counts) / sum(bush.cells for bush in left)):.1f} %"
+        for counts in (
+            [bush.blue for bush in left],
+            [bush.blue for bush in right],
+            [bush.grey for bush in left],
+        )
+    )
     reached = sum(bush.middle for bush in left)
     return (
-        f"Of all that is bush {_share(left, dark)} are not sensed by the radar and"
-        f" {_share(right, dark)} not by the laser. The radar's beams get {depth:.2f} m"
+        f"Of all that is bush {dark} are not sensed by the radar and"
+        f" {dark_to_laser} not by the laser. The radar's beams get {depth:.2f} m"
         f" into leaves, from this side past the middles of {reached} of the"
         f" {len(left)} bushes{dark_cores}. In the image of the same map for"
-        f" UsarCommander, OUT.png, which knows no foliage, {_share(left, near)} of the"
+        f" UsarCommander, OUT.png, which knows no foliage, {near} of the"
         " bushes are grey, as if a robot could go there."
     )
-
-
-def _shown(run: MappingResult) -> list[str]:
-    """Return the names of the hidden things that a map shows."""
-    counts = count_object_cells(run)
-    return [as_words(name) for name, cells in counts.items() if cells]
 
 
 def _join_names(names: Sequence[str]) -> str:
     *first, last = names or ["none"]
     return f"{', '.join(first)} and {last}" if first else last
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.1f} %"
-
-
-def _share(bushes: Sequence[BushCoverage], part: Callable[[BushCoverage], int]) -> str:
-    return _percent(sum(map(part, bushes)) / sum(bush.cells for bush in bushes))
-
-
-def _draw_names(axes: Axes, run: MappingResult) -> None:
-    """Label the bushes, the yard behind them, and the things in it that a map shows."""
-    counts, scene = count_object_cells(run), load_scene(MAP)
-    corners = np.concatenate([part.vertices for part in bush_parts(scene)])[:, :2]
-    (west, south), (east, north) = corners.min(axis=0), corners.max(axis=0)
-    _write(axes, "bushes", (west + east) / 2, (south + north) / 2, rotation=90)
-    middle = (east + scene.bounds[1, 0]) / 2
-    _write(axes, "the yard behind the bushes", middle, north - _BELOW_WALL)
-    for part in hidden_parts(scene):
-        if counts[part.object_name]:
-            low, high = part.vertices.min(axis=0), part.vertices.max(axis=0)
-            place = (low[0] + high[0]) / 2, low[1]
-            _write(axes, as_words(part.object_name), *place, up=-4, va="top")
-
-
-def _write(
-    axes: Axes, text: str, x: float, y: float, *, up: float = 0.0, **style: Any
-) -> None:
-    """Write a text at a place, m, or some points above it."""
-    style = {"ha": "center", "va": "center", **style}
-    axes.annotate(
-        text,
-        (float(x), float(y)),
-        xytext=(0, up),
-        textcoords="offset points",
-        fontsize=_TEXT,
-        path_effects=[HALO],
-        zorder=5,
-        **style,
-    )
