@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import closing, contextmanager
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -47,12 +46,19 @@ def study(
         workers: Number of processes; one for each core by default.
     """
     from radarsim.lab.study.maps import KINDS, QUICK, study_tasks
-    from radarsim.lab.study.page import PAGE, write_study
+    from radarsim.lab.study.page import PAGE, read_runs, write_study
 
     assert name == "radar-vs-laser"  # there is no other yet
     seeds = seeds or (1 if quick else 10)
     tasks = study_tasks(seeds, algorithm, QUICK if quick else KINDS)
-    runs = _read_runs(output)
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        runs = read_runs(output)
+    except OSError as error:
+        text = f"cannot use {output}: {describe_os_error(error)}"
+        raise click.BadParameter(text, param_hint="--output") from None
+    except ValueError as error:
+        raise click.BadParameter(str(error), param_hint="--output") from None
     left = [task for task in tasks if task not in runs]
     if left:
         runs |= _run(output, left, workers or process_cpu_count())
@@ -67,33 +73,10 @@ def study(
     return 0
 
 
-def _read_runs(out: Path) -> dict[StudyTask, dict[str, Any]]:
-    from radarsim.lab.study.page import read_runs
-
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        return read_runs(out)
-    except OSError as error:
-        text = f"cannot use {out}: {describe_os_error(error)}"
-        raise click.BadParameter(text, param_hint="--output") from None
-    except ValueError as error:
-        raise click.BadParameter(str(error), param_hint="--output") from None
-
-
-@contextmanager
-def _tell_interrupt(rows: Mapping[StudyTask, object], count: int) -> Iterator[None]:
-    """Say what is kept when a signal ends the runs."""
-    try:
-        yield
-    except (KeyboardInterrupt, SystemExit):
-        print_message(f"{len(rows)} of {count} runs done; go on with the same command")
-        raise
-
-
 def _run(
     out: Path, tasks: list[StudyTask], workers: int
 ) -> dict[StudyTask, dict[str, Any]]:
-    """Run tasks, and write each row as soon as there is one."""
+    """Run tasks, and write each row as soon as there is one; a signal keeps these."""
     from radarsim.autonomy.evaluation.task_runner import opened_log, run_tasks
     from radarsim.autonomy.exploration.compilation import warm_up
     from radarsim.lab.study.maps import run_study_task
@@ -101,20 +84,23 @@ def _run(
 
     compile_now(warm_up)
     rows: dict[StudyTask, dict[str, Any]] = {}
-    with (
-        raise_on_signals(),
-        _tell_interrupt(rows, len(tasks)),
-        opened_log(out / LOG) as add,
-        closing(
-            run_tasks(run_study_task, tasks, workers=min(workers, len(tasks)))
-        ) as running,
-    ):
-        for result in with_bar(running, "runs", len(tasks)):
-            task = tasks[result.number]
-            if result.value is None:
-                text = f"{task.map} {task.sensor} seed {task.seed}: {result.error}"
-                print_message(text)
-            else:
-                add({"version": __version__, **result.value})
-                rows[task] = result.value
+    workers = min(workers, len(tasks))
+    try:
+        with (
+            raise_on_signals(),
+            opened_log(out / LOG) as add,
+            closing(run_tasks(run_study_task, tasks, workers=workers)) as running,
+        ):
+            for result in with_bar(running, "runs", len(tasks)):
+                task = tasks[result.number]
+                if result.value is None:
+                    text = f"{task.map} {task.sensor} seed {task.seed}: {result.error}"
+                    print_message(text)
+                else:
+                    add({"version": __version__, **result.value})
+                    rows[task] = result.value
+    except (KeyboardInterrupt, SystemExit):
+        done = f"{len(rows)} of {len(tasks)} runs done"
+        print_message(f"{done}; go on with the same command")
+        raise
     return rows

@@ -1,37 +1,93 @@
-"""What the study has found, in sentences: where the radar wins, and where it loses."""
+"""What the study has found: where the radar wins, and where it loses.
+
+It is told in sentences, and drawn as a dot with its interval for each sensor and map.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Final
+from typing import Any, Final
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from radarsim.lab.study.maps import RADAR, SENSORS
 from radarsim.lab.study.results import (
     MEASURES,
     TITLES,
     Estimate,
-    Measure,
     Summaries,
     Summary,
+    bare_title,
+    kinds_of,
 )
+from radarsim.plotting import palette
 
 LASERS: Final = tuple(sensor for sensor in SENSORS if sensor != RADAR)
 _ROUNDING: Final = 1e-9  # errors of shares
+_STEP: Final = 0.19  # rows between two sensors
+_COLOURS: Final = dict(zip(SENSORS, (palette.RADAR, *palette.LASERS), strict=True))
+_MARKERS: Final = {"radar": "D", "physical": "o", "hokuyo": "s", "sick": "^"}
+# Shares of the floor that the figure shows: the map, the estimate, and its label.
+_FLOOR: Final = (
+    ("hidden_room", "hidden", "hidden\nbehind bushes"),
+    ("hidden_room", "reachable", "this side\nof the bushes"),
+    ("office", "reachable", "reachable\nin the office"),
+)
 
 
 def summary_sentences(summaries: Summaries) -> list[str]:
     """Return the study's summary: smoke, hidden floor, the dead end, and losses."""
-    smoke = _listed(summaries, "smoke_corridor", _arrivals)
-    hidden = _listed(summaries, "hidden_room", lambda each: _told(each.hidden))
-    found = (
-        ("Through smoke, these arrive without a touch", smoke),
-        ("Of the floor behind bushes that no robot can pass, these map", hidden),
+    sentences = []
+    for map_, text, tell in (
+        ("smoke_corridor", "Through smoke, these arrive without a touch", _arrivals),
+        (
+            "hidden_room",
+            "Of the floor behind bushes that no robot can pass, these map",
+            lambda each: share_text(each.hidden),
+        ),
+    ):
+        if numbers := _listed(summaries, map_, tell):
+            sentences.append(f"{text}: {numbers}.")
+    detours = _listed(
+        summaries, "dead_end", lambda each: number_text(each.detour, each, "{:.2f}")
     )
-    told = [f"{text}: {numbers}." for text, numbers in found if numbers]
-    return [*told, *_hedge_sentences(summaries), *_loss_sentences(summaries)]
+    if detours:
+        compared = _against_lasers(summaries)
+        sentences.append(
+            "Where the nearer gap in a hedge leads nowhere, "
+            + (f"the radar's path is {compared}; " if compared else "")
+            + f"path / shortest path: {detours}."
+        )
+    losses = list(find_losses(summaries))
+    if not any(summary.success.has_interval for summary in summaries.values()):
+        behind = "; ".join(loss for _, loss in losses) or "nowhere"
+        sentences.append(
+            f"In this one run of each, the radar is behind the best laser: {behind}."
+        )
+        return sentences
+    for clearly, text in (
+        (True, "The radar loses where the intervals do not overlap"),
+        (False, "It is behind the best laser, within the intervals"),
+    ):
+        told = "; ".join(loss for is_clear, loss in losses if is_clear is clearly)
+        sentences.append(f"{text}: {told or 'nowhere'}.")
+    return sentences
 
 
 def headline(summaries: Summaries) -> str:
     """Return what the figure shows first, names in backquotes, in one line or two."""
-    through = f"hrough smoke {_smoke_arrivals(summaries)}"
+    # Who arrives how often through smoke, most often first.
+    groups: dict[str, list[str]] = {}
+    drives = {sensor: summaries["smoke_corridor", sensor].success for sensor in SENSORS}
+    for sensor in sorted(drives, key=lambda each: -drives[each].value):
+        share = drives[sensor]
+        told = "none" if share.value == 0 else successes(share)
+        groups.setdefault(told, []).append(sensor)
+    (most, first), *rest = groups.items()
+    verb = "arrives" if len(first) == 1 else "arrive"
+    others = (f"{named(sensors)} in {told}" for told, sensors in rest)
+    arrivals = ", ".join((f"{named(first)} {verb} in {most}", *others))
+    through = f"hrough smoke {arrivals}"
     radar, laser = (_most_hidden(summaries, each) for each in ((RADAR,), LASERS))
     if radar is None or laser is None:
         return f"T{through}"
@@ -46,31 +102,6 @@ def headline(summaries: Summaries) -> str:
             f" laser {percent(laser)}"
         )
     return f"{behind};\nt{through}"
-
-
-def _smoke_arrivals(summaries: Summaries) -> str:
-    """Return who arrives how often through smoke, most often first."""
-    groups: dict[str, list[str]] = {}
-    drives = {sensor: summaries["smoke_corridor", sensor].success for sensor in SENSORS}
-    for sensor in sorted(drives, key=lambda each: -drives[each].value):
-        share = drives[sensor]
-        told = "none" if share.value == 0 else successes(share)
-        groups.setdefault(told, []).append(sensor)
-    (most, first), *rest = groups.items()
-    verb = "arrives" if len(first) == 1 else "arrive"
-    others = (f"{named(sensors)} in {told}" for told, sensors in rest)
-    return ", ".join((f"{named(first)} {verb} in {most}", *others))
-
-
-def _hedge_sentences(summaries: Summaries) -> Iterator[str]:
-    """Yield how long the paths are where a gap leads nowhere; nothing if it was not."""
-    numbers = _listed(summaries, "dead_end", detour_text)
-    if not numbers:
-        return
-    text = "Where the nearer gap in a hedge leads nowhere, "
-    if told := _against_lasers(summaries):
-        text += f"the radar's path is {told}; "
-    yield f"{text}path / shortest path: {numbers}."
 
 
 def _against_lasers(summaries: Summaries) -> str:
@@ -109,26 +140,10 @@ def _listed(summaries: Summaries, map_: str, tell: Callable[[Summary], str]) -> 
 
 
 def _arrivals(summary: Summary) -> str:
-    text = f"{successes(summary.success)}{_in_brackets(summary.success)}"
+    text = share_text(summary.success, successes)
     if summary.false_no_path:
         text += f' with a false "no path" in {summary.false_no_path}'
     return text
-
-
-def _loss_sentences(summaries: Summaries) -> Iterator[str]:
-    """Yield where a laser does better, clearly or perhaps."""
-    losses = list(find_losses(summaries))
-    if not any(summary.success.has_interval for summary in summaries.values()):
-        told = [loss for _, loss in losses]
-        behind = "; ".join(told) if told else "nowhere"
-        yield f"In this one run of each, the radar is behind the best laser: {behind}."
-        return
-    for clearly, text in (
-        (True, "The radar loses where the intervals do not overlap"),
-        (False, "It is behind the best laser, within the intervals"),
-    ):
-        told = [loss for is_clear, loss in losses if is_clear is clearly]
-        yield f"{text}: {'; '.join(told) if told else 'nowhere'}."
 
 
 def find_losses(summaries: Summaries) -> Iterator[tuple[bool, str]]:
@@ -138,55 +153,36 @@ def find_losses(summaries: Summaries) -> Iterator[tuple[bool, str]]:
         Whether their intervals do not overlap, and the place with both values.
     """
     for measure in MEASURES:
+        sign = 1 if measure.more_is_better else -1
         for map_ in (map_ for map_ in measure.maps if (map_, RADAR) in summaries):
             radar = measure.of(summaries[map_, RADAR])
-            best = _best_lasers(summaries, measure, map_)
-            if radar is None or best is None:
+            found = {
+                sensor: estimate
+                for sensor in LASERS
+                if (estimate := measure.of(summaries[map_, sensor])) is not None
+            }
+            if radar is None or not found:
                 continue
-            lasers, laser = best
-            if not _is_better(measure, laser, radar):
+            laser = max(found.values(), key=lambda each: sign * each.value)
+            # better, or the same, is what is by the two digits that are told
+            if round(sign * (laser.value - radar.value), 2) <= 0:
                 continue
+            best = [s for s in found if round(found[s].value - laser.value, 2) == 0]
+            lasers = "every laser" if len(best) == len(LASERS) else named(best)
             runs = summaries[map_, RADAR].success.count
-            yield (
-                _apart(laser, radar),
-                f"{measure.name} in {TITLES[map_]}, {_written(measure, radar, runs)}"
-                f" against {_written(measure, laser, runs)} with {lasers}",
+            one, other = (
+                percent(each)
+                if measure.more_is_better
+                else f"{each.value:.2f}{_of_fewer(each, runs)}"
+                for each in (radar, laser)
             )
-
-
-def _best_lasers(
-    summaries: Summaries, measure: Measure, map_: str
-) -> tuple[str, Estimate] | None:
-    """Return the names of all lasers that seem the best, and the best estimate."""
-    found = {
-        sensor: estimate
-        for sensor in LASERS
-        if (estimate := measure.of(summaries[map_, sensor])) is not None
-    }
-    if not found:
-        return None
-    sign = 1 if measure.more_is_better else -1
-    best = max(found.values(), key=lambda each: sign * each.value)
-    ties = [s for s in found if round(found[s].value - best.value, 2) == 0]
-    return ("every laser" if len(ties) == len(LASERS) else named(ties)), best
-
-
-def _written(measure: Measure, estimate: Estimate, runs: int) -> str:
-    if measure.more_is_better:
-        return percent(estimate)
-    return f"{estimate.value:.2f}{_of_fewer(estimate, runs)}"
-
-
-def _is_better(measure: Measure, one: Estimate, other: Estimate) -> bool:
-    """Return whether an estimate is better by what is told of it, two digits."""
-    sign = 1 if measure.more_is_better else -1
-    return round(sign * (one.value - other.value), 2) > 0
-
-
-def _apart(one: Estimate, other: Estimate) -> bool:
-    if not (one.has_interval and other.has_interval):
-        return False
-    return one.low > other.high or one.high < other.low
+            yield (
+                laser.has_interval
+                and radar.has_interval
+                and (laser.low > radar.high or laser.high < radar.low),
+                f"{measure.name} in {TITLES[map_]}, {one} against {other} with"
+                f" {lasers}",
+            )
 
 
 def _most_hidden(summaries: Summaries, sensors: tuple[str, ...]) -> Estimate | None:
@@ -204,14 +200,6 @@ def successes(estimate: Estimate) -> str:
 def percent(estimate: Estimate) -> str:
     """Return an estimate as ``93 %``."""
     return f"{_hundredths(estimate.value)} %"
-
-
-def detour_text(summary: Summary) -> str:
-    """Return path / shortest path with its interval; empty if no drive arrived.
-
-    The number of drives is told where not all of them arrived.
-    """
-    return number_text(summary.detour, summary, "{:.2f}")
 
 
 def number_text(estimate: Estimate | None, summary: Summary, form: str) -> str:
@@ -243,14 +231,14 @@ def _hundredths(value: float) -> str:
     return text
 
 
-def _told(estimate: Estimate | None) -> str:
-    return "" if estimate is None else f"{percent(estimate)}{_in_brackets(estimate)}"
-
-
-def _in_brackets(estimate: Estimate) -> str:
-    """Return the interval of a share after a blank; empty if there is none."""
-    text = percent_interval(estimate)
-    return f" ({text})" if text else ""
+def share_text(
+    estimate: Estimate | None, write: Callable[[Estimate], str] = percent
+) -> str:
+    """Return a share with its interval; empty if there is none."""
+    if estimate is None:
+        return ""
+    interval = percent_interval(estimate)
+    return write(estimate) + (f" ({interval})" if interval else "")
 
 
 def percent_interval(estimate: Estimate) -> str:
@@ -258,3 +246,102 @@ def percent_interval(estimate: Estimate) -> str:
     if estimate.is_exact:
         return ""
     return f"{_hundredths(estimate.low)} to {_hundredths(estimate.high)} %"
+
+
+def draw_study(summaries: Summaries) -> Figure:
+    """Draw the verdicts of all maps, and what is known of the floor.
+
+    Args:
+        summaries: The runs of each sensor on each kind of map.
+    """
+    figure = Figure((11.0, 6.6), layout="constrained")
+    figure.suptitle(
+        headline(summaries).replace("`", ""),
+        x=0.01,
+        ha="left",
+        fontsize=14,
+        fontweight="bold",
+    )
+    kinds = kinds_of(summaries)
+    rows = [row for row in _FLOOR if row[0] in kinds]
+    *others, verdicts = figure.subplots(
+        1, 1 + bool(rows), squeeze=False, width_ratios=(1, 1.2)[-1 - bool(rows) :]
+    )[0]
+    for floor in others:
+        _draw_rows(
+            floor,
+            [label for *_, label in rows],
+            lambda row, sensor: getattr(summaries[rows[row][0], sensor], rows[row][1]),
+        )
+        floor.set_title("Share of the floor that is mapped", loc="left", fontsize=11)
+    _draw_rows(
+        verdicts,
+        [bare_title(map_) for map_ in kinds],
+        lambda row, sensor: summaries[kinds[row], sensor].success,
+    )
+    verdicts.set_title(
+        "Share of drives with a right verdict and no touch", loc="left", fontsize=11
+    )
+    # Beside the dots: how many drives told falsely that there is no path.
+    for row, map_ in enumerate(kinds):
+        for sensor in SENSORS:
+            summary = summaries[map_, sensor]
+            mistakes = (
+                (summary.false_no_path, '{} false "no path"'),
+                (summary.failed, "{} no verdict"),
+                (summary.touches, "touches: {}"),
+            )
+            text = ", ".join(form.format(n) for n, form in mistakes if n)
+            value = summary.success
+            left = value.value < 0.5
+            if text:
+                verdicts.text(
+                    value.high + 0.03 if left else value.low - 0.03,
+                    _height(row, sensor),
+                    text,
+                    va="center",
+                    ha="left" if left else "right",
+                    fontsize=9,
+                    color=palette.INK,
+                )
+    samples = [Line2D([], [], **_style(sensor)) for sensor in SENSORS]
+    figure.legend(
+        samples, SENSORS, loc="outside lower center", ncols=len(SENSORS), frameon=False
+    )
+    return figure
+
+
+def _draw_rows(
+    axes: Axes, labels: list[str], find: Callable[[int, str], Estimate | None]
+) -> None:
+    """Draw a row for each label, and in it a dot for each sensor."""
+    for row, _ in enumerate(labels):
+        if row % 2 == 0:
+            axes.axhspan(row - 0.5, row + 0.5, color="#f4f4f6", lw=0)
+        for sensor in SENSORS:
+            if (estimate := find(row, sensor)) is not None:
+                y = _height(row, sensor)
+                ends = [max(estimate.low, 0.0), min(estimate.high, 1.0)]
+                width = 2.2 if sensor == RADAR else 1.6
+                axes.plot(ends, [y, y], color=_COLOURS[sensor], lw=width)
+                axes.plot([estimate.value], [y], clip_on=False, **_style(sensor))
+    axes.set_yticks(range(len(labels)), labels)
+    axes.set_ylim(len(labels) - 0.5, -0.5)
+    axes.set_xlim(-0.03, 1.03)
+    axes.set_xticks([0, 0.5, 1], ["0", "50 %", "100 %"])
+    axes.tick_params(axis="y", length=0)
+    axes.grid(axis="x", color="#dddddd", lw=0.6)
+    axes.spines[["top", "right", "left"]].set_visible(False)
+
+
+def _height(row: int, sensor: str) -> float:
+    return row + (SENSORS.index(sensor) - (len(SENSORS) - 1) / 2) * _STEP
+
+
+def _style(sensor: str) -> dict[str, Any]:
+    return {
+        "marker": _MARKERS[sensor],
+        "markersize": 9 if sensor == "radar" else 7,
+        "color": _COLOURS[sensor],
+        "linestyle": "none",
+    }

@@ -18,8 +18,8 @@ from radarsim.autonomy.navigation.algorithms import ROBOT_RADIUS, Algorithm
 from radarsim.autonomy.navigation.plans import TOLERANCE
 from radarsim.files import PAGE_MARK, write_atomically
 from radarsim.lab.figures.page import STYLE
-from radarsim.lab.study.chart import draw_study
 from radarsim.lab.study.findings import (
+    draw_study,
     headline,
     number_text,
     percent,
@@ -40,6 +40,7 @@ from radarsim.lab.study.results import (
     Estimate,
     Summaries,
     Summary,
+    bare_title,
     kinds_of,
     summarise,
 )
@@ -119,64 +120,28 @@ _COLUMNS: Final = (
 Row = dict[str, Any]
 
 
-def render_study(
-    summaries: Summaries,
-    sentences: Sequence[str],
-    *,
-    figure: str,
-    headline: str,
-    algorithm: str,
-    seeds: int,
-) -> str:
-    """Return the page as HTML.
-
-    Args:
-        summaries: The runs of each sensor on each kind of map.
-        sentences: The summary; names in backquotes are code.
-        figure: Name of the figure's file.
-        headline: What the figure shows, in words; names in backquotes are code.
-        algorithm: Algorithm of the drives.
-        seeds: Number of seeds.
-    """
-    kinds = kinds_of(summaries)
-    answer = " ".join(headline.split())
-    said = escape(answer.replace("`", ""))
-    items = "".join(f"<li>{_marked(text)}</li>\n" for text in sentences)
-    tables = "".join(_section(summaries, map_) for map_ in kinds)
-    return f"""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-{PAGE_MARK}
-<title>{TITLE}</title>
-<style>{STYLE}{_TABLE_STYLE}</style>
-</head>
-<body>
-<main>
-<h1>{TITLE}</h1>
-<p>{_QUESTION}</p>
-<p class="answer">{_marked(answer)}.</p>
-<ul>
-{items}</ul>
-<p class="picture"><img src="{figure}" alt="{said}"></p>
-<h2>How</h2>
-{_how(kinds, algorithm, seeds)}{tables}<p>Made by radarsim {__version__}.
-Runs are rows of <code>runs.csv</code>.</p>
-</main>
-</body>
-</html>
-"""
-
-
 def _how(kinds: Sequence[str], algorithm: str, seeds: int) -> str:
     """Return as HTML what runs, and what is measured."""
+    drives = f"<code>{escape(algorithm)}</code>"
+    if algorithm in _ALGORITHMS:
+        drives += f", which {_ALGORITHMS[algorithm]}"
+    explores = shares = ""
+    if mapped := [kind for kind in kinds if kind in MAPPED]:
+        where = " and ".join(f"in the {bare_title(kind)}" for kind in mapped)
+        explores = f". I{where[1:]} it also explores, for {MAPPING_TIME:g} s"
+        shares = (
+            "Reachable floor is the mapped share of the floor that the robot can get"
+            " to, hidden floor that of the floor where it would fit, but that it"
+            " cannot get to. Obstacles in place are the share of the cells mapped as"
+            f" obstacles, bushes too, that lie within two cells ({2 * RESOLUTION:g} m)"
+            " of a true one.\n"
+        )
     return f"""<p>Maps of {_counted(len(kinds), "kind")}, each drawn anew for
 {_counted(seeds, "seed")}; every sensor runs on the same maps.
 All sensors look all the way round, with a beam every {BEAMS["resolution_deg"]}°.</p>
 <p>{_marked(_MODELS)}</p>
-<p>The robot, a P3AT, drives to a goal with {_named_algorithm(algorithm)}, for at most
-{DRIVING_TIME:g} s{_exploring(kinds)}. It asks its scanner for echoes: not only how far
+<p>The robot, a P3AT, drives to a goal with {drives}, for at most
+{DRIVING_TIME:g} s{explores}. It asks its scanner for echoes: not only how far
 each beam gets, but everything that it meets on the way. What blocks a robot therefore
 counts where a beam first meets it, even if the beam goes on, and 0.5 m from the robot's
 centre is a safe distance with each of the four.</p>
@@ -193,44 +158,12 @@ little below 1, because a drive ends when the robot is within {TOLERANCE:g} m of
 goal by the inertial sensor, which drifts; up to {GOAL_TOLERANCE:g} m in truth count.
 Less the radar's: the mean difference to the radar's factor on the same map, where both
 arrived. Time is simulated, of the drives that arrived.
-{_mapping_measures(kinds)}{_INTERVALS if seeds > 1 else _NO_INTERVALS}</p>
+{shares}{_INTERVALS if seeds > 1 else _NO_INTERVALS}</p>
 """
 
 
 def _counted(count: int, name: str) -> str:
     return f"{count} {name}" + "s" * (count != 1)
-
-
-def _named_algorithm(algorithm: str) -> str:
-    """Return the algorithm as code, with what it does if that is known."""
-    about = _ALGORITHMS.get(algorithm)
-    code = f"<code>{escape(algorithm)}</code>"
-    return code if about is None else f"{code}, which {about}"
-
-
-def _exploring(kinds: Sequence[str]) -> str:
-    """Return where robots explore; empty if nowhere."""
-    mapped = [kind for kind in kinds if kind in MAPPED]
-    if not mapped:
-        return ""
-    where = " and ".join(f"in {_definite(TITLES[kind])}" for kind in mapped)
-    return f". {where[0].upper()}{where[1:]} it also explores, for {MAPPING_TIME:g} s"
-
-
-def _definite(title: str) -> str:
-    return f"the {title.removeprefix('a ').removeprefix('an ')}"
-
-
-def _mapping_measures(kinds: Sequence[str]) -> str:
-    """Return what the shares of maps are; empty if nothing was mapped."""
-    if not any(kind in MAPPED for kind in kinds):
-        return ""
-    return (
-        "Reachable floor is the mapped share of the floor that the robot can get to,"
-        " hidden floor that of the floor where it would fit, but that it cannot get to."
-        " Obstacles in place are the share of the cells mapped as obstacles, bushes"
-        f" too, that lie within two cells ({2 * RESOLUTION:g} m) of a true one.\n"
-    )
 
 
 def _section(summaries: Summaries, map_: str) -> str:
@@ -313,17 +246,15 @@ def _notes(summaries: Sequence[Summary]) -> Iterator[str]:
 def _share(
     estimate: Estimate | None, write: Callable[[Estimate], str] = percent
 ) -> str:
-    return _NOTHING if estimate is None else f"{write(estimate)}{_interval(estimate)}"
+    if estimate is None:
+        return _NOTHING
+    interval = percent_interval(estimate)
+    return write(estimate) + (f" <small>{interval}</small>" if interval else "")
 
 
 def _mean(estimate: Estimate | None, summary: Summary, form: str = "{:.2f}") -> str:
     value, blank, rest = number_text(estimate, summary, form).partition(" ")
     return f"{value}{blank}<small>{rest}</small>" if rest else value or _NOTHING
-
-
-def _interval(estimate: Estimate) -> str:
-    text = percent_interval(estimate)
-    return f" <small>{text}</small>" if text else ""
 
 
 def _marked(text: str) -> str:
@@ -375,29 +306,46 @@ def write_study(
     """
     summaries = summarise(rows)
     sentences = summary_sentences(summaries)
-    page = render_study(
-        summaries,
-        sentences,
-        figure=FIGURE,
-        headline=headline(summaries),
-        algorithm=algorithm.value,
-        seeds=seeds,
+    table = io.StringIO()
+    writer = csv.DictWriter(
+        table, _COLUMNS, extrasaction="ignore", lineterminator="\n", restval=""
     )
+    writer.writeheader()
+    writer.writerows(rows)
+    kinds = kinds_of(summaries)
+    answer = " ".join(headline(summaries).split())
+    said = escape(answer.replace("`", ""))
+    items = "".join(f"<li>{_marked(text)}</li>\n" for text in sentences)
+    tables = "".join(_section(summaries, map_) for map_ in kinds)
+    page = f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+{PAGE_MARK}
+<title>{TITLE}</title>
+<style>{STYLE}{_TABLE_STYLE}</style>
+</head>
+<body>
+<main>
+<h1>{TITLE}</h1>
+<p>{_QUESTION}</p>
+<p class="answer">{_marked(answer)}.</p>
+<ul>
+{items}</ul>
+<p class="picture"><img src="{FIGURE}" alt="{said}"></p>
+<h2>How</h2>
+{_how(kinds, algorithm.value, seeds)}{tables}<p>Made by radarsim {__version__}.
+Runs are rows of <code>{TABLE}</code>.</p>
+</main>
+</body>
+</html>
+"""
     write_atomically(
         {
-            folder / TABLE: _table(rows).encode(),
+            folder / TABLE: table.getvalue().encode(),
             folder / FIGURE: render(draw_study(summaries)),
             folder / PAGE: page.encode(),
         }
     )
     return sentences
-
-
-def _table(rows: Sequence[Row]) -> str:
-    text = io.StringIO()
-    writer = csv.DictWriter(
-        text, _COLUMNS, extrasaction="ignore", lineterminator="\n", restval=""
-    )
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()

@@ -27,11 +27,6 @@ TITLES: Final = {
     "forest": "a forest",
     "office": "an office",
 }
-# Why drives end without a verdict.
-WOULD_NOT_START: Final = "would not start"
-STUCK: Final = "got stuck"
-OUT_OF_TIME: Final = "was not there in time"
-OTHERWISE: Final = "failed otherwise"
 _STANDING: Final = 0.05  # m; a robot that drives less has stayed where it was
 
 
@@ -182,11 +177,6 @@ MEASURES: Final = (
 )
 
 
-def is_right(row: Row) -> bool:
-    """Return whether a drive told what is true, and touched nothing."""
-    return bool(row["outcome"] == row["expected"] and not row["collisions"])
-
-
 def summarise(rows: Sequence[Row]) -> dict[tuple[str, str], Summary]:
     """Return the summary of each kind of map and sensor that was run."""
     summaries = {}
@@ -196,6 +186,11 @@ def summarise(rows: Sequence[Row]) -> dict[tuple[str, str], Summary]:
         if own:
             summaries[map_, sensor] = _summary(map_, sensor, own, _detours(radar))
     return summaries
+
+
+def bare_title(kind: str) -> str:
+    """Return the title of a kind of maps without its article."""
+    return TITLES[kind].removeprefix("a ").removeprefix("an ")
 
 
 def kinds_of(summaries: Summaries) -> list[str]:
@@ -209,26 +204,41 @@ def _summary(
 ) -> Summary:
     drives = [row for row in rows if row["method"] != MAPPING]
     maps = [row for row in rows if row["method"] == MAPPING]
+    right = [row for row in drives if row["outcome"] == row["expected"]]
+    arrived = [row for row in right if row["outcome"] == "reached"]
+    told_falsely = [
+        row
+        for row in drives
+        if (row["outcome"], row["expected"]) == ("no_path", "reached")
+    ]
     detours = _detours(rows)
     both = sorted(detours.keys() & radar.keys()) if sensor != RADAR else []
+    # told falsely where it stood: the robot was shut in from the start
+    standing = {r["seed"] for r in told_falsely if r["path_length"] < _STANDING}
     return Summary(
         map=map_,
         sensor=sensor,
-        success=share(sum(map(is_right, drives)), len(drives)),
-        false_no_path=sum(_verdict(r) == ("no_path", "reached") for r in drives),
-        failures=Counter(_failure(r) for r in drives if not _is_verdict(r)),
+        success=share(sum(not row["collisions"] for row in right), len(drives)),
+        false_no_path=len(told_falsely),
+        failures=Counter(filter(None, map(_failure, drives))),
         touches=sum(row["collisions"] for row in rows),
         detour=_mean(list(detours.values())),
         detour_difference=_mean(
             [round(detours[each] - radar[each], 6) for each in both]
         ),
-        time=_mean([row["time"] for row in drives if _has_arrived(row)]),
-        reachable=_mean_of(maps, "reachable_coverage"),
-        hidden=_mean_of(maps, "hidden_coverage"),
-        in_place=_mean_of(maps, "within_two_cells"),
+        time=_mean([row["time"] for row in arrived]),
+        reachable=_mean_share(maps, "reachable_coverage"),
+        hidden=_mean_share(maps, "hidden_coverage"),
+        in_place=_mean_share(maps, "within_two_cells"),
         explorations=len(maps),
         timed_out=sum(row["outcome"] == "time_limit" for row in maps),
-        shut_in=_shut_in(drives, maps),
+        shut_in={
+            row["seed"]: row["reachable_coverage"]
+            for row in maps
+            if row["seed"] in standing
+            and row["outcome"] == "explored"
+            and row["reachable_coverage"] is not None
+        },
     )
 
 
@@ -237,48 +247,23 @@ def _detours(rows: Sequence[Row]) -> dict[int, float]:
     return {
         row["seed"]: row["path_length"] / row["shortest_path"]
         for row in rows
-        if row["method"] != MAPPING and _has_arrived(row)
+        if row["method"] != MAPPING and row["outcome"] == "reached" == row["expected"]
     }
 
 
-def _has_arrived(row: Row) -> bool:
-    return bool(row["outcome"] == "reached" == row["expected"])
-
-
-def _is_verdict(row: Row) -> bool:
-    return row["outcome"] in ("reached", "no_path")
-
-
-def _failure(row: Row) -> str:
-    """Return why a drive has no verdict, in words, by its outcome and its note."""
+def _failure(row: Row) -> str | None:
+    """Return why a drive has no verdict, in words; None if it has one."""
+    if row["outcome"] in ("reached", "no_path"):
+        return None
     if row["outcome"] == "too_near":
-        return WOULD_NOT_START
+        return "would not start"
     if row["note"].startswith("not there after"):
-        return OUT_OF_TIME
-    return STUCK if row["note"].startswith("the robot stays") else OTHERWISE
+        return "was not there in time"
+    stays = row["note"].startswith("the robot stays")
+    return "got stuck" if stays else "failed otherwise"
 
 
-def _shut_in(drives: Sequence[Row], maps: Sequence[Row]) -> dict[int, float]:
-    standing = {
-        row["seed"]
-        for row in drives
-        if _verdict(row) == ("no_path", "reached") and row["path_length"] < _STANDING
-    }
-    return {
-        row["seed"]: row["reachable_coverage"]
-        for row in maps
-        if row["seed"] in standing
-        and row["outcome"] == "explored"
-        and row["reachable_coverage"] is not None
-    }
-
-
-def _verdict(row: Row) -> tuple[str, str]:
-    return row["outcome"], row["expected"]
-
-
-def _mean_of(rows: Sequence[Row], key: str) -> Estimate | None:
-    """Estimate the mean of shares."""
+def _mean_share(rows: Sequence[Row], key: str) -> Estimate | None:
     estimate = _mean([row[key] for row in rows if row[key] is not None])
     return None if estimate is None else estimate.within(0.0, 1.0)
 
