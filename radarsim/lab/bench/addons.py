@@ -39,6 +39,7 @@ from radarsim.lab.bench.clients import connect, init_line
 from radarsim.lab.bench.server import (
     MAX_P99,
     PROGRAM,
+    QUANTILES,
     Drive,
     cpu_seconds,
     lateness_of,
@@ -159,7 +160,6 @@ def _cpu_us(run: Callable[[], object], seconds: float) -> float:
 
 
 RECORDED: Final = 50
-QUANTILES: Final = {"median": 0.5, "99th percentile": 0.99}
 
 
 class _Usage(NamedTuple):

@@ -1,10 +1,33 @@
-"""Clients of the benchmarks, with robots in rows in an empty room."""
+"""Clients of the benchmarks, also as processes of their own.
 
+``python -m radarsim.lab.bench.clients drive HOST PORT`` drives robots in circles in the
+hall. It reads lines with a number of robots and a duration in s: it connects clients
+until there are so many robots, lets all of them drive, and then measures for that time.
+It answers each line with one: a JSON list of the delays of all scans, s.
+
+``python -m radarsim.lab.bench.clients flood HOST PORT CLIENTS ROBOTS LINE`` floods a
+server as fast as it can: so many clients repeat a line, the first ones of which have
+robots in an empty room. It writes ``ready`` when they are connected, floods after it
+has read a line, and goes on until it is killed.
+"""
+
+import json
+import os
 import re
 import selectors
 import socket
+import sys
 import time
 
+from radarsim.lab.bench import robots
+from radarsim.server.open_files import raise_file_limit
+
+SPAWN_SECONDS = 30.0  # of which an idle machine needs one for 250 robots
+SETTLE_SECONDS = 0.5  # until a backlog has been read
+MAX_FILES = 4096
+REPETITIONS = 1000  # of the line in what is passed to a socket at once
+NICENESS = 5  # the flood comes over a network, and takes no core from the server
+FIRST_PLACE = 20  # of robots; those before it are for clients that do not flood
 SCAN = re.compile(rb"SEN \{Time ([0-9.]+)\} \{Type RangeScanner\}")
 
 
@@ -58,3 +81,63 @@ def listen(sockets: list[socket.socket], seconds: float) -> list[float]:
                 arrived = time.monotonic()
                 delays += [arrived - float(text) for text in SCAN.findall(data)]
     return delays
+
+
+def drive(address: tuple[str, int]) -> None:
+    """Drive and measure until stdin ends."""
+    raise_file_limit(MAX_FILES)
+    sockets: list[socket.socket] = []
+    for line in sys.stdin:
+        count, seconds = line.split()
+        added = range(len(sockets), int(count))
+        for number in added:
+            sockets.append(connect(address))
+            sockets[-1].sendall(robots.init_line(number))
+        wait_for_robots([sockets[number] for number in added], SPAWN_SECONDS)
+        for number in added:
+            sockets[number].sendall(robots.drive_line(number))
+        listen(sockets, SETTLE_SECONDS)
+        sys.stdout.write(json.dumps(listen(sockets, float(seconds))) + "\n")
+        sys.stdout.flush()
+
+
+def flood(address: tuple[str, int], count: int, with_robots: int, line: str) -> None:
+    """Send a line again and again on all sockets, and read what comes, until killed."""
+    os.nice(NICENESS)
+    sockets = [
+        spawn(address, FIRST_PLACE + number)
+        if number < with_robots
+        else connect(address)
+        for number in range(count)
+    ]
+    sys.stdout.write("ready\n")
+    sys.stdout.flush()
+    sys.stdin.readline()
+    data = (line + "\r\n").encode() * REPETITIONS
+    rest = [data] * len(sockets)  # a socket may take a part, even of a line
+    with selectors.DefaultSelector() as selector:
+        for index, sock in enumerate(sockets):
+            events = selectors.EVENT_READ | selectors.EVENT_WRITE
+            selector.register(sock, events, index)
+        while True:
+            for key, ready in selector.select():
+                index = key.data
+                if ready & selectors.EVENT_READ:
+                    sockets[index].recv(65536)
+                if ready & selectors.EVENT_WRITE:
+                    sent = sockets[index].send(rest[index])
+                    rest[index] = rest[index][sent:] or data
+
+
+def main() -> None:
+    """Drive or flood, as the arguments say."""
+    what, host, port, *words = sys.argv[1:]
+    if what == "drive":
+        drive((host, int(port)))
+    else:
+        clients, with_robots, line = words
+        flood((host, int(port)), int(clients), int(with_robots), line)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,15 +1,12 @@
-"""Benchmarks of the ray engine: groups a to d, g and h of the table.
+"""Benchmarks of the ray engine: groups a to d, g, h and k of the table.
 
 Most results are ratios against a raw first-hit call of Embree on the same rays,
-measured in turns in one process, so that they hold on machines of any speed.
+measured in turns in one process, so that they hold on machines of any speed. The scenes
+are generated from a few numbers.
 
-Scenes for benchmarks, generated from a few numbers.
-
-Benchmark of meshes: group k of the table.
-
-A map with one closed mesh is loaded and made ready for rays. The reference is what
-trimesh takes to read the file and embreex to build its own scene of it, which tells
-neither whether the mesh is closed nor which side of it is outside.
+For group k a map with one closed mesh is loaded and made ready for rays. The reference
+is what trimesh takes to read the file and embreex to build its own scene of it, which
+tells neither whether the mesh is closed nor which side of it is outside.
 """
 
 import importlib
@@ -25,9 +22,8 @@ from typing import Any, Final
 import numpy as np
 import trimesh
 
-from radarsim.geometry import Floats
+from radarsim.geometry import Floats, rotation_matrix
 from radarsim.lab.bench.timing import BenchmarkRow, compare, measure
-from radarsim.lab.plants.scenes import leaf_scene
 from radarsim.raycast import embree
 from radarsim.raycast.embree import FirstHits
 from radarsim.raycast.rays import Rays
@@ -35,6 +31,8 @@ from radarsim.raycast.tracer import Tracer, tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map
 from radarsim.scene.material import Material
+from radarsim.scene.plants.parameters import SHRUB
+from radarsim.scene.plants.plant import Plant, make_shrubs
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import Faces, Mesh, box, sphere
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor, sensor_pose
@@ -139,6 +137,8 @@ MULTI_RAY_SENSORS: dict[str, tuple[dict[str, Any], int]] = {
 PLAIN = {"return_mode": "last", "incidence_weights": False, "ray_choice": "drawn"}
 BOUNCES = 2
 TRIANGLES = 1_000_000
+LEAF = Material("leaf", density=0.0, sheet_loss=0.4)
+LEAF_SPACING: Final = 2.2 * SHRUB.crown_radius  # m between neighbours
 
 
 def foliage_wall(spheres: int = 60) -> Scene:
@@ -199,6 +199,36 @@ def hall_of_mirrors() -> Scene:
     return Scene("mirrors", "Mirrors", tuple(parts))
 
 
+def leaf_scene(triangles: int) -> Scene:
+    """Create a room of leafy shrubs with approximately a given number of triangles.
+
+    The shrubs stand in a square grid from x = -4 m on, each with a random yaw, with
+    space for a sensor at x = -6, y = 0. No two of them touch.
+
+    Args:
+        triangles: Number of triangles; at least one shrub is created, of about 15,000.
+    """
+    shrub = make_shrubs(0)["leaves"]
+    count = max(1, round(triangles / shrub.triangles))
+    rng = generator_for(0, "plants", "leaf scene")
+    side = math.ceil(math.sqrt(count))
+    length, width, height = 4.0 + LEAF_SPACING * side, LEAF_SPACING * (side + 2), 6.0
+    centre = (-8.0 + length / 2, 0.0, height / 2)
+    parts = [_placed("room", WALL, box(length, width, height), centre)]
+    for number in range(count):
+        row, column = divmod(number, side)
+        position = np.array(
+            [-4.0 + LEAF_SPACING * row, LEAF_SPACING * (column - (side - 1) / 2), 0.0]
+        )
+        rotation = rotation_matrix(0.0, 0.0, rng.uniform(0, 2 * math.pi)).T
+        rotated = Plant(
+            (shrub.wood[0] @ rotation, shrub.wood[1]),
+            (shrub.foliage[0] @ rotation, shrub.foliage[1]),
+        )
+        parts += rotated.parts(f"shrub_{number + 1}", Material("wood"), LEAF, position)
+    return Scene("leaves", "Leaves", tuple(parts))
+
+
 def _placed(
     name: str,
     material: Material,
@@ -222,9 +252,8 @@ def scans_against_first_hits(seconds: float) -> Iterator[BenchmarkRow]:
         for name, scan, rays in _workloads(scene):
             first = FirstHits(meshes, rays.origins, rays.directions)
             result = compare(scan, first.run, seconds=seconds)
-            note = f"{result.subject * 1e6:.0f} us against {result.reference * 1e6:.0f}"
-            title = f"{scene.name}, {name}"
-            yield BenchmarkRow("a", title, result.ratio, "x", limits.get(name), note)
+            title, limit = f"{scene.name}, {name}", limits.get(name)
+            yield BenchmarkRow("a", title, result.ratio, "x", limit, result.in_us)
 
 
 def _workloads(scene: Scene) -> Iterator[tuple[str, Callable[[], object], Rays]]:
@@ -262,8 +291,8 @@ def against_open3d(seconds: float) -> Iterator[BenchmarkRow]:
         tensor = open3d.core.Tensor(both)
         hits = partial(o3d.list_intersections, tensor)
         result = compare(scan, hits, seconds=seconds)
-        note = f"{result.subject * 1e6:.0f} us against {result.reference * 1e6:.0f}"
-        yield BenchmarkRow("b", f"{scene.name}, {name}", result.ratio, "x", 1.0, note)
+        title = f"{scene.name}, {name}"
+        yield BenchmarkRow("b", title, result.ratio, "x", 1.0, result.in_us)
 
 
 def throughput(seconds: float) -> Iterator[BenchmarkRow]:
@@ -330,10 +359,8 @@ def beams_against_rays(seconds: float) -> Iterator[BenchmarkRow]:
             partial(_repeat, draw, rays),
             seconds=seconds,
         )
-        note = f"{result.subject * 1e6:.0f} us against {result.reference * 1e6:.0f}"
-        yield BenchmarkRow(
-            "g", name, result.ratio, "x", 1.0 if rays > 1 else None, note
-        )
+        limit = 1.0 if rays > 1 else None
+        yield BenchmarkRow("g", name, result.ratio, "x", limit, result.in_us)
 
 
 def _repeat(run: Callable[[], object], times: int) -> None:
@@ -343,20 +370,15 @@ def _repeat(run: Callable[[], object], times: int) -> None:
 
 def mirrors_and_leaves(seconds: float) -> Iterator[BenchmarkRow]:
     """Measure rays that are reflected twice, and rays through single leaves."""
-    yield _mirrors(seconds)
-    yield _leaves(seconds)
-
-
-def _mirrors(seconds: float) -> BenchmarkRow:
-    """Measure rays with two reflections against rays that end at the first mirror.
-
-    Their power is unlimited, so that no ray ends in the foliage.
-    """
     scene = hall_of_mirrors()
     pose, rng = sensor_pose(scene, SENSOR), generator_for(0, "bench")
     reflected, plain = (
         load_sensor(
-            "radar", **BEAMS_361, max_bounces=bounces, penetration_power=math.inf
+            # the power is unlimited, so that no ray ends in the foliage
+            "radar",
+            **BEAMS_361,
+            max_bounces=bounces,
+            penetration_power=math.inf,
         )
         for bounces in (BOUNCES, 0)
     )
@@ -365,12 +387,8 @@ def _mirrors(seconds: float) -> BenchmarkRow:
         partial(plain.scan, scene, pose, rng),
         seconds=seconds,
     )
-    note = f"{result.subject * 1e6:.0f} us against {result.reference * 1e6:.0f}"
     name = f"{BOUNCES} bounces in a hall of mirrors, by none"
-    return BenchmarkRow("h", name, result.ratio, "x", BOUNCES + 1.0, note)
-
-
-def _leaves(seconds: float) -> BenchmarkRow:
+    yield BenchmarkRow("h", name, result.ratio, "x", BOUNCES + 1.0, result.in_us)
     scene = leaf_scene(TRIANGLES)
     pose, rng = sensor_pose(scene, SENSOR), generator_for(0, "bench")
     radar = load_sensor("radar", **BEAMS_361)
@@ -378,6 +396,5 @@ def _leaves(seconds: float) -> BenchmarkRow:
     meshes = [embree.Mesh(part.vertices, part.faces) for part in scene.parts]
     first = FirstHits(meshes, rays.origins, rays.directions)
     result = compare(partial(radar.scan, scene, pose, rng), first.run, seconds=seconds)
-    note = f"{result.subject * 1e6:.0f} us against {result.reference * 1e6:.0f}"
     name = f"leaves of {scene.triangles} triangles, by one raw first-hit call"
-    return BenchmarkRow("h", name, result.ratio, "x", None, note)
+    yield BenchmarkRow("h", name, result.ratio, "x", None, result.in_us)

@@ -21,14 +21,16 @@ from radarsim.lab.bench.engine import (
     scans_against_first_hits,
     throughput,
 )
-from radarsim.lab.bench.floods import FLOODS, floods, lateness_beside_floods
 from radarsim.lab.bench.robots import driving_robots, growth_of_robots
 from radarsim.lab.bench.server import (
+    FLOODS,
     ROBOTS,
     SWARMS,
     capacity,
     cold_start,
+    floods,
     lateness,
+    lateness_beside_floods,
     start_up,
 )
 from radarsim.lab.bench.timing import BenchmarkRow

@@ -1,4 +1,8 @@
-"""Benchmarks of the running server: groups e and f of the table."""
+"""Benchmarks of the running server: groups e, f and i of the table.
+
+Group i tells what clients that flood the server cost others: in the CPU time of a tick,
+of hosts in this process, and in the lateness of scans.
+"""
 
 import json
 import os
@@ -8,7 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final, TypeAlias
@@ -16,12 +20,16 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from radarsim.geometry import Floats
-from radarsim.lab.bench.clients import SCAN, spawn
+from radarsim.lab.bench.clients import SCAN, init_line, listen, spawn
 from radarsim.lab.bench.robots import write_hall
 from radarsim.lab.bench.timing import BenchmarkRow
+from radarsim.scene.map_file import load_map
+from radarsim.scene.scene import Scene
+from radarsim.server.host import Host
 
 PROGRAM = (sys.executable, "-m", "radarsim")
-DRIVERS = (sys.executable, "-m", "radarsim.lab.bench.driving_clients")
+CLIENTS = (sys.executable, "-m", "radarsim.lab.bench.clients")
+QUANTILES: Final = {"median": 0.5, "99th percentile": 0.99}
 ROBOTS = 200
 SWARMS: Final = (100, 200, 300, 400, 600, 800, 1000)  # numbers of robots, ascending
 MAX_P99 = 20.0  # ms late
@@ -29,6 +37,22 @@ MIN_RATE = 9.8  # scans per second of a robot; fewer come if simulated time wait
 MAX_HELP_SECONDS, MAX_SERVE_SECONDS = 0.5, 1.5  # s
 MAX_COLD_RATIO = 1.3  # of the time until a server listens that has to compile first
 MAX_COMPILE_SECONDS = 600.0
+
+Flood: TypeAlias = tuple[int, bytes]
+
+FLOODS: Final[Mapping[str, Flood]] = {
+    "10 clients that repeat GETCONF": (10, b"GETCONF {Type RangeScanner}"),
+    "40 clients that repeat GETCONF": (40, b"GETCONF {Type RangeScanner}"),
+    "40 clients that ask for scans": (
+        40,
+        b"SET {Type RangeScanner} {Name lms200} {Opcode SCAN}",
+    ),
+    "200 clients that repeat GETSTARTPOSES": (200, b"GETSTARTPOSES"),
+}
+MOST_ROBOTS = 100  # of clients that flood
+MAX_FLOOD_MS = 5.0  # ms of CPU that floods may add to a tick
+BYSTANDERS: Final = 10  # robots of clients that do not flood
+SETTLE_SECONDS = 0.7  # until robots have spawned, and the flood has its full strength
 
 # Connects clients until there are so many robots; returns the delays of all scans that
 # come in so many seconds, s.
@@ -114,6 +138,119 @@ def cold_start(times: int = 2) -> Iterator[BenchmarkRow]:
     yield BenchmarkRow("f", f"{name}: first scan", min(first_scan) * 1e3, "ms")
 
 
+def floods(ticks: int) -> Iterator[BenchmarkRow]:
+    """Measure what clients that flood the server add to the CPU time of a tick.
+
+    Two hosts in this process, with and without the flood, tick in turns.
+
+    Args:
+        ticks: Number of ticks to average over.
+    """
+    scene = load_map("empty_room")
+    for name, (count, line) in FLOODS.items():
+        robots = _robots_of(count, line)
+        hosts = [_host_with_clients(scene, count, robots) for _ in range(2)]
+        spent = [0.0, 0.0]
+        for _ in range(ticks):
+            for index, (host, flood) in enumerate(zip(hosts, (line, b""), strict=True)):
+                spent[index] += _tick_seconds(host, count, (flood + b"\r\n") * 100)
+        added = (spent[0] - spent[1]) / ticks * 1e3
+        yield BenchmarkRow(
+            "i", f"{name}: CPU added to a tick", added, "ms", MAX_FLOOD_MS
+        )
+
+
+def lateness_beside_floods(
+    pairs: int, seconds: float, floods: Mapping[str, Flood] = FLOODS
+) -> Iterator[BenchmarkRow]:
+    """Measure how late scans of ten robots are beside clients that flood the server.
+
+    The clients are silent and flood in turns. The lateness of a scan is its delay from
+    simulated time to arrival, less the smallest delay of the silent time before it.
+
+    Args:
+        pairs: Number of floods to measure, each after a silent time.
+        seconds: Length of each flood and of each silent time.
+        floods: Number of clients and repeated line of each flood, by its name.
+    """
+    with served("empty_room") as (_, address):
+        bystanders = [spawn(address, number) for number in range(BYSTANDERS)]
+        for name, (count, line) in floods.items():
+            late = [
+                _lateness_of_pair(bystanders, address, count, line, seconds)
+                for _ in range(pairs)
+            ]
+            silent, flooded = (np.concatenate(part) for part in zip(*late, strict=True))
+            for label, quantile in QUANTILES.items():
+                what = f"{BYSTANDERS} robots beside {name}: late, {label}"
+                value = float(np.quantile(flooded, quantile))
+                note = f"{np.quantile(silent, quantile):.1f} ms beside silence"
+                yield BenchmarkRow("i", what, value, "ms", note=note)
+        for sock in bystanders:
+            sock.close()
+
+
+def _lateness_of_pair(
+    bystanders: list[socket.socket],
+    address: tuple[str, int],
+    count: int,
+    line: bytes,
+    seconds: float,
+) -> tuple[Floats, Floats]:
+    """Return the lateness of scans, ms, beside silent clients and beside a flood."""
+    words = (*map(str, address), str(count), str(_robots_of(count, line)))
+    pipe = subprocess.PIPE
+    with subprocess.Popen(
+        [*CLIENTS, "flood", *words, line.decode()], stdin=pipe, stdout=pipe, text=True
+    ) as flooders:
+        assert flooders.stdin is not None
+        assert flooders.stdout is not None
+        try:
+            flooders.stdout.readline()
+            listen(bystanders, SETTLE_SECONDS)
+            silent = listen(bystanders, seconds)
+            flooders.stdin.write("start\n")
+            flooders.stdin.flush()
+            listen(bystanders, SETTLE_SECONDS)
+            flooded = listen(bystanders, seconds)
+        finally:
+            flooders.kill()
+    listen(bystanders, SETTLE_SECONDS)  # the server forgets the clients
+    least = min(silent)
+    return (np.array(silent) - least) * 1e3, (np.array(flooded) - least) * 1e3
+
+
+def _robots_of(count: int, line: bytes) -> int:
+    """Return how many of the clients need a robot for what they ask."""
+    return 0 if line == b"GETSTARTPOSES" else min(count, MOST_ROBOTS)
+
+
+def _host_with_clients(scene: Scene, count: int, robots: int) -> Host:
+    """Return a host whose clients have numbers from 1; the first ones have robots."""
+    host = Host(scene)
+    for number in range(1, count + 1):
+        host.connect()
+        if number <= robots:
+            host.receive(number, init_line(number - 1))
+            host.step()
+    for _ in range(200):  # robots have settled
+        _tick_seconds(host, count, b"")
+    return host
+
+
+def _tick_seconds(host: Host, clients: int, data: bytes) -> float:
+    """Return the CPU time of a tick in which all clients send as much as they may."""
+    start = time.process_time()
+    for number in range(1, clients + 1):
+        if not host.is_busy(number):
+            host.receive(number, data)
+    host.step()
+    elapsed = time.process_time() - start
+    for number in range(1, clients + 1):
+        host.take(number)
+    return elapsed
+
+
 @contextmanager
 def served(
     map_: str, *options: str, cache: Path | None = None, loaded: bool = True
@@ -162,7 +299,7 @@ def served_hall(
         tempfile.TemporaryDirectory() as folder,
         served(str(write_hall(Path(folder))), *options) as (process, (host, port)),
         subprocess.Popen(
-            [*DRIVERS, host, str(port)], stdin=pipe, stdout=pipe, text=True
+            [*CLIENTS, "drive", host, str(port)], stdin=pipe, stdout=pipe, text=True
         ) as clients,
     ):
 

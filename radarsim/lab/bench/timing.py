@@ -31,6 +31,11 @@ class Comparison:
         """Time of the subject in units of the reference's time."""
         return self.subject / self.reference
 
+    @property
+    def in_us(self) -> str:
+        """Both times in words."""
+        return f"{self.subject * 1e6:.0f} us against {self.reference * 1e6:.0f}"
+
 
 def compare(
     subject: Callable[[], object],

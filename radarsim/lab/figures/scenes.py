@@ -31,7 +31,7 @@ from radarsim.lab.figures.foliage_wall import (
     new_sheet,
     show_room,
 )
-from radarsim.lab.plants.figure import brightness, painted_triangles
+from radarsim.lab.figures.plants import brightness, painted_triangles
 from radarsim.plotting import palette
 from radarsim.plotting.annotations import as_words, write_at
 from radarsim.plotting.palette import colour_of

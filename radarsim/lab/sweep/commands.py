@@ -78,11 +78,12 @@ def sweep(
         with _running(left, scenes, scheduler, workers, batch) as running:
             _collect(folder, left, running)
     folder.write(path, wanted, tasks)
-    _draw(folder, wanted)
-    failed = _print_failures(folder, tasks)
+    failed, why = folder.first_failure(tasks)
+    if failed:
+        print_message(f"{failed} of {len(tasks)} tasks failed, the first: {why}")
     spent = f"{_count(wanted, len(left))} in {time.perf_counter() - began:.1f} s"
     print_lines([spent, output / TABLE, output / ABOUT])
-    return int(failed)
+    return int(failed > 0)
 
 
 def _count(wanted: SweepFile, tasks: int) -> str:
@@ -155,28 +156,3 @@ def _collect(folder: SweepFolder, tasks: list[SweepTask], running: Running) -> N
     except (KeyboardInterrupt, SystemExit):
         print_message(f"{done} of {len(tasks)} tasks done; go on with --resume")
         raise
-
-
-def _draw(folder: SweepFolder, wanted: SweepFile) -> None:
-    """Draw the figure that the sweep file asks for."""
-    if wanted.figure is None:
-        return
-    from radarsim.files import write_atomically
-    from radarsim.lab.sweep.figure import draw_sweep
-    from radarsim.lab.sweep.folder import FIGURE, TABLE
-    from radarsim.plotting.style import render
-
-    figure = draw_sweep(wanted, wanted.figure, folder.path / TABLE)
-    write_atomically({folder.path / FIGURE: render(figure)})
-
-
-def _print_failures(folder: SweepFolder, tasks: list[SweepTask]) -> bool:
-    """Tell how many tasks failed, and why the first did."""
-    import json
-
-    failed = [task for task in tasks if not folder.has(task)]
-    if failed:
-        error = json.loads(folder.lines[failed[0].key])["error"]
-        text = f"{len(failed)} of {len(tasks)} tasks failed, the first: {error}"
-        print_message(text)
-    return bool(failed)

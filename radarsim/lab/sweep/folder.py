@@ -1,29 +1,40 @@
-"""The folder of a sweep: a log of its tasks while it runs, and in the end its table.
+"""The folder of a sweep: a log of its tasks while it runs, then its table and figure.
 
 The log has a line for each task that has run, in any order, and in the end in that of
 the sweep file. What the sweep is about is written before the first task; the number of
 failed tasks in it, and everything else, once all tasks have run.
 
-The table of a sweep as Parquet: a row for each scan, trial or map.
+The table is a Parquet file with a row for each scan, trial or map. The figure of scans
+shows what share of beams gets past something.
 """
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import math
+import re
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from radarsim import __version__
 from radarsim.autonomy.evaluation.task_runner import as_line, read_log, task_key
 from radarsim.errors import SweepError, describe_os_error, import_optional
-from radarsim.files import written_atomically
-from radarsim.lab.sweep.file import Parameters, SweepFile
+from radarsim.files import write_atomically, written_atomically
+from radarsim.geometry import Floats
+from radarsim.lab.sweep.file import FigureEntry, Parameters, SweepFile
 from radarsim.lab.sweep.tasks import MAP_VALUES, digest, unpacked
+from radarsim.plotting.palette import LASER, RADAR
+from radarsim.plotting.style import render
+from radarsim.presets.sensors import load_settings
 from radarsim.scene.scene import Scene
+from radarsim.sensors.range_scanner import load_sensor
 
 EXTRA: Final = "sweep"
 _GROUP: Final = 256  # tasks in a row group
@@ -33,6 +44,9 @@ LOG: Final = "tasks.jsonl"
 TABLE: Final = "rows.parquet"
 ABOUT: Final = "sweep.json"
 FIGURE: Final = "figure.png"
+_SHADES: Final = ("#cfc6fb", "#a795f5", "#8068ef", "#5636d8", "#36208f")
+_LENGTH: Final = re.compile(r"([0-9]+)(mm|cm|m)")
+_DASHES: Final = ("-", "--", ":")  # lines may lie on each other
 
 
 def flat_parameters(task: Parameters) -> Row:
@@ -43,70 +57,22 @@ def flat_parameters(task: Parameters) -> Row:
     return {"map": others.pop("map"), **sensor, **others}
 
 
-def write_table(
-    path: Path,
-    sweep: SweepFile,
-    results: Iterable[tuple["SweepTask", Mapping[str, Any]]],
-) -> None:
-    """Write the table, some hundred tasks at a time.
-
-    Args:
-        path: The file.
-        sweep: The sweep.
-        results: Each task with its line of the log.
-    """
-    arrow = import_optional("pyarrow", EXTRA)
-    parquet = import_optional("pyarrow.parquet", EXTRA)
-    schema = _schema(arrow, sweep)
-    rest = iter(results)
-    with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
-        while group := list(islice(rest, _GROUP)):
-            rows = [row for task, result in group for row in _rows_of(task, result)]
-            columns = {name: [row.get(name) for row in rows] for name in schema.names}
-            writer.write_table(arrow.table(columns, schema=schema))
-
-
-def _rows_of(task: "SweepTask", result: Mapping[str, Any]) -> Iterator[Row]:
-    head = {"task": task.key, **flat_parameters(task.parameters)}
-    if "error" in result:
-        yield {**head, "error": result["error"]}
-    for row in result.get("rows", ()):
-        yield {**head, **_decoded(row)}
-
-
-def _decoded(row: Row) -> Row:
-    """Return a row with its arrays; what did not return is null."""
-    if "ranges" not in row:
-        return row
-    ranges = unpacked(row["ranges"], np.float32)
-    read = [value if np.isfinite(value) else None for value in ranges]
-    return {**row, "ranges": read, "rays": unpacked(row["rays"], np.int8)}
-
-
 def _schema(arrow: Any, sweep: SweepFile) -> Any:
     """Return the columns: the parameters, what a task gives, and its error."""
     text, number, whole = arrow.string(), arrow.float64(), arrow.int64()
-    parameters = flat_parameters(next(sweep.tasks()))
     listed = {f"sensor.{key}": values for key, values in sweep.sensor.items()}
     columns = {
         name: _kind_of(arrow, listed.get(name, [value]))
-        for name, value in parameters.items()
+        for name, value in flat_parameters(next(sweep.tasks())).items()
     }
     if sweep.kind == "scan":
         ranges, rays = arrow.list_(arrow.float32()), arrow.list_(arrow.int8())
-        given = {"scan": whole, "ranges": ranges, "rays": rays}
+        columns |= {"scan": whole, "ranges": ranges, "rays": rays}
     else:
         names = ("shortest_path", "off") if sweep.kind == "trial" else MAP_VALUES
-        given = {
-            "outcome": text,
-            "collisions": whole,
-            "path_length": number,
-            "time": number,
-            **dict.fromkeys(names, number),
-            "note": text,
-        }
-    everything = {"task": text, **columns, **given, "error": text}
-    return arrow.schema(list(everything.items()))
+        numbers = dict.fromkeys(("path_length", "time", *names), number)
+        columns |= {"outcome": text, "collisions": whole, **numbers, "note": text}
+    return arrow.schema([("task", text), *columns.items(), ("error", text)])
 
 
 def _kind_of(arrow: Any, values: list[Any]) -> Any:
@@ -197,28 +163,19 @@ class SweepFolder:
                     f" expected {__version__}; choose another folder"
                 )
             self.lines[result["task"]] = as_line(result)
-        self._refuse_others(file, tasks)
+        # The file may have more tasks than before; a new table would lack others.
+        if others := len(self.lines.keys() - {task.key for task in tasks}):
+            try:
+                before = json.loads((self.path / ABOUT).read_bytes())["file"]
+            except (OSError, ValueError, KeyError, TypeError):
+                before = "another file"
+            raise SweepError(
+                f"{self.path}: has {others} tasks of {before!r} that {file.name!r} with"
+                " its maps does not have; expected another folder, or a file that only"
+                " adds values"
+            )
         if not (self.path / ABOUT).exists():
             self._write_about(self._describe(file, sweep, tasks))
-
-    def _refuse_others(self, file: Path, tasks: Sequence[SweepTask]) -> None:
-        """Refuse tasks that have run and that a sweep has not; it may have more.
-
-        Raises:
-            SweepError: If there are some, whose rows a new table would lack.
-        """
-        others = len(self.lines.keys() - {task.key for task in tasks})
-        if not others:
-            return
-        try:
-            before = json.loads((self.path / ABOUT).read_bytes())["file"]
-        except (OSError, ValueError, KeyError, TypeError):
-            before = "another file"
-        raise SweepError(
-            f"{self.path}: has {others} tasks of {before!r} that {file.name!r} with its"
-            " maps does not have; expected another folder, or a file that only adds"
-            " values"
-        )
 
     def has(self, task: SweepTask) -> bool:
         """Return whether a task has run and did not fail."""
@@ -226,7 +183,7 @@ class SweepFolder:
         return line is not None and "error" not in json.loads(line)
 
     def write(self, file: Path, sweep: SweepFile, tasks: Sequence[SweepTask]) -> None:
-        """Write the table, what it is about, and the log in the order of the tasks.
+        """Write the table, what it is about, the log in order, and the figure.
 
         Args:
             file: The sweep file.
@@ -235,17 +192,56 @@ class SweepFolder:
 
         Raises:
             OSError: If a file cannot be written.
+            SweepError: If the sweep has no such parameters as the figure has.
         """
         with written_atomically(self.path / TABLE) as table:
-            write_table(table, sweep, self._results(tasks))
+            self._write_table(table, sweep, tasks)
         about = self._describe(file, sweep, tasks)
-        about["failed"] = sum("error" in result for _, result in self._results(tasks))
+        about["failed"] = sum(not self.has(task) for task in tasks)
         self._write_about(about)
         with (
             written_atomically(self.path / LOG) as whole,
             whole.open("w", encoding="utf-8") as log,
         ):
             log.writelines(self.lines[task.key] for task in tasks)
+        if sweep.figure is not None:
+            figure = draw_sweep(sweep, sweep.figure, self.path / TABLE)
+            write_atomically({self.path / FIGURE: render(figure)})
+
+    def _write_table(
+        self, path: Path, sweep: SweepFile, tasks: Sequence[SweepTask]
+    ) -> None:
+        """Write the table, some hundred tasks at a time: scans may be many."""
+        arrow = import_optional("pyarrow", EXTRA)
+        parquet = import_optional("pyarrow.parquet", EXTRA)
+        schema = _schema(arrow, sweep)
+        rest = iter(tasks)
+        with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
+            while group := list(islice(rest, _GROUP)):
+                rows = [row for task in group for row in self._rows_of(task)]
+                columns = {
+                    each: [row.get(each) for row in rows] for each in schema.names
+                }
+                writer.write_table(arrow.table(columns, schema=schema))
+
+    def _rows_of(self, task: SweepTask) -> Iterator[Row]:
+        """Yield the rows of a task; of what did not return, the range is null."""
+        result = json.loads(self.lines[task.key])
+        head = {"task": task.key, **flat_parameters(task.parameters)}
+        if "error" in result:
+            yield {**head, "error": result["error"]}
+        for row in result.get("rows", ()):
+            if "ranges" in row:
+                ranges = unpacked(row["ranges"], np.float32)
+                row["ranges"] = [r if np.isfinite(r) else None for r in ranges]
+                row["rays"] = unpacked(row["rays"], np.int8)
+            yield {**head, **row}
+
+    def first_failure(self, tasks: Sequence[SweepTask]) -> tuple[int, str]:
+        """Return how many tasks failed, and why the first did."""
+        failed = [task for task in tasks if not self.has(task)]
+        why = json.loads(self.lines[failed[0].key])["error"] if failed else ""
+        return len(failed), why
 
     def _describe(
         self, file: Path, sweep: SweepFile, tasks: Sequence[SweepTask]
@@ -265,8 +261,88 @@ class SweepFolder:
         with written_atomically(self.path / ABOUT) as whole:
             whole.write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
 
-    def _results(
-        self, tasks: Sequence[SweepTask]
-    ) -> Iterator[tuple[SweepTask, Mapping[str, Any]]]:
-        for task in tasks:
-            yield task, json.loads(self.lines[task.key])
+
+def draw_sweep(sweep: SweepFile, entry: FigureEntry, table: Path) -> Figure:
+    """Draw the share of beams that end beyond a line, over a parameter.
+
+    Args:
+        sweep: The sweep.
+        entry: What to draw.
+        table: Its table.
+
+    Raises:
+        SweepError: If the sweep has no such parameters.
+    """
+    points = _points(sweep, entry, table)
+    figure = Figure((8.0, 4.6), layout="constrained")
+    axes = figure.subplots()
+    axes.set_title(entry.title, loc="left", fontsize=12, fontweight="bold")
+    for number, (name, line) in enumerate(points.items()):
+        # the colour of its sensor, or a shade of the radar's
+        colour = _SHADES[number * (len(_SHADES) - 1) // max(len(points) - 1, 1)]
+        if entry.lines == "sensor.name":
+            colour = RADAR if load_settings(name).medium == "radar" else LASER
+        places = sorted(line)
+        means = [float(np.mean(line[place])) for place in places]
+        dashes = _DASHES[number % len(_DASHES)]
+        label = f"{name}"
+        axes.plot(places, means, dashes, color=colour, marker="o", ms=4, label=label)
+        low, high = (
+            [float(np.quantile(line[place], share)) for place in places]
+            for share in (0.25, 0.75)
+        )
+        axes.fill_between(places, low, high, color=colour, alpha=0.12, lw=0)
+    axes.set_ylim(0, None)
+    axes.yaxis.set_major_formatter(lambda value, _: f"{100 * value:.0f} %")
+    axes.set_ylabel(f"beams that end beyond x = {entry.beyond_x:g} m")
+    axes.set_xlabel(entry.x_label or entry.x)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(color="#e4e4e4", lw=0.6)
+    axes.legend(title=entry.lines_label or entry.lines, frameon=False)
+    return figure
+
+
+def _points(
+    sweep: SweepFile, entry: FigureEntry, table: Path
+) -> dict[Any, dict[Any, list[float]]]:
+    """Return the share of each scan, by line and place on it."""
+    known = list(flat_parameters(next(sweep.tasks())))
+    for name in (entry.x, entry.lines):
+        if name not in known:
+            raise SweepError(f"figure: {name!r}, expected one of {known}")
+    parquet = import_optional("pyarrow.parquet", EXTRA)
+    columns = {*known, "ranges"}
+    points: dict[Any, Any] = defaultdict(lambda: defaultdict(list))
+    angles_of = cache(_angles)
+    for batch in parquet.ParquetFile(table).iter_batches(256, columns=list(columns)):
+        for row in batch.to_pylist():
+            if row["ranges"] is None:
+                continue  # it failed
+            settings = tuple(
+                (
+                    key.removeprefix("sensor."),
+                    tuple(value) if isinstance(value, list) else value,
+                )
+                for key, value in row.items()
+                if key.startswith("sensor.")
+            )
+            angles = angles_of(settings) + math.radians(row["yaw_deg"])
+            ranges = np.array([np.nan if r is None else r for r in row["ranges"]])
+            beyond = row["x"] + ranges * np.cos(angles) > entry.beyond_x
+            place = _number_of(row[entry.x])
+            points[row[entry.lines]][place].append(float(np.mean(beyond)))
+    return points
+
+
+def _number_of(value: Any) -> Any:
+    """Return a value, or the number that the name of a map's variant begins with."""
+    if not isinstance(value, str):
+        return value
+    found = _LENGTH.fullmatch(value.rpartition("@")[2])
+    return float(found[1]) if found else value
+
+
+def _angles(settings: tuple[tuple[str, Any], ...]) -> Floats:
+    """Return the directions of a sensor's beams, (N,) rad."""
+    values = dict(settings)
+    return load_sensor(values.pop("name"), **values).angles

@@ -1,4 +1,4 @@
-from radarsim.lab.bench.floods import FLOODS, floods, lateness_beside_floods
+from radarsim.lab.bench.server import FLOODS, floods, lateness_beside_floods
 
 
 def test_floods_add_time_to_a_tick() -> None:

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from radarsim.lab.plants.calibration import (
+from radarsim.lab.plants import (
     Comparison,
     bundle,
     calibrate,

@@ -5,8 +5,8 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from radarsim.lab.plants.calibration import WALL, Comparison, compare_shapes
-from radarsim.lab.plants.figure import plot_shapes
+from radarsim.lab.figures.plants import plot_shapes
+from radarsim.lab.plants import WALL, Comparison, compare_shapes
 from radarsim.scene.plants.plant import SEED
 
 

@@ -7,7 +7,7 @@ import pytest
 
 import radarsim
 from radarsim.geometry import Floats, Pose2
-from radarsim.lab.plants.calibration import bundle, transmission
+from radarsim.lab.plants import bundle, transmission
 from radarsim.presets.robots import load_robot
 from radarsim.rng import generator_for
 from radarsim.robots.footprint import Footprint

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from radarsim import shipped_maps
-from radarsim.lab.plants import __main__ as program
+from radarsim.lab import plants as program
 from radarsim.scene.plants.plant import plant_files
 
 

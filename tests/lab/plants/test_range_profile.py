@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from radarsim.lab.plants.calibration import BEFORE, HEIGHT, WALL, measure_plant
+from radarsim.lab.plants import BEFORE, HEIGHT, WALL, measure_plant
 from radarsim.scene.material import Material
 from radarsim.scene.plants.parameters import SHRUB
 from radarsim.scene.scene import Part

@@ -145,7 +145,7 @@ def test_stopped_sweep_says_what_it_was(
     def fail(*_: object) -> None:
         raise SweepError("no table today")
 
-    monkeypatch.setattr("radarsim.lab.sweep.folder.write_table", fail)
+    monkeypatch.setattr("radarsim.lab.sweep.folder._schema", fail)
     out = small.parent / "out"
     assert sweep(small, "-o", out, "--workers", 1).code == 1
     assert json.loads((out / ABOUT).read_text())["file"] == "small.yaml"

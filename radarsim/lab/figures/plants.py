@@ -10,7 +10,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from radarsim.geometry import Floats
-from radarsim.lab.plants.calibration import (
+from radarsim.lab.plants import (
     BEFORE,
     HEIGHT,
     WALL,

@@ -1,5 +1,11 @@
-"""Calibrate foliage so that a target share of power gets through, and compare shapes.
+"""Plants: their mesh files, and how much power their foliage has to take.
 
+``python -m radarsim.lab.plants OUT`` writes mesh files of plants, and a figure. With
+the default seed these are the files of the shipped maps.
+
+Theory of operation
+===================
+Foliage is calibrated so that a target share of power gets through, whatever its shape.
 The transmission of a ray is the share of its penetration power that is left behind the
 plant: 0 if the power is spent inside, or if the ray ends at wood. The transmission of a
 plant is the mean over horizontal rays from all sides, uniform over the disc that the
@@ -11,19 +17,27 @@ crown appears as.
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from pathlib import Path
+from typing import Annotated, Final
 
+import click
 import numpy as np
+from annotated_types import Ge
 from numpy.typing import NDArray
 
+from radarsim.cli.command import PlanCommand
+from radarsim.cli.fields import Seed
+from radarsim.errors import describe_os_error
+from radarsim.files import write_atomically
 from radarsim.geometry import Floats
+from radarsim.plans import Option
 from radarsim.raycast.attenuation import Outcome
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.material import Material
 from radarsim.scene.plants.parameters import SHRUB, PlantParameters
-from radarsim.scene.plants.plant import Plant, make_shrubs
+from radarsim.scene.plants.plant import SEED, Plant, make_shrubs, plant_files
 from radarsim.scene.scene import Part, Scene
 
 POWER: Final = 1.0  # initial power of rays
@@ -38,8 +52,6 @@ DIGITS: Final = 3  # significant digits of calibrated values, as in a map file
 RAYS: Final = 1600  # in each direction
 MAX_DENSITY: Final = 10.0  # power per metre
 WOODEN: Final = Material("wood")
-
-Foliage: TypeAlias = Callable[[float], Material]
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,3 +302,62 @@ def compare_shapes(
 def target_transmission(parameters: PlantParameters = SHRUB) -> float:
     """Return the mean transmission of a ball of ``DENSITY`` as large as a crown."""
     return transmission_of_ball(2 * parameters.crown_radius * DENSITY / POWER)
+
+
+def make(
+    out: Annotated[Path, Option(is_argument=True)],
+    *,
+    seed: Seed = SEED,
+    figure: Path | None = None,
+    calibrate: bool = False,
+    rays: Annotated[int, Ge(1)] = RAYS,
+) -> None:
+    """Write the mesh files of plants, all or none.
+
+    Args:
+        out: The folder for the mesh files.
+        seed: Seed of all plants.
+        figure: Draw the three shapes of the shrub into this PNG.
+        calibrate: Print how much power their foliage has to take.
+        rays: Rays for the calibration of a shape, from each side.
+    """
+    files = plant_files(seed)
+    shapes: list[Comparison] = []
+    if calibrate or figure is not None:
+        shapes = list(compare_shapes(seed, rays=rays))
+    written = {out / name: content for name, content in files.items()}
+    if figure is not None:
+        from radarsim.lab.figures.plants import plot_shapes  # noqa: PLC0415 - slow
+        from radarsim.plotting.style import render  # noqa: PLC0415
+
+        written[figure] = render(plot_shapes(shapes))
+    try:
+        for folder in {path.parent for path in written}:
+            folder.mkdir(parents=True, exist_ok=True)
+        write_atomically(written)
+    except OSError as error:
+        text = f"cannot write {error.filename}: {describe_os_error(error)}"
+        raise click.BadParameter(text) from None
+    for name, content in files.items():
+        click.echo(f"{out / name}: {len(content)} bytes")
+    if shapes:
+        click.echo(f"wanted: mean transmission {target_transmission():.4f}")
+    for shape in shapes:
+        ranges = shape.ranges.statistics()
+        low, median, high = ranges.percentiles
+        click.echo(
+            f"{shape.title}: mean transmission {shape.transmission:.4f}; ranges: mean "
+            f"{ranges.mean:.2f} m, deviation {ranges.deviation:.2f} m, 5, 50, 95 %: "
+            f"{low:.2f}, {median:.2f}, {high:.2f} m, deviation at one offset "
+            f"{ranges.at_one_offset:.2f} m, where spent {ranges.spent:.2f} m, "
+            f"through {ranges.through:.3f}"
+        )
+
+
+def main() -> None:
+    """Run the program and exit with its code."""
+    PlanCommand("plants", make).main()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,6 +1,6 @@
 import pytest
 
-from radarsim.lab.plants.scenes import SPACING, leaf_scene
+from radarsim.lab.bench.engine import LEAF_SPACING, leaf_scene
 from radarsim.scene.plants.plant import make_shrubs
 
 
@@ -18,7 +18,7 @@ def test_shrubs_in_the_room_touch_neither_each_other_nor_the_sensor() -> None:
     low, high = room.vertices.min(axis=0), room.vertices.max(axis=0)
     names = {part.object_name for part in parts}
     assert len(names) == len(parts) / 2 == 5
-    assert SPACING > 2
+    assert LEAF_SPACING > 2
     for part in parts:
         assert (part.vertices[:, :2] > low[:2]).all()
         assert (part.vertices < high).all()
