@@ -2,13 +2,12 @@
 
 import asyncio
 import socket
-import struct
 from collections.abc import Callable
 
 import pytest
 
 from radarsim.addons.testing import UsarsimServer
-from radarsim.client import AsyncClient, ClientError, ClientTimeout
+from radarsim.client import AsyncClient, ClientError
 from radarsim.protocol.reports import GroundTruth, Odometry, RangeScan
 
 DEADLINE = 30.0  # s of the wall clock, for a busy machine
@@ -71,20 +70,6 @@ async def test_many_clients_share_a_loop(usarsim_server: UsarsimServer) -> None:
             return (await client.greeting()).level
 
     assert set(await asyncio.gather(*[greeted() for _ in range(8)])) == {"DM-EmptyRoom"}
-
-
-async def test_connection_reset_is_not_a_timeout(serve: Serve) -> None:
-    def reset(peer: socket.socket) -> None:
-        peer.recv(4096)
-        linger = struct.pack("ii", 1, 0)
-        peer.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)
-
-    async with await AsyncClient.connect(port=serve(reset), timeout=DEADLINE) as client:
-        with pytest.raises(
-            ClientError, match=r"^the connection is lost: the other side has closed"
-        ) as it:
-            await client.start_poses()
-    assert not isinstance(it.value, ClientTimeout)
 
 
 async def test_close_does_not_wait_for_a_server_that_does_not_read(

@@ -33,7 +33,7 @@ from radarsim.addons.web.requests import (
     Hello,
     parse_request,
 )
-from radarsim.addons.web.viewers import SlowViewer, Viewer
+from radarsim.addons.web.viewers import SlowViewer
 from radarsim.errors import RadarsimError
 from radarsim.listening import bind, exit_code_of_signal
 from radarsim.server.web_server import DoorKeeper, Doors, WebServer, is_token
@@ -46,7 +46,7 @@ FIRST_LOOK: Final = 3.0  # s in which nothing takes time from the first browser
 PAGE: Final = Path(__file__).parent / "page"
 HELLO_TIMEOUT: Final = 5.0  # s
 # Why a WebSocket was closed, beside the codes of the protocol.
-WRONG_TOKEN, NO_HELLO, SLOW, TOO_FAST, TOO_LONG = 4401, 4408, 4409, 4429, 1009
+WRONG_TOKEN, NO_HELLO, SLOW, TOO_FAST = 4401, 4408, 4409, 4429
 # Not left to the tables of the system, where scripts may be plain text.
 MEDIA_TYPES: Final[Mapping[str, str]] = {
     ".css": "text/css",
@@ -223,7 +223,13 @@ def create_app(commander: Commander, doors: Doors, token: str) -> Starlette:
         return FileResponse(path, headers=headers, media_type=MEDIA_TYPES[path.suffix])
 
     async def talk(socket: WebSocket) -> None:
-        await _Conversation(socket, commander, token).run()
+        await socket.accept()
+        with suppress(WebSocketDisconnect):
+            refusal = await _await_hello(socket, token)
+            if refusal is None:
+                await _talk(socket, commander)
+            else:
+                await socket.close(refusal)
 
     routes = [
         Route("/", send_file),
@@ -253,84 +259,63 @@ class RateLimit:
         return within
 
 
-class _Conversation:
-    """What one browser says and is told."""
-
-    def __init__(self, socket: WebSocket, commander: Commander, token: str) -> None:
-        self._socket = socket
-        self._commander = commander
-        self._token = token
-
-    async def run(self) -> None:
-        """Talk until either side ends it."""
-        await self._socket.accept()
-        with suppress(WebSocketDisconnect):
-            refusal = await self._await_hello()
-            if refusal is None:
-                await self._talk()
-            else:
-                await self._socket.close(refusal)
-
-    async def _await_hello(self) -> int | None:
-        """Return why the first message does not open the others; None if it does."""
-        try:
-            async with asyncio.timeout(HELLO_TIMEOUT):
-                hello = parse_request(await self._receive())
-        except TimeoutError:
-            return NO_HELLO
-        except BadRequest:
-            return WRONG_TOKEN
-        if isinstance(hello, Hello) and is_token(hello.token, self._token):
-            return None
+async def _await_hello(socket: WebSocket, token: str) -> int | None:
+    """Return why the first message does not open the others; None if it does."""
+    try:
+        async with asyncio.timeout(HELLO_TIMEOUT):
+            hello = parse_request(await _receive(socket))
+    except TimeoutError:
+        return NO_HELLO
+    except BadRequest:
         return WRONG_TOKEN
+    if isinstance(hello, Hello) and is_token(hello.token, token):
+        return None
+    return WRONG_TOKEN
 
-    async def _talk(self) -> None:
-        viewer = self._commander.join()
-        sending = asyncio.ensure_future(self._send(viewer))
-        hearing = asyncio.ensure_future(self._hear(viewer))
-        try:
-            await asyncio.wait({sending, hearing}, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            self._commander.leave(viewer)  # at once: it may be driving
-            sending.cancel()
-            hearing.cancel()
-        await asyncio.gather(sending, hearing, return_exceptions=True)
-        code = SLOW if sending.done() and not sending.cancelled() else TOO_FAST
-        with suppress(RuntimeError):  # it is closed already
-            await self._socket.close(code)
 
-    async def _hear(self, viewer: Viewer) -> None:
+async def _talk(socket: WebSocket, commander: Commander) -> None:
+    """Pass on what a browser says and is told, until either side ends it."""
+    viewer = commander.join()
+
+    async def hear() -> None:
         """Act upon messages until there are too many of them."""
         limit, clock = RateLimit(MESSAGES_PER_SECOND), asyncio.get_running_loop().time
         while limit.allows(clock()):
-            text = await self._receive()
+            text = await _receive(socket)
             try:
-                self._commander.act(viewer, parse_request(text))
+                commander.act(viewer, parse_request(text))
             except RadarsimError as error:
                 viewer.send({"op": "error", "text": str(error)})
 
-    async def _send(self, viewer: Viewer) -> None:
+    async def send() -> None:
         """Send what there is to send until the browser is too slow."""
         with suppress(SlowViewer):
             async for data in viewer.outgoing():
                 if isinstance(data, str):
-                    await self._socket.send_text(data)
+                    await socket.send_text(data)
                 else:
-                    await self._socket.send_bytes(data)
+                    await socket.send_bytes(data)
 
-    async def _receive(self) -> str:
-        """Return the next message.
+    sending, hearing = asyncio.ensure_future(send()), asyncio.ensure_future(hear())
+    try:
+        await asyncio.wait({sending, hearing}, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        commander.leave(viewer)  # at once: it may be driving
+        sending.cancel()
+        hearing.cancel()
+    await asyncio.gather(sending, hearing, return_exceptions=True)
+    code = SLOW if sending.done() and not sending.cancelled() else TOO_FAST
+    with suppress(RuntimeError):  # it is closed already
+        await socket.close(code)
 
-        Raises:
-            WebSocketDisconnect: If the browser is gone, or its message is too long.
-        """
-        message = await self._socket.receive()
-        if message["type"] == "websocket.disconnect":
-            raise WebSocketDisconnect(message.get("code", 1005))
-        text = message.get("text")
-        if text is None:
-            return ""  # bytes, which are no request
-        if len(text) > LONGEST_MESSAGE:
-            await self._socket.close(TOO_LONG)
-            raise WebSocketDisconnect(TOO_LONG)
-        return str(text)
+
+async def _receive(socket: WebSocket) -> str:
+    """Return the next message; one that is too long is left to the web server.
+
+    Raises:
+        WebSocketDisconnect: If the browser is gone.
+    """
+    message = await socket.receive()
+    if message["type"] == "websocket.disconnect":
+        raise WebSocketDisconnect(message.get("code", 1005))
+    return message.get("text") or ""  # bytes are no request

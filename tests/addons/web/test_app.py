@@ -1,6 +1,5 @@
 import asyncio
 import json
-from collections.abc import Mapping
 from typing import Any
 
 import httpx
@@ -30,30 +29,16 @@ def test_page_is_sent_with_headers_that_keep_others_out(commander: Any) -> None:
 
 
 @pytest.mark.parametrize("path", ["/", "/static/index.html", "/nothing", "/ws"])
-@pytest.mark.parametrize(
-    "headers",
-    [{"Host": "evil.example"}, {"Origin": "http://evil.example"}, {"Origin": "null"}],
-    ids=["host", "origin", "null"],
-)
-def test_wrong_host_or_origin_is_refused(
-    commander: Any, path: str, headers: dict[str, str]
-) -> None:
-    assert get(commander.web, path, **headers).status_code == 403
+def test_wrong_host_or_origin_is_refused(commander: Any, path: str) -> None:
+    assert get(commander.web, path, Host="evil.example").status_code == 403
+    assert get(commander.web, path, Origin="http://evil.example").status_code == 403
 
 
-@pytest.mark.parametrize(
-    "path",
-    [
-        "/static/../app.py",
-        "/static/%2e%2e/app.py",
-        "/static//etc/passwd",
-        "/static/",
-        "/app.py",
-        "/ws",
-    ],
-)
-def test_nothing_else_is_sent(commander: Any, path: str) -> None:
-    assert get(commander.web, path).status_code == 404
+def test_nothing_else_is_sent(commander: Any) -> None:
+    names = ["../program.py", "%2e%2e/program.py", "/etc/passwd", "", "three.LICENSE"]
+    paths = ["/program.py", "/ws", *(f"/static/{name}" for name in names)]
+    codes = {path: get(commander.web, path).status_code for path in paths}
+    assert codes == dict.fromkeys(paths, 404)
 
 
 def test_no_other_method_is_known(commander: Any) -> None:
@@ -105,20 +90,10 @@ async def close_code(web: str, *messages: str | bytes) -> int:
         return socket.close_code
 
 
-@pytest.mark.parametrize(
-    "first",
-    [
-        '{"op": "hello", "token": "wrong"}',
-        '{"op": "stop"}',
-        "nonsense",
-        b"\xff",
-        "",
-    ],
-)
-async def test_without_the_token_nothing_is_told(
-    commander: Any, first: str | bytes
-) -> None:
-    assert await close_code(commander.web, first) == 4401
+async def test_without_the_token_nothing_is_told(commander: Any) -> None:
+    wrong = '{"op": "hello", "token": "wrong"}'
+    for first in (wrong, '{"op": "stop"}', "nonsense", b"\xff", ""):
+        assert await close_code(commander.web, first) == 4401
 
 
 async def test_long_messages_are_not_read(commander: Any) -> None:
@@ -143,18 +118,15 @@ async def test_hello_tells_what_there_is_and_the_map_follows(commander: Any) -> 
         assert (await page.hear("triangles"))["parts"]
 
 
-@pytest.mark.parametrize(
-    ("message", "text"),
-    [
+async def test_what_is_not_possible_is_told(commander: Any) -> None:
+    cases: list[tuple[dict[str, Any], str]] = [
         ({"op": "drive", "robot": "x", "v": 1, "w": 0}, "no robot 'x'"),
         ({"op": "nonsense"}, "nonsense"),
         ({"op": "record", "on": "x"}, "on"),
         ({"op": "spawn", "class": "P3AT", "start": "a", "pose": [0, 0, 0]}, "only one"),
-    ],
-)
-async def test_what_is_not_possible_is_told(
-    commander: Any, message: Mapping[str, Any], text: str
-) -> None:
+        ({"op": "hello", "token": "again"}, "not possible here"),
+    ]
     async with open_page(commander.web, commander.token) as page:
-        await page.send(**message)
-        assert text in (await page.hear("error"))["text"]
+        for message, text in cases:
+            await page.send(**message)
+            assert text in (await page.hear("error"))["text"]
