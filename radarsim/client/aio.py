@@ -191,6 +191,7 @@ class AsyncClient:
     async def close(self) -> None:
         """See ``Client.close``."""
         if self._requests.has_robot:
+            # Before it waits: a second call must not send it again.
             self._requests.has_robot = False
             await self.stop()
         self._writer.close()

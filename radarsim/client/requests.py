@@ -121,6 +121,7 @@ class Requests:
 
     def start_poses(self) -> Exchange[dict[str, Pose3]]:
         """Request the start poses of the map."""
+        # Until the answer comes: some servers know no start poses.
         self._leaves_unanswered = True
         answer = yield from self._ask(questions.start_poses(), StartPoses)
         self._leaves_unanswered = False
@@ -205,6 +206,7 @@ class Requests:
         conf = yield from self._ask(questions.configuration(ROBOT), RobotConf)
         descriptions = ScannerDescriptions()
         yield from self._describe_scanners(descriptions, None)
+        # Some servers answer only questions about one item.
         for name in descriptions.incomplete(self.session.scans):
             yield from self._describe_scanners(descriptions, name)
         names = {name.casefold() for name in descriptions.names(self.session.scans)}

@@ -129,6 +129,7 @@ class Session(Readings):
         A report without a time stamp gets the latest one of its robot. Never raises.
         """
         reports = []
+        # Line by line, so that of a chunk with an overlong line only that line is lost.
         for piece in data.splitlines(keepends=True):
             for line in self._lines.feed(piece):
                 self.last = line
@@ -167,6 +168,7 @@ class Session(Readings):
 
     def _add_watched(self, copy: WatchedLine) -> WatchedLine:
         if copy.robot not in self.watched:
+            # A server that tells of ever new robots must not fill the memory.
             if len(self.watched) >= MOST_WATCHED:
                 del self.watched[next(iter(self.watched))]
             self.watched[copy.robot] = Readings()
@@ -372,6 +374,7 @@ def _of_robot(
         return accepts
 
     def accepts_copy(report: Report) -> bool:
+        # The server has no such robot (any more); the error does not name it.
         if not isinstance(report, WatchedLine):
             return isinstance(report, CommandError)
         if report.report is None or not same_name(report.robot, robot):

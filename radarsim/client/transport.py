@@ -125,6 +125,7 @@ class SocketTransport:
             self._socket.settimeout(self._timeout)
             self._socket.sendall(data)
         except TimeoutError:
+            # Half a line is out: the next one would be read as its rest.
             self._stuck = True
             raise ConnectionError(STUCK) from None
         except OSError as error:

@@ -106,6 +106,7 @@ class TaskBoard:
             BadRequest: If there are too many tasks.
         """
         self.cancel(robot.name)
+        # Those of cancelled tasks count: they compute until they next read or drive.
         if self._threads >= MOST_TASKS:
             raise BadRequest(f"{MOST_TASKS} tasks are running, expected no more")
         self._count += 1
@@ -223,6 +224,7 @@ class Activities:
         name = request.robot
         colours = self._colours.get(name, DEFAULT_COLOURS)
         self._begin("explore", name, plan_exploration(request, colours))
+        # Only now, as a task that is refused leaves the map as it was.
         self._stop_map(name)  # the explorer's own is shown
 
     def cancel(self, request: Cancel) -> None:
@@ -290,6 +292,7 @@ class Activities:
         if op == "task":  # frames say who drives
             self._on_change()
         text = encode_json(message)
+        # A thread may tell something of a robot that is gone by now.
         if robot in self._robots.views:
             self._newest[op, robot] = text
         self._viewers.broadcast(text, (op, robot, message.get("id")))

@@ -108,6 +108,7 @@ def plan_drive(request: Goto, safety_distance: float | None) -> Work:
         try:
             result = run_mission(client, mission, observe)
         finally:
+            # Where a drive that failed has ended is of interest as well.
             tell_path()
         if result.outcome != "reached":
             no_path = result.outcome == "no_path"
@@ -168,6 +169,7 @@ def describe_path(robot: str, path: Floats) -> dict[str, Any]:
         path: (N, 2) or more columns; x and y in m, map frame.
     """
     step = max(1, math.ceil(len(path) / MOST_POINTS))
+    # The last point is where the robot is now, whatever the step leaves out.
     last = path[-1:] if len(path) and (len(path) - 1) % step else path[:0]
     points = np.concatenate([path[::step], last])[:, :2]
     return {
@@ -199,6 +201,7 @@ def describe_map(robot: str, grid: OccupancyGrid, colours: Colours) -> dict[str,
     else:
         pixels = _SHADES[grid.classes()[rows, columns]]
     data = io.BytesIO()
+    # Rows of pictures go down, those of maps north.
     Image.fromarray(np.flip(pixels, axis=0)).save(data, "png")
     height, width = pixels.shape[:2]
     return {
@@ -244,6 +247,7 @@ class MapMaker:
         )
         scanner = _choose_scanner(robot, request.scanner)
         self._mapper = Mapper(scanner, settings, clock=time.monotonic)
+        # None ends it. Reports may come faster than a thread maps them.
         self._reports: queue.Queue[Report | None] = queue.Queue()
         robot.listeners.append(self._take)
         threading.Thread(target=self._run, daemon=True).start()

@@ -1,11 +1,6 @@
 """The commander: acts upon what browsers ask for, and tells them what there is.
 
 Everything runs in one event loop. What takes long, such as spawning, is done beside it.
-
-How messages flow: a request of a page (``program`` receives it, ``requests`` checks it)
-comes to ``Commander.act``, which hands it to the robots, to the activities or to the
-recording. Reports come from the server's connections to ``robots``. Whatever changes is
-told by ``viewers``: texts at once, and all that moves by the next frame.
 """
 
 import asyncio
@@ -126,6 +121,7 @@ class Commander:
         self._tell_server(viewer)
         for text in self._activities.messages():
             viewer.send(text)
+        # Also the first one is acknowledged, upon which others follow.
         self._viewers.send_frame(viewer)
         return viewer
 
@@ -133,6 +129,7 @@ class Commander:
         """Remove a browser, and stop what it drives."""
         self._viewers.remove(viewer)
         self._watch()
+        # Nobody is left who would say that it drives on.
         for robot in self._robots.own.values():
             if robot.driver == viewer.name:
                 robot.release()
@@ -177,6 +174,7 @@ class Commander:
 
     def _set(self, _: Viewer, request: Setting) -> None:
         robot = self._robots.find_own(request.robot)
+        # Only radarsim can be watched, and only radarsim has settings.
         if not self._link.state.watches:
             raise BadRequest("this server changes no settings")
         scanner, value = self._robots.find(robot.name).change_setting(request)
@@ -236,6 +234,7 @@ class Commander:
     def _server_changed(self) -> None:
         state = self._link.state
         was_lost, self._is_lost = self._is_lost, bool(state.problem)
+        # The server may have been started again with another map.
         self._robots.starts = state.starts
         if state.problem:
             self._robots.forget_others()
@@ -244,6 +243,7 @@ class Commander:
         for viewer in self._viewers:
             self._greet(viewer)
             self._tell_server(viewer)
+        # After the greetings, so that a page has them when it is shown again.
         if was_lost:
             self._viewers.broadcast({"op": "found"}, "server")
 

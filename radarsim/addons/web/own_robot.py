@@ -77,6 +77,7 @@ class OwnRobot:
         Raises:
             ClientError: If the server ends it, or reads no more.
         """
+        # Who sends notices a server that reads no more, who reads one that is gone.
         tasks = {
             asyncio.ensure_future(self._read()),
             asyncio.ensure_future(self._send()),
@@ -107,6 +108,7 @@ class OwnRobot:
             self.release()
             return
         self._cancel_dead_man()
+        # The page repeats what it asks for; without a word the robot stops.
         self._dead_man = self._loop.call_later(DEAD_MAN, self.release)
         top = self.info.max_wheel_speed
         turn = 2 * top / self.info.wheel_separation
@@ -237,6 +239,7 @@ class RobotClient(Client):
 
     def stop(self) -> bool:
         """See ``Client.stop``; who has cancelled it has stopped the robot as well."""
+        # Without a check: an algorithm that is cancelled calls it on its way out.
         self._call(self._set_wheels, 0.0, 0.0)
         return True
 
@@ -254,12 +257,14 @@ class RobotClient(Client):
 
     def _take(self, reports: Sequence[Report]) -> None:
         if self._reports.qsize() >= MOST_WAITING:
+            # Who is behind steers by the newest reports, and can do without old ones.
             self._reports.get()
         self._reports.put(reports)
 
     def _set_wheels(self, left: float, right: float) -> None:
         """Set speeds in the event loop, unless it was cancelled meanwhile."""
         if not self._is_cancelled:
+            # It is checked here as well: the call has waited while a viewer took over.
             self._robot.set_wheels(left, right)
 
     def _check(self) -> None:

@@ -121,6 +121,7 @@ async def serve_page(
             app, lambda: announce(address), longest_message=LONGEST_MESSAGE
         )
         loading = asyncio.ensure_future(_in_thread(_load_scene, settings.map))
+        # A child lets browsers in meanwhile: its parent has found the map right.
         if not settings.is_child:
             await asyncio.wait({end, loading}, return_when=asyncio.FIRST_COMPLETED)
             if end.done():
@@ -132,6 +133,7 @@ async def serve_page(
             pending: set[asyncio.Future[Any]] = {end, working, serving}
             await asyncio.wait(pending, return_when=asyncio.FIRST_COMPLETED)
         finally:
+            # Browsers go first: what they drive stops while robots are still there.
             server.should_exit = True
             await asyncio.wait({serving})
             working.cancel()
@@ -219,6 +221,7 @@ def create_app(commander: Commander, doors: Doors, token: str) -> Starlette:
         path = files.get(request.path_params.get("name", "index.html"))
         if path is None:
             return PlainTextResponse("no such file\n", 404)
+        # Files of another version would not understand this program.
         headers = {"Cache-Control": "no-cache"}
         return FileResponse(path, headers=headers, media_type=MEDIA_TYPES[path.suffix])
 
@@ -262,6 +265,7 @@ class RateLimit:
 async def _await_hello(socket: WebSocket, token: str) -> int | None:
     """Return why the first message does not open the others; None if it does."""
     try:
+        # Sockets that say nothing must not use up the connections of the server.
         async with asyncio.timeout(HELLO_TIMEOUT):
             hello = parse_request(await _receive(socket))
     except TimeoutError:

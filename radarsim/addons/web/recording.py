@@ -96,6 +96,7 @@ class RecordingSwitch:
     async def close(self) -> None:
         """End a recording, and wait until it is complete."""
         if self._task is not None:
+            # Cancelled twice, it would not wait for its files.
             if not self._task.cancelling():
                 self._task.cancel()
             await asyncio.wait({self._task})
@@ -109,6 +110,7 @@ class RecordingSwitch:
         except asyncio.CancelledError:
             self._tell(False, f"Recorded in {folder}")
         except RadarsimError as error:
+            # What was recorded until a connection was lost is complete.
             was_on = self._state["on"] and not isinstance(error, RecordingError)
             self._tell(False, f"Recorded in {folder}" if was_on else "")
             self._viewers.broadcast({"op": "error", "text": f"recording: {error}"})
@@ -151,6 +153,7 @@ class _Recording:
         except (OSError, UnicodeError) as error:
             raise no_server(*self._server, error) from None
         try:
+            # All robots with all echoes, whatever the pages look at.
             writer.write(questions.watch(None, echoes=True))
             lines = await self._await_permission(reader)
             process = await asyncio.to_thread(self._begin, process_type)

@@ -49,6 +49,7 @@ class BadRequest(RadarsimError):
 class Request(BaseModel):
     """A message of the page."""
 
+    # Strict: 1 is no True, and "1" no number.
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 

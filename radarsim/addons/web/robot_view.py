@@ -106,6 +106,7 @@ class RobotView(RobotState):
         super().__init__()
         self.name = name
         self.class_name = class_name
+        # Until it is known, the page draws a square of about the usual size.
         self.size = (0.5, 0.5)
         self.scans: dict[str, deque[SeenScan]] = {}
         self.scanners: dict[str, Scanner] = {}
@@ -128,6 +129,7 @@ class RobotView(RobotState):
         Args:
             config: How its items differ from their presets.
         """
+        # What is known already may have been changed since.
         if any(scanner.settings for scanner in self.scanners.values()):
             return
         with suppress(PresetError):
@@ -188,6 +190,7 @@ class RobotView(RobotState):
             value = math.inf  # JSON knows no infinity; unlimited is null there
         if not scanner.settings:  # those of an unknown class are the server's to check
             return scanner.name, value
+        # What a scanner is stays; its settings would mean something else.
         if key == "medium":
             raise BadRequest("medium: cannot be changed here")
         settings = {"medium": scanner.medium, **scanner.settings, key: value}
@@ -289,7 +292,9 @@ def _scan(robot: RobotView, seen: SeenScan, parts: list[np.ndarray]) -> dict[str
     has_return = scan.ranges < no_return(scanner.max_range)
     centimetres = np.minimum(np.rint(scan.ranges * 100), NO_RETURN - 1)
     offset = sum(len(part) for part in parts)
+    # Half the bytes of single precision, and as exact as the lines of servers.
     parts.append(np.where(has_return, centimetres, NO_RETURN).astype("<u2"))
+    # Where the robot was then: in a turn, the scan would be dragged along.
     pose = seen.pose or Pose2(0.0, 0.0)
     mount = Pose3(pose.x, pose.y, robot.z, yaw=pose.yaw).compose(scanner.mount)
     gaps = len(scan.ranges) - 1

@@ -106,6 +106,7 @@ class Robots:
             raise BadRequest("a start and a pose, expected only one of them")
         if len(self.own) + len(self._spawning) >= MOST_ROBOTS:
             raise BadRequest(f"{MOST_ROBOTS} robots are there, expected no more")
+        # Servers mix upper and lower case, and so may clients.
         taken = {name.casefold() for name in (*self.views, *self._spawning)}
         if request.name is None:
             numbers = range(1, len(taken) + 2)
@@ -137,6 +138,7 @@ class Robots:
         for report in reports:
             match report:
                 case Watching(robots):
+                    # All, or none while nobody looks.
                     if robots.names is None:
                         self.is_watching = True
                     else:
@@ -224,6 +226,7 @@ class Robots:
         try:
             await robot.run()
         except ClientError as error:
+            # Not while it is being removed, and not for another one of that name.
             if self.own.get(robot.name) is robot:
                 self._forget(robot)
                 # Who drives it is told that this is an error, all others that it is so.
@@ -249,6 +252,7 @@ class Robots:
         if view is None:
             config = self._config if self.is_watching else None
             view = RobotView(name, class_name, config)
+            # A server that tells of ever new robots must not fill the memory.
             if len(self.views) < MOST_VIEWS:
                 self.views[name] = view
                 self._on_change()
@@ -264,6 +268,7 @@ class Robots:
                 text = f"{robot.name!r}: {report.text}"
                 self._viewers.broadcast({"op": "error", "text": text})
                 self._viewers.update()
+        # Else the same lines come with those of all robots.
         if view is not None and not self.is_watching:
             news = [view.take(report) for report in reports]
             if any(news):

@@ -115,6 +115,7 @@ def _lines(segments: Floats) -> Iterable[Floats]:
     """Join line segments, (S, 2, 2) m, to rings, or else to lines."""
     if not len(segments):
         return ()
+    # The outline of what is enclosed: walls inside of an obstacle are not drawn.
     joined = shapely.boundary(enclosed_area(segments))
     if shapely.is_empty(joined):
         ends = np.round(segments, _DIGITS)

@@ -77,6 +77,7 @@ class ServerLink:
                 await self._connect()
             except ClientError as error:
                 self._client = None
+                # Each attempt fails alike; browsers are told once.
                 if self.state.problem != str(error):
                     self.state = ServerState(self.state.level, problem=str(error))
                     self._on_change()
@@ -96,6 +97,7 @@ class ServerLink:
             return
         self._echoes = wanted
         if self._client is not None:
+            # Only the newest one counts, see ``_ask_later``.
             self._asking = asyncio.ensure_future(self._ask(self._client))
 
     async def _connect(self) -> None:
@@ -112,6 +114,7 @@ class ServerLink:
             self.state = ServerState(level, starts, problem="")
             self._client = client
             self._on_change()
+            # What was asked for before there was this connection.
             await self._ask(client)
             while True:
                 with suppress(ClientTimeout):

@@ -51,6 +51,7 @@ class Viewer:
             subject: A message of the same subject that still waits is replaced.
         """
         if len(self._texts) >= MOST_TEXTS:
+            # Its conversation ends it: this is called while all browsers are told.
             self._is_gone = True
         else:
             key = object() if subject is None else subject
@@ -75,6 +76,7 @@ class Viewer:
             await self._wake.wait()
             self._wake.clear()
             while self._texts:
+                # One by one: what comes meanwhile replaces what still waits.
                 yield self._texts.pop(next(iter(self._texts)))
             if self._is_gone:
                 raise SlowViewer
@@ -127,6 +129,7 @@ class Viewers:
         """Show all of them soon what is new."""
         self._version += 1
         if self._timer is None:
+            # After a pause a change is shown at once, else with others in one frame.
             due = max(self._loop.time() + COALESCED, self._due)
             self._timer = self._loop.call_at(due, self._send_frames)
 
@@ -137,6 +140,7 @@ class Viewers:
 
     def catch_up(self, viewer: Viewer) -> None:
         """Send a frame to a viewer that is ready, if the one that it has is old."""
+        # With a timer, a frame that is newer still comes soon.
         can_take = viewer.is_ready and viewer.is_looking
         if self._timer is None and can_take and viewer.shown < self._version:
             self.send_frame(viewer)
@@ -164,6 +168,7 @@ def encode_json(message: Mapping[str, Any]) -> str:
     try:
         return json.dumps(message, separators=(",", ":"), allow_nan=False)
     except ValueError:
+        # Rare enough that only then a message is searched for them.
         return json.dumps(_finite(message), separators=(",", ":"))
 
 

@@ -338,12 +338,14 @@ class Teleop:
         while True:
             for report in await self._client.read(self._patience):
                 self.state.take(report)
+            # Any line shows that the server is there.
             self._heard = self._clock()
             self._app.invalidate()
 
     async def _steer(self) -> int:
         while True:
             motion = self.steering.motion(self._clock())
+            # Servers hold speeds, so only changes are sent.
             if motion != self.commanded:
                 left, right = self.state.robot_info.wheel_speeds(*motion)
                 await self._client.drive(left, right)
