@@ -23,9 +23,8 @@ if TYPE_CHECKING:
     from radarsim.scene.map_file import load_map, shipped_maps
     from radarsim.scene.material import Material
     from radarsim.scene.scene import Part, Scene, StartPose
-    from radarsim.sensors.echoes import Echoes, Target
     from radarsim.sensors.range_scanner import RangeScanner, load_sensor
-    from radarsim.sensors.scan import Scan
+    from radarsim.sensors.scan import Echoes, Scan, Target
     from radarsim.server.host import Host
     from radarsim.simulation.config import SimulationConfig
 
@@ -34,7 +33,7 @@ __version__ = "0.1.0"
 # Modules are imported on first use, so that the command line starts fast, and so that
 # values such as scenes and scans can be drawn by what lies above them.
 _MODULES = {
-    "Echoes": "radarsim.sensors.echoes",
+    "Echoes": "radarsim.sensors.scan",
     "EventKind": "radarsim.raycast.attenuation",
     "Host": "radarsim.server.host",
     "MapError": "radarsim.errors",
@@ -50,7 +49,7 @@ _MODULES = {
     "Scene": "radarsim.scene.scene",
     "SimulationConfig": "radarsim.simulation.config",
     "StartPose": "radarsim.scene.scene",
-    "Target": "radarsim.sensors.echoes",
+    "Target": "radarsim.sensors.scan",
     "as_svg": "radarsim.plotting.scans",
     "compare": "radarsim.plotting.comparison",
     "generator_for": "radarsim.rng",

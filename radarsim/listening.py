@@ -1,4 +1,4 @@
-"""Listening: ports, options of sockets, and the signals that end what listens."""
+"""Listening: ports, options of sockets, open files, and the signals that end it."""
 
 import asyncio
 import errno
@@ -201,3 +201,29 @@ def peer_name(transport: asyncio.BaseTransport) -> str:
     """Return address and port of a peer, for the log; ``?`` if they are unknown."""
     peer = transport.get_extra_info("peername")
     return f"{peer[0]}:{peer[1]}" if isinstance(peer, tuple) else "?"
+
+
+def raise_file_limit(count: int) -> int:
+    """Let this process have so many files open, as far as the system permits.
+
+    The limit is never lowered.
+
+    Args:
+        count: Number of files and sockets.
+
+    Returns:
+        How many of ``count`` it may have open.
+    """
+    try:
+        import resource  # noqa: PLC0415 - Windows does not have it, nor such a limit
+    except ImportError:
+        return count
+    limit, ceiling = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if limit == resource.RLIM_INFINITY:
+        return count
+    wanted = count if ceiling == resource.RLIM_INFINITY else min(count, ceiling)
+    if limit < wanted:
+        with suppress(ValueError, OSError):  # macOS permits less than it says
+            resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, ceiling))
+            limit = wanted
+    return min(count, limit)

@@ -46,7 +46,7 @@ def test_signal_after_the_loop_is_closed_is_ignored() -> None:
     async def handler() -> Callable[[int, FrameType | None], None]:
         with exit_code_of_signal():
             found = signal.getsignal(signal.SIGTERM)
-        return cast(Callable[[int, FrameType | None], None], found)
+        return cast("Callable[[int, FrameType | None], None]", found)
 
     asyncio.run(handler())(signal.SIGTERM, None)
 

@@ -175,7 +175,7 @@ def _check_ports(
 
 def _permitted_clients(wanted: int) -> int:
     """Return the number of clients for which the system permits enough sockets."""
-    from radarsim.server.open_files import raise_file_limit
+    from radarsim.listening import raise_file_limit
 
     expected = wanted + OTHER_FILES
     files = raise_file_limit(expected)
@@ -202,8 +202,7 @@ def make_image_server(host: Host, port: int | None) -> ImageServer | None:
     """
     if port is None:
         return None
-    from radarsim.server.camera.picture_process import PictureProcess
-    from radarsim.server.image_server import ImageServer
+    from radarsim.server.image_server import ImageServer, PictureProcess
 
     pictures = PictureProcess(host.scene, host.config.dialect.image_type)
     return ImageServer(pictures, port=port)

@@ -23,8 +23,8 @@ from radarsim.protocol.commands import (
     SetItem,
     encode_command,
 )
-from radarsim.protocol.framing import LineBuffer
 from radarsim.protocol.line_template import printable_name
+from radarsim.protocol.message import LineBuffer
 from radarsim.protocol.reports import (
     CommandError,
     EncoderConf,

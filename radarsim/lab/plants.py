@@ -36,7 +36,7 @@ from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.material import Material
-from radarsim.scene.plants.parameters import SHRUB, PlantParameters
+from radarsim.scene.plants.growth import SHRUB, PlantParameters
 from radarsim.scene.plants.plant import SEED, Plant, make_shrubs, plant_files
 from radarsim.scene.scene import Part, Scene
 

@@ -27,8 +27,7 @@ from radarsim.plotting.sight import BeamEnd, Sight, name_materials
 from radarsim.plotting.style import Legend, area_style, echo_points, scan_points
 from radarsim.raycast.attenuation import EventKind
 from radarsim.scene.material import Material
-from radarsim.sensors.echoes import ROBOT, Echoes
-from radarsim.sensors.scan import Scan
+from radarsim.sensors.scan import ROBOT, Echoes, Scan
 
 
 class EchoMarker(NamedTuple):

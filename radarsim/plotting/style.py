@@ -25,9 +25,8 @@ from radarsim.plotting.palette import FAMILY_COLOURS, Family, colour_of, family_
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Scene
 from radarsim.sensors.beams import CENTRE, LEFT, RIGHT
-from radarsim.sensors.echoes import ROBOT, Echoes
 from radarsim.sensors.range_scanner import RangeScanner
-from radarsim.sensors.scan import Scan
+from radarsim.sensors.scan import ROBOT, Echoes, Scan
 
 FORMS: Final = ("png", "svg", "pdf")
 # Keys of the date or the version that matplotlib would write.

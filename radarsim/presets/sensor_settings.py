@@ -19,9 +19,13 @@ scale of units.
 """
 
 import math
-from typing import Annotated, Final, Literal, Self
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+from radarsim.errors import PresetError, expected_one_of
 
 BANDS_GHZ: Final = (24, 77, 94)  # the radar bands for which materials have numbers
 
@@ -329,3 +333,41 @@ def two_way_deviation(beamwidth: float) -> float:
     0.3003
     """
     return beamwidth / (4 * math.sqrt(math.log(2)))
+
+
+MAX_NOISE = 10.0  # times the motion itself; more overflows after a while
+ENCODER_RESOLUTION = 0.01745  # rad per tick; compiled into kernels
+
+
+@dataclass(frozen=True, slots=True)
+class InsNoise:
+    """Drift of an inertial navigation system; all zero for none.
+
+    Attributes:
+        sigma: Standard deviation of the error of a motion, as a fraction of it.
+        position_bias: Largest mean of the relative error on each axis; the mean is
+            drawn once per run.
+        angle_bias: Largest mean of the relative error of each angle, drawn likewise.
+    """
+
+    sigma: float = 0.05
+    position_bias: float = 0.5e-3
+    angle_bias: float = 0.5e-6
+
+    @classmethod
+    def from_settings(cls, settings: Mapping[str, Any]) -> Self:
+        """Create the noise from the settings of an item.
+
+        Raises:
+            PresetError: If a setting is unknown, negative or not a finite number.
+        """
+        known = [field.name for field in fields(cls)]
+        for name, value in settings.items():
+            if name not in known:
+                raise PresetError(f"INS setting {expected_one_of(name, known)}")
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not number or not 0 <= value <= MAX_NOISE:
+                text = repr(value)[:80]
+                limits = f"expected 0 to {MAX_NOISE:g}"
+                raise PresetError(f"INS setting {name}: {text}, {limits}")
+        return cls(**settings)

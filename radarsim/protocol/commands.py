@@ -20,18 +20,16 @@ from radarsim.errors import MalformedMessage, expected_one_of
 from radarsim.geometry import Pose3
 from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.message import (
+    LARGEST_COMMANDED,
     Message,
     Triple,
     decode_message,
     flip_axes,
-    parse_flipped,
-    pose_from_wire,
-)
-from radarsim.protocol.number_parsing import (
-    LARGEST_COMMANDED,
     parse_flag,
+    parse_flipped,
     parse_number,
     parse_numbers,
+    pose_from_wire,
 )
 from radarsim.protocol.watch import Watch
 

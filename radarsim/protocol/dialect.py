@@ -15,7 +15,7 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 
 from radarsim.protocol.images import ImageType
-from radarsim.protocol.number_parsing import LARGEST
+from radarsim.protocol.message import LARGEST
 
 DriveUnit: TypeAlias = Literal["rad_per_s", "rev_per_s"]
 Generation: TypeAlias = Literal["ut2004", "udk"]
@@ -274,3 +274,32 @@ def get_dialect(name: str) -> Dialect:
         if dialect.name == name:
             return dialect
     raise ValueError(f"dialect {name[:80]!r}, expected 'compat' or 'udk'")
+
+
+@dataclass(frozen=True, slots=True)
+class WheelDrive:
+    """Conversion of drive commands to wheel speeds.
+
+    Attributes:
+        max_spin: Highest speed of a wheel in either direction, in ``unit``.
+        unit: Unit of ``max_spin`` and of the commands.
+    """
+
+    max_spin: float
+    unit: DriveUnit = "rad_per_s"
+
+    @property
+    def max_spin_rad_s(self) -> float:
+        """The highest speed of a wheel, rad/s."""
+        return self.max_spin * RAD_PER_S[self.unit]
+
+    def spin(self, value: float, *, normalized: bool = False) -> float:
+        """Convert a commanded value to the wheel speed, limited, rad/s.
+
+        Args:
+            value: Commanded speed in ``unit``; forward is positive.
+            normalized: Whether the value is a percentage of ``max_spin`` instead.
+        """
+        speed = value * self.max_spin / 100 if normalized else value
+        speed = max(-self.max_spin, min(self.max_spin, speed))
+        return speed * RAD_PER_S[self.unit]

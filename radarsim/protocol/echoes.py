@@ -39,8 +39,7 @@ from radarsim.protocol.line_template import (
     reduce_text,
     series_marks,
 )
-from radarsim.protocol.message import Message
-from radarsim.protocol.number_parsing import parse_list, parse_number, parse_words
+from radarsim.protocol.message import Message, parse_list, parse_number, parse_words
 
 # A line has at most 4095 bytes. An echo takes up to 37 of them (six digits of the beam,
 # nine of the range), two names twice the longest, and everything else less than 300.

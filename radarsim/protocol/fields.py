@@ -49,12 +49,14 @@ from radarsim.protocol.message import (
     Message,
     Triple,
     encode_segments,
+    parse_flag,
     parse_flipped,
+    parse_list,
+    parse_number,
     parse_segments,
     parse_triple,
     wrapped_pose,
 )
-from radarsim.protocol.number_parsing import parse_flag, parse_list, parse_number
 
 FormatName: TypeAlias = Literal[
     "time", "ranges", "angle", "truth", "ins", "plain", "mount", "robot", "mass"

@@ -28,7 +28,7 @@ from radarsim.protocol.line_template import (
     TRUTH,
     WRAPPED,
 )
-from radarsim.protocol.number_parsing import LARGEST
+from radarsim.protocol.message import LARGEST
 
 _LINE_END, _TRUTH = ord(LINE_END), ord(TRUTH)
 _FLIPPED, _WRAPPED, _POSITIVE = ord(FLIPPED), ord(WRAPPED), ord(POSITIVE)

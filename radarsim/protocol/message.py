@@ -1,8 +1,12 @@
-"""One line of the protocol: ``VERB {Key value} {Key value}``.
+"""Lines of the protocol, from a stream of bytes: ``VERB {Key value} {Key value}``.
 
 White space around and inside braces is ignored, and so is text between two segments.
 Segments do not nest. Keys match in any case, and the first of two equal keys counts.
 Verbs keep their case here because clients distinguish replies by it.
+
+Numbers are read as existing clients send them: with the decimal comma of their locale,
+and with blanks or commas between the numbers of a vector. ``nan``, ``1e400`` and
+``abc`` are refused, so that no such number reaches the simulation.
 
 The axes of the wire point x forward, y right and z down, and yaw is clockwise from
 above. They are the axes of REP-103 after half a turn about x. That rotation is its own
@@ -17,9 +21,187 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias, TypeVar
 
-from radarsim.errors import MalformedMessage
+from radarsim.errors import LineTooLong, MalformedMessage
 from radarsim.geometry import Pose3, wrap_angle
-from radarsim.protocol.number_parsing import LARGEST, parse_number, parse_numbers
+
+_BLANKS = b" \t\n\r\v\f\x1c\x1d\x1e\x1f\x85\xa0"  # in Latin-1
+# With the blank lines after it, of which there can be thousands in one packet.
+_LINE_END = re.compile(rb"[\r\n][%b]*" % re.escape(_BLANKS))
+# Methods are of any characters and case: pages choose them for their own site, whose
+# name they can make resolve to here. Or TLS, whose first message has bytes of theirs.
+_HTTP_REQUEST = re.compile(r"[^\s{}]+\s+\S+\s+HTTP/\d|\x16\x03", re.IGNORECASE)
+
+
+def is_http_request(line: str) -> bool:
+    """Return whether a line begins a request of a web browser, or a TLS connection.
+
+    Any page that a user visits can make a browser send one to any port, with lines of
+    the page's choice after it.
+
+    >>> is_http_request("POST / HTTP/1.1")
+    True
+    >>> is_http_request("m-search * HTTP/1.1")
+    True
+    >>> is_http_request("DRIVE {Left 1} {Right 1}")
+    False
+    """
+    return _HTTP_REQUEST.match(line) is not None
+
+
+class LineBuffer:
+    r"""Collects received bytes and returns whole lines.
+
+    A line ends at CR or at LF. Empty and blank lines are dropped, so CRLF, LF CR and
+    bare LF, which all occur in the field, are one line end each. Bytes are decoded as
+    Latin-1, so none are refused here.
+
+    >>> lines = LineBuffer()
+    >>> lines.feed(b"DRIVE {Left 1}")
+    []
+    >>> lines.feed(b" {Right 1}\n\rGETSTARTPOSES\r\n")
+    ['DRIVE {Left 1} {Right 1}', 'GETSTARTPOSES']
+
+    Attributes:
+        limit: Maximum length of a line without blanks before it and its end, bytes.
+        overflow: None until a line is longer than that. Then the connection is to be
+            closed after the lines before it have been handled.
+    """
+
+    def __init__(self, limit: int = 65536) -> None:
+        self.limit = limit
+        self.overflow: LineTooLong | None = None
+        self._pending = bytearray()
+
+    def feed(self, data: bytes) -> list[str]:
+        """Add received bytes and return the lines that they complete.
+
+        Raises:
+            LineTooLong: If an earlier call has set ``overflow``.
+        """
+        if self.overflow is not None:
+            raise self.overflow
+        lines: list[str] = []
+        *ended, rest = _LINE_END.split(data)
+        for piece in ended:
+            if not self._append(piece):
+                return lines
+            line = self._pending.decode("latin-1").strip()
+            self._pending.clear()
+            if line:
+                lines.append(line)
+        self._append(rest)
+        return lines
+
+    def _append(self, piece: bytes) -> bool:
+        """Append to the pending line; return whether it is within the limit."""
+        if not self._pending:
+            piece = piece.lstrip(_BLANKS)
+        size = len(self._pending) + len(piece)
+        if size > self.limit:
+            self._pending.clear()
+            self.overflow = LineTooLong(
+                f"line of {size} bytes, expected at most {self.limit}"
+            )
+            return False
+        self._pending += piece
+        return True
+
+
+LARGEST_COMMANDED = 1e9  # m, rad, rad/s; what follows from it can still be written
+# compiled into kernels
+LARGEST = 2.0**31  # in reports; the original casts to 32 bit integers
+
+_NUMBER = re.compile(r"[+-]?([0-9]+([.,][0-9]*)?|[.,][0-9]+)([eE][+-]?[0-9]+)?")
+_LIST = re.compile(r"[-+0-9.eE, ]*")  # float() would also accept nan, inf and 1_0
+
+
+def parse_number(text: str, *, largest: float = LARGEST) -> float:
+    """Parse one number with a decimal point or a decimal comma.
+
+    >>> parse_number("-0,5"), parse_number(".4"), parse_number("+1")
+    (-0.5, 0.4, 1.0)
+
+    Raises:
+        MalformedMessage: If the text is not a number, or larger than ``largest``.
+    """
+    digits = text.strip()
+    if not _NUMBER.fullmatch(digits):
+        raise MalformedMessage(f"{text[:80]!r}, expected a number")
+    number = float(digits.replace(",", "."))
+    if abs(number) > largest:
+        raise MalformedMessage(f"{text[:80]!r}, expected at most {largest:g}")
+    return number
+
+
+def parse_numbers(
+    text: str, count: int, *, largest: float = LARGEST
+) -> tuple[float, ...]:
+    """Parse a vector of at least two numbers in any form that clients send.
+
+    If there are as many words as numbers, blanks separate them, and a comma inside a
+    word is the decimal comma of the client's locale. Otherwise commas separate them.
+
+    >>> parse_numbers("4.5,1.9,1.8", 3) == parse_numbers("4,5, 1,9, 1,8", 3)
+    True
+
+    Raises:
+        MalformedMessage: If the text is not that many numbers, or one of them is
+            larger than ``largest``.
+    """
+    joined = " ".join(text.split()).replace(" ,", ",")
+    words = joined.split()
+    if len(words) == count:
+        parts = [word.removesuffix(",") for word in words]
+    else:
+        parts = joined.split(",")
+    if len(parts) != count:
+        raise MalformedMessage(f"{text[:80]!r}, expected {count} numbers")
+    return tuple(parse_number(part, largest=largest) for part in parts)
+
+
+def parse_list(text: str) -> list[float]:
+    """Parse one or more numbers separated by commas, blanks or both.
+
+    Only decimal points are accepted: when the count is unknown, a decimal comma cannot
+    be distinguished from a separator.
+
+    Raises:
+        MalformedMessage: If the list is empty, or a number in it is not readable or
+            above ``LARGEST``.
+    """
+    return parse_words(text.replace(",", " ").split(), text)
+
+
+def parse_words(words: Sequence[str], text: str) -> list[float]:
+    """Parse the words of a list of numbers; see ``parse_list``.
+
+    Args:
+        words: The words, without commas.
+        text: The words with blanks or commas between them.
+
+    Raises:
+        MalformedMessage: As ``parse_list`` does.
+    """
+    if not words or not _LIST.fullmatch(text):
+        raise MalformedMessage(f"{text[:80]!r}, expected numbers")
+    try:
+        numbers = [float(word) for word in words]
+    except ValueError:
+        raise MalformedMessage(f"{text[:80]!r}, expected numbers") from None
+    if max(numbers) > LARGEST or min(numbers) < -LARGEST:
+        raise MalformedMessage(f"{text[:80]!r}, expected at most {LARGEST:g} each")
+    return numbers
+
+
+def parse_flag(text: str, *, any_case: bool = True) -> bool:
+    """Parse a truth value: ``true`` is true, everything else is false.
+
+    Args:
+        text: Value of the field.
+        any_case: Whether ``True`` is true as well.
+    """
+    return (text.lower() if any_case else text) == "true"
+
 
 Triple: TypeAlias = tuple[float, float, float]
 Value = TypeVar("Value")

@@ -53,11 +53,13 @@ from radarsim.protocol.line_template import NO_SERIES, WHOLE, marks
 from radarsim.protocol.message import (
     Message,
     decode_message,
+    parse_flag,
     parse_flipped,
+    parse_number,
+    parse_numbers,
     wrapped_pose,
     wrapped_pose_on_wire,
 )
-from radarsim.protocol.number_parsing import parse_flag, parse_number, parse_numbers
 from radarsim.protocol.watch import (
     CommandError,
     RobotJoined,

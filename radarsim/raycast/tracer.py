@@ -35,12 +35,6 @@ from radarsim.raycast.aimed_rays import (
 from radarsim.raycast.attenuation import EVENT, EventKind
 from radarsim.raycast.embree import EmbreeScene, Mesh
 from radarsim.raycast.intersect import SceneHandle
-from radarsim.raycast.material_table import (
-    centre_of,
-    find_volumes,
-    material_table,
-    scattering_of,
-)
 from radarsim.raycast.propagate import TraceColumns
 from radarsim.raycast.rays import (
     Event,
@@ -52,7 +46,15 @@ from radarsim.raycast.rays import (
 )
 from radarsim.raycast.robot_boxes import NO_BOXES, Boxes
 from radarsim.raycast.trace_kernel import NO_SCANS, ScanColumns, trace_rays
-from radarsim.raycast.traced_scene import MaterialTable, PackedArrays, pack_scene
+from radarsim.raycast.traced_scene import (
+    MaterialTable,
+    PackedArrays,
+    centre_of,
+    find_volumes,
+    material_table,
+    pack_scene,
+    scattering_of,
+)
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import box

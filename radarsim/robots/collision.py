@@ -28,7 +28,16 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.jit import Int, njit_cached, njit_inline
-from radarsim.robots.fleet_columns import (
+from radarsim.robots.footprint import (
+    HALF_X,
+    HALF_Y,
+    MARGIN,
+    MIDDLE_X,
+    MIDDLE_Y,
+    RANK,
+    find_contact,
+)
+from radarsim.robots.robot import (
     BLOCKED,
     FLOOR,
     HALF_LENGTH,
@@ -40,19 +49,10 @@ from radarsim.robots.fleet_columns import (
     ROBOT_GAP,
     TOP_SPEED,
     WALL_GAP,
+    YAW,
     Place,
     X,
     Y,
-    pose_of,
-)
-from radarsim.robots.footprint import (
-    HALF_X,
-    HALF_Y,
-    MARGIN,
-    MIDDLE_X,
-    MIDDLE_Y,
-    RANK,
-    find_contact,
 )
 from radarsim.robots.wall_grid import WallTable, find_walls
 
@@ -92,6 +92,12 @@ def new_robot_grid(slots: int) -> RobotGrid:
     buckets = 1 << slots.bit_length()
     places = np.zeros((slots, 3), np.int64)
     return RobotGrid(np.full(buckets, -1, np.int64), places, np.zeros(3))
+
+
+@njit_inline
+def pose_of(robots: Floats, slot: Int) -> Place:
+    """Return x, y and yaw of a robot."""
+    return robots[slot, X], robots[slot, Y], robots[slot, YAW]
 
 
 @njit_inline

@@ -12,8 +12,24 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose2
 from radarsim.presets.robots import RobotModel
+from radarsim.protocol.dialect import WheelDrive
 from radarsim.robots.collision import Surroundings, new_robot_grid
-from radarsim.robots.fleet_columns import (
+from radarsim.robots.motion import (
+    FREE,
+    ODOMETRY_COLUMNS,
+    POSE_LEFT,
+    POSE_RIGHT,
+    SEPARATION,
+    SLOT,
+    WheelOdometry,
+    drive_each_alone,
+    drive_on,
+    drive_robots,
+    find_touched,
+    sweep_rate,
+)
+from radarsim.robots.obstacles import Obstacles
+from radarsim.robots.robot import (
     BODY_Z,
     BOTTOM,
     FLOOR,
@@ -30,30 +46,12 @@ from radarsim.robots.fleet_columns import (
     UNKNOWN,
     WHEEL_RADIUS,
     YAW,
+    Robot,
     X,
     Y,
     new_columns,
 )
-from radarsim.robots.motion import (
-    drive_each_alone,
-    drive_on,
-    drive_robots,
-    find_touched,
-    sweep_rate,
-)
-from radarsim.robots.obstacles import Obstacles
-from radarsim.robots.odometry import (
-    FREE,
-    ODOMETRY_COLUMNS,
-    POSE_LEFT,
-    POSE_RIGHT,
-    SEPARATION,
-    SLOT,
-    WheelOdometry,
-)
-from radarsim.robots.robot import Robot
 from radarsim.robots.wall_grid import WallTable, wall_table
-from radarsim.robots.wheel_drive import WheelDrive
 
 _FIRST_SLOTS: Final = 8
 _BOX_COLUMNS: Final = [X, Y, YAW, BOTTOM, TOP, HALF_LENGTH, HALF_WIDTH, NUMBER]
@@ -83,7 +81,7 @@ class Fleet:
     def columns(self) -> Floats:
         """The table of robots, a row for each slot; another array once one is added.
 
-        ``fleet_columns`` numbers its columns. Rows of free slots hold anything.
+        ``robots.robot`` numbers its columns. Rows of free slots hold anything.
         """
         return self._around.robots
 

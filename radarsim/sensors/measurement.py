@@ -40,9 +40,8 @@ from radarsim.sensors.echo_extraction import (
     select_echoes,
 )
 from radarsim.sensors.echo_strength import SPENT, Densities
-from radarsim.sensors.echoes import Echoes
 from radarsim.sensors.rain import add_rain, find_speckle
-from radarsim.sensors.scan import Scan
+from radarsim.sensors.scan import Echoes, Scan
 
 MODES: Final = {"last": LAST, "all": LAST, "first": FIRST, "strongest": STRONGEST}
 Rows = NDArray[np.int64]

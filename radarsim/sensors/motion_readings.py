@@ -22,14 +22,18 @@ settings.
 """
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from radarsim.geometry import Floats, Pose3
 from radarsim.jit import Int, njit_inline
-from radarsim.sensors.proprioceptive import ENCODER_NOISE, ENCODER_RESOLUTION, InsNoise
+from radarsim.presets.sensor_settings import ENCODER_RESOLUTION, InsNoise
 
+INS_DRIFT_INTERVAL: Final = 0.2  # s of simulated time between two updates of the drift
+ENCODER_NOISE: Final = 0.005  # largest error, as a fraction of the total angle
 BLOCK: Final = 16  # times that random numbers are drawn ahead
 # Numbers of an INS: estimated pose and mean errors; the body's pose at the last update,
 # m, rad; standard deviation of errors; how many of the random numbers are used up.
@@ -110,6 +114,40 @@ def draw_errors(encoder: Floats, rng: np.random.Generator) -> None:
     """Draw the random numbers of the next ``BLOCK`` readings of an encoder."""
     rng.random(out=encoder[ENCODER_DRAWS:])
     encoder[USED] = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class EncodedWheel:
+    """A wheel whose ticks an encoder counts.
+
+    Attributes:
+        name: Name that its ticks have in a reading.
+        index: Index of the wheel.
+        sign: 1 if forward counts up, -1 if it counts down.
+    """
+
+    name: str
+    index: int
+    sign: int = 1
+
+
+def encoded_wheels(name: str, sides: Sequence[str]) -> tuple[EncodedWheel, ...]:
+    """Return the wheels whose ticks an encoder counts, by its name.
+
+    ``W1`` counts wheel 1. ``ECLeft`` counts the first of the left wheels, forward
+    negative, as clients of UT2004's encoders expect.
+
+    Source: the original server's encoder, and lines of UT2004's that clients quote.
+
+    Args:
+        name: Name of the item.
+        sides: ``left`` or ``right`` for each wheel.
+    """
+    for side in ("left", "right"):
+        if name.casefold() == f"ec{side}" and side in sides:
+            return (EncodedWheel(name, sides.index(side), -1),)
+    numbers = [wheel for wheel in range(len(sides)) if f"W{wheel}" in name]
+    return tuple(EncodedWheel(f"W{wheel}", wheel) for wheel in numbers)
 
 
 @njit_inline

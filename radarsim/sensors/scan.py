@@ -1,8 +1,8 @@
-"""The scan of a radar or a laser."""
+"""The scan of a radar or a laser, its echoes, and the objects that they came from."""
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -11,14 +11,194 @@ from numpy.typing import NDArray
 import radarsim
 from radarsim.errors import import_optional
 from radarsim.geometry import Floats, Pose3
+from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.raycast.aimed_rays import Sides
+from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.rays import Rays
-from radarsim.scene.scene import Scene
-from radarsim.sensors.echoes import Echoes
+from radarsim.raycast.traced_scene import attenuation_of
+from radarsim.scene.material import Material
+from radarsim.scene.scene import Part, Scene
+from radarsim.sensors.beams import ray_class_of
 
 if TYPE_CHECKING:
+    import pandas
     import xarray
     from matplotlib.axes import Axes
+
+ROBOT = Material("robot")  # opaque to radar and light
+KINDS = {
+    EventKind.ENTER: "enter",
+    EventKind.LEAVE: "leave",
+    EventKind.SHEET: "sheet",
+    EventKind.HIT: "hit",
+    EventKind.SPENT: "spent",
+    EventKind.RAIN: "rain",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """The object that an echo came from, as the sensor perceives it.
+
+    Attributes:
+        object: Name of the object in the map, or name of the robot.
+        material: Name of the material.
+        density: Penetration power that the sensor's beams lose per metre in it;
+            ``math.inf`` if they cannot enter it.
+        transparency: Share of a beam's full power that passes through one metre of it,
+            or through one layer of a sheet: 1 if nothing is lost, 0 if it is opaque.
+        laser_passes: Whether light can enter it.
+        robot_passes: Whether robots can drive through it.
+    """
+
+    object: str
+    material: str
+    density: float
+    transparency: float
+    laser_passes: bool
+    robot_passes: bool
+
+    @classmethod
+    def of(cls, name: str, material: Material, settings: SensorSettings) -> "Target":
+        """Describe an object of a material to a sensor."""
+        radar = settings.medium == "radar"
+        density = attenuation_of(material, ray_class_of(settings))
+        loss = density
+        if material.sheet_loss is not None and math.isfinite(density):
+            density, loss = 0.0, material.sheet_loss if radar else 0.0
+        return cls(
+            name,
+            material.name,
+            density,
+            _share_left(loss, settings.penetration_power),
+            math.isfinite(material.laser_density),
+            not material.solid,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the target as JSON types; a density of None is opaque."""
+        return {
+            "object": self.object,
+            "material": self.material,
+            "density": self.density if math.isfinite(self.density) else None,
+            "transparency": self.transparency,
+            "laser_passes": self.laser_passes,
+            "robot_passes": self.robot_passes,
+        }
+
+
+def _share_left(loss: float, power: float) -> float:
+    """Return the share of a power that is left after a loss."""
+    if loss == 0:
+        return 1.0
+    if math.isinf(loss) or power == 0:
+        return 0.0
+    return max(0.0, 1.0 - loss / power)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Echoes:
+    """Echoes as columns, one row each: beam by beam, the nearest first.
+
+    Attributes:
+        beams: (E,) int64, number of the beam, counted from the right.
+        sides: (E,) int8, ray of the beam: -1 right, 0 centre, 1 left.
+        ranges: (E,) distance from the start of the ray, m; of a volume, that up to
+            which half of its power has come back, or for a sensor that keeps first
+            echoes that at which the ray enters.
+        fronts: (E,) distance at which the echo begins, m: of a volume always where the
+            ray enters; otherwise as ``ranges``.
+        kinds: (E,) uint8, an ``EventKind`` each: the ray enters or leaves a volume,
+            crosses a sheet, hits an opaque surface, has no power left, or rain shows.
+        power: (E,) penetration power left on arrival, for a hit without what the
+            surface absorbs; inf if it is unlimited.
+        strength: (E,) power of the echo as a share of what comes back from a rough
+            wall that the whole beam meets head-on, 0 to 1; see ``echo_strength``.
+        parts: (E,) int64, index of the part in the scene; for a robot, the number of
+            parts + the id of the robot.
+        scene_parts: The parts of the scene.
+        settings: Settings of the sensor.
+    """
+
+    beams: NDArray[np.int64]
+    sides: NDArray[np.int8]
+    ranges: Floats
+    fronts: Floats
+    kinds: NDArray[np.uint8]
+    power: Floats
+    strength: Floats
+    parts: NDArray[np.int64]
+    scene_parts: Sequence[Part] = field(repr=False)
+    settings: SensorSettings = field(repr=False)
+
+    def __len__(self) -> int:
+        return len(self.beams)
+
+    @property
+    def decibels(self) -> Floats:
+        """The strengths in dB, (E,), at most 0; -inf for an echo without strength."""
+        with np.errstate(divide="ignore"):
+            return np.asarray(10 * np.log10(self.strength))
+
+    @property
+    def targets(self) -> dict[int, Target]:
+        """The objects that the echoes came from, by their values in ``parts``."""
+        return {part: self._target(part) for part in np.unique(self.parts).tolist()}
+
+    def _target(self, part: int) -> Target:
+        count = len(self.scene_parts)
+        if part >= count:
+            return Target.of(f"robot {part - count}", ROBOT, self.settings)
+        scene_part = self.scene_parts[part]
+        return Target.of(scene_part.object_name, scene_part.material, self.settings)
+
+    def to_lists(self) -> list[list[dict[str, Any]]]:
+        """Return a list of echoes for each beam, as JSON types."""
+        targets = {part: target.to_dict() for part, target in self.targets.items()}
+        lists: list[list[dict[str, Any]]] = [[] for _ in range(self.settings.beams)]
+        decibels = self.decibels.tolist()
+        for i, beam in enumerate(self.beams.tolist()):
+            power, level = float(self.power[i]), decibels[i]
+            lists[beam].append(
+                {
+                    "range": float(self.ranges[i]),
+                    "front": float(self.fronts[i]),
+                    "kind": KINDS[EventKind(int(self.kinds[i]))],
+                    "ray": int(self.sides[i]) if self.settings.has_side_rays else None,
+                    "power": power if math.isfinite(power) else None,
+                    "strength": float(self.strength[i]),
+                    "decibels": level if math.isfinite(level) else None,
+                    **targets[int(self.parts[i])],
+                }
+            )
+        return lists
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """Return a row for each echo, with the columns of ``to_lists`` and ``beam``.
+
+        The targets give two of them, ``object`` and ``material``.
+
+        Raises:
+            MissingPackage: If pandas is not installed.
+        """
+        package = import_optional("pandas", "tables")
+        targets = self.targets
+        found = [targets[part] for part in self.parts.tolist()]
+        frame: pandas.DataFrame = package.DataFrame(
+            {
+                "beam": self.beams,
+                "ray": self.sides,
+                "range": self.ranges,
+                "front": self.fronts,
+                "kind": [KINDS[EventKind(kind)] for kind in self.kinds.tolist()],
+                "power": self.power,
+                "strength": self.strength,
+                "decibels": self.decibels,
+                "object": [target.object for target in found],
+                "material": [target.material for target in found],
+            }
+        )
+        return frame
 
 
 class Targets(NamedTuple):

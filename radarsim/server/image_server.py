@@ -3,7 +3,11 @@
 Theory of operation
 ===================
 While a viewer waits for a picture, one is drawn every ``INTERVAL``, of the poses at
-that time, in a process of its own. All viewers that wait get the same picture.
+that time. All viewers that wait get the same picture.
+
+Pictures are drawn in a process of its own and not in a thread: a thread that draws
+holds Python's global lock every now and then. Where the processors are busy it may have
+to wait while it does, and ticks would wait with it.
 
 Rule 1: a viewer's next request is read when its last one is answered. What it sends
 meanwhile waits in its socket; no queue grows.
@@ -20,16 +24,131 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import os
+import sys
 from collections.abc import Set as AbstractSet
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Protocol
 
 from radarsim.errors import ServerError
+from radarsim.geometry import Pose3
+from radarsim.presets.robots import load_robot
+from radarsim.processes import worker_pool
 from radarsim.protocol.images import WHOLE, Region, RequestBuffer
-from radarsim.server.camera.view import View
 from radarsim.server.peer_connections import PeerConnection, PeerServer, RefusalLog
 
 if TYPE_CHECKING:
+    from radarsim.protocol.images import ImageType, Region
+    from radarsim.raycast.robot_boxes import Boxes
+    from radarsim.scene.scene import Scene
+    from radarsim.server.camera import Renderer
     from radarsim.simulation.simulation import Simulation
+
+MOUNT: Final = Pose3(0.1005, 0.0, 0.42)  # of the original's camera on a P3AT
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """Where a camera is, and where the robots are.
+
+    Attributes:
+        camera: Pose of the camera, map frame; it looks along its x axis.
+        boxes: The robots.
+        carrier_id: Id of the box of the robot that carries the camera; -1 for none.
+    """
+
+    camera: Pose3
+    boxes: Boxes
+    carrier_id: int = -1
+
+    @classmethod
+    def of(cls, simulation: Simulation) -> View:
+        """Return the view of the robot that has been in a simulation for longest.
+
+        Without robots it is that of a P3AT at the first start of the map.
+        """
+        boxes, vehicles = simulation.boxes(), simulation.vehicles
+        if vehicles:
+            first = vehicles[0]
+            return cls(first.robot.body.compose(MOUNT), boxes, first.number)
+        starts = simulation.scene.starts
+        start = starts[0].pose if starts else Pose3(0.0, 0.0, 0.0)
+        body = start.compose(Pose3(0.0, 0.0, load_robot("P3AT").origin_height))
+        return cls(body.compose(MOUNT), boxes)
+
+
+NICENESS = 10  # ticks of the server go first
+
+
+class PictureProcess:
+    """Draws pictures of one scene in a process of its own."""
+
+    def __init__(self, scene: Scene, image_type: ImageType) -> None:
+        """Describe a process that is not started yet."""
+        self._setting = scene, image_type
+        self._until_stop = ExitStack()
+        self._pool: ProcessPoolExecutor | None = None
+        self._starting: asyncio.Future[None] | None = None
+
+    async def start(self) -> None:
+        """Start the process, which takes a second until it draws."""
+        # The scene is handed over as fast as the process starts to read it.
+        self._starting = asyncio.ensure_future(asyncio.to_thread(self._start))
+        await asyncio.shield(self._starting)
+
+    def _start(self) -> None:
+        pool = worker_pool(1, _Painter.prepare, *self._setting)
+        self._pool = self._until_stop.enter_context(pool)
+        self._pool.submit(os.getpid)  # processes start with their first task
+
+    async def draw(
+        self, view: View, regions: AbstractSet[Region]
+    ) -> dict[Region, bytes]:
+        """Return the bytes that are sent to viewers for regions of a picture.
+
+        Raises:
+            ServerError: If the process has ended.
+        """
+        assert self._pool is not None
+        try:
+            pictures = self._pool.submit(_Painter.draw, view, regions)
+            return await asyncio.wrap_future(pictures)
+        except BrokenProcessPool:
+            raise ServerError("the process that draws pictures has ended") from None
+
+    async def stop(self) -> None:
+        """End the process at once, also one that is being started."""
+        if self._starting is not None:
+            await asyncio.wait({self._starting})
+        self._until_stop.close()
+
+
+class _Painter:
+    """What the process keeps from one picture to the next."""
+
+    _renderer: Renderer
+    _image_type: ImageType
+
+    @classmethod
+    def prepare(cls, scene: Scene, image_type: ImageType) -> None:
+        """Read the scene, once."""
+        if sys.platform != "win32":
+            os.nice(NICENESS)
+        from radarsim.server.camera import Renderer  # noqa: PLC0415 - imports much
+
+        cls._renderer, cls._image_type = Renderer(scene), image_type
+
+    @classmethod
+    def draw(cls, view: View, regions: AbstractSet[Region]) -> dict[Region, bytes]:
+        """Draw a picture, and encode regions of it."""
+        from radarsim.server.camera import encode  # noqa: PLC0415
+
+        pixels = cls._renderer.render(view)
+        return {each: encode(pixels, each, cls._image_type) for each in regions}
+
 
 log = logging.getLogger("radarsim.server")
 

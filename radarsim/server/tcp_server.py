@@ -16,8 +16,7 @@ from radarsim.listening import (
 )
 from radarsim.server.engine_loader import EngineLoader
 from radarsim.server.host import Diagnostic, Host
-from radarsim.server.peer_connections import RefusalLog
-from radarsim.server.read_turns import ReadAllowance, ReadTurns
+from radarsim.server.peer_connections import ReadAllowance, ReadTurns, RefusalLog
 from radarsim.simulation.clock import TICK
 
 if TYPE_CHECKING:

@@ -16,7 +16,12 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
 
 from radarsim.errors import PresetError, expected_one_of
 from radarsim.presets.robots import Item, RobotModel, load_robot, robot_names
-from radarsim.presets.sensor_settings import GpsSettings, SensorSettings, SonarSettings
+from radarsim.presets.sensor_settings import (
+    GpsSettings,
+    InsNoise,
+    SensorSettings,
+    SonarSettings,
+)
 from radarsim.presets.sensors import (
     gps_settings,
     has_fmcw,
@@ -24,9 +29,13 @@ from radarsim.presets.sensors import (
     load_settings,
     sonar_settings,
 )
-from radarsim.protocol.dialect import COMPAT, MAX_WHEEL_SPEEDS, Dialect, DriveUnit
-from radarsim.robots.wheel_drive import WheelDrive
-from radarsim.sensors.proprioceptive import InsNoise
+from radarsim.protocol.dialect import (
+    COMPAT,
+    MAX_WHEEL_SPEEDS,
+    Dialect,
+    DriveUnit,
+    WheelDrive,
+)
 
 if TYPE_CHECKING:
     from radarsim.sensors.range_scanner import RangeScanner

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from radarsim.geometry import Floats
 from radarsim.jit import njit_cached, njit_inline
 from radarsim.robots.fleet import Fleet
-from radarsim.robots.fleet_columns import (
+from radarsim.robots.motion import POSE_X
+from radarsim.robots.robot import (
     BODY_Z,
     LEFT_ANGLE,
     RIGHT_ANGLE,
@@ -26,7 +27,6 @@ from radarsim.robots.fleet_columns import (
     X,
     Y,
 )
-from radarsim.robots.odometry import POSE_X
 from radarsim.sensors.motion_readings import (
     ANGLE_ZERO,
     DRAWN,

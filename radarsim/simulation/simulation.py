@@ -27,13 +27,13 @@ from radarsim.robots.fleet import Fleet
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles, overlaps
 from radarsim.scene.scene import Scene
-from radarsim.sensors.proprioceptive import INS_DRIFT_INTERVAL
+from radarsim.sensors.motion_readings import INS_DRIFT_INTERVAL
 from radarsim.sensors.range_scanner import load_sensor
 from radarsim.sensors.scanning import BatchRanges, ScanRequest, scan_ranges
 from radarsim.sensors.sonar import SonarArray
 from radarsim.simulation.clock import TICK, Clock, Schedule, ticks_of
 from radarsim.simulation.config import SimulationConfig
-from radarsim.simulation.ray_items import RayItem, read_together
+from radarsim.simulation.items import RayItem, read_together
 from radarsim.simulation.readings import Program, ReadingTable
 from radarsim.simulation.tick_output import (
     DueScan,
@@ -220,8 +220,9 @@ class Simulation:
         for k, (vehicle, mounted) in enumerate(scanners):
             if not listing[k]:
                 continue
-            is_requested = vehicle.has_echoes_enabled(mounted.item)
-            found = ScanEchoes(mounted.item.name, taken.scans[k].echoes, is_requested)
+            found = ScanEchoes(
+                mounted.item.name, taken.scans[k].echoes, mounted.sends_echoes
+            )
             echoes.setdefault(vehicle.number, []).append(found)
         for due_scan in read_by_others:
             number = due_scan.vehicle.number
@@ -273,7 +274,7 @@ class Simulation:
         Those do whose clients have asked for it. Others only list them for watchers:
         of these no more than ``MAX_SHOWN`` do, which have waited for it longest.
         """
-        listing = [vehicle.has_echoes_enabled(mounted.item) for vehicle, mounted in due]
+        listing = [mounted.sends_echoes for _, mounted in due]
         shown = [
             k
             for k, (vehicle, _) in enumerate(due)

@@ -10,7 +10,7 @@ from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.protocol.fields import ReportGroup, SensorReport
 from radarsim.protocol.reports import RangeScan, Status
 from radarsim.raycast.robot_boxes import Boxes
-from radarsim.sensors.echoes import Echoes
+from radarsim.sensors.scan import Echoes
 from radarsim.simulation.vehicle import Vehicle
 
 

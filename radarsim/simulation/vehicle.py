@@ -26,14 +26,16 @@ from radarsim.simulation.config import (
 )
 from radarsim.simulation.items import (
     SENSOR_ITEMS,
+    GpsItem,
     InsItem,
     Mounting,
+    RayItem,
     SensorItem,
+    SonarItems,
     Source,
     TouchItem,
     join_encoders,
 )
-from radarsim.simulation.ray_items import GpsItem, RayItem, SonarItems
 from radarsim.simulation.readings import (
     CHARGE,
     TIME,
@@ -55,12 +57,16 @@ class MountedScanner:
         item: The item of the robot's class.
         scanner: The scanner, which can be replaced.
         rng: The random numbers that it draws.
+        sends_echoes: Whether the client of the robot gets the echoes of its scans.
+        sends_targets: Whether the client gets what its detector found.
         shown_at: Tick in which it last listed its echoes for watchers only.
     """
 
     item: Item
     scanner: RangeScanner
     rng: np.random.Generator
+    sends_echoes: bool = False
+    sends_targets: bool = False
     shown_at: int = -1
 
     @property
@@ -140,8 +146,6 @@ class Vehicle:
         self._clock = schedule.clock
         self.spawn_tick = self._clock.ticks
         self._requested_scans: set[str] = set()
-        self._with_echoes: set[str] = set()
-        self._with_targets: set[str] = set()
         self.shows_echoes, self.extra_rays = False, 0.0
         self._interval_ticks: dict[str, int] = {}
         self._sensor_items: dict[str, SensorItem] = {}
@@ -260,28 +264,6 @@ class Vehicle:
         """Let an item count from zero again, if it counts."""
         if item.name in self._sensor_items:
             self._sensor_items[item.name].reset()
-
-    def enable_echoes(self, item: Item, enabled: bool) -> None:
-        """Switch the echoes of a scanner on or off."""
-        if enabled:
-            self._with_echoes.add(item.name)
-        else:
-            self._with_echoes.discard(item.name)
-
-    def has_echoes_enabled(self, item: Item) -> bool:
-        """Return whether the client of the robot gets the echoes of a scanner."""
-        return item.name in self._with_echoes
-
-    def enable_targets(self, item: Item, enabled: bool) -> None:
-        """Switch the targets of a scanner with a detector on or off."""
-        if enabled:
-            self._with_targets.add(item.name)
-        else:
-            self._with_targets.discard(item.name)
-
-    def has_targets_enabled(self, item: Item) -> bool:
-        """Return whether the client of the robot gets the targets of a scanner."""
-        return item.name in self._with_targets
 
     def set_ins(self, item: Item, pose: Pose3) -> None:
         """Replace the pose of an INS; do nothing if the item is not one."""

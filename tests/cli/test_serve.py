@@ -100,7 +100,7 @@ def test_fewer_clients_are_taken_where_the_system_permits_fewer_files(
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    monkeypatch.setattr("radarsim.server.open_files.raise_file_limit", lambda _: 200)
+    monkeypatch.setattr("radarsim.listening.raise_file_limit", lambda _: 200)
     options = ["--host", "192.0.2.1", "--port", "0", "--max-clients", "100"]
     radarsim("serve", "empty_room", *options)
     assert "at most 72 clients: the system permits 200 open files" in caplog.text

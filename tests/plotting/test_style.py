@@ -23,7 +23,7 @@ from radarsim.plotting.style import (
 from radarsim.presets.robots import load_robot
 from radarsim.rng import generator_for
 from radarsim.scene.shapes import box
-from radarsim.sensors.echoes import ROBOT
+from radarsim.sensors.scan import ROBOT
 
 SENSOR = Pose3(0.5, -0.25, 1.0, 0.0, 0.0, math.radians(20))
 

@@ -12,7 +12,7 @@ from radarsim.protocol.commands import (
     parse_command,
 )
 from radarsim.protocol.dialect import COMPAT
-from radarsim.protocol.framing import LineBuffer
+from radarsim.protocol.message import LineBuffer
 
 ZERO = (0.0, 0.0, 0.0)
 

@@ -24,7 +24,7 @@ from radarsim.protocol.commands import (
     parse_switch,
 )
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
-from radarsim.protocol.framing import LineBuffer
+from radarsim.protocol.message import LineBuffer
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.errors import LineTooLong
-from radarsim.protocol.framing import LineBuffer
+from radarsim.protocol.message import LineBuffer
 
 STREAMS = st.lists(
     st.sampled_from(

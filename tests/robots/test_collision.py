@@ -8,12 +8,11 @@ from hypothesis import strategies as st
 
 from radarsim.geometry import Floats, Pose2, wrap_angle
 from radarsim.presets.robots import load_robot
+from radarsim.protocol.dialect import WheelDrive
 from radarsim.robots.collision import CONTACT_GAP
 from radarsim.robots.fleet import Fleet
-from radarsim.robots.fleet_columns import ROBOT_GAP, WALL_GAP
 from radarsim.robots.obstacles import Obstacles
-from radarsim.robots.robot import Robot
-from radarsim.robots.wheel_drive import WheelDrive
+from radarsim.robots.robot import ROBOT_GAP, WALL_GAP, Robot
 
 TICK = 0.01
 P3AT = load_robot("P3AT")

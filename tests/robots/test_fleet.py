@@ -12,13 +12,13 @@ from oracles.motion import ReferenceRobot
 
 from radarsim.geometry import Pose2
 from radarsim.presets.robots import load_robot
+from radarsim.protocol.dialect import WheelDrive
 from radarsim.robots.collision import CONTACT_GAP
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.footprint import RANK, line_table
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import Robot
 from radarsim.robots.wall_grid import find_walls, wall_table
-from radarsim.robots.wheel_drive import WheelDrive
 
 TICK = 0.01
 MODELS = [load_robot(name) for name in ("P3AT", "P2DX", "P2AT")]

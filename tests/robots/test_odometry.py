@@ -6,11 +6,11 @@ from hypothesis import strategies as st
 
 from radarsim.geometry import Pose2
 from radarsim.presets.robots import load_robot
+from radarsim.protocol.dialect import WheelDrive
 from radarsim.robots.fleet import Fleet
+from radarsim.robots.motion import WheelOdometry
 from radarsim.robots.obstacles import Obstacles
-from radarsim.robots.odometry import WheelOdometry
 from radarsim.robots.robot import Robot
-from radarsim.robots.wheel_drive import WheelDrive
 
 P3AT = load_robot("P3AT").model_copy(
     update={"wheel_radius": 0.1, "wheel_separation": 0.4}

@@ -4,10 +4,10 @@ import pytest
 
 from radarsim.geometry import Pose2, Pose3
 from radarsim.presets.robots import load_robot
+from radarsim.protocol.dialect import WheelDrive
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import Battery, Robot
-from radarsim.robots.wheel_drive import WheelDrive
 
 TICK = 0.01
 

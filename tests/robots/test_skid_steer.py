@@ -5,9 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Pose2, wrap_angle
-from radarsim.protocol.dialect import DriveUnit
+from radarsim.protocol.dialect import DriveUnit, WheelDrive
 from radarsim.robots import motion as skid_steer
-from radarsim.robots.wheel_drive import WheelDrive
 
 speeds = st.floats(-1, 1)
 poses = st.builds(Pose2, st.floats(-50, 50), st.floats(-50, 50), st.floats(-3, 3))

@@ -14,7 +14,7 @@ from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.material import library_material
 from radarsim.scene.shapes import box, cylinder
-from radarsim.sensors.echoes import Target
+from radarsim.sensors.scan import Target
 
 WALL = Material("wall")
 LEAF = Material("leaf", density=0.4)

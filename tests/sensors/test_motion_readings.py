@@ -7,8 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Floats, Pose3
+from radarsim.presets.sensor_settings import ENCODER_RESOLUTION, InsNoise
 from radarsim.rng import generator_for
-from radarsim.robots.fleet_columns import (
+from radarsim.robots.robot import (
     BODY_Z,
     LEFT_ANGLE,
     RIGHT_ANGLE,
@@ -27,7 +28,6 @@ from radarsim.sensors.motion_readings import (
     new_tachometer,
     overwrite_ins,
 )
-from radarsim.sensors.proprioceptive import ENCODER_RESOLUTION, InsNoise
 from radarsim.simulation.readings import (
     DRIFT,
     INS_POSE,

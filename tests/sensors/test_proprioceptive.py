@@ -4,7 +4,8 @@ from typing import Any
 import pytest
 
 from radarsim.errors import PresetError
-from radarsim.sensors.proprioceptive import InsNoise, encoded_wheels
+from radarsim.presets.sensor_settings import InsNoise
+from radarsim.sensors.motion_readings import encoded_wheels
 
 
 def test_noise_is_read_from_settings() -> None:

@@ -19,10 +19,8 @@ from radarsim.presets.robots import load_robot
 from radarsim.protocol.dialect import UDK
 from radarsim.protocol.images import ImageType, Region
 from radarsim.scene.scene import Scene
-from radarsim.server.camera.encoding import encode
-from radarsim.server.camera.renderer import Renderer
-from radarsim.server.camera.view import View
-from radarsim.server.image_server import ImageServer, PictureSource
+from radarsim.server.camera import Renderer, encode
+from radarsim.server.image_server import ImageServer, PictureSource, View
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.simulation import Simulation
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from radarsim.server.open_files import raise_file_limit
+from radarsim.listening import raise_file_limit
 
 
 @pytest.fixture(autouse=True)

@@ -10,10 +10,8 @@ import pytest
 from radarsim.errors import ServerError
 from radarsim.protocol.images import WHOLE, ImageType, Region
 from radarsim.scene.scene import Scene
-from radarsim.server.camera.encoding import encode
-from radarsim.server.camera.picture_process import PictureProcess
-from radarsim.server.camera.renderer import Renderer
-from radarsim.server.camera.view import View
+from radarsim.server.camera import Renderer, encode
+from radarsim.server.image_server import PictureProcess, View
 from radarsim.simulation.simulation import Simulation
 
 DEADLINE = 240.0  # s; a busy machine starts Python in many

@@ -1,6 +1,12 @@
 """How much of what clients send is read in a tick."""
 
-from radarsim.server.read_turns import BURST, REFILL, TURNS, ReadAllowance, ReadTurns
+from radarsim.server.peer_connections import (
+    BURST,
+    REFILL,
+    TURNS,
+    ReadAllowance,
+    ReadTurns,
+)
 
 
 def advance(turns: ReadTurns, ticks: int) -> None:

@@ -15,10 +15,10 @@ import pytest
 
 from radarsim.errors import ServerError
 from radarsim.geometry import Pose3
+from radarsim.listening import raise_file_limit
 from radarsim.scene.scene import Scene, StartPose
 from radarsim.server.host import Diagnostic, Host
-from radarsim.server.open_files import raise_file_limit
-from radarsim.server.read_turns import ReadTurns
+from radarsim.server.peer_connections import ReadTurns
 from radarsim.server.tcp_server import (
     MAX_CLIENTS,
     Connection,

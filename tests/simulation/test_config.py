@@ -5,8 +5,7 @@ import pytest
 from radarsim.errors import PresetError
 from radarsim.presets.robots import Item, load_robot
 from radarsim.presets.sensors import load_settings
-from radarsim.protocol.dialect import COMPAT, UDK, Dialect
-from radarsim.robots.wheel_drive import WheelDrive
+from radarsim.protocol.dialect import COMPAT, UDK, Dialect, WheelDrive
 from radarsim.simulation.clock import TICK, seconds, ticks_of
 from radarsim.simulation.config import SimulationConfig
 

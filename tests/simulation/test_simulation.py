@@ -371,7 +371,7 @@ def test_echoes_for_watchers_are_listed_in_turns(empty_room: Scene) -> None:
     simulation, robots = Simulation(empty_room), 2 * MAX_SHOWN + 1
     vehicles = [spawned(simulation, Pose2(k - 4, 3), f"R{k}") for k in range(robots)]
     asking, *watched = vehicles
-    asking.enable_echoes(asking.model.items_of("RangeScanner")[0], True)
+    asking.scanners[0].sends_echoes = True
     for vehicle in watched:
         vehicle.shows_echoes = True
     outputs = run(simulation, 80)

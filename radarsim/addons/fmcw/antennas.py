@@ -187,7 +187,7 @@ class Antenna:
         ranges = read_ranges(turn.targets, turn.settings)
         ranges[np.isinf(ranges)] = turn.settings.max_range
         details = None
-        is_requested = vehicle.has_targets_enabled(item)
+        is_requested = self.mounted.sends_targets
         if is_requested or vehicle.shows_echoes:
             lines = target_lines(time, item.name, *turn.targets)
             details = ScanDetails(lines, is_requested)

@@ -21,8 +21,7 @@ from radarsim.geometry import Floats, Pose3
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.raycast.rays import Rays
 from radarsim.scene.scene import Scene
-from radarsim.sensors.echoes import Echoes
-from radarsim.sensors.scan import Scan, Targets
+from radarsim.sensors.scan import Echoes, Scan, Targets
 
 if TYPE_CHECKING:
     from radarsim.addons.fmcw.radar import FmcwRadar

@@ -17,10 +17,9 @@ from radarsim.presets.robots import Item, RobotModel, load_robot
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import tracer_of
 from radarsim.robots.fleet import Fleet
-from radarsim.robots.fleet_columns import LEFT_SPIN, RIGHT_SPIN, YAW, X
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles
-from radarsim.robots.robot import Robot
+from radarsim.robots.robot import LEFT_SPIN, RIGHT_SPIN, YAW, Robot, X
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import RangeScanner

@@ -28,7 +28,7 @@ from radarsim.client.session import Session
 from radarsim.errors import ClientError, MalformedMessage
 from radarsim.protocol.commands import Drive, parse_command
 from radarsim.protocol.dialect import Dialect, DriveUnit
-from radarsim.protocol.framing import LineBuffer
+from radarsim.protocol.message import LineBuffer
 from radarsim.protocol.reports import RobotConf, RobotGeo, decode_report
 
 TICK: Final = 10_000_000  # ns

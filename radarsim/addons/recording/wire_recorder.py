@@ -7,7 +7,7 @@ from typing import Final
 
 from radarsim.addons.recording.host_recorder import EventType, RunEvent
 from radarsim.client.transport import Transport
-from radarsim.protocol.framing import LineBuffer
+from radarsim.protocol.message import LineBuffer
 
 FIRST: Final = 1  # number of the only client of a transport
 UNNAMED: Final = "robot"  # one whose name no client has sent

@@ -29,7 +29,7 @@ from radarsim.errors import (
     RadarsimError,
     RecordingError,
 )
-from radarsim.protocol.framing import LineBuffer
+from radarsim.protocol.message import LineBuffer
 from radarsim.protocol.reports import (
     CommandError,
     Greeting,

@@ -11,7 +11,7 @@ from itertools import count
 from threading import Condition
 from typing import Final, Literal, TypeAlias
 
-from radarsim.protocol.framing import LineBuffer
+from radarsim.protocol.message import LineBuffer
 
 Side: TypeAlias = Literal["client", "server"]  # that sends
 ScanPart: TypeAlias = Literal["ranges", "echoes"]

@@ -20,7 +20,7 @@ import sys
 import time
 
 from radarsim.lab.bench import robots
-from radarsim.server.open_files import raise_file_limit
+from radarsim.listening import raise_file_limit
 
 SPAWN_SECONDS = 30.0  # of which an idle machine needs one for 250 robots
 SETTLE_SECONDS = 0.5  # until a backlog has been read

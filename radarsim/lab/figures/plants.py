@@ -19,7 +19,7 @@ from radarsim.lab.plants import (
 )
 from radarsim.plotting.palette import FAMILY_COLOURS, MARKER, RADAR, Family
 from radarsim.robots.obstacles import slice_mesh
-from radarsim.scene.plants.parameters import LEAVES, WOOD
+from radarsim.scene.plants.growth import LEAVES, WOOD
 from radarsim.scene.plants.plant import Plant
 
 COLOURS: Final = {

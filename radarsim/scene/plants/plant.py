@@ -16,14 +16,15 @@ import numpy as np
 from radarsim.geometry import Floats
 from radarsim.rng import generator_for
 from radarsim.scene.material import Material
-from radarsim.scene.plants.growth import Skeleton, grow
-from radarsim.scene.plants.parameters import (
+from radarsim.scene.plants.growth import (
     LEAVES,
     SHRUB,
     TREE,
     WOOD,
     YOUNG_TREE,
     PlantParameters,
+    Skeleton,
+    grow,
 )
 from radarsim.scene.scene import Part
 from radarsim.scene.shapes import Mesh, concatenate, sphere

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 from radarsim.errors import MalformedMessage, PresetError, expected_one_of, list_names
 from radarsim.geometry import Pose2
-from radarsim.presets.robots import RobotModel
+from radarsim.presets.sensors import parse_settings
 from radarsim.protocol.commands import (
     Command,
     Drive,
@@ -17,28 +17,28 @@ from radarsim.protocol.commands import (
     SetItem,
     Unsupported,
     parse_command,
+    parse_pose,
+    parse_switch,
 )
 from radarsim.protocol.line_template import printable_name
 from radarsim.protocol.reports import Report, StartPoses, WatchedLine, to_bytes
 from radarsim.protocol.watch import CommandError, Watch
 from radarsim.scene.scene import Scene
-from radarsim.server.host.connection import Client, Diagnostic
-from radarsim.server.host.replies import (
-    SETTING,
-    configuration,
-    drive,
-    geometry,
-    set_items,
-)
+from radarsim.server.host.connection import Client, Diagnostic, join_diagnostics
+from radarsim.server.host.replies import configuration, find_items, geometry
 from radarsim.server.host.watchers import MAX_WATCHERS, Watchers
 from radarsim.simulation.config import SimulationConfig
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from radarsim.presets.robots import Item
     from radarsim.simulation.simulation import Simulation
     from radarsim.simulation.vehicle import Vehicle
 
 RobotCommand: TypeAlias = Drive | GetGeo | GetConf | SetItem
 Question: TypeAlias = GetStartPoses | GetGeo | GetConf
+ReplyKey: TypeAlias = tuple[str | None, ...] | None
 
 MAX_NAME_LENGTH = 64  # characters of a robot's name; longer ones are cut
 SPAWN_COOLDOWN = 10  # ticks between two robots of one client: a free place costs work
@@ -56,6 +56,10 @@ SETTING_WORK: Final = 50  # the rays of a scanner have to be prepared anew
 SUGGESTION_WORK: Final = 3  # for a verb or a key that is not known
 CHARACTERS_A_UNIT: Final = 300
 ROBOTS_A_UNIT: Final = 8  # that a watcher may have to be told of
+SETTING: Final = "SETTING"
+SCANNER_OPCODES: Final = ("ECHOES", "TARGETS", SETTING)
+OPCODES: Final = ("SCAN", "RESET", "POSE", *SCANNER_OPCODES)
+MAX_PROBLEMS: Final = 800  # characters; a client can have many settings wrong
 CACHED_REPLIES: Final = 1000  # a client can ask for types and names in any spelling
 
 
@@ -94,7 +98,7 @@ class CommandHandler:
         self._spawn_count = 0  # of that tick
         self._next_spawn = 0  # the first tick that may have one
         self._classes = {name.casefold(): name for name in config.robot_names()}
-        self._reply_lines: dict[tuple[str | None, ...], bytes] = {}
+        self._reply_lines: dict[ReplyKey, bytes] = {}
 
     @property
     def simulation(self) -> Simulation:
@@ -117,16 +121,25 @@ class CommandHandler:
             if malformed.kind == f"malformed {Watch.verb}":
                 self._answer_error(client, malformed)
             return Handled(True, malformed, LIGHT_WORK + SUGGESTION_WORK + reading)
-        if isinstance(parsed.command, Init) and self._is_too_early(client):
+        command = parsed.command
+        if isinstance(command, Init) and self._is_too_early(client):
             return Handled(False, work=LIGHT_WORK + reading)
-        work = self._work_of(client, parsed.command) + reading
-        diagnostic = self._execute(client, parsed.command)
-        if diagnostic is not None and _is_answered(parsed.command):
+        work = self._work_of(client, command) + reading
+        diagnostic = self._execute(client, command)
+        match command:
+            # No old client sends these; to all others an answer would be unknown.
+            case Watch() | GetGeo(robot=str()) | GetConf(robot=str()):
+                is_answered = True
+            case SetItem():
+                is_answered = command.opcode.upper() == SETTING
+            case _:
+                is_answered = False
+        if diagnostic is not None and is_answered:
             self._answer_error(client, diagnostic)
-        unknown = Diagnostic.of_unknown_fields(parsed)
-        if unknown is not None:
+        if parsed.unknown_keys:
             work += SUGGESTION_WORK
-            diagnostic = unknown if diagnostic is None else unknown.then(diagnostic)
+            unknown = Diagnostic.of_unknown_fields(parsed)
+            diagnostic = join_diagnostics(unknown, diagnostic)
         return Handled(True, diagnostic, work)
 
     def despawn(self, client: Client) -> None:
@@ -148,9 +161,8 @@ class CommandHandler:
             case GetGeo(robot=str()) | GetConf(robot=str()):
                 return HEAVY_WORK + len(self.clients_by_robot) // ROBOTS_A_UNIT
             case GetGeo() | GetConf() | GetStartPoses():
-                known = _reply_key(client.vehicle, command) in self._reply_lines
-                is_own = self._has_own_settings(client.vehicle)
-                return LIGHT_WORK if known and not is_own else HEAVY_WORK
+                known = self._reply_key(client.vehicle, command) in self._reply_lines
+                return LIGHT_WORK if known else HEAVY_WORK
             case _:
                 return LIGHT_WORK
 
@@ -181,8 +193,7 @@ class CommandHandler:
     def _execute_on_robot(
         self, client: Client, command: RobotCommand
     ) -> Diagnostic | None:
-        vehicle = client.vehicle
-        verb = command.verb
+        verb, vehicle = command.verb, client.vehicle
         if vehicle is None:
             text = f"{verb} without a robot, expected INIT"
             return Diagnostic(f"{verb} without robot", text)
@@ -191,20 +202,52 @@ class CommandHandler:
             return Diagnostic("battery", text)
         match command:
             case Drive():
-                return drive(vehicle, command)
+                vehicle.robot.drive(
+                    command.left,
+                    command.right,
+                    normalized=command.normalized,
+                    light=command.light,
+                )
+                if (command.left is None) != (command.right is None):
+                    missing = "Left" if command.left is None else "Right"
+                    text = f"DRIVE without {missing}, expected Left and Right"
+                    return Diagnostic("one side", f"{text}, or none of them")
+                return None
             case SetItem():
-                clients = self.clients_by_robot.values()
-                others = (each.vehicle for each in clients if each.vehicle is not None)
-                return set_items(vehicle, command, others)
+                return self._set_items(vehicle, command)
             case _:
                 return self._reply(client, command)
 
+    def _set_items(self, vehicle: Vehicle, command: SetItem) -> Diagnostic | None:
+        """Apply an opcode to items, which have the same type."""
+        items = find_items(vehicle.model, command.type, command.name)
+        if not items:
+            named = " ".join(filter(None, (command.type, command.name)))
+            return Diagnostic("no item", f"SET of {named[:80]!r}, which is not there")
+        opcode, params = command.opcode.upper(), command.params
+        if opcode not in OPCODES:
+            text = f"opcode {expected_one_of(command.opcode, OPCODES)}"
+            return Diagnostic("opcode", text)
+        if opcode in SCANNER_OPCODES and items[0].type != "RangeScanner":
+            text = f"SET {opcode} of type {items[0].type!r}, expected RangeScanner"
+            return Diagnostic("opcode", text)
+        try:
+            if opcode == SETTING:
+                others = [each.vehicle for each in self.clients_by_robot.values()]
+                settings = parse_settings(params)
+                vehicle.change_settings(items, settings, filter(None, others))
+            else:
+                _apply_opcode(vehicle, items, opcode, params)
+        except (MalformedMessage, PresetError) as error:
+            problems = "; ".join(str(error).splitlines())[:MAX_PROBLEMS]
+            return Diagnostic(f"malformed {opcode}", f"SET {opcode}: {problems}")
+        return None
+
     def _watch(self, client: Client, command: Watch) -> Diagnostic | None:
-        watchers = self._watchers
-        if command.robots.names != () and not watchers.takes(client):
+        if command.robots.names != () and not self._watchers.takes(client):
             text = f"WATCH of one watcher more, expected at most {MAX_WATCHERS}"
             return Diagnostic("watchers", text)
-        watchers.watch(client, command)
+        self._watchers.watch(client, command)
         return None
 
     def _reply_about(
@@ -234,25 +277,29 @@ class CommandHandler:
 
     def _reply(self, client: Client, question: Question) -> Diagnostic | None:
         """Reply to a question; what is the same for all robots is encoded once."""
-        key = _reply_key(client.vehicle, question)
-        is_own = self._has_own_settings(client.vehicle)
-        line = None if is_own else self._reply_lines.get(key)
+        key = self._reply_key(client.vehicle, question)
+        line = self._reply_lines.get(key)
         if line is None:
             report = self._report(client.vehicle, question)
             if report is None:
-                item_type = key[2]
-                text = f"no item of type {(item_type or '')[:80]!r} on this robot"
+                item_type = "" if isinstance(question, GetStartPoses) else question.type
+                text = f"no item of type {item_type[:80]!r} on this robot"
                 return Diagnostic("no item", text)
             line = to_bytes([report.encode(self._config.dialect)])
             if len(self._reply_lines) >= CACHED_REPLIES:
                 self._reply_lines.clear()
-            if not is_own:
+            if key is not None:
                 self._reply_lines[key] = line
         client.replies.append(line)
         return None
 
-    def _has_own_settings(self, vehicle: Vehicle | None) -> bool:
-        return vehicle is not None and vehicle.config is not self._config
+    def _reply_key(self, vehicle: Vehicle | None, question: Question) -> ReplyKey:
+        """Return what a reply depends on; None if the robot has settings of its own."""
+        if vehicle is not None and vehicle.config is not self._config:
+            return None
+        if vehicle is None or isinstance(question, GetStartPoses):
+            return (question.verb,)
+        return question.verb, vehicle.model.name, question.type, question.name
 
     def _report(self, vehicle: Vehicle | None, question: Question) -> Report | None:
         if vehicle is None or isinstance(question, GetStartPoses):
@@ -265,97 +312,82 @@ class CommandHandler:
 
     def _init(self, client: Client, command: Init) -> Diagnostic | None:
         """Spawn a robot, which replaces the client's previous one."""
+        # Presets are cached by the requested spelling, of which clients have many.
+        class_name = self._classes.get(command.class_name.casefold())
         try:
-            model = self._model(command.class_name)
+            model = self._config.robot(class_name or command.class_name)
             self._config.check_scanners(model)
         except PresetError as error:
             return Diagnostic("class", str(error))
-        self._count_spawn(client)
+        now = self.simulation.ticks
+        self._spawn_count = self._spawn_count + 1 if self._last_spawn == now else 1
+        self._last_spawn = now
+        client.next_spawn = now + SPAWN_COOLDOWN
         requested, diagnostic = self._requested_pose(command)
         # First, so that the old robot does not occupy the place of the new one.
         self.despawn(client)
         name = (command.name or model.name)[:MAX_NAME_LENGTH]
-        client.vehicle = self.simulation.spawn(name, model, requested)
+        vehicle = client.vehicle = self.simulation.spawn(name, model, requested)
         place = f"({requested.x:.2f}, {requested.y:.2f})"
-        if client.vehicle is None:
-            now = self.simulation.ticks
+        if vehicle is None:
             client.next_spawn = now + FAILED_SPAWN_COOLDOWN
             self._next_spawn = now + FAILED_SEARCH_COOLDOWN
             in_way = self.simulation.hindrances(model, requested)
             where = f"{place} in {list_names(in_way)}" if in_way else place
             text = f"INIT at {where}, expected a free place within 1 m"
             text += ", or another start"
-            failure = Diagnostic("no place", text)
-        else:
-            self.clients_by_robot[client.vehicle.number] = client
-            self._watchers.add_robot(client.vehicle)
-            pose = client.vehicle.robot.pose
-            if (pose.x, pose.y) == (requested.x, requested.y):
-                return _joined(diagnostic, self._outside(requested))
+            return join_diagnostics(diagnostic, Diagnostic("no place", text))
+        self.clients_by_robot[vehicle.number] = client
+        self._watchers.add_robot(vehicle)
+        pose = vehicle.robot.pose
+        if (pose.x, pose.y) != (requested.x, requested.y):
             moved = f"from {place} to ({pose.x:.2f}, {pose.y:.2f})"
             text = f"INIT moved {moved}, the nearest free place"
-            failure = Diagnostic("moved", text)
-            self._next_spawn = self.simulation.ticks + SEARCH_COOLDOWN
-        return failure if diagnostic is None else diagnostic.then(failure)
-
-    def _outside(self, pose: Pose2) -> Diagnostic | None:
-        """Return a diagnostic for a place beside everything in the map."""
+            self._next_spawn = now + SEARCH_COOLDOWN
+            return join_diagnostics(diagnostic, Diagnostic("moved", text))
         (x_min, y_min), (x_max, y_max) = self._scene.bounds[:, :2].tolist()
         is_inside = x_min <= pose.x <= x_max and y_min <= pose.y <= y_max
         if is_inside or not self._scene.triangles:
-            return None
-        text = f"INIT at ({pose.x:.2f}, {pose.y:.2f}), which is outside the map:"
+            return diagnostic
+        text = f"INIT at {place}, which is outside the map:"
         text += f" x from {x_min:.2f} to {x_max:.2f} m, y from {y_min:.2f} to"
-        return Diagnostic("outside", f"{text} {y_max:.2f} m")
-
-    def _count_spawn(self, client: Client) -> None:
-        now = self.simulation.ticks
-        self._spawn_count = self._spawn_count + 1 if self._last_spawn == now else 1
-        self._last_spawn = now
-        client.next_spawn = now + SPAWN_COOLDOWN
-
-    def _model(self, class_name: str) -> RobotModel:
-        # Presets are cached by the requested spelling, of which clients have many.
-        return self._config.robot(self._classes.get(class_name.casefold(), class_name))
+        outside = Diagnostic("outside", f"{text} {y_max:.2f} m")
+        return join_diagnostics(diagnostic, outside)
 
     def _requested_pose(self, command: Init) -> tuple[Pose2, Diagnostic | None]:
         """Return the requested pose; the origin for an unknown start."""
-        if command.start is not None:
-            start = self._scene.start(command.start)
-            if start is None:
-                # A client can send any text: it is cut for the log.
-                names = [start.name for start in self._scene.starts]
-                text = f"start {expected_one_of(command.start, names)}"
-                text += "; taken as the origin"
-                return Pose2(0.0, 0.0), Diagnostic("start", text)
+        if command.start is None:
+            x, y, _ = command.position or (0.0, 0.0, 0.0)
+            _, _, yaw = command.rotation or (0.0, 0.0, 0.0)
+            return Pose2(x, y, yaw), None
+        start = self._scene.start(command.start)
+        if start is not None:
             return Pose2(start.pose.x, start.pose.y, start.pose.yaw), None
-        x, y, _ = command.position or (0.0, 0.0, 0.0)
-        _, _, yaw = command.rotation or (0.0, 0.0, 0.0)
-        return Pose2(x, y, yaw), None
+        names = [start.name for start in self._scene.starts]
+        text = f"start {expected_one_of(command.start, names)}; taken as the origin"
+        return Pose2(0.0, 0.0), Diagnostic("start", text)
 
 
-def _joined(first: Diagnostic | None, second: Diagnostic | None) -> Diagnostic | None:
-    if first is None or second is None:
-        return first or second
-    return first.then(second)
+def _apply_opcode(
+    vehicle: Vehicle, items: Sequence[Item], opcode: str, params: str
+) -> None:
+    """Apply an opcode other than ``SETTING`` to items.
 
-
-def _reply_key(vehicle: Vehicle | None, question: Question) -> tuple[str | None, ...]:
-    """Return what the reply to a question depends on."""
-    if vehicle is None or isinstance(question, GetStartPoses):
-        return (question.verb,)
-    return question.verb, vehicle.model.name, question.type, question.name
-
-
-def _is_answered(command: Command) -> bool:
-    """Return whether a client is told that a command had no effect.
-
-    Old clients send none of these, and know no such answer.
+    Raises:
+        MalformedMessage: If the parameters are not those of the opcode.
     """
-    match command:
-        case SetItem():
-            return command.opcode.upper() == SETTING
-        case GetGeo() | GetConf():
-            return command.robot is not None
-        case _:
-            return isinstance(command, Watch)
+    if opcode == "POSE":
+        pose = parse_pose(params)
+        for item in items:
+            vehicle.set_ins(item, pose)
+    elif opcode in SCANNER_OPCODES:
+        enabled = parse_switch(params)
+        for scanner in vehicle.scanners:
+            if scanner.item in items and opcode == "ECHOES":
+                scanner.sends_echoes = enabled
+            elif scanner.item in items:
+                scanner.sends_targets = enabled
+    else:
+        act = vehicle.request_scan if opcode == "SCAN" else vehicle.reset
+        for item in items:
+            act(item)

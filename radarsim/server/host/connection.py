@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Final
 
 from radarsim.errors import MalformedMessage, expected_one_of
 from radarsim.protocol.commands import COMMANDS, ParsedCommand
-from radarsim.protocol.framing import LineBuffer, is_http_request
+from radarsim.protocol.message import LineBuffer, is_http_request
 
 if TYPE_CHECKING:
     from radarsim.simulation.vehicle import Vehicle
@@ -190,18 +190,21 @@ class Diagnostic:
         return cls(f"malformed {verb if verb in COMMANDS else 'line'}", str(error))
 
     @classmethod
-    def of_unknown_fields(cls, parsed: ParsedCommand) -> Diagnostic | None:
-        """Describe the fields that a command does not have; None without any."""
-        if not parsed.unknown_keys:
-            return None
+    def of_unknown_fields(cls, parsed: ParsedCommand) -> Diagnostic:
+        """Describe the fields that a command does not have, of which there is one."""
         verb, unknown = parsed.command.verb, parsed.unknown_keys[0]
         keys = parsed.command.keys
         none = f"{unknown[:80]!r}, expected none"
         text = f"{verb} field {expected_one_of(unknown, keys) if keys else none}"
         return cls(f"{verb} fields", text)
 
-    def then(self, consequence: Diagnostic) -> Diagnostic:
-        """Join with the diagnostic of what this one has led to."""
-        return Diagnostic(
-            f"{self.kind}, {consequence.kind}", f"{self.text}; {consequence.text}"
-        )
+
+def join_diagnostics(
+    first: Diagnostic | None, consequence: Diagnostic | None
+) -> Diagnostic | None:
+    """Return a diagnostic and that of what it has led to as one."""
+    if first is None or consequence is None:
+        return first or consequence
+    return Diagnostic(
+        f"{first.kind}, {consequence.kind}", f"{first.text}; {consequence.text}"
+    )

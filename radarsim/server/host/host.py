@@ -45,7 +45,7 @@ from radarsim.simulation.config import SimulationConfig
 
 if TYPE_CHECKING:
     from radarsim.protocol.dialect import Dialect
-    from radarsim.server.host.echo_writer import EchoWriter
+    from radarsim.server.host.echo_lines import EchoWriter
     from radarsim.simulation.simulation import Simulation
     from radarsim.simulation.tick_output import ScanDetails, ScanEchoes, TickOutput
     from radarsim.simulation.vehicle import Vehicle
@@ -159,11 +159,11 @@ class Host:
     def make_simulation(self) -> Simulation:
         """Load or compile the engine, and create a simulation; in any thread."""
         from radarsim.protocol import line_writer
-        from radarsim.server.host import echo_order
+        from radarsim.server.host import echo_lines
         from radarsim.simulation.simulation import Simulation
 
         line_writer.warm_up()
-        echo_order.warm_up()
+        echo_lines.warm_up()
         simulation = Simulation(self._scene, config=self._config, seed=self._seed)
         for items in simulation.scanner_items.values():
             items.warm_up()
@@ -171,7 +171,7 @@ class Host:
 
     def begin(self, simulation: Simulation) -> None:
         """Begin a simulation that ``make_simulation`` has made."""
-        from radarsim.server.host.echo_writer import EchoWriter
+        from radarsim.server.host.echo_lines import EchoWriter
 
         self._echo_writer = EchoWriter(
             lambda: {v.number: v.robot.name for v in simulation.vehicles}
@@ -325,7 +325,12 @@ class Host:
     def _handle_arrived(self, client: Client) -> list[Diagnostic]:
         """Execute commands of a client that had none waiting."""
         diagnostics = []
-        while client.pending and client.command_budget and self._has_work_left(client):
+        while client.pending and client.command_budget:
+            # The reserve of first commands keeps bursts of some clients from delaying
+            # the only command of another one by a tick.
+            is_first = client.command_budget == COMMANDS_PER_TICK
+            if self._arrival_work <= 0 and not (is_first and self._first_work > 0):
+                break
             handled = self._handle_next(client)
             if self._arrival_work > 0:
                 self._arrival_work -= handled.work
@@ -336,11 +341,6 @@ class Host:
             if not handled.done:
                 break
         return diagnostics
-
-    def _has_work_left(self, client: Client) -> bool:
-        """Return whether a command that has just arrived is executed now."""
-        is_first = client.command_budget == COMMANDS_PER_TICK
-        return self._arrival_work > 0 or (is_first and self._first_work > 0)
 
     def _handle_waiting(self) -> list[tuple[int, Diagnostic]]:
         """Execute commands that have waited, in turns, one of each client."""
@@ -390,75 +390,63 @@ class Host:
 
     def _queue_outputs(self, outputs: Mapping[int, TickOutput]) -> None:
         """Queue what robots report in a tick; all lines are encoded together."""
-        from radarsim.protocol.line_writer import (
-            ReportBlock,
-            encode_blocks,
-        )
+        if not outputs:  # as in nine of ten ticks of a lone robot
+            return
+        from radarsim.protocol.line_writer import ReportBlock, encode_blocks
 
         robots = self._commands.clients_by_robot  # others may have been spawned
         heard = [(robots[n], output) for n, output in outputs.items() if n in robots]
-        blocks = [
-            ReportBlock(
-                [*output.cast, *output.scans],
-                output.group.dialect,
-                output.group,
-                output.numbers,
-            )
-            for _, output in heard
-        ]
-        encoded = encode_blocks(blocks)
+        encoded = encode_blocks(
+            [
+                ReportBlock(
+                    [*output.cast, *output.scans],
+                    output.group.dialect,
+                    output.group,
+                    output.numbers,
+                )
+                for _, output in heard
+            ]
+        )
         for (client, output), lines in zip(heard, encoded, strict=True):
             self._queue_output(client, output, lines)
 
     def _queue_output(self, client: Client, output: TickOutput, lines: bytes) -> None:
         """Queue what one robot reports; ``lines`` are those of its reports."""
-        requested, shown = self._echo_lines(output) if output.echoes else (b"", b"")
-        replies = b""
-        put = client.send_queue.put_readings
-        if client.replies or requested or shown:
-            status, readings, scans = _split_lines(output, lines)
+        requested = shown = b""  # what its client asked for, and all that watchers get
+        for scan in output.echoes:
+            its_lines = self._lines_of(scan, output.group.dialect)
+            shown += its_lines
+            if scan.is_requested:
+                requested += its_lines
+        put, vehicle = client.send_queue.put_readings, client.vehicle
+        assert vehicle is not None  # it has just reported
+        is_watched = vehicle in self._watchers
+        if client.replies or shown:
+            # Lines are cut apart only where something comes between them (rule 2).
+            each = lines.splitlines(keepends=True)
+            first, last = int(output.has_status), len(each) - len(output.scans)
+            parts = each[:first], each[first:last], each[last:]
+            status, readings, scans = (b"".join(part) for part in parts)
             put(status)
             replies = b"".join(self._put_replies(client))
             put(readings + requested + scans)
-        else:
-            put(lines)
-        if client.send_queue:
-            self._unsent.add(client.number)
-        if client.vehicle is not None and client.vehicle in self._watchers:
-            if replies or shown:
+            if is_watched:
                 before = status + replies + readings
                 own, others = (before + x + scans for x in (requested, shown))
-                self._watchers.copy(client.vehicle, own, others)
-            else:
-                self._watchers.copy(client.vehicle, lines)
-
-    def _echo_lines(self, output: TickOutput) -> tuple[bytes, bytes]:
-        """Return the echo lines that a client asked for, and those of all its scans."""
-        requested = shown = b""
-        for scan in output.echoes:
-            lines = self._lines_of(scan, output.group.dialect)
-            shown += lines
-            if scan.is_requested:
-                requested += lines
-        return requested, shown
+                self._watchers.copy(vehicle, own, others)
+        else:
+            put(lines)
+            if is_watched:
+                self._watchers.copy(vehicle, lines)
+        if client.send_queue:
+            self._unsent.add(client.number)
 
     def _lines_of(self, scan: ScanEchoes | ScanDetails, dialect: Dialect) -> bytes:
         """Return the lines of the echoes of a scan, or of what else belongs to it."""
-        from radarsim.protocol.line_writer import (
-            ReportBlock,
-            encode_blocks,
-        )
+        from radarsim.protocol.line_writer import ReportBlock, encode_blocks
         from radarsim.simulation.tick_output import ScanEchoes
 
         if isinstance(scan, ScanEchoes):
             time = self.simulation.time
             return self._echo_writer.write(time, scan.scanner, scan.echoes, dialect)
         return encode_blocks([ReportBlock(scan.reports, dialect)])[0]
-
-
-def _split_lines(output: TickOutput, lines: bytes) -> tuple[bytes, bytes, bytes]:
-    """Return the lines of a robot's status, of its readings, and of its scans."""
-    each = lines.splitlines(keepends=True)
-    first, last = int(output.has_status), len(each) - len(output.scans)
-    status, readings, scans = each[:first], each[first:last], each[last:]
-    return b"".join(status), b"".join(readings), b"".join(scans)

@@ -12,7 +12,7 @@ from radarsim.presets.robots import load_robot
 from radarsim.rng import generator_for
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles
-from radarsim.scene.plants.parameters import SHRUB
+from radarsim.scene.plants.growth import SHRUB
 from radarsim.scene.plants.plant import SHAPES
 from radarsim.scene.scene import Part, Scene
 from radarsim.sensors.scan import Scan

@@ -11,7 +11,7 @@ from radarsim.raycast.rays import LASER, RADAR, Rays, Traces
 from radarsim.raycast.tracer import Tracer
 from radarsim.rng import generator_for
 from radarsim.scene.material import Material
-from radarsim.scene.plants.parameters import (
+from radarsim.scene.plants.growth import (
     LEAVES,
     SHRUB,
     TREE,

@@ -7,7 +7,7 @@ from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.face_passes import connect_faces
 from radarsim.scene.material import Material
-from radarsim.scene.plants.parameters import LEAVES, SHRUB, WOOD
+from radarsim.scene.plants.growth import LEAVES, SHRUB, WOOD
 from radarsim.scene.plants.plant import (
     SHAPES,
     TUFT_RADIUS,

@@ -8,7 +8,7 @@ import pytest
 from radarsim import shipped_maps
 from radarsim.files import write_atomically
 from radarsim.scene.meshes import Surface, read_surfaces
-from radarsim.scene.plants.parameters import LEAVES, WOOD
+from radarsim.scene.plants.growth import LEAVES, WOOD
 from radarsim.scene.plants.plant import (
     GRID,
     SEED,

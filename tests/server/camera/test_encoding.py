@@ -8,8 +8,7 @@ import pytest
 from PIL import Image
 
 from radarsim.protocol.images import WHOLE, ImageType, Region
-from radarsim.server.camera.encoding import encode
-from radarsim.server.camera.renderer import Pixels
+from radarsim.server.camera import Pixels, encode
 
 # A red, a green and a blue corner.
 PIXELS: Pixels = np.zeros((12, 18, 3), np.uint8)

@@ -13,8 +13,8 @@ from radarsim.raycast.robot_boxes import Boxes
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene, StartPose
 from radarsim.scene.shapes import box
-from radarsim.server.camera.renderer import HEIGHT, HORIZON, WIDTH, ZENITH, Renderer
-from radarsim.server.camera.view import View
+from radarsim.server.camera import HEIGHT, HORIZON, WIDTH, ZENITH, Renderer
+from radarsim.server.image_server import View
 from radarsim.simulation.simulation import Simulation
 
 EYE = Pose3(0.0, 0.0, 1.0)

@@ -17,8 +17,8 @@ from radarsim.protocol.reports import EchoLine, TargetEchoes, to_bytes
 from radarsim.raycast.attenuation import EventKind
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
-from radarsim.sensors.echoes import KINDS, Echoes
-from radarsim.server.host.echo_writer import (
+from radarsim.sensors.scan import KINDS, Echoes
+from radarsim.server.host.echo_lines import (
     KIND_NAMES,
     MOST_HEADS,
     MOST_SENSORS,

@@ -1,8 +1,6 @@
-"""Pictures of a scene, as a robot's camera sees them.
+"""What a robot's camera sees: pictures of a scene by the ray engine, and their bytes.
 
 A picture depends on the scene and the view only: the same view gives the same pixels.
-
-Colours of rays of light, from the events along them, as machine code.
 
 Surfaces are matt and are lit from where the camera is: their brightness depends on the
 cosine between the ray and their normal (Lambert), and is at least ``AMBIENT``. Volumes
@@ -12,26 +10,32 @@ volume gets the share 1 - exp(-d) of the volume's colour (Beer and Lambert).
 
 from __future__ import annotations
 
+import io
 import math
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
+from PIL import Image
 
 from radarsim.geometry import Floats
 from radarsim.jit import njit_cached, njit_inline
 from radarsim.plotting.palette import FAMILY_COLOURS, Family, family_of
+from radarsim.protocol.images import (
+    JPEG_QUALITY,
+    ImageType,
+    Region,
+    encode_image,
+    encode_raw,
+)
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.rays import LASER, RayClass, Rays
 from radarsim.raycast.tracer import tracer_of
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Scene
-from radarsim.sensors.echoes import ROBOT
-from radarsim.server.camera.view import View
-
-if TYPE_CHECKING:
-    pass
+from radarsim.sensors.scan import ROBOT
+from radarsim.server.image_server import View
 
 FULL_POWER: Final = 50.0  # a ray that has lost it sees nothing: exp(-50) is 2e-22
 AMBIENT: Final = 0.45  # brightness of a surface along the ray
@@ -186,3 +190,27 @@ def _background(directions: Floats) -> Floats:
     lit = AMBIENT + (1 - AMBIENT) * np.abs(up)  # a level floor far below
     colours: Floats = np.where(up > 0.0, sky, lit * ground)
     return colours
+
+
+def encode(pixels: Pixels, region: Region, image_type: ImageType) -> bytes:
+    """Return a part of a picture as it is sent to a viewer.
+
+    Args:
+        pixels: RGB, (H, W, 3).
+        region: The part; as much of it as is in the picture is sent.
+        image_type: Type of the picture on the wire.
+    """
+    height, width = pixels.shape[:2]
+    x, y, width, height = region.clip(width, height)
+    part = np.ascontiguousarray(pixels[y : y + height, x : x + width])
+    if image_type is ImageType.RAW:
+        data = encode_raw(width, height, [row[:, ::-1].tobytes() for row in part])
+    else:
+        data = _as_jpeg(part, JPEG_QUALITY[image_type])
+    return encode_image(image_type, data)
+
+
+def _as_jpeg(pixels: Pixels, quality: int) -> bytes:
+    file = io.BytesIO()
+    Image.fromarray(pixels).save(file, "JPEG", quality=quality)
+    return file.getvalue()

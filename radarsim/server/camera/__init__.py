@@ -1,1 +1,0 @@
-"""What a robot's camera sees: a scene drawn by the ray engine."""
