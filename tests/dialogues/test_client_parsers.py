@@ -222,6 +222,7 @@ def check_lines(
     read: dict[str, Counter[str]] = {client: Counter() for client in parsers}
     for tick in robot.ticks(seconds):
         for line in tick.lines:
+            assert len(line) + 2 <= 4095  # of one read of most clients
             own.receive(f"{line}\r\n".encode("ascii"))
             sent.update(re.findall(r"^SEN .*?{Type (\w+)} {Name (\w+)", line))
             for client, parser in parsers.items():

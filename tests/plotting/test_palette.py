@@ -9,10 +9,6 @@ from matplotlib.colors import to_rgb, to_rgba
 from radarsim.geometry import Floats
 from radarsim.plotting.palette import (
     FAMILY_COLOURS,
-    INK,
-    LASER,
-    PAPER,
-    RADAR,
     SHOWN_TOGETHER,
     Family,
     family_of,
@@ -113,11 +109,6 @@ def test_library_materials_have_the_expected_family(name: str, family: Family) -
     assert family_of(library_material(name)) == family
 
 
-def test_radars_have_one_colour_and_lasers_another() -> None:
-    assert sensor_colour("radar") == RADAR
-    assert sensor_colour("laser") == LASER
-
-
 @pytest.mark.parametrize("sight", SIGHTS)
 @pytest.mark.parametrize("family", Family)
 @pytest.mark.parametrize("medium", ["radar", "laser"])
@@ -135,8 +126,3 @@ def test_areas_look_on_paper_like_the_colour_of_their_family(family: Family) -> 
     on_paper = [opacity * part + 1 - opacity for part in paint]
     assert on_paper == pytest.approx(to_rgb(FAMILY_COLOURS[family]))
     assert (opacity < 1) == (family is Family.SMOKE)
-
-
-@pytest.mark.parametrize("picture", ["left and right rays", "sensors over a plan"])
-def test_groups_contain_the_paper_and_the_ink(picture: str) -> None:
-    assert {PAPER, INK} <= set(SHOWN_TOGETHER[picture])

@@ -12,10 +12,9 @@ from matplotlib.patches import Polygon
 import radarsim
 from radarsim import Material, Part, Scan, Scene
 from radarsim.geometry import Pose2, Pose3
-from radarsim.plotting.annotations import draw_scale_bar, write_title
+from radarsim.plotting.annotations import draw_scale_bar
 from radarsim.plotting.plan import draw_robot
 from radarsim.plotting.style import (
-    Legend,
     echo_points,
     material_colours,
     scan_points,
@@ -133,27 +132,6 @@ def test_materials_of_one_family_have_one_colour_in_any_order() -> None:
     assert len(set(forth.values())) == 5
     # without the list of a map, the parts tell
     assert {"hedge", "wall"} < set(material_colours(YARD))
-
-
-def test_legend_has_a_row_for_each_colour_that_names_its_materials() -> None:
-    legend = Legend()
-    names = ["hedge", "wall", "hedge", "foliage", *(f"brick {i}" for i in range(20))]
-    legend.add_materials(Material(name) for name in names)
-    figure = Figure()
-    legend.draw(figure)
-    foliage, stone = (text.get_text() for text in figure.legends[0].get_texts())
-    assert foliage == "hedge, foliage"
-    assert stone.startswith("wall, ")
-    assert stone.replace("\n", " ").endswith("and 13 more")
-
-
-def test_title_is_large_and_its_parameters_small() -> None:
-    axes = Figure().add_subplot()
-    write_title(axes, "The radar sees $5 through", "N = 50")
-    title, small = axes.title, axes.xaxis.label
-    assert axes.get_title(loc="left") == "The radar sees $5 through"
-    assert small.get_text() == "N = 50"
-    assert float(small.get_fontsize()) < float(title.get_fontsize())
 
 
 @pytest.mark.parametrize(

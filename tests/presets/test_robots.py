@@ -97,21 +97,6 @@ def test_p3at_has_the_dimensions_of_the_original() -> None:
     assert model.wheels == ("right", "left", "right", "left")
 
 
-def test_p3at_has_the_item_names_that_clients_know() -> None:
-    names = [item.name for item in load_robot("P3AT").items]
-    assert names == [
-        "GndTruth",
-        "InsTest",
-        "Odometer",
-        "TachTest",
-        "W1",
-        "W2",
-        "Bumper",
-        "battery",
-        "lms200",
-    ]
-
-
 def test_p3at_carries_in_the_udk_dialect_what_the_original_mounts() -> None:
     names = [item.name for item in load_robot("P3AT").in_dialect("udk").items]
     assert names == ["GndTruth", "InsTest", "TachTest", "W1", "W2", "battery", "lms200"]
@@ -120,32 +105,6 @@ def test_p3at_carries_in_the_udk_dialect_what_the_original_mounts() -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_all_items_are_carried_in_the_compat_dialect(name: str) -> None:
     assert load_robot(name).in_dialect("compat") == load_robot(name)
-
-
-def test_p3at_scanner_is_mounted_as_in_the_original() -> None:
-    (scanner,) = load_robot("P3AT").items_of("RangeScanner")
-    assert scanner.mount == Pose3(0.2085, 0, 0.2)
-    assert scanner.sensor == "radar"
-
-
-@pytest.mark.parametrize(
-    ("name", "scanners"),
-    [
-        pytest.param("P3AT_Radar360", [("lms200", "radar")], id="all round"),
-        pytest.param("P3AT_Hokuyo", [("lms200", "hokuyo")], id="hokuyo"),
-        pytest.param("P3AT_SICK", [("lms200", "sick")], id="sick"),
-        pytest.param(
-            "P3AT_Compare", [("lms200", "radar"), ("Hokuyo", "hokuyo")], id="both"
-        ),
-        pytest.param("P2AT", [("Scanner1", "radar")], id="P2AT"),
-        pytest.param("P2DX", [("Scanner1", "radar")], id="P2DX"),
-    ],
-)
-def test_scanners_of_each_class(name: str, scanners: list[tuple[str, str]]) -> None:
-    found = [
-        (item.name, item.sensor) for item in load_robot(name).items_of("RangeScanner")
-    ]
-    assert found == scanners
 
 
 def test_p3at_variants_differ_only_in_their_scanners() -> None:
@@ -159,12 +118,6 @@ def test_p3at_variants_differ_only_in_their_scanners() -> None:
                 variant.model_copy(update={"name": "P3AT", "items": plain.items})
                 == plain
             )
-
-
-def test_radar360_has_360_beams() -> None:
-    (scanner,) = load_robot("P3AT_Radar360").items_of("RangeScanner")
-    fov, step = scanner.settings["fov_deg"], scanner.settings["resolution_deg"]
-    assert round(fov / step) + 1 == 360
 
 
 def test_mount_is_converted_to_radians() -> None:

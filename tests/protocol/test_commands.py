@@ -58,7 +58,6 @@ from radarsim.protocol.message import LineBuffer
         pytest.param(
             "DRIVE {Left } {Right} {Light } {Colour red}", Drive(), id="empty fields"
         ),
-        pytest.param("DRIVE", Drive(), id="drive with nothing"),
         pytest.param("DRIVE {Light 1}", Drive(light=False), id="one is not true"),
     ],
 )
@@ -98,25 +97,9 @@ def test_unsupported_verbs_of_other_servers_are_accepted(verb: str) -> None:
     ("line", "problem"),
     [
         pytest.param(
-            "FOO {A b}",
-            "verb 'FOO', expected one of ['DRIVE', 'GETCONF', 'GETGEO', "
-            "'GETSTARTPOSES', 'INIT', 'SET', 'WATCH']",
-            id="unknown verb",
-        ),
-        pytest.param(
-            "DRIVE Left 1",
-            "expected '{Key value}' at column 7 in 'DRIVE Left 1'",
-            id="no braces",
-        ),
-        pytest.param(
             "DRIVE {Left 1} {Right abc}",
             "DRIVE Right: 'abc', expected a number",
             id="one bad number",
-        ),
-        pytest.param(
-            "drive {Left nan} {Right 1}",
-            "drive Left: 'nan', expected a number",
-            id="not a number",
         ),
         pytest.param(
             "DRIVE {Left 1e400} {Right 1}",
@@ -134,11 +117,6 @@ def test_unsupported_verbs_of_other_servers_are_accepted(verb: str) -> None:
             id="short vector",
         ),
         pytest.param(
-            "INIT {ClassName P3AT} {Rotation 0,0,inf}",
-            "INIT Rotation: 'inf', expected a number",
-            id="infinite rotation",
-        ),
-        pytest.param(
             "INIT {Name R1}",
             "'INIT {Name R1}', expected a field '{ClassName ...}'",
             id="no class",
@@ -147,19 +125,9 @@ def test_unsupported_verbs_of_other_servers_are_accepted(verb: str) -> None:
             "GETGEO", "'GETGEO', expected a field '{Type ...}'", id="geo without type"
         ),
         pytest.param(
-            "GETCONF {Type }",
-            "'GETCONF {Type}', expected a field '{Type ...}'",
-            id="conf with an empty type",
-        ),
-        pytest.param(
             "SET {Type INS}",
             "'SET {Type INS}', expected a field '{Opcode ...}'",
             id="no opcode",
-        ),
-        pytest.param(
-            "SET {Opcode SCAN}",
-            "'SET {Opcode SCAN}', expected a field '{Type ...}'",
-            id="set without type",
         ),
     ],
 )

@@ -67,7 +67,6 @@ def test_fields_are_decoded_despite_text_around_them(
 @pytest.mark.parametrize(
     ("line", "problem"),
     [
-        pytest.param("", "expected a verb at column 1 in ''", id="nothing"),
         pytest.param(
             "{Left 1}", "expected a verb at column 1 in '{Left 1}'", id="no verb"
         ),
@@ -75,11 +74,6 @@ def test_fields_are_decoded_despite_text_around_them(
             "DRIVE Left 1",
             "expected '{Key value}' at column 7 in 'DRIVE Left 1'",
             id="no braces",
-        ),
-        pytest.param(
-            " INIT foo {A 1}",
-            "expected '{Key value}' at column 7 in ' INIT foo {A 1}'",
-            id="two verbs",
         ),
         pytest.param(
             "DRIVE {Left 1",

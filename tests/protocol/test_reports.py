@@ -349,11 +349,6 @@ def _is_same(one: Any, other: Any) -> bool:
 @pytest.mark.parametrize(
     ("line", "expected"),
     [
-        pytest.param(
-            "NFO {Gametype BotDeathMatch} {Level DM-Yard} {TimeLimit 20}",
-            Greeting("DM-Yard"),
-            id="greeting",
-        ),
         pytest.param("NFO {Level }", Greeting(""), id="a map without a name"),
         pytest.param(
             "NFO {StartPoses 2} {A 1,2,3 0,0,1.57 B 0,0,0 0,0,4}",
@@ -365,7 +360,6 @@ def _is_same(one: Any, other: Any) -> bool:
             ),
             id="start poses",
         ),
-        pytest.param("NFO {StartPoses 0}", StartPoses(()), id="no start pose"),
         pytest.param(
             "STA {Type LeggedRobot} {Time 4.5} {Battery 12.7} {LightToggle true}",
             Status(4.5, 12, True),
@@ -391,27 +385,7 @@ def _is_same(one: Any, other: Any) -> bool:
             id="wheels",
         ),
         pytest.param(
-            "SEN {Time 2} {Type Encoder} {Name ECLeft} {Tick -50} {Name R} {Tick 3}",
-            Encoder(2, (("ECLeft", -50), ("R", 3))),
-            id="encoders",
-        ),
-        pytest.param(
             "SEN {Time 2} {Type Encoder}", Encoder(2, ()), id="no encoder at all"
-        ),
-        pytest.param(
-            "SEN {Type Encoder} {Name ECLeft Tick -24} {Name ECRight Tick 3} {Time 2}",
-            Encoder(2, (("ECLeft", -24), ("ECRight", 3))),
-            id="encoders of UT2004",
-        ),
-        pytest.param(
-            "SEN {Time 2} {Type Sonar} {Name F1 Range 2.5} {Name F2 range 3}",
-            Sonar(2, (("F1", 2.5), ("F2", 3))),
-            id="sonars of UT2004",
-        ),
-        pytest.param(
-            "SEN {Time 2} {Type Sonar} {Name F1} {Range 2.5}",
-            Sonar(2, (("F1", 2.5),)),
-            id="a sonar of the UDK",
         ),
         pytest.param(
             "SEN {Time 2} {Type GPS} {Name G} {Latitude 39, 30, s} {Satellites 8}"
@@ -420,20 +394,10 @@ def _is_same(one: Any, other: Any) -> bool:
             id="GPS",
         ),
         pytest.param(
-            "SEN {Time 2} {Type GPS} {Name G} {Fix 0} {Satellites 2}",
-            Gps(2, "G", None, 2),
-            id="GPS without a fix",
-        ),
-        pytest.param(
             "CONF {Type Sonar} {Name F1} {MaxRange 10.668} {BeamAngle 0.35}"
             " {ScanInterval 0.5}",
             SonarConf("Sonar", (("F1", 10.668, 0.0, 0.35, 0.5),)),
             id="settings of a sonar without a minimum range",
-        ),
-        pytest.param(
-            "SEN {Time 2} {Type Touch} {Name T} {Touch true}",
-            Touch(2, "T", True),
-            id="touch",
         ),
         pytest.param(
             "SEN {Time 2} {Type Touch} {Name T  touch  false}",
@@ -476,7 +440,6 @@ def test_ranges_are_decoded_with_any_separator(ranges: str) -> None:
         pytest.param("RES {Type Camera}", id="other verb"),
         pytest.param("NFO {Gametype Nothing}", id="nothing in the info"),
         pytest.param("SEN {Time 1} {Type IR} {Name F1 Range 2}", id="other sensor"),
-        pytest.param("SEN {Time 1}", id="no sensor"),
         pytest.param("hello", id="a word"),
     ],
 )
@@ -526,16 +489,10 @@ ECHOES += " {Transparency 1} {LaserPasses False} {RobotPasses False}"
         pytest.param(
             f"{SCAN} {{FOV 1}} {{Range 1.2.3}}", "expected numbers", id="two points"
         ),
-        pytest.param(f"{SCAN} {{FOV 1}} {{Range ,}}", "expected numbers", id="a comma"),
         pytest.param(
             f"{SCAN} {{FOV 1}} {{Range 1,1e10}}",
             "expected at most .* each",
             id="too far",
-        ),
-        pytest.param(
-            f"{SCAN} {{FOV 1}} {{Range -1e10}}",
-            "expected at most .* each",
-            id="far behind",
         ),
         pytest.param("STA {Time soon}", "STA Time: 'soon', expected a num", id="time"),
         pytest.param(

@@ -9,14 +9,11 @@ from radarsim.errors import MalformedMessage
 from radarsim.geometry import Pose3
 from radarsim.protocol.reports import (
     EncoderConf,
-    IntervalConf,
     ItemGeo,
-    NameConf,
     Report,
     RobotConf,
     RobotGeo,
     ScannerConf,
-    TouchConf,
     decode_report,
 )
 
@@ -62,26 +59,10 @@ def test_mounts_are_decoded_in_every_server_format(line: str, robot: str) -> Non
             id="scanner",
         ),
         pytest.param(
-            "CONF {Type INS} {Name A} {ScanInterval 0.1} {Name B} {ScanInterval 0.2}",
-            IntervalConf("INS", (("A", 0.1), ("B", 0.2))),
-            id="intervals",
-        ),
-        pytest.param(
             "CONF {Type Encoder} {Resolution 0.01} {Name A}",
             EncoderConf("Encoder", (("A", 0.01),)),
             id="encoder",
         ),
-        pytest.param(
-            "CONF {Type Touch} {Name A} {Diameter 0.01}",
-            TouchConf("Touch", (("A", 0.01),)),
-            id="touch",
-        ),
-        pytest.param(
-            "CONF {Type Camera} {Name A} {Name B}",
-            NameConf("Camera", ("A", "B")),
-            id="names alone",
-        ),
-        pytest.param("CONF {Type Camera}", NameConf("Camera", ()), id="nothing"),
     ],
 )
 def test_configurations_of_other_servers_are_decoded(
@@ -111,7 +92,6 @@ def test_optional_fields_may_be_missing() -> None:
     ("line", "message"),
     [
         pytest.param("GEO {Name S}", "expected a field '{Type ...}'", id="no type"),
-        pytest.param("CONF", "expected a field '{Type ...}'", id="no type either"),
         pytest.param(
             "CONF {MaxRange 1}", "expected a field '{Type ...}'", id="scanner, no type"
         ),

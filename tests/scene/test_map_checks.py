@@ -27,22 +27,6 @@ START = "expected Robot, Player or ComSt, then letters, then digits"
             " with a decimal point, 1.5",
             id="decimal comma",
         ),
-        pytest.param(
-            "version: 1\nmaterials: {m: {density: '0,7'}}",
-            "m.yaml:2:26: materials.m.density: '0,7', expected 'opaque' or a number,"
-            " at least 0 with a decimal point, 0.7",
-            id="decimal comma in a density",
-        ),
-        pytest.param(
-            "[1]",
-            "m.yaml:1:1: [1], expected keys like 'version' and 'objects'",
-            id="list",
-        ),
-        pytest.param(
-            "a: [1",
-            "m.yaml:1:6: not YAML: did not find expected ',' or ']'",
-            id="no YAML",
-        ),
         pytest.param("version: 2", "m.yaml:1:10: version: 2, expected 1", id="version"),
         pytest.param("level: x", "m.yaml:1:1: version: missing", id="no version"),
         pytest.param(
@@ -51,44 +35,11 @@ START = "expected Robot, Player or ComSt, then letters, then digits"
             id="blank in the level",
         ),
         pytest.param(
-            "version: 1\nlevel: 'a{b'",
-            "m.yaml:2:8: level: 'a{b', expected ASCII without blanks and braces",
-            id="brace in the level",
-        ),
-        pytest.param(
-            f"version: 1\nlevel: {'x' * 201}",
-            f"m.yaml:2:8: level: '{'x' * 79}, expected at most 200 characters",
-            id="endless level",
-        ),
-        pytest.param(
-            "? " * 3000 + "a", "m.yaml:1:67: more than 32 levels", id="keys of keys"
-        ),
-        pytest.param(
-            "version: 1\nmaterials: []",
-            "m.yaml:2:12: materials: [], expected keys with values",
-            id="list of materials",
-        ),
-        pytest.param(
-            "version: 1\nobjects: {}",
-            "m.yaml:2:10: objects: {}, expected a list",
-            id="map of objects",
-        ),
-        pytest.param(
             "version: 1\nwalls: 3",
             "m.yaml:2:1: walls: unknown key,"
             " expected one of ['air', 'gps_origin_deg', 'level', 'materials',"
             " 'objects', 'starts', 'trial', 'variants', 'version']",
             id="unknown section",
-        ),
-        pytest.param(
-            "version: 1\nversion: 1",
-            "m.yaml:2:1: version: duplicate key, first in line 1",
-            id="duplicate key",
-        ),
-        pytest.param(
-            "version: !!int 1",
-            "m.yaml:1:10: version: tag 'tag:yaml.org,2002:int', expected none",
-            id="tag",
         ),
     ],
 )
@@ -106,31 +57,12 @@ def test_problem_of_the_top_level_has_place_and_expectation(
             "{density: -1.4}",
             "14: m.density: -1.4, expected 'opaque' or a number, at least 0",
         ),
-        pytest.param(
-            "{density: thick}",
-            "14: m.density: 'thick', expected 'opaque' or a number, at least 0",
-        ),
-        pytest.param(
-            "{density: true}",
-            "14: m.density: True, expected 'opaque' or a number, at least 0",
-        ),
-        pytest.param(
-            "{density: .nan}", "14: m.density: '.nan', expected a finite number"
-        ),
-        pytest.param(
-            "{density: 1, laser_density: x}",
-            "32: m.laser_density: 'x', expected 'opaque' or a number, at least 0",
-        ),
-        pytest.param(
-            "{density: 1, solid: yes}", "24: m.solid: 'yes', expected true or false"
-        ),
         pytest.param("{sheet_loss: -1}", "17: m.sheet_loss: -1, expected at least 0"),
         pytest.param(
             "{density: opaque, sheet_loss: 1}",
             "34: m.sheet_loss: 1 with 'opaque',"
             " expected a density that is a number, or none",
         ),
-        pytest.param("opaque", "4: m: 'opaque', expected keys with values"),
         pytest.param(
             "{density: 1, colour: red}",
             "17: m.colour: unknown key, expected one of ['absorption_db', 'albedo',"
@@ -161,34 +93,12 @@ def test_problem_of_a_material_has_place_and_expectation(
             id="no known beginning",
         ),
         pytest.param(
-            "name: Robot a, position: [0, 0, 0]",
-            12,
-            f".name: 'Robot a', {START}",
-            id="blank",
-        ),
-        pytest.param(
-            "name: Robot1b, position: [0, 0, 0]",
-            12,
-            f".name: 'Robot1b', {START}",
-            id="letter behind digits",
-        ),
-        pytest.param(
             f"name: Robot{'1' * 36}, position: [0, 0, 0]",
             12,
             f".name: 'Robot{'1' * 36}', expected at most 40 characters",
             id="endless name",
         ),
         pytest.param("name: Robot1", 5, ".position: missing", id="nowhere"),
-        pytest.param(
-            "name: Robot1, position: [0, 0]",
-            30,
-            ".position: [0, 0], expected 3 entries",
-        ),
-        pytest.param(
-            "name: Robot1, position: [0, 0, 0], yaw_deg: x",
-            50,
-            ".yaw_deg: 'x', expected a number",
-        ),
     ],
 )
 def test_problem_of_a_start_has_place_and_expectation(

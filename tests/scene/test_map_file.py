@@ -146,9 +146,7 @@ def test_missing_map_is_an_error(name: str) -> None:
     [
         pytest.param("x" * 5000, "'" + "x" * 79, id="endless"),
         pytest.param("a/" * 100, "a/" * 100, id="long"),
-        pytest.param("a/" * 1000, "'" + "a/" * 39 + "a", id="longer"),
         pytest.param("a\0b", "'a\\x00b'", id="NUL"),
-        pytest.param("a\nb", "'a\\nb'", id="two lines"),
         pytest.param("\ud800", "'\\ud800'", id="no text"),
     ],
 )

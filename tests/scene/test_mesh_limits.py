@@ -74,19 +74,9 @@ INSTANCES = MAX_NODES - 1
             id="a count without a buffer view",
         ),
         pytest.param(
-            {"accessors": accessor(sparse={"count": 10**9})},
-            "accessor 0 is sparse or compressed",
-            id="sparse",
-        ),
-        pytest.param(
             {"accessors": accessor(count=4)},
             "48 bytes of accessor 0, expected at most 36",
             id="an accessor larger than its view",
-        ),
-        pytest.param(
-            {"accessors": accessor(byteOffset=12)},
-            "48 bytes of accessor 0, expected at most 36",
-            id="an offset",
         ),
         pytest.param(
             {"bufferViews": [{"buffer": 0, "byteLength": 36, "byteStride": 24}]},
@@ -129,11 +119,6 @@ INSTANCES = MAX_NODES - 1
             id="a node with two parents",
         ),
         pytest.param(
-            {"nodes": [{"children": [0]}]},
-            "node 0 is in the scene twice",
-            id="a node that is its own child",
-        ),
-        pytest.param(
             {
                 "nodes": [{"children": list(range(1, INSTANCES + 1))}]
                 + [{"mesh": 0}] * INSTANCES
@@ -141,14 +126,8 @@ INSTANCES = MAX_NODES - 1
             f"{MAX_SURFACES + 1} surfaces, expected at most {MAX_SURFACES}",
             id="many instances",
         ),
-        pytest.param(
-            {"meshes": [{"primitives": [PRIMITIVE] * (MAX_SURFACES + 1)}]},
-            f"expected {MAX_SURFACES} entries",
-            id="many primitives",
-        ),
         pytest.param({"nodes": [{"mesh": -1}]}, "nodes.0.mesh: -1", id="negative"),
         pytest.param({"asset": {"version": "1.0"}}, "glTF 1.0", id="glTF 1"),
-        pytest.param({"nodes": 3}, "nodes: 3, expected a list", id="no list"),
     ],
 )
 def test_gltf_file_that_counts_too_much_is_refused(

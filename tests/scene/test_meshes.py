@@ -190,21 +190,12 @@ def test_obj_has_material_names_without_reading_their_library(tmp_path: Path) ->
         pytest.param("../out.stl", "expected a file in the map's own folder", id="up"),
         pytest.param("link.stl", "expected a file in the map's own folder", id="link"),
         pytest.param(
-            "linked/out.stl",
-            "expected a file in the map's own folder",
-            id="linked folder",
-        ),
-        pytest.param(
-            "/etc/passwd", "expected a file in the map's own folder", id="absolute"
-        ),
-        pytest.param(
             "../nowhere.stl",
             "expected a file in the map's own folder",
             id="up, missing",
         ),
         pytest.param("nowhere.stl", "expected an existing file", id="missing"),
         pytest.param("meshes", "expected an existing file", id="a folder"),
-        pytest.param("", "expected an existing file", id="nothing"),
         pytest.param("a\0b", "expected the path of a file", id="NUL"),
         pytest.param("loop", "expected the path of a file", id="a link to itself"),
     ],
@@ -259,25 +250,6 @@ def test_buffer_may_be_elsewhere_in_the_folder(tmp_path: Path) -> None:
             id="another format",
         ),
         pytest.param("a.stl", "", "'a.stl': no triangles", id="empty"),
-        pytest.param("a.obj", "v 0 0 0\n", "'a.obj': no triangles", id="points"),
-        pytest.param(
-            "a.obj",
-            "v 0 0 0\nv 1 0 0\nv 0 nan 0\nf 1 2 3\n",
-            "'a.obj': cannot be read as OBJ: a vertex is not finite",
-            id="NaN",
-        ),
-        pytest.param(
-            "a.obj",
-            "v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n",
-            "'a.obj': cannot be read as OBJ: a vertex does not have three coordinates",
-            id="vertices of two coordinates",
-        ),
-        pytest.param(
-            "a.obj",
-            "v 0 0\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
-            "'a.obj': cannot be read as OBJ: a vertex does not have three coordinates",
-            id="one vertex of two coordinates",
-        ),
         pytest.param(
             "a.ply",
             ply_box().replace("3 0 2 3", "3 0 2 9"),

@@ -64,25 +64,6 @@ def ask(
             "{Name W2} {Resolution 0.017450}",
             id="all encoders in one line",
         ),
-        pytest.param(
-            "GETGEO {Type Encoder}",
-            "GEO {Type Encoder} "
-            "{Name W1 Location 0.0000,0.0000,0.0000 "
-            "Orientation 0.0000,0.0000,0.0000 Mount HARD} "
-            "{Name W2 Location 0.0000,0.0000,0.0000 "
-            "Orientation 0.0000,0.0000,0.0000 Mount HARD}",
-            id="all places in one line",
-        ),
-        pytest.param(
-            "GETCONF {Type Touch} {Name Bumper}",
-            "CONF {Type Touch} {Name Bumper} {Diameter 0.0100}",
-            id="touch",
-        ),
-        pytest.param(
-            "GETCONF {Type Battery}",
-            "CONF {Type Battery} {Name battery}",
-            id="what has no settings",
-        ),
         pytest.param("GETCONF {Type MisPkg}", "CONF {Type MisPkg}", id="packages"),
     ],
 )
@@ -122,22 +103,6 @@ def test_replies_in_the_compat_dialect(
             "{Panning True} {Tilting False}",
             id="scanner",
         ),
-        pytest.param(
-            "GETCONF {Type Encoder}",
-            "CONF {Type Encoder} {Name W1} {Resolution 0.0174} "
-            "{Name W2} {Resolution 0.0174}",
-            id="encoders",
-        ),
-        pytest.param(
-            "GETCONF {Type GroundTruth}",
-            "CONF {Type GroundTruth} {Name GndTruth} {ScanInterval 0.1000}",
-            id="ground truth",
-        ),
-        pytest.param(
-            "GETCONF {Type Tachometer}",
-            "CONF {Type Tachometer} {Name TachTest} {ScanInterval 0.2000}",
-            id="tachometer",
-        ),
     ],
 )
 def test_replies_in_the_udk_dialect(empty_room: Scene, asked: str, answer: str) -> None:
@@ -154,27 +119,10 @@ def test_replies_in_the_udk_dialect(empty_room: Scene, asked: str, answer: str) 
             id="place of a sonar",
         ),
         pytest.param(
-            "GETCONF {Type sonar} {Name R8}",
-            "CONF {Type sonar} {Name R8} {MaxRange 5.0000} {MinRange 0.1000} "
-            "{BeamAngle 0.349066}",
-            id="a sonar",
-        ),
-        pytest.param(
             "GETGEO {Type GPS} {Name }",
             "GEO {Type GPS} {Name GPS Location -0.1000,0.0000,-0.2000 "
             "Orientation 0.0000,0.0000,0.0000 Mount HARD}",
             id="place of the GPS",
-        ),
-        pytest.param(
-            "GETCONF {Type GPS}",
-            "CONF {Type GPS} {Name GPS} {ScanInterval 0.2000}",
-            id="GPS",
-        ),
-        pytest.param(
-            "GETCONF {Type Encoder}",
-            "CONF {Type Encoder} {Name ECLeft} {Resolution 0.017450} "
-            "{Name ECRight} {Resolution 0.017450}",
-            id="encoders",
         ),
     ],
 )
@@ -188,22 +136,11 @@ def test_replies_about_items_of_a_p2at(
     ("asked", "answer"),
     [
         pytest.param(
-            "GETGEO {Type Sonar} {Name R8}",
-            "GEO {Type Sonar} {Name R8} {Location -0.14,-0.13,0.00} "
-            "{Orientation 0.00,0.00,-1.57}{Mount P2AT}",
-            id="place of a sonar",
-        ),
-        pytest.param(
             "GETCONF {Type Sonar} {Name F1}",
             "CONF {Type Sonar} {Name F1} {MaxRange 5.0000} {MinRange 0.1000} "
             "{ScanInterval 0.2000} {beamAngle 0.3489} {maxAngleOfIncidence 0.1745} "
             "{tracesPerCone 16} {numberOfCones 10}",
             id="a sonar",
-        ),
-        pytest.param(
-            "GETCONF {Type GPS}",
-            "CONF {Type GPS} {Name GPS} {ScanInterval 0.1000}",
-            id="GPS",
         ),
     ],
 )
