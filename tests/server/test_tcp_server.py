@@ -160,17 +160,6 @@ async def test_bad_lines_are_skipped_and_the_next_is_answered(
     assert await peer.rest() == GREETING + STARTS
 
 
-async def test_incomplete_command_waits_and_does_not_delay_others(
-    running_server: RunningServer,
-) -> None:
-    silent, other = await running_server.peer(), await running_server.driver()
-    assert await silent.line() == GREETING
-    await silent.send(b"GETSTART")
-    assert_every_scan_came(await other.scans(10))
-    await silent.send(b"POSES\r")
-    assert await silent.line() == STARTS
-
-
 async def test_robot_of_a_broken_connection_is_removed(
     running_server: RunningServer, caplog: pytest.LogCaptureFixture
 ) -> None:

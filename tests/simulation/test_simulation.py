@@ -2,8 +2,6 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -57,27 +55,6 @@ def scan_after(simulation: Simulation, vehicle: Vehicle, ticks: int = 10) -> Ran
     return scan
 
 
-def charges(outputs: Sequence[tuple[int, TickOutput]]) -> list[int]:
-    found = [status_of(output) for _, output in outputs]
-    return [status.battery for status in found if status is not None]
-
-
-def types(reports: Sequence[object]) -> list[type]:
-    return [type(report) for report in reports]
-
-
-def test_pose_readings_come_before_the_others(empty_room: Scene) -> None:
-    simulation = Simulation(empty_room)
-    vehicle = spawned(simulation, Pose2(-8, 0))
-    ((tick, last),) = run(simulation, 10)[vehicle.number]
-    assert tick == 10
-    assert status_of(last) is not None
-    assert types(readings_of(last)) == [
-        *(GroundTruth, Ins, Odometry, Tachometer, Encoder, Encoder, Touch)
-    ]
-    assert types(last.scans) == [RangeScan]
-
-
 def test_intervals_start_at_the_spawn(empty_room: Scene) -> None:
     simulation = Simulation(empty_room)
     early = spawned(simulation, Pose2(-8, 0))
@@ -107,12 +84,6 @@ def test_scan_has_the_ranges_of_the_room_from_the_sensor(empty_room: Scene) -> N
     assert scan.ranges[0] == pytest.approx(18.4)
     assert scan.ranges[90] == pytest.approx(6.4 - 1.2085)
     assert scan.ranges[-1] == pytest.approx(2.4)
-
-
-def test_beam_without_an_echo_reads_the_max_range(empty_room: Scene) -> None:
-    simulation = Simulation(empty_room, config=EXACT)
-    vehicle = spawned(simulation, Pose2(500, 0))
-    assert scan_after(simulation, vehicle).ranges == pytest.approx(np.full(181, 80.0))
 
 
 def test_scans_show_other_robots_but_not_the_own_one(empty_room: Scene) -> None:
@@ -149,15 +120,6 @@ def test_spawn_at_a_taken_place_uses_the_nearest_free_one(
     pose = spawned(simulation, Pose2(0, 0), "R2").robot.pose
     assert 2 * HALF_WIDTH <= math.hypot(pose.x, pose.y) < 0.7
     assert pose.yaw == 0
-
-
-def test_spawn_without_a_free_place_makes_no_robot(empty_room: Scene) -> None:
-    simulation = Simulation(empty_room)
-    model = load_robot("P3AT")
-    made = [simulation.spawn("R", model, Pose2(0, 0)) for _ in range(15)]
-    assert made[0] is not None
-    assert made[-1] is None
-    assert len(simulation.vehicles) == sum(vehicle is not None for vehicle in made)
 
 
 def test_robot_names_are_unique(empty_room: Scene) -> None:
@@ -286,16 +248,6 @@ def test_reset_zeroes_odometry_and_wheel_counters(empty_room: Scene) -> None:
     ]
 
 
-def test_set_ins_sets_the_pose_of_the_ins(empty_room: Scene) -> None:
-    simulation = Simulation(empty_room)
-    vehicle = spawned(simulation, Pose2(-8, 0))
-    (ins,) = vehicle.model.items_of("INS")
-    vehicle.set_ins(ins, Pose3(1, 2, 3, 0.1, 0.2, 0.3))
-    reading = readings_of(run(simulation, 10)[vehicle.number][-1][1])[1]
-    assert isinstance(reading, Ins)
-    assert reading.pose.numbers() == pytest.approx((1, 2, 3, 0.1, 0.2, 0.3))
-
-
 def test_ins_drift_is_drawn_by_simulated_time_at_any_rate(
     empty_room: Scene,
 ) -> None:
@@ -319,27 +271,6 @@ def test_simulated_time_has_exact_digits_after_many_ticks(empty_room: Scene) -> 
     vehicle = spawned(simulation, Pose2(-8, 0))
     output = run(simulation, 10)[vehicle.number][-1][1]
     assert status_of(output) == Status(1_234_567.99, 3599, light=False)
-
-
-def test_robot_with_an_empty_battery_stands_and_sends_only_its_status(
-    empty_room: Scene,
-) -> None:
-    weak = SimulationConfig(
-        replace(UDK, battery_start=1.5)
-    )  # in whole seconds, down to 0
-    simulation = Simulation(empty_room, config=weak)
-    vehicle = spawned(simulation, Pose2(-8, 0))
-    vehicle.robot.drive(0.5, 0.5)
-    outputs = run(simulation, 50)[vehicle.number]
-    assert charges(outputs) == [1] * 5
-    assert vehicle.alive
-    x = vehicle.robot.pose.x
-    assert x == pytest.approx(-8 + 0.5 * math.pi * 0.098 * 1.0)
-    outputs = run(simulation, 50)[vehicle.number]
-    assert not vehicle.alive
-    assert vehicle.robot.pose.x == x
-    assert charges(outputs) == [0] * 5
-    assert not [output for _, output in outputs if readings_of(output) or output.scans]
 
 
 def test_no_robot_is_spawned_inside_a_bush(foliage_room: Scene) -> None:

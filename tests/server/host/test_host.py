@@ -319,18 +319,6 @@ def test_drive_holds_until_it_is_changed(host: Host) -> None:
     assert pose.x == pytest.approx(-8 + 2 * 0.098 * 4)
 
 
-def test_normalized_is_percent_and_stays(host: Host) -> None:
-    number = spawned(host)
-    host.receive(number, b"DRIVE {Left 50} {Right 50} {Normalized true}\r\n")
-    run_ticks(host, 100)
-    x = -8 + 0.5 * 8.17 * 0.098
-    assert host.simulation.vehicles[0].robot.pose.x == pytest.approx(x)
-    host.receive(number, b"DRIVE {Left 10} {Right 10}\r\n")
-    run_ticks(host, 100)
-    x += 0.1 * 8.17 * 0.098
-    assert host.simulation.vehicles[0].robot.pose.x == pytest.approx(x)
-
-
 @pytest.mark.parametrize(
     ("fields", "pose"),
     [
@@ -735,15 +723,6 @@ def test_http_request_after_a_command_is_one_bad_line(host: Host) -> None:
     assert not host.must_close(number)
 
 
-def test_incomplete_command_waits_for_the_rest(host: Host) -> None:
-    number = connected(host)
-    host.receive(number, b"GETSTAR")
-    run_ticks(host, 100)
-    assert host.take(number) == b""
-    host.receive(number, b"TPOSES\n")
-    assert host.take(number) == STARTS
-
-
 def test_client_that_asks_without_reading_must_be_closed(empty_room: Scene) -> None:
     starts = tuple(StartPose(f"RobotStart{n}", Pose3(n, 0, 0)) for n in range(99))
     host = Host(replace(empty_room, starts=starts))
@@ -800,17 +779,6 @@ def test_set_pose_sets_the_ins_in_the_wire_frame(host: Host) -> None:
         b"{Type INS} {Name InsTest} {Location 1.0000,2.0000,-3.0000} "
         b"{Orientation 0.0000,0.0000,0.5000}"
     ) in host.take(number)
-
-
-def test_set_reset_zeroes_the_odometry(host: Host) -> None:
-    number = spawned(host)
-    host.receive(number, b"DRIVE {Left 5} {Right 5}\r\n")
-    run_ticks(host, 100)
-    host.receive(number, b"SET {Type Odometry} {Name Odometer} {Opcode RESET} \r\n")
-    host.receive(number, b"DRIVE {Left 0} {Right 0}\r\n")
-    host.take(number)
-    run_ticks(host, 10)
-    assert b"{Pose 0.0000,0.0000,0.0000}" in host.take(number)
 
 
 def test_settings_of_an_unknown_item_are_refused(empty_room: Scene) -> None:
