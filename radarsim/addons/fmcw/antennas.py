@@ -139,11 +139,18 @@ class Antenna:
             radar, rng = self.mounted.scanner.fmcw, self.mounted.rng
             self.receiver = rotation.TurnReceiver(radar, scene, rng)
             self.since, self.place = ticks, None
+        settings, age = self.receiver.radar.settings, ticks - self.since
+        rate = TICK * settings.rotation_hz * settings.azimuths
+        passed = int((age + 1) * rate + ROUNDING) - int(age * rate + ROUNDING)
         pose = self.vehicle.sensor_pose(self.mounted.item)
+        place, before, velocity = pose.position(), self.place, STANDING
+        if before is not None:
+            vx, vy, vz = ((place - before) / TICK).tolist()
+            velocity = vx, vy, vz
         look = rotation.Look(
-            self._directions(self.receiver.radar.settings, ticks),
+            passed,
             pose,
-            self._move(pose),
+            velocity,
             boxes,
             self.vehicle.number,
             self.mounted.scanner.settings,
@@ -152,7 +159,7 @@ class Antenna:
         )
         result = worker.submit(self.receiver.advance, look)
         self.computed.append(_Computed(ticks, self.since, result))
-        self.turned = ticks
+        self.turned, self.place = ticks, place
 
     def receive(self, ticks: int) -> list[DueScan]:
         """Tell listeners what is received, and return the scans of whole turns."""
@@ -193,20 +200,6 @@ class Antenna:
             details = ScanDetails(lines, is_requested)
         scan = report_scan(time, item.name, turn.settings, ranges)
         return DueScan(vehicle, scan, details)
-
-    def _directions(self, settings: FmcwSettings, ticks: int) -> int:
-        """Return how many directions are passed in a tick."""
-        rate, age = TICK * settings.rotation_hz * settings.azimuths, ticks - self.since
-        return int((age + 1) * rate + ROUNDING) - int(age * rate + ROUNDING)
-
-    def _move(self, pose: Pose3) -> tuple[float, float, float]:
-        """Note where it is, and return its velocity, m/s."""
-        place, before = pose.position(), self.place
-        self.place = place
-        if before is None:
-            return STANDING
-        x, y, z = ((place - before) / TICK).tolist()
-        return x, y, z
 
 
 def _time_after(turns: float, settings: FmcwSettings, since: int) -> float:

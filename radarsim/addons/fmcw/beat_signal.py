@@ -131,30 +131,25 @@ def point_tones(
     )
 
 
-class Sight(NamedTuple):
-    """How points are looked at.
-
-    Attributes:
-        ray_class: Class of the radar's rays.
-        power: The power with which they start.
-        boxes: The robots.
-        carrier_id: The robot that carries the radar; -1 for none.
-    """
-
-    ray_class: RayClass
-    power: float
-    boxes: Boxes | None = None
-    carrier_id: int = -1
-
-
-def losses_to(tracer: Tracer, pose: Pose3, points: Points, sight: Sight) -> Floats:
+def losses_to(
+    tracer: Tracer,
+    pose: Pose3,
+    points: Points,
+    ray_class: RayClass,
+    power: float,
+    boxes: Boxes | None = None,
+    carrier_id: int = -1,
+) -> Floats:
     """Return the loss on the way to points, (N,) dB one way; inf if one is hidden.
 
     Args:
         tracer: Tracer of the scene.
         pose: Pose of the antenna, map frame.
         points: The points.
-        sight: How they are looked at.
+        ray_class: Class of the radar's rays.
+        power: The power with which they start.
+        boxes: The robots.
+        carrier_id: The robot that carries the radar; -1 for none.
     """
     offsets = points.positions - pose.position()
     distance = np.linalg.norm(offsets, axis=1)
@@ -166,15 +161,15 @@ def losses_to(tracer: Tracer, pose: Pose3, points: Points, sight: Sight) -> Floa
         np.broadcast_to(pose.position(), (len(rows), 3)).copy(),
         offsets[rows] / distance[rows, None],
         distance[rows] - CLEARANCE,
-        np.full(len(rows), sight.power),
+        np.full(len(rows), power),
         np.zeros(len(rows), np.uint8),
-        np.full(len(rows), sight.carrier_id, np.int64),
-        (sight.ray_class._replace(max_reflections=0),),
+        np.full(len(rows), carrier_id, np.int64),
+        (ray_class._replace(max_reflections=0),),
     )
-    for event in tracer.trace(rays, sight.boxes, events=True).events:
+    for event in tracer.trace(rays, boxes, events=True).events:
         if event["kind"] == EventKind.OUT_OF_RANGE:
-            spent = sight.power - event["power"]
-            loss[rows[event["ray"]]] = spent / sight.ray_class.power_per_db
+            spent = power - event["power"]
+            loss[rows[event["ray"]]] = spent / ray_class.power_per_db
     return loss
 
 
@@ -196,35 +191,37 @@ def beat_rows(
         tones: Echoes of points, in any directions.
         streams: Source of speckle and noise: two streams for each direction.
     """
+    samples, shape, window = (
+        sample_count(settings),
+        noise_shape(settings),
+        window_of(settings),
+    )
+    # White noise of this amplitude has a mean power of 1 in a bin.
+    amplitude = np.float32(1 / math.sqrt(2 * float((window**2).sum())))
+    full_scale = watts(settings.full_scale_dbm) / noise_power(settings)
+    limit = np.float32(math.sqrt(float(full_scale)))
     power = np.zeros(mean.shape, np.float32)
     for start in range(0, len(mean), ROWS_AT_ONCE):
-        rows = slice(start, start + ROWS_AT_ONCE)
-        sweeps = _signal(settings, first + start, mean[rows], tones, streams)
-        spectra = fft.fft(sweeps, axis=1, overwrite_x=True)
-        _square(spectra, noise_shape(settings), power[rows])
+        rows, row = slice(start, start + ROWS_AT_ONCE), first + start
+        sweeps: Signal = np.zeros((len(mean[rows]), fft_length(settings)), np.complex64)
+        _fill_speckle(settings, row, mean[rows], streams, sweeps)
+        sweeps = fft.ifft(sweeps, axis=1, norm="forward", overwrite_x=True)
+        sweeps[:, samples:] = 0  # a sweep has no more samples; the rest is padding
+        signal = sweeps[:, :samples]
+        _add_tones(settings, signal, row, tones)
+        signal += _leakage(settings)
+        noise = np.zeros((len(signal), 2 * samples), np.float32)
+        for number, line in enumerate(noise, row):
+            streams.fill_normal(2 * number + 1, line)
+        noise *= amplitude
+        signal += noise.view(np.complex64)
+        # The converter clips both of its channels: that spreads over the whole sweep.
+        parts = signal.view(np.float32)
+        if parts.max(initial=0.0) > limit or parts.min(initial=0.0) < -limit:
+            np.clip(parts, -limit, limit, out=parts)
+        signal *= window.astype(np.float32)
+        _square(fft.fft(sweeps, axis=1, overwrite_x=True), shape, power[rows])
     return power
-
-
-def _signal(
-    settings: FmcwSettings,
-    first: int,
-    mean: Power,
-    tones: Tones,
-    streams: NumberedStreams,
-) -> Signal:
-    """Return the windowed beat signal, padded, (N, L); arguments as ``beat_rows``."""
-    samples = sample_count(settings)
-    sweeps: Signal = np.zeros((len(mean), fft_length(settings)), np.complex64)
-    _fill_speckle(settings, first, mean, streams, sweeps)
-    sweeps = fft.ifft(sweeps, axis=1, norm="forward", overwrite_x=True)
-    sweeps[:, samples:] = 0
-    signal = sweeps[:, :samples]
-    _add_tones(settings, signal, first, tones)
-    signal += _leakage(settings)
-    _add_noise(settings, signal, first, streams)
-    _clip(settings, signal)
-    signal *= window_of(settings).astype(np.float32)
-    return sweeps
 
 
 @njit_cached
@@ -314,24 +311,3 @@ def _tone(amplitude: complex, turn: float, samples: int) -> Signal:
     phases = 2j * np.pi * turn * np.arange(samples)
     tone: Signal = (amplitude * np.exp(phases)).astype(np.complex64)
     return tone
-
-
-def _add_noise(
-    settings: FmcwSettings, signal: Signal, first: int, streams: NumberedStreams
-) -> None:
-    """Add white noise whose mean power in a bin will be 1."""
-    noise = np.zeros((len(signal), 2 * signal.shape[1]), np.float32)
-    for row, own in enumerate(noise, first):
-        streams.fill_normal(2 * row + 1, own)
-    energy = float((window_of(settings) ** 2).sum())
-    noise *= np.float32(1 / math.sqrt(2 * energy))
-    signal += noise.view(np.complex64)
-
-
-def _clip(settings: FmcwSettings, signal: Signal) -> None:
-    """Clip what exceeds the converter, in both of its channels."""
-    full_scale = watts(settings.full_scale_dbm) / noise_power(settings)
-    limit = np.float32(math.sqrt(float(full_scale)))
-    parts = signal.view(np.float32)
-    if parts.max(initial=0.0) > limit or parts.min(initial=0.0) < -limit:
-        np.clip(parts, -limit, limit, out=parts)

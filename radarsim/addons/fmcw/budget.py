@@ -6,8 +6,8 @@ beam. The decibels of an echo add up to the power that is received of it.
 
 import json
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass
 
 import click
 import numpy as np
@@ -32,11 +32,12 @@ from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.rays import Event, Rays
-from radarsim.raycast.tracer import Tracer, tracer_of
+from radarsim.raycast.tracer import tracer_of
 from radarsim.scene.scene import Part, Scene
 from radarsim.sensors.range_scanner import RangeScanner
 
 _STEPS = 2001  # of the integral over the beam
+_WIDTH = 38  # of the labels
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +90,49 @@ class Budget:
     angle: float
     entries: list[Entry]
     noise: float
-    echoes: list[EchoBudget] = field(default_factory=list)
+    echoes: list[EchoBudget]
+
+    def lines(self) -> Iterator[str]:
+        """Yield the ledger as text."""
+
+        def line(label: str, number: float, unit: str) -> str:
+            return f"  {label:{_WIDTH}}{number:8.1f} {unit}"
+
+        angle = -math.degrees(self.angle)
+        yield f"azimuth {self.azimuth}, {angle:.1f} deg clockwise from straight ahead"
+        for number, entry in enumerate(self.entries):
+            yield line(entry.label, entry.db, "dBm" if number == 0 else "dB")
+        for echo in self.echoes:
+            yield ""
+            place = f"{echo.kind} at {echo.range:.2f} m"
+            yield f"{echo.object_name} ({echo.material}), {place}"
+            for entry in echo.entries:
+                yield line(entry.label, entry.db, "dB")
+            yield line("received", echo.received, "dBm")
+            yield line("noise", self.noise, "dBm")
+            yield line("signal to noise", echo.received - self.noise, "dB")
+        if not self.echoes:
+            yield "nothing comes back"
+
+
+def print_budget(
+    scanner: RangeScanner, scene: Scene, pose: Pose3, azimuth: int, as_json: bool
+) -> None:
+    """Print the link budget of a direction.
+
+    Raises:
+        click.BadParameter: If the sensor is no FMCW radar, or has no such direction.
+    """
+    try:
+        budget = link_budget(scanner.fmcw, scene, pose, azimuth)
+    except PresetError as error:
+        raise click.BadParameter(str(error)) from None
+    except ValueError as error:
+        raise click.BadParameter(str(error), param_hint="--beam") from None
+    if as_json:
+        click.echo(json.dumps(asdict(budget)))
+    else:
+        print_lines(budget.lines())
 
 
 def link_budget(radar: FmcwRadar, scene: Scene, pose: Pose3, azimuth: int) -> Budget:
@@ -107,7 +150,7 @@ def link_budget(radar: FmcwRadar, scene: Scene, pose: Pose3, azimuth: int) -> Bu
     it = radar.settings
     if not 0 <= azimuth < it.azimuths:
         raise ValueError(f"azimuth {azimuth}, expected 0 to {it.azimuths - 1}")
-    entries = [
+    common = [
         Entry("transmitted", it.transmit_dbm),
         Entry("lines and radome", -it.loss_db),
         Entry("antenna gain, out and back", 2 * _db(directivity(it))),
@@ -115,12 +158,23 @@ def link_budget(radar: FmcwRadar, scene: Scene, pose: Pose3, azimuth: int) -> Bu
         Entry("solid angle of the beam", _db(beam_solid_angle(it))),
     ]
     angle = float(radar.angles[azimuth])
-    budget = Budget(azimuth, angle, entries, float(dbm_of(noise_power(it))))
+    ahead: Floats = np.array([[math.cos(angle), math.sin(angle), 0.0]])
+    directions = ahead @ pose.rotation().T
+    rays = Rays(
+        pose.position()[None, :].copy(),
+        directions / np.linalg.norm(directions),
+        np.full(1, it.max_range),
+        np.full(1, radar.full_power),
+        np.zeros(1, np.uint8),
+        np.full(1, -1, np.int64),
+        (radar.ray_class,),
+    )
     tracer = tracer_of(scene)
-    events, incidence = _trace(radar, tracer, pose, angle)
+    incidence = float(tracer.trace(rays, incidence=True).incidence[0])
     scattering = scene_scattering(tracer, radar.ray_class)
     losses = _Losses(radar, tracer.parts)
-    for event in events:
+    echoes = []
+    for event in tracer.explain(rays)[0]:
         losses.advance(event)
         echo = _echo_of(event, incidence, scattering, radar)
         if echo is not None:
@@ -128,16 +182,14 @@ def link_budget(radar: FmcwRadar, scene: Scene, pose: Pose3, azimuth: int) -> Bu
             part = tracer.parts[event.part]  # without robots in the scene
             own = [
                 Entry(f"1 / R^2 at {event.t:.2f} m", -20 * math.log10(event.t)),
-                *losses.entries(),
+                *(Entry(f"lost in {name}", -2 * db) for name, db in losses.by_name()),
                 Entry(label, _db(gamma)),
             ]
-            received = sum(entry.db for entry in [*entries, *own])
+            received = sum(entry.db for entry in [*common, *own])
             name, material = part.object_name, part.material.name
-            budget.echoes.append(
-                EchoBudget(name, material, kind, event.t, own, received)
-            )
+            echoes.append(EchoBudget(name, material, kind, event.t, own, received))
         losses.take(event)
-    return budget
+    return Budget(azimuth, angle, common, float(dbm_of(noise_power(it))), echoes)
 
 
 def beam_solid_angle(settings: FmcwSettings) -> float:
@@ -148,25 +200,6 @@ def beam_solid_angle(settings: FmcwSettings) -> float:
     width = math.radians(settings.beamwidth_az_deg)
     across = width * math.sqrt(math.pi / (8 * math.log(2)))
     return float(across * up)
-
-
-def _trace(
-    radar: FmcwRadar, tracer: Tracer, pose: Pose3, angle: float
-) -> tuple[Sequence[Event], float]:
-    """Trace the ray in the middle of a direction; return its events and incidence."""
-    ahead: Floats = np.array([[math.cos(angle), math.sin(angle), 0.0]])
-    directions = ahead @ pose.rotation().T
-    rays = Rays(
-        pose.position()[None, :].copy(),
-        directions / np.linalg.norm(directions),
-        np.full(1, radar.settings.max_range),
-        np.full(1, radar.full_power),
-        np.zeros(1, np.uint8),
-        np.full(1, -1, np.int64),
-        (radar.ray_class,),
-    )
-    incidence = float(tracer.trace(rays, incidence=True).incidence[0])
-    return tracer.explain(rays)[0], incidence
 
 
 def _echo_of(
@@ -206,13 +239,12 @@ class _Losses:
         self._power = radar.full_power
         self._parts = parts
         self._inside: list[int] = []
-        self._lost: dict[str, float] = {}
+        self._lost: dict[str, float] = {}  # dB
 
     def advance(self, event: Event) -> None:
         """Add what was lost on the way to an event."""
         # Where volumes overlap, the last entered one is named.
-        name = self._name(self._inside[-1]) if self._inside else "air"
-        self._add(name, self._power - event.power)
+        self._add(self._inside[-1] if self._inside else None, self._power - event.power)
         self._power = event.power
 
     def take(self, event: Event) -> None:
@@ -224,65 +256,18 @@ class _Losses:
         elif event.kind is EventKind.MIRRORED:
             self._inside.clear()
         if event.kind in (EventKind.SHEET, EventKind.MIRRORED):
-            self._add(self._name(event.part), event.absorbed)
+            self._add(event.part, event.absorbed)
             self._power -= event.absorbed
 
-    def entries(self) -> list[Entry]:
-        """Return the losses so far, out and back."""
-        return [Entry(f"lost in {name}", -2 * db) for name, db in self._lost.items()]
+    def by_name(self) -> Iterable[tuple[str, float]]:
+        """Return the losses so far by names of materials, dB one way."""
+        return self._lost.items()
 
-    def _name(self, part: int) -> str:
-        return self._parts[part].material.name
-
-    def _add(self, name: str, power: float) -> None:
+    def _add(self, part: int | None, power: float) -> None:
+        name = "air" if part is None else self._parts[part].material.name
         if power > 0:
             self._lost[name] = self._lost.get(name, 0.0) + power / self._per_db
 
 
 def _db(ratio: float) -> float:
     return 10 * math.log10(ratio) if ratio > 0 else -math.inf
-
-
-_WIDTH = 38  # of the labels
-
-
-def print_budget(
-    scanner: RangeScanner, scene: Scene, pose: Pose3, azimuth: int, as_json: bool
-) -> None:
-    """Print the link budget of a direction.
-
-    Raises:
-        click.BadParameter: If the sensor is no FMCW radar, or has no such direction.
-    """
-    try:
-        budget = link_budget(scanner.fmcw, scene, pose, azimuth)
-    except PresetError as error:
-        raise click.BadParameter(str(error)) from None
-    except ValueError as error:
-        raise click.BadParameter(str(error), param_hint="--beam") from None
-    if as_json:
-        click.echo(json.dumps(asdict(budget)))
-    else:
-        print_lines(budget_lines(budget))
-
-
-def budget_lines(budget: Budget) -> Iterator[str]:
-    """Yield the lines of a link budget."""
-    angle = -math.degrees(budget.angle)
-    yield f"azimuth {budget.azimuth}, {angle:.1f} deg clockwise from straight ahead"
-    for number, entry in enumerate(budget.entries):
-        yield _line(entry, "dBm" if number == 0 else "dB")
-    for echo in budget.echoes:
-        yield ""
-        yield f"{echo.object_name} ({echo.material}), {echo.kind} at {echo.range:.2f} m"
-        for entry in echo.entries:
-            yield _line(entry, "dB")
-        yield f"  {'received':{_WIDTH}}{echo.received:8.1f} dBm"
-        yield f"  {'noise':{_WIDTH}}{budget.noise:8.1f} dBm"
-        yield f"  {'signal to noise':{_WIDTH}}{echo.received - budget.noise:8.1f} dB"
-    if not budget.echoes:
-        yield "nothing comes back"
-
-
-def _line(entry: Entry, unit: str) -> str:
-    return f"  {entry.label:{_WIDTH}}{entry.db:8.1f} {unit}"

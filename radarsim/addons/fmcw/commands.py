@@ -140,6 +140,7 @@ def spectrum(
             --path.
     """
     from radarsim.addons.fmcw.image_files import image_of
+    from radarsim.addons.fmcw.sequences import turns_along
     from radarsim.rng import generator_for
     from radarsim.scene.map_file import load_map
 
@@ -150,7 +151,11 @@ def spectrum(
             raise click.BadParameter(text, param_hint="--detector")
         scanner = plan.load_scanner()
         scene = load_map(map_)
-        _record_path(scanner, scene, plan.path, layout or "oxford", output, plan.seed)
+        way = _load_path(plan.path, scene)
+        rng = generator_for(plan.seed, scanner.name)
+        along = turns_along(scanner.fmcw, scene, way, rng)
+        number = _write_sequence(output, layout or "oxford", along)
+        click.echo(f"{number} turns along {way.duration:.1f} s in {output}", err=True)
         return
     ending = check_ending(output, _ENDINGS, "-o")
     if layout is not None:
@@ -182,44 +187,30 @@ def spectrum(
     write_file(output, data)
 
 
-def _record_path(
-    scanner: RangeScanner,
-    scene: Scene,
-    path: Path,
-    layout: str,
-    folder: Path,
-    seed: int,
-) -> None:
-    """Write the turns along a path, and say how many they are."""
-    from radarsim.addons.fmcw.sequences import turns_along
-    from radarsim.rng import generator_for
-
-    way = _load_path(path, scene)
-    turns = turns_along(scanner.fmcw, scene, way, generator_for(seed, scanner.name))
-    number = _write_sequence(folder, layout, turns)
-    click.echo(f"{number} turns along {way.duration:.1f} s in {folder}", err=True)
-
-
 def _as_picture(turn: Spectrum, form: str, shown: Shown, detector: Detector) -> bytes:
     """Draw a turn.
 
     Raises:
         click.BadParameter: If it has no such direction.
     """
-    from radarsim.addons.fmcw.plots import draw_spectrum
+    from matplotlib.figure import Figure
+
+    from radarsim.addons.fmcw.plots import plot_spectrum
+    from radarsim.plotting.style import render
 
     last, azimuth = len(turn.angles) - 1, shown.azimuth or 0
     if azimuth > last:
         text = f"{azimuth}, expected 0 to {last}"
         raise click.BadParameter(text, param_hint="--azimuth")
-    return draw_spectrum(
+    axes = plot_spectrum(
         turn,
         view=shown.view or "cartesian",
         azimuth=azimuth,
         reach=shown.max_range,
         detections=detector.detect(turn) if detector.detector else None,
-        form=form,
     )
+    assert isinstance(axes.figure, Figure)
+    return render(axes.figure, form)
 
 
 def _as_npz(turns: list[Spectrum]) -> bytes:
@@ -295,14 +286,14 @@ def _write_sequence(folder: Path, layout: str, turns: Iterable[DrivenTurn]) -> i
         click.BadParameter: If a file cannot be written.
     """
     from radarsim.addons.fmcw.image_files import (
+        LAYOUTS,
         file_name,
-        folder_of,
         image_of,
-        list_file,
         list_line,
     )
 
-    images = folder / folder_of(layout)
+    images_name, list_name = LAYOUTS[layout]
+    images = folder / images_name
     try:
         images.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -315,6 +306,6 @@ def _write_sequence(folder: Path, layout: str, turns: Iterable[DrivenTurn]) -> i
         write_file(images / name, image_of(turn.spectrum, layout, time_us=time_us))
         lines.append(list_line(layout, name, time_us))
         poses.append(turn.tum_line())
-    write_file(folder / list_file(layout), "".join(lines).encode())
+    write_file(folder / list_name, "".join(lines).encode())
     write_file(folder / "poses.tum", "".join(poses).encode())
     return len(lines)

@@ -370,23 +370,15 @@ def _find_os(
                 if ahead and i > first:
                     below += _move(histogram, current, line[last + nearest], -1)
                     below += _move(histogram, current, line[i + farthest], 1)
-                current, below = _seek(histogram, current, below, order)
+                # To the level of this order; neighbours are mostly a few levels apart.
+                while below + histogram[current] < order:
+                    below += histogram[current]
+                    current += 1
+                while below >= order:
+                    current -= 1
+                    below -= histogram[current]
                 # On average the training bin was in the middle of its level.
                 found[row, i] = line[i] > current + np.float32(0.5) + above
-
-
-@njit_inline
-def _seek(
-    histogram: NDArray[np.int32], current: int, below: int, order: int
-) -> tuple[int, int]:
-    """Return the level of an order, and how many are below it."""
-    while below + histogram[current] < order:
-        below += histogram[current]
-        current += 1
-    while below >= order:
-        current -= 1
-        below -= histogram[current]
-    return current, below
 
 
 @njit_inline

@@ -8,11 +8,6 @@ Radar RobotCar Dataset; DATA_REFERENCE.md and utils/radar.py of pyboreas.
 
 ``radiate``: a column for each direction and a row for each range, without times.
 Source: the kit of the RADIATE data set.
-
-The rows of polar images of turning radars, with the time and place of each.
-
-A row begins with 11 bytes, as in the data sets of Oxford and Boreas, whose sources
-``image_files`` names.
 """
 
 import io
@@ -53,7 +48,12 @@ def encoder_counts(azimuths: int) -> NDArray[np.int64]:
     return counts
 
 
-LAYOUTS: Final = ("oxford", "boreas", "radiate")
+# The folder in which each data set has its images, and the file that lists them.
+LAYOUTS: Final = {
+    "oxford": ("radar", "radar.timestamps"),
+    "boreas": ("radar", "radar.timestamps"),
+    "radiate": ("Navtech_Polar", "Navtech_Polar.txt"),
+}
 _FASTEST: Final = 1  # of the levels of compression
 
 
@@ -69,11 +69,16 @@ def image_of(spectrum: Spectrum, layout: str, *, time_us: int = 0) -> bytes:
         ValueError: If there is no such layout.
     """
     if layout not in LAYOUTS:
-        raise ValueError(f"layout {layout!r}, expected one of {LAYOUTS}")
+        raise ValueError(f"layout {layout!r}, expected one of {tuple(LAYOUTS)}")
     if layout == "radiate":
-        return _encode(np.ascontiguousarray(spectrum.counts.T))
-    times, encoder = row_times(spectrum, time_us), encoder_counts(len(spectrum.angles))
-    return _encode(put_metadata(spectrum.counts, times, encoder))
+        pixels = np.ascontiguousarray(spectrum.counts.T)
+    else:
+        encoder = encoder_counts(len(spectrum.angles))
+        times = row_times(spectrum, time_us)
+        pixels = put_metadata(spectrum.counts, times, encoder)
+    data = io.BytesIO()
+    Image.fromarray(pixels).save(data, "PNG", compress_level=_FASTEST)
+    return data.getvalue()
 
 
 def row_times(spectrum: Spectrum, time_us: int) -> NDArray[np.int64]:
@@ -101,16 +106,6 @@ def file_name(spectrum: Spectrum, layout: str, *, time_us: int, number: int) -> 
     return f"{time_us}.png"
 
 
-def folder_of(layout: str) -> str:
-    """Return the folder in which a data set has its images."""
-    return "Navtech_Polar" if layout == "radiate" else "radar"
-
-
-def list_file(layout: str) -> str:
-    """Return the name of the file that lists a data set's images."""
-    return "Navtech_Polar.txt" if layout == "radiate" else "radar.timestamps"
-
-
 def list_line(layout: str, name: str, time_us: int) -> str:
     """Return the line of an image in that file.
 
@@ -124,9 +119,3 @@ def list_line(layout: str, name: str, time_us: int) -> str:
         seconds, rest = divmod(time_us, 1_000_000)
         return f"Frame: {stem} Time: {seconds}.{rest:06d}000\n"
     return f"{stem} 1\n"  # valid
-
-
-def _encode(pixels: NDArray[np.uint8]) -> bytes:
-    data = io.BytesIO()
-    Image.fromarray(pixels).save(data, "PNG", compress_level=_FASTEST)
-    return data.getvalue()

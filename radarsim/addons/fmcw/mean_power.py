@@ -24,32 +24,15 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radarsim.addons.fmcw.radar_equation import gaussian, rows_in_beam
 from radarsim.addons.fmcw.range_lines import NEAREST, Bins, Lines, Power
-from radarsim.addons.fmcw.ray_fan import RayFan
 from radarsim.addons.fmcw.ray_power import FanRays, TracedFan, add_ray
 from radarsim.addons.fmcw.scattering import Scattering
 from radarsim.geometry import Floats
 from radarsim.jit import njit_cached, njit_inline
 from radarsim.presets.fmcw_settings import FmcwSettings
-from radarsim.raycast.rays import Traces
-
-
-class PowerScale(NamedTuple):
-    """The units of power.
-
-    Attributes:
-        constant: K of the radar equation over the noise in a bin, m^2.
-        full: Power with which the rays start.
-        db_per_power: dB one way in a unit of that.
-        shift: (M,) m, by how much what a ray meets seems farther.
-    """
-
-    constant: float
-    full: float
-    db_per_power: float
-    shift: Floats
 
 
 def pattern_table(settings: FmcwSettings) -> Floats:
@@ -112,35 +95,25 @@ class TurnPower:
     def add(
         self,
         rows: range,
-        fan: RayFan,
-        directions: Floats,
-        traces: Traces,
+        rays: FanRays,
+        events: NDArray[np.void],
         scattering: Scattering,
-        scale: PowerScale,
+        full: float,
+        db_per_power: float,
     ) -> None:
         """Add the rays of directions, which follow those that were added before.
 
         Args:
             rows: The directions.
-            fan: Their M rays.
-            directions: (M, 3) unit vectors, map frame, in which they were traced.
-            traces: How they ended, with events and incidence.
+            rays: Their rays.
+            events: What these met, in order.
             scattering: What the parts of the scene scatter.
-            scale: The units of power.
+            full: Power with which the rays start.
+            db_per_power: dB one way in a unit of that.
         """
         settings = self._settings
-        rays = FanRays(
-            fan.column,
-            fan.across,
-            fan.weights * scale.constant,
-            fan.spread,
-            directions,
-            scale.shift,
-            traces.ranges,
-            traces.incidence,
-        )
-        bins = Bins(settings.bin_size, self._per_square, scale.full, scale.db_per_power)
-        traced = TracedFan(rays, traces.events, scattering, bins)
+        bins = Bins(settings.bin_size, self._per_square, full, db_per_power)
+        traced = TracedFan(rays, events, scattering, bins)
         parts = settings.rays_across
         first, end = rows.start * parts, rows.stop * parts
         _add_rays(self._beams, traced, first, end, rows.stop == settings.azimuths)

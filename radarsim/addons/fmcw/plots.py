@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.plotting.style import render
 
 if TYPE_CHECKING:
     from radarsim.addons.fmcw.detection import Detections
@@ -29,33 +28,6 @@ _MARK: Final[dict[str, Any]] = {
     "markerfacecolor": "none",
 }
 _MARK_COLOUR: Final = "#ff7f0e"
-
-
-def draw_spectrum(
-    spectrum: "Spectrum",
-    *,
-    view: str = "cartesian",
-    azimuth: int = 0,
-    reach: float | None = None,
-    detections: "Detections | None" = None,
-    form: str = "png",
-) -> bytes:
-    """Draw a turn; arguments as in ``plot_spectrum``.
-
-    Args:
-        spectrum: The turn.
-        view: One of ``VIEWS``.
-        azimuth: The direction of an A-scope.
-        reach: Longest range that is shown, m; None for what is above the noise.
-        detections: Targets to be marked.
-        form: File format.
-    """
-    axes = plot_spectrum(
-        spectrum, view=view, azimuth=azimuth, reach=reach, detections=detections
-    )
-    figure = axes.figure
-    assert isinstance(figure, Figure)
-    return render(figure, form)
 
 
 def plot_spectrum(
@@ -86,16 +58,21 @@ def plot_spectrum(
     last = len(spectrum.angles) - 1
     if not 0 <= azimuth <= last:
         raise ValueError(f"azimuth {azimuth}, expected 0 to {last}")
-    axes = ax or _new_axes(view)
+    if ax is None:
+        sizes = {"cartesian": (8.0, 8.4), "polar": (11.0, 5.2), "ascope": (10.0, 4.2)}
+        ax = Figure(figsize=sizes[view], layout="constrained").add_subplot()
     reach = min(reach or echo_reach(spectrum), float(spectrum.ranges[-1]))
+    title = f"x {spectrum.pose.x:.1f} m, y {spectrum.pose.y:.1f} m"
     if view == "ascope":
-        _draw_ascope(axes, spectrum, azimuth, reach, detections)
+        _draw_ascope(ax, spectrum, azimuth, reach, detections)
+        angle = math.degrees(-spectrum.angles[azimuth])
+        title = f"azimuth {azimuth}, {angle:.1f}° clockwise, {title}"
     elif view == "polar":
-        _draw_polar(axes, spectrum, reach, detections)
+        _draw_polar(ax, spectrum, reach, detections)
     else:
-        _draw_cartesian(axes, spectrum, reach, detections)
-    axes.set_title(_title(spectrum, view, azimuth), fontsize="medium")
-    return axes
+        _draw_cartesian(ax, spectrum, reach, detections)
+    ax.set_title(f"{spectrum.sensor}, {title}", fontsize="medium")
+    return ax
 
 
 def echo_reach(spectrum: "Spectrum") -> float:
@@ -104,20 +81,6 @@ def echo_reach(spectrum: "Spectrum") -> float:
     loud = (spectrum.echo_power > noise).sum(axis=0) >= LEAST_LOUD
     last = np.flatnonzero(loud).max(initial=0)
     return max(MARGIN * float(spectrum.ranges[last]), SHORTEST_REACH)
-
-
-def _new_axes(view: str) -> Axes:
-    size = {"cartesian": (8.0, 8.4), "polar": (11.0, 5.2), "ascope": (10.0, 4.2)}[view]
-    figure = Figure(figsize=size, layout="constrained")
-    return figure.add_subplot()
-
-
-def _title(spectrum: "Spectrum", view: str, azimuth: int) -> str:
-    place = f"x {spectrum.pose.x:.1f} m, y {spectrum.pose.y:.1f} m"
-    if view == "ascope":
-        angle = math.degrees(-spectrum.angles[azimuth])
-        return f"{spectrum.sensor}, azimuth {azimuth}, {angle:.1f}° clockwise, {place}"
-    return f"{spectrum.sensor}, {place}"
 
 
 def _grey(spectrum: "Spectrum") -> NDArray[np.float32]:

@@ -11,13 +11,12 @@ from radarsim.addons.fmcw.beat_signal import (
     NO_TONES,
     Points,
     Power,
-    Sight,
     Tones,
     beat_rows,
     losses_to,
     point_tones,
 )
-from radarsim.addons.fmcw.mean_power import PowerScale, TurnPower
+from radarsim.addons.fmcw.mean_power import TurnPower
 from radarsim.addons.fmcw.radar_equation import (
     doppler_shift,
     noise_power,
@@ -30,6 +29,7 @@ from radarsim.addons.fmcw.ray_fan import (
     refined_fan,
     turned_directions,
 )
+from radarsim.addons.fmcw.ray_power import FanRays
 from radarsim.addons.fmcw.scattering import scene_scattering
 from radarsim.addons.fmcw.spectrum import Spectrum
 from radarsim.addons.fmcw.targets import find_targets, scan_of
@@ -42,6 +42,9 @@ from radarsim.raycast.tracer import Tracer, tracer_of
 from radarsim.rng import NumberedStreams
 from radarsim.scene.scene import Scene
 from radarsim.sensors.scan import Scan
+
+# The bounding boxes of the parts of each scene, (P, 2, 3) m.
+_bounds: WeakKeyDictionary[Scene, Floats] = WeakKeyDictionary()
 
 MAX_LOSS_DB: Final = 75.0  # one way, at which a ray ends: 150 dB, far below the noise
 STANDING: Final = (0.0, 0.0, 0.0)  # m/s
@@ -220,8 +223,11 @@ class FmcwRadar:
         self, scene: Scene, pose: Pose3, carrier_id: int, rows: range
     ) -> tuple[RayFan, Rays]:
         """Return the rays of directions, as a fan and in the map; see ``trace``."""
-        extents = extents_from(pose, _bounds_of(scene))
-        fan = refined_fan(self.settings, extents, rows)
+        bounds = _bounds.get(scene)
+        if bounds is None:
+            boxes = [part.bounds for part in scene.parts if part.faces.size]
+            bounds = _bounds[scene] = np.array(boxes, np.float64).reshape(-1, 2, 3)
+        fan = refined_fan(self.settings, extents_from(pose, bounds), rows)
         directions = turned_directions(fan.directions, pose.rotation())
         count = len(directions)
         rays = Rays(
@@ -268,15 +274,26 @@ class FmcwRadar:
             turn: The traced rays.
             velocity: Of the antenna, m/s, map frame.
         """
-        speeds = turn.directions @ np.array(velocity)
-        scale = PowerScale(
-            radar_constant(self.settings) / noise_power(self.settings),
+        fan, traces = turn.fan, turn.traces
+        constant = radar_constant(self.settings) / noise_power(self.settings)
+        rays = FanRays(
+            fan.column,
+            fan.across,
+            fan.weights * constant,
+            fan.spread,
+            turn.directions,
+            doppler_shift(self.settings, turn.directions @ np.array(velocity)),
+            traces.ranges,
+            traces.incidence,
+        )
+        power.add(
+            turn.rows,
+            rays,
+            traces.events,
+            scene_scattering(tracer, self.ray_class),
             self.full_power,
             1.0 / self.ray_class.power_per_db,
-            doppler_shift(self.settings, speeds),
         )
-        scattering = scene_scattering(tracer, self.ray_class)
-        power.add(turn.rows, turn.fan, turn.directions, turn.traces, scattering, scale)
 
     def tones(
         self,
@@ -289,28 +306,18 @@ class FmcwRadar:
         """Return the echoes of points; arguments as of ``spectrum``."""
         if not scene.reflectors:
             return NO_TONES
-        points = points_of(scene, self.settings)
-        sight = Sight(self.ray_class, self.full_power, boxes, carrier_id)
-        loss = losses_to(tracer_of(scene), pose, points, sight)
+        sections = [each.rcs(self.settings.wavelength) for each in scene.reflectors]
+        points = Points(
+            np.array([each.position for each in scene.reflectors], np.float64),
+            np.array(sections, np.float64),
+        )
+        loss = losses_to(
+            tracer_of(scene),
+            pose,
+            points,
+            self.ray_class,
+            self.full_power,
+            boxes,
+            carrier_id,
+        )
         return point_tones(self.settings, pose, points, loss, velocity)
-
-
-def points_of(scene: Scene, settings: FmcwSettings) -> Points:
-    """Return the points of a scene that reflect."""
-    positions = [each.position for each in scene.reflectors]
-    sections = [each.rcs(settings.wavelength) for each in scene.reflectors]
-    return Points(
-        np.array(positions, np.float64).reshape(-1, 3), np.array(sections, np.float64)
-    )
-
-
-# The bounding boxes of the parts of each scene, (P, 2, 3) m.
-_bounds: WeakKeyDictionary[Scene, Floats] = WeakKeyDictionary()
-
-
-def _bounds_of(scene: Scene) -> Floats:
-    bounds = _bounds.get(scene)
-    if bounds is None:
-        boxes = [part.bounds for part in scene.parts if part.faces.size]
-        bounds = _bounds[scene] = np.array(boxes, np.float64).reshape(-1, 2, 3)
-    return bounds

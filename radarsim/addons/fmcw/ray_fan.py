@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from radarsim.addons.fmcw.radar_equation import elevation_limits, elevation_pattern
 from radarsim.geometry import Floats, Pose3
-from radarsim.jit import njit_cached, njit_inline
+from radarsim.jit import njit_cached
 from radarsim.presets.fmcw_settings import FmcwSettings
 
 _FULL = 2 * math.pi
@@ -80,7 +80,8 @@ def _measure(
         centre = -np.arctan2(y, x)
         first, last, low, high = np.inf, -np.inf, np.inf, -np.inf
         for corner in range(8):
-            turned = _wrap(-np.arctan2(seen[corner, 1], seen[corner, 0]) - centre)
+            turned = -np.arctan2(seen[corner, 1], seen[corner, 0]) - centre
+            turned = (turned + math.pi) % _FULL - math.pi
             first, last = min(first, turned), max(last, turned)
             level = np.hypot(seen[corner, 0], seen[corner, 1])
             up = np.arctan2(seen[corner, 2], level)
@@ -88,12 +89,6 @@ def _measure(
         extents.azimuth[i], extents.width[i] = centre + first, last - first
         extents.low[i], extents.high[i] = low, high
         extents.distance[i] = np.sqrt(x * x + y * y + z * z)
-
-
-@njit_inline
-def _wrap(angle: float) -> float:
-    """Return an angle between -pi and pi, rad."""
-    return (angle + math.pi) % _FULL - math.pi
 
 
 def turned_directions(directions: Floats, rotation: Floats) -> Floats:
@@ -269,71 +264,46 @@ def _fraction(numbers: Floats) -> Floats:
     return np.asarray(numbers - np.floor(numbers))
 
 
-class _Patches(NamedTuple):
-    """Rectangles of cells that are divided, the nearest things first; N of them.
-
-    Attributes:
-        first: (N,) int64, the first column of each, which may lie in another turn.
-        last: (N,) int64, the last column.
-        bottom: (N,) int64, the first row of cells.
-        top: (N,) int64, the row after the last.
-        across: (N,) int64, into how many parts each cell is divided.
-        up: (N,) int64, likewise.
-    """
-
-    first: NDArray[np.int64]
-    last: NDArray[np.int64]
-    bottom: NDArray[np.int64]
-    top: NDArray[np.int64]
-    across: NDArray[np.int64]
-    up: NDArray[np.int64]
-
-
-def _patches(settings: FmcwSettings, cells: Cells, extents: Extents) -> _Patches:
-    """Return where cells are divided, as far as ``MOST_RAYS`` permits."""
-    width = 2 * math.pi / cells.columns
-    in_beam = math.radians(settings.beamwidth_az_deg) / width
-    rows = np.arange(cells.rows + 1)
-    bottom, top = (
-        np.interp(edge, cells.edges, rows) for edge in (extents.low, extents.high)
-    )
-    wide, high = extents.width / width, top - bottom
-    few = np.minimum(wide, in_beam) * high < ENOUGH_RAYS
-    thin = few & (high > 0) & (extents.width < math.pi) & np.isfinite(wide)
-    some = np.flatnonzero(thin)[np.argsort(extents.distance[thin])]
-    edges = extents.azimuth[some], extents.azimuth[some] + extents.width[some]
-    first, last = (np.floor(each / width).astype(np.int64) for each in edges)
-    across = np.ceil(RAYS_ACROSS / np.maximum(wide[some], 1e-9))
-    up = np.ceil(RAYS_UP / np.maximum(high[some], 1e-9))
-    patches = _Patches(
-        first,
-        last,
-        bottom[some].astype(np.int64),
-        np.ceil(top[some]).astype(np.int64),
-        np.minimum(across, MOST_PARTS).astype(np.int64),
-        np.minimum(up, MOST_PARTS).astype(np.int64),
-    )
-    sizes = (last - first + 1) * (patches.top - patches.bottom)
-    added = np.cumsum(sizes * patches.across * patches.up)
-    within = int(np.searchsorted(added, MOST_RAYS, side="right"))
-    return _Patches._make(each[:within] for each in patches)
-
-
 def _divisions(
     settings: FmcwSettings, cells: Cells, extents: Extents, columns: range
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return into how many parts cells of some columns are divided, across and up."""
-    across = np.ones((len(columns), cells.rows), np.int64)
-    up = np.ones_like(across)
-    patches = _patches(settings, cells, extents)
-    # Where each patch begins, counted from the first of these columns.
-    begin = (patches.first - columns.start) % cells.columns
-    reach = begin + patches.last - patches.first
+    """Return into how many parts cells of some columns are divided, across and up.
+
+    A thing that few rays would meet divides the rectangle of cells around it, as far
+    as ``MOST_RAYS`` permits.
+    """
+    width = 2 * math.pi / cells.columns
+    in_beam = math.radians(settings.beamwidth_az_deg) / width
+    rows = np.arange(cells.rows + 1)
+    low, high = (
+        np.interp(edge, cells.edges, rows) for edge in (extents.low, extents.high)
+    )
+    wide, tall = extents.width / width, high - low
+    few = np.minimum(wide, in_beam) * tall < ENOUGH_RAYS
+    thin = few & (tall > 0) & (extents.width < math.pi) & np.isfinite(wide)
+    some = np.flatnonzero(thin)[np.argsort(extents.distance[thin])]
+    edges = extents.azimuth[some], extents.azimuth[some] + extents.width[some]
+    # The first column may lie in the turn before, the last one in the turn after.
+    first, last = (np.floor(each / width).astype(np.int64) for each in edges)
+    bottom, top = low[some].astype(np.int64), np.ceil(high[some]).astype(np.int64)
+    across, up = (
+        np.minimum(np.ceil(wanted / np.maximum(size[some], 1e-9)), MOST_PARTS).astype(
+            np.int64
+        )
+        for wanted, size in ((RAYS_ACROSS, wide), (RAYS_UP, tall))
+    )
+    added = np.cumsum((last - first + 1) * (top - bottom) * across * up)
+    within = np.arange(len(some)) < np.searchsorted(added, MOST_RAYS, side="right")
+    divided_across = np.ones((len(columns), cells.rows), np.int64)
+    divided_up = np.ones_like(divided_across)
+    # Where each rectangle begins, counted from the first of these columns.
+    begin = (first - columns.start) % cells.columns
+    reach = begin + last - first
     seen = (begin < len(columns)) | (reach >= cells.columns)
-    for i in np.flatnonzero(seen).tolist():
+    for i in np.flatnonzero(within & seen).tolist():
         places = np.arange(begin[i], reach[i] + 1) % cells.columns
         places = places[places < len(columns)]
-        patch = np.ix_(places, np.arange(patches.bottom[i], patches.top[i]))
-        across[patch] = np.maximum(across[patch], patches.across[i])
-        up[patch] = np.maximum(up[patch], patches.up[i])
-    return across.ravel(), up.ravel()
+        patch = np.ix_(places, np.arange(bottom[i], top[i]))
+        divided_across[patch] = np.maximum(divided_across[patch], across[i])
+        divided_up[patch] = np.maximum(divided_up[patch], up[i])
+    return divided_across.ravel(), divided_up.ravel()

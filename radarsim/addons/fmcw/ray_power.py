@@ -101,7 +101,10 @@ def add_ray(
         e = events[event]
         # Power can only fall; rounding must not make a volume return less than nothing.
         left = min(e.power, power)
-        volume = _volume_around(fan.scattering, inside, count)
+        # The cross section of a cubic metre of all that is around the ray here.
+        volume = fan.scattering.air
+        for k in range(count):
+            volume += fan.scattering.volume[inside[k]]
         if volume > 0.0 and e.t > t:
             loss = (bins.full - power) * per_power
             slope = (power - left) / (e.t - t) * per_power
@@ -129,17 +132,6 @@ def add_ray(
         t, power = e.t, left - e.absorbed
         event += 1
     return event
-
-
-@njit_inline
-def _volume_around(
-    scattering: Scattering, inside: NDArray[np.int64], count: int
-) -> float:
-    """Return the cross section of a cubic metre of what is around a ray."""
-    volume = scattering.air
-    for k in range(count):
-        volume += scattering.volume[inside[k]]
-    return volume
 
 
 @njit_inline
@@ -182,24 +174,18 @@ def _add_level(
     row = _row(fan.scattering, e.part)
     gamma = _surface_gamma(fan.scattering, row, max(-direction[2], GRAZING))
     angle = OVERLAP * fan.rays.spread[ray]
-    end = _end_of_view(fan.rays, ray)
+    # The view over level ground ends where the next ray, which looks higher, meets
+    # something upright.
+    rays, after, end = fan.rays, ray + 1, np.inf
+    if (
+        after < len(rays.column)
+        and rays.column[after] == rays.column[ray]
+        and not is_level(rays.directions[after], rays.incidence[after])
+    ):
+        end = float(max(rays.ranges[after], rays.ranges[ray]))
     grazing = grazing_at(fan.scattering.ground, row, e, direction, angle, end)
     exponent = fan.scattering.exponent[row]
     add_ground(lines, place, fan.bins, grazing, gamma * through, exponent)
-
-
-@njit_inline
-def _end_of_view(rays: FanRays, ray: int) -> float:
-    """Return where the view over level ground ends that a ray meets, m.
-
-    That is where the next ray, which looks higher, meets something upright.
-    """
-    after = ray + 1
-    if after == len(rays.column) or rays.column[after] != rays.column[ray]:
-        return np.inf
-    if is_level(rays.directions[after], rays.incidence[after]):
-        return np.inf
-    return float(max(rays.ranges[after], rays.ranges[ray]))
 
 
 @njit_inline

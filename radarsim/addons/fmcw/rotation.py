@@ -19,7 +19,6 @@ that a thread can do it while time goes on: what it needs to know of a tick is i
 """
 
 from collections import deque
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -54,10 +53,14 @@ class Sector(NamedTuple):
     spectrum: Spectrum
 
     @property
+    def rows(self) -> range:
+        """The directions."""
+        return range(self.first, self.first + len(self.spectrum.angles))
+
+    @property
     def ends_turn(self) -> bool:
         """Whether the last direction of the turn is among them."""
-        end = self.first + len(self.spectrum.angles)
-        return end == self.spectrum.settings.azimuths
+        return self.rows.stop == self.spectrum.settings.azimuths
 
 
 class _TracedLook(NamedTuple):
@@ -133,22 +136,20 @@ class Rotation:
             self._traced = looked.stop
         if not receives:
             return []
-        return self._receive(self._traced - rows_in_beam(self.radar.settings))
-
-    def _receive(self, end: int) -> list[Sector]:
-        """Return what is received from directions up to one, counted from the start."""
         sectors = []
-        azimuths = self.radar.settings.azimuths
-        while self._received < end:
+        # A direction is complete when those that its main lobe reaches are traced.
+        last = self._traced - rows_in_beam(self.radar.settings)
+        while self._received < last:
             turn, first = divmod(self._received, azimuths)
-            last = min(first + end - self._received, azimuths)
-            sectors.append(self._sector(turn, range(first, last)))
-            self._received += last - first
+            stop = min(first + last - self._received, azimuths)
+            spectrum = self._receive(turn, range(first, stop))
+            sectors.append(Sector(turn - 1, first, spectrum))
+            self._received += stop - first
         while self._looks and self._looks[0].rows.stop <= self._received:
             self._looks.popleft()
         return sectors
 
-    def _sector(self, turn: int, rows: range) -> Sector:
+    def _receive(self, turn: int, rows: range) -> Spectrum:
         if rows.start == 0 or self._streams is None:
             self._streams = NumberedStreams(self._rng)
             self._power.pop(turn - 2, None)
@@ -158,15 +159,11 @@ class Rotation:
         mean = power.rows(rows.start, rows.stop, before, after) + before.sidelobes()
         start, end = self._received, self._received + len(rows)
         looks = [k for k in self._looks if k.rows.start < end and k.rows.stop > start]
-        tones = _join([look.tones for look in looks])
-        pose = looks[0].pose
-        spectrum = self.radar.receive(pose, rows, mean, tones, self._streams)
-        return Sector(turn - 1, rows.start, spectrum)
-
-
-def _join(tones: Sequence[Tones]) -> Tones:
-    rows, ranges, phases, power = zip(*tones, strict=True)
-    return Tones(*map(np.concatenate, (rows, ranges, phases, power)))
+        tones = Tones._make(
+            np.concatenate(column)
+            for column in zip(*(look.tones for look in looks), strict=True)
+        )
+        return self.radar.receive(looks[0].pose, rows, mean, tones, self._streams)
 
 
 class Look(NamedTuple):
@@ -251,16 +248,14 @@ class TurnReceiver:
         for sector in sectors:
             if look.is_recorded:
                 _ = sector.spectrum.counts  # computed once, here
-            found = self._detect(sector, look.settings) or found
+            if sector.first == 0:
+                settings = look.settings
+                self._settings = settings if settings.has_detector else None
+                self._targets.clear()
+            if self._settings is None:
+                continue
+            self._targets.append(find_targets(sector.spectrum, self._settings))
+            if sector.ends_turn:
+                targets = join_targets(self._targets)
+                found = FoundTurn(sector.turn, targets, self._settings)
         return Received(sectors, found)
-
-    def _detect(self, sector: Sector, settings: SensorSettings) -> FoundTurn | None:
-        if sector.first == 0:
-            self._settings = settings if settings.has_detector else None
-            self._targets.clear()
-        if self._settings is None:
-            return None
-        self._targets.append(find_targets(sector.spectrum, self._settings))
-        if not sector.ends_turn:
-            return None
-        return FoundTurn(sector.turn, join_targets(self._targets), self._settings)

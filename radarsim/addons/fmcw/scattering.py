@@ -180,18 +180,14 @@ class Scattering(NamedTuple):  # compiled into kernels
     ground: Ground
 
 
-def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Scattering:
-    """Return what the parts of a scene scatter of the waves of a class."""
-    known = _known.setdefault(tracer, {})
-    if ray_class not in known:
-        known[ray_class] = _compute_scattering(tracer, ray_class)
-    return known[ray_class]
-
-
 _known: WeakKeyDictionary[Tracer, dict[RayClass, Scattering]] = WeakKeyDictionary()
 
 
-def _compute_scattering(tracer: Tracer, ray_class: RayClass) -> Scattering:
+def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Scattering:
+    """Return what the parts of a scene scatter of the waves of a class."""
+    known = _known.setdefault(tracer, {})
+    if ray_class in known:
+        return known[ray_class]
     materials = [part.material for part in tracer.parts]
     density, air_density = tracer.densities(ray_class)
     per_db = ray_class.power_per_db
@@ -205,7 +201,7 @@ def _compute_scattering(tracer: Tracer, ray_class: RayClass) -> Scattering:
         air = albedo[-1] * air_density / (per_db * NEPER_DB) + rain[-1]
     lobes = np.array([lobe_of(each) for each in materials]).reshape(-1, 2)
     gamma = [10 ** (surface_db(each) / 10) for each in materials]
-    return Scattering(
+    found = known[ray_class] = Scattering(
         np.append(gamma, 10 ** (ROBOT_DB / 10)),
         np.append([0.0 if each.constant_gamma else 1.0 for each in materials], 1.0),
         np.append(lobes[:, 0], 0.0),
@@ -215,6 +211,7 @@ def _compute_scattering(tracer: Tracer, ray_class: RayClass) -> Scattering:
         float(air),
         find_ground(tracer),
     )
+    return found
 
 
 @njit_inline

@@ -12,18 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.addons.gym.settings import GoToSettings
-from radarsim.geometry import Floats, Pose2, Pose3
+from radarsim.geometry import Floats, Pose2
 from radarsim.presets.robots import Item, RobotModel, load_robot
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import tracer_of
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles
-from radarsim.robots.robot import LEFT_SPIN, RIGHT_SPIN, YAW, Robot, X
+from radarsim.robots.robot import LEFT_SPIN, RIGHT_SPIN, YAW, X
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import RangeScanner
-from radarsim.sensors.scan import Scan
 from radarsim.sensors.scanning import ScanRequest, scan_batch, scan_ranges
 from radarsim.simulation.clock import TICK, ticks_of
 from radarsim.simulation.config import SimulationConfig
@@ -71,7 +70,11 @@ class Arena:
         config, map_ = SimulationConfig(), settings.map
         self.scene = map_ if isinstance(map_, Scene) else load_map(map_)
         self.model = load_robot(settings.robot).in_dialect(config.dialect.name)
-        self._meets, self._ticks = meets, _ticks(settings.decision_period)
+        period = settings.decision_period
+        if not TICK / 2 < period < math.inf:
+            text = f"decision period {period!r} s, expected at least {TICK:g} s"
+            raise ValueError(text)
+        self._meets, self._ticks = meets, ticks_of(period)
         item = _scanner_item(self.model, settings.scanner)
         config = config.with_settings(item, settings.sensor_settings)
         self.scanner: RangeScanner = config.scanner(item)
@@ -179,7 +182,13 @@ class Arena:
         scans = scan_batch(self._tracer, self._requests(rngs), self._seen())
         for row, scan in zip(np.flatnonzero(self._present), scans, strict=True):
             found.ranges[row] = np.minimum(scan.ranges, most)
-            found.power[row] = _power_left(scan)
+            echoes = scan.echoes
+            is_read = echoes.ranges == scan.ranges[echoes.beams]
+            left, sent = echoes.power[is_read], echoes.settings.penetration_power
+            shares = np.ones(len(left))
+            limited = np.isfinite(left)
+            shares[limited] = left[limited] / sent if sent else 0.0
+            found.power[row, echoes.beams[is_read]] = np.clip(shares, 0.0, 1.0)
             if scan.rays is not None:
                 found.rays[row] = scan.rays
         return found
@@ -189,45 +198,25 @@ class Arena:
 
     def _requests(self, rngs: Sequence[np.random.Generator]) -> list[ScanRequest]:
         """Return the scans of the robots that were not taken out."""
-        rows = np.flatnonzero(self._present).tolist()
-        return [self._request(self._robots[row], rngs[row]) for row in rows]
+        return [
+            ScanRequest(
+                self.scanner,
+                self._robots[row].body.compose(self._mount),
+                rngs[row],
+                self._robots[row].number,
+            )
+            for row in np.flatnonzero(self._present).tolist()
+        ]
 
     def _seen(self) -> Boxes | None:
         """Return the boxes of the robots, if they see each other."""
-        return Boxes(self._boxes()) if self._meets else None
-
-    def _request(self, robot: Robot, rng: np.random.Generator) -> ScanRequest:
-        pose: Pose3 = robot.body.compose(self._mount)
-        return ScanRequest(self.scanner, pose, rng, robot.number)
-
-    def _boxes(self) -> Floats:
-        return self._fleet.boxes()[self._present]
+        return Boxes(self._fleet.boxes()[self._present]) if self._meets else None
 
     def _obstacles_at(self, x: float, y: float) -> Obstacles:
         floor = self.scene.floor_at(x, y)
         if floor not in self._obstacles:
             self._obstacles[floor] = Obstacles.from_scene(self.scene, floor=floor)
         return self._obstacles[floor]
-
-
-def _power_left(scan: Scan) -> Floats:
-    """Return the power that was left where each beam reads, as a share of that sent."""
-    echoes = scan.echoes
-    sent = echoes.settings.penetration_power
-    is_read = echoes.ranges == scan.ranges[echoes.beams]
-    power = np.zeros(len(scan.ranges))
-    left = echoes.power[is_read]
-    shares = np.ones(len(left))
-    limited = np.isfinite(left)
-    shares[limited] = left[limited] / sent if sent else 0.0
-    power[echoes.beams[is_read]] = np.clip(shares, 0.0, 1.0)
-    return power
-
-
-def _ticks(period: float) -> int:
-    if not TICK / 2 < period < math.inf:
-        raise ValueError(f"decision period {period!r} s, expected at least {TICK:g} s")
-    return ticks_of(period)
 
 
 def _scanner_item(model: RobotModel, name: str | None) -> Item:

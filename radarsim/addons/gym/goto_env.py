@@ -1,58 +1,65 @@
-"""``radarsim/GoTo-v0``: one robot that is to drive to a goal.
+"""``radarsim/GoTo-v0``: one robot that is to drive to a goal, and pictures of tasks."""
 
-A scene from above with a robot and its goal, as an image.
-"""
-
+from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import gymnasium
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from radarsim.addons.gym.environment import GoToTask
 from radarsim.addons.gym.settings import GoToSettings, Transition
-from radarsim.geometry import Floats, Pose2
+from radarsim.addons.gym.task import GoToTask
+from radarsim.geometry import Pose2
 from radarsim.plotting.plan import HEIGHT, draw_plan, draw_robot, show_extent
-from radarsim.scene.scene import Scene
 
 _SIZE = (6.0, 6.0)  # inches
 _DPI = 100
 
 
 class Picture:
-    """The plan of a scene, onto which robots are drawn again and again."""
+    """The robots of a task from above; the plan of the scene is drawn once."""
 
-    def __init__(self, scene: Scene, robot: str) -> None:
-        """Draw the plan.
+    def __init__(self, task: GoToTask, render_mode: str | None) -> None:
+        """Draw nothing yet.
 
         Args:
-            scene: The map.
-            robot: Class of the robots.
+            task: The task.
+            render_mode: ``rgb_array``, or None for no pictures.
+
+        Raises:
+            ValueError: If there is no such mode.
         """
-        self._robot = robot
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f"render_mode {render_mode!r}, expected rgb_array or None")
+        self._task, self._has_pictures = task, render_mode is not None
+
+    @cached_property
+    def _axes(self) -> Axes:
+        scene = self._task.arena.scene
         figure = Figure(figsize=_SIZE, dpi=_DPI, layout="compressed")
         self._canvas = FigureCanvasAgg(figure)
-        self._axes = figure.add_subplot()
-        self._axes.set_axis_off()
-        plan = draw_plan(self._axes, scene, scene.floor_at(0.0, 0.0) + HEIGHT)
-        show_extent(self._axes, plan.corners)
+        axes = figure.add_subplot()
+        axes.set_axis_off()
+        plan = draw_plan(axes, scene, scene.floor_at(0.0, 0.0) + HEIGHT)
+        show_extent(axes, plan.corners)
+        return axes
 
-    def draw(self, poses: Floats, goals: Floats) -> NDArray[np.uint8]:
-        """Return the image, (H, W, 3).
-
-        Args:
-            poses: (3,) or (N, 3) x, y and yaw of the robots, m and rad, map frame.
-            goals: (2,) or (N, 2) x and y of their goals, m, map frame.
-        """
+    def draw(self, rows: Sequence[int]) -> NDArray[np.uint8] | None:
+        """Return the image of some robots and their goals, (H, W, 3); None without."""
+        if not self._has_pictures:
+            return None
+        robot, axes = self._task.settings.robot, self._axes
         drawn = [
             artist
-            for pose in np.atleast_2d(poses)
-            for artist in draw_robot(self._axes, self._robot, Pose2(*pose.tolist()))
+            for pose in self._task.arena.poses[rows]
+            for artist in draw_robot(axes, robot, Pose2(*pose.tolist()))
         ]
-        x, y = np.atleast_2d(goals).T
-        stars = self._axes.plot(x, y, "*", color="black", markersize=14, zorder=4)
+        x, y = self._task.goals[rows].T
+        stars = axes.plot(x, y, "*", color="black", markersize=14, zorder=4)
         data, (width, height) = self._canvas.print_to_buffer()  # type: ignore[no-untyped-call]
         image = np.frombuffer(data, np.uint8).reshape(height, width, 4)[..., :3].copy()
         for artist in (*drawn, *stars):
@@ -94,13 +101,11 @@ class GoToEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             TypeError: If there is no such setting.
             ValueError: If another setting is wrong.
         """
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise ValueError(f"render_mode {render_mode!r}, expected rgb_array or None")
         self.render_mode = render_mode
         self.task = GoToTask(GoToSettings(**settings))
         self.observation_space = self.task.observation_space
         self.action_space = self.task.action_space
-        self._picture: Picture | None = None
+        self._picture = Picture(self.task, render_mode)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -142,11 +147,7 @@ class GoToEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture of the scene from above, (H, W, 3); None without a mode."""
-        if self.render_mode is None:
-            return None
-        if self._picture is None:
-            self._picture = Picture(self.task.arena.scene, self.task.settings.robot)
-        return self._picture.draw(self.task.arena.poses[0], self.task.goals[0])
+        return self._picture.draw([0])
 
     def _observe(self) -> Observation:
         rows = self.task.observe([self.np_random])

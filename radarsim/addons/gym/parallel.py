@@ -8,9 +8,9 @@ from gymnasium.spaces import Space
 from gymnasium.utils.seeding import np_random
 from numpy.typing import NDArray
 
-from radarsim.addons.gym.environment import GoToTask
 from radarsim.addons.gym.goto_env import Observation, Picture
 from radarsim.addons.gym.settings import GoToSettings
+from radarsim.addons.gym.task import GoToTask
 from radarsim.errors import import_optional
 
 _Base: Any = import_optional("pettingzoo", extra="marl").ParallelEnv
@@ -49,15 +49,13 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
             raise ValueError(f"num_robots {num_robots!r}, expected at least 1")
         if settings.get("start", "random") != "random":
             raise ValueError(f"start {settings['start']!r}, expected random")
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise ValueError(f"render_mode {render_mode!r}, expected rgb_array or None")
         self.render_mode = render_mode
         self.task = GoToTask(GoToSettings(**settings), num_robots, meets=True)
         self.possible_agents = [f"robot_{row}" for row in range(num_robots)]
         self.agents: list[str] = []
         self._rows = {name: row for row, name in enumerate(self.possible_agents)}
         self._rngs = [np_random()[0] for _ in range(num_robots)]
-        self._picture: Picture | None = None
+        self._picture = Picture(self.task, render_mode)
         self._spaces = self.task.observation_space, self.task.action_space
 
     def observation_space(self, agent: str) -> Space[Any]:  # noqa: ARG002
@@ -136,12 +134,7 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture of the scene from above, (H, W, 3); None without a mode."""
-        if self.render_mode is None:
-            return None
-        if self._picture is None:
-            self._picture = Picture(self.task.arena.scene, self.task.settings.robot)
-        rows = [self._rows[agent] for agent in self.agents]
-        return self._picture.draw(self.task.arena.poses[rows], self.task.goals[rows])
+        return self._picture.draw([self._rows[agent] for agent in self.agents])
 
     def _observe(self, agents: list[str]) -> dict[str, Observation]:
         rows = self.task.observe(self._rngs)

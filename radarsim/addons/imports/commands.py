@@ -93,7 +93,15 @@ def import_(
     kind = kind or _kind_of(file)
     warnings: list[str] = []
     if kind == "ini":
-        text, notes = _import_robot(file, robot)
+        import yaml
+
+        from radarsim.addons.imports.usarsim_ini import import_ini
+        from radarsim.simulation.config import SimulationConfig
+
+        model, notes = import_ini(file, robot)
+        SimulationConfig(robots=(model,)).check()
+        content = model.model_dump(mode="json", exclude_defaults=True)
+        text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
     else:
         imported = _import(kind, file, options, output.parent)
         _check_materials(options, imported)
@@ -146,16 +154,6 @@ def _check_materials(options: ImportOptions, imported: ImportedMap) -> None:
             if name not in known:
                 text = f"material {expected_one_of(name, known)}"
                 raise click.BadParameter(text, param_hint=hint)
-
-
-def _import_robot(file: Path, name: str | None) -> tuple[str, list[str]]:
-    """Return the file of a robot class, and what is left out."""
-    from radarsim.addons.imports.usarsim_ini import import_ini
-    from radarsim.simulation.config import SimulationConfig
-
-    imported = import_ini(file, name)
-    SimulationConfig(robots=(imported.model,)).check()
-    return imported.to_text(), imported.notes
 
 
 def _kind_of(file: Path) -> Kind:

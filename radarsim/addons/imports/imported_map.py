@@ -157,7 +157,7 @@ class ImportedMap:
             head["materials"] = self.materials
         lines = [
             f"# Imported from {self._source.name!a}.\n",
-            _dump(head),
+            yaml.dump(head, Dumper=_DUMPER, sort_keys=False, allow_unicode=True),
             "objects:\n",
             *(f"  - {_inline(each)}\n" for each in self._objects),
             f"starts:\n  - {_inline({**start, 'yaw_deg': round(yaw, 4)})}\n",
@@ -195,8 +195,3 @@ def _inline(content: Mapping[str, object]) -> str:
         allow_unicode=True,
     )
     return text.strip()
-
-
-def _dump(content: object) -> str:
-    text: str = yaml.dump(content, Dumper=_DUMPER, sort_keys=False, allow_unicode=True)
-    return text

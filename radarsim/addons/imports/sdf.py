@@ -1,11 +1,8 @@
 """Worlds of Gazebo: the collision shapes of their models.
 
-Source: the specification of SDFormat 1.11, and how it resolves poses.
-
-Read XML files as trees whose elements know their lines.
-
-What a file declares of itself, such as entities, is refused: a few lines of it could
-become gigabytes, or the content of other files.
+Source: the specification of SDFormat 1.11, and how it resolves poses. XML is read as
+trees whose elements know their lines. What a file declares of itself, such as entities,
+is refused: a few lines of it could become gigabytes, or the content of other files.
 """
 
 import math
@@ -69,45 +66,6 @@ class XmlElement:
         return self.attributes.get("name") or self.tag
 
 
-class _TreeBuilder:
-    """Builds the tree of one file from what its parser tells."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.root: XmlElement | None = None
-        self.parser = expat.ParserCreate()
-        self.parser.StartElementHandler = self.start
-        self.parser.EndElementHandler = self.end
-        self.parser.CharacterDataHandler = self.add_text
-        self.parser.StartDoctypeDeclHandler = self.refuse
-        self.parser.buffer_text = True
-        self._open: list[XmlElement] = []
-        self._count = 0
-
-    def start(self, tag: str, attributes: dict[str, str]) -> None:
-        line = self.parser.CurrentLineNumber
-        element = XmlElement(tag, attributes, line)
-        self._count += 1
-        if len(self._open) >= MAX_DEPTH or self._count > MAX_ELEMENTS:
-            text = f"more than {MAX_DEPTH} levels or {MAX_ELEMENTS} elements"
-            raise wrong(self.path, line, text)
-        if self._open:
-            self._open[-1].children.append(element)
-        else:
-            self.root = element
-        self._open.append(element)
-
-    def end(self, _: str) -> None:
-        self._open.pop()
-
-    def add_text(self, text: str) -> None:
-        self._open[-1].text += text
-
-    def refuse(self, *_: object) -> None:
-        line = self.parser.CurrentLineNumber
-        raise wrong(self.path, line, "a document type, expected none")
-
-
 def is_xml(path: Path) -> bool:
     """Return whether a file begins as XML does, with a less-than sign.
 
@@ -125,17 +83,49 @@ def read_xml(path: Path) -> XmlElement:
         ForeignFileError: If it cannot be read, is no XML, declares a document type, or
             is too large.
     """
-    builder = _TreeBuilder(path)
+    parser = expat.ParserCreate()
+    root: XmlElement | None = None
+    open_: list[XmlElement] = []
+    count = 0
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal root, count
+        element = XmlElement(tag, attributes, parser.CurrentLineNumber)
+        count += 1
+        if len(open_) >= MAX_DEPTH or count > MAX_ELEMENTS:
+            text = f"more than {MAX_DEPTH} levels or {MAX_ELEMENTS} elements"
+            raise wrong(path, element.line, text)
+        if open_:
+            open_[-1].children.append(element)
+        else:
+            root = element
+        open_.append(element)
+
+    def end(_: str) -> None:
+        open_.pop()
+
+    def add_text(text: str) -> None:
+        open_[-1].text += text
+
+    def refuse(*_: object) -> None:
+        # Entities, which a document type declares, could become gigabytes.
+        raise wrong(path, parser.CurrentLineNumber, "a document type, expected none")
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
+    parser.CharacterDataHandler = add_text
+    parser.StartDoctypeDeclHandler = refuse
+    parser.buffer_text = True
     try:
-        builder.parser.Parse(read_bytes(path), True)
+        parser.Parse(read_bytes(path), True)
     except expat.ExpatError as error:
         reason = expat.errors.messages[error.code]
         raise wrong(path, error.lineno, f"no XML: {reason}") from error
     except ValueError as error:  # an encoding that is not known
         raise wrong(path, 1, f"no XML: {error}") from error
-    if builder.root is None:
+    if root is None:
         raise ForeignFileError(f"{path}:1: no XML")
-    return builder.root
+    return root
 
 
 MAX_INCLUDES: Final = 10  # in each other
@@ -205,21 +195,18 @@ class _SdfFile:
             if pose is None:
                 continue
             for collision in link.all("collision"):
-                self._add_collision(collision, pose, (name, link.name))
+                placed = self._pose(collision, pose)
+                geometry = collision.first("geometry")
+                if placed is None:
+                    continue
+                if geometry is None or not geometry.children:
+                    self._note(collision, "a collision without a shape is left out")
+                    continue
+                shape = self._shape(geometry.children[0])
+                if shape is not None:
+                    names = dict.fromkeys((name, link.name, collision.name))
+                    self._map.add("_".join(names), shape, placed)
         self.add_all(model, place, f"{name}_")
-
-    def _add_collision(
-        self, collision: XmlElement, link: Pose3, names: tuple[str, str]
-    ) -> None:
-        pose, geometry = self._pose(collision, link), collision.first("geometry")
-        if pose is None or geometry is None or not geometry.children:
-            if pose is not None:
-                self._note(collision, "a collision without a shape is left out")
-            return
-        shape = self._shape(geometry.children[0])
-        if shape is not None:
-            name = "_".join(dict.fromkeys((*names, collision.name)))
-            self._map.add(name, shape, pose)
 
     def _shape(self, element: XmlElement) -> dict[str, object] | None:
         """Return the keys of a map file for a shape; None if it is left out."""

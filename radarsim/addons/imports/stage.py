@@ -186,7 +186,12 @@ class _Importer:
             return
         pose = outer.compose(_pose(model.get("pose")))
         if kind in ROBOTS:
-            self._add_robot(model, pose)
+            text = f"the robot {short_repr(_name(model))} is left out"
+            if not self._has_robot and self._map.options.start is None:
+                self._map.start = (pose.x, pose.y, 0.0, math.degrees(pose.yaw))
+                text += ", and the start is where it is"
+            self._has_robot = True
+            self.note(model, text)
             return
         if kind != "model":
             text = f"the {short_repr(model.kind)} is left out, expected a model"
@@ -207,14 +212,6 @@ class _Importer:
         if not place_start(self._map, *self._ground):
             text = f"{self._path}:1: no free pixel in the floor plan, expected --start"
             raise ForeignFileError(text)
-
-    def _add_robot(self, model: Entity, pose: Pose3) -> None:
-        text = f"the robot {short_repr(_name(model))} is left out"
-        if not self._has_robot and self._map.options.start is None:
-            self._map.start = (pose.x, pose.y, 0.0, math.degrees(pose.yaw))
-            text += ", and the start is where it is"
-        self._has_robot = True
-        self.note(model, text)
 
     def _add_body(
         self, model: Entity, size: tuple[float, float, float], pose: Pose3
@@ -260,13 +257,9 @@ class _Importer:
             self._ground = ~dark, plan
             add_floor(self._map, dark.shape, plan)
         add_walls(self._map, dark, plan, body.name, height)
-        if _is_true(body.model.get("boundary"), default=False):
-            self._add_boundary(body, height)
-
-    def _add_boundary(self, body: _Body, height: float) -> None:
-        """Add walls around a plan."""
+        if not _is_true(body.model.get("boundary"), default=False):
+            return
         body = body._replace(name=f"{body.name}_boundary")
-        width, length, _ = body.size
         for sign in (-1, 1):
             side = sign * (width + BOUNDARY) / 2
             size = (BOUNDARY, length + 2 * BOUNDARY, height)

@@ -134,19 +134,18 @@ class _WorldReader:
         files = (*included_by, path.resolve())
         for token in tokens:
             if (token.kind, token.value) == ("word", "include"):
-                self._include(path, _expect(path, tokens, token, "text"), files)
+                name = _expect(path, tokens, token, "text")
+                found = find_in(self._folders, name.value)
+                named = short_repr(name.value)
+                if found is None or not found.is_file():
+                    text = f"the file {named} is left out: see --model-path"
+                    self._notes.append(place(path, name.line, text))
+                elif found in files:
+                    raise wrong(path, name.line, f"{named} includes itself")
+                else:
+                    self.read(found, files)
             else:
                 self._read_entry(path, tokens, token, self._world, 0)
-
-    def _include(self, path: Path, token: _Token, files: tuple[Path, ...]) -> None:
-        found = find_in(self._folders, token.value)
-        if found is None or not found.is_file():
-            text = f"the file {short_repr(token.value)} is left out: see --model-path"
-            self._notes.append(place(path, token.line, text))
-        elif found in files:
-            raise wrong(path, token.line, f"{short_repr(token.value)} includes itself")
-        else:
-            self.read(found, files)
 
     def _read_entry(
         self,

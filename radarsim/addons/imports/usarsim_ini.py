@@ -12,11 +12,9 @@ right and z down. Comments begin with a semicolon.
 
 import math
 import re
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeAlias
 
-import yaml
 from pydantic import ValidationError
 
 from radarsim.addons.imports.source_file import place, read_text, rounded, wrong
@@ -44,6 +42,7 @@ ITEMS: Final = {
     "gpssensor": ("GPS", None),
     "battery": ("Battery", None),
 }
+_UNCOMMENTED: Final = re.compile(r'(?:[^;"]|"[^"]*(?:"|$))*')
 _SECTION: Final = re.compile(r"\[(?:\w+\.)?(\w+)\]")
 _KEY: Final = re.compile(r"[+.!-]?(\w+)\s*=\s*(.*)")
 _FIELD: Final = re.compile(r"\s*(\w+)\s*=\s*")
@@ -60,31 +59,15 @@ class _Line(NamedTuple):
     value: str
 
 
-@dataclass(slots=True)
-class ImportedRobot:
-    """A robot class.
-
-    Attributes:
-        model: The class.
-        notes: What is left out, each with its place.
-    """
-
-    model: RobotModel
-    notes: list[str] = field(default_factory=list)
-
-    def to_text(self) -> str:
-        """Return its file, as ``serve --robots`` reads it."""
-        content = self.model.model_dump(mode="json", exclude_defaults=True)
-        text: str = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
-        return text
-
-
-def import_ini(path: Path, class_name: str | None) -> ImportedRobot:
+def import_ini(path: Path, class_name: str | None) -> tuple[RobotModel, list[str]]:
     """Import a robot class with the items of its section; the body is a shipped one's.
 
     Args:
         path: The file.
         class_name: The class; None for the only one with parts.
+
+    Returns:
+        The class, and what is left out of it, each with its place.
 
     Raises:
         ForeignFileError: If it cannot be read, or has no such class.
@@ -101,7 +84,17 @@ def import_ini(path: Path, class_name: str | None) -> ImportedRobot:
         if line.key.casefold() != "addparts":
             notes.append(place(path, line.number, f"the key {line.key!r} is not read"))
             continue
-        part = _parse_part(path, line)
+        if not line.value.startswith("("):
+            text = f"{short_repr(line.value)}, expected (ItemClass=class'...', ...)"
+            raise wrong(path, line.number, text)
+        try:
+            part, end = _parse_struct(line.value, 1)
+        except RecursionError:  # thousands of parentheses
+            part, end = {}, -1
+        except ValueError as error:
+            raise wrong(path, line.number, str(error)) from error
+        if end != len(line.value):
+            raise wrong(path, line.number, "expected one pair of parentheses")
         item = _item_of(path, line.number, part)
         if item is None:
             text = f"a part of class {_class_of(part)!r} is left out"
@@ -110,7 +103,7 @@ def import_ini(path: Path, class_name: str | None) -> ImportedRobot:
             items.append(item)
     content = body.model_dump(exclude_unset=True) | {"name": name, "items": items}
     try:
-        return ImportedRobot(RobotModel.model_validate(content), notes)
+        return RobotModel.model_validate(content), notes
     except ValidationError as error:
         reason = describe_invalid(error.errors()[0])
         where = ".".join(map(str, error.errors()[0]["loc"]))
@@ -145,7 +138,8 @@ def _read_sections(path: Path) -> dict[str, list[_Line]]:
     sections: dict[str, list[_Line]] = {}
     lines: list[_Line] | None = None
     for number, line in enumerate(read_text(path).split("\n"), 1):
-        text = _without_comment(line).strip()
+        # A semicolon in quotes begins no comment.
+        text = _UNCOMMENTED.match(line)[0].strip()  # type: ignore[index]
         if not text:
             continue
         if head := _SECTION.fullmatch(text):
@@ -158,32 +152,6 @@ def _read_sections(path: Path) -> dict[str, list[_Line]]:
             expected = "expected '[section]' or 'Key=Value'"
             raise wrong(path, number, f"{short_repr(text)}, {expected}")
     return sections
-
-
-def _without_comment(text: str) -> str:
-    """Return a line up to a semicolon that is not in quotes."""
-    is_quoted = False
-    for index, sign in enumerate(text):
-        is_quoted ^= sign == '"'
-        if sign == ";" and not is_quoted:
-            return text[:index]
-    return text
-
-
-def _parse_part(path: Path, line: _Line) -> Struct:
-    """Parse the value of AddParts."""
-    if not line.value.startswith("("):
-        text = f"{short_repr(line.value)}, expected (ItemClass=class'...', ...)"
-        raise wrong(path, line.number, text)
-    try:
-        part, end = _parse_struct(line.value, 1)
-    except RecursionError:  # thousands of parentheses
-        end = -1
-    except ValueError as error:
-        raise wrong(path, line.number, str(error)) from error
-    if end != len(line.value):
-        raise wrong(path, line.number, "expected one pair of parentheses")
-    return part
 
 
 def _parse_struct(text: str, at: int) -> tuple[Struct, int]:

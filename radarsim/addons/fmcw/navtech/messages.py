@@ -9,11 +9,8 @@ byte first, as these clients read them.
 """
 
 import struct
-from dataclasses import dataclass
 from enum import IntEnum
-from typing import Final, NamedTuple, Self
-
-from radarsim.errors import MalformedMessage
+from typing import Final, NamedTuple
 
 SIGNATURE: Final = bytes.fromhex("0001030307070f0f1f1f3f3f7f7ffefe")
 VERSION: Final = 1
@@ -24,7 +21,6 @@ _HEAD: Final = struct.Struct(">16sBBI")
 _CONFIGURATION: Final = struct.Struct(">6H2f")
 _PLACE: Final = struct.Struct(">3H")
 _TIME: Final = struct.Struct("<2I")
-_DATA_OFFSET: Final = _PLACE.size + _TIME.size
 
 
 class MessageType(IntEnum):
@@ -54,100 +50,44 @@ class Message(NamedTuple):
         return head + self.payload
 
 
-@dataclass(frozen=True, slots=True)
-class RadarConfiguration:
-    """What a radar tells of itself.
+def configuration_message(
+    azimuths: int,
+    bin_size: float,
+    bins: int,
+    encoder_counts: int,
+    rotation_hz: float,
+    packet_rate: int,
+) -> bytes:
+    """Return what a radar tells of itself; too large numbers are the largest.
 
-    Attributes:
+    Args:
         azimuths: Directions in a turn.
         bin_size: Distance between range bins, m, to 0.1 mm.
         bins: Range bins of a direction.
         encoder_counts: Counts of the encoder in a turn.
         rotation_hz: Turns per second, to a thousandth.
         packet_rate: Directions per second.
-        range_gain: Factor of ranges.
-        range_offset: What is added to ranges, m.
     """
-
-    azimuths: int
-    bin_size: float
-    bins: int
-    encoder_counts: int
-    rotation_hz: float
-    packet_rate: int
-    range_gain: float = 1.0
-    range_offset: float = 0.0
-
-    @classmethod
-    def decode(cls, payload: bytes) -> Self:
-        """Read the payload of a message; what follows these numbers is ignored.
-
-        Raises:
-            MalformedMessage: If it is too short.
-        """
-        if len(payload) < _CONFIGURATION.size:
-            raise _too_short("configuration", payload, _CONFIGURATION.size)
-        azimuths, bin_size, bins, encoder, rotation, rate, gain, offset = (
-            _CONFIGURATION.unpack_from(payload)
-        )
-        return cls(
-            azimuths,
-            bin_size / 1e4,
-            bins,
-            encoder,
-            rotation / 1e3,
-            rate,
-            gain,
-            offset,
-        )
-
-    def encode(self) -> bytes:
-        """Return the payload of a message; numbers too large for it are the largest."""
-        whole = (
-            self.azimuths,
-            self.bin_size * 1e4,
-            self.bins,
-            self.encoder_counts,
-            self.rotation_hz * 1e3,
-            self.packet_rate,
-        )
-        limited = (min(round(number), 0xFFFF) for number in whole)
-        return _CONFIGURATION.pack(*limited, self.range_gain, self.range_offset)
+    thousandths, tenths_mm = rotation_hz * 1e3, bin_size * 1e4
+    numbers = azimuths, tenths_mm, bins, encoder_counts, thousandths, packet_rate
+    limited = (min(round(number), 0xFFFF) for number in numbers)
+    gain, offset = 1.0, 0.0  # of ranges: clients are to take them as they are
+    payload = _CONFIGURATION.pack(*limited, gain, offset)
+    return Message(MessageType.CONFIGURATION, payload).encode()
 
 
-@dataclass(frozen=True, slots=True)
-class Direction:
-    """What a radar received from one direction.
+def direction_message(sweep: int, encoder: int, time: int, counts: bytes) -> bytes:
+    """Return what a radar received from one direction.
 
-    Attributes:
+    Args:
         sweep: Counts directions, 0 to 65535 and from the beginning again.
         encoder: Count of the encoder, which is 0 straight ahead.
         time: When the sweep began, ns.
         counts: The power in each range bin, a byte each.
     """
-
-    sweep: int
-    encoder: int
-    time: int
-    counts: bytes
-
-    @classmethod
-    def decode(cls, payload: bytes) -> Self:
-        """Read the payload of a message.
-
-        Raises:
-            MalformedMessage: If it is too short.
-        """
-        if len(payload) < _DATA_OFFSET:
-            raise _too_short("direction", payload, _DATA_OFFSET)
-        start, sweep, encoder = _PLACE.unpack_from(payload)
-        seconds, split = _TIME.unpack_from(payload, _PLACE.size)
-        return cls(sweep, encoder, seconds * NANOSECONDS + split, payload[start:])
-
-    def encode(self) -> bytes:
-        """Return the payload of a message."""
-        place = _PLACE.pack(_DATA_OFFSET, self.sweep, self.encoder)
-        return place + _TIME.pack(*divmod(self.time, NANOSECONDS)) + self.counts
+    place = _PLACE.pack(_PLACE.size + _TIME.size, sweep, encoder)
+    payload = place + _TIME.pack(*divmod(time, NANOSECONDS)) + counts
+    return Message(MessageType.DIRECTION, payload).encode()
 
 
 class MessageBuffer:
@@ -157,47 +97,34 @@ class MessageBuffer:
         problem: Why no more messages are found; empty while they are.
     """
 
-    def __init__(self, limit: int = MAX_REQUEST) -> None:
-        """Start without received bytes.
-
-        Args:
-            limit: Longest payload that is taken, bytes.
-        """
+    def __init__(self) -> None:
+        """Start without received bytes."""
         self.problem = ""
-        self._limit = limit
         self._received = bytearray()
 
     def feed(self, data: bytes) -> list[Message]:
         """Add received bytes, and return the messages that they complete."""
-        self._received += data
-        messages = []
-        while not self.problem and (message := self._take()) is not None:
-            messages.append(message)
+        received, messages = self._received, []
+        received += data
+        while received and not self.problem:
+            # What cannot become the signature any more is not waited for.
+            if not SIGNATURE.startswith(received[: len(SIGNATURE)]):
+                self.problem = f"{bytes(received[:16])!r}, expected the signature"
+                break
+            if len(received) < _HEAD.size:
+                break
+            _, version, kind, size = _HEAD.unpack_from(received)
+            end = _HEAD.size + size
+            if version != VERSION:
+                self.problem = f"version {version}, expected {VERSION}"
+            elif size > MAX_REQUEST:
+                text = f"payload of {size} bytes, expected at most {MAX_REQUEST}"
+                self.problem = text
+            elif len(received) < end:
+                break
+            else:
+                messages.append(Message(kind, bytes(received[_HEAD.size : end])))
+                del received[:end]
         if self.problem:
-            self._received.clear()
+            received.clear()
         return messages
-
-    def _take(self) -> Message | None:
-        """Remove the next message; None if it is not complete, or not one at all."""
-        received = self._received
-        if not SIGNATURE.startswith(received[: len(SIGNATURE)]):
-            self.problem = f"{bytes(received[:16])!r}, expected the signature"
-        if len(received) < _HEAD.size or self.problem:
-            return None
-        _, version, kind, size = _HEAD.unpack_from(received)
-        if version != VERSION:
-            self.problem = f"version {version}, expected {VERSION}"
-        elif size > self._limit:
-            self.problem = f"payload of {size} bytes, expected at most {self._limit}"
-        end = _HEAD.size + size
-        if self.problem or len(received) < end:
-            return None
-        payload = bytes(received[_HEAD.size : end])
-        del received[:end]
-        return Message(kind, payload)
-
-
-def _too_short(what: str, payload: bytes, expected: int) -> MalformedMessage:
-    return MalformedMessage(
-        f"{what} of {len(payload)} bytes, expected at least {expected}"
-    )

@@ -24,11 +24,10 @@ from typing import TYPE_CHECKING, Final
 from radarsim.addons.fmcw.antennas import antennas_of
 from radarsim.addons.fmcw.image_files import ENCODER_COUNTS
 from radarsim.addons.fmcw.navtech.messages import (
-    Direction,
-    Message,
     MessageBuffer,
     MessageType,
-    RadarConfiguration,
+    configuration_message,
+    direction_message,
 )
 from radarsim.server.host import HostObserver
 from radarsim.server.peer_connections import PeerConnection, PeerServer, RefusalLog
@@ -83,23 +82,32 @@ class NavtechServer(PeerServer, HostObserver):
         """Follow the robot, which can come or leave, and listen while clients do."""
         if self._simulation is None:
             return
-        antenna = self._find_antenna(self._simulation)
+        antennas = antennas_of(self._simulation)
+        wanted = None if self._robot is None else self._robot.casefold()
+        carried = (
+            antennas.of(vehicle)[0]
+            for vehicle in antennas.carriers()
+            if wanted in (None, vehicle.robot.name.casefold())
+        )
+        antenna = next(carried, None)
         if antenna is not self._antenna:
             self._listen_to(None)
             self._antenna = antenna
-            self._configuration = _configuration_of(antenna) if antenna else b""
+            self._configuration = b""
+            if antenna is not None:
+                settings: FmcwSettings = antenna.mounted.scanner.fmcw.settings
+                self._configuration = configuration_message(
+                    settings.azimuths,
+                    settings.bin_size,
+                    settings.bins,
+                    ENCODER_COUNTS,
+                    settings.rotation_hz,
+                    round(settings.rotation_hz * settings.azimuths),
+                )
             for client in self._clients:
                 self._tell(client)
         is_wanted = any(client.wants_data for client in self._clients)
         self._listen_to(antenna if is_wanted else None)
-
-    def _find_antenna(self, simulation: Simulation) -> Antenna | None:
-        antennas = antennas_of(simulation)
-        for vehicle in antennas.carriers():
-            name = vehicle.robot.name.casefold()
-            if self._robot is None or name == self._robot.casefold():
-                return antennas.of(vehicle)[0]
-        return None
 
     def _listen_to(self, antenna: Antenna | None) -> None:
         """Listen to an antenna, and to no other."""
@@ -117,7 +125,16 @@ class NavtechServer(PeerServer, HostObserver):
 
     def _hear(self, seen: SeenSector) -> None:
         """Send directions to all who want them."""
-        data = _directions(seen)
+        sector, settings = seen.sector, seen.sector.spectrum.settings
+        data = b"".join(
+            direction_message(
+                (sector.turn * settings.azimuths + row) % 2**16,
+                row * ENCODER_COUNTS // settings.azimuths,
+                round((seen.time + k * settings.sweep_time) * 1e9),
+                sector.spectrum.counts[k].tobytes(),
+            )
+            for k, row in enumerate(sector.rows)
+        )
         for client in list(self._clients):
             if client.wants_data:
                 client.send(data)
@@ -192,34 +209,3 @@ class RadarClient(PeerConnection):
     def _forget(self) -> None:
         super()._forget()
         self.wants_data = False
-
-
-def _configuration_of(antenna: Antenna) -> bytes:
-    """Return the message that describes a radar."""
-    settings: FmcwSettings = antenna.mounted.scanner.fmcw.settings
-    configuration = RadarConfiguration(
-        settings.azimuths,
-        settings.bin_size,
-        settings.bins,
-        ENCODER_COUNTS,
-        settings.rotation_hz,
-        round(settings.rotation_hz * settings.azimuths),
-    )
-    return Message(MessageType.CONFIGURATION, configuration.encode()).encode()
-
-
-def _directions(seen: SeenSector) -> bytes:
-    """Return the messages of neighbouring directions."""
-    sector = seen.sector
-    settings = sector.spectrum.settings
-    messages = []
-    for k, counts in enumerate(sector.spectrum.counts):
-        row = sector.first + k
-        direction = Direction(
-            (sector.turn * settings.azimuths + row) % 2**16,
-            row * ENCODER_COUNTS // settings.azimuths,
-            round((seen.time + k * settings.sweep_time) * 1e9),
-            counts.tobytes(),
-        )
-        messages.append(Message(MessageType.DIRECTION, direction.encode()).encode())
-    return b"".join(messages)

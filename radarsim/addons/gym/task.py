@@ -8,6 +8,7 @@ Random starts and goals on the floor that robots can get to.
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -139,7 +140,6 @@ class GoToTask:
         """
         self.settings = settings
         self.arena = Arena(settings, count, meets=meets)
-        self._places: FreePlaces | None = None
         _start_pose(self.arena.scene, settings.start)
         _goal_position(self.arena.scene, settings.goal)
         self.goals = np.zeros((count, 2))
@@ -191,7 +191,10 @@ class GoToTask:
         start = _start_pose(self.arena.scene, options.get("start", settings.start))
         goal = _goal_position(self.arena.scene, options.get("goal", settings.goal))
         if start is None:
-            pose = self._random_start(row, rng)
+            others = self.arena.places_of_others(row)
+            apart = 2 * (self.arena.radius + CLEARANCE)
+            x, y = self._free_places.draw(rng, others, apart)
+            pose = Pose2(x, y, float(rng.uniform(-math.pi, math.pi)))
         else:
             pose = self.arena.nearest_free_pose(start)
         self.arena.place(row, pose)
@@ -218,7 +221,14 @@ class GoToTask:
         before, poses = self.distances, self.arena.poses
         touched = self.arena.drive(actions)
         self.steps += 1
-        self._measure_speeds(poses)
+        x, y, yaw = (self.arena.poses - poses).T
+        # On an arc, the chord lies in the middle between the first and last heading.
+        heading = poses[:, 2] + yaw / 2
+        forward = x * np.cos(heading) + y * np.sin(heading)
+        turned = np.arctan2(np.sin(yaw), np.cos(yaw))
+        limits = np.array([self.arena.max_speed, self.arena.max_turn_rate])
+        speeds = np.column_stack([forward, turned]) / self.settings.decision_period
+        self._speeds = np.clip(speeds / limits, -1.0, 1.0)
         distances = np.hypot(*(self.goals - self.arena.poses[:, :2]).T)
         self.distances = distances.copy()
         reached = distances <= GOAL_RADIUS
@@ -230,7 +240,14 @@ class GoToTask:
         Args:
             rngs: Source of randomness of each robot.
         """
-        ranges, values = self._read_beams(rngs)
+        values: Observations = {}
+        if self.settings.beam_values:
+            read = self.arena.read_beams(rngs)
+            ranges = read.ranges
+            for name in self.settings.beam_values:
+                values[name] = getattr(read, name).astype(np.float32)
+        else:
+            ranges = self.arena.scan(rngs)
         x, y, yaw = self.arena.poses.T
         bearing = np.arctan2(self.goals[:, 1] - y, self.goals[:, 0] - x) - yaw
         distance = np.minimum(self.distances / GOAL_SCALE, 1.0)
@@ -243,17 +260,6 @@ class GoToTask:
             "speeds": self._speeds.astype(np.float32),
             **values,
         }
-
-    def _read_beams(
-        self, rngs: Sequence[np.random.Generator]
-    ) -> tuple[Floats, Observations]:
-        """Return the ranges, m, and the other values of beams that are observed."""
-        wanted = self.settings.beam_values
-        if not wanted:
-            return self.arena.scan(rngs), {}
-        read = self.arena.read_beams(rngs)
-        values = {name: getattr(read, name).astype(np.float32) for name in wanted}
-        return read.ranges, values
 
     def ended(self, transition: Transition) -> tuple[NDArray[np.bool_], ...]:
         """Return which episodes are terminated, and which are truncated, (N,) each."""
@@ -275,27 +281,9 @@ class GoToTask:
             "pose": self.arena.poses[row].copy(),
         }
 
-    @property
+    @cached_property
     def _free_places(self) -> FreePlaces:
-        if self._places is None:
-            self._places = FreePlaces(self.arena.scene, self.arena.radius + CLEARANCE)
-        return self._places
-
-    def _random_start(self, row: int, rng: np.random.Generator) -> Pose2:
-        others = self.arena.places_of_others(row)
-        apart = 2 * (self.arena.radius + CLEARANCE)
-        x, y = self._free_places.draw(rng, others, apart)
-        return Pose2(x, y, float(rng.uniform(-math.pi, math.pi)))
-
-    def _measure_speeds(self, poses: Floats) -> None:
-        """Compute speeds over the last period from the poses before it."""
-        x, y, yaw = (self.arena.poses - poses).T
-        heading = poses[:, 2] + yaw / 2
-        forward = x * np.cos(heading) + y * np.sin(heading)
-        turned = np.arctan2(np.sin(yaw), np.cos(yaw))
-        limits = np.array([self.arena.max_speed, self.arena.max_turn_rate])
-        speeds = np.column_stack([forward, turned]) / self.settings.decision_period
-        self._speeds = np.clip(speeds / limits, -1.0, 1.0)
+        return FreePlaces(self.arena.scene, self.arena.radius + CLEARANCE)
 
 
 def _start_pose(scene: Scene, start: str | Sequence[float]) -> Pose2 | None:
