@@ -17,7 +17,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
 from rosbags.typesys.stores.ros2_jazzy import tf2_msgs__msg__TFMessage as TFMessage
 
 import radarsim
-from radarsim.addons.recording.bag_reader import BagReader
+from radarsim.addons.recording.bag import BagReader
 from radarsim.addons.recording.cdr import decode
 from radarsim.addons.recording.host_recorder import EventType
 from radarsim.addons.testing import UsarsimServer

@@ -112,6 +112,7 @@ def point_tones(
     azimuth = -np.arctan2(seen[:, 1], seen[:, 0])
     elevation = np.arcsin(np.clip(seen[:, 2] / distance, -1, 1))
     half = rows_in_beam(settings)
+    # Every direction whose main lobe reaches the point receives it, by the pattern.
     rows = np.rint(azimuth / settings.step)[:, None] + np.arange(-half, half + 1)
     across = gaussian(
         rows * settings.step - azimuth[:, None], math.radians(settings.beamwidth_az_deg)
@@ -121,6 +122,7 @@ def point_tones(
     power *= 10 ** (-loss_db[visible] / 5) / noise_power(settings)
     speeds = (seen @ (pose.rotation().T @ np.array(velocity))) / distance
     ranges = distance + doppler_shift(settings, speeds)
+    # The phase follows the true distance, the tone what Doppler makes of it.
     wide = np.ones_like(rows)
     phases = -4 * math.pi * distance / settings.wavelength
     return Tones(
@@ -164,6 +166,7 @@ def losses_to(
         np.full(len(rows), power),
         np.zeros(len(rows), np.uint8),
         np.full(len(rows), carrier_id, np.int64),
+        # A mirror on the way hides the point, as any other surface.
         (ray_class._replace(max_reflections=0),),
     )
     for event in tracer.trace(rays, boxes, events=True).events:
@@ -244,7 +247,8 @@ def _fill_speckle(
     if not len(occupied):
         return
     depth, half = int(occupied[-1]) + 1, rows_in_beam(settings)
-    # The directions beside these share points with them.
+    # The directions beside these share points with them. Each has a stream of its own,
+    # by its number in the turn, so that any part of a turn is computed as the whole.
     white = np.zeros((len(mean) + 2 * half, 2 * depth), np.float32)
     for k, row in enumerate(white):
         streams.fill_normal(2 * ((first - half + k) % settings.azimuths), row)

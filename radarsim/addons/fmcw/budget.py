@@ -180,11 +180,9 @@ def link_budget(radar: FmcwRadar, scene: Scene, pose: Pose3, azimuth: int) -> Bu
         if echo is not None:
             kind, label, gamma = echo
             part = tracer.parts[event.part]  # without robots in the scene
-            own = [
-                Entry(f"1 / R^2 at {event.t:.2f} m", -20 * math.log10(event.t)),
-                *(Entry(f"lost in {name}", -2 * db) for name, db in losses.by_name()),
-                Entry(label, _db(gamma)),
-            ]
+            own = [Entry(f"1 / R^2 at {event.t:.2f} m", -20 * math.log10(event.t))]
+            own += [Entry(f"lost in {name}", -2 * db) for name, db in losses.by_name()]
+            own.append(Entry(label, _db(gamma)))
             received = sum(entry.db for entry in [*common, *own])
             name, material = part.object_name, part.material.name
             echoes.append(EchoBudget(name, material, kind, event.t, own, received))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
 
@@ -271,7 +271,8 @@ def _load_path(path: Path, scene: Scene) -> DrivenPath:
     if way.positions[:, 2].any():
         return way
     floor = [scene.floor_at(x, y) for x, y, _ in way.positions.tolist()]
-    return way.at_heights(np.array(floor) + SENSOR_HEIGHT)
+    heights = np.array(floor) + SENSOR_HEIGHT
+    return replace(way, positions=np.column_stack([way.positions[:, :2], heights]))
 
 
 def _write_sequence(folder: Path, layout: str, turns: Iterable[DrivenTurn]) -> int:

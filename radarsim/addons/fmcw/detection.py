@@ -73,6 +73,7 @@ def detect(
         ValueError: If there is no such detector, or a number is out of range.
     """
     if detector == "k":
+        # Counts, not watts: the algorithm was published for what radars store.
         mask = strongest_mask(
             spectrum.counts, count, spectrum.ranges >= MIN_RANGE, MIN_COUNT
         )
@@ -119,6 +120,7 @@ def strongest_mask(
 @njit_cached
 def peaks_of(mask: Mask, power: NDArray[np.float32]) -> Mask:
     """Return the strongest bin of each run of bins that are set, (A, B)."""
+    # A strong echo sets all bins of its main lobe: it is one target.
     peaks = np.zeros(mask.shape, np.bool_)
     for row in range(len(mask)):
         best = -1
@@ -244,6 +246,7 @@ def ca_mask(
     """
     half = training.bins // 2
     both = ca_factor(training.bins, pfa, correlation)
+    # By how many sides have training bins.
     factors = np.array([math.inf, ca_factor(half, pfa, correlation), both])
     found = np.zeros(power.shape, np.bool_)
     _find_ca(power, training.guard + 1, training.step, half, factors, found)

@@ -135,6 +135,8 @@ class TurnPower:
         """
         half, count = self._half, self._settings.azimuths
         power = self._rows[half + first : half + last].copy()
+        # Beams reach over the ends of a turn: what its neighbours' rays added to rows
+        # beyond their own is of these directions.
         end = min(last, half + 2)
         if first < end:
             edge = half + count
@@ -186,6 +188,7 @@ def _spread_line(beams: Beams, column: int) -> None:
     row, part = column // len(pattern), column % len(pattern)
     # Loops over bins, not sums of slices, which would be new arrays.
     for k in range(pattern.shape[1]):
+        # Row 0 is that of ``half`` directions before the first, as in the pattern.
         gain = np.float32(pattern[part, k])
         seen = beams.power[row + k, low : high + 1]
         for b in range(len(line)):

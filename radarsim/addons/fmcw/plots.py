@@ -26,8 +26,14 @@ _MARK: Final[dict[str, Any]] = {
     "marker": "o",
     "linestyle": "none",
     "markerfacecolor": "none",
+    "color": "#ff7f0e",
 }
-_MARK_COLOUR: Final = "#ff7f0e"
+_GREY: Final[dict[str, Any]] = {
+    "cmap": "gray",
+    "vmin": -DARKEST,
+    "vmax": BRIGHTEST,
+    "interpolation": "antialiased",
+}
 
 
 def plot_spectrum(
@@ -93,21 +99,14 @@ def _draw_cartesian(
     axes: Axes, spectrum: "Spectrum", reach: float, detections: "Detections | None"
 ) -> None:
     image = cartesian_image(spectrum, _grey(spectrum), reach, PIXELS)
-    axes.imshow(
-        image,
-        extent=(-reach, reach, -reach, reach),
-        cmap="gray",
-        vmin=-DARKEST,
-        vmax=BRIGHTEST,
-        interpolation="antialiased",
-    )
+    axes.imshow(image, extent=(-reach, reach, -reach, reach), **_GREY)
     axes.set_xlabel("to the right, m")
     axes.set_ylabel("ahead, m")
     if detections is not None:
         near = detections.ranges <= reach
         ranges, angles = detections.ranges[near], detections.angles[near]
         right, ahead = -ranges * np.sin(angles), ranges * np.cos(angles)
-        axes.plot(right, ahead, **_MARK, color=_MARK_COLOUR, markersize=3)
+        axes.plot(right, ahead, **_MARK, markersize=3)
     axes.set_xlim(-reach, reach)
     axes.set_ylim(-reach, reach)
 
@@ -147,24 +146,15 @@ def _draw_polar(
     axes: Axes, spectrum: "Spectrum", reach: float, detections: "Detections | None"
 ) -> None:
     bins = int(np.searchsorted(spectrum.ranges, reach, side="right"))
-    axes.imshow(
-        _grey(spectrum)[:, :bins],
-        extent=(0.0, reach, 360.0, 0.0),
-        aspect="auto",
-        cmap="gray",
-        vmin=-DARKEST,
-        vmax=BRIGHTEST,
-        interpolation="antialiased",
-    )
+    extent = (0.0, reach, 360.0, 0.0)
+    axes.imshow(_grey(spectrum)[:, :bins], extent=extent, aspect="auto", **_GREY)
     axes.set_xlabel("range, m")
     axes.set_ylabel("azimuth, degrees clockwise")
     axes.set_yticks(range(0, 361, 90))
     if detections is not None:
         near = detections.ranges <= reach
         degrees = np.degrees(-detections.angles[near])
-        axes.plot(
-            detections.ranges[near], degrees, **_MARK, color=_MARK_COLOUR, markersize=3
-        )
+        axes.plot(detections.ranges[near], degrees, **_MARK, markersize=3)
         axes.set_xlim(0, reach)
         axes.set_ylim(360, 0)
 
@@ -185,13 +175,8 @@ def _draw_ascope(
     axes.plot(ranges, floor, linewidth=1, linestyle="--", color="0.5", label="noise")
     if detections is not None:
         own = (detections.rows == azimuth) & (detections.ranges <= reach)
-        axes.plot(
-            detections.ranges[own],
-            detections.dbm[own],
-            **_MARK,
-            color=_MARK_COLOUR,
-            label="detected",
-        )
+        ranges, dbm = detections.ranges[own], detections.dbm[own]
+        axes.plot(ranges, dbm, **_MARK, label="detected")
     axes.set_xlabel("range, m")
     axes.set_ylabel("dBm")
     axes.set_xlim(0, reach)

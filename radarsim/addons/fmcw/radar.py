@@ -177,7 +177,8 @@ class FmcwRadar:
         """
         settings = self.settings
         power = beat_rows(settings, rows.start, mean, tones, streams)
-        # The echo power of points is that of their nearest bins.
+        # Points are in the signal, not in its mean; here the echo power of each is that
+        # of its nearest bin.
         bins = np.rint(tones.ranges / settings.bin_size).astype(np.int64)
         within = (bins >= 0) & (bins < settings.bins)
         within &= (tones.rows >= rows.start) & (tones.rows < rows.stop)

@@ -3,14 +3,11 @@
 Source: M. I. Skolnik, Introduction to Radar Systems; the gain is that of a Gaussian
 beam, G = 16 ln 2 / (az el).
 
-The antenna: how its power is spread over azimuth and elevation.
-
-One-way patterns are relative to the middle of the beam. Across it is a Gaussian, up
-and down too; below the horizon, where the Gaussian falls off, a fan may fill it in as a
-squared cosecant. With it a point at a given depth below the antenna returns the same
-power at all ranges.
-
-Windows over the samples of a sweep.
+One-way patterns of the antenna are relative to the middle of the beam. Across it is a
+Gaussian, up and down too; below the horizon, where the Gaussian falls off, a fan may
+fill it in as a squared cosecant. With it a point at a given depth below the antenna
+returns the same power at all ranges. The window over the samples of a sweep determines
+how wide noise and echoes are.
 """
 
 import math
@@ -51,12 +48,6 @@ def window_of(settings: FmcwSettings) -> Floats:
     window /= window.sum()
     window.setflags(write=False)
     return window
-
-
-def noise_bandwidth(settings: FmcwSettings) -> float:
-    """Return the noise bandwidth of the window, in units of one over the sweep time."""
-    window = window_of(settings)
-    return float(len(window) * (window**2).sum())
 
 
 def noise_correlation(settings: FmcwSettings, bins: Floats) -> Floats:
@@ -166,7 +157,8 @@ def received_power(settings: FmcwSettings, rcs: ArrayLike, ranges: ArrayLike) ->
 
 def noise_power(settings: FmcwSettings) -> float:
     """Return kTBF in a bin, W; B is the window's noise bandwidth over the sweep."""
-    bandwidth = noise_bandwidth(settings) / settings.sweep_time
+    window = window_of(settings)
+    bandwidth = float(len(window) * (window**2).sum()) / settings.sweep_time
     density = BOLTZMANN * REFERENCE_TEMPERATURE * 10 ** (settings.noise_figure_db / 10)
     return density * bandwidth
 

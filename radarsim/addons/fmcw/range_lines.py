@@ -69,24 +69,6 @@ class Place(NamedTuple):
     shift: float
 
 
-class Passage(NamedTuple):
-    """The part of a ray that is in one volume.
-
-    Attributes:
-        start: Where it begins, m.
-        end: Where it ends, m.
-        volume: Cross section of a cubic metre, m^2/m^3.
-        loss: dB one way up to there.
-        slope: dB per metre one way within.
-    """
-
-    start: float
-    end: float
-    volume: float
-    loss: float
-    slope: float
-
-
 @njit_inline
 def add_surface(
     lines: Lines, place: Place, bins: Bins, t: float, gamma: float, length: float
@@ -146,6 +128,7 @@ def add_ground(
     # Beyond straight down, 1.57 rad, ranges would grow again.
     start = max(depth / np.sin(min(here + half, 1.5)), grazing.near, NEAREST)
     end = grazing.far
+    # Rays nearer the horizon than that stand for directions that meet no ground.
     if here > half:
         end = min(end, depth / np.sin(here - half))
     # The share of the ray's power in a radian; what lies beyond the last bin is lost.
@@ -162,6 +145,7 @@ def add_ground(
         share = min(last, b + 1.0) - max(first, float(b))
         power = _ground_at(bins.per_square[b], depth, scale * share)
         if exponent != 0.0:
+            # Lambert's gamma falls with h / R; it is given for the range of the ray.
             power *= grazing.t * np.sqrt(bins.per_square[b])
         if b == low or high > low:
             add_to_bin(lines, place, b, power)
@@ -217,12 +201,32 @@ def _ground_at(inverse: float, depth: float, scale: float) -> float:
 
 
 @njit_inline
-def add_volume(lines: Lines, place: Place, bins: Bins, passage: Passage) -> None:
-    """Add what a volume returns along the ``Passage`` of a ray through it."""
+def add_volume(
+    lines: Lines,
+    place: Place,
+    bins: Bins,
+    near: float,
+    far: float,
+    volume: float,
+    loss: float,
+    slope: float,
+) -> None:
+    """Add what a volume returns along the way of a ray through it.
+
+    Args:
+        lines: The ``Lines``.
+        place: The ``Place``.
+        bins: The ``Bins``.
+        near: Where it begins, m.
+        far: Where it ends, m.
+        volume: Cross section of a cubic metre, m^2/m^3.
+        loss: dB one way up to there.
+        slope: dB per metre one way within.
+    """
     size, count = bins.size, len(bins.per_square)
-    rate = 2.0 * passage.slope / NEPER_DB  # nepers of power per metre, out and back
-    start = (passage.start + place.shift) / size + 0.5
-    end = (passage.end + place.shift) / size + 0.5
+    rate = 2.0 * slope / NEPER_DB  # nepers of power per metre, out and back
+    start = (near + place.shift) / size + 0.5
+    end = (far + place.shift) / size + 0.5
     low, high = max(int(np.floor(start)), 0), min(int(np.floor(end)), count - 1)
     if high < low:
         return
@@ -230,7 +234,7 @@ def add_volume(lines: Lines, place: Place, bins: Bins, passage: Passage) -> None
     fade = np.exp(-rate * size)
     whole = _mean_depth(rate, size)
     begin = max(start, float(low))
-    left = place.weight * passage.volume * 10.0 ** (-0.2 * passage.loss)
+    left = place.weight * volume * 10.0 ** (-0.2 * loss)
     left *= np.exp(-rate * (begin - start) * size)
     for b in range(low, high + 1):
         depth = (min(end, b + 1.0) - begin) * size
@@ -248,7 +252,7 @@ def add_volume(lines: Lines, place: Place, bins: Bins, passage: Passage) -> None
 @njit_inline
 def _mean_depth(rate: float, depth: float) -> float:
     """Return the integral of e^(-rate r) over a depth."""
-    if rate * depth < 1e-6:
+    if rate * depth < 1e-6:  # where the difference below would lose its digits
         return depth
     return float((1.0 - np.exp(-rate * depth)) / rate)
 

@@ -57,7 +57,7 @@ def extents_from(pose: Pose3, bounds: Floats) -> Extents:
         pose: Pose of the sensor, map frame.
         bounds: (N, 2, 3) m, lower and upper corners, map frame.
     """
-    extents = Extents(*np.zeros((5, len(bounds))))
+    extents = Extents._make(np.zeros((5, len(bounds))))
     rotation = np.ascontiguousarray(pose.rotation())
     _measure(np.ascontiguousarray(bounds), pose.position(), rotation, extents)
     return extents
@@ -211,6 +211,7 @@ def refined_fan(
     rows = range(settings.azimuths) if rows is None else rows
     columns = range(rows.start * settings.rays_across, rows.stop * settings.rays_across)
     first, last = columns.start * cells.rows, columns.stop * cells.rows
+    # Most turns meet nothing thin: then the fan is that of all turns, not a copy.
     fan = plain_fan(settings).cut(first, last)
     across, up = _divisions(settings, cells, extents, columns)
     divided = np.flatnonzero((across > 1) | (up > 1))
@@ -255,6 +256,7 @@ def _fill_cells(
     )
     solid = width * heights * level / counts[owner]
     weights = solid * elevation_pattern(settings, elevation) ** 2
+    # The rays of all columns in the beam fill up the gaps between those of one column.
     in_beam = math.radians(settings.beamwidth_az_deg) / width
     spread = np.maximum(WIDEST_GAP * heights / up[owner] / max(in_beam, 1.0), width)
     return RayFan(directions, column, beside, weights, spread)
@@ -279,6 +281,7 @@ def _divisions(
         np.interp(edge, cells.edges, rows) for edge in (extents.low, extents.high)
     )
     wide, tall = extents.width / width, high - low
+    # A thing that is wider than the beam has the rays of one beam in each direction.
     few = np.minimum(wide, in_beam) * tall < ENOUGH_RAYS
     thin = few & (tall > 0) & (extents.width < math.pi) & np.isfinite(wide)
     some = np.flatnonzero(thin)[np.argsort(extents.distance[thin])]

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from radarsim.addons.fmcw.range_lines import (
     Bins,
     Lines,
-    Passage,
     Place,
     add_ground,
     add_surface,
@@ -21,7 +20,6 @@ from radarsim.addons.fmcw.scattering import (
     gamma_at,
     grazing_at,
     is_level,
-    way_to_open,
 )
 from radarsim.geometry import Floats
 from radarsim.jit import njit_inline
@@ -108,10 +106,12 @@ def add_ray(
         if volume > 0.0 and e.t > t:
             loss = (bins.full - power) * per_power
             slope = (power - left) / (e.t - t) * per_power
-            add_volume(lines, place, bins, Passage(t, e.t, volume, loss, slope))
+            add_volume(lines, place, bins, t, e.t, volume, loss, slope)
         # In dB one way; the wave comes back, so that it loses twice as many.
         through = 10.0 ** (-0.2 * (bins.full - left) * per_power)
         if e.kind == _HIT:
+            # Ground is spread by its own law, along the direction that the fan knows:
+            # after a mirror it is a surface as any other.
             if not is_turned and is_level(rays.directions[ray], rays.incidence[ray]):
                 _add_level(fan, lines, place, ray, event, through)
             else:
@@ -119,6 +119,7 @@ def add_ray(
         elif e.kind == _OUT_OF_RANGE and not is_turned:
             _add_open_ground(fan, lines, place, ray, e, (t, power))
         elif e.kind == _SHEET:
+            # It has no depth: what it scatters is a share of what it takes.
             taken = 1.0 - 10.0 ** (-0.1 * e.absorbed * per_power)
             gamma = fan.scattering.albedo[_row(fan.scattering, e.part)] * taken
             add_surface(lines, place, bins, e.t, gamma * through, 0.0)
@@ -160,6 +161,7 @@ def _add_end(
     e = fan.events[event]
     cosine = max(fan.rays.incidence[ray], GRAZING)
     gamma = _surface_gamma(fan.scattering, e.part, cosine)
+    # The tangent of the angle of incidence: how much farther the next ray meets it.
     slant = np.sqrt(1.0 - cosine * cosine) / cosine
     length = min(fan.rays.spread[ray] * e.t * slant, LONGEST_SPREAD)
     add_surface(lines, place, fan.bins, e.t, gamma * through, length)
@@ -208,7 +210,9 @@ def _add_open_ground(
         before: Where it left what it met last, m, and the power that it had there.
     """
     ground, direction = fan.scattering.ground, fan.rays.directions[ray]
-    way, (t, power) = way_to_open(ground, end, direction), before
+    if ground.open_part < 0 or direction[2] >= 0.0:
+        return
+    way, (t, power) = end.t + (ground.open_height - end.z) / direction[2], before
     if way <= t or way >= end.t:
         return
     lost = fan.bins.full - power + (power - end.power) * (way - t) / (end.t - t)
@@ -237,6 +241,7 @@ def _mirror_cosine(fan: TracedFan, ray: int, first: int, event: int) -> float:
     for k in range(first, event):
         if events[k].kind == _MIRRORED:
             before = k
+    # Events know places, but no directions. A mirror is never the last event of a ray.
     here, after = events[event], events[event + 1]
     run = after.t - here.t
     if run <= 0.0:

@@ -83,6 +83,7 @@ def find_ground(tracer: Tracer) -> Ground:
         edges[i] = low[0], low[1], high[0], high[1]
         own = float((high[0] - low[0]) * (high[1] - low[1]))
         if part.material.constant_gamma:
+            # The ground of a map goes on where the map ends; the largest one is meant.
             edges[i] = -math.inf, -math.inf, math.inf, math.inf
             if own > area:
                 open_part, area = i, own
@@ -134,20 +135,6 @@ def grazing_at(
     return Grazing(t, -t * direction[2], angle, near, far)
 
 
-@njit_inline
-def way_to_open(ground: Ground, end: EventRow, direction: Floats) -> float:
-    """Return how far a ray goes until it meets open ground, m; inf if it does not.
-
-    Args:
-        ground: The ``Ground``.
-        end: An event on the ray.
-        direction: (3,) unit vector of the ray.
-    """
-    if ground.open_part < 0 or direction[2] >= 0.0:
-        return np.inf
-    return float(end.t + (ground.open_height - end.z) / direction[2])
-
-
 NEPER_DB: Final = 10 / math.log(10)  # dB of power in a neper of power, 4.343
 GRAZING: Final = 1e-3  # the smallest cosine of an angle of incidence
 MIRROR_DB: Final = -30.0  # of what a mirror scatters beside its reflection; estimate
@@ -185,6 +172,7 @@ _known: WeakKeyDictionary[Tracer, dict[RayClass, Scattering]] = WeakKeyDictionar
 
 def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Scattering:
     """Return what the parts of a scene scatter of the waves of a class."""
+    # Weakly: a tracer that nobody uses any more takes its entry along.
     known = _known.setdefault(tracer, {})
     if ray_class in known:
         return known[ray_class]
@@ -200,7 +188,9 @@ def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Scattering:
     if tracer.air_part >= 0:
         air = albedo[-1] * air_density / (per_db * NEPER_DB) + rain[-1]
     lobes = np.array([lobe_of(each) for each in materials]).reshape(-1, 2)
-    gamma = [10 ** (surface_db(each) / 10) for each in materials]
+    # Of opaque surfaces at normal incidence.
+    surface_db = [MIRROR_DB if m.radar_mirror else m.backscatter_db for m in materials]
+    gamma = [10 ** (db / 10) for db in surface_db]
     found = known[ray_class] = Scattering(
         np.append(gamma, 10 ** (ROBOT_DB / 10)),
         np.append([0.0 if each.constant_gamma else 1.0 for each in materials], 1.0),
@@ -244,8 +234,3 @@ def lobe_of(material: Material) -> tuple[float, float]:
         return 0.0, 0.0
     narrowness = 0.5 / math.radians(slope) ** 2
     return 10 ** (reflected / 10) * narrowness, narrowness
-
-
-def surface_db(material: Material) -> float:
-    """Return gamma of an opaque surface at normal incidence, dB."""
-    return MIRROR_DB if material.radar_mirror else material.backscatter_db

@@ -48,12 +48,6 @@ class DrivenPath:
             )
         ]
 
-    def at_heights(self, heights: Floats) -> "DrivenPath":
-        """Return the same path at other heights, (N,) m, map frame."""
-        return replace(
-            self, positions=np.column_stack([self.positions[:, :2], heights])
-        )
-
 
 def read_tum(text: str) -> DrivenPath:
     """Read a path in the format of TUM's tools.

@@ -162,18 +162,14 @@ def find_file(folder: Path) -> Path:
     if expected.exists():
         return expected
     reason = "no recording in it" if folder.is_dir() else "no such recording"
-    raise RecordingError(f"{folder}: {reason}, expected {_expected_instead(folder)}")
-
-
-def _expected_instead(folder: Path) -> str:
-    """Return which folder may be meant instead of one that is no recording."""
-    expected = "the folder of a recording, with one file *.mcap"
+    instead = "the folder of a recording, with one file *.mcap"
     if folder.suffix == ".mcap" and folder.is_file():
-        return f"{expected}; did you mean {str(folder.parent)!r}?"
-    inside = _recordings_in(folder)
-    if inside:
-        return f"one of those in it: {list_names(inside)}"
-    return expected + did_you_mean(folder.name, _recordings_in(folder.parent))
+        instead += f"; did you mean {str(folder.parent)!r}?"
+    elif inside := _recordings_in(folder):
+        instead = f"one of those in it: {list_names(inside)}"
+    else:
+        instead += did_you_mean(folder.name, _recordings_in(folder.parent))
+    raise RecordingError(f"{folder}: {reason}, expected {instead}")
 
 
 def _recordings_in(folder: Path) -> list[str]:

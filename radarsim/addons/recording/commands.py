@@ -26,8 +26,7 @@ from radarsim.errors import RecordingError
 from radarsim.plans import RARE, Option
 
 if TYPE_CHECKING:
-    from radarsim.addons.recording.bag_reader import BagReader
-    from radarsim.server.host import Host
+    from radarsim.addons.recording.bag import BagReader
 
 Folder = Annotated[Path, Option(is_argument=True, metavar="DIR")]
 
@@ -59,20 +58,17 @@ def replay(
     from radarsim.addons.recording.bag_folder import check_installed
 
     check_installed()
-    from radarsim.addons.recording.bag_reader import BagReader
-    from radarsim.addons.recording.replay import (
-        ReplayServer,
-        choose_client,
-        recorded_clients,
-    )
+    from radarsim.addons.recording.bag import BagReader
+    from radarsim.addons.recording.replay import ReplayServer, writes_of
 
     bag = BagReader(folder)
     if verify:
         return _verify(bag, map_)
     start_log(logging.WARNING, "%(asctime)s %(levelname)s %(message)s")
-    recorded = choose_client(recorded_clients(bag.calls()), client)
-    _warn_of_end(bag)
-    server = ReplayServer(recorded, speed=speed)
+    writes = writes_of(bag.calls(), client)
+    if not bag.is_complete:
+        print_message(f"{bag.folder}: {end_text(bag)}")
+    server = ReplayServer(writes, speed=speed)
     return asyncio.run(server.serve(listener.host, listener.port, announce))
 
 
@@ -80,37 +76,18 @@ def _verify(bag: BagReader, map_: str | None) -> int:
     """Simulate a run again, tell whether it is the same, and return the exit code.
 
     Raises:
-        RecordingError: If the map has changed.
-    """
-    from radarsim.addons.recording.replay import repeat_run
-
-    if bag.info.version != __version__:
-        print_message(f"recorded by version {bag.info.version}, this is {__version__}")
-    result = repeat_run(_host(bag, map_), bag.calls())
-    if result.difference is not None:
-        print_message(f"{bag.folder}: differs at {result.difference}")
-        return 1
-    _warn_of_end(bag)
-    click.echo(
-        f"{bag.folder}: {result.ticks / 100:g} s of {result.clients} clients,"
-        f" {result.bytes} bytes: all the same"
-    )
-    return 0
-
-
-def _host(bag: BagReader, map_: str | None) -> Host:
-    """Return a host of the recorded conditions.
-
-    Raises:
-        RecordingError: If there is no map, or it is another one.
+        RecordingError: If there is no map, or it has changed.
     """
     from radarsim.addons.recording.bag_folder import digest_of
+    from radarsim.addons.recording.replay import repeat_run
     from radarsim.protocol.dialect import get_dialect
     from radarsim.scene.map_file import find_map, load_map
     from radarsim.server.host import Host
     from radarsim.simulation.config import SimulationConfig
 
     info = bag.info
+    if info.version != __version__:
+        print_message(f"recorded by version {info.version}, this is {__version__}")
     name = map_ or info.map
     if not name:
         raise RecordingError(
@@ -122,12 +99,18 @@ def _host(bag: BagReader, map_: str | None) -> Host:
     config = SimulationConfig(
         get_dialect(info.dialect), info.drive_unit, info.settings, info.robots
     )
-    return Host(load_map(name), config=config, seed=info.seed, begins=False)
-
-
-def _warn_of_end(bag: BagReader) -> None:
+    host = Host(load_map(name), config=config, seed=info.seed, begins=False)
+    result = repeat_run(host, bag.calls())
+    if result.difference is not None:
+        print_message(f"{bag.folder}: differs at {result.difference}")
+        return 1
     if not bag.is_complete:
         print_message(f"{bag.folder}: {end_text(bag)}")
+    click.echo(
+        f"{bag.folder}: {result.ticks / 100:g} s of {result.clients} clients,"
+        f" {result.bytes} bytes: all the same"
+    )
+    return 0
 
 
 def end_text(bag: BagReader) -> str:
@@ -146,7 +129,7 @@ def info(folder: Folder) -> None:
     from radarsim.addons.recording.bag_folder import check_installed
 
     check_installed()
-    from radarsim.addons.recording.bag_reader import BagReader
+    from radarsim.addons.recording.bag import BagReader
 
     bag = BagReader(folder)
     counts: Counter[tuple[str, str]] = Counter()
@@ -177,7 +160,7 @@ def repair(folder: Folder) -> None:
     from radarsim.addons.recording.bag_folder import check_installed
 
     check_installed()
-    from radarsim.addons.recording.bag_reader import repair as repair_bag
+    from radarsim.addons.recording.bag import repair as repair_bag
 
     click.echo(f"{folder}: complete, {repair_bag(folder)} messages")
 

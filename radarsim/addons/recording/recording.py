@@ -130,7 +130,7 @@ class Recording:
         Raises:
             RecordingError: If the file cannot be read any more.
         """
-        from radarsim.addons.recording.bag_reader import BagReader  # noqa: PLC0415
+        from radarsim.addons.recording.bag import BagReader  # noqa: PLC0415
         from radarsim.addons.recording.cdr import Image, String, decode  # noqa: PLC0415
 
         topic = f"/{scanner}/spectrum"
@@ -189,7 +189,7 @@ def load_recording(folder: Path | str) -> Recording:
             package is missing, and then it names the extra.
     """
     check_installed()
-    from radarsim.addons.recording.bag_reader import BagReader  # noqa: PLC0415
+    from radarsim.addons.recording.bag import BagReader  # noqa: PLC0415
     from radarsim.addons.recording.cdr import (  # noqa: PLC0415
         LaserScan,
         Odometry,
@@ -223,11 +223,20 @@ def load_recording(folder: Path | str) -> Recording:
                     poses[name].append((placed.header, placed.pose))
                 case _ if topic == LEGEND:
                     legend = decode(message, String).data
+        series: dict[str, ScanSeries] = {}
+        for name, each in scans.items():
+            # Another resolution or field of view begins another series.
+            same: defaultdict[tuple[float, ...], list[LaserScan]] = defaultdict(list)
+            for scan in each:
+                same[geometry_of(scan)].append(scan)
+            for number, part in enumerate(same.values(), 1):
+                key = name if number == 1 else f"{name}_{number}"
+                series[key] = ScanSeries.of(part)
         return Recording(
             bag.folder,
             bag.info,
             bag.is_complete,
-            _scan_series(scans),
+            series,
             {name: PoseSeries.of(each) for name, each in poses.items()},
             {name: EchoSeries.of(each, legend) for name, each in clouds.items()},
         )
@@ -237,16 +246,3 @@ def load_recording(folder: Path | str) -> Recording:
 
 def _not_ours(folder: Path, error: Exception) -> RecordingError:
     return RecordingError(f"{folder}: {error}, expected topics of radarsim")
-
-
-def _scan_series(
-    scans: dict[str, list[LaserScan]],
-) -> dict[str, ScanSeries]:
-    found: dict[str, ScanSeries] = {}
-    for name, messages in scans.items():
-        series: defaultdict[tuple[float, ...], list[LaserScan]] = defaultdict(list)
-        for message in messages:
-            series[geometry_of(message)].append(message)
-        for number, each in enumerate(series.values(), 1):
-            found[name if number == 1 else f"{name}_{number}"] = ScanSeries.of(each)
-    return found

@@ -174,7 +174,7 @@ def write_recording(
         OSError: If a file cannot be written.
     """
     # They import much, which only the process that writes needs.
-    from radarsim.addons.recording.bag_writer import BagWriter  # noqa: PLC0415
+    from radarsim.addons.recording.bag import BagWriter  # noqa: PLC0415
     from radarsim.addons.recording.call_converter import CallConverter  # noqa: PLC0415
     from radarsim.addons.recording.cdr import encode  # noqa: PLC0415
 

@@ -3,9 +3,10 @@
 import asyncio
 import logging
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import TypeAlias
 
 from radarsim.addons.recording.host_recorder import EventType, RunEvent
 from radarsim.errors import RecordingError
@@ -133,55 +134,37 @@ def _difference(call: RunEvent, sent: bytes, lines_before: int) -> Difference:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class RecordedClient:
-    """What one client was sent.
-
-    Attributes:
-        number: Number of the client, from 1.
-        writes: The bytes of each write, and the time since it connected, s.
-    """
-
-    number: int
-    writes: tuple[tuple[float, bytes], ...]
-
-    @property
-    def size(self) -> int:
-        """The number of bytes."""
-        return sum(len(data) for _, data in self.writes)
+# The bytes of each write to a client, and the time since it connected, s.
+Writes: TypeAlias = list[tuple[float, bytes]]
 
 
-def recorded_clients(calls: Iterable[RunEvent]) -> dict[int, RecordedClient]:
-    """Collect what each client was sent, by its number."""
-    starts: dict[int, int] = {}
-    writes: dict[int, list[tuple[float, bytes]]] = {}
-    for type_, tick, client, data in calls:
-        if type_ is EventType.CONNECT:
-            starts[client] = tick
-            writes[client] = []
-        elif type_ in (EventType.TAKE, EventType.FINISH) and data:
-            writes[client].append((seconds(tick - starts[client]), data))
-    return {
-        number: RecordedClient(number, tuple(each)) for number, each in writes.items()
-    }
+def writes_of(calls: Iterable[RunEvent], client: int | None) -> Writes:
+    """Return what a client was sent.
 
-
-def choose_client(
-    clients: dict[int, RecordedClient], wanted: int | None
-) -> RecordedClient:
-    """Return a client by its number; without one, that which was sent most.
+    Args:
+        calls: The recorded calls, in order.
+        client: Number of the client; None for that which was sent most.
 
     Raises:
         RecordingError: If there is no such client.
     """
-    if not clients:
+    starts: dict[int, int] = {}
+    writes: dict[int, Writes] = {}
+    for type_, tick, number, data in calls:
+        if type_ is EventType.CONNECT:
+            starts[number] = tick
+            writes[number] = []
+        elif type_ in (EventType.TAKE, EventType.FINISH) and data:
+            writes[number].append((seconds(tick - starts[number]), data))
+    if not writes:
         raise RecordingError("no client in the recording, expected at least one")
-    if wanted is None:
-        return max(clients.values(), key=lambda each: (each.size, -each.number))
-    if wanted not in clients:
-        numbers = ", ".join(map(str, sorted(clients)))
-        raise RecordingError(f"client {wanted}, expected one of {numbers}")
-    return clients[wanted]
+    if client is None:
+        # Of clients that were sent as much, the first.
+        client = max(writes, key=lambda n: (sum(len(d) for _, d in writes[n]), -n))
+    elif client not in writes:
+        numbers = ", ".join(map(str, sorted(writes)))
+        raise RecordingError(f"client {client}, expected one of {numbers}")
+    return writes[client]
 
 
 class ReplayServer:
@@ -191,14 +174,14 @@ class ReplayServer:
     later, as nothing is left out.
     """
 
-    def __init__(self, recorded: RecordedClient, *, speed: float = 1.0) -> None:
+    def __init__(self, writes: Writes, *, speed: float = 1.0) -> None:
         """Create a server that does not listen yet.
 
         Args:
-            recorded: What is played.
+            writes: What is played.
             speed: Recorded seconds in one second of real time.
         """
-        self._writes: Sequence[tuple[float, bytes]] = recorded.writes
+        self._writes = writes
         self._speed = speed
 
     async def serve(

@@ -1,14 +1,13 @@
 """From what one robot and its client say to each other to topics of ROS 2.
 
-The names of what echoes come from, by the numbers that stand for them in points.
-
-Maps as messages.
+Points of echoes have numbers for the names of what they come from, which a ``Legend``
+tells; a map that is made of a robot's scans is a ``MapSnapshot``.
 """
 
 import json
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, Final, NamedTuple, Self, TypeVar
+from typing import Any, Final, Literal, NamedTuple, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,6 @@ from radarsim.addons.recording.host_recorder import RecordedTurn
 from radarsim.addons.recording.messages import (
     ECHO,
     TARGET,
-    Points,
     RosMessage,
     TopicMessage,
     Transform,
@@ -38,7 +36,7 @@ from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.client.robot_info import RobotInfo, ScannerInfo, same_name
 from radarsim.geometry import Floats, Pose3
 from radarsim.protocol.commands import Drive
-from radarsim.protocol.echoes import EchoLine, RadarTargets, TargetEchoes
+from radarsim.protocol.echoes import EchoLine, RadarTargets
 from radarsim.protocol.reports import (
     GroundTruth,
     Ins,
@@ -63,26 +61,8 @@ class Legend:
             "material": {},
         }
 
-    def kind(self, name: str) -> int:
-        """Return the number of a kind of echo."""
-        return self._number("kind", name)
-
-    def object(self, name: str) -> int:
-        """Return the number of an object."""
-        return self._number("object", name)
-
-    def material(self, name: str) -> int:
-        """Return the number of a material."""
-        return self._number("material", name)
-
-    def message(self) -> RosMessage:
-        """Return all names as JSON: a list for each of the fields of points."""
-        self.has_changed = False
-        return string(
-            json.dumps({key: list(each) for key, each in self._names.items()})
-        )
-
-    def _number(self, field: str, name: str) -> int:
+    def number(self, field: Literal["kind", "object", "material"], name: str) -> int:
+        """Return the number of a name in a field of points."""
         names = self._names[field]
         if name not in names:
             if len(names) > _LARGEST:
@@ -90,6 +70,12 @@ class Legend:
             names[name] = len(names)
             self.has_changed = True
         return names[name]
+
+    def message(self) -> RosMessage:
+        """Return all names as JSON: a list for each of the fields of points."""
+        self.has_changed = False
+        names = {key: list(each) for key, each in self._names.items()}
+        return string(json.dumps(names))
 
 
 _LARGEST = 65535  # of 16 bits; it stands for all names after the first 65535
@@ -146,14 +132,14 @@ class RobotTopics:
                 placed = Pose3(pose.x, pose.y, 0.0, yaw=pose.yaw)
                 frames = self._frame("odom"), self._frame("base_link")
                 yield TopicMessage(self._topic("odom"), odometry(time, *frames, placed))
-            case GroundTruth(time, _, pose):
-                self._has_truth = True
-                yield self._pose("ground_truth", time, pose)
-                yield self._transform(time, pose)
-            case Ins(time, _, pose):
-                yield self._pose("ins", time, pose)
-                if not self._has_truth:
-                    yield self._transform(time, pose)
+            case GroundTruth(time, _, pose) | Ins(time, _, pose):
+                is_truth = isinstance(report, GroundTruth)
+                self._has_truth |= is_truth
+                topic = self._topic("ground_truth" if is_truth else "ins")
+                yield TopicMessage(topic, pose_stamped(time, MAP, pose))
+                if is_truth or not self._has_truth:
+                    frame = Transform(time, MAP, self._frame("base_link"), pose)
+                    yield TopicMessage("/tf", transforms([frame]))
             case _:
                 pass
 
@@ -203,8 +189,21 @@ class RobotTopics:
         lines, scanner = self._lines_until(line), self._scanner(line.name)
         if not lines or scanner is None:
             return
-        groups = [each.echoes for each in lines if each.echoes is not None]
-        points = [self._points(scanner, group) for group in groups]
+        points = []
+        for echoes in (each.echoes for each in lines if each.echoes is not None):
+            kinds = [self._legend.number("kind", kind) for kind in echoes.kinds]
+            object_ = self._legend.number("object", echoes.object)
+            material = self._legend.number("material", echoes.material)
+            columns: dict[str, NDArray[np.generic]] = {
+                "intensity": echoes.strength,
+                "power": echoes.power,
+                "beam": echoes.beams,
+                "kind": np.array(kinds),
+                "object": np.full(len(kinds), object_),
+                "material": np.full(len(kinds), material),
+            }
+            angles = _angles(scanner, echoes.beams)
+            points.append(make_points(ECHO, angles, echoes.ranges, columns))
         # First the names, then the points that have their numbers.
         if self._legend.has_changed:
             yield TopicMessage("/radarsim/legend", self._legend.message(), latched=True)
@@ -235,29 +234,9 @@ class RobotTopics:
         lines.append(line)
         return self._lines.pop(key) if line.line >= line.lines else []
 
-    def _points(self, scanner: ScannerInfo, group: TargetEchoes) -> Points:
-        columns: dict[str, NDArray[np.generic]] = {
-            "intensity": group.strength,
-            "power": group.power,
-            "beam": group.beams,
-            "kind": np.array([self._legend.kind(kind) for kind in group.kinds]),
-            "object": np.full(len(group.beams), self._legend.object(group.object)),
-            "material": np.full(
-                len(group.beams), self._legend.material(group.material)
-            ),
-        }
-        return make_points(ECHO, _angles(scanner, group.beams), group.ranges, columns)
-
     def _scanner(self, name: str) -> ScannerInfo | None:
         found = [each for each in self._scanners if same_name(each.name, name)]
         return found[0] if found else None
-
-    def _pose(self, topic: str, time: float, pose: Pose3) -> TopicMessage:
-        return TopicMessage(self._topic(topic), pose_stamped(time, MAP, pose))
-
-    def _transform(self, time: float, pose: Pose3) -> TopicMessage:
-        frame = Transform(time, MAP, self._frame("base_link"), pose)
-        return TopicMessage("/tf", transforms([frame]))
 
     def _topic(self, *names: str) -> str:
         return "/" + "/".join((self._name, *names))

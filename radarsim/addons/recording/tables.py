@@ -1,7 +1,4 @@
-"""Recordings as datasets of xarray, and as tables of Parquet.
-
-What a recording tells of scanners and poses, as arrays.
-"""
+"""What a recording tells of scanners and poses: arrays, datasets and tables."""
 
 from __future__ import annotations
 
@@ -116,26 +113,20 @@ class PoseSeries:
     ) -> Self:
         """Collect what messages say."""
         headers, poses = zip(*messages, strict=True)
-        numbers = np.array([_numbers_of(pose) for pose in poses])
-        return cls(times_of(headers), numbers, headers[0].frame_id)
+        rows = []
+        for pose in poses:
+            x, y, z, w = (getattr(pose.orientation, axis) for axis in "xyzw")
+            roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+            # Rounding of the quaternion must not leave the domain of the sine.
+            pitch = math.asin(min(1.0, max(-1.0, 2 * (w * y - z * x))))
+            yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+            place = pose.position
+            rows.append((place.x, place.y, place.z, roll, pitch, yaw))
+        return cls(times_of(headers), np.array(rows), headers[0].frame_id)
 
     def columns(self) -> Columns:
         """Return a row for each pose."""
         return {"time": self.times, **dict(zip(POSE, self.poses.T, strict=True))}
-
-
-def _numbers_of(pose: Pose) -> tuple[float, ...]:
-    position, turned = pose.position, pose.orientation
-    angles = _angles_of(turned.x, turned.y, turned.z, turned.w)
-    return position.x, position.y, position.z, *angles
-
-
-def _angles_of(x: float, y: float, z: float, w: float) -> tuple[float, float, float]:
-    """Return roll, pitch and yaw of a unit quaternion, rad."""
-    roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    pitch = math.asin(min(1.0, max(-1.0, 2 * (w * y - z * x))))
-    yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return roll, pitch, yaw
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

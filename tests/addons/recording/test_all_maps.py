@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import recorded_runs
 
-from radarsim.addons.recording.bag_reader import BagReader
+from radarsim.addons.recording.bag import BagReader
 from radarsim.addons.recording.host_recorder import EventType
 from radarsim.addons.recording.replay import repeat_run
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect

@@ -10,9 +10,8 @@ import pytest
 import recorded_runs
 from rosbags.highlevel import AnyReader
 
+from radarsim.addons.recording.bag import CHUNK_BYTES, BagReader, repair
 from radarsim.addons.recording.bag_folder import create_folder, file_name
-from radarsim.addons.recording.bag_reader import BagReader, repair
-from radarsim.addons.recording.bag_writer import CHUNK_BYTES
 from radarsim.addons.recording.host_recorder import RunEvent
 from radarsim.addons.recording.recording_process import PROGRAM, frame_of, opening_of
 from radarsim.errors import RecordingError

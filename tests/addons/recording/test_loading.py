@@ -11,8 +11,8 @@ import xarray
 from recorded_runs import RecordedRun
 
 import radarsim
+from radarsim.addons.recording.bag import BagWriter
 from radarsim.addons.recording.bag_folder import create_folder, file_name
-from radarsim.addons.recording.bag_writer import BagWriter
 from radarsim.addons.recording.cdr import encode
 from radarsim.addons.recording.recording import Recording
 from radarsim.client.session import Session

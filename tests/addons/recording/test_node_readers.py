@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 import recorded_runs
 
+from radarsim.addons.recording.bag import BagReader
 from radarsim.addons.recording.bag_folder import file_name
-from radarsim.addons.recording.bag_reader import BagReader
 from radarsim.scene.scene import Scene
 
 PROGRAM = Path(__file__).with_name("read_mcap.mjs")

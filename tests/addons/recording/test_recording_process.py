@@ -17,8 +17,8 @@ from commands import run_in_process
 from processes import start_radarsim
 
 from radarsim.addons.recording import recording_process
+from radarsim.addons.recording.bag import BagReader, repair
 from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder, file_name
-from radarsim.addons.recording.bag_reader import BagReader, repair
 from radarsim.addons.recording.host_recorder import EventType, RunEvent
 from radarsim.addons.recording.recording_process import (
     PROGRAM,

@@ -14,9 +14,8 @@ from recorded_runs import RecordedRun
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import ConnectionExtRosbag2
 
+from radarsim.addons.recording.bag import BagReader, BagWriter, repair
 from radarsim.addons.recording.bag_folder import create_folder, file_name
-from radarsim.addons.recording.bag_reader import BagReader, repair
-from radarsim.addons.recording.bag_writer import BagWriter
 from radarsim.addons.recording.host_recorder import EventType
 from radarsim.addons.recording.replay import repeat_run
 from radarsim.client.session import Session

@@ -1,0 +1,414 @@
+"""Bags of ROS 2: a folder with an MCAP file and its metadata, written and read.
+
+Every topic has the definition and the hash of its type, so that a bag can be read and
+played without radarsim. Messages are kept in chunks of 64 KiB or a second, each of
+which goes to the file at once when it is full: a process that is killed loses at most
+one. A file that ends in the middle of a record is read up to there.
+
+Source: the MCAP specification and its profile ``ros2``; metadata of rosbag2, version 9.
+"""
+
+import io
+import struct
+import zlib
+from collections.abc import Iterator, Mapping
+from functools import cache
+from pathlib import Path
+from typing import IO, Any, Final, NamedTuple, cast
+
+import yaml
+from mcap.exceptions import McapError
+from mcap.records import Channel, Footer, McapRecord, Message, Metadata, Schema
+from mcap.stream_reader import CRCValidationError, StreamReader
+from mcap.writer import CompressionType, Writer
+from zstandard import ZstdError
+
+from radarsim.addons.recording.bag_folder import (
+    RecordingInfo,
+    file_name,
+    find_file,
+    is_being_written,
+    lock,
+)
+from radarsim.addons.recording.call_converter import TO_CLIENT, TO_SERVER
+from radarsim.addons.recording.cdr import (
+    EncodedMessage,
+    UInt8MultiArray,
+    decode,
+    typestore,
+)
+from radarsim.addons.recording.host_recorder import EventType, RunEvent
+from radarsim.errors import RecordingError
+from radarsim.files import write_atomically
+
+CHUNK_BYTES: Final = 64 * 1024
+FLUSH_INTERVAL: Final = 1_000_000_000  # ns of recorded time
+METADATA_VERSION: Final = 9
+METADATA_FILE: Final = "metadata.yaml"
+INFORMATION: Final = "radarsim"  # name of the record that tells the conditions
+DISTRIBUTION: Final = "jazzy"  # of ROS, whose definitions of types are written
+# In C where there is such: metadata of hundreds of topics would take seconds.
+_DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+_UNLIMITED: Final = {"sec": 9223372036, "nsec": 854775807}
+# Bytes; chunks have about 2**16. A length that is broken or made up must not make the
+# reader ask for as much memory.
+LARGEST_RECORD = 2**28
+_BROKEN = (
+    McapError,
+    CRCValidationError,
+    ZstdError,
+    zlib.error,
+    struct.error,
+    ValueError,
+)
+
+
+def _quality_of_service(*, latched: bool) -> list[dict[str, object]]:
+    """Return what a topic offers, as rosbag2 writes it.
+
+    No two values are one object: YAML would refer to it by an anchor, which rosbag2
+    does not read.
+    """
+    return [
+        {
+            "history": "keep_last",
+            "depth": 1 if latched else 10,
+            "reliability": "reliable",
+            "durability": "transient_local" if latched else "volatile",
+            "deadline": dict(_UNLIMITED),
+            "lifespan": dict(_UNLIMITED),
+            "liveliness": "automatic",
+            "liveliness_lease_duration": dict(_UNLIMITED),
+            "avoid_ros_namespace_conventions": False,
+        }
+    ]
+
+
+@cache
+def _quality_text(*, latched: bool) -> str:
+    return _to_yaml(_quality_of_service(latched=latched))
+
+
+def _to_yaml(content: object) -> str:
+    text: str = yaml.dump(content, Dumper=_DUMPER, sort_keys=False)
+    return text
+
+
+class _Topic:
+    """One topic of a bag."""
+
+    def __init__(self, channel: int, type_: str, digest: str, *, latched: bool) -> None:
+        self.channel = channel
+        self.type = type_
+        self.digest = digest
+        self.latched = latched
+        self.messages = 0
+
+
+class BagWriter:
+    """Writes one bag into its folder."""
+
+    def __init__(
+        self, folder: Path, information: Mapping[str, str], *, path: Path | None = None
+    ) -> None:
+        """Begin the file.
+
+        Args:
+            folder: The folder, which exists.
+            information: What the bag is a recording of; see ``RecordingInfo``.
+            path: File to write, which replaces that of the folder when it is complete;
+                None for that of the folder itself.
+
+        Raises:
+            OSError: If the file cannot be written.
+        """
+        self._folder = folder
+        self._path = path or folder / file_name(folder)
+        self._topics: dict[str, _Topic] = {}
+        self._schemas: dict[str, tuple[int, str]] = {}  # numbers and hashes of types
+        self._first: int | None = None
+        self._last = 0
+        self._flushed = 0
+        # Unbuffered: what is written is in the file, also if the process is killed.
+        self._file = _UnbufferedFile(self._path)
+        self._writer: Any = Writer(  # some of its methods have no types
+            cast(IO[bytes], self._file),
+            chunk_size=CHUNK_BYTES,
+            compression=CompressionType.ZSTD,
+        )
+        self._writer.start(profile="ros2", library="radarsim")
+        self._writer.add_metadata(INFORMATION, dict(information))
+
+    def write(
+        self, topic: str, message: EncodedMessage, time: int, *, latched: bool = False
+    ) -> None:
+        """Write one message.
+
+        Args:
+            topic: Name of the topic.
+            message: The message; all of a topic have the same type.
+            time: When it was recorded, ns.
+            latched: Whether who subscribes later gets the last message of the topic.
+
+        Raises:
+            OSError: If the file cannot be written.
+        """
+        entry = self._topics.get(topic)
+        if entry is None:
+            entry = self._add_topic(topic, message.type, latched=latched)
+        self._writer.add_message(
+            entry.channel, time, message.data, time, sequence=entry.messages
+        )
+        entry.messages += 1
+        # By recorded time, not by that of the wall: a run gives the same bytes again.
+        if time - self._flushed >= FLUSH_INTERVAL:
+            self._writer.flush()
+            self._flushed = time
+        self._first = time if self._first is None else min(self._first, time)
+        self._last = max(self._last, time)
+
+    def close(self) -> None:
+        """Write the index and the metadata.
+
+        Raises:
+            OSError: If a file cannot be written.
+        """
+        try:
+            self._writer.finish()
+        finally:
+            self._file.close()
+        self._path.replace(self._folder / file_name(self._folder))
+        first = self._first or 0
+        length = max(0, self._last - first)
+        count = sum(topic.messages for topic in self._topics.values())
+        information = {
+            "version": METADATA_VERSION,
+            "storage_identifier": "mcap",
+            "duration": {"nanoseconds": length},
+            "starting_time": {"nanoseconds_since_epoch": first},
+            "message_count": count,
+            "topics_with_message_count": [
+                {
+                    "topic_metadata": {
+                        "name": name,
+                        "type": topic.type,
+                        "serialization_format": "cdr",
+                        "offered_qos_profiles": _quality_of_service(
+                            latched=topic.latched
+                        ),
+                        "type_description_hash": topic.digest,
+                    },
+                    "message_count": topic.messages,
+                }
+                for name, topic in self._topics.items()
+            ],
+            "compression_format": "",
+            "compression_mode": "",
+            "relative_file_paths": [file_name(self._folder)],
+            "files": [
+                {
+                    "path": file_name(self._folder),
+                    "starting_time": {"nanoseconds_since_epoch": first},
+                    "duration": {"nanoseconds": length},
+                    "message_count": count,
+                }
+            ],
+            "custom_data": None,
+            "ros_distro": DISTRIBUTION,
+        }
+        text = _to_yaml({"rosbag2_bagfile_information": information})
+        write_atomically({self._folder / METADATA_FILE: text.encode()})
+
+    def _add_topic(self, name: str, type_: str, *, latched: bool) -> _Topic:
+        if type_ not in self._schemas:
+            definition, _ = typestore().generate_msgdef(type_, ros_version=2)
+            schema = self._writer.register_schema(type_, "ros2msg", definition.encode())
+            self._schemas[type_] = schema, typestore().hash_rihs01(type_)
+        schema, digest = self._schemas[type_]
+        offered = _quality_text(latched=latched)
+        channel = self._writer.register_channel(
+            name,
+            "cdr",
+            schema,
+            {"offered_qos_profiles": offered, "topic_type_hash": digest},
+        )
+        topic = self._topics[name] = _Topic(channel, type_, digest, latched=latched)
+        return topic
+
+
+class _UnbufferedFile:
+    """What a writer needs of a file; each write goes to the system at once."""
+
+    # No subclass of io.FileIO: the writer of mcap would put a buffer in front of it.
+
+    def __init__(self, path: Path) -> None:
+        self._file = io.FileIO(path, "w")
+        lock(self._file)
+
+    def write(self, data: bytes) -> int:
+        """Write bytes, in as many steps as the system takes."""
+        rest = memoryview(data)
+        while rest:
+            rest = rest[self._file.write(rest) :]
+        return len(data)
+
+    def tell(self) -> int:
+        """Return how many bytes are written."""
+        return self._file.tell()
+
+    def flush(self) -> None:
+        """Do nothing: nothing is buffered."""
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+class BagMessage(NamedTuple):
+    """A message of a bag.
+
+    Attributes:
+        topic: Name of its topic.
+        message: The message.
+        time: When it was recorded, ns.
+        latched: Whether who subscribes later gets the last one of the topic.
+    """
+
+    topic: str
+    message: EncodedMessage
+    time: int
+    latched: bool
+
+
+class BagReader:
+    """Reads one bag of radarsim.
+
+    Attributes:
+        folder: Folder of the bag.
+        info: The conditions of the recorded run.
+        is_complete: Whether the file has its end; known once all messages are read.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """Find the file, and read the conditions.
+
+        Args:
+            folder: Folder of the bag.
+
+        Raises:
+            RecordingError: If it is no recording of radarsim, or cannot be read.
+        """
+        self.folder = folder
+        self.is_complete = False
+        self._path = find_file(folder)
+        for record in self._records():
+            if isinstance(record, Metadata) and record.name == INFORMATION:
+                self.info = RecordingInfo.from_text(record.metadata)
+                return
+            if isinstance(record, Message):
+                break
+        raise RecordingError(f"{self._path}: expected a recording of radarsim")
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self._path
+
+    @property
+    def is_being_written(self) -> bool:
+        """Whether a process still records to the file."""
+        return is_being_written(self._path)
+
+    def messages(self) -> Iterator[BagMessage]:
+        """Yield all messages, as far as the file can be read.
+
+        Raises:
+            RecordingError: If the file cannot be read at all.
+        """
+        channels: dict[int, tuple[str, str, bool]] = {}
+        schemas: dict[int, str] = {}
+        for record in self._records():
+            match record:
+                case Schema(id=number, name=name):
+                    schemas[number] = name
+                case Channel(
+                    id=number, topic=topic, schema_id=schema, metadata=quality
+                ):
+                    latched = "transient_local" in quality.get(
+                        "offered_qos_profiles", ""
+                    )
+                    channels[number] = topic, schemas[schema], latched
+                case Message(channel_id=number, log_time=time, data=data):
+                    topic, type_, latched = channels[number]
+                    yield BagMessage(topic, EncodedMessage(type_, data), time, latched)
+                case Footer():
+                    self.is_complete = True
+                case _:
+                    pass
+
+    def calls(self) -> Iterator[RunEvent]:
+        """Yield the calls of the host, in order.
+
+        Raises:
+            RecordingError: If the file cannot be read, or what it says of a call.
+        """
+        for topic, message, _, _ in self.messages():
+            if topic not in (TO_CLIENT, TO_SERVER):
+                continue
+            try:
+                octets = decode(message, UInt8MultiArray)
+                name, client, tick = octets.layout.dim[0].label.split()
+                data = octets.data.tobytes()
+                call = RunEvent(EventType[name.upper()], int(tick), int(client), data)
+            except (LookupError, ValueError) as error:
+                text = f"call {error}, expected one of radarsim"
+                raise RecordingError(text) from error
+            yield call
+
+    def _records(self) -> Iterator[McapRecord]:
+        """Yield the records of the file up to the first that is not whole."""
+        try:
+            with self._path.open("rb") as file:
+                reader = StreamReader(
+                    file, validate_crcs=True, record_size_limit=LARGEST_RECORD
+                )
+                try:
+                    yield from reader.records
+                except _BROKEN:
+                    return
+        except OSError as error:
+            raise RecordingError(f"{self._path}: {error.strerror}") from error
+
+
+def repair(folder: Path) -> int:
+    """Write the file of a bag anew, with all messages that can be read.
+
+    Args:
+        folder: Folder of the bag, whose file may end in the middle.
+
+    Returns:
+        The number of messages.
+
+    Raises:
+        RecordingError: If it is no recording of radarsim, cannot be read, or is still
+            being recorded.
+        OSError: If it cannot be written; the bag is as it was then.
+    """
+    reader = BagReader(folder)
+    if reader.is_being_written:
+        text = f"{folder} is still being recorded, expected a run that has ended"
+        raise RecordingError(text)
+    # Beside the old file, which is replaced once all of the new one is written.
+    part = folder / f".{file_name(folder)}.part"
+    count = 0
+    try:
+        writer = BagWriter(folder.resolve(), reader.info.to_text(), path=part.resolve())
+        for topic, message, time, latched in reader.messages():
+            writer.write(topic, message, time, latched=latched)
+            count += 1
+        writer.close()
+    finally:
+        part.unlink(missing_ok=True)
+    if reader.path != folder / file_name(folder):  # of a folder that was renamed
+        reader.path.unlink()
+    return count
