@@ -1,9 +1,7 @@
 """The protocol of rosbridge, version 2: one client of a bridge, without I/O.
 
 Source: ROSBRIDGE_PROTOCOL.md of rosbridge_suite; of the services those of rosapi that
-roslibpy and roslibjs call.
-
-Messages of ROS as JSON, as rosbridge has them.
+roslibpy and roslibjs call. Messages of ROS are JSON as rosbridge writes it.
 """
 
 import base64
@@ -14,7 +12,6 @@ from collections.abc import Callable
 from typing import Any, Final, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radarsim.addons.recording.messages import RosMessage, TopicMessage
 from radarsim.addons.ros.bridge import TWIST, DriveCallback
@@ -24,30 +21,25 @@ Json: TypeAlias = dict[str, Any]  # an object of a client
 
 def message_json(message: RosMessage) -> str:
     """Return a message as JSON; octets are in base64, and what is no number is null."""
-    return json.dumps(_plain(message.fields), allow_nan=False)
 
+    def plain(value: object) -> object:
+        match value:
+            case dict():
+                return {key: plain(each) for key, each in value.items()}
+            case list():
+                return [plain(each) for each in value]
+            case float():
+                return value if math.isfinite(value) else None
+            case np.ndarray() if value.dtype == np.uint8:
+                return base64.b64encode(value.tobytes()).decode()
+            case np.ndarray():
+                # Whole arrays at once, which is much faster, unless some is no number.
+                is_whole = value.dtype.kind != "f" or bool(np.isfinite(value).all())
+                return value.tolist() if is_whole else plain(value.tolist())
+            case _:
+                return value
 
-def _plain(value: object) -> object:
-    """Return a value of types that JSON has."""
-    match value:
-        case dict():
-            return {key: _plain(each) for key, each in value.items()}
-        case list():
-            return [_plain(each) for each in value]
-        case float():
-            return value if math.isfinite(value) else None
-        case np.ndarray():
-            return _plain_array(value)
-        case _:
-            return value
-
-
-def _plain_array(array: NDArray[np.generic]) -> object:
-    if array.dtype == np.uint8:
-        return base64.b64encode(array.tobytes()).decode()
-    if array.dtype.kind == "f" and not np.isfinite(array).all():
-        return [each if math.isfinite(each) else None for each in array.tolist()]
-    return array.tolist()
+    return json.dumps(plain(message.fields), allow_nan=False)
 
 
 def velocity_of(message: object) -> tuple[float, float]:
@@ -116,12 +108,15 @@ class RosbridgeClient:
         self._board = board
         self._subscriptions: dict[str, float] = {}  # shortest interval, s, by topic
         self._last: dict[str, float] = {}  # times of messages, by topic
-        self._handlers: dict[str, Callable[[Json], None]] = {
+        self._handlers: dict[str, Callable[[Json], object]] = {
             "subscribe": self._subscribe,
-            "unsubscribe": self._unsubscribe,
+            "unsubscribe": lambda message: self._subscriptions.pop(
+                str(message["topic"]), 0.0
+            ),
             "publish": self._publish,
             "call_service": self._call,
-            **dict.fromkeys(("advertise", "unadvertise", "set_level"), _ignore),
+            # Topics need no announcement here.
+            **dict.fromkeys(("advertise", "unadvertise", "set_level"), lambda _: None),
         }
 
     def wants(self, topic: str) -> bool:
@@ -179,9 +174,6 @@ class RosbridgeClient:
         if latched:  # whatever the throttle rate: there may be no other for long
             self._queue(topic, latched)
 
-    def _unsubscribe(self, message: Json) -> None:
-        self._subscriptions.pop(str(message["topic"]), None)
-
     def _publish(self, message: Json) -> None:
         topic = str(message["topic"])
         drive = self._board.drivers.get(topic)
@@ -223,7 +215,3 @@ class RosbridgeClient:
 
     def _complain(self, text: str) -> None:
         self.waiting.append(json.dumps({"op": "status", "level": "error", "msg": text}))
-
-
-def _ignore(_: Json) -> None:
-    """Do nothing: topics need no announcement here."""

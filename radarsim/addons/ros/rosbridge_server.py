@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from starlette.applications import Starlette
-from starlette.datastructures import Headers
 from starlette.routing import WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
@@ -76,7 +75,11 @@ class RosbridgeServer:
                 await asyncio.wait({serving})
 
     async def _serve(self, socket: WebSocket) -> None:
-        if not self._admits(socket.headers):
+        # A page of another site may connect only if its site is named.
+        origin = socket.headers.get("origin", "").lower()
+        if origin not in self._origins and not self._doors.admit(
+            socket.headers, needs_origin=False
+        ):
             await socket.close()
             return
         await socket.accept()
@@ -92,12 +95,6 @@ class RosbridgeServer:
         finally:
             del self._clients[client]
             sending.cancel()
-
-    def _admits(self, headers: Headers) -> bool:
-        """Return whether a client may connect: a page only if its site is known."""
-        if headers.get("origin", "").lower() in self._origins:
-            return True
-        return self._doors.admit(headers, needs_origin=False)
 
 
 async def _send(

@@ -26,15 +26,16 @@ closes its connections and fails the test's teardown. What it logs is in ``caplo
 Nothing else of radarsim is imported before a test asks for a server.
 """
 
+import socket
+import time
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from radarsim.addons.testing.client import UsarsimClient
 from radarsim.errors import RadarsimError
 
 __all__ = [
@@ -57,6 +58,10 @@ DEFAULTS: dict[str, Any] = {
 }
 
 
+TIMEOUT = 5.0  # s of the wall clock
+MIN_WAIT = 0.001  # s; a socket timeout of 0 would make the socket non-blocking
+
+
 @dataclass(frozen=True, slots=True)
 class UsarsimServer:
     """The address of a running server.
@@ -73,6 +78,85 @@ class UsarsimServer:
     def address(self) -> tuple[str, int]:
         """Host and port, as ``socket.create_connection`` takes them."""
         return self.host, self.port
+
+
+class UsarsimClient:
+    """A blocking client: lines out, lines in, nothing interpreted and nothing skipped.
+
+    The first line read is the greeting, ``NFO {Gametype ...} {Level ...}``.
+    """
+
+    def __init__(self, address: tuple[str, int]) -> None:
+        """Connect.
+
+        Raises:
+            OSError: If there is no server.
+        """
+        self._socket = socket.create_connection(address, TIMEOUT)
+        self._unread = b""
+
+    def send(self, line: str) -> None:
+        """Send one line, with CRLF appended."""
+        if "\r" in line or "\n" in line:
+            raise ValueError(f"line {line[:80]!r}, expected no line end in it")
+        self._socket.settimeout(TIMEOUT)
+        self._socket.sendall(line.encode("latin-1") + b"\r\n")
+
+    def read_line(self, timeout: float = TIMEOUT) -> str:
+        """Wait for the next line, and return it without its end.
+
+        Args:
+            timeout: Longest wait, s of the wall clock.
+
+        Raises:
+            TimeoutError: If no complete line comes by then; an incomplete one is kept.
+            ConnectionError: If the server has closed the connection.
+        """
+        deadline = time.monotonic() + timeout
+        while b"\r\n" not in self._unread:
+            self._unread += self._receive(deadline)
+        line, _, self._unread = self._unread.partition(b"\r\n")
+        return line.decode("latin-1")
+
+    def read_until(self, verb: str, *parts: str, timeout: float = TIMEOUT) -> str:
+        """Skip lines up to one of a kind, and return it.
+
+        Args:
+            verb: Start of the line.
+            parts: Texts that the line contains, such as ``"{Type RangeScanner}"``.
+            timeout: Longest wait for it, s of the wall clock.
+
+        Raises:
+            TimeoutError: If none comes by then; names the last line.
+            ConnectionError: If the server has closed the connection.
+        """
+        deadline = time.monotonic() + timeout
+        line = ""
+        while (left := deadline - time.monotonic()) > 0:
+            with suppress(TimeoutError):
+                line = self.read_line(left)
+                if line.startswith(verb) and all(part in line for part in parts):
+                    return line
+        wanted = " ".join((verb, *parts))
+        raise TimeoutError(
+            f"no {wanted!r} within {timeout:g} s, the last line was {line[:80]!r}"
+        )
+
+    def close(self) -> None:
+        """Close the connection, which removes the robot."""
+        self._socket.close()
+
+    def _receive(self, deadline: float) -> bytes:
+        left = max(deadline - time.monotonic(), MIN_WAIT)
+        self._socket.settimeout(left)
+        try:
+            data = self._socket.recv(65536)
+        except TimeoutError:
+            so_far = f"{self._unread[:80]!r} is there of it"
+            raise TimeoutError(f"no line in time, {so_far}") from None
+        if not data:
+            raise ConnectionError("the server has closed the connection")
+        return data
 
 
 def pytest_configure(config: pytest.Config) -> None:
