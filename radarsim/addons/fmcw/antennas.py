@@ -157,6 +157,7 @@ class Antenna:
             receives=(ticks + 1 - self.since) % RECEPTION_TICKS == 0,
             is_recorded=bool(self.listeners or self.observers),
         )
+        # A look holds all that it needs of this tick: the thread reads no simulation.
         result = worker.submit(self.receiver.advance, look)
         self.computed.append(_Computed(ticks, self.since, result))
         self.turned, self.place = ticks, place
@@ -174,6 +175,7 @@ class Antenna:
                     f"in the thread of antennas: {name!r} of robot {robot!r}"
                 )
                 raise
+            # The robot has left while the thread computed.
             if not self.vehicle.alive:
                 continue
             for sector in received.sectors:

@@ -209,6 +209,7 @@ def _echo_of(
     """Return the kind of an echo, what it is due to, and its gamma; or None."""
     part, resolution = event.part, radar.settings.resolution
     per_db = radar.ray_class.power_per_db
+    # Robots share the last row.
     part = min(part, len(scattering.gamma) - 1)
     if event.kind is EventKind.HIT:
         cosine = max(incidence, GRAZING)
@@ -219,6 +220,7 @@ def _echo_of(
         gamma = float(scattering.gamma[part])
         return "mirror", "backscatter beside the reflection", gamma
     if event.kind in (EventKind.ENTER, EventKind.START_INSIDE) and event.t > 0:
+        # A volume returns into every bin that the ray passes: here the first of them.
         gamma = float(scattering.volume[part] * resolution)
         label = f"backscatter of the first {resolution:.2f} m"
         return ("volume", label, gamma) if gamma > 0 else None

@@ -83,6 +83,7 @@ def plot_spectrum(
 
 def echo_reach(spectrum: "Spectrum") -> float:
     """Return the range up to which there are echoes above the noise, and a bit more."""
+    # By the mean power of echoes: noise that happens to be loud would move the edge.
     noise = spectrum.noise_floor * np.float32(10 ** (VISIBLE / 10))
     loud = (spectrum.echo_power > noise).sum(axis=0) >= LEAST_LOUD
     last = np.flatnonzero(loud).max(initial=0)
@@ -132,6 +133,7 @@ def cartesian_image(
     column = np.hypot(right, ahead) / spectrum.settings.bin_size
     low, near = np.floor(row).astype(np.int64), np.floor(column).astype(np.int64)
     across, along = np.float32(row - low), np.float32(column - near)
+    # Linear interpolation needs the bin after as well.
     outside = near >= bins - 1
     near = np.minimum(near, bins - 2)
     low, high = low % count, (low + 1) % count

@@ -45,6 +45,7 @@ def window_of(settings: FmcwSettings) -> Floats:
     """Return the window over the samples of a sweep, (S,), with a sum of 1."""
     name = _SCIPY.get(settings.window, settings.window)
     window = np.asarray(get_window(name, sample_count(settings)), np.float64)
+    # So a tone of amplitude 1 has a peak of 1, whatever the window.
     window /= window.sum()
     window.setflags(write=False)
     return window
@@ -60,6 +61,7 @@ def noise_correlation(settings: FmcwSettings, bins: Floats) -> Floats:
     Returns:
         (N,) correlations; their squares are those of the power.
     """
+    # White noise behind a window: its spectrum is correlated as the window's square.
     square = window_of(settings) ** 2
     middle = np.arange(len(square)) - len(square) / 2
     turns = np.outer(bins / fft_length(settings), middle)

@@ -157,6 +157,7 @@ class Rotation:
         # Where the turn after this one is needed, it has begun.
         after = self._power.get(turn + 1, power)
         mean = power.rows(rows.start, rows.stop, before, after) + before.sidelobes()
+        # The looks into these directions: of several ticks, if they are received late.
         start, end = self._received, self._received + len(rows)
         looks = [k for k in self._looks if k.rows.start < end and k.rows.stop > start]
         tones = Tones._make(

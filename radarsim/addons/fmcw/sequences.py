@@ -119,6 +119,7 @@ def turns_along(
     settings = radar.settings
     rotation = Rotation(radar, scene, rng)
     (start,) = path.poses_at(path.times[:1])
+    # The first turn is not received: its sidelobes would need the turn before.
     sectors = rotation.advance(start, settings.azimuths)
     step = max(settings.azimuths // STEPS_IN_TURN, 1)
     period = settings.azimuths * settings.sweep_time
@@ -131,6 +132,8 @@ def turns_along(
         dx, dy, dz = ((after.position() - pose.position()) / seconds).tolist()
         sectors += rotation.advance(pose, step, velocity=(dx, dy, dz))
         looked += step
+        # A turn is complete some looks after its last direction, by when the next has
+        # begun.
         if any(each.turn == done and each.ends_turn for each in sectors):
             began = float(path.times[0] + done * period)
             (middle,) = path.poses_at(np.array([began + period / 2]))

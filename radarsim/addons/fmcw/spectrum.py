@@ -84,6 +84,8 @@ class Spectrum:
         shape = self.noise_floor / np.float32(noise_power(self.settings))
         spread = np.abs(fft.fft(window_of(self.settings), length)) ** 2
         scale = np.float32(noise_power(self.settings))
+        # A convolution with the main lobe of the window, by FFT; rounding may go below
+        # 0.
         echoes = fft.rfft(self.echo_power / scale / shape, length, axis=1)
         echoes *= fft.rfft(spread).astype(np.complex64)
         seen = fft.irfft(echoes, length, axis=1)[:, : len(self.ranges)]
@@ -128,6 +130,7 @@ class Spectrum:
 def counts_of(settings: FmcwSettings, power: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Return powers, W, as counts."""
     median = noise_power(settings) * MEDIAN
+    # No logarithm of 0, in place: a turn has a million bins.
     tiny = np.float32(np.finfo(np.float32).tiny)
     counts = np.log10(np.maximum(power, tiny))
     counts -= np.float32(np.log10(median))

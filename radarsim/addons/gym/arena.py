@@ -148,9 +148,12 @@ class Arena:
         Returns:
             (N,) whether a robot was blocked or touched anything meanwhile.
         """
+        # Straight into the columns: a call for each robot would cost more than its
+        # motion.
         wheels = [LEFT_SPIN, RIGHT_SPIN]
         self._fleet.columns[self._slots[:, None], wheels] = speeds * self._max_spin
         touched = np.zeros(len(self._robots), np.bool_)
+        # All ticks of a period in one compiled call.
         touched[self._present] = self._fleet.drive(
             self._slots[self._present], TICK, self._ticks, meets=self._meets
         )
@@ -183,10 +186,12 @@ class Arena:
         for row, scan in zip(np.flatnonzero(self._present), scans, strict=True):
             found.ranges[row] = np.minimum(scan.ranges, most)
             echoes = scan.echoes
+            # A beam reads one of its echoes: the one whose range is that of the scan.
             is_read = echoes.ranges == scan.ranges[echoes.beams]
             left, sent = echoes.power[is_read], echoes.settings.penetration_power
             shares = np.ones(len(left))
             limited = np.isfinite(left)
+            # What never loses power has an infinite one: nothing of it is lost.
             shares[limited] = left[limited] / sent if sent else 0.0
             found.power[row, echoes.beams[is_read]] = np.clip(shares, 0.0, 1.0)
             if scan.rays is not None:
@@ -214,6 +219,8 @@ class Arena:
 
     def _obstacles_at(self, x: float, y: float) -> Obstacles:
         floor = self.scene.floor_at(x, y)
+        # What stands on another storey is no obstacle; few heights occur, each computed
+        # once.
         if floor not in self._obstacles:
             self._obstacles[floor] = Obstacles.from_scene(self.scene, floor=floor)
         return self._obstacles[floor]

@@ -84,6 +84,7 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
         if seed is not None:
             self._rngs = [np_random(seed + row)[0] for row in range(len(self._rows))]
         self.agents = list(self.possible_agents)
+        # The first that is placed must not avoid robots of the last episode.
         for row in range(len(self._rows)):
             self.task.arena.take_out(row)
         for row in range(len(self._rows)):

@@ -47,6 +47,7 @@ class FreePlaces:
         free = free_space(scene, clearance)
         starts = [(start.pose.x, start.pose.y) for start in scene.starts]
         found = [component_around(free, place) for place in starts or [(0.0, 0.0)]]
+        # Several starts may be in one piece.
         pieces = {piece.wkb: piece for piece in found if piece is not None}
         if not pieces:
             raise ValueError(
@@ -55,6 +56,7 @@ class FreePlaces:
             )
         self._pieces = tuple(pieces.values())
         self._floor = MultiPolygon(self._pieces)
+        # Prepared geometries answer the many tests of points from an index.
         shapely.prepare([self._floor, *self._pieces])
 
     def draw(
@@ -140,6 +142,7 @@ class GoToTask:
         """
         self.settings = settings
         self.arena = Arena(settings, count, meets=meets)
+        # Wrong settings are to raise now, not in the first reset.
         _start_pose(self.arena.scene, settings.start)
         _goal_position(self.arena.scene, settings.goal)
         self.goals = np.zeros((count, 2))
@@ -230,6 +233,7 @@ class GoToTask:
         speeds = np.column_stack([forward, turned]) / self.settings.decision_period
         self._speeds = np.clip(speeds / limits, -1.0, 1.0)
         distances = np.hypot(*(self.goals - self.arena.poses[:, :2]).T)
+        # The transition keeps its own: a later reset writes into this array.
         self.distances = distances.copy()
         reached = distances <= GOAL_RADIUS
         return Transition(actions, before, distances, touched, reached)

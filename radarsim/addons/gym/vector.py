@@ -114,8 +114,11 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
             rewards[rows] = task.settings.reward(transition)
             touched[rows] = transition.touched
             terminated[rows], truncated[rows] = task.ended(transition)
+            # After driving, which moves robots that ended as well, but by an action of
+            # 0.
             for k in np.flatnonzero(again[rows]).tolist():
                 task.reset(k, self._rngs[rows[k]])
+        # As Gymnasium asks of a step that only resets.
         for column in (rewards, touched, terminated, truncated):
             column[again] = 0
         self._ended = terminated | truncated

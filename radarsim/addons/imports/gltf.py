@@ -70,6 +70,7 @@ def import_gltf(path: Path, options: ImportOptions, folder: Path) -> ImportedMap
                 imported.note(path, 1, text)
             continue
         keys = _known_keys(path, imported, material)
+        # Names are what a map file has to tell materials by.
         if keys and own.setdefault(material.name, keys) != keys:
             text = f"two materials are called {short_repr(material.name)}"
             raise wrong(path, 1, f"{text}, expected the same extras")

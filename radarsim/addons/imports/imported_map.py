@@ -179,6 +179,7 @@ class ImportedMap:
         """Return a name that a map file may have, and that no object has."""
         signs = [c if c.isprintable() and c not in "{}" else "_" for c in name]
         wanted = "".join(signs).strip()[: MAX_NAME - 8] or "object"
+        # ``wall_2`` may be a name of the file itself, so that this one is tried again.
         count = self._names[wanted] = self._names.get(wanted, 0) + 1
         if count == 1:
             return wanted

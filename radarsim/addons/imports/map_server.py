@@ -69,6 +69,7 @@ def import_map_server(path: Path, options: ImportOptions) -> ImportedMap:
         probability = brightness / 100
     else:
         probability = (brightness if keys.negate else 255.0 - brightness) / 255
+    # Transparent pixels are unknown, whatever they look like.
     occupied = is_opaque & (probability > keys.occupied_thresh)
     free = is_opaque & (probability < keys.free_thresh)
     imported = ImportedMap(path, options)

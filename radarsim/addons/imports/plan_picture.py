@@ -60,6 +60,7 @@ def read_picture(path: Path) -> tuple[NDArray[np.uint8], Mask]:
             if picture.mode.startswith(("I", "F")):
                 text = f"pixels of mode {picture.mode}, expected 8 bits"
                 raise ForeignFileError(f"{path}:1: {text}")
+            # Grey and alpha of any mode: palettes, colours and single bits.
             pixels = np.asarray(picture.convert("LA"))
     except (UnidentifiedImageError, OSError, ValueError, SyntaxError) as error:
         text = "cannot be read, expected a picture such as PGM or PNG"

@@ -171,6 +171,7 @@ class _SdfFile:
         self._path = path
         self._map = imported
         self._folder = folder
+        # By resolved paths: two links to one file are the same file.
         self._files = (*included_by, path.resolve())
 
     def add_all(self, parent: XmlElement, pose: Pose3, prefix: str) -> None:

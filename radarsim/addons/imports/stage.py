@@ -107,6 +107,7 @@ def _read_block(block: Entity) -> Block:
     if max(abs(bottom), abs(top), np.abs(points).max()) > LARGEST:
         text = f"a block, expected coordinates of at most {LARGEST:g}"
         raise wrong(block.path, block.line, text)
+    # Blocks are scaled to the size of their model, which divides by their own.
     if min(top - bottom, *np.ptp(points, axis=0)) < 1 / LARGEST:
         raise wrong(block.path, block.line, "a flat block, expected one with a volume")
     return Block(points, bottom, top, block.path, block.line)

@@ -167,6 +167,7 @@ class _WorldReader:
             name = _expect(path, tokens, token, "word")
             kind = _expect(path, tokens, token, "word")
             _expect(path, tokens, kind, "(")
+            # Known only after its end: it cannot be based on itself.
             definition = self._entity(path, kind)
             self._read_entity(path, tokens, definition, depth)
             self._definitions[name.value] = definition

@@ -101,6 +101,7 @@ def import_ini(path: Path, class_name: str | None) -> tuple[RobotModel, list[str
             notes.append(place(path, line.number, text))
         else:
             items.append(item)
+    # Only the items differ: size, wheels and dynamics are those of the shipped body.
     content = body.model_dump(exclude_unset=True) | {"name": name, "items": items}
     try:
         return RobotModel.model_validate(content), notes
@@ -187,6 +188,7 @@ def _item_of(path: Path, number: int, part: Struct) -> dict[str, object] | None:
         return None
     position = _vector(path, number, part, "position")
     direction = _vector(path, number, part, "direction")
+    # Unreal's frame has y to the right and z down, as the wire has.
     pose = pose_from_wire([*position, *direction])
     type_, sensor = known
     name = part.get("itemname")

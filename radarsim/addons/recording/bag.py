@@ -12,7 +12,7 @@ import io
 import struct
 import zlib
 from collections.abc import Iterator, Mapping
-from functools import cache
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Final, NamedTuple, cast
 
@@ -84,25 +84,18 @@ def _quality_of_service(*, latched: bool) -> list[dict[str, object]]:
     ]
 
 
-@cache
-def _quality_text(*, latched: bool) -> str:
-    return _to_yaml(_quality_of_service(latched=latched))
-
-
 def _to_yaml(content: object) -> str:
     text: str = yaml.dump(content, Dumper=_DUMPER, sort_keys=False)
     return text
 
 
+@dataclass(slots=True)
 class _Topic:
-    """One topic of a bag."""
-
-    def __init__(self, channel: int, type_: str, digest: str, *, latched: bool) -> None:
-        self.channel = channel
-        self.type = type_
-        self.digest = digest
-        self.latched = latched
-        self.messages = 0
+    channel: int
+    type: str
+    digest: str
+    latched: bool
+    messages: int = 0
 
 
 class BagWriter:
@@ -156,6 +149,7 @@ class BagWriter:
         entry = self._topics.get(topic)
         if entry is None:
             entry = self._add_topic(topic, message.type, latched=latched)
+        # Log time and publish time are both simulated: the same run gives the same bag.
         self._writer.add_message(
             entry.channel, time, message.data, time, sequence=entry.messages
         )
@@ -177,7 +171,9 @@ class BagWriter:
             self._writer.finish()
         finally:
             self._file.close()
+        # Does nothing unless a repair writes beside the old file.
         self._path.replace(self._folder / file_name(self._folder))
+        # Players read the metadata, not the file, to know what is in it.
         first = self._first or 0
         length = max(0, self._last - first)
         count = sum(topic.messages for topic in self._topics.values())
@@ -225,14 +221,14 @@ class BagWriter:
             schema = self._writer.register_schema(type_, "ros2msg", definition.encode())
             self._schemas[type_] = schema, typestore().hash_rihs01(type_)
         schema, digest = self._schemas[type_]
-        offered = _quality_text(latched=latched)
+        offered = _to_yaml(_quality_of_service(latched=latched))
         channel = self._writer.register_channel(
             name,
             "cdr",
             schema,
             {"offered_qos_profiles": offered, "topic_type_hash": digest},
         )
-        topic = self._topics[name] = _Topic(channel, type_, digest, latched=latched)
+        topic = self._topics[name] = _Topic(channel, type_, digest, latched)
         return topic
 
 
@@ -305,6 +301,8 @@ class BagReader:
             if isinstance(record, Metadata) and record.name == INFORMATION:
                 self.info = RecordingInfo.from_text(record.metadata)
                 return
+            # The conditions are the first record after the header; a bag of another
+            # program has none.
             if isinstance(record, Message):
                 break
         raise RecordingError(f"{self._path}: expected a recording of radarsim")
@@ -330,6 +328,8 @@ class BagReader:
         for record in self._records():
             match record:
                 case Schema(id=number, name=name):
+                    # Channels follow the schemas that they refer to, as the
+                    # specification asks.
                     schemas[number] = name
                 case Channel(
                     id=number, topic=topic, schema_id=schema, metadata=quality
@@ -374,6 +374,7 @@ class BagReader:
                 )
                 try:
                     yield from reader.records
+                # What comes before is whole: each chunk has a checksum of its own.
                 except _BROKEN:
                     return
         except OSError as error:

@@ -95,6 +95,8 @@ class RecordingInfo(BaseModel):
             RecordingError: If it lacks something, or is not readable.
         """
         try:
+            # MCAP has texts only; numbers and texts are told apart by the fields'
+            # types.
             settings = json.loads(record.get("settings", "{}"))
             robots = json.loads(record.get("robots", "[]"))
             read = {**record, "settings": settings, "robots": robots}
@@ -155,6 +157,7 @@ def find_file(folder: Path) -> Path:
         RecordingError: If there is none, or there are several; names recordings that
             may be meant.
     """
+    # The file of a folder that was renamed has another name, and counts if it is alone.
     expected = folder / file_name(folder)
     files = list(folder.glob("*.mcap"))
     if len(files) == 1:
@@ -187,6 +190,7 @@ def lock(file: io.FileIO) -> None:
     try:
         import fcntl  # noqa: PLC0415 - Windows has none
 
+        # A lock ends with its process, however that ends; a file that marks would stay.
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except (ImportError, OSError):
         return

@@ -96,6 +96,7 @@ class CallConverter:
                 assert connection.topics is not None  # it is described before
                 yield from connection.topics.of_turn(RecordedTurn.from_bytes(data))
             case EventType.DISCONNECT:
+                # Numbers are never given twice; what is kept would only grow.
                 del self._connections[client]
             case EventType.TAKE | EventType.FINISH:
                 for report in connection.session.receive(data):
@@ -132,6 +133,7 @@ class CallConverter:
         scanners = described.scanners(connection.session.scans)
         robot = None
         if geo and conf:
+            # Without what a robot needs to drive, all but its commands is converted.
             with suppress(ClientError):
                 robot = RobotInfo.from_reports(geo, conf, scanners, self._drive_unit)
         for each in connection.topics.describe(robot, scanners, time):
@@ -148,6 +150,7 @@ class CallConverter:
             while name in self._names.values():
                 count += 1
                 name = f"{wanted}_{count}"
+            # A robot that comes again goes on with its own topics.
             self._names[robot] = name
         return self._names[robot]
 
@@ -161,6 +164,8 @@ class CallConverter:
         for line in connection.commands.feed(data):
             if connection.topics is None:
                 continue
+            # What the host does not understand either is only among the bytes of the
+            # wire.
             with suppress(MalformedMessage):
                 command = parse_command(line, self._dialect).command
                 if isinstance(command, Drive):

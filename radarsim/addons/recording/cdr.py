@@ -54,6 +54,7 @@ def typestore() -> Typestore:
 
 def encode(message: RosMessage) -> EncodedMessage:
     """Encode a message, little-endian."""
+    # Messages are plain mappings, so that JSON for rosbridge needs no package for ROS.
     fields = _with_attributes(message.fields)
     data = typestore().serialize_cdr(fields, message.type, little_endian=True)
     return EncodedMessage(message.type, bytes(data))

@@ -163,6 +163,7 @@ class HostRecorder(HostObserver):
 
     def disconnect(self, client: int) -> None:
         """See ``HostObserver.disconnect``."""
+        # Its number does not come again, but vehicles would be kept alive.
         self._described.pop(client, None)
         self._report(EventType.DISCONNECT, client)
 
@@ -228,4 +229,6 @@ class HostRecorder(HostObserver):
         assert self._simulation is not None  # there is a robot
         for antenna in antennas_of(self._simulation).of(vehicle):
             collector = TurnCollector(antenna.mounted.item.name, report)
+            # An observer, no listener: the antenna must not turn because it is
+            # recorded.
             antenna.observers.append(collector.take)

@@ -77,6 +77,7 @@ class RadarTurn:
         """
         rows = image.data.reshape(image.height, image.width)
         head, counts = np.split(rows, [metadata_bytes], axis=1)
+        # The views need contiguous bytes, which columns of a row are not.
         times = head[:, :8].copy().view("<i8")[:, 0]
         encoder = head[:, 8:10].copy().view("<u2")[:, 0]
         return cls(
@@ -137,6 +138,7 @@ class Recording:
         layout: dict[str, float] = {}
         try:
             for found, message, _, _ in BagReader(self.folder).messages():
+                # It is latched, and written before the first turn.
                 if found == f"{topic}/layout":
                     layout = json.loads(decode(message, String).data)
                 elif found == topic:

@@ -68,6 +68,8 @@ class RecordingProcess:
         self._has_ended = False
         self._is_patient = is_patient
         try:
+            # No fork of a server with threads, and no multiprocessing, whose child
+            # would import the main module of whoever uses this.
             self._process = subprocess.Popen(
                 [sys.executable, "-c", PROGRAM, *sys.path],
                 stdin=subprocess.PIPE,
@@ -111,6 +113,7 @@ class RecordingProcess:
         try:
             self._process.wait(END_TIMEOUT)
         except subprocess.TimeoutExpired:
+            # A disk may hang for ever; the server must not.
             self._process.kill()
             self._process.wait()
             log.warning("%s: not complete after %g s", self.folder, END_TIMEOUT)
@@ -155,6 +158,7 @@ def _read_events(pipe: BinaryIO) -> Iterator[RunEvent]:
     while len(head := pipe.read(FRAME.size)) == FRAME.size:
         number, tick, client, size = FRAME.unpack(head)
         data = pipe.read(size)
+        # The server was killed while it wrote: the event before was the last.
         if len(data) < size:
             return
         yield RunEvent(EventType(number), tick, client, data)

@@ -104,6 +104,7 @@ def _repeat(host: Host, call: RunEvent) -> bytes | None:
         case EventType.DISCONNECT:
             host.disconnect(call.client)
         case EventType.BEGIN:
+            # In the same tick as recorded: what clients sent before waits for it.
             host.begin(host.make_simulation())
         case EventType.WAIT:
             for _ in range(call.client):  # ticks, no number of a client
@@ -220,6 +221,7 @@ class ReplayServer:
         """Play everything to one client."""
         peer = peer_name(writer.transport)
         log.info("%s: connected", peer)
+        # A client whose commands nobody reads would block once the buffers are full.
         ignoring = asyncio.ensure_future(_ignore(reader))
         loop = asyncio.get_running_loop()
         start = loop.time()
@@ -230,6 +232,7 @@ class ReplayServer:
                 if writer.is_closing():
                     break
                 writer.write(data)
+                # Waits for a client that reads slowly: nothing is left out for it.
                 await writer.drain()
         ignoring.cancel()
         writer.close()

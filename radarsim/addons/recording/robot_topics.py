@@ -134,6 +134,8 @@ class RobotTopics:
                 yield TopicMessage(self._topic("odom"), odometry(time, *frames, placed))
             case GroundTruth(time, _, pose) | Ins(time, _, pose):
                 is_truth = isinstance(report, GroundTruth)
+                # One frame has one parent: two sources would make tf jump between their
+                # poses.
                 self._has_truth |= is_truth
                 topic = self._topic("ground_truth" if is_truth else "ins")
                 yield TopicMessage(topic, pose_stamped(time, MAP, pose))
@@ -150,6 +152,7 @@ class RobotTopics:
         if robot is None or speeds[0] is None or speeds[1] is None:
             return None
         if command.normalized:
+            # Normalized commands are percent of the highest wheel speed.
             top = robot.max_wheel_speed / 100
         else:
             top = robot.wheel_radius / robot.drive_scale
@@ -162,6 +165,7 @@ class RobotTopics:
     def of_turn(self, turn: RecordedTurn) -> Iterator[TopicMessage]:
         """Yield a turn of a radar as a picture, after what it needs to be read."""
         names = topic_name(turn.scanner), "spectrum"
+        # Readers need it to place the bins; whoever subscribes later gets it as well.
         if turn.scanner not in self._told_spectra:
             self._told_spectra.add(turn.scanner)
             layout = {"bin_size": turn.bin_size, "metadata_bytes": METADATA_BYTES}
@@ -178,6 +182,8 @@ class RobotTopics:
             self._frame(scan.name),
             scan.ranges,
             fov=scan.fov,
+            # The resolution is rounded on the wire, which adds up over hundreds of
+            # beams.
             resolution=scan.fov / gaps if gaps else scan.resolution,
             min_range=known.min_range if known else 0.0,
             max_range=known.max_range if known else math.inf,
@@ -207,6 +213,7 @@ class RobotTopics:
         # First the names, then the points that have their numbers.
         if self._legend.has_changed:
             yield TopicMessage("/radarsim/legend", self._legend.message(), latched=True)
+        # A scan without echoes is a message too: it tells that there were none.
         cloud = np.concatenate([np.zeros(0, ECHO), *points])
         message = point_cloud(line.time, self._frame(line.name), cloud)
         yield TopicMessage(self._topic(topic_name(line.name), "echoes"), message)

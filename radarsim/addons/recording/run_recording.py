@@ -92,6 +92,8 @@ class ServeRecording(ServeExtension):
             if self._process.close():
                 print_message(f"recorded in {self._folder}")
         elif self._has_folder:
+            # Only a folder in which nothing is written goes; a user may have put files
+            # there.
             with suppress(OSError):
                 self._folder.rmdir()
 
@@ -194,6 +196,8 @@ class RunRecording:
         if self._process is None or mapper is None or not mapper.scans:
             return
         time = mapper.trajectory.times[-1]
+        # A map at each scan would be most of a recording; the last one counts in any
+        # case.
         if time < self._map_due and not last:
             return
         from radarsim.addons.recording.host_recorder import EventType, RunEvent

@@ -176,6 +176,8 @@ class EchoSeries:
             legend: The last text of the topic ``/radarsim/legend``.
         """
         clouds = [np.frombuffer(message.data, ECHO) for message in messages]
+        # The numbers in points are places in the legend, which only grows: the last one
+        # explains all.
         rows = np.concatenate(clouds)
         names = json.loads(legend)
         kinds, objects, materials = (
@@ -267,6 +269,7 @@ def write_parquet(recording: Recording, folder: Path) -> list[Path]:
             arrow.table({key: np.full(len(each.times), name), **each.columns()})
             for name, each in series.items()
         ]
+        # All tables are made before the first file is written: all are there, or none.
         buffer = arrow.BufferOutputStream()
         parquet.write_table(arrow.concat_tables(parts), buffer)
         contents[folder / f"{table_name}.parquet"] = buffer.getvalue().to_pybytes()

@@ -72,11 +72,14 @@ class WireRecorder:
         """Record what a client sends on a connection."""
         connection = self._connection(number)
         self._report(EventType.RECEIVE, number, data)
+        # The bytes are recorded nevertheless; only what they say is not read any more.
         if connection.sent.overflow is not None:
             return
         for line in connection.sent.feed(data):
             if line[:4].upper() == "INIT":
                 connection.robot = _field(line, "Name") or _class_of(line)
+                # Another robot takes the place of the one before; nothing known of that
+                # holds.
                 connection.descriptions.clear()
                 self._describe(number, connection)
 
@@ -119,6 +122,7 @@ class WireRecorder:
         """Read the last time in what the server sends; None for its end."""
         found = _TIME.findall(data) if data is not None else []
         if found:
+            # Robots report in turn, and a line may be older than the one before it.
             self.time = max(self.time, float(found[-1]))
         # What came before the first time belongs to that one: at 0 s it would be hours
         # before the rest, if the server has been running for long.

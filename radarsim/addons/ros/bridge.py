@@ -246,6 +246,7 @@ async def run_bridge(
         watcher = await AsyncClient.connect(*server)
         await stack.enter_async_context(watcher)
         await watcher.greeting()
+        # Echoes take several times as many bytes as scans: only if somebody wants them.
         await watcher.watch(echoes=echoes)
         driving = []
         if robot_class is not None:
@@ -269,7 +270,9 @@ async def run_bridge(
         finally:
             for task in tasks:
                 task.cancel()
+            # Each has to end before the connections that it uses are closed.
             await asyncio.wait(tasks)
+        # Whatever ended first says why by its exception.
         for task in done:
             task.result()
 

@@ -77,6 +77,7 @@ class DdsParticipant:
             place = Topic(self._participant, f"rt{topic}", type_)
             quality = _quality(latched=latched)
             self._writers[topic] = DataWriter(self._participant, place, quality)
+        # Not by its constructor, which asks for all fields; nobody reads them.
         sample = type_.__new__(type_)
         sample.encoded = encode(content).data
         self._writers[topic].write(sample)
@@ -91,6 +92,7 @@ class DdsParticipant:
         """See ``RosSide.run``."""
         while True:
             for reader, take in self._readers:
+                # Polled, as a listener of cyclonedds would run in a thread of its own.
                 for twist in reader.take(DEPTH):
                     if hasattr(twist, "linear"):  # else one that writes has left
                         take(twist.linear.x, twist.angular.z)

@@ -150,6 +150,7 @@ class RosbridgeClient:
             message = json.loads(text)
             operation = message["op"]
             handler = self._handlers[operation]
+        # Thousands of brackets in each other are a RecursionError.
         except (ValueError, RecursionError):
             self._complain(f"{text[:80]!r}, expected JSON")
         except (KeyError, TypeError):
@@ -167,6 +168,7 @@ class RosbridgeClient:
         if len(topic) > LONGEST_NAME:
             raise ValueError(f"a topic of {len(topic)} characters, expected a name")
         interval = float(message.get("throttle_rate") or 0) / 1000
+        # All that a client can make this keep is limited.
         if len(self._subscriptions) >= MOST_SUBSCRIPTIONS:
             raise ValueError(f"expected at most {MOST_SUBSCRIPTIONS} subscriptions")
         self._subscriptions[topic] = interval

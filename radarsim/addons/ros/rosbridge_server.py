@@ -87,6 +87,8 @@ class RosbridgeServer:
         self._clients[client] = news
         sending = asyncio.ensure_future(_send(socket, client, news))
         try:
+            # Topics are limited in the queue; answers to calls are not, but end the
+            # connection.
             while len(client.waiting) < MOST_ANSWERS:
                 client.receive(await socket.receive_text())
                 news.set()

@@ -123,6 +123,7 @@ class ServerThread(threading.Thread):
 
     async def _serve(self) -> None:
         loop = asyncio.get_running_loop()
+        # Errors of callbacks would only be logged, and the test would pass.
         loop.set_exception_handler(self._add_error)
         task = asyncio.current_task()
         assert task is not None

@@ -135,6 +135,7 @@ class NavtechServer(PeerServer, HostObserver):
             )
             for k, row in enumerate(sector.rows)
         )
+        # A copy, as a client that is closed leaves the set.
         for client in list(self._clients):
             if client.wants_data:
                 client.send(data)
@@ -185,6 +186,7 @@ class RadarClient(PeerConnection):
             log.warning("%s: closed: %s", self.peer, self._messages.problem)
             self.close()
         elif self._transport is not None:
+            # Rule 2: the system's buffers hold back whoever sends more.
             self._transport.pause_reading()
             asyncio.get_running_loop().call_later(READ_PAUSE, self._read_on)
 
@@ -198,6 +200,7 @@ class RadarClient(PeerConnection):
             self._read_at = now
         if unsent <= MOST_UNSENT:
             self._transport.write(data)
+        # Rule 1: whole directions are left out, never a part of one.
         elif now - self._read_at > PATIENCE:
             log.warning("%s: closed: it reads nothing", self.peer)
             self.close()
