@@ -29,6 +29,23 @@ for name in (
 INIT = b"INIT {ClassName USARBot.P3AT_Radar360} {Location -7.8,0,0.2}\r\n"
 HERE = ("--sensor", "radar", "--start", "RobotStart1")
 TIMEOUT = 240  # s that a busy machine may need
+WITHOUT_ADDONS = """
+import radarsim
+from radarsim import plugins
+from radarsim.presets.robots import load_robot
+from radarsim.simulation.config import SimulationConfig
+
+print(plugins.names("radarsim.items"), radarsim.load_sensor("radar").name)
+for wanted in (
+    lambda: radarsim.load_sensor("navtech_cts350x", detector="ca"),
+    lambda: SimulationConfig().check_scanners(load_robot("P3AT_Navtech")),
+    lambda: radarsim.load_sensor("navtech_cts350x").fmcw,
+):
+    try:
+        wanted()
+    except radarsim.RadarsimError as error:
+        print(error)
+"""
 FIXTURES = ("usarsim_server", "usarsim_client", "usarsim_map")  # of an add-on
 FOLDERS = (
     *("protocol", "scene", "presets", "raycast", "sensors", "robots", "simulation"),
@@ -115,6 +132,20 @@ def test_command_of_an_absent_part_is_told_in_one_line(
     done = run(core, "radarsim", name, "foliage_room")
     assert done.returncode == 1
     assert done.stderr == f"radarsim: {name}: {part} is not installed\n"
+
+
+def test_missing_add_on_is_named_where_it_is_needed(core: Path) -> None:
+    command = (sys.executable, "-c", WITHOUT_ADDONS)
+    printed = subprocess.check_output(
+        command, text=True, cwd=core, env=environment(core)
+    )
+    needs = "sensor navtech_cts350x: detector 'ca' needs radarsim.addons.fmcw, which is"
+    assert printed.splitlines() == [
+        "[] radar",
+        f"{needs} not installed",
+        f"{needs} not installed",
+        "radarsim.addons.fmcw is not installed",
+    ]
 
 
 @pytest.fixture

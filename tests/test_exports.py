@@ -22,3 +22,11 @@ def test_package_and_help_import_nothing_heavy(imported: str) -> None:
     heavy = {"numpy", "numba", "scipy", "shapely", "trimesh", "matplotlib", "pydantic"}
     code = f"import sys, {imported}; print(*{heavy} & set(sys.modules))"
     assert subprocess.check_output([sys.executable, "-c", code], text=True) == "\n"
+
+
+def test_loading_a_map_imports_no_mesh_reader_and_no_pictures() -> None:
+    code = (
+        "import sys, radarsim; repr(radarsim.load_map('foliage_room'));"
+        "print(*{'trimesh', 'matplotlib'} & set(sys.modules))"
+    )
+    assert subprocess.check_output([sys.executable, "-c", code], text=True) == "\n"

@@ -1,7 +1,6 @@
 """The doors of the core: entries of its own, of other packages, and missing ones."""
 
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -14,23 +13,6 @@ from radarsim.errors import MissingPackage
 
 ADDON = """[radarsim.sensors]
 sonar = colorsys:rgb_to_hls
-"""
-WITHOUT_ADDONS = """
-import radarsim
-from radarsim import plugins
-from radarsim.presets.robots import load_robot
-from radarsim.simulation.config import SimulationConfig
-
-print(plugins.names("radarsim.items"), radarsim.load_sensor("radar").name)
-for wanted in (
-    lambda: radarsim.load_sensor("navtech_cts350x", detector="ca"),
-    lambda: SimulationConfig().check_scanners(load_robot("P3AT_Navtech")),
-    lambda: radarsim.load_sensor("navtech_cts350x").fmcw,
-):
-    try:
-        wanted()
-    except radarsim.RadarsimError as error:
-        print(error)
 """
 
 
@@ -62,22 +44,3 @@ def test_other_packages_can_add_entries(
 def test_unknown_entry_is_named() -> None:
     with pytest.raises(MissingPackage, match=r"'lidar' of 'radarsim\.sensors'"):
         plugins.load("radarsim.sensors", "lidar")
-
-
-def test_core_without_addons_says_which_one_is_missing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    package = Path(radarsim.__file__).parent
-    left_out = shutil.ignore_patterns("addons", "autonomy", "lab", "__pycache__")
-    shutil.copytree(package, tmp_path / "radarsim", ignore=left_out)
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    printed = subprocess.check_output(
-        [sys.executable, "-c", WITHOUT_ADDONS], text=True, cwd=tmp_path
-    )
-    needs = "sensor navtech_cts350x: detector 'ca' needs radarsim.addons.fmcw, which is"
-    assert printed.splitlines() == [
-        "[] radar",
-        f"{needs} not installed",
-        f"{needs} not installed",
-        "radarsim.addons.fmcw is not installed",
-    ]

@@ -1,8 +1,6 @@
 """Pictures from Python: of scenes, of scans, and of several sensors side by side."""
 
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -77,11 +75,3 @@ def test_repr_of_a_material_makes_it_again() -> None:
         "Material('smoke', density=0.0, laser_density=0.5, solid=False)"
     )
     assert repr(Material("wall")) == "Material('wall')"
-
-
-def test_matplotlib_waits_for_the_first_picture() -> None:
-    code = (
-        "import sys, radarsim; scene = radarsim.load_map('empty_room');"
-        "repr(scene); sys.exit('matplotlib' in sys.modules)"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

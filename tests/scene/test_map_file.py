@@ -2,15 +2,12 @@
 
 import math
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from map_texts import load, objects
 
-import radarsim
 from radarsim.errors import MapError
 from radarsim.geometry import Pose3
 from radarsim.scene.map_file import load_map, shipped_maps
@@ -186,16 +183,6 @@ def test_map_in_a_folder_without_permission_is_told_apart_from_a_missing_one(
     monkeypatch.setattr(Path, "stat", refuse)  # root may enter every folder
     with pytest.raises(MapError, match=r"m\.yaml: no permission, expected a map file"):
         load_map("closed/m.yaml")
-
-
-def test_map_of_primitives_does_not_import_trimesh() -> None:
-    code = (
-        "import sys; from radarsim.scene.map_file import load_map;"
-        "load_map('foliage_room'); sys.exit('trimesh' in sys.modules)"
-    )
-    root = Path(radarsim.__file__).parents[1]
-    run = subprocess.run([sys.executable, "-c", code], cwd=root, check=False)
-    assert run.returncode == 0
 
 
 def test_path_of_no_regular_file_is_told_as_such(tmp_path: Path) -> None:
