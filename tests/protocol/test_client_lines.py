@@ -1,3 +1,5 @@
+"""Lines as clients in the field write them."""
+
 import pytest
 
 from radarsim.protocol.commands import (
@@ -17,58 +19,49 @@ from radarsim.protocol.message import LineBuffer
 ZERO = (0.0, 0.0, 0.0)
 
 
-def commands(stream: bytes) -> list[Command]:
-    return [parse_command(line, COMPAT).command for line in LineBuffer().feed(stream)]
-
-
 @pytest.mark.parametrize(
     ("stream", "expected"),
     [
-        pytest.param(b"GETSTARTPOSES\r\n", [GetStartPoses()], id="start-pose probe"),
+        pytest.param(
+            b"GETSTARTPOSES\r\n",
+            [GetStartPoses()],
+            id="UsarCommander: start-pose probe",
+        ),
         pytest.param(
             b"INIT {ClassName USARBot.P3AT} {Name Rob} {Location 4.5,1.9,1.8} "
             b"{Rotation 0,0,1.57} \r\n",
             [Init("P3AT", "Rob", None, (4.5, -1.9, -1.8), (0.0, 0.0, -1.57))],
-            id="INIT with a blank at its end",
+            id="UsarCommander: INIT with a blank at its end",
         ),
         pytest.param(
             b"GETGEO {Type Robot} {Name Rob}\r\nGETCONF {Type Robot} {Name Rob}\r\n",
             [GetGeo("Robot", "Rob"), GetConf("Robot", "Rob")],
-            id="robot first",
+            id="UsarCommander: robot first",
         ),
-        pytest.param(b"DRIVE {Flip true}\r\n", [Drive(flip=True)], id="flip"),
+        pytest.param(
+            b"DRIVE {Flip true}\r\n", [Drive(flip=True)], id="UsarCommander: flip"
+        ),
         pytest.param(
             b"MISPKG {Name CameraPanTilt} {Link 1} {Value 0} {Link 2} {Value 0.3}\r\n",
             [Unsupported("MISPKG")],
-            id="camera tilt",
+            id="UsarCommander: camera tilt",
         ),
         pytest.param(
             b"SET {Type Camera} {Name Camera} {Opcode ZOOM}\r\n",
             [SetItem("Camera", "Camera", "ZOOM", "")],
-            id="set without params",
+            id="UsarCommander: set without params",
         ),
         pytest.param(
             b"MULTIDRIVE {FRFlipper 0.1} {FLFlipper 0.1}\r\n",
             [Unsupported("MULTIDRIVE")],
-            id="flippers",
+            id="UsarCommander: flippers",
         ),
         pytest.param(
             b"DRIVE {AltitudeVelocity 0} {LinearVelocity 1} {LateralVelocity 0} "
             b"{RotationalVelocity 0} {Normalized False}\r\n",
             [Drive(normalized=False)],
-            id="in the air",
+            id="UsarCommander: in the air",
         ),
-    ],
-)
-def test_usarcommander_commands_are_parsed(
-    stream: bytes, expected: list[Command]
-) -> None:
-    assert commands(stream) == expected
-
-
-@pytest.mark.parametrize(
-    ("stream", "expected"),
-    [
         pytest.param(
             b"GETSTARTPOSES\r\nINIT {Classname USARBot.P3AT} {Name R1} "
             b"{Start RobotStart1}\r\nGETCONF {Type RFID}\r\nGETGEO {Type RFID}\r\n",
@@ -78,38 +71,29 @@ def test_usarcommander_commands_are_parsed(
                 GetConf("RFID"),
                 GetGeo("RFID"),
             ],
-            id="burst at connect",
+            id="ROS node: burst at connect",
         ),
         pytest.param(
             b"GETCONF {Type GroundTruth} {Name GndTruth}\r\n",
             [GetConf("GroundTruth", "GndTruth")],
-            id="conf of a sensor",
+            id="ROS node: conf of a sensor",
         ),
         pytest.param(
             b"Drive {Left 2.695418} {Right 2.695418}\r\n",
             [Drive(2.695418, 2.695418)],
-            id="mixed case",
+            id="ROS node: mixed case",
         ),
         pytest.param(
             b"INIT {Classname USARBot.P3AT} {Name R1} {Start 0,0,0.8}\r\n",
             [Init("P3AT", "R1", "0,0,0.8")],
-            id="a start that is no name",
+            id="ROS node: a start that is no name",
         ),
-    ],
-)
-def test_ros_node_commands_are_parsed(stream: bytes, expected: list[Command]) -> None:
-    assert commands(stream) == expected
-
-
-@pytest.mark.parametrize(
-    ("stream", "expected"),
-    [
         pytest.param(
             b"INIT {ClassName USARBot.P2AT} {Name p2} "
             b"{Location 1.500000 1.000000 0.200000} "
             b"{Rotation 0.000000 0.000000 0.000000}\r\n",
             [Init("P2AT", "p2", None, (1.5, -1.0, -0.2), ZERO)],
-            id="vectors with blanks",
+            id="Player: vectors with blanks",
         ),
         pytest.param(
             b"GETCONF {Type Robot}\n\rGETGEO {Type Robot}\n\r"
@@ -120,134 +104,105 @@ def test_ros_node_commands_are_parsed(stream: bytes, expected: list[Command]) ->
                 GetGeo("RangeScanner"),
                 GetConf("RangeScanner"),
             ],
-            id="LF CR and no names",
+            id="Player: LF CR and no names",
         ),
         pytest.param(
             b"SET {Type Odometry} {Name Odometry} {Opcode RESET} \r\n",
             [SetItem("Odometry", "Odometry", "RESET")],
-            id="reset with a blank at its end",
+            id="Player: reset with a blank at its end",
         ),
-    ],
-)
-def test_player_driver_commands_are_parsed(
-    stream: bytes, expected: list[Command]
-) -> None:
-    assert commands(stream) == expected
-
-
-@pytest.mark.parametrize(
-    ("stream", "expected"),
-    [
         pytest.param(
             b"INIT {ClassName USARBot.P2AT} {Name 1} "
             b"{Location 47,169998 -55,700001 -2,250000} "
             b"{Rotation 0,000000 0,000000 0,000000}\r\n",
             [Init("P2AT", "1", None, (47.169998, 55.700001, 2.25), ZERO)],
-            id="Spanish locale",
+            id="Java controller: Spanish locale",
         ),
         pytest.param(
             b"DRIVE {Left 1,000000} {Right 0,500000} {Normalized false}\r\n",
             [Drive(1.0, 0.5, normalized=False)],
-            id="drive in a Spanish locale",
+            id="Java controller: drive in a Spanish locale",
         ),
-    ],
-)
-def test_java_controller_commands_are_parsed(
-    stream: bytes, expected: list[Command]
-) -> None:
-    assert commands(stream) == expected
-
-
-@pytest.mark.parametrize(
-    ("stream", "expected"),
-    [
         pytest.param(
             b"INIT {ClassName USARBot.P3AT} {Name R1} {Location 4.5,1.9,1.8} "
             b"{Rotation 0,0,1.5708}\r\n",
-            Init("P3AT", "R1", None, (4.5, -1.9, -1.8), (0.0, 0.0, -1.5708)),
-            id="init",
+            [Init("P3AT", "R1", None, (4.5, -1.9, -1.8), (0.0, 0.0, -1.5708))],
+            id="MATLAB toolbox: init",
         ),
-        pytest.param(b"DRIVE {Flip True}\r\n", Drive(flip=True), id="flip only"),
         pytest.param(
-            b"DRIVE {Name FRFlipper} {Value 0.5}\r\n", Drive(), id="joint of another"
+            b"DRIVE {Flip True}\r\n", [Drive(flip=True)], id="MATLAB toolbox: flip only"
+        ),
+        pytest.param(
+            b"DRIVE {Name FRFlipper} {Value 0.5}\r\n",
+            [Drive()],
+            id="MATLAB toolbox: joint of another",
         ),
         pytest.param(
             b"DRIVE {Speed 1} {FrontSteer 0.2} {Normalized True}\r\n",
-            Drive(normalized=True),
-            id="car of another",
+            [Drive(normalized=True)],
+            id="MATLAB toolbox: car of another",
         ),
         pytest.param(
             b"MISPKG {Name CameraPanTilt} {Link 1} {Value 0.1} {Order 0} {Link 2} "
             b"{Value 0.1} {Order 0}\r\n",
-            Unsupported("MISPKG"),
-            id="camera",
+            [Unsupported("MISPKG")],
+            id="MATLAB toolbox: camera",
         ),
-    ],
-)
-def test_matlab_toolbox_commands_are_parsed(stream: bytes, expected: Command) -> None:
-    assert commands(stream) == [expected]
-
-
-@pytest.mark.parametrize(
-    ("stream", "expected"),
-    [
         pytest.param(
             b"INIT {ClassName USARBot.P3AT} {Start RobotStart1}\r\n",
-            Init("P3AT", None, "RobotStart1"),
+            [Init("P3AT", None, "RobotStart1")],
             id="Iridium init without a name",
         ),
         pytest.param(
             b"INIT {ClassName USARBot.P3AT} {Start RobotStart2}\r\n",
-            Init("P3AT", None, "RobotStart2"),
+            [Init("P3AT", None, "RobotStart2")],
             id="C# init",
         ),
         pytest.param(
-            b"DRIVE {Left -0,5} {Right 0,5}\r\n", Drive(-0.5, 0.5), id="C# in Dutch"
+            b"DRIVE {Left -0,5} {Right 0,5}\r\n",
+            [Drive(-0.5, 0.5)],
+            id="C# in Dutch",
         ),
         pytest.param(
             b"INIT {ClassName USARBot.P3AT} {Name n} {Location 1,2,3} "
             b"{Rotation 0,0,0}\n",
-            Init("P3AT", "n", None, (1.0, -2.0, -3.0), ZERO),
-            id="proxy with LF",
+            [Init("P3AT", "n", None, (1.0, -2.0, -3.0), ZERO)],
+            id="C# proxy with LF",
         ),
         pytest.param(
-            b"DRIVE {Left 1,00} {Right 0,00}\r\n", Drive(1.0, 0.0), id="proxy's commas"
+            b"DRIVE {Left 1,00} {Right 0,00}\r\n",
+            [Drive(1.0, 0.0)],
+            id="C# proxy's commas",
         ),
-    ],
-)
-def test_iridium_and_csharp_commands_are_parsed(
-    stream: bytes, expected: Command
-) -> None:
-    assert commands(stream) == [expected]
-
-
-@pytest.mark.parametrize(
-    ("stream", "expected"),
-    [
         pytest.param(
             b"INIT {ClassName USARBot.KR6} {Location .4, .4, 1.8}\r\n",
-            Init("KR6", None, None, (0.4, -0.4, -1.8)),
-            id="leading points",
+            [Init("KR6", None, None, (0.4, -0.4, -1.8))],
+            id="Python client: leading points",
         ),
         pytest.param(
             b"INIT {ClassName USARBot.P2DX} {Location 4.5,1.9,1.8} {Name R1}\r\n",
-            Init("P2DX", "R1", None, (4.5, -1.9, -1.8)),
-            id="name last",
+            [Init("P2DX", "R1", None, (4.5, -1.9, -1.8))],
+            id="Python client: name last",
         ),
         pytest.param(
             b"DRIVE {Left 20} {Right 10} {Normalized true}\r\n",
-            Drive(20.0, 10.0, normalized=True),
-            id="percent",
+            [Drive(20.0, 10.0, normalized=True)],
+            id="Python client: percent",
         ),
         pytest.param(
-            b"DRIVE {LEFT -1.0} {RIGHT 1.0}\r\n", Drive(-1.0, 1.0), id="shouting"
+            b"DRIVE {LEFT -1.0} {RIGHT 1.0}\r\n",
+            [Drive(-1.0, 1.0)],
+            id="Python client: shouting",
         ),
         pytest.param(
             b"INIT {ClassName USARBot.P2DX} {Location 0,0000, 0,0000, 0,0000}\r\n",
-            Init("P2DX", None, None, ZERO),
-            id="commas of both kinds",
+            [Init("P2DX", None, None, ZERO)],
+            id="Python client: commas of both kinds",
         ),
     ],
 )
-def test_python_client_commands_are_parsed(stream: bytes, expected: Command) -> None:
-    assert commands(stream) == [expected]
+def test_lines_of_real_clients_are_parsed(
+    stream: bytes, expected: list[Command]
+) -> None:
+    parsed = [parse_command(line, COMPAT).command for line in LineBuffer().feed(stream)]
+    assert parsed == expected
