@@ -8,7 +8,6 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import Any
 
 from radarsim.errors import (
     PortUnavailable,
@@ -92,26 +91,16 @@ def check_port(address: str, port: int) -> None:
         for family, *_, place in socket.getaddrinfo(
             address, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         ):
-            _try_to_bind(family, place, address, port)
-
-
-def _try_to_bind(family: int, place: tuple[Any, ...], address: str, port: int) -> None:
-    """Bind a socket as ``listen`` does, and close it.
-
-    Raises:
-        OSError: If there is no such socket.
-        PortUnavailable: If the port is in use, or reserved.
-    """
-    with socket.socket(family, socket.SOCK_STREAM) as sock:
-        sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        if family == socket.AF_INET6:
-            sock.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
-        try:
-            sock.bind(place)
-        except OSError as error:
-            failure = _listening_error(error, address, port)
-            if isinstance(failure, PortUnavailable):
-                raise failure from error
+            with socket.socket(family, socket.SOCK_STREAM) as sock:  # as in ``listen``
+                sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                if family == socket.AF_INET6:
+                    sock.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
+                try:
+                    sock.bind(place)
+                except OSError as error:
+                    failure = _listening_error(error, address, port)
+                    if isinstance(failure, PortUnavailable):
+                        raise failure from error
 
 
 def bind(address: str, port: int) -> socket.socket:

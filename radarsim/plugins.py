@@ -30,7 +30,7 @@ OWN: Final[dict[str, dict[str, str]]] = {
     "radarsim.explanations": {"budget": "radarsim.addons.fmcw.budget:print_budget"},
     # Options of 'radarsim serve', and what they start beside the server.
     "radarsim.serve": {
-        "navtech": "radarsim.addons.fmcw.navtech.serving:NavtechOptions",
+        "navtech": "radarsim.addons.fmcw.navtech.options:NavtechOptions",
         "record": "radarsim.addons.recording.run_recording:RecordOptions",
         "web": "radarsim.addons.web.commands:WebOptions",
     },

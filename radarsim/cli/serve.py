@@ -17,7 +17,7 @@ from radarsim.cli.command import PlansOf
 from radarsim.cli.compile_progress import compile_progress
 from radarsim.cli.fields import MapName, Port, Seed
 from radarsim.cli.output import print_now, start_log
-from radarsim.cli.serving import (
+from radarsim.cli.server_options import (
     EXTENSIONS,
     ExtensionOptions,
     Listener,

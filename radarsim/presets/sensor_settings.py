@@ -336,7 +336,8 @@ def two_way_deviation(beamwidth: float) -> float:
 
 
 MAX_NOISE = 10.0  # times the motion itself; more overflows after a while
-ENCODER_RESOLUTION = 0.01745  # rad per tick; compiled into kernels
+# compiled into kernels
+ENCODER_RESOLUTION = 0.01745  # rad per tick
 
 
 @dataclass(frozen=True, slots=True)

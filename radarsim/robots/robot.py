@@ -19,6 +19,7 @@ from radarsim.robots.footprint import Footprint
 if TYPE_CHECKING:
     from radarsim.robots.fleet import Fleet
 
+# compiled into kernels
 # Pose on the floor, m, rad, map frame; speeds of the wheels, rad/s, and angles that
 # they turned forward since the spawn, rad.
 X, Y, YAW, LEFT_SPIN, RIGHT_SPIN, LEFT_ANGLE, RIGHT_ANGLE = range(7)

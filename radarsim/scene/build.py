@@ -8,7 +8,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
@@ -33,11 +33,8 @@ from radarsim.scene.mesh_files import (
 )
 from radarsim.scene.reflectors import POINT_EDGE, REFLECTOR, Reflector
 from radarsim.scene.scene import Part
-from radarsim.scene.shapes import Mesh, box, cylinder, octahedron, sphere
+from radarsim.scene.shapes import Mesh, Surface, box, cylinder, octahedron, sphere
 from radarsim.validation import short_repr
-
-if TYPE_CHECKING:
-    from radarsim.scene.meshes import Surface
 
 LIMITS: Final = {
     "objects": MAX_OBJECTS,
@@ -130,7 +127,7 @@ def make_material(name: str, entry: MaterialEntry) -> Material:
     return replace(base, **changes)
 
 
-class Room:
+class Budget:
     """How much a scene or a file may still contain."""
 
     def __init__(self, limits: Mapping[str, int] = LIMITS) -> None:
@@ -166,7 +163,7 @@ class PartBuilder:
         self._joined: dict[tuple[object, ...], list[_Piece]] = {}
 
     def build(
-        self, entry: ObjectEntry, materials: Mapping[str, Material], room: Room
+        self, entry: ObjectEntry, materials: Mapping[str, Material], room: Budget
     ) -> list[Part]:
         """Build an object's parts, one for each copy and each of its materials.
 
@@ -248,14 +245,19 @@ class PartBuilder:
             self._joined[key] = pieces
         return self._joined[key]
 
-    def _read(self, mesh: str) -> list["Surface"]:
-        from radarsim.scene.meshes import read_surfaces  # noqa: PLC0415 - see above
+    def _read(self, mesh: str) -> list[Surface]:
+        from radarsim.scene.face_passes import weld_vertices  # noqa: PLC0415 - see above
+        from radarsim.scene.meshes import read_surfaces  # noqa: PLC0415
 
         if mesh not in self._surfaces:
             try:  # once: hundreds of objects may have the same broken file
                 path = find_inside(self._folder, self._folder, mesh)
                 surfaces = read_surfaces(path, self._folder, self._budget)
-                self._surfaces[mesh] = [surface.welded() for surface in surfaces]
+                # Of an STL file a sixth of the vertices is left.
+                self._surfaces[mesh] = [
+                    Surface(material, *weld_vertices(vertices, faces))
+                    for material, vertices, faces in surfaces
+                ]
             except MeshError as error:
                 self._surfaces[mesh] = error
         found = self._surfaces[mesh]
@@ -281,7 +283,7 @@ def make_reflectors(entry: ObjectEntry) -> list[Reflector]:
     return reflectors
 
 
-def _join(material: Material, surfaces: list["Surface"]) -> Mesh:
+def _join(material: Material, surfaces: list[Surface]) -> Mesh:
     """Join the surfaces of one material into one mesh."""
     from radarsim.scene.meshes import join_surfaces, join_volume  # noqa: PLC0415
 
@@ -298,8 +300,8 @@ def _join(material: Material, surfaces: list["Surface"]) -> Mesh:
 
 
 def _group_by_material(
-    entry: ObjectEntry, surfaces: list["Surface"]
-) -> dict[str, list["Surface"]]:
+    entry: ObjectEntry, surfaces: list[Surface]
+) -> dict[str, list[Surface]]:
     """Group surfaces by the map's material that each is made of."""
     if entry.material is not None:
         return {entry.material: surfaces}

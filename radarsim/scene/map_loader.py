@@ -16,9 +16,9 @@ from pydantic import ValidationError
 from radarsim.errors import expected_one_of
 from radarsim.geometry import Pose3
 from radarsim.scene.build import (
+    Budget,
     BuildError,
     PartBuilder,
-    Room,
     copy_names,
     make_material,
     make_reflectors,
@@ -76,7 +76,7 @@ class MapLoader:
         self._file = file
         self._folder = file.path.parent.resolve()
         self._builder = PartBuilder(self._folder)
-        self._file_room = Room({_BUILT: MAX_BUILT})
+        self._file_room = Budget({_BUILT: MAX_BUILT})
         self._is_too_much = False
         # What variants share is validated, reported and built once: a map may have 100
         # variants of thousands of objects, most of them the same.
@@ -207,7 +207,7 @@ class MapLoader:
     ) -> Iterator[tuple[KeyPath, ObjectEntry]]:
         """Yield the valid objects with their key paths."""
         taken: dict[str, KeyPath] = {}
-        room = Room()
+        room = Budget()
         for at, item in self._entries(layers, "objects", MAX_OBJECTS):
             # An entry of the map is the same in all variants, unless they lack another
             # one of its materials.
@@ -239,7 +239,7 @@ class MapLoader:
         materials: dict[str, Material],
     ) -> Iterator[Part]:
         """Build objects, until there are many problems."""
-        room = Room()
+        room = Budget()
         for at, entry in entries:
             if self.problems.full:
                 return
@@ -250,7 +250,7 @@ class MapLoader:
                 self.problems.report(at, error.problems)
 
     def _build(
-        self, at: KeyPath, entry: ObjectEntry, used: dict[str, Material], room: Room
+        self, at: KeyPath, entry: ObjectEntry, used: dict[str, Material], room: Budget
     ) -> list[Part]:
         """Build an object of these materials, unless another variant has the same."""
         # by the materials themselves, as a variant may replace one of the same name

@@ -10,7 +10,6 @@ library only the names do, which the OBJ file itself contains.
 
 import io
 import warnings
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -27,7 +26,7 @@ from radarsim.scene.mesh_files import (
     check_stl,
 )
 from radarsim.scene.obj import read_obj
-from radarsim.scene.shapes import Faces, Mesh, concatenate
+from radarsim.scene.shapes import Mesh, Surface, concatenate
 from radarsim.scene.topology import (
     OrientedFaces,
     count_degenerate,
@@ -37,34 +36,6 @@ from radarsim.scene.topology import (
 _OrientedSurface: TypeAlias = tuple[Floats, OrientedFaces]
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
-
-
-@dataclass(frozen=True, eq=False)
-class Surface:
-    """One piece of a mesh file, in the frame of the file.
-
-    Attributes:
-        material: The name of its material in the file, if it has one.
-        vertices: (V, 3) in the file's unit.
-        faces: (F, 3) vertex indices.
-    """
-
-    material: str | None
-    vertices: Floats
-    faces: Faces
-
-    @property
-    def mesh(self) -> Mesh:
-        """The vertices and the faces."""
-        return self.vertices, self.faces
-
-    def welded(self) -> "Surface":
-        """Return the surface with vertices at equal positions merged.
-
-        Drops faces that lose a corner by it, and vertices without faces: of an STL
-        file a sixth of the vertices is left.
-        """
-        return Surface(self.material, *weld_vertices(self.vertices, self.faces))
 
 
 def read_surfaces(
@@ -134,7 +105,7 @@ def join_surfaces(surfaces: list[Surface]) -> Mesh:
     try:
         return _concatenate_oriented(_weld(surfaces))
     except MeshError:
-        return concatenate([surface.mesh for surface in surfaces])
+        return concatenate([surface[1:] for surface in surfaces])
 
 
 def _concatenate_oriented(surfaces: list[_OrientedSurface]) -> Mesh:
@@ -149,12 +120,12 @@ def _weld(surfaces: list[Surface]) -> list[_OrientedSurface]:
     """
     closed: list[_OrientedSurface] = []
     remaining: list[Mesh] = []
-    for surface in surfaces:
-        oriented = orient_outward(*surface.mesh)
+    for _, vertices, faces in surfaces:
+        oriented = orient_outward(vertices, faces)
         if oriented is None:
-            remaining.append(surface.mesh)
+            remaining.append((vertices, faces))
         else:
-            closed.append((surface.vertices, oriented))
+            closed.append((vertices, oriented))
     if remaining:
         vertices, faces = remaining[0]
         if len(remaining) > 1:
@@ -170,7 +141,7 @@ def _weld(surfaces: list[Surface]) -> list[_OrientedSurface]:
 def _read(content: bytes, suffix: str, files: MeshFiles) -> list[Surface]:
     """Read the surfaces in the content of a file."""
     if suffix == ".obj":
-        return [Surface(*piece) for piece in read_obj(content, files.budget)]
+        return read_obj(content, files.budget)
     options: dict[str, Any] = {}
     # Parsers allocate what a header counts, and spend seconds on each of many small
     # pieces, so a file of a few hundred bytes is counted before they get it.

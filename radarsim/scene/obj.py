@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.scene.mesh_files import MAX_SURFACES, MeshBudget, expect_at_most
-from radarsim.scene.shapes import Faces
+from radarsim.scene.shapes import Faces, Surface
 
 MAX_LINES: Final = 5_000_000  # without blank ones
 MAX_CHANGES: Final = 200_000  # of the object or the material, each with polygons
@@ -35,20 +35,6 @@ _Characters: TypeAlias = NDArray[np.uint8]
 _Booleans: TypeAlias = NDArray[np.bool_]
 _Integers: TypeAlias = NDArray[np.int64]
 _Number = TypeVar("_Number", np.float64, np.int64)
-
-
-class Piece(NamedTuple):
-    """The polygons of one object and one material, as triangles.
-
-    Attributes:
-        material: The name of the material; None if there is none.
-        vertices: (V, 3) in the file's unit.
-        faces: (F, 3) vertex indices.
-    """
-
-    material: str | None
-    vertices: Floats
-    faces: Faces
 
 
 class _Lines(NamedTuple):
@@ -83,7 +69,7 @@ class _Lines(NamedTuple):
         return self.characters[np.minimum(self.starts + number, self.ends)]
 
 
-def read_obj(content: bytes, budget: MeshBudget) -> list[Piece]:
+def read_obj(content: bytes, budget: MeshBudget) -> list[Surface]:
     """Read the pieces of an OBJ file; the one that begins last is the first.
 
     Args:
@@ -107,7 +93,7 @@ def read_obj(content: bytes, budget: MeshBudget) -> list[Piece]:
     faces = corners[_fans(counts, triangles)]
     materials, owners = _owners(lines, polygons)
     return [
-        Piece(materials[number] or None, *_select(vertices, faces[which]))
+        Surface(materials[number] or None, *_select(vertices, faces[which]))
         for number, which in _group(np.repeat(owners, triangles))
     ]
 

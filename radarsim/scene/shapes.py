@@ -7,7 +7,7 @@ lie on the true surface, those on the axes exactly, and every face lies inside i
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,20 @@ _BOX_SIDES = [  # two triangles each
     [[1, 3, 7], [1, 7, 5]],  # front, +x
 ]
 _BOX_FACES = np.array(_BOX_SIDES, dtype=np.int32).reshape(-1, 3)
+
+
+class Surface(NamedTuple):
+    """One piece of a mesh file, in the frame of the file.
+
+    Attributes:
+        material: The name of its material in the file, if it has one.
+        vertices: (V, 3) in the file's unit.
+        faces: (F, 3) vertex indices.
+    """
+
+    material: str | None
+    vertices: Floats
+    faces: Faces
 
 
 def box(length: float, width: float, height: float) -> Mesh:

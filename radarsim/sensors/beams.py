@@ -78,9 +78,11 @@ class BeamPattern:
     def __init__(self, settings: SensorSettings) -> None:
         self.angles = beam_angles(settings)
         offsets, self.weights = _nodes(settings)
-        deviations = _random_deviations(settings)
-        self.has_random_rays = deviations is not None
-        self._deviations = np.ones(2) if deviations is None else deviations
+        is_cone = settings.has_side_rays and settings.side_mode == "cone"
+        self.has_random_rays = is_cone and settings.cone_sampling == "random"
+        self._deviations = np.ones(2)
+        if self.has_random_rays:
+            self._deviations = np.array(_deviations(settings))
         starts = _starts(settings, self.angles)
         sides = _sides(offsets)
         # Three rays may differ in their starts only, not in their angles.
@@ -286,27 +288,22 @@ def _nodes(settings: SensorSettings) -> tuple[Floats, Floats]:
     """
     if settings.rays_per_beam == 1:
         return np.zeros((1, 1, 2)), np.ones(1)
+    if settings.side_mode == "cone" and settings.cone_sampling == "random":
+        count = settings.cone_rays
+        return np.zeros((count, 1, 2)), np.full(count, 1 / count)
     if settings.side_mode == "cone":
-        return _cone_nodes(settings)
+        across, up = _deviations(settings)
+        place = even_nodes if settings.cone_sampling == "even" else quadrature
+        (left, left_share), (high, high_share) = map(place, settings.cone_grid)
+        grid = np.meshgrid(left * across, high * up)
+        offsets = np.stack([each.ravel() for each in grid], axis=-1)[:, None]
+        return offsets, np.outer(high_share, left_share).ravel()
     weights = np.array(settings.ray_weights) / sum(settings.ray_weights)
     offsets = np.zeros((3, 1, 2))
     if settings.side_mode == "divergent":
         angle = offset_angle(settings.side_offset_uu, settings.divergence_distance)
         offsets[:, 0, 0] = -angle, 0.0, angle
     return offsets, weights
-
-
-def _cone_nodes(settings: SensorSettings) -> tuple[Floats, Floats]:
-    if settings.cone_sampling == "random":
-        count = settings.cone_rays
-        return np.zeros((count, 1, 2)), np.full(count, 1 / count)
-    widths = settings.beamwidth_az_deg, settings.beamwidth_el_deg
-    deviations = [two_way_deviation(math.radians(width)) for width in widths]
-    place = even_nodes if settings.cone_sampling == "even" else quadrature
-    (left, left_share), (up, up_share) = (place(count) for count in settings.cone_grid)
-    across, above = np.meshgrid(left * deviations[0], up * deviations[1])
-    offsets = np.stack([across.ravel(), above.ravel()], axis=-1)[:, None]
-    return offsets, np.outer(up_share, left_share).ravel()
 
 
 def quadrature(count: int) -> tuple[Floats, Floats]:
@@ -324,13 +321,13 @@ def even_nodes(count: int) -> tuple[Floats, Floats]:
     return nodes, weights / weights.sum()
 
 
-def _random_deviations(settings: SensorSettings) -> Floats | None:
-    """Return the standard deviations of random rays, (2,) rad across and up."""
-    cone = settings.has_side_rays and settings.side_mode == "cone"
-    if not cone or settings.cone_sampling != "random":
-        return None
-    widths = settings.beamwidth_az_deg, settings.beamwidth_el_deg
-    return np.array([two_way_deviation(math.radians(width)) for width in widths])
+def _deviations(settings: SensorSettings) -> tuple[float, float]:
+    """Return the standard deviations of a cone across and up, rad."""
+    across, up = settings.beamwidth_az_deg, settings.beamwidth_el_deg
+    return (
+        two_way_deviation(math.radians(across)),
+        two_way_deviation(math.radians(up)),
+    )
 
 
 def _starts(settings: SensorSettings, angles: Floats) -> Floats:

@@ -19,7 +19,7 @@ from radarsim.scene.scene import Scene
 from radarsim.sensors.beams import EMPTY, pattern_of
 from radarsim.sensors.measurement import Draws, PlannedScan, ScanBuilder
 from radarsim.sensors.scan import Scan
-from radarsim.sensors.scanning import (
+from radarsim.sensors.scan_batch import (
     ScanArrays,
     ScanRequest,
     aim_scans_apart,
@@ -175,7 +175,12 @@ class RangeScanner:
         Raises:
             ValueError: If a pose is invalid, or an rng is needed and missing.
         """
-        placed = _sensor_poses(scene, poses)
+        placed = []
+        for i, pose in enumerate(poses):
+            try:
+                placed.append(sensor_pose(scene, pose))
+            except (TypeError, ValueError) as error:
+                raise ValueError(f"poses[{i}]: {error}") from None
         if self.settings.has_detector:
             scans = [self._scan_by_detector(scene, pose, rng) for pose in placed]
             return stack_scans(self, placed, scans)
@@ -289,15 +294,3 @@ def sensor_pose(scene: Scene, pose: Pose3 | Sequence[float]) -> Pose3:
     if len(numbers) != 6 or not all(math.isfinite(number) for number in numbers):
         raise ValueError(f"pose {given!r}, expected three or six finite numbers")
     return Pose3(*numbers)
-
-
-def _sensor_poses(
-    scene: Scene, poses: Sequence[Pose3 | Sequence[float]] | Floats
-) -> list[Pose3]:
-    placed = []
-    for i, pose in enumerate(poses):
-        try:
-            placed.append(sensor_pose(scene, pose))
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"poses[{i}]: {error}") from None
-    return placed

@@ -61,7 +61,18 @@ class CompilerProcess:
         with self._lock:
             if self._stopped:
                 raise ServerError("it was stopped")
-            self._process = _start()
+            try:
+                self._process = subprocess.Popen(
+                    [sys.executable, "-c", PROGRAM, *sys.path],
+                    stdin=subprocess.PIPE,  # closed when this process ends, in any way
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.DEVNULL,
+                    text=True,
+                    start_new_session=True,  # Ctrl-C in a terminal is not for it
+                )
+            except OSError as error:
+                text = f"cannot start it: {describe_os_error(error)}"
+                raise ServerError(text) from error
         with self._process as process, ExitStack() as until_end:
             reason = ""
             assert process.stdout is not None
@@ -72,8 +83,12 @@ class CompilerProcess:
                 elif word == FAILED:
                     reason = text
             code = process.wait()
+        if code < 0 and not reason:
+            reason = f"ended by signal {-code}"
+            with suppress(ValueError):  # a signal without a name
+                reason = f"ended by {signal.Signals(-code).name}"
         if code:
-            raise ServerError(reason or _describe_end(code))
+            raise ServerError(reason or f"exit code {code}")
 
     def stop(self) -> None:
         """End the process at once, from any thread."""
@@ -81,34 +96,6 @@ class CompilerProcess:
             self._stopped = True
             if self._process is not None:
                 self._process.kill()
-
-
-def _start() -> subprocess.Popen[str]:
-    """Start the process.
-
-    Raises:
-        ServerError: If it cannot be started.
-    """
-    try:
-        return subprocess.Popen(
-            [sys.executable, "-c", PROGRAM, *sys.path],
-            stdin=subprocess.PIPE,  # closed when this process ends, however it ends
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            text=True,
-            start_new_session=True,  # Ctrl-C in a terminal is not for it
-        )
-    except OSError as error:
-        raise ServerError(f"cannot start it: {describe_os_error(error)}") from error
-
-
-def _describe_end(code: int) -> str:
-    """Return how a process has ended, by the code that ``subprocess`` has for it."""
-    if code > 0:
-        return f"exit code {code}"
-    with suppress(ValueError):
-        return f"ended by {signal.Signals(-code).name}"
-    return f"ended by signal {-code}"
 
 
 def main() -> None:
@@ -199,7 +186,8 @@ class EngineLoader:
 
         answer: Callable[[], None]
         try:
-            self._compile()
+            if not is_complete() and cache_folder() is not None:
+                self._compile()
             simulation = self._host.make_simulation()
             # What is there now stays. To look through it takes the garbage collector
             # some 90 ms, by which scans would be late.
@@ -218,8 +206,6 @@ class EngineLoader:
         Raises:
             ServerError: If it was stopped.
         """
-        if is_complete() or cache_folder() is None:
-            return
         try:
             self._compiler.run()
         except ServerError as error:

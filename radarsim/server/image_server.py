@@ -224,30 +224,25 @@ class ImageServer(PeerServer):
 
     async def _draw_forever(self, simulation: Simulation) -> None:
         """Draw while viewers wait; close the port if that is not possible any more."""
-        try:
-            await self._serve_forever(simulation)
-        except ServerError as error:
-            log.error("no more pictures: %s", error)  # noqa: TRY400 - no bug of this one
-            self._close(self._viewers)
-
-    async def _serve_forever(self, simulation: Simulation) -> None:
         loop = asyncio.get_running_loop()
         while True:
             await self._requested.wait()
             self._requested.clear()
             due = loop.time() + INTERVAL
             waiting = [viewer for viewer in self._viewers if viewer.waits]
-            if waiting:
-                await self._serve(waiting, View.of(simulation))
-                await asyncio.sleep(due - loop.time())
-
-    async def _serve(self, viewers: list[Viewer], view: View) -> None:
-        """Draw one picture, and send it to viewers."""
-        regions = {viewer.region for viewer in viewers if viewer.region is not None}
-        pictures = await self._pictures.draw(view, regions)
-        for viewer in viewers:
-            if viewer.region is not None:  # it has not left meanwhile
-                viewer.send(pictures[viewer.region])
+            if not waiting:
+                continue
+            regions = {viewer.region for viewer in waiting if viewer.region is not None}
+            try:
+                pictures = await self._pictures.draw(View.of(simulation), regions)
+            except ServerError as error:
+                log.error("no more pictures: %s", error)  # noqa: TRY400 - no bug of this one
+                self._close(self._viewers)
+                return
+            for viewer in waiting:
+                if viewer.region is not None:  # it has not left meanwhile
+                    viewer.send(pictures[viewer.region])
+            await asyncio.sleep(due - loop.time())
 
 
 class Viewer(PeerConnection):

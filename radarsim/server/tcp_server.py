@@ -76,7 +76,10 @@ class Server:
             ServerError: If the port is taken, or the address is not one of this
                 machine.
         """
-        self._listener, self.address = await listen(self._connection, address, port)
+        args = self._host, self._connections, self._max_clients, self._turns
+        self._listener, self.address = await listen(
+            lambda: Connection(*args), address, port
+        )
         self._ticking = asyncio.create_task(self._tick_forever())
 
     async def stop(self) -> None:
@@ -117,9 +120,6 @@ class Server:
     def is_loading(self) -> bool:
         """Whether a thread loads the engine; it ends by itself or with the process."""
         return self._loader.is_running
-
-    def _connection(self) -> Connection:
-        return Connection(self._host, self._connections, self._max_clients, self._turns)
 
     async def _tick_forever(self) -> None:
         while not self._host.has_begun:  # ticks without time, for what is asked
@@ -275,10 +275,17 @@ class Connection(asyncio.BufferedProtocol):
             return
         if self._sends_no_more:
             if not self._host.is_busy(self._number):
-                self._finish(transport)
+                transport.write(self._host.finish(self._number))
+                self._disconnect("it closed its side")
+                transport.close()  # when everything is sent
                 return
+        elif self._host.is_busy(self._number) or self._allowance.exhausted:
+            # What is not read waits in the client's socket: no queue here grows.
+            transport.pause_reading()
+            self._connections.held.add(self)
         else:
-            self._apply_back_pressure(transport)
+            transport.resume_reading()
+            self._connections.held.discard(self)
         if only_replies and self._host.has_robot(self._number):
             return
         if transport.get_write_buffer_size() == 0:
@@ -292,21 +299,6 @@ class Connection(asyncio.BufferedProtocol):
         if transport is not None:
             self._forget()
             transport.abort()
-
-    def _finish(self, transport: asyncio.Transport) -> None:
-        """Send all replies that are due, and despawn the client's robot."""
-        transport.write(self._host.finish(self._number))
-        self._disconnect("it closed its side")
-        transport.close()  # when everything is sent
-
-    def _apply_back_pressure(self, transport: asyncio.Transport) -> None:
-        """Stop reading while commands of the client wait, or it waits for its turn."""
-        if self._host.is_busy(self._number) or self._allowance.exhausted:
-            transport.pause_reading()
-            self._connections.held.add(self)
-        else:
-            transport.resume_reading()
-            self._connections.held.discard(self)
 
     def _disconnect(self, reason: str) -> None:
         dropped = self._host.dropped_readings(self._number)

@@ -1,6 +1,4 @@
-"""A web server for programs that have an end of their own.
-
-Doors of the web server: who may come in, and what browsers may do with the answers.
+"""A web server for programs that have an end of their own, and who may use it.
 
 Programs on other machines, and pages of other sites in a browser on this one, must not
 see or drive robots. A request names the host that its sender means to talk to: if that
@@ -37,7 +35,7 @@ SECURITY_HEADERS: Final[Mapping[str, str]] = {
 }
 
 
-class Doors:
+class AllowedHosts:
     """The hosts that a request may be meant for."""
 
     def __init__(self, address: str, port: int) -> None:
@@ -77,12 +75,12 @@ class Doors:
         return self._any_address and port == str(self._port) and _is_address(name)
 
 
-class DoorKeeper:
+class HostCheck:
     """An ASGI application in front of another one, which refuses with 403."""
 
-    def __init__(self, app: ASGIApp, doors: Doors) -> None:
+    def __init__(self, app: ASGIApp, allowed: AllowedHosts) -> None:
         self._app = app
-        self._doors = doors
+        self._allowed = allowed
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on, or refuse it."""
@@ -93,7 +91,7 @@ class DoorKeeper:
                 MutableHeaders(scope=message).update(SECURITY_HEADERS)
             await send(message)
 
-        if self._doors.admit(Headers(scope=scope), needs_origin=is_socket):
+        if self._allowed.admit(Headers(scope=scope), needs_origin=is_socket):
             await self._app(scope, receive, send_guarded)
         elif is_socket:
             await receive()

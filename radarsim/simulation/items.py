@@ -25,8 +25,6 @@ from radarsim.protocol.reports import (
     Touch,
 )
 from radarsim.raycast.rays import Rays, Traces
-from radarsim.raycast.robot_boxes import Boxes
-from radarsim.raycast.tracer import Tracer
 from radarsim.robots.robot import Robot
 from radarsim.sensors.gps import Gps
 from radarsim.sensors.motion_readings import (
@@ -352,22 +350,3 @@ class GpsItem:
     def _place(self) -> Floats:
         body = self._robot.body
         return body.position() + body.rotation() @ self._offset
-
-
-def read_together(
-    items: Sequence[RayItem], time: float, tracer: Tracer, boxes: Boxes
-) -> list[tuple[SensorReport, ...]]:
-    """Trace the rays of all items at once, and return the readings of each.
-
-    Args:
-        items: Items that are due.
-        time: Simulated time, s.
-        tracer: Tracer of the scene.
-        boxes: Boxes of the robots.
-    """
-    if not items:
-        return []
-    batches = [item.rays() for item in items]
-    traces = tracer.trace(Rays.concatenate(batches), boxes, incidence=True)
-    pieces = traces.split([len(rays.max_range) for rays in batches])
-    return [item.read(time, piece) for item, piece in zip(items, pieces, strict=True)]

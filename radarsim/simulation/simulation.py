@@ -29,11 +29,11 @@ from radarsim.robots.obstacles import Obstacles, overlaps
 from radarsim.scene.scene import Scene
 from radarsim.sensors.motion_readings import INS_DRIFT_INTERVAL
 from radarsim.sensors.range_scanner import load_sensor
-from radarsim.sensors.scanning import BatchRanges, ScanRequest, scan_ranges
+from radarsim.sensors.scan_batch import BatchRanges, ScanRequest, scan_ranges
 from radarsim.sensors.sonar import SonarArray
 from radarsim.simulation.clock import TICK, Clock, Schedule, ticks_of
 from radarsim.simulation.config import SimulationConfig
-from radarsim.simulation.items import RayItem, read_together
+from radarsim.simulation.items import RayItem
 from radarsim.simulation.readings import Program, ReadingTable
 from radarsim.simulation.tick_output import (
     DueScan,
@@ -130,8 +130,13 @@ class Simulation:
         )
         if free is None:
             return None
+        taken = {robot.name for robot in self._fleet.robots}
+        unique, number = name, 1
+        while unique in taken:
+            number += 1
+            unique = f"{name} ({number})"
         robot = self._fleet.add(
-            self._unique_name(name),
+            unique,
             model,
             free,
             obstacles=obstacles,
@@ -306,14 +311,15 @@ class Simulation:
         self, due: list[tuple[Vehicle, RayItem]], boxes: Boxes
     ) -> dict[int, list[SensorReport]]:
         """Take the readings of all sonars and GPS, by number of the robot."""
-        readings: dict[int, list[SensorReport]] = {
-            vehicle.number: [] for vehicle, _ in due
-        }
-        items = [item for _, item in due]
-        for (vehicle, _), reports in zip(
-            due, read_together(items, self.time, self._tracer, boxes), strict=True
-        ):
-            readings[vehicle.number] += reports
+        if not due:
+            return {}
+        batches = [item.rays() for _, item in due]
+        traces = self._tracer.trace(Rays.concatenate(batches), boxes, incidence=True)
+        pieces = traces.split([len(rays.max_range) for rays in batches])
+        readings: dict[int, list[SensorReport]] = {}
+        for (vehicle, item), piece in zip(due, pieces, strict=True):
+            its_readings = readings.setdefault(vehicle.number, [])
+            its_readings += item.read(self.time, piece)
         return readings
 
     def _warm_up(self) -> None:
@@ -362,11 +368,3 @@ class Simulation:
         solid = np.array([part.material.solid for part in self.scene.parts], np.bool_)
         inside: NDArray[np.void] = starts[solid[starts["part"]]]
         return inside
-
-    def _unique_name(self, name: str) -> str:
-        taken = {robot.name for robot in self._fleet.robots}
-        unique, number = name, 1
-        while unique in taken:
-            number += 1
-            unique = f"{name} ({number})"
-        return unique

@@ -141,7 +141,14 @@ class Vehicle:
         dialect = config.dialect.of_generation(robot.model.generation)
         self.dialect = dialect
         self.battery = Battery(dialect.battery_start, dialect.battery_runs_out)
-        self._empty_age = _empty_age(self.battery)
+        self._empty_age = math.inf  # ticks after which the battery is empty
+        if self.battery.runs_out:
+            ages = range(ticks_of(self.battery.life) + 1)
+            # Searched for, so that kernels, status and this agree to the tick, whatever
+            # is rounded on the way to whole seconds.
+            self._empty_age = bisect_left(
+                ages, True, key=lambda age: self.battery.is_empty(seconds(age))
+            )
         self._schedule = schedule
         self._clock = schedule.clock
         self.spawn_tick = self._clock.ticks
@@ -203,7 +210,10 @@ class Vehicle:
         if age >= self._empty_age:
             return due
         if self._changed and (due.scanners or self._requested_scans):
-            self._replace_scanners()
+            for mounted in self.scanners:
+                if mounted.item.name in self._changed:
+                    mounted.scanner = self.config.scanner(mounted.item)
+            self._changed.clear()
         if not self._requested_scans:
             return due
         requested = [m for m in self.scanners if m.item.name in self._requested_scans]
@@ -293,12 +303,6 @@ class Vehicle:
                 self._sensor_items[item.name] = SENSOR_ITEMS[item.type](mounting)
         self.scanners, self._ray_items = tuple(scanners), tuple(ray_items)
 
-    def _replace_scanners(self) -> None:
-        for mounted in self.scanners:
-            if mounted.item.name in self._changed:
-                mounted.scanner = self.config.scanner(mounted.item)
-        self._changed.clear()
-
     def _reschedule(self) -> None:
         """Add the vehicle for all its intervals, which count from its spawn."""
         self._intervals = sorted({STATUS_TICKS, *self._interval_ticks.values()})
@@ -319,36 +323,24 @@ class Vehicle:
             sources = join_encoders(sources)
         lit = sources
         if STATUS_TICKS in intervals:
-            jobs = self._status_jobs
             sources, lit = (
-                [Source(Status(0.0, 0, light), jobs), *sources]
+                [Source(Status(0.0, 0, light), self._status_jobs), *sources]
                 for light in (False, True)
             )
-        off, on = (
-            ReportGroup([source.sample for source in each], self.dialect)
-            for each in (sources, lit)
-        )
-        return DueItems(
-            (off, on),
-            self._program(sources),
-            tuple([each for each in self._ray_items if each.item.name in due]),
-            tuple([each for each in self.scanners if each.item.name in due]),
-        )
-
-    def _program(self, sources: Sequence[Source]) -> Program:
-        """Return what computes numbers, in the order in which lines have them."""
+        # Jobs are in the order in which the lines have their numbers.
         jobs: list[Job] = []
         size = 0
         for sample, jobs_of in sources:
             for attribute in sample.sources(self.dialect):
                 jobs += jobs_of[attribute]
             size += len(sample.split(self.dialect)[1])
-        return self._readings.program(jobs, size)
-
-
-def _empty_age(battery: Battery) -> float:
-    """Return after how many ticks a battery is empty; inf if it never is."""
-    if not battery.runs_out:
-        return math.inf
-    ages = range(ticks_of(battery.life) + 1)
-    return bisect_left(ages, True, key=lambda age: battery.is_empty(seconds(age)))
+        off, on = (
+            ReportGroup([source.sample for source in each], self.dialect)
+            for each in (sources, lit)
+        )
+        return DueItems(
+            (off, on),
+            self._readings.program(jobs, size),
+            tuple([each for each in self._ray_items if each.item.name in due]),
+            tuple([each for each in self.scanners if each.item.name in due]),
+        )

@@ -14,7 +14,7 @@ from commands import Run, run_in_process
 from processes import start_radarsim
 
 from radarsim.addons.web.commands import announce_commander, read_token
-from radarsim.cli.serving import ServerOptions
+from radarsim.cli.server_options import ServerOptions
 
 RunCommand = Callable[..., Run]
 

@@ -5,7 +5,7 @@ import pytest
 
 from radarsim.cli.fields import read_item_setting
 from radarsim.cli.serve import DEFAULT_MAX_CLIENTS
-from radarsim.cli.serving import ServerOptions, announce
+from radarsim.cli.server_options import ServerOptions, announce
 from radarsim.server.tcp_server import MAX_CLIENTS
 
 Command = Callable[..., Any]

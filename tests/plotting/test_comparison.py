@@ -11,7 +11,7 @@ import radarsim
 from radarsim import Material, Scene
 from radarsim.geometry import Pose3
 from radarsim.raycast.tracer import tracer_of
-from radarsim.sensors.scanning import ScanRequest, scan_batch
+from radarsim.sensors.scan_batch import ScanRequest, scan_batch
 
 
 def test_map_can_be_a_name_and_the_same_seed_gives_the_same_rays() -> None:

@@ -20,7 +20,8 @@ from radarsim.scene.map_schema import (
     Entry,
     ObjectEntry,
 )
-from radarsim.scene.meshes import Surface, read_surfaces
+from radarsim.scene.meshes import read_surfaces
+from radarsim.scene.shapes import Surface
 
 SMALL = "box: [0.01, 0.01, 0.01], material: stone"
 

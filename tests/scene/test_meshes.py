@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 
 from radarsim.geometry import Floats
-from radarsim.scene.face_passes import connect_faces
+from radarsim.scene.face_passes import connect_faces, weld_vertices
 from radarsim.scene.mesh_files import MeshError, find_inside
 from radarsim.scene.meshes import (
-    Surface,
     join_surfaces,
     join_volume,
     read_surfaces,
 )
-from radarsim.scene.shapes import box
+from radarsim.scene.shapes import Surface, box
 from radarsim.scene.topology import is_closed
 
 CORNERS, TRIANGLES = box(1, 1, 1)
@@ -134,7 +133,7 @@ def test_box_without_materials_is_one_closed_surface(
     tmp_path: Path, name: str, content: str
 ) -> None:
     (surface,) = read_surfaces(write(tmp_path / name, content), tmp_path)
-    vertices, faces = join_volume([surface.welded()])
+    vertices, faces = join_volume([welded(surface)])
     assert surface.material is None
     assert volume(vertices, faces) == pytest.approx(1)
 
@@ -304,9 +303,13 @@ def test_random_bytes_are_refused(tmp_path: Path, suffix: str) -> None:
         assert "\n" not in str(caught.value)
 
 
+def welded(piece: Surface) -> Surface:
+    return Surface(piece.material, *weld_vertices(piece.vertices, piece.faces))
+
+
 def surface(faces: Any, at: float = 0.0) -> Surface:
     vertices = CORNERS + np.array([at, 0, 0])
-    return Surface(None, vertices, np.asarray(faces, np.int32)).welded()
+    return welded(Surface(None, vertices, np.asarray(faces, np.int32)))
 
 
 def test_open_pieces_are_welded() -> None:
@@ -353,7 +356,7 @@ def test_scene_graph_that_flattens_leaves_no_volume(
     tree = gltf_box("box.bin", nodes) | {"meshes": gltf_box(None, [])["meshes"][:1]}
     path = write(tmp_path / "t.gltf", json.dumps(tree))
     with pytest.raises(MeshError, match=r"nothing inside|no volume"):
-        join_volume([each.welded() for each in read_surfaces(path, tmp_path)])
+        join_volume([welded(each) for each in read_surfaces(path, tmp_path)])
 
 
 def test_any_surfaces_can_be_joined_as_sheets() -> None:

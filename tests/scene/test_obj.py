@@ -13,12 +13,13 @@ from hypothesis import strategies as st
 
 from radarsim.scene.face_passes import weld_vertices
 from radarsim.scene.mesh_files import MeshBudget
-from radarsim.scene.obj import Piece, read_obj
+from radarsim.scene.obj import read_obj
+from radarsim.scene.shapes import Surface
 
 CORNERS = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv .5 .5 2\n"
 
 
-def read(text: str) -> list[Piece]:
+def read(text: str) -> list[Surface]:
     return read_obj(text.encode(), MeshBudget())
 
 

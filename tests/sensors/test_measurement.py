@@ -16,7 +16,7 @@ from radarsim.rng import generator_for
 from radarsim.scene.shapes import box, cylinder
 from radarsim.sensors.beams import even_nodes
 from radarsim.sensors.range_scanner import SENSOR_HEIGHT, RangeScanner
-from radarsim.sensors.scanning import ScanRequest, scan_batch
+from radarsim.sensors.scan_batch import ScanRequest, scan_batch
 from radarsim.simulation.simulation import Simulation
 
 WALL = Material("wall")

@@ -104,7 +104,7 @@ def test_robot_is_spawned_when_all_is_compiled(tmp_path: Path) -> None:
 LOADED = """
 import sys
 from radarsim.cli.serve import make_image_server
-from radarsim.cli.serving import load_host
+from radarsim.cli.server_options import load_host
 from radarsim.server.tcp_server import Server
 from radarsim.simulation.config import SimulationConfig
 host = load_host(sys.argv[1], SimulationConfig(), seed=0, begins=False)

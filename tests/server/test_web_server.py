@@ -1,11 +1,13 @@
 import pytest
 from starlette.datastructures import Headers
 
-from radarsim.server.web_server import Doors, is_token, make_token
+from radarsim.server.web_server import AllowedHosts, is_token, make_token
 
 
-def admits(doors: Doors, *, needs_origin: bool = False, **headers: str) -> bool:
-    return doors.admit(Headers(headers), needs_origin=needs_origin)
+def admits(
+    allowed: AllowedHosts, *, needs_origin: bool = False, **headers: str
+) -> bool:
+    return allowed.admit(Headers(headers), needs_origin=needs_origin)
 
 
 @pytest.mark.parametrize(
@@ -50,20 +52,20 @@ def admits(doors: Doors, *, needs_origin: bool = False, **headers: str) -> bool:
 def test_hosts_that_come_in(
     address: str, port: int, inside: list[str], outside: list[str]
 ) -> None:
-    doors = Doors(address, port)
-    assert [host for host in inside if admits(doors, host=host)] == inside
-    assert [host for host in outside if admits(doors, host=host)] == []
+    allowed = AllowedHosts(address, port)
+    assert [host for host in inside if admits(allowed, host=host)] == inside
+    assert [host for host in outside if admits(allowed, host=host)] == []
     same = [
-        host for host in inside if admits(doors, host=host, origin=f"http://{host}")
+        host for host in inside if admits(allowed, host=host, origin=f"http://{host}")
     ]
     assert same == inside
 
 
 def test_request_has_one_host() -> None:
-    doors = Doors("127.0.0.1", 8000)
-    assert not admits(doors)
+    allowed = AllowedHosts("127.0.0.1", 8000)
+    assert not admits(allowed)
     pairs = [(b"host", b"127.0.0.1:8000"), (b"host", b"evil.example")]
-    assert not doors.admit(Headers(raw=pairs), needs_origin=False)
+    assert not allowed.admit(Headers(raw=pairs), needs_origin=False)
 
 
 @pytest.mark.parametrize(
@@ -76,13 +78,13 @@ def test_request_has_one_host() -> None:
     ],
 )
 def test_origin_has_to_be_the_host(origin: str) -> None:
-    doors = Doors("127.0.0.1", 8000)
-    assert not admits(doors, host="127.0.0.1:8000", origin=origin)
+    allowed = AllowedHosts("127.0.0.1", 8000)
+    assert not admits(allowed, host="127.0.0.1:8000", origin=origin)
 
 
 def test_socket_without_origin_does_not_come_in() -> None:
-    doors = Doors("127.0.0.1", 8000)
-    assert not admits(doors, host="127.0.0.1:8000", needs_origin=True)
+    allowed = AllowedHosts("127.0.0.1", 8000)
+    assert not admits(allowed, host="127.0.0.1:8000", needs_origin=True)
 
 
 def test_tokens_differ_and_are_compared() -> None:

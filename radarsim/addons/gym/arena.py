@@ -23,7 +23,7 @@ from radarsim.robots.robot import LEFT_SPIN, RIGHT_SPIN, YAW, X
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import RangeScanner
-from radarsim.sensors.scanning import ScanRequest, scan_batch, scan_ranges
+from radarsim.sensors.scan_batch import ScanRequest, scan_batch, scan_ranges
 from radarsim.simulation.clock import TICK, ticks_of
 from radarsim.simulation.config import SimulationConfig
 

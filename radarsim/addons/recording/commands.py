@@ -21,7 +21,7 @@ from radarsim.cli.app import EntryGroup
 from radarsim.cli.compile_progress import with_compile_progress
 from radarsim.cli.entries import CommandEntry
 from radarsim.cli.output import print_message, start_log
-from radarsim.cli.serving import Listener, announce
+from radarsim.cli.server_options import Listener, announce
 from radarsim.errors import RecordingError
 from radarsim.plans import RARE, Option
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self, TypeAli
 
 from radarsim import __version__
 from radarsim.cli.output import print_message
-from radarsim.cli.serving import ServedMap, ServeExtension
+from radarsim.cli.server_options import ServedMap, ServeExtension
 from radarsim.errors import RecordingError
 from radarsim.plans import Option
 from radarsim.protocol.dialect import DriveUnit
@@ -141,7 +141,7 @@ class RunRecording:
             MapError: If the map is wrong.
             click.BadParameter: If a setting of an item is wrong.
         """
-        from radarsim.cli.serving import load_served_host
+        from radarsim.cli.server_options import load_served_host
 
         unit = self._drive_unit
         host = load_served_host(map_, seed=seed, settings=settings, drive_unit=unit)

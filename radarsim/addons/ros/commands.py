@@ -11,7 +11,7 @@ from annotated_types import Interval
 
 from radarsim.cli.fields import Port, RobotName, Server
 from radarsim.cli.output import print_message, print_now, start_log
-from radarsim.cli.serving import cure_of_port
+from radarsim.cli.server_options import cure_of_port
 from radarsim.errors import import_optional
 from radarsim.plans import RARE, Option
 from radarsim.protocol.dialect import DriveUnit

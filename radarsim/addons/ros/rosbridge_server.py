@@ -12,7 +12,7 @@ from radarsim.addons.recording.messages import TopicMessage
 from radarsim.addons.ros.bridge import DriveCallback
 from radarsim.addons.ros.rosbridge import LONGEST_MESSAGE, RosbridgeClient, TopicBoard
 from radarsim.listening import bind
-from radarsim.server.web_server import Doors, WebServer
+from radarsim.server.web_server import AllowedHosts, WebServer
 
 MOST_ANSWERS: Final = 1000  # that wait for a client which does not read
 
@@ -62,7 +62,7 @@ class RosbridgeServer:
         """
         with bind(self._address, self._port) as listening:
             place = listening.getsockname()[:2]
-            self._doors = Doors(self._address, place[1])
+            self._allowed = AllowedHosts(self._address, place[1])
             app = Starlette(routes=[WebSocketRoute("/{path:path}", self._serve)])
             server = WebServer(
                 app, lambda: self._announce(place), longest_message=LONGEST_MESSAGE
@@ -77,7 +77,7 @@ class RosbridgeServer:
     async def _serve(self, socket: WebSocket) -> None:
         # A page of another site may connect only if its site is named.
         origin = socket.headers.get("origin", "").lower()
-        if origin not in self._origins and not self._doors.admit(
+        if origin not in self._origins and not self._allowed.admit(
             socket.headers, needs_origin=False
         ):
             await socket.close()

@@ -20,7 +20,7 @@ import click
 
 from radarsim.cli.fields import Address, MapName, Port
 from radarsim.cli.output import print_message, print_now, start_log
-from radarsim.cli.serving import (
+from radarsim.cli.server_options import (
     Listener,
     ServedMap,
     ServeExtension,

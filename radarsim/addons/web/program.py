@@ -36,7 +36,7 @@ from radarsim.addons.web.requests import (
 from radarsim.addons.web.viewers import SlowViewer
 from radarsim.errors import RadarsimError
 from radarsim.listening import bind, exit_code_of_signal
-from radarsim.server.web_server import DoorKeeper, Doors, WebServer, is_token
+from radarsim.server.web_server import AllowedHosts, HostCheck, WebServer, is_token
 from radarsim.simulation.config import SimulationConfig
 
 if TYPE_CHECKING:
@@ -115,8 +115,8 @@ async def serve_page(
     with bind(settings.web_host, settings.web_port) as listening:
         address = listening.getsockname()[:2]
         commander = Commander(settings.server, settings.config, settings.record_to)
-        doors = Doors(settings.web_host, address[1])
-        app = create_app(commander, doors, settings.token)
+        allowed = AllowedHosts(settings.web_host, address[1])
+        app = create_app(commander, allowed, settings.token)
         server = WebServer(
             app, lambda: announce(address), longest_message=LONGEST_MESSAGE
         )
@@ -202,12 +202,12 @@ def _end_with_stdin(exit_code: asyncio.Future[int]) -> None:
     threading.Thread(target=wait, daemon=True).start()
 
 
-def create_app(commander: Commander, doors: Doors, token: str) -> Starlette:
+def create_app(commander: Commander, allowed: AllowedHosts, token: str) -> Starlette:
     """Create the web application.
 
     Args:
         commander: What browsers see and ask.
-        doors: Who may come in.
+        allowed: Who may come in.
         token: What a browser has to know.
     """
     # What is asked for is looked up here, so that nothing else can be read.
@@ -239,7 +239,7 @@ def create_app(commander: Commander, doors: Doors, token: str) -> Starlette:
         Route("/static/{name:path}", send_file),
         WebSocketRoute("/ws", talk),
     ]
-    return Starlette(routes=routes, middleware=[Middleware(DoorKeeper, doors=doors)])
+    return Starlette(routes=routes, middleware=[Middleware(HostCheck, allowed=allowed)])
 
 
 class RateLimit:

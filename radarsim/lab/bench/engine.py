@@ -36,7 +36,7 @@ from radarsim.scene.plants.plant import Plant, make_shrubs
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import Faces, Mesh, box, sphere
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor, sensor_pose
-from radarsim.sensors.scanning import ScanRequest, scan_batch
+from radarsim.sensors.scan_batch import ScanRequest, scan_batch
 
 RINGS: Final = 410  # of the ball that is measured: 670,760 triangles
 MAP: Final = """\

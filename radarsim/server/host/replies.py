@@ -84,11 +84,22 @@ def _settings_of(
     """Return the settings of items, with the type as the client spells it."""
     match items[0].type:
         case "RangeScanner":
-            scanners = tuple(_scanner_settings(item, config) for item in items)
-            return reports.ScannerConf(item_type, scanners)
+            scanners = []
+            for item in items:
+                scanner = config.scanner_settings(item)
+                resolution = math.radians(scanner.resolution_deg)
+                fov = math.radians(scanner.fov_deg)
+                limits = scanner.max_range, scanner.min_range
+                scanners.append((item.name, *limits, resolution, fov))
+            return reports.ScannerConf(item_type, tuple(scanners))
         case "Sonar":
-            sonars = tuple(_sonar_settings(item, config) for item in items)
-            return reports.SonarConf(item_type, sonars)
+            sonars = []
+            for item in items:
+                sonar, interval = config.sonar_settings(item), config.interval(item)
+                angle = math.radians(sonar.beam_angle_deg)
+                limits = sonar.max_range, sonar.min_range
+                sonars.append((item.name, *limits, angle, interval))
+            return reports.SonarConf(item_type, tuple(sonars))
         case "GroundTruth" | "INS" | "Odometry" | "Tachometer" | "GPS":
             intervals = tuple((item.name, config.interval(item)) for item in items)
             return reports.IntervalConf(item_type, intervals)
@@ -100,23 +111,3 @@ def _settings_of(
             return reports.TouchConf(item_type, diameters)
         case _:
             return reports.NameConf(item_type, tuple(item.name for item in items))
-
-
-def _scanner_settings(
-    item: Item, config: SimulationConfig
-) -> tuple[str, float, float, float, float]:
-    """Return name, longest and shortest range in m, resolution and FOV in rad."""
-    settings = config.scanner_settings(item)
-    resolution = math.radians(settings.resolution_deg)
-    fov = math.radians(settings.fov_deg)
-    return item.name, settings.max_range, settings.min_range, resolution, fov
-
-
-def _sonar_settings(
-    item: Item, config: SimulationConfig
-) -> tuple[str, float, float, float, float]:
-    """Return name, maximum and minimum range in m, beam angle in rad, interval in s."""
-    settings = config.sonar_settings(item)
-    beam_angle = math.radians(settings.beam_angle_deg)
-    limits = settings.max_range, settings.min_range
-    return item.name, *limits, beam_angle, config.interval(item)

@@ -7,7 +7,7 @@ import pytest
 
 from radarsim import shipped_maps
 from radarsim.files import write_atomically
-from radarsim.scene.meshes import Surface, read_surfaces
+from radarsim.scene.meshes import read_surfaces
 from radarsim.scene.plants.growth import LEAVES, WOOD
 from radarsim.scene.plants.plant import (
     GRID,
@@ -16,6 +16,7 @@ from radarsim.scene.plants.plant import (
     make_shrubs,
     plant_files,
 )
+from radarsim.scene.shapes import Surface
 
 SHIPPED = shipped_maps()["forest_edge"].parent / "meshes"
 NAMES = ["shrub_ball", "shrub_cloud", "shrub_leaves", "tree", "young_tree"]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import click
 
 from radarsim.cli.output import print_now
-from radarsim.cli.serving import ServedMap, ServeExtension
+from radarsim.cli.server_options import ServedMap, ServeExtension
 from radarsim.plans import Option
 
 if TYPE_CHECKING:

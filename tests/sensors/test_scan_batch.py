@@ -13,7 +13,7 @@ from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor
-from radarsim.sensors.scanning import ScanRequest, scan_batch, scan_poses, scan_ranges
+from radarsim.sensors.scan_batch import ScanRequest, scan_batch, scan_poses, scan_ranges
 
 SENSORS: dict[str, tuple[str, dict[str, Any]]] = {
     "radar": ("radar", {}),
