@@ -2,11 +2,10 @@
 
 import asyncio
 from collections.abc import Iterable
-from types import TracebackType
 from typing import Any, Self, TypeVar
 
 from radarsim.client import session as questions
-from radarsim.client.requests import Exchange, Requests, Step
+from radarsim.client.requests import Exchange, Requests
 from radarsim.client.robot_info import RobotInfo
 from radarsim.client.session import Session, check_timeout
 from radarsim.client.transport import (
@@ -80,12 +79,7 @@ class AsyncClient:
     async def __aenter__(self) -> Self:
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         await self.close()
 
     async def greeting(self) -> Greeting:
@@ -106,7 +100,8 @@ class AsyncClient:
         timeout: float | None = None,  # noqa: ASYNC109
     ) -> None:
         """See ``Client.spawn``."""
-        await self._run(self._requests.spawn(class_name, name, start, pose, timeout))
+        question = questions.spawn(class_name, name=name, start=start, pose=pose)
+        await self._run(self._requests.spawn(question, timeout))
 
     async def geometry(
         self, kind: str, name: str | None = None, *, robot: str | None = None
@@ -128,11 +123,11 @@ class AsyncClient:
 
     async def echoes(self, scanner: str, on: bool = True) -> None:
         """See ``Client.echoes``."""
-        await self._run(self._requests.send(questions.echoes(scanner, on)))
+        await self.send(questions.echoes(scanner, on))
 
     async def targets(self, scanner: str, on: bool = True) -> None:
         """See ``Client.targets``."""
-        await self._run(self._requests.send(questions.targets(scanner, on)))
+        await self.send(questions.targets(scanner, on))
 
     async def watch(
         self,
@@ -141,22 +136,19 @@ class AsyncClient:
         echoes: bool | str | Iterable[str] = False,
     ) -> None:
         """See ``Client.watch``."""
-        await self._run(self._requests.send(questions.watch(robots, echoes)))
+        await self.send(questions.watch(robots, echoes))
 
     async def change_settings(
         self, scanner: str | None = None, /, **settings: Any
     ) -> None:
         """See ``Client.change_settings``."""
-        data = questions.change_settings(scanner, settings)
-        await self._run(self._requests.send(data))
+        await self.send(questions.change_settings(scanner, settings))
 
     async def set_item(
         self, kind: str, name: str | None, opcode: str, params: str = ""
     ) -> None:
         """See ``Client.set_item``."""
-        await self._run(
-            self._requests.send(questions.set_item(kind, name, opcode, params))
-        )
+        await self.send(questions.set_item(kind, name, opcode, params))
 
     async def send(self, data: bytes) -> None:
         """See ``Client.send``."""
@@ -164,7 +156,7 @@ class AsyncClient:
 
     async def drive(self, left: float, right: float) -> None:
         """See ``Client.drive``."""
-        await self._run(self._requests.send(questions.drive(left, right)))
+        await self.send(questions.drive(left, right))
 
     async def stop(self) -> bool:
         """See ``Client.stop``."""
@@ -207,7 +199,11 @@ class AsyncClient:
             step = next(exchange)
             while True:
                 try:
-                    data = await self._do(step)
+                    data = b""
+                    if isinstance(step, bytes):
+                        await self._send(step)
+                    else:
+                        data = await self._receive(step)
                 except (TimeoutError, ConnectionError) as error:
                     step = exchange.throw(error)
                 else:
@@ -215,12 +211,6 @@ class AsyncClient:
         except StopIteration as end:
             value: Value = end.value
             return value
-
-    async def _do(self, step: Step) -> bytes:
-        if isinstance(step, bytes):
-            await self._send(step)
-            return b""
-        return await self._receive(step)
 
     async def _send(self, data: bytes) -> None:
         if self._writer.is_closing():

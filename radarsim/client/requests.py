@@ -25,7 +25,7 @@ from radarsim.client.session import (
     check_timeout,
 )
 from radarsim.errors import ClientError, ClientTimeout
-from radarsim.geometry import Pose2, Pose3
+from radarsim.geometry import Pose3
 from radarsim.protocol.dialect import DriveUnit
 from radarsim.protocol.reports import (
     CommandError,
@@ -127,16 +127,8 @@ class Requests:
         self._leaves_unanswered = False
         return dict(answer.poses)
 
-    def spawn(
-        self,
-        class_name: str,
-        name: str | None,
-        start: str | None,
-        pose: Pose2 | Pose3 | None,
-        timeout: float | None = None,
-    ) -> Exchange[None]:
+    def spawn(self, question: Question, timeout: float | None) -> Exchange[None]:
         """Request a robot and wait for its first report, which can still be read."""
-        question = questions.spawn(class_name, name=name, start=start, pose=pose)
         self.has_robot = True
         self._pending.clear()
         self.session.scans.clear()  # another robot's

@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeAlias
 
 from radarsim.client.robot_info import is_plausible, same_name
 from radarsim.errors import MalformedMessage
@@ -56,9 +56,6 @@ MOST_WATCHED = 2000  # robots whose latest readings are kept; a server has 1024
 ItemConf: TypeAlias = ScannerConf | SonarConf | IntervalConf | EncoderConf | TouchConf
 
 
-Stamped = TypeVar("Stamped", bound=SensorReport | Status)
-
-
 def check_timeout(timeout: float) -> None:
     """Check a timeout.
 
@@ -89,16 +86,12 @@ class Readings:
         if isinstance(report, RangeScan) and not is_plausible(report):
             return None
         if isinstance(report, SensorReport | Status):
-            return self._stamped(report)
-        return report
-
-    def _stamped(self, report: Stamped) -> Stamped:
-        if math.isnan(report.time):
-            report = replace(report, time=self.time)
-        elif not report.time < self.time:
-            self.time = report.time
-        if isinstance(report, RangeScan):
-            self.scans[report.name] = report
+            if math.isnan(report.time):
+                report = replace(report, time=self.time)
+            elif not report.time < self.time:
+                self.time = report.time
+            if isinstance(report, RangeScan):
+                self.scans[report.name] = report
         return report
 
 
@@ -133,25 +126,20 @@ class Session(Readings):
         for piece in data.splitlines(keepends=True):
             for line in self._lines.feed(piece):
                 self.last = line
-                report = self._read(line)
+                report = None
+                with suppress(MalformedMessage):
+                    report = decode_report(line)
                 if report is not None:
+                    report = self.add(report)
+                if report is None:
+                    self.unread += 1
+                else:
                     reports.append(report)
             if self._lines.overflow is not None:
-                self._lines = (
-                    LineBuffer()
-                )  # the rest of that line is another unknown line
+                # The rest of that line is another unknown line.
+                self._lines = LineBuffer()
                 self.unread += 1
         return reports
-
-    def _read(self, line: str) -> Report | None:
-        report = None
-        with suppress(MalformedMessage):
-            report = decode_report(line)
-        if report is not None:
-            report = self.add(report)
-        if report is None:
-            self.unread += 1
-        return report
 
     def add(self, report: Report) -> Report | None:
         """Add a report of any kind; see ``Readings.add``."""
@@ -160,21 +148,17 @@ class Session(Readings):
                 self.greeting = report
             case RobotJoined(robot) | RobotLeft(robot):
                 self.watched.pop(robot, None)
-            case WatchedLine():
-                return self._add_watched(report)
+            case WatchedLine(robot, _, copy):
+                if robot not in self.watched:
+                    # A server that tells of ever new robots must not fill the memory.
+                    if len(self.watched) >= MOST_WATCHED:
+                        del self.watched[next(iter(self.watched))]
+                    self.watched[robot] = Readings()
+                seen = None if copy is None else self.watched[robot].add(copy)
+                return replace(report, report=seen)
             case _:
                 pass
         return super().add(report)
-
-    def _add_watched(self, copy: WatchedLine) -> WatchedLine:
-        if copy.robot not in self.watched:
-            # A server that tells of ever new robots must not fill the memory.
-            if len(self.watched) >= MOST_WATCHED:
-                del self.watched[next(iter(self.watched))]
-            self.watched[copy.robot] = Readings()
-        readings = self.watched[copy.robot]
-        report = None if copy.report is None else readings.add(copy.report)
-        return replace(copy, report=report)
 
 
 @dataclass(frozen=True, slots=True)

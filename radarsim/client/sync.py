@@ -1,11 +1,10 @@
 """A client that blocks the calling thread."""
 
 from collections.abc import Iterable
-from types import TracebackType
 from typing import Any, Self, TypeVar
 
 from radarsim.client import session as questions
-from radarsim.client.requests import Exchange, Requests, Step
+from radarsim.client.requests import Exchange, Requests
 from radarsim.client.robot_info import RobotInfo
 from radarsim.client.session import Session
 from radarsim.client.transport import (
@@ -85,12 +84,7 @@ class Client:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def greeting(self) -> Greeting:
@@ -130,7 +124,8 @@ class Client:
             ValueError: If both ``start`` and ``pose`` are given, or a text cannot be
                 written on a line.
         """
-        self._run(self._requests.spawn(class_name, name, start, pose, timeout))
+        question = questions.spawn(class_name, name=name, start=start, pose=pose)
+        self._run(self._requests.spawn(question, timeout))
 
     def geometry(
         self, kind: str, name: str | None = None, *, robot: str | None = None
@@ -177,11 +172,11 @@ class Client:
 
     def echoes(self, scanner: str, on: bool = True) -> None:
         """Switch the ``EchoLine`` reports before each scan of a scanner on or off."""
-        self._run(self._requests.send(questions.echoes(scanner, on)))
+        self.send(questions.echoes(scanner, on))
 
     def targets(self, scanner: str, on: bool = True) -> None:
         """Switch the ``RadarTargets`` reports of a scanner's detector on or off."""
-        self._run(self._requests.send(questions.targets(scanner, on)))
+        self.send(questions.targets(scanner, on))
 
     def watch(
         self,
@@ -202,7 +197,7 @@ class Client:
         Raises:
             ValueError: If a name is empty, or has a comma.
         """
-        self._run(self._requests.send(questions.watch(robots, echoes)))
+        self.send(questions.watch(robots, echoes))
 
     def change_settings(self, scanner: str | None = None, /, **settings: Any) -> None:
         """Change settings of a scanner of the client's robot, from its next scan on.
@@ -216,14 +211,13 @@ class Client:
         Raises:
             ValueError: If there are none, or a text cannot be written on a line.
         """
-        data = questions.change_settings(scanner, settings)
-        self._run(self._requests.send(data))
+        self.send(questions.change_settings(scanner, settings))
 
     def set_item(
         self, kind: str, name: str | None, opcode: str, params: str = ""
     ) -> None:
         """Send an opcode to the items of a type, such as ``RESET`` to ``Odometry``."""
-        self._run(self._requests.send(questions.set_item(kind, name, opcode, params)))
+        self.send(questions.set_item(kind, name, opcode, params))
 
     def send(self, data: bytes) -> None:
         """Send whole lines as they are, and wait for no answer.
@@ -238,7 +232,7 @@ class Client:
 
         They hold until the next call. ``RobotInfo.wheel_speeds`` computes them.
         """
-        self._run(self._requests.send(questions.drive(left, right)))
+        self.send(questions.drive(left, right))
 
     def stop(self) -> bool:
         """Stop the wheels; return whether that could be sent, and never raise."""
@@ -281,7 +275,11 @@ class Client:
             step = next(exchange)
             while True:
                 try:
-                    data = self._do(step)
+                    data = b""
+                    if isinstance(step, bytes):
+                        self.transport.send(step)
+                    else:
+                        data = self.transport.receive(step)
                 except (TimeoutError, ConnectionError) as error:
                     step = exchange.throw(error)
                 else:
@@ -289,9 +287,3 @@ class Client:
         except StopIteration as end:
             value: Value = end.value
             return value
-
-    def _do(self, step: Step) -> bytes:
-        if isinstance(step, bytes):
-            self.transport.send(step)
-            return b""
-        return self.transport.receive(step)

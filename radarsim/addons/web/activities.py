@@ -2,15 +2,13 @@
 
 Tasks run in threads, as what they are done with blocks; so do makers of maps. All of it
 is in ``algorithms``, which takes seconds to import and what it has compiled to load. So
-``import_algorithms`` and ``load_algorithms`` do that beside all else; who asks earlier
-waits for it.
+the program does that beside all else; who asks earlier waits for it.
 """
 
 import asyncio
-import importlib
 import logging
 import threading
-from collections.abc import Callable, Iterator, Set
+from collections.abc import Callable, Set
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
@@ -35,16 +33,6 @@ log = logging.getLogger("radarsim.addons.web")
 MOST_TASKS: Final = 20  # at a time
 MOST_MAPS: Final = 10  # that are made at a time
 DEFAULT_COLOURS: Final[Colours] = "usarcommander"
-
-
-def import_algorithms() -> None:
-    """Import what tasks and maps are made with."""
-    importlib.import_module("radarsim.addons.web.algorithms")
-
-
-def load_algorithms() -> None:
-    """Load or compile what tasks and maps are made with."""
-    importlib.import_module("radarsim.autonomy.exploration.compilation").warm_up()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,6 +148,7 @@ class Activities:
             known.
         safety_distance: Distance that robots keep on the way to a goal, m; None for the
             least one that suits them.
+        newest: What a new browser has to know, as JSON; by kind and robot.
     """
 
     def __init__(
@@ -180,16 +169,12 @@ class Activities:
         self._tasks = TaskBoard(self._tell)
         self._makers: dict[str, MapMaker] = {}
         self._colours: dict[str, Colours] = {}
-        self._newest: dict[tuple[str, str], str] = {}  # by op and robot
+        self.newest: dict[tuple[str, str], str] = {}
 
     @property
     def mapped(self) -> Set[str]:
         """Names of the robots that are mapped."""
         return self._makers.keys()
-
-    def messages(self) -> Iterator[str]:
-        """Yield what a new browser has to know, as JSON."""
-        yield from self._newest.values()
 
     def is_at_work(self, robot: str) -> bool:
         """Return whether a robot is at a task."""
@@ -266,8 +251,8 @@ class Activities:
         self._tasks.cancel(robot)
         self._stop_map(robot)
         self._colours.pop(robot, None)
-        for key in [key for key in self._newest if key[1] == robot]:
-            del self._newest[key]
+        for key in [key for key in self.newest if key[1] == robot]:
+            del self.newest[key]
 
     def close(self) -> None:
         """End everything."""
@@ -294,5 +279,5 @@ class Activities:
         text = encode_json(message)
         # A thread may tell something of a robot that is gone by now.
         if robot in self._robots.views:
-            self._newest[op, robot] = text
+            self.newest[op, robot] = text
         self._viewers.broadcast(text, (op, robot, message.get("id")))

@@ -119,7 +119,7 @@ class Commander:
             viewer.send(self._scene.plan)
         viewer.send(self._recording.message(), "recording")
         self._tell_server(viewer)
-        for text in self._activities.messages():
+        for text in self._activities.newest.values():
             viewer.send(text)
         # Also the first one is acknowledged, upon which others follow.
         self._viewers.send_frame(viewer)

@@ -20,7 +20,6 @@ from radarsim.addons.web.requests import FIRST_CLASS
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.client import AsyncClient, Client, ClientTimeout, DriveUnit, RobotInfo
 from radarsim.errors import ClientError
-from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.reports import Report
 
 DEAD_MAN: Final = 0.4  # s after the last command to drive
@@ -213,15 +212,7 @@ class RobotClient(Client):
         if self._take in self._robot.listeners:
             self._robot.listeners.remove(self._take)
 
-    def spawn(
-        self,
-        class_name: str,
-        *,
-        name: str | None = None,
-        start: str | None = None,
-        pose: Pose2 | Pose3 | None = None,
-        timeout: float | None = None,
-    ) -> None:
+    def spawn(self, *_: Any, **__: Any) -> None:
         """Take the robot that is there, where it is."""
 
     def robot_info(self, *, drive_unit: DriveUnit = "rad_per_s") -> RobotInfo:  # noqa: ARG002

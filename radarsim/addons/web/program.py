@@ -24,7 +24,6 @@ from starlette.responses import FileResponse, PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from radarsim.addons.web.activities import import_algorithms, load_algorithms
 from radarsim.addons.web.commander import Commander
 from radarsim.addons.web.requests import (
     LONGEST_MESSAGE,
@@ -152,9 +151,9 @@ async def _work(
         scene = await loading
         if scene is not None:
             commander.show_scene(scene)
-        await _in_thread(import_algorithms)
+        await _in_thread(_import_algorithms)
         await asyncio.sleep(FIRST_LOOK)
-        await _in_thread(load_algorithms)
+        await _in_thread(_load_algorithms)
         await running
     finally:
         running.cancel()
@@ -168,6 +167,16 @@ def _load_scene(map_: str | None) -> "SceneMessages | None":
     from radarsim.scene.map_file import load_map  # noqa: PLC0415
 
     return SceneMessages.of(load_map(map_))
+
+
+def _import_algorithms() -> None:
+    import radarsim.addons.web.algorithms  # noqa: F401, PLC0415
+
+
+def _load_algorithms() -> None:
+    from radarsim.autonomy.exploration.compilation import warm_up  # noqa: PLC0415
+
+    warm_up()
 
 
 async def _in_thread(function: Callable[..., Result], *arguments: object) -> Result:

@@ -65,7 +65,14 @@ def describe_plan(scene: Scene) -> dict[str, Any]:
         "bounds": [west, south, east, north],
         "height": height,
         "parts": [
-            {**_head(part), "outline": _outline(part, height)} for part in scene.parts
+            {
+                **_head(part),
+                "outline": [
+                    _rounded(line).tolist()
+                    for line in _lines(slice_mesh(part.vertices, part.faces, height))
+                ],
+            }
+            for part in scene.parts
         ],
     }
 
@@ -104,11 +111,6 @@ def _head(part: Part) -> dict[str, Any]:
         "solid": material.solid,
         "colour": colour_of(material),
     }
-
-
-def _outline(part: Part, height: float) -> list[list[list[float]]]:
-    segments = slice_mesh(part.vertices, part.faces, height)
-    return [_rounded(line).tolist() for line in _lines(segments)]
 
 
 def _lines(segments: Floats) -> Iterable[Floats]:
