@@ -175,6 +175,7 @@ def test_a_robot_that_is_gone_while_it_is_driven_is_told(
     other.page.click("#remove")
     commander.until(lambda: "G1" in commander.text("error"), "for the news")
     commander.page.keyboard.up("w")
+    commander.until(lambda: commander.robot("G1") is None, "for its end")
 
 
 def test_the_touch_stick_drives(
