@@ -103,6 +103,7 @@ def kernel_hash(package: Path) -> str:
     """Return a hash of all that is compiled into kernels of a package, and versions."""
     digest = hashlib.sha256((package / "jit.py").read_bytes())
     digest.update(" ".join(map(version, COMPILERS)).encode())
+    # At all depths: a kernel two folders deep would otherwise run stale.
     for path in sorted(package.rglob("*.py")):
         text = path.read_bytes()
         if is_compiled_into_kernels(text):

@@ -154,6 +154,8 @@ async def listen(
             address,
             port,
             reuse_address=True,
+            # asyncio accepts as many connections in one round of its loop as the
+            # backlog says: with a large one, a flood of connections would delay ticks.
             backlog=ACCEPTED_AT_ONCE,
         )
     except (OSError, UnicodeError) as error:
@@ -183,6 +185,7 @@ def configure_socket(transport: asyncio.BaseTransport) -> None:
     for name, value in KEEP_ALIVE.items():
         if hasattr(socket, name):  # not on every system
             sock.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
+    # A large buffer would hide a slow reader for seconds, until all it gets is old.
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
 
 

@@ -168,6 +168,7 @@ def worker_pool(
         prepare: Called in each process before its first task.
         settings: Its arguments.
     """
+    # Other pools of this process keep their workers.
     others = {*active_children()}
     # spawned, because threads of this process would not survive a fork
     pool = ProcessPoolExecutor(

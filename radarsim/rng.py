@@ -27,6 +27,8 @@ def generator_for(seed: int, *names: str) -> np.random.Generator:
         seed: The run's seed, at least 0.
         names: Names that identify the user, such as ``"R1", "lms200"``.
     """
+    # A hash of the language differs from run to run, and names may have any characters
+    # but NUL, which separates them.
     digest = hashlib.sha256("\0".join(names).encode()).digest()
     key = tuple(int.from_bytes(digest[i : i + 4], "big") for i in range(0, 16, 4))
     return np.random.Generator(

@@ -348,6 +348,8 @@ class _Composer:
         is_quoted = bool(event.style)  # or a block of text
         if not is_quoted and text in _CONSTANTS:
             return _CONSTANTS[text]
+        # The first character spares nearly all texts of a map the regular
+        # expressions.
         if is_quoted or text[0] not in _STARTS_OF_NUMBERS:
             return text
         if _INTEGER.fullmatch(text):

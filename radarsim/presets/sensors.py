@@ -154,6 +154,8 @@ def parse_settings(text: str) -> dict[str, object]:
     >>> parse_settings("max_range=20, ray_weights=1,2,1 return_mode=first")
     {'max_range': 20, 'ray_weights': [1, 2, 1], 'return_mode': 'first'}
     """
+    # A blank separates settings only before the next key, so that lists may have
+    # blanks.
     texts = _NEXT_SETTING.split(text.strip(" ,"), MOST_SETTINGS)
     if len(texts) > MOST_SETTINGS:
         raise PresetError(f"settings {text[:80]!r}, expected at most {MOST_SETTINGS}")
@@ -174,6 +176,7 @@ def parse_setting(text: str) -> tuple[str, object]:
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
         raise PresetError(f"setting {text[:80]!r}, expected KEY=VALUE")
+    # A list needs no brackets: in a shell they would have to be quoted.
     if "," in value and not value.lstrip().startswith("["):
         value = f"[{value}]"
     try:

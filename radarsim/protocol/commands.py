@@ -74,6 +74,7 @@ class Init:
         class_name = message.require("ClassName").rpartition(".")[2]
         name = message.get("Name") or None
         start = message.get("Start") or None
+        # The original ignores Location and Rotation beside a Start, too.
         if start is not None:
             return cls(class_name, name, start)
         return cls(
@@ -312,6 +313,8 @@ def parse_command(line: str, dialect: Dialect) -> ParsedCommand:
             a field that is not readable.
     """
     message = decode_message(line)
+    # The original never answers with an error, so that what other servers know and this
+    # one does not has to pass in silence too.
     verb = message.verb.upper()
     if verb in _UNSUPPORTED:
         return ParsedCommand(Unsupported(verb))
@@ -376,4 +379,5 @@ def _format_number(value: float) -> str:
     if not math.isfinite(value) or abs(value) > LARGEST_COMMANDED:
         limit = f"at most {LARGEST_COMMANDED:g} in size"
         raise ValueError(f"number {value!r}, expected {limit}")
+    # The sum makes 0.0 of -0.0, whose sign no server needs.
     return np.format_float_positional(value + 0.0, trim="0")

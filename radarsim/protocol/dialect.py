@@ -74,6 +74,8 @@ class NumberFormat:
         """Return the whole multiple of the step that is written for a number."""
         if self.step is None or not abs(value) < LARGEST:
             return value
+        # The original keeps angles as whole units of rotation and converts them back
+        # when it writes a line.
         return int(value / self.step + _STEP_TOLERANCE) * self.step
 
     def join(self, values: Iterable[float]) -> str:
@@ -90,6 +92,8 @@ def _rounded(value: float, decimals: int) -> str:
     return text.lstrip("-") if float(text) == 0 else text
 
 
+# The original casts to a 32 bit integer and prints the fraction apart, so that its
+# digits are those of single precision.
 def _truncated(value: float, decimals: int) -> str:
     single = np.float32(value)
     sign = "-" if single < 0 else ""

@@ -260,6 +260,8 @@ def _parse_echoes(text: str) -> tuple[tuple[str, ...], Floats]:
         Kinds, and (E, 4) beams, ranges, powers and strengths.
     """
     words = text.split()
+    # All words are checked before they are joined: a part too few in one and too many
+    # in the next would shift everything between them unnoticed.
     for word in words:
         if word.count(",") != 4:
             raise MalformedMessage(f"echo {word[:80]!r}, expected five parts")

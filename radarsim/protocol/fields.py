@@ -299,6 +299,7 @@ def lay_out(segments: Sequence[Segment], layout: str | None) -> Sequence[Segment
     """
     if layout is None:
         return segments
+    # One layout of the original spells a key in lower case; clients match any case.
     found = {segment.key.lower(): segment for segment in segments}
     return [
         Segment(key, text) if text else found[key.lower()]._replace(key=key)
@@ -403,6 +404,8 @@ class LineReport:
             ValueError: If a number is not finite or does not fit into 32 bits.
         """
         template, numbers, series = self.split(dialect)
+        # The writer is compiled code, which a server does not have before its
+        # simulation.
         if not numbers and series is NO_SERIES:  # as of all lines before a simulation
             return template[:-1].decode("ascii")
         from radarsim.protocol.line_writer import fill_lines
@@ -420,6 +423,8 @@ class LineReport:
         layout = self.layouts.get(dialect.name)
         if layout is not None:
             keys = [key for key, _ in parse_segments(layout)]
+            # Jobs of readings write their numbers by position, so that the order of the
+            # line decides, not that of the attributes.
             found.sort(key=lambda each: keys.index(each[1].key))
         return [name for name, _ in found]
 

@@ -109,6 +109,8 @@ class ItemGeo(LineReport):
                 Segment("Name", reduce_text(name)),
                 Segment("Location", place, numbers[:3]),
             ]
+            # In segments of their own, mounts crash the driver of Player and lose the
+            # offset in UsarCommander; ROS reads both forms.
             if dialect.joins_mounts:
                 written.append(Segment("Orientation", place, numbers[3:]))
                 written.append(Segment("Mount", _RIGID))

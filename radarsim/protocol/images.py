@@ -79,6 +79,8 @@ class RequestBuffer:
         if whole >= 0:
             self._received = self._received[whole + 2 :]
             return WHOLE
+        # The only beginning of a request that can be left: nothing else is kept, so
+        # that garbage cannot fill the memory.
         self._received = b"O" if self._received.endswith(b"O") else b""
         return None
 
@@ -106,5 +108,7 @@ def encode_raw(width: int, height: int, rows: list[bytes]) -> bytes:
         rows: Pixels of each row from the top, blue, green and red; padded with zeros
             to a multiple of 4 bytes, as the original's library does.
     """
+    # Rows of bitmaps of Windows begin at multiples of four bytes, and the original
+    # sends such a bitmap.
     padding = bytes(-3 * width % 4)
     return struct.pack(">2H", width, height) + b"".join(row + padding for row in rows)

@@ -41,6 +41,7 @@ _ROUNDINGS: Final = {
     Rounding.FLOAT32: FLOAT32,
     Rounding.TRUNCATED: TRUNCATED,
 }
+# Braces would end a field, and marks of templates are no ASCII.
 _NOT_PRINTABLE: Final = re.compile(r"[^ -z|~]")
 
 

@@ -112,6 +112,8 @@ def _write(
     """Return the lines of blocks after each other, and where each block ends."""
     codes = np.frombuffer(templates, np.uint8)
     values, entries = np.array(numbers, np.float64), np.concatenate(series)
+    # An upper bound is enough, as the array is cut afterwards; counting exactly would
+    # mean to format all numbers twice.
     most = len(codes) + templates.count(_LINE_END)
     most += _LONGEST_NUMBER * (len(values) + len(entries))
     out, ends = np.zeros(most, np.uint8), np.zeros(blocks, np.int64)
@@ -141,6 +143,9 @@ def write_lines(
     Returns:
         A number that cannot be written, after which nothing is; 0 if there is none.
     """
+    # One pass over the templates of all robots, as a tick can have hundreds of
+    # lines and each call of a kernel costs about as much as one of them (rows
+    # "robots" of the benchmark).
     at = block = number = entry = changes = 0
     for code in codes:
         if code < FIRST_MARK:
@@ -156,6 +161,7 @@ def write_lines(
             block += 1
         elif code & IN_SERIES:
             value = series[entry]
+            # Also true of NaN. The digits below would not end otherwise.
             if not abs(value) < LARGEST:
                 return float(value)
             at, entry = _write_number(value, code, out, at), entry + 1
@@ -256,6 +262,7 @@ def _scale(size: float, scale: float) -> int:
 @njit_inline
 def _write_digits(scaled: int, decimals: int, out: NDArray[np.uint8], at: int) -> int:
     """Write a scaled number with its point at a place; return the place after it."""
+    # Digits are written from the last to the first, since a division yields the last.
     rest = np.uint64(scaled)  # whose division is faster
     digits = decimals + 1
     while rest >= _WHOLE_POWERS[digits]:

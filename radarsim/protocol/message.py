@@ -81,6 +81,8 @@ class LineBuffer:
         if self.overflow is not None:
             raise self.overflow
         lines: list[str] = []
+        # Clients end lines with CRLF, with LF CR, or with LF alone; a line ends at the
+        # first of both, and what follows of the same line end is a blank line.
         *ended, rest = _LINE_END.split(data)
         for piece in ended:
             if not self._append(piece):
@@ -94,6 +96,7 @@ class LineBuffer:
 
     def _append(self, piece: bytes) -> bool:
         """Append to the pending line; return whether it is within the limit."""
+        # Without this a flood of blanks before a line would count against its limit.
         if not self._pending:
             piece = piece.lstrip(_BLANKS)
         size = len(self._pending) + len(piece)
@@ -148,6 +151,8 @@ def parse_numbers(
         MalformedMessage: If the text is not that many numbers, or one of them is
             larger than ``largest``.
     """
+    # UsarCommander writes "47,17 -55,70 -2,25" under a locale with decimal commas,
+    # others "1, 2, 3" or "1 2 3": the count of words tells them apart.
     joined = " ".join(text.split()).replace(" ,", ",")
     words = joined.split()
     if len(words) == count:
@@ -227,6 +232,7 @@ class Message:
     _values: dict[str, str] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        # Reversed, so that the first of two equal keys is the one that stays.
         values = {key.lower(): value for key, value in reversed(self.segments)}
         object.__setattr__(self, "_values", values)
 
@@ -352,6 +358,7 @@ def decode_message(line: str) -> Message:
         raise MalformedMessage(
             f"{count} segments in {line[:80]!r}, expected at most {MAX_SEGMENTS}"
         )
+    # A stray brace would otherwise swallow the next field without a word.
     if len(_SEGMENT.findall(line)) != count:
         raise _expected("'}' after the brace", _find_open_brace(line), line)
     return Message(verb, parse_segments(line))
@@ -398,6 +405,7 @@ def wrapped_pose_on_wire(pose: Pose3) -> tuple[float, ...]:
     The angles are in (-pi, pi]. Wrapping those that are would take most of the time.
     """
     roll, pitch, yaw = pose.roll, 0.0 - pose.pitch, 0.0 - pose.yaw
+    # Ground truth has these angles in ten lines a second for each robot.
     if not -math.pi < roll <= math.pi:
         roll = wrap_angle(roll)
     if not -math.pi < pitch <= math.pi:

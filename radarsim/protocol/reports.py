@@ -164,6 +164,7 @@ class StartPoses:
         # Clients read a line into a buffer: as many poses as fit into it are sent.
         limit = LONGEST_LINE - len("NFO {StartPoses 1000} {}\r\n")
         ends = accumulate(len(pose) + 1 for pose in poses)
+        # Names that are cut off would be worse: clients look for whole triples.
         poses = poses[: sum(end - 1 <= limit for end in ends)]
         count = f"NFO {{StartPoses {len(poses)}}}"
         return f"{count} {{{' '.join(poses)}}}" if poses else count
@@ -238,6 +239,8 @@ class RangeScan(SensorReport):
         if isnan(self.time):
             return SensorReport.split(self, dialect)
         key = (self.name, self.resolution, self.fov, len(self.ranges))
+        # A scan is most of what a server sends: only time and ranges differ from one to
+        # the next, so that the rest of the line is built once.
         template, (_, *fan) = self.split_alike(key, dialect)
         return template, (self.time, *fan), self.ranges
 
@@ -526,6 +529,7 @@ def _split_degrees(
     """
     degrees, minutes = divmod(abs(angle) * 60, 60)
     written = minutes
+    # Formatting is slow, and matters only where rounding carries over into degrees.
     if not 0.1 < minutes < 59.9:  # it may be written as 0 or 60
         written = float(minutes_format.format(minutes))
         if written == 60.0:

@@ -69,6 +69,7 @@ class RobotChoice:
         if self.names is None:
             return _ALL.capitalize()
         text = ",".join(self.names)
+        # A robot may be called "All"; the comma makes a list of one name of it.
         if text.casefold() in (_ALL, _NONE, *_ECHO_WORDS):
             return f"{text},"
         return text or _NONE.capitalize()

@@ -93,6 +93,8 @@ def node_of(edges: Floats, chance: float) -> int:
     low, high = 0, len(edges)
     while low < high:
         middle = (low + high) // 2
+        # An edge itself belongs to the node after it, as in ``numpy.searchsorted`` from
+        # the right.
         if edges[middle] <= chance:
             low = middle + 1
         else:
@@ -103,6 +105,8 @@ def node_of(edges: Floats, chance: float) -> int:
 @njit_inline
 def fill_frame(poses: Floats, scan: int, frame: Frame) -> None:
     """Set a frame to a pose; see ``geometry.rotation_matrix``, which it equals."""
+    # Written out in the same order as there: scans in batches and alone agree bit by
+    # bit.
     cr, sr = np.cos(poses[scan, 3]), np.sin(poses[scan, 3])
     cp, sp = np.cos(poses[scan, 4]), np.sin(poses[scan, 4])
     cy, sy = np.cos(poses[scan, 5]), np.sin(poses[scan, 5])

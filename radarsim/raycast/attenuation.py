@@ -250,6 +250,8 @@ def update_winding(state: RayState, part: int, sign: int) -> int:
 @njit_inline
 def reset_winding(state: RayState) -> None:
     """Set all winding numbers to zero."""
+    # Only the parts that this ray has touched: a scene can have thousands, and clearing
+    # all of them would take longer than most rays do.
     for i in range(state.sizes[0]):
         part = state.touched[i]
         state.winding[part] = 0

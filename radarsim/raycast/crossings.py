@@ -78,6 +78,7 @@ def project_line(
     axes[0], axes[1], axes[2] = first, second, third
     line[0], line[1] = _flush_to_zero(origin[first]), _flush_to_zero(origin[second])
     line[2] = _flush_to_zero(origin[third])
+    # One division for the line instead of one for each triangle.
     scale = 1.0 / direction[third]
     line[3] = _flush_to_zero(direction[first] * scale)
     line[4] = _flush_to_zero(direction[second] * scale)

@@ -212,6 +212,7 @@ def on_primitive(call: Pointer) -> None:
     place = fields[TRIANGLES] + triangle * np.uint64(CORNERS_BYTES)
     corners = carray(pointer(place), 9, np.float64)
     sign, t = cross_triangle(reals[LINE:], fields[AXES:], corners)
+    # Embree is told nothing of the hit, so that it goes on to all boxes up to T_FAR.
     if sign == 0 or t < reals[NEAR] or t > reals[FAR]:
         return
     place = fields[OWNERS] + triangle * np.uint64(4)

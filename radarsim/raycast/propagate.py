@@ -140,6 +140,7 @@ def _find_way_on(
 ) -> WayOn:
     """Return the way on from the end of a segment; a ray that is absorbed ends."""
     part = end.part
+    # Robots are numbered after the parts and are no mirrors.
     if progress.spent_in >= 0 or not 0 <= part < work.state.winding.size:
         return WayOn(ENDS, 0.0, False)
     way = _way_on_from(ray, part, scene, work)
@@ -211,6 +212,8 @@ def _go_on(way: int, scene: TracedScene, t: float, work: Workspace) -> None:
     along = nx * direction[0] + ny * direction[1] + nz * direction[2]
     if along > 0.0:  # the back of the triangle is hit
         nx, ny, nz, along = -nx, -ny, -nz, -along
+    # Off the mirror along its normal, not along the ray: a grazing ray would stay
+    # within rounding of the surface and meet it again.
     origin[0] += t * direction[0] + MIRROR_OFFSET * nx
     origin[1] += t * direction[1] + MIRROR_OFFSET * ny
     origin[2] += t * direction[2] + MIRROR_OFFSET * nz
@@ -349,6 +352,7 @@ def _march(
     roles = materials.forward_roles[k]
     # Where nothing takes power, ``max_density`` is 0 and the window is infinite.
     window = FIRST_WINDOW * progress.power / materials.max_density[k]
+    # A surface at the very range counts, also if rounding has put it beyond.
     interval = Interval(0.0, limit.t + RANGE_TOLERANCE, window)
     while True:
         end = _next_opaque(scene.handle, roles, interval, limit, work)
@@ -397,6 +401,8 @@ def _trace_segment(
         As ``_march``.
     """
     handle, materials, state = scene.handle, scene.materials, work.state
+    # For each segment anew: a mirror may turn a level ray upwards, or a steep one
+    # level.
     select_scene(handle, work.buffer, work.origin, work.direction, scene.unsliced)
     roles = materials.backward_roles[ray.ray_class]
     if _is_near_volume(materials, roles, work.origin, handle.margin):
@@ -448,6 +454,7 @@ def trace_ray(
     origin, direction, state = work.origin, work.direction, work.state
     materials = scene.materials
     valid = is_valid_ray(origin, direction, max_range, power)
+    # Checked where the ray is at hand, and not in a pass of its own over all rays.
     if not valid or ray_class >= len(materials.air):
         return -1 - i
     for axis in range(3):

@@ -119,6 +119,7 @@ def intersect_box(boxes: Floats, i: Int, origin: Floats, direction: Floats) -> f
     ahead = _intersect_slab(c * dx + s * dy, c * ex + s * ey, boxes[i, LENGTH])
     beside = _intersect_slab(c * dy - s * dx, c * ey - s * ex, boxes[i, WIDTH])
     above = _intersect_slab(origin[2] - boxes[i, Z], direction[2], boxes[i, HEIGHT])
+    # The ray is in the box where it is in all three slabs.
     near = max(ahead[0], beside[0], above[0])
     far = min(ahead[1], beside[1], above[1])
     t = near if near >= 0.0 else far
@@ -243,6 +244,7 @@ def index_boxes(
         # Rounding errors of coordinates are less than the slack by far.
         radius += SLACK
         heads, links, link = index.heads, index.links, 0
+        # Links are written over from the first on: no memory is allocated for a scan.
         for sector in range(SECTORS + 1):
             heads[sector] = -1
         for i in range(len(boxes)):

@@ -55,6 +55,7 @@ def pack(arrays: Sequence[NDArray[Any]], dtypes: str) -> PackedArrays:
         dtypes: The type of each that the kernel assumes, as numpy writes it, separated
             by spaces.
     """
+    # Kept with the words, as Python would free an array that only an address names.
     kept = [
         np.ascontiguousarray(array, dtype)
         for array, dtype in zip(arrays, dtypes.split(), strict=True)

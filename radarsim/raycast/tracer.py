@@ -233,6 +233,8 @@ class Tracer:
 
     def _packed_for(self, ray_classes: tuple[RayClass, ...]) -> PackedArrays:
         found, handle = self._packed.get(ray_classes), self._scene.handle
+        # The handle is another one after a slice was added: addresses of the old one
+        # are stale.
         if found is not None and found[1] is handle:
             return found[0]
         table = self._table_for(ray_classes)
@@ -265,6 +267,8 @@ class Tracer:
             The traces; 0, or -1 minus the index of an invalid ray; and the number of
             scans that are not clear.
         """
+        # Too little room only means a second pass; after it the highest need is known,
+        # so that calls seldom trace twice.
         room = max(self._events_per_ray * size, INITIAL_CAPACITY) if events else 0
         packed = self._packed_for(ray_classes)
         table = NO_BOXES if boxes is None else boxes.table(self._centre)
@@ -290,6 +294,8 @@ class Tracer:
             if needed < 0:
                 return Traces(*columns, NO_EVENTS), needed, crowded
             if needed == 0 and count <= room:
+                # Level rays at a height that many have get a slice of the scene:
+                # counted here, as the kernel must not build one (``embree``).
                 if unsliced:
                     self._scene.count_unsliced(height, int(unsliced))
                 if not room:

@@ -196,6 +196,8 @@ def avoid_collision(
             robots[slot, REJECTED + i] = robots[slot, X + i] if by_walls else np.nan
             robots[slot, REJECTED + 3 + i] = wanted[i]
     gap, _, _ = _contact(around, slot, count, reached)
+    # Lines were searched around the wanted pose: around the one that was reached, less
+    # is known by the distance between both.
     offset = math.hypot(reached[0] - wanted[0], reached[1] - wanted[1])
     _note_gaps(robots, slot, gap, offset, count > walls)
     return reached
@@ -259,6 +261,8 @@ def _find_lines(around: Surroundings, slot: Int, pose: Place) -> tuple[int, int]
     ):
         for column in range(first, last + 1):
             other = grid.heads[bucket_of(grid, column, row)]
+            # Two cells may share a bucket, so that a robot there counts only in its own
+            # cell.
             while other >= 0:
                 is_here = (
                     grid.places[other, COLUMN] == column
@@ -281,6 +285,7 @@ def _find_lines(around: Surroundings, slot: Int, pose: Place) -> tuple[int, int]
 def _add_outline(around: Surroundings, other: Int, count: Int) -> None:
     """Add the four sides of another robot to the lines; they rank after all walls."""
     robots, lines = around.robots, around.lines
+    # The sides are computed here from the pose, not kept: most robots are near nobody.
     x, y, yaw = pose_of(robots, other)
     length, width = robots[other, HALF_LENGTH], robots[other, HALF_WIDTH]
     c, s = math.cos(yaw), math.sin(yaw)

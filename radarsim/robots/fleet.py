@@ -142,6 +142,8 @@ class Fleet:
         """
         if robot.fleet is not self:
             raise ValueError(f"robot {robot.name!r} is not in this fleet")
+        # Whoever still holds the robot can read its last pose, while its row here is
+        # given to the next one.
         alone, slot = Fleet(), robot.slot
         alone._take_over(robot)
         for odometry in alone._odometries:
@@ -221,6 +223,8 @@ class Fleet:
             count = len(self.columns)
             more = new_columns(max(_FIRST_SLOTS, count))
             columns = np.concatenate([self.columns, more])
+            # Highest first, as slots are taken from the end: the lowest one is used
+            # first.
             self._free_slots = list(range(len(columns) - 1, count - 1, -1))
             self._around = _surroundings(columns, self._around.walls)
         self._add_floor(obstacles)

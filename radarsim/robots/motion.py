@@ -133,12 +133,16 @@ def drive_robots(
             # Others may approach meanwhile: the next move measures the gap anew.
             robots[slot, ROBOT_GAP] = 0.0
             continue
+        # Also while something blocks the robot: its motors are stronger than its grip,
+        # so that wheel odometry drifts there as it does on the original.
         robots[slot, LEFT_ANGLE] += left * dt
         robots[slot, RIGHT_ANGLE] += right * dt
         left *= robots[slot, WHEEL_RADIUS]
         right *= robots[slot, WHEEL_RADIUS]
         track, radius = robots[slot, TRACK], robots[slot, RADIUS]
         sweep = sweep_rate(left, right, track, radius) * dt
+        # In ticks of 10 ms that is one part, unless a point of the robot is
+        # faster than 5 m/s. Splitting changes nothing, as arcs are exact.
         parts = max(1, math.ceil(sweep / _MAX_SWEEP))
         for _ in range(parts):
             wanted = advance(pose_of(robots, slot), left, right, track, dt / parts)

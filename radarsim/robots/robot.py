@@ -189,8 +189,10 @@ class Robot:
             raise ValueError(
                 f"wheel speeds {left!r}, {right!r}, expected finite numbers"
             )
+        # Stays as it is until a command says otherwise, also for commands without it.
         self._normalized = self._normalized if normalized is None else normalized
         self.light = self.light if light is None else light
+        # As the original, which needs both: a student's client sends one of them.
         if left is None or right is None:
             return
         spin = self.wheel_drive.spin

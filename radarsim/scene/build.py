@@ -177,6 +177,8 @@ class PartBuilder:
                 area, or the object is too large.
         """
         pieces = self._pieces(entry, materials)
+        # Counted before anything is placed: an entry of a few bytes can ask for
+        # millions of triangles.
         count = entry.copies or 1
         room.take(count * len(pieces), "parts")
         room.take(count * sum(len(faces) for _, (_, faces) in pieces), "triangles")
@@ -378,6 +380,7 @@ def place_copies(entry: ObjectEntry) -> list[Copy]:
 
 
 def _scatter_copies(name: str, origin: Floats, scatter: ScatterEntry) -> list[Copy]:
+    # By seed and name, so that an entry more in the map moves no other one's copies.
     draws = _draw_forever(generator_for(scatter.seed, "scatter", name))
     (left, lower), (right, upper) = scatter.area
     smallest, largest = scatter.scale

@@ -264,6 +264,7 @@ def _add_buffers(tree: _Tree, binary: memoryview | None, files: MeshFiles) -> No
 
     All values of accessors that are not used are dropped as well.
     """
+    # Only what triangles need: normals and textures can be most of a file.
     accessors = {
         number
         for mesh in tree.meshes

@@ -175,6 +175,7 @@ class MapLoader:
                     material = make_material(name, entry)
                     valid = self.problems.report(at, surface_problems(entry, material))
                 self._made[at] = material, valid and entry is not None
+            # A variant may mend what is wrong in the map, and spoil what is right.
             materials[name], valid = self._made[at]
             (invalid.discard if valid else invalid.add)(name)
         return materials, invalid

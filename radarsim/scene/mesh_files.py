@@ -88,6 +88,7 @@ class MeshFiles:
             MeshError: If all files together are too large.
             OSError: If it cannot be read.
         """
+        # Its size decides, and no more is read, even if the file grows meanwhile.
         size = path.stat().st_size
         self.budget.take(size, "bytes")
         with path.open("rb") as file:

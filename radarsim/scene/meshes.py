@@ -118,6 +118,8 @@ def _weld(surfaces: list[Surface]) -> list[_OrientedSurface]:
     Raises:
         MeshError: If that one is open.
     """
+    # Surfaces that are closed alone are not welded to others: two boxes that touch
+    # would become one with a wall inside, which encloses nothing.
     closed: list[_OrientedSurface] = []
     remaining: list[Mesh] = []
     for _, vertices, faces in surfaces:

@@ -46,6 +46,7 @@ class Part:
     faces: Faces
 
     def __post_init__(self) -> None:
+        # Copied, as a scene must not change after its tracer has been built.
         vertices = np.array(self.vertices, dtype=np.float64, order="C")
         faces = np.array(self.faces, dtype=np.int32, order="C")
         for name, array in (("vertices", vertices), ("faces", faces)):

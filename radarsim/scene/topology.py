@@ -148,6 +148,8 @@ def _flip_inverted_components(
     """Flip all if the whole is inside out, then components that are no cavities."""
     labels = connections.labels
     sizes = _measure(vertices, faces, connections)
+    # Exporters agree on no orientation, so the volume tells: an outward one is
+    # positive.
     if sizes.volumes.sum() < 0:
         faces, sizes = faces[:, ::-1], sizes._replace(volumes=-sizes.volumes)
     inverted = sizes.volumes < 0

@@ -96,6 +96,8 @@ class BeamPattern:
         self._power = settings.max_range, settings.penetration_power
         self._ray_class = ray_class_of(settings)
         limits = columns_of(self.rays_from(AimedRays.empty(1), -1))
+        # The kernel aims the rays itself, and needs of them only what all have in
+        # common.
         self._limits = limits._replace(origins=NO_VECTORS, directions=NO_VECTORS)
         self._sensor_rays: SensorRays | None = None
         traces_all = settings.combines_rays or settings.incidence_weights
@@ -146,6 +148,8 @@ class BeamPattern:
             places: (J, 7) as in ``UnaimedScans``.
         """
         sensor = self._sensor_rays
+        # Packed once for all scans of the sensor: only poses and random numbers
+        # change.
         if sensor is None or self.has_random_rays:
             medium = RayClass(self._ray_class.medium)
             sensor = self._sensor_rays = SensorRays(

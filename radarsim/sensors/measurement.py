@@ -175,6 +175,8 @@ class ScanBuilder:
         chances = weights * backscatter(traces).reshape(-1, per_beam)
         empty = ~(chances.sum(axis=1) > 0)  # no ray of the beam met anything
         chances[empty] = weights[empty]
+        # One draw for each beam, made before tracing: the numbers that follow must not
+        # depend on what the rays met.
         edges = np.cumsum(chances, axis=1)
         drawn = plan.draws.ray * edges[:, -1]
         node = (edges[:, :-1] <= drawn[:, None]).sum(axis=1)
@@ -240,6 +242,7 @@ class ScanBuilder:
         if not self._has_errors:
             return
         settings = self._settings
+        # A beam that met nothing has no range that could be wrong.
         finite = np.isfinite(ranges)
         if error is not None and error.size:
             exact = ranges[finite]

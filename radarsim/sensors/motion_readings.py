@@ -166,6 +166,7 @@ def move_ins(numbers: Floats, ins: Int, body: Floats) -> None:
     distance = math.sqrt(distance)
     for axis in range(6):
         motion = _motion(numbers[ins + BODY + axis], body[axis], axis)
+        # Errors grow with the way driven, also across it, and with the turn itself.
         scale = distance if axis < 3 else motion
         drawn = numbers[ins + SIGMA] * numbers[first + axis]
         error = numbers[ins + BIAS + axis] + drawn
@@ -216,6 +217,7 @@ def measure_speeds(
         right: Angle of the right wheels, rad.
     """
     elapsed = time - numbers[tachometer + READ_AT]
+    # Two readings in a tick would divide by zero.
     if elapsed > 1e-6:
         angles, speeds = tachometer + ANGLES, tachometer + SPEEDS
         numbers[speeds] = (left - numbers[angles]) / elapsed

@@ -198,6 +198,8 @@ def _find_cells(
     speckle: Speckle,
 ) -> None:
     """Fill a speckle; see ``find_speckle``."""
+    # Beams are searched cell by cell only while it rains around them and their budget
+    # lasts; one random number decides a whole search.
     full = limits.full_power
     enclosing = rain.around_start.copy()
     for beam in range(len(beams.rows)):

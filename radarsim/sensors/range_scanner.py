@@ -88,6 +88,7 @@ class RangeScanner:
         It draws the same random numbers and has the same ranges. A scanner that keeps
         the first or the strongest echoes lists only those.
         """
+        # First and strongest echoes decide the ranges; listing more would change them.
         if self.settings.return_mode != "last":
             return self
         together = self.settings.combines_rays

@@ -137,6 +137,8 @@ def draw_scans(tracer: Tracer, requests: Sequence[ScanRequest]) -> list[ScanGrou
         scanner = request.scanner
         draws = scanner.draw(request.rng, is_raining=tracer.has_rain)
         # Rays that are random are no nodes, which scans could share.
+        # Settings that are equal share their pattern, so that the pattern itself tells
+        # which scanners are traced together.
         key = i if scanner.pattern.has_random_rays else scanner.pattern
         group = groups.get(key)
         if group is None:
@@ -235,6 +237,7 @@ def _trace_group(
         find_rays = partial(_aim_again, request, draws, traced.nodes[own])
         plans.append(PlannedScan(tracer, request.pose, sides, find_rays, draws))
     scans = _build(group, plans, traced.traces, scene)
+    # Seldom: only scanners within centimetres of something opaque are aimed first.
     if traced.crowded:
         crowded = np.flatnonzero(~traced.clear).tolist()
         some = group.take(crowded)
@@ -423,6 +426,8 @@ def _scans(
             # Drawn here and traced there: threads must not share a generator.
             groups = draw_scans(tracer, requests)
             pending.append(pool.submit(_trace_groups, tracer, groups, None, None))
+            # At most one chunk waits for each thread, so that memory does not grow with
+            # the poses.
             if len(pending) > workers:
                 yield from pending.popleft().result()
         for future in pending:

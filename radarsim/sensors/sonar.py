@@ -101,6 +101,7 @@ class SonarArray:
         found = traces.ranges.reshape(-1, RAYS_PER_CONE)
         cosine = traces.incidence.reshape(found.shape)
         returns = cosine >= self._least_cosine  # nan where nothing was hit
+        # As of the original, of which only the ray on the axis ever counts.
         returns[:, 0] = True
         nearest = np.where(returns, found, np.inf).min(axis=1)
         clipped: Floats = np.clip(nearest, self._min_range, self._max_range)

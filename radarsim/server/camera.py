@@ -100,6 +100,8 @@ def shade(
         event = events[k]
         if event.ray != ray:
             ray, inside, power, seen = event.ray, 0, FULL_POWER, 1.0
+        # Of volumes within each other the last entered one gives its colour; outside of
+        # all it is the air.
         medium = enclosing[inside - 1] if inside else robots - 1
         passed = np.exp(event.power - power)
         _add(pixels, ray, seen * (1.0 - passed), colours[medium])
@@ -135,6 +137,8 @@ class Renderer:
         """Return a picture: RGB, (120, 160, 3), from the top, rows from the left."""
         directions = _rotate(self._directions, view.camera.rotation())
         n = len(directions)
+        # Picture by picture only the camera moves: the directions are turned, not
+        # computed anew.
         rays = Rays(
             np.tile(view.camera.position(), (n, 1)),
             directions,

@@ -197,6 +197,8 @@ class EngineLoader:
             answer = partial(made.set_exception, error)
         else:
             answer = partial(made.set_result, simulation)
+        # A thread may only ask the loop to set the result: futures are not safe to
+        # share.
         with suppress(RuntimeError):  # the loop is closed
             loop.call_soon_threadsafe(settle)
 

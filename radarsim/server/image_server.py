@@ -242,6 +242,8 @@ class ImageServer(PeerServer):
             for viewer in waiting:
                 if viewer.region is not None:  # it has not left meanwhile
                     viewer.send(pictures[viewer.region])
+            # From the beginning of the picture, so that the rate does not depend on how
+            # long it takes to draw.
             await asyncio.sleep(due - loop.time())
 
 
@@ -282,6 +284,8 @@ class Viewer(PeerConnection):
         return self.region is not None and self._can_write
 
     def _begin(self, transport: asyncio.Transport) -> None:
+        # Any byte that waits pauses writing, which tells that the last picture is not
+        # read yet (rule 2).
         transport.set_write_buffer_limits(high=0)
         loop = asyncio.get_running_loop()
         self._silence = loop.call_later(SILENCE, self._request, WHOLE)

@@ -185,6 +185,8 @@ class ReadAllowance:
         """Count a read of ``size`` bytes."""
         grown = (self._turns.ticks - self._tick) * REFILL
         self._tick = self._turns.ticks
+        # A read costs time even if it brings one byte: else packets of one byte would
+        # be free.
         self._left = min(BURST, self._left + grown) - size - READ_COST
         if self._left < 0 and not self.exhausted:
             self.exhausted = True
@@ -192,6 +194,8 @@ class ReadAllowance:
 
     def grant(self) -> None:
         """Permit one more read, however large."""
+        # The allowance begins anew at zero: who sends without end gets one read in a
+        # turn.
         self.exhausted = False
         self._left = 0
         self._tick = self._turns.ticks

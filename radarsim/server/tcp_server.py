@@ -129,8 +129,12 @@ class Server:
         due = next_log = loop.time()
         lost = 0.0
         while True:
+            # From the last due time, not from now: delays of single ticks do not add
+            # up.
             due += self._period
             lag = loop.time() - due
+            # Catching up would mean to send a burst of old readings, for which clients
+            # have no use; simulated time waits instead, and the log tells.
             if lag > MAX_LAG:
                 due += lag
                 lost += lag
@@ -155,10 +159,13 @@ class Server:
         self._ticks += 1
         watchers_rest = self._ticks % WATCHER_TICKS
         for number in self._host.clients_to_send():
+            # A third of the writes is enough to watch with, and each one
+            # costs time.
             if watchers_rest and self._host.only_watches(number):
                 continue
             if number in connections:
                 connections[number].flush()
+        # Those that are not read get no callback: they are looked at in each tick.
         for connection in list(self._connections.held):
             connection.flush()
 
@@ -231,6 +238,8 @@ class Connection(asyncio.BufferedProtocol):
         self._allowance.spend(nbytes)
         data = bytes(self._buffer[:nbytes])
         self.log_diagnostics(self._host.receive(self._number, data))
+        # Clients without a robot read their answer within one second, some with a
+        # single read.
         self.flush(only_replies=True)
 
     def eof_received(self) -> bool:
@@ -288,6 +297,8 @@ class Connection(asyncio.BufferedProtocol):
             self._connections.held.discard(self)
         if only_replies and self._host.has_robot(self._number):
             return
+        # What a slow client has not taken stays in the host's queue, which can drop old
+        # readings; the buffer of a transport cannot.
         if transport.get_write_buffer_size() == 0:
             data = self._host.take(self._number)
             if data:

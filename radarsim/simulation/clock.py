@@ -13,6 +13,8 @@ Entry = TypeVar("Entry")
 
 def seconds(ticks: int) -> float:
     """Return the time of a tick, s."""
+    # A division, not a product with 0.01: 57 ticks are 0.57 s, and 57 * 0.01 is
+    # not.
     return ticks / 100
 
 
@@ -83,6 +85,8 @@ class Schedule(Generic[Entry]):
 
     def due(self) -> list[Entry]:
         """Return the entries that are due in this tick, each of them once."""
+        # A dict keeps who came first, and has each entry once: a scan may be both
+        # requested and due.
         found, self._requested = self._requested, {}
         for interval, phases in self._entries.items():
             found |= phases.get(self.clock.ticks % interval, {})

@@ -245,6 +245,7 @@ def join_encoders(sources: Iterable[Source]) -> list[Source]:
     for source in sources:
         before = joined[-1] if joined else source
         one, other = before.sample, source.sample
+        # Clients of the older servers read the encoders of both sides from one line.
         if joined and isinstance(one, Encoder) and isinstance(other, Encoder):
             ticks = [*before.jobs["ticks"], *source.jobs["ticks"]]
             sample = replace(one, ticks=(*one.ticks, *other.ticks))

@@ -97,6 +97,8 @@ def fill_readings(
     Returns:
         The number of robots that have used up some of their random numbers.
     """
+    # Readings are plain numbers in the order of their lines, so that no object is made
+    # for any of them: a tick of fifty robots has hundreds (rows "robots").
     at, spent, body = 0, 0, np.zeros(6)
     for row in range(len(due)):
         slot = due[row, 0]
@@ -194,6 +196,8 @@ class ReadingTable:
     def program(self, jobs: Sequence[Job], size: int) -> Program:
         """Return jobs, which write ``size`` numbers, as a program; equal ones once."""
         key = tuple(jobs)
+        # Robots of one class have their numbers in the same places, so that a hundred
+        # of them share a dozen programs.
         program = self._programs.get(key)
         if program is None:
             first = len(self._jobs)
@@ -233,6 +237,7 @@ class ReadingTable:
         rows, columns = self._numbers.shape
         if slot >= rows or width > columns:
             shape = max(rows, len(self._fleet.columns)), max(columns, width)
+            # By the fleet's own growth, which doubles: rows are copied rarely.
             more = np.zeros(shape)
             more[:rows, :columns] = self._numbers
             self._numbers = more

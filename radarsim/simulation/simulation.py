@@ -188,7 +188,10 @@ class Simulation:
 
     def step(self) -> None:
         """Advance by one tick of 10 ms."""
+        # Before anything moves: readings of a tick have its time at their end.
         self._clock.ticks += 1
+        # Commands of a robot with an empty battery are refused; what it was told before
+        # would go on turning its wheels.
         for vehicle in self._mortal:
             if not vehicle.alive:
                 vehicle.robot.halt()
@@ -213,6 +216,8 @@ class Simulation:
             (v, each) for v, items in due for each in items.scanners if each.scans
         ]
         ray_items = [(v, item) for v, items in due for item in items.ray_items]
+        # Robots are boxes of this tick for all sensors, so that no reading depends on
+        # the order in which they are taken.
         boxes = self.boxes() if scanners or ray_items else NOTHING
         scans: dict[int, list[RangeScan]] = {v.number: [] for v in reporting}
         echoes: dict[int, list[ScanEchoes | ScanDetails]] = {}
@@ -324,6 +329,8 @@ class Simulation:
 
     def _warm_up(self) -> None:
         """Run all kernels, so that none is compiled while clients wait."""
+        # One of each kind of scan. numba compiles a kernel for each combination of
+        # types, and a first scan in a tick would hold up all clients for a minute.
         radar, pose = load_sensor("radar", fov_deg=1), Pose3(0.0, 0.0, 0.0)
         settings = {"incidence_weights": True, "ray_choice": "together"}
         together = load_sensor("radar", fov_deg=1, range_resolution=0.1, **settings)
@@ -361,6 +368,7 @@ class Simulation:
         Its ``ray`` is the number of the place, its ``part`` that of the volume.
         """
         points = np.column_stack([places, np.full(len(np.asarray(places)), height)])
+        # A ray of no length: its events tell the volumes around its start.
         directions = np.tile([1.0, 0.0, 0.0], (len(points), 1))
         rays = Rays.uniform(points, directions, max_range=0.0)
         events = self._tracer.trace(rays, events=True).events

@@ -204,6 +204,8 @@ class Vehicle:
         ended = tuple([each for each in self._intervals if age % each == 0])
         if age >= self._empty_age:
             ended = (STATUS_ONLY, *ended)
+        # A robot has a handful of such sets. Items would else be selected, and
+        # their lines built, for each robot in each tick.
         due = self._due_items.get(ended)
         if due is None:
             due = self._due_items[ended] = self._select_items(ended)
@@ -257,6 +259,8 @@ class Vehicle:
         config = self.config
         for item in items:
             config = config.with_settings(item, settings)
+            # Against the first configuration: whoever started the server may allow
+            # more.
             check_rays(item, config, self._first_config)
         extra = count_extra_rays(
             [mounted.item for mounted in self.scanners], config, self._first_config
@@ -307,6 +311,8 @@ class Vehicle:
         """Add the vehicle for all its intervals, which count from its spawn."""
         self._intervals = sorted({STATUS_TICKS, *self._interval_ticks.values()})
         self._due_items.clear()
+        # Counted from the spawn again, so that a change of settings shifts no other
+        # item.
         self._schedule.remove(self)
         for interval in self._intervals:
             self._schedule.add(self, interval, self.spawn_tick)

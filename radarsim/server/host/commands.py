@@ -122,6 +122,8 @@ class CommandHandler:
                 self._answer_error(client, malformed)
             return Handled(True, malformed, LIGHT_WORK + SUGGESTION_WORK + reading)
         command = parsed.command
+        # The line stays where it is and all later ones of this client wait behind it:
+        # GETGEO often follows INIT in the same packet.
         if isinstance(command, Init) and self._is_too_early(client):
             return Handled(False, work=LIGHT_WORK + reading)
         work = self._work_of(client, command) + reading
@@ -160,6 +162,8 @@ class CommandHandler:
                 return HEAVY_WORK + len(self.clients_by_robot) // ROBOTS_A_UNIT
             case GetGeo(robot=str()) | GetConf(robot=str()):
                 return HEAVY_WORK + len(self.clients_by_robot) // ROBOTS_A_UNIT
+            # Clients ask for every item at the start, many of them at once: what is
+            # known already must not use up the work of a tick.
             case GetGeo() | GetConf() | GetStartPoses():
                 known = self._reply_key(client.vehicle, command) in self._reply_lines
                 return LIGHT_WORK if known else HEAVY_WORK
@@ -260,6 +264,8 @@ class CommandHandler:
         if not named:
             text = f"{question.verb} of robot {robot[:80]!r}, which is not there"
             return Diagnostic("no robot", text)
+        # Robots whose names differ only in characters that no line can have all
+        # answer.
         for vehicle in named:
             report = self._report(vehicle, question)
             if report is None:
@@ -285,6 +291,8 @@ class CommandHandler:
                 item_type = "" if isinstance(question, GetStartPoses) else question.type
                 text = f"no item of type {item_type[:80]!r} on this robot"
                 return Diagnostic("no item", text)
+            # Cleared as a whole: an order of use would cost more than the few replies
+            # that have to be built again.
             line = to_bytes([report.encode(self._config.dialect)])
             if len(self._reply_lines) >= CACHED_REPLIES:
                 self._reply_lines.clear()

@@ -76,6 +76,8 @@ class SendQueue:
 
     def put_readings(self, lines: bytes) -> None:
         """Add lines that may be dropped, as if they were added one by one."""
+        # Only a queue that overflows needs to know single lines: to split them
+        # in each tick would be work for nothing.
         if self._readings + len(lines) > self.limit:
             for line in lines.splitlines(keepends=True):
                 self.put(line, keep=False)
@@ -85,6 +87,8 @@ class SendQueue:
 
     def take(self) -> bytes:
         """Remove and return all lines, in order."""
+        # One write for each tick: a driver in Java loses the first line of each write,
+        # and the first line is a status that it does not need.
         data = b"".join(line for line, _ in self._lines)
         self._lines.clear()
         self._readings = self._answers = 0
@@ -101,6 +105,8 @@ class SendQueue:
             if keep is None:
                 each = line.splitlines(keepends=True)
                 self._lines.extendleft([(line, False) for line in reversed(each)])
+            # Answers keep their place before all readings that are left, so that a
+            # client never gets one later than it would have without losses.
             elif keep:
                 answers.append((line, keep))
             else:
@@ -150,6 +156,8 @@ class Client:
         Nothing of what a web browser sends is added.
         """
         lines = self.lines.feed(data)
+        # The first line of a browser is that of its request; later ones may
+        # contain anything.
         if lines and not self.has_spoken:
             self.has_spoken = True
             self.speaks_http = is_http_request(lines[0])  # for ever

@@ -84,6 +84,7 @@ def sort_into_lines(
         group, beam = group_of[row], float(beams[row])
         place = places[group]
         places[group] += 1
+        # Insertion: echoes come sorted by beam already, and a beam has few of one part.
         while place > starts[group] and _follows(numbers[place - 1], beam, ranges[row]):
             numbers[place], order[place] = numbers[place - 1], order[place - 1]
             place -= 1
@@ -103,6 +104,8 @@ def _group(
     Returns:
         (E,) the group of each row, (G,) the first row and (G,) the size of each group.
     """
+    # A power of two, so that a mask replaces the division; at most half full, so that
+    # probes stay short.
     size = 16
     while size < 2 * len(parts):
         size *= 2

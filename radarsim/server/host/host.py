@@ -190,6 +190,7 @@ class Host:
         Returns:
             The number of the client, for all other calls.
         """
+        # Numbers are not used again, as observers and watchers know clients by them.
         self._last_number += 1
         client = Client(self._last_number, command_budget=COMMANDS_PER_TICK)
         self._clients[client.number] = client
@@ -221,6 +222,8 @@ class Host:
             observer.receive(number, data)
         if client.lines.overflow is not None:
             return []
+        # Lines that wait go first, whatever comes with the next packet: a client relies
+        # on the order of its commands.
         waits = bool(client.pending)
         client.feed(data)
         diagnostics = [] if waits else self._handle_arrived(client)
@@ -273,9 +276,13 @@ class Host:
         self._spent.clear()
         self._arrival_work, self._first_work = ARRIVAL_WORK, FIRST_WORK
         diagnostics = self._handle_waiting()
+        # Motion first: a client reads the pose at the end of the tick, with what it
+        # commanded before it.
         if self.has_begun:
             self.simulation.step()
             self._queue_outputs(self.simulation.collect_reports())
+            # Those of robots that reported are sent already, within the write of their
+            # tick.
             for number in sorted(self._replying):
                 self._queue_replies(self._clients[number])
         # After all that the tick does, as in recordings that there are already: a new
@@ -345,6 +352,8 @@ class Host:
     def _handle_waiting(self) -> list[tuple[int, Diagnostic]]:
         """Execute commands that have waited, in turns, one of each client."""
         waiting = sorted(self._waiting)
+        # Begin after the client that was served last. Otherwise clients with low
+        # numbers would use up the work of each tick.
         first = bisect_right(waiting, self._last_served)
         turns = deque(waiting[first:] + waiting[:first])
         work, diagnostics = WAITING_WORK, []
@@ -368,6 +377,7 @@ class Host:
             client.pending.popleft()
             client.command_budget -= 1
             self._spent.add(client.number)
+            # A client without a robot has no tick of its own to wait for.
             if client.vehicle is None:
                 self._queue_replies(client)
             elif client.replies:

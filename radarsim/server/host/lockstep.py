@@ -63,6 +63,7 @@ class InProcessTransport:
         """
         self._require_open()
         data = self.host.take(self.number)
+        # Ticks are counted, not summed up: 0.1 s is ten of them, whatever floats say.
         for _ in range(max(1, round(timeout / TICK))):
             if data:
                 return data

@@ -53,6 +53,7 @@ def configuration(
     if item_type.casefold() == ROBOT:
         max_spin = config.wheel_drive().max_spin
         return reports.RobotConf(model.name, model.mass, max_spin, model.max_torque)
+    # Asked of every robot by some clients: an empty list, as no class carries any.
     if item_type.casefold() == NO_ITEMS:
         return reports.NameConf(item_type, ())
     items = _items_reporting(model, item_type, name)
@@ -73,6 +74,8 @@ def _items_reporting(
     model: RobotModel, report_type: str, name: str | None
 ) -> tuple[Item, ...]:
     """Return the items that send reports of a type; drivers ask for each type."""
+    # The driver of ROS asks for the geometry of each type that it has seen in a
+    # reading, and waits for the answer.
     is_scanner = report_type.casefold() in SCANNER_REPORTS
     item_type = "RangeScanner" if is_scanner else report_type
     return find_items(model, item_type, name)

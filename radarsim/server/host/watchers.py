@@ -64,6 +64,7 @@ class Watchers:
         """Let a client watch robots instead of those that it has watched."""
         self.remove(client)
         self.tell(client, Watching(watch.robots, watch.echoes))
+        # Nobody: such a command ends watching, and has been answered.
         if watch.robots.names == ():
             return
         self._watches[client.number] = client, watch
@@ -121,6 +122,8 @@ class Watchers:
 
     def _put(self, head: bytes, lines: bytes, clients: dict[int, Client]) -> None:
         if clients and lines:
+            # The head stands in front of each line, as watchers may lose the lines
+            # before it.
             copies = head + head.join(lines.splitlines(keepends=True))
             for client in clients.values():
                 client.watch_queue.put(copies, keep=False)
