@@ -6,7 +6,7 @@ import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 import click
 from annotated_types import Interval
@@ -23,11 +23,8 @@ from radarsim.cli.fields import (
 )
 from radarsim.cli.output import MESSAGE_FORM, start_log
 from radarsim.errors import expected_one_of
+from radarsim.geometry import Pose3
 from radarsim.plans import RARE, Option
-
-if TYPE_CHECKING:
-    from radarsim.autonomy.commands.map_files import MapOutput
-    from radarsim.server.host import Host
 
 MOST_ROBOTS: Final = 16  # that explore at once
 TOGETHER: Final = (StrategyName.AUTO, StrategyName.FRONTIERS)  # of several robots
@@ -110,8 +107,11 @@ def map_(
     _check_combination(where, plan, files, robots)
 
     from radarsim.addons.recording.run_recording import RunRecording
-    from radarsim.autonomy.commands.map_files import MapFiles, MapOutput
-    from radarsim.autonomy.commands.map_proxy import FollowedMapping
+    from radarsim.autonomy.commands.map_files import MapFiles
+    from radarsim.autonomy.commands.map_run import MapOutput, explore, follow
+    from radarsim.autonomy.evaluation.mapping_run import MappingRun, MultiRobotRun
+    from radarsim.autonomy.exploration.compilation import warm_up
+    from radarsim.autonomy.proxy.observer import ScannerDefaults
 
     recording = RunRecording(files.record, plan.drive_unit)
     out = files.output or Path((where.map or "map").partition("@")[0]).stem
@@ -119,8 +119,16 @@ def map_(
     output = MapOutput(map_files, recording, files.film, files.film_speed, as_json)
     address = where.connect or LOCAL_SERVER
     if where.follows:
-        followed = FollowedMapping(output, address, plan, where.mount, where.max_range)
-        return followed.run(where.through, where.watch)
+        at = where.mount
+        mount = None if at is None else Pose3(at.x, at.y, 0, yaw=at.yaw)
+        return follow(
+            plan,
+            output,
+            address,
+            port=where.through,
+            robot=where.watch,
+            defaults=ScannerDefaults(mount, where.max_range),
+        )
     output.check(served=where.map)
     settings = where.item_settings()
     served = recording.load_host(where.map, seed=where.seed, settings=settings)
@@ -131,30 +139,14 @@ def map_(
             text = expected_one_of(plan.start, names)
             raise click.BadParameter(text, param_hint="--start")
     check_robot(plan.robot_class, served)
-    return _explore(plan, output, address, served, where.seed, robots)
-
-
-def _explore(
-    plan: ExplorationPlan,
-    output: MapOutput,
-    address: tuple[str, int],
-    served: Host | None,
-    seed: int,
-    robots: int,
-) -> int:
-    """Explore by a plan with some robots, on a server or on a host in this process."""
-    from radarsim.autonomy.commands.map_run import explore, explore_together
-    from radarsim.autonomy.evaluation.mapping_run import MappingRun, MultiRobotRun
-    from radarsim.autonomy.exploration.compilation import warm_up
-
     start_log(logging.WARNING, MESSAGE_FORM)
     warm_up()
+    run: MappingRun | MultiRobotRun
     if robots > 1:
-        together = MultiRobotRun(plan, robots, served)
-        explore_together(together, output, address)
-        return int(bool(together.result.error))
-    run = MappingRun(plan, served, seed=seed)
-    run.connect = output.recording.connect
+        run = MultiRobotRun(plan, robots, served)
+    else:
+        run = MappingRun(plan, served, seed=where.seed)
+        run.connect = recording.connect
     explore(run, output, address)
     return int(bool(run.result.error))
 
@@ -199,11 +191,6 @@ def _check_combination(
 
 
 def _refuse(options: Mapping[str, object], text: str) -> None:
-    """Refuse options that are given.
-
-    Raises:
-        click.BadParameter: For the first of them.
-    """
     for name, value in options.items():
         if value:
             raise click.BadParameter(text, param_hint=name)

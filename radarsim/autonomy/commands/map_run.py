@@ -1,25 +1,43 @@
-"""A run of ``radarsim map`` that explores: its progress, its files, what it prints."""
+"""A run of ``radarsim map``: it explores, or follows what another client drives.
 
+Its progress, its files, and what it prints.
+"""
+
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final, Protocol, TypeAlias
 
+import click
 import numpy as np
 
-from radarsim.autonomy.commands.film import filmed
-from radarsim.autonomy.commands.map_files import MapCamera, MapOutput, save_map
+from radarsim.addons.recording.run_recording import RunRecording
+from radarsim.autonomy.commands.film import check_film, filmed
+from radarsim.autonomy.commands.map_files import MapFiles
+from radarsim.autonomy.commands.map_view import MapCamera
 from radarsim.autonomy.evaluation.mapping_run import (
     MappingResult,
     MappingRun,
     MultiRobotRun,
 )
+from radarsim.autonomy.exploration.compilation import warm_up
 from radarsim.autonomy.exploration.exploration import Exploration, ExplorationStep
 from radarsim.autonomy.exploration.multi_robot import MultiRobotExploration
+from radarsim.autonomy.exploration.plans import ExplorationPlan
+from radarsim.autonomy.proxy.observer import ScannerDefaults
 from radarsim.autonomy.proxy.traffic_mapper import TrafficMapper
 from radarsim.cli.compile_progress import live_status
-from radarsim.cli.output import print_lines
+from radarsim.cli.output import print_lines, print_message, start_log
+from radarsim.errors import PortUnavailable, ServerError, describe_os_error
 from radarsim.processes import raise_on_signals
 
+LISTEN: Final = "127.0.0.1"
+_GUESS: Final = (
+    "no client has asked where {!r} is mounted on the robot, and how far it sees;"
+    " these are guessed, expected --mount and --max-range"
+)
 CLASSES: Final = ("free", "obstacle", "foliage", "smoke")
 ENDINGS: Final = {
     "incomplete": "given up",
@@ -31,6 +49,41 @@ ENDINGS: Final = {
 Source: TypeAlias = Exploration | MultiRobotExploration | TrafficMapper
 
 
+@dataclass(frozen=True, slots=True)
+class MapOutput:
+    """What is made of a run.
+
+    Attributes:
+        files: Files of the map.
+        recording: Records what passes, and the map.
+        film: File to film the growing map into, or None.
+        film_speed: Seconds of the run in a second of its film.
+        as_json: Whether to print JSON.
+    """
+
+    files: MapFiles
+    recording: RunRecording
+    film: Path | None
+    film_speed: float
+    as_json: bool
+
+    def check(self, served: str | None = None) -> None:
+        """Check before a run on a map, or on none, that all can be written after it."""
+        self.files.check(served=served)
+        check_film(self.film)
+
+
+def save_map(result: MappingResult, files: MapFiles) -> None:
+    """Write a map; note in the result, and on stderr, why it cannot be written."""
+    try:
+        result.files = files.write(result)
+    except OSError as error:
+        name = "the map" if error.filename is None else error.filename
+        text = f"cannot write {name}: {describe_os_error(error)}"
+        print_message(text)
+        result.error = f"{result.error}; {text}" if result.error else text
+
+
 class ProgressUpdate(Protocol):
     """Shows what a robot is doing."""
 
@@ -39,9 +92,7 @@ class ProgressUpdate(Protocol):
 
 
 @contextmanager
-def map_progress(
-    source: Source,
-) -> Iterator[ProgressUpdate]:
+def map_progress(source: Source) -> Iterator[ProgressUpdate]:
     """Show the progress of a map on stderr.
 
     Args:
@@ -134,7 +185,9 @@ def _judge_text(judge: dict[str, Any]) -> str:
     return ", ".join(texts)
 
 
-def explore(run: MappingRun, output: MapOutput, address: tuple[str, int]) -> None:
+def explore(
+    run: MappingRun | MultiRobotRun, output: MapOutput, address: tuple[str, int]
+) -> None:
     """Let a run explore; write, judge and describe its map however it ends.
 
     Args:
@@ -142,51 +195,134 @@ def explore(run: MappingRun, output: MapOutput, address: tuple[str, int]) -> Non
         output: What is made of it.
         address: Host and port of the server, unless it is in this process.
     """
-    recording, camera = output.recording, MapCamera(run.result, run.exploration)
+    result, exploration, recording = run.result, run.exploration, output.recording
+    camera = MapCamera(result, exploration)
     with (
         raise_on_signals(),
         recording,
         filmed(output.film, camera.draw, output.film_speed) as update_film,
     ):
         try:
-            with map_progress(run.exploration) as update:
+            with map_progress(exploration) as update:
 
                 def observe(step: ExplorationStep) -> None:
                     update(step.activity)
                     update_film(step.observation.time)
-                    recording.add_map(run.exploration.mapper)
+                    recording.add_map(exploration.mapper)
 
-                run.run(address, observe)
-        finally:
-            recording.add_map(run.exploration.mapper, last=True)
-            try:
-                run.judge()
-            finally:
-                save_map(run.result, output.files)
-            print_result(run.result, as_json=output.as_json)
-
-
-def explore_together(
-    run: MultiRobotRun, output: MapOutput, address: tuple[str, int]
-) -> None:
-    """Let several robots explore; write, judge and describe their map.
-
-    Args:
-        run: The run.
-        output: What is made of it.
-        address: Host and port of the server, unless it is in this process.
-    """
-    with raise_on_signals():
-        try:
-            with map_progress(run.exploration) as update:
-
-                def observe(number: int, step: ExplorationStep) -> None:
+                def observe_one(number: int, step: ExplorationStep) -> None:
                     update(f"{number + 1} {step.activity}", number)
 
-                run.run(address, observe)
+                if isinstance(run, MultiRobotRun):
+                    run.run(address, observe_one)
+                else:
+                    run.run(address, observe)
         finally:
+            recording.add_map(exploration.mapper, last=True)
+            # an interrupt of the judge, which takes seconds, must not cost the map
             try:
-                run.judge()
+                result.judge()
             finally:
-                save_map(run.result, output.files)
-            print_result(run.result, as_json=output.as_json)
+                save_map(result, output.files)
+            print_result(result, as_json=output.as_json)
+
+
+def follow(
+    plan: ExplorationPlan,
+    output: MapOutput,
+    server: tuple[str, int],
+    *,
+    port: int | None,
+    robot: str | None,
+    defaults: ScannerDefaults,
+) -> int:
+    """Map what a robot reports that another client drives.
+
+    Either a port is forwarded to the server until a signal comes, or a robot of
+    radarsim is watched until it leaves.
+
+    Args:
+        plan: The scanner, the source of its motion, and the map's cells.
+        output: What is made of the map.
+        server: Host and port of the server.
+        port: Port to listen on; 0 for a free one, None to watch a robot.
+        robot: Name of that robot.
+        defaults: What the server may not tell of the scanner.
+
+    Returns:
+        The exit code.
+
+    Raises:
+        ServerError: If the port is taken.
+        click.BadParameter: If an option is wrong.
+    """
+    host, served = server
+    if robot is not None and (not robot.strip() or "," in robot):
+        text = f"{robot[:80]!r}, expected the name of a robot, without commas"
+        raise click.BadParameter(text, param_hint="--watch")
+    if port == served and host in (LISTEN, "localhost", "0.0.0.0", "::1"):
+        text = f"{port}, expected another port than the server's, see --connect"
+        raise click.BadParameter(text, param_hint="--through")
+    traffic = TrafficMapper(
+        motion_source=plan.motion_source,
+        resolution=plan.resolution,
+        map_range=plan.map_range,
+        scanner=plan.scanner,
+        defaults=defaults,
+    )
+    traffic.on_guess = lambda name: print_message(_GUESS.format(name))
+    recording = output.recording
+    output.check()
+    start_log(logging.WARNING, "%(message)s")
+    warm_up()
+    outcome = "overheard" if robot is None else "watched"
+    result = MappingResult(
+        None, traffic.motion_source, trip=traffic.trip, outcome=outcome
+    )
+    camera = MapCamera(result, traffic)
+    with (
+        raise_on_signals(),
+        recording,
+        filmed(output.film, camera.draw, output.film_speed) as update_film,
+    ):
+        traffic.on_data = recording.follow(robot or "")
+        with map_progress(traffic) as update:
+
+            def note_scan() -> None:
+                update("listening")
+                update_film(traffic.trip.time)
+                recording.add_map(traffic.mapper)
+
+            traffic.on_scan = note_scan
+            code = _run_traffic(traffic, server, port or 0, robot, plan.echoes)
+        recording.add_map(traffic.mapper, last=True)
+        result.mapper, result.dropped = traffic.mapper, traffic.dropped
+        save_map(result, output.files)
+        if traffic.error and not result.error:
+            result.error = traffic.error
+            print_message(traffic.error)
+        print_result(result, as_json=output.as_json)
+    return 1 if result.error else code
+
+
+def _run_traffic(
+    traffic: TrafficMapper,
+    server: tuple[str, int],
+    port: int,
+    robot: str | None,
+    echoes: bool,
+) -> int:
+    if robot is not None:
+
+        def tell_wait() -> None:
+            print_message(f"waiting for the robot {robot[:80]!r}")
+
+        return traffic.watch(server, robot, tell_wait, echoes=echoes)
+
+    def announce(address: tuple[str, int]) -> None:
+        print_message(f"listening on {address[0]}:{address[1]}")
+
+    try:
+        return traffic.run(server, (LISTEN, port), announce)
+    except PortUnavailable as error:
+        raise ServerError(f"{error}; --through 0 takes a free one") from None

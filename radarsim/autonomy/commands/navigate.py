@@ -66,7 +66,7 @@ class NavigationFiles(RunFiles):
     @contextmanager
     def written(self, run: NavigationRun) -> Iterator[None]:
         """Write trace and plot after a run, however it ends."""
-        from radarsim.autonomy.commands.navigate_view import view_of
+        from radarsim.autonomy.commands.navigate_output import view_of
         from radarsim.autonomy.plotting.runs import draw_run
 
         try:
@@ -164,8 +164,7 @@ def complete_mission(mission: Mission, scene: Scene | None) -> Mission:
 def _shown(run: NavigationRun, files: RunFiles) -> Iterator[Callable[[Row], None]]:
     """Show the progress of a run, and film it if a file is given."""
     from radarsim.autonomy.commands.film import filmed
-    from radarsim.autonomy.commands.navigate_report import run_progress
-    from radarsim.autonomy.commands.navigate_view import RunCamera
+    from radarsim.autonomy.commands.navigate_output import RunCamera, run_progress
 
     with (
         filmed(files.film, RunCamera(run).draw, files.film_speed) as update_film,
@@ -182,8 +181,8 @@ def _shown(run: NavigationRun, files: RunFiles) -> Iterator[Callable[[Row], None
 @contextmanager
 def _print_result(run: NavigationRun, *, as_json: bool) -> Iterator[None]:
     """Print the result of a run, also of an interrupted one; else failures as JSON."""
-    from radarsim.autonomy.commands.navigate_report import as_json as result_as_json
-    from radarsim.autonomy.commands.navigate_report import as_text
+    from radarsim.autonomy.commands.navigate_output import as_json as result_as_json
+    from radarsim.autonomy.commands.navigate_output import as_text
     from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED
 
     try:

@@ -22,7 +22,7 @@ from radarsim.autonomy.mapping.export import (
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.autonomy.mapping.scan import read_scan
 from radarsim.autonomy.plotting.cells import CellImage
-from radarsim.autonomy.plotting.map_film import MapFrames, first_extent
+from radarsim.autonomy.plotting.frames import MapFrames, first_map_extent
 from radarsim.autonomy.plotting.maps import (
     CELL_COLOURS,
     MapView,
@@ -191,7 +191,7 @@ def test_cells_have_a_whole_number_of_pixels() -> None:
 
 def test_film_shows_more_when_the_map_outgrows_it() -> None:
     grid = grid_of(5.0)
-    frames = MapFrames(first_extent((), grid), 0.05, "A map grows", "P3AT")
+    frames = MapFrames(first_map_extent((), grid), 0.05, "A map grows", "P3AT")
     path = np.array([[-4.0, 0.0, 0.0], [4.0, 0.0, 0.0]])
     small, large = (frames.draw(each, path, "2 s") for each in (grid, grid_of(15.0)))
     assert small.shape == large.shape
@@ -203,8 +203,9 @@ def test_film_shows_more_when_the_map_outgrows_it() -> None:
 
 def test_legend_of_a_film_lists_what_the_scene_has() -> None:
     grid, bush = grid_of(2.0), Outline("foliage", (ROOM / 4,))
-    known = MapFrames(first_extent(PLAN, grid), 0.05, "A map", "P3AT", (*PLAN, bush))
-    unknown = MapFrames(first_extent((), grid), 0.05, "A map", "P3AT")
+    shown, scene = first_map_extent(PLAN, grid), (*PLAN, bush)
+    known = MapFrames(shown, 0.05, "A map", "P3AT", scene)
+    unknown = MapFrames(first_map_extent((), grid), 0.05, "A map", "P3AT")
     always = {"not sensed", "free", "solid", "path"}
     assert legend(known.figure) == {*always, "foliage", "what is truly there"}
     assert legend(unknown.figure) == {*always, "foliage", "smoke or dust"}
@@ -212,10 +213,10 @@ def test_legend_of_a_film_lists_what_the_scene_has() -> None:
 
 def test_film_begins_with_a_scene_that_is_not_too_large() -> None:
     grid = grid_of(2.0)
-    assert first_extent(PLAN, grid).width == pytest.approx(9)
+    assert first_map_extent(PLAN, grid).width == pytest.approx(9)
     large = (Outline("solid", (ROOM * 20,)),)
-    assert first_extent(large, grid) == first_extent((), grid)
-    assert 4 < first_extent(large, grid).width < 7
+    assert first_map_extent(large, grid) == first_map_extent((), grid)
+    assert 4 < first_map_extent(large, grid).width < 7
 
 
 def test_commander_colours_are_by_cell() -> None:

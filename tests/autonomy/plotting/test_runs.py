@@ -19,9 +19,9 @@ from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.run_log import CELL, RunLog
 from radarsim.autonomy.navigation.runner import NavigationStep
 from radarsim.autonomy.plotting.cells import STRONGEST
+from radarsim.autonomy.plotting.frames import RunFrames, first_run_extent
 from radarsim.autonomy.plotting.outlines import Outline
 from radarsim.autonomy.plotting.panels import Extent
-from radarsim.autonomy.plotting.run_film import RunFrames, first_extent
 from radarsim.autonomy.plotting.runs import (
     AROUND,
     FOLLOWING,
@@ -331,7 +331,7 @@ def test_foliage_stays_green_where_it_is_sensed() -> None:
 
 def test_film_of_a_robot_that_goes_round_a_thing_keeps_its_frame() -> None:
     box = Outline("solid", (WALL * 2,))
-    extent = first_extent((box,), (0.0, 0.0), [(6.0, 0.0)])
+    extent = first_run_extent((box,), (0.0, 0.0), [(6.0, 0.0)])
     frames = RunFrames(extent, "title", "P3AT", None, (box,))
     around = [(2.0, -3.3), (5.2, -3.3), (5.2, 3.3), (2.0, 3.3)]
     places = [(0.0, 0.0), *around, (6.0, 0.0)]
@@ -342,7 +342,7 @@ def test_film_of_a_robot_that_goes_round_a_thing_keeps_its_frame() -> None:
         shown.append(frames.extent)
     assert {*shown} == {extent}
     room = Outline("solid", (ROOM,))
-    assert first_extent((room,), (0.0, 0.0), [(6.0, 0.0)]).width < 20 + 2
+    assert first_run_extent((room,), (0.0, 0.0), [(6.0, 0.0)]).width < 20 + 2
 
 
 def test_film_may_change_its_title() -> None:

@@ -1,0 +1,226 @@
+"""What ``radarsim navigate`` shows of a run: progress, summary, picture and film."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Final
+
+from radarsim.autonomy.commands.film import drawn_robot
+from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED, NavigationRun
+from radarsim.autonomy.navigation.algorithms import Algorithm
+from radarsim.autonomy.navigation.controller import Activity
+from radarsim.autonomy.navigation.run_log import AT_BOUNDARY, Row, RunLog
+from radarsim.autonomy.plotting.film import Pixels
+from radarsim.autonomy.plotting.frames import RunFrames, first_run_extent
+from radarsim.autonomy.plotting.outlines import Outline, outlines_of
+from radarsim.autonomy.plotting.runs import NO_PATH, RunView, SteeringSensor
+from radarsim.cli.compile_progress import live_status
+from radarsim.errors import PresetError
+from radarsim.geometry import Floats, Point
+from radarsim.presets.robots import load_robot
+from radarsim.presets.sensors import load_settings
+from radarsim.simulation.map_warnings import plan_height
+
+ACTIVITIES: Final = {
+    Activity.GOING: "going to the goal",
+    Activity.ALIGNING: "following a boundary",
+    Activity.FOLLOWING: "following a boundary",
+    Activity.RETURNING: "returning to the leave point",
+    Activity.REACHED: "goal reached",
+    Activity.NO_PATH: "there is no path",
+}
+OUTCOMES: Final = {"reached": "goal reached", "no_path": "no path"}
+TITLES: Final = {
+    "reached": "reaches its goal",
+    "no_path": "finds that there is no path",
+}
+_DRIVES: Final = "drives to its goal"
+
+
+@contextmanager
+def run_progress(run_log: RunLog) -> Iterator[Callable[[Row], None]]:
+    """Show the progress of a run on stderr.
+
+    Args:
+        run_log: Rows of the run so far.
+
+    Yields:
+        A function to be called with each row after it has been added to the log.
+    """
+    with live_status(lambda: describe_status(run_log)) as log:
+
+        def update(row: Row) -> None:
+            previous = run_log.rows[-2] if len(run_log.rows) > 1 else None
+            state = (row.activity, row.goal)
+            if previous is None or (previous.activity, previous.goal) != state:
+                change = describe_change(run_log, previous, row)
+                log(f"{run_log.time:8.1f} s  {change}")
+
+        yield update
+
+
+def describe_status(run_log: RunLog) -> str:
+    """Return the state of a run in one line."""
+    if not run_log.rows:
+        return "waiting for a scan"
+    row = run_log.rows[-1]
+    nearest = f"{row.nearest:5.2f} m" if math.isfinite(row.nearest) else "   none"
+    return "  ".join(
+        (
+            f"{row.activity.value:9}",
+            f"goal {row.goal_distance:6.2f} m",
+            f"{run_log.time:7.1f} s",
+            f"path {run_log.path_length:6.2f} m",
+            f"nearest {nearest}",
+            row.pressed,
+        )
+    ).rstrip()
+
+
+def describe_change(run_log: RunLog, previous: Row | None, row: Row) -> str:
+    """Return what changed between two consecutive rows of a run.
+
+    Args:
+        run_log: The run up to the second row.
+        previous: The first row; None at the start of the run.
+        row: The second row.
+    """
+    was_at_boundary = (
+        previous is not None
+        and previous.activity in AT_BOUNDARY
+        and previous.goal == row.goal
+    )
+    position = f"{row.x:.2f} {row.y:.2f}"
+    if row.activity is Activity.GOING and row.goal is not None:
+        x, y = row.goal
+        change = f"going to {x:.2f} {y:.2f}, {row.goal_distance:.2f} m away"
+        if not was_at_boundary:
+            return change
+        return f"leave point {len(run_log.leave_points)} at {position}, {change}"
+    if row.activity in AT_BOUNDARY and not was_at_boundary:
+        return (
+            f"hit point {len(run_log.hit_points)} at {position}, {row.activity.value}"
+        )
+    return row.activity.value.replace("_", " ")
+
+
+def as_json(run: NavigationRun) -> str:
+    """Return the summary of a run as one line of JSON."""
+    return json.dumps(run.to_dict(), allow_nan=False)
+
+
+def as_text(run: NavigationRun) -> list[str]:
+    """Return the summary of a run as lines of text."""
+
+    def listed(points: Sequence[Point]) -> str:
+        return ", ".join(f"{x:.2f} {y:.2f}" for x, y in points) or "none"
+
+    summary = run.summary()
+    nearest = summary["nearest_obstacle"]
+    near = f"nearest obstacle {nearest:.2f} m"
+    if not math.isfinite(nearest):
+        near = "nothing was met"
+    is_interrupted = run.error == INTERRUPTED
+    ending = INTERRUPTED if is_interrupted else OUTCOMES.get(run.outcome, "failed")
+    lines = [
+        f"{ending} by {summary['algorithm']}: {listed(run.mission.goals)}",
+        f"path          {summary['path_length']:.2f} m in {summary['time']:.1f} s;"
+        f" {near}",
+        f"hit points    {listed(summary['hit_points'])}",
+        f"leave points  {listed(summary['leave_points'])}",
+        f"circuits      {summary['circuits']}",
+    ]
+    if judge := summary.get("judge"):
+        lines.append(
+            f"in truth      {judge['path_length']:.2f} m,"
+            f" collisions: {judge['collisions']},"
+            f" {judge['goal_distance']:.2f} m from the goal"
+        )
+    return lines
+
+
+def view_of(run: NavigationRun) -> RunView:
+    """Return how a run is drawn; it has at least one row."""
+    run_log, monitor = run.run_log, run.monitor
+    subtitle = f"{run_log.path_length:.1f} m in {run_log.time:.0f} s"
+    if run.circuits:
+        subtitle += f", {run.circuits} circuit{'s' * (run.circuits != 1)}"
+    if monitor is not None:
+        away = monitor.distance(run.mission.goals[-1])
+        subtitle += f", in truth {away:.2f} m from the goal"
+    return RunView(
+        run_log,
+        headline(run),
+        drawn_robot(run.mission.robot_class).name,
+        _sensor_of(run),
+        outlines=_true_outlines(run),
+        subtitle=subtitle,
+        true_path=_true_path(run),
+    )
+
+
+def headline(run: NavigationRun) -> str:
+    """Return what the bug does, or has done, in words."""
+    if run.error == INTERRUPTED:
+        return f"{_title(run)}, interrupted"
+    return _title(run, TITLES.get(run.outcome, "fails"))
+
+
+def _title(run: NavigationRun, what: str = "") -> str:
+    """Return the name of the algorithm, what it does, and where."""
+    where = "" if run.scene is None else f"in {run.scene.name}"
+    name = run.mission.algorithm.value.capitalize()
+    return " ".join(word for word in (name, what, where) if word)
+
+
+def _sensor_of(run: NavigationRun) -> SteeringSensor | None:
+    """Return the sensor that a robot steers by; None if the class is unknown."""
+    try:
+        items = load_robot(run.mission.robot_class).items_of("RangeScanner")
+    except PresetError:
+        return None
+    wanted = (run.mission.scanner or items[0].name).casefold()
+    for item in items:
+        if item.name.casefold() == wanted and item.sensor is not None:
+            return SteeringSensor(item.sensor, load_settings(item.sensor).medium)
+    return None
+
+
+def _true_outlines(run: NavigationRun) -> tuple[Outline, ...]:
+    scene = run.scene
+    return () if scene is None else outlines_of(scene, plan_height(scene))
+
+
+def _true_path(run: NavigationRun) -> Floats:
+    return NO_PATH if run.monitor is None else run.monitor.positions
+
+
+class RunCamera:
+    """Draws frames of a navigation run."""
+
+    def __init__(self, run: NavigationRun) -> None:
+        self._run = run
+        self._frames: RunFrames | None = None
+
+    def draw(self) -> Pixels:
+        """Draw the run as it is; at least one row."""
+        run, run_log = self._run, self._run.run_log
+        if self._frames is None:
+            # not before: where the robot starts is known by its first row
+            first, outlines = run_log.rows[0], _true_outlines(run)
+            self._frames = RunFrames(
+                first_run_extent(outlines, (first.x, first.y), run.mission.goals),
+                _title(run, _DRIVES),
+                drawn_robot(run.mission.robot_class).name,
+                _sensor_of(run),
+                outlines,
+                returns=run.mission.algorithm is Algorithm.BUG1,
+            )
+        activity = run_log.rows[-1].activity
+        path = f"{run_log.time:.1f} s, {run_log.path_length:.1f} m"
+        status = f"{path}, {ACTIVITIES[activity]}"
+        title = _title(run, TITLES.get(activity.value, _DRIVES))
+        return self._frames.draw(run_log, _true_path(run), status, title)
