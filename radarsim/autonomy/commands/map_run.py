@@ -221,7 +221,7 @@ def explore(
             recording.add_map(exploration.mapper, last=True)
             # an interrupt of the judge, which takes seconds, must not cost the map
             try:
-                result.judge()
+                run.judge()
             finally:
                 save_map(result, output.files)
             print_result(result, as_json=output.as_json)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 from statistics import fmean
@@ -30,7 +30,6 @@ from radarsim.plans import RARE, Form, Option
 from radarsim.processes import process_cpu_count, raise_on_signals
 
 if TYPE_CHECKING:
-    from radarsim.autonomy.evaluation.random_trials import RandomTrialResult
     from radarsim.autonomy.evaluation.trials import TrialResult, TrialSpec
 
 
@@ -47,10 +46,18 @@ def run_random(
     """
     from radarsim.autonomy.evaluation.random_trials import (
         all_random_trials,
+        read_results,
         run_random_trials,
     )
+    from radarsim.autonomy.evaluation.task_runner import opened_log
 
-    earlier = _read(output)
+    earlier: list[dict[str, Any]] = []
+    if output is not None:
+        check_writable(output, "--output")
+        try:
+            earlier = read_results(output)
+        except (OSError, ValueError) as error:
+            raise click.BadParameter(str(error), param_hint="--output") from None
     todo = all_random_trials(count, algorithms, earlier)
     wanted = {
         (each.number, each.algorithm) for each in all_random_trials(count, algorithms)
@@ -65,8 +72,11 @@ def run_random(
             closing(
                 run_random_trials(todo, workers=min(workers, len(todo)))
             ) as running,
+            opened_log(output) as add,
         ):
-            results += _written(running, output, len(todo))
+            for result in with_bar(running, "trials", len(todo)):
+                results.append(result.to_dict())
+                add(results[-1])
     results.sort(key=lambda each: (each["number"], algorithms.index(each["algorithm"])))
     Console().print(_random_table(results))
     for each in results:
@@ -74,53 +84,26 @@ def run_random(
             print_lines([_random_failure(each)])
 
 
-def _read(output: Path | None) -> list[dict[str, Any]]:
-    from radarsim.autonomy.evaluation.random_trials import read_results
-
-    if output is None:
-        return []
-    check_writable(output, "--output")
-    try:
-        return read_results(output)
-    except (OSError, ValueError) as error:
-        raise click.BadParameter(str(error), param_hint="--output") from None
-
-
-def _written(
-    running: Iterator[RandomTrialResult], output: Path | None, total: int
-) -> Iterator[dict[str, Any]]:
-    """Write each result as soon as there is one, in one piece."""
-    from radarsim.autonomy.evaluation.task_runner import opened_log
-
-    with opened_log(output) as add:
-        for result in with_bar(running, "trials", total):
-            values = result.to_dict()
-            add(values)
-            yield values
-
-
 def _random_table(results: Sequence[dict[str, Any]]) -> Table:
     table = Table(box=None, pad_edge=False, collapse_padding=True)
     table.add_column("family", no_wrap=True)
     for column in ("correct", "false no path", "touches", "failed"):
         table.add_column(column, justify="right")
-    families = dict.fromkeys(each["family"] for each in results)
-    for family in families:
-        _add_row(table, family, [each for each in results if each["family"] == family])
-    if len(families) > 1:
-        _add_row(table, "all", results)
+    groups: dict[str, list[dict[str, Any]]] = {}
+    for each in results:
+        groups.setdefault(each["family"], []).append(each)
+    if len(groups) > 1:
+        groups["all"] = list(results)
+    for name, group in groups.items():
+        endings = Counter((each["outcome"], each["expected"]) for each in group)
+        table.add_row(
+            name,
+            f"{sum(each['correct'] for each in group)}/{len(group)}",
+            str(endings["no_path", "reached"]),
+            str(sum(each["collisions"] for each in group)),
+            str(sum(each["outcome"] == "failed" for each in group)),
+        )
     return table
-
-
-def _add_row(table: Table, name: str, group: Sequence[dict[str, Any]]) -> None:
-    counts = Counter[str]()
-    for each in group:
-        counts["correct"] += each["correct"]
-        counts["false"] += (each["outcome"], each["expected"]) == ("no_path", "reached")
-        counts["touches"] += each["collisions"]
-        counts["failed"] += each["outcome"] == "failed"
-    numbers = (str(counts[key]) for key in ("false", "touches", "failed"))
-    table.add_row(name, f"{counts['correct']}/{len(group)}", *numbers)
 
 
 def _random_failure(result: dict[str, Any]) -> str:
@@ -178,7 +161,13 @@ def trials(
 
     workers = workers or process_cpu_count()
     if random is not None:
-        _refuse_others(maps, rules, as_json=as_json)
+        refused = {"--rules": rules != (Rule.SHARE,), "MAP": bool(maps)}
+        for hint, is_given in refused.items():
+            if is_given:
+                raise click.BadParameter("not with --random", param_hint=hint)
+        if as_json:
+            text = "not with --random, whose --output is JSON"
+            raise click.BadParameter(text, param_hint="--json")
         _check((), algorithms)
         run_random(random, algorithms, output, workers)
         return
@@ -214,53 +203,36 @@ def _run(todo: Sequence[TrialSpec], processes: int, *, as_json: bool) -> None:
     click.echo(f"{trials_in} in {duration:.1f} s by {by}")
 
 
-def _refuse_others(maps: Sequence[str], rules: Sequence[str], *, as_json: bool) -> None:
-    """Refuse what has no meaning for random maps."""
-    if tuple(rules) != (Rule.SHARE,):
-        raise click.BadParameter("not with --random", param_hint="--rules")
-    if maps:
-        raise click.BadParameter("not with --random", param_hint="MAP")
-    if as_json:
-        text = "not with --random, whose --output is JSON"
-        raise click.BadParameter(text, param_hint="--json")
-
-
 def _check(
     maps: Sequence[str],
     algorithms: Sequence[str],
     sensors: Sequence[str] = (),
     rules: Sequence[str] = (),
 ) -> None:
-    from radarsim.autonomy.evaluation.trials import config_with_sensor
+    from radarsim.autonomy.evaluation.trials import MAPS, config_with_sensor, load_trial
 
     for name in maps:
-        _check_map(name)
-    _check_names(algorithms, [each.value for each in Algorithm], "--algorithms")
-    _check_names(rules, [each.value for each in Rule], "--rules")
+        try:
+            load_trial(name)
+        except MapError as error:
+            if name in MAPS or Path(name).exists():
+                raise
+            text = f"{error}; those made for trials are {list(MAPS)}"
+            raise MapError([text]) from None
+    for hint, names, enum in (
+        ("--algorithms", algorithms, Algorithm),
+        ("--rules", rules, Rule),
+    ):
+        known = [each.value for each in enum]
+        for name in names:
+            if name not in known:
+                text = expected_one_of(name, known)
+                raise click.BadParameter(text, param_hint=hint)
     for name in sensors:
         try:
             config_with_sensor(name)
         except PresetError as error:
             raise click.BadParameter(str(error), param_hint="--sensors") from None
-
-
-def _check_names(names: Sequence[str], known: Sequence[str], hint: str) -> None:
-    for name in names:
-        if name not in known:
-            raise click.BadParameter(expected_one_of(name, known), param_hint=hint)
-
-
-def _check_map(name: str) -> None:
-    """Refuse a map that does not exist, or has no trial."""
-    from radarsim.autonomy.evaluation.trials import MAPS, load_trial
-
-    try:
-        load_trial(name)
-    except MapError as error:
-        if name in MAPS or Path(name).exists():
-            raise
-        text = f"{error}; those made for trials are {list(MAPS)}"
-        raise MapError([text]) from None
 
 
 def _table(scores: Sequence[TrialResult]) -> Table:
@@ -274,21 +246,21 @@ def _table(scores: Sequence[TrialResult]) -> Table:
         key = (score.map, score.algorithm, score.rule, score.sensor)
         groups.setdefault(key, []).append(score)
     for key, group in groups.items():
-        names = (Text(escape_unprintable(name)) for name in key)
-        table.add_row(*names, *_group_columns(group))
+        # sums and means over the seeds
+        path, shortest = fmean(s.path_length for s in group), group[0].shortest_path
+        ratio = "no path"
+        if shortest is not None:
+            ratio = f"{path / shortest:.2f}" if path else "-"
+        table.add_row(
+            *(Text(escape_unprintable(name)) for name in key),
+            f"{sum(s.is_correct for s in group)}/{len(group)}",
+            f"{path:.2f}",
+            ratio,
+            f"{sum(s.collisions for s in group)}",
+            f"{fmean(s.time for s in group):.1f}",
+            f"{fmean(s.circuits for s in group):.1f}",
+        )
     return table
-
-
-def _group_columns(group: Sequence[TrialResult]) -> Iterator[str]:
-    """Yield the columns of one kind of trial: sums and means over its seeds."""
-    path, shortest = fmean(s.path_length for s in group), group[0].shortest_path
-    yield f"{sum(s.is_correct for s in group)}/{len(group)}"
-    yield f"{path:.2f}"
-    ratio = "-" if shortest is None or not path else f"{path / shortest:.2f}"
-    yield "no path" if shortest is None else ratio
-    yield f"{sum(s.collisions for s in group)}"
-    yield f"{fmean(s.time for s in group):.1f}"
-    yield f"{fmean(s.circuits for s in group):.1f}"
 
 
 def _failure_text(score: TrialResult) -> str:

@@ -19,7 +19,6 @@ from radarsim.autonomy.evaluation.navigation_run import rounded
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import (
     CellClass,
-    GridFrame,
     Mask,
     OccupancyGrid,
     distance_field,
@@ -99,15 +98,23 @@ def score_map(
         robot_radius: Half the diagonal of the robot, m.
         height: Height of its sensor in the map frame, m.
     """
-    frame = _around(grid.frame, scene)
+    low, high = scene.bounds[:, :2].tolist()
+    frame = grid.frame.extended_to(tuple(low), tuple(high))
     truth = Truth(scene, frame, height)
     classes = grid.frame.copy_into(grid.classes(), frame)
     near = grid.frame.copy_into(grid.short_range_cells(), frame)
-    right = _is_right(classes, truth)
+    solid = truth.kinds[CellClass.OBSTACLE] | truth.kinds[CellClass.FOLIAGE]
+    smoke = truth.kinds[CellClass.SMOKE]
+    blocked = (classes == CellClass.OBSTACLE) | (classes == CellClass.FOLIAGE)
+    # Side rays see objects two cells beside their beam. Free is wrong only deeper than
+    # that inside of an object.
+    right = blocked & (_distances(solid) <= TOLERANCE + BESIDE)
+    right |= (classes == CellClass.SMOKE) & (_distances(smoke) <= TOLERANCE + BESIDE)
+    inside = np.any(list(truth.inside.values()), axis=0)
+    right |= (classes == CellClass.FREE) & np.isfinite(_distances(~inside))
     known = classes != CellClass.UNKNOWN
     floor = find_floor(truth, scene, start=start, robot_radius=robot_radius)
     is_outdoors = not floor.indoors.any()
-    solid = truth.kinds[CellClass.OBSTACLE] | truth.kinds[CellClass.FOLIAGE]
     walls = classes == CellClass.OBSTACLE
     faces = _distances(truth.faces(outdoors=is_outdoors))[walls]
     false = int(np.count_nonzero(np.isinf(_distances(solid)[walls])))
@@ -152,19 +159,8 @@ def score_mapper(
     )
 
 
-def _is_right(classes: Any, truth: Truth) -> Mask:
-    solid = truth.kinds[CellClass.OBSTACLE] | truth.kinds[CellClass.FOLIAGE]
-    blocked = (classes == CellClass.OBSTACLE) | (classes == CellClass.FOLIAGE)
-    right = blocked & (_distances(solid) <= TOLERANCE + BESIDE)
-    right |= (classes == CellClass.SMOKE) & (
-        _distances(truth.kinds[CellClass.SMOKE]) <= TOLERANCE + BESIDE
-    )
-    inside = np.any(list(truth.inside.values()), axis=0)
-    shallow = np.isfinite(distance_field(~inside, TOLERANCE + BESIDE))
-    return np.asarray(right | ((classes == CellClass.FREE) & shallow))
-
-
 def _class_accuracy(classes: Any, truth: Truth) -> float | None:
+    # of cells near one kind only: where both are near, either class may be right
     matches: list[Any] = []
     for kind, other in (
         (CellClass.OBSTACLE, CellClass.FOLIAGE),
@@ -180,13 +176,6 @@ def _class_accuracy(classes: Any, truth: Truth) -> float | None:
 def _distances(cells: Mask) -> Floats:
     """Return the distance of each cell to the nearest of some, cells; inf if far."""
     return distance_field(cells, TOLERANCE + BESIDE)
-
-
-def _around(frame: GridFrame, scene: Scene) -> GridFrame:
-    low, high = scene.bounds[0], scene.bounds[1]
-    return frame.extended_to(
-        (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
-    )
 
 
 def _mean(values: Any) -> float | None:

@@ -67,7 +67,11 @@ class Truth:
                 filled = _filled(part, segments, starts, frame)
                 self.inside[kind] |= filled
                 self.kinds[kind] |= filled | _drawn(segments, frame)
-        self.indoors = self._enclosed()
+        # What the outside does not flow into; openings of one cell are closed first.
+        walls = np.pad(self.kinds[CellClass.OBSTACLE], 1)
+        near = np.isfinite(distance_field(walls, 1.0))
+        outdoors = np.isfinite(distance_field(flood_fill(~near, (0, 0)), 1.5))
+        self.indoors: Mask = (~outdoors & ~walls)[1:-1, 1:-1]
 
     def anything(self) -> Mask:
         """Return the cells with anything in them, (R, C)."""
@@ -96,13 +100,6 @@ class Truth:
         solid = self.kinds[CellClass.OBSTACLE]
         beside = distance_field(~solid if outdoors else self.indoors, 1.5)
         return np.asarray((solid & np.isfinite(beside)) | self.kinds[CellClass.FOLIAGE])
-
-    def _enclosed(self) -> Mask:
-        walls = np.pad(self.kinds[CellClass.OBSTACLE], 1)
-        near = np.isfinite(distance_field(walls, 1.0))
-        outdoors = flood_fill(~near, (0, 0))
-        outdoors = np.isfinite(distance_field(outdoors, 1.5))
-        return np.asarray(~outdoors & ~walls)[1:-1, 1:-1]
 
 
 def class_of(part: Part) -> CellClass:
@@ -190,7 +187,10 @@ def find_floor(
     indoors = truth.indoors_around(start)
     free = indoors & ~truth.anything()
     pieces = list(free_space(scene, robot_radius, places=[start]).geoms)
-    home = _home(pieces, Point(start), robot_radius)
+    # the piece that the robot is in, or beside, if it starts at a wall
+    home = min(pieces, key=Point(start).distance, default=None)
+    if home is not None and home.distance(Point(start)) > robot_radius:
+        home = None
     others = [piece for piece in pieces if piece is not home]
     within_reach = Polygon() if home is None else home.buffer(robot_radius)
     return TrueFloor(
@@ -199,12 +199,6 @@ def find_floor(
         np.asarray(free & covered_cells(within_reach, truth.frame)),
         np.asarray(free & covered_cells(shapely.union_all(others), truth.frame)),
     )
-
-
-def _home(pieces: list[Polygon], start: Point, robot_radius: float) -> Polygon | None:
-    """Return the piece that the robot is in, or beside, if it starts at a wall."""
-    home = min(pieces, key=start.distance, default=None)
-    return None if home is None or home.distance(start) > robot_radius else home
 
 
 class HiddenFloor:

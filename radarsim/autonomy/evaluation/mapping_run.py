@@ -87,6 +87,8 @@ class MappingResult:
         Errors of poses have five digits. A run that ended early is described as far as
         it came.
         """
+        left_out = {"no_pose": 0, "no_echoes": 0}
+        left_out |= {} if self.mapper is None else self.mapper.left_out
         result: dict[str, Any] = {
             "outcome": self.outcome,
             "strategy": self.strategy,
@@ -96,7 +98,7 @@ class MappingResult:
             "left_out": [[round(x, 3), round(y, 3)] for x, y in self.unreached],
             "safety_distance": rounded(self.safety_distance, 3),
             "scans": 0 if self.mapper is None else self.mapper.scans,
-            "scans_left_out": self._scans_left_out(),
+            "scans_left_out": left_out | {"late": self.dropped},
             "loop_closures": 0 if self.mapper is None else self.mapper.slam.closures,
             "cells": _cell_counts(self.mapper),
             "pose_errors": self._pose_errors(),
@@ -122,39 +124,6 @@ class MappingResult:
         """The estimated trajectory of each robot on the map, map frame, from 1."""
         return {} if self.mapper is None else {1: self.mapper.trajectory}
 
-    @contextmanager
-    def noting_errors(self) -> Iterator[None]:
-        """Note an error that ends the run, or that it was interrupted."""
-        try:
-            yield
-        except BaseException as error:
-            is_failure = isinstance(error, Exception)
-            self.error = str(error) if is_failure else INTERRUPTED
-            raise
-
-    def begin(self, plan: ExplorationPlan, host: Host | None) -> None:
-        """Note what is known before the run."""
-        self.robot_class = plan.robot_class
-        self.scene = None if host is None else host.simulation.scene
-
-    def link(self, host: Host) -> InProcessTransport:
-        """Return a link to a server in this process; all of them have one monitor."""
-        self.monitor = self.monitor or GroundTruthMonitor(host)
-        return InProcessTransport(host, after_tick=self.monitor.watch)
-
-    def complete(self, exploration: Exploration | MultiRobotExploration) -> None:
-        """Note what is known after the run, however it ended."""
-        self.outcome, self.trip = exploration.outcome.value, exploration.trip
-        self.mapper, self.unreached = exploration.mapper, exploration.unreached
-        self.safety_distance = exploration.safety_distance
-
-    def judge(self) -> None:
-        """Compare the map with the scene, if both are known."""
-        mapper, robot, start = self.mapper, self.robot_class, self.trip.start
-        if self.scene is None or mapper is None or robot is None or start is None:
-            return
-        self.score = score_mapper(mapper, self.scene, robot_class=robot, start=start)
-
     def _pose_errors(self) -> dict[str, float | None] | None:
         if self.mapper is None:
             return None
@@ -164,11 +133,7 @@ class MappingResult:
         except ValueError:
             return None
         motion = trajectory_errors(alone, truth).ate if len(alone) else None
-        return describe_errors(errors, motion)
-
-    def _scans_left_out(self) -> dict[str, int]:
-        known = {} if self.mapper is None else self.mapper.left_out
-        return {"no_pose": 0, "no_echoes": 0, **known, "late": self.dropped}
+        return _describe_errors(errors, motion)
 
     def to_json(self) -> str:
         """Return the result as one line of JSON."""
@@ -217,13 +182,13 @@ class MultiRobotResult(MappingResult):
         return {**result, "robots": robots}
 
     def _pose_errors(self) -> dict[str, float | None] | None:
-        pairs = [_errors(robot, frame) for robot, frame in self._placed()]
+        pairs = [_errors(robot.mapper, frame) for robot, frame in self._placed()]
         known = [pair for pair in pairs if pair is not None]
         if not known:
             return None
         motions = [motion for _, motion in known if motion is not None]
         motion = _combined(motions).ate if motions else None
-        return describe_errors(_combined([errors for errors, _ in known]), motion)
+        return _describe_errors(_combined([errors for errors, _ in known]), motion)
 
     def _placed(self) -> list[tuple[Exploration, Pose2 | None]]:
         """Return each robot, and where its map is on the shared one."""
@@ -238,7 +203,7 @@ class MultiRobotResult(MappingResult):
         self, number: int, robot: Exploration, frame: Pose2 | None
     ) -> dict[str, Any]:
         assert self.exploration is not None
-        pair = _errors(robot, frame)
+        pair = _errors(robot.mapper, frame)
         x_y_yaw = None
         if frame is not None:
             x_y_yaw = [round(frame.x, 4), round(frame.y, 4)]
@@ -254,13 +219,64 @@ class MultiRobotResult(MappingResult):
         }
 
 
-class MappingRun:
+class _Run:
+    """What runs of one robot and of several have in common.
+
+    Attributes:
+        connect: Connects to a server that is not in this process, at a host and port.
+    """
+
+    def __init__(
+        self,
+        plan: ExplorationPlan,
+        host: Host | None,
+        exploration: Exploration | MultiRobotExploration,
+        result: MappingResult,
+    ) -> None:
+        self.connect: Callable[[str, int], Client] = Client.connect
+        self._host, self._exploration, self._result = host, exploration, result
+        result.robot_class = plan.robot_class
+        result.scene = None if host is None else host.simulation.scene
+
+    def judge(self) -> None:
+        """Compare the map with the scene, if both are known."""
+        result, start = self._result, self._result.trip.start
+        mapper, scene, robot = result.mapper, result.scene, result.robot_class
+        if scene is None or mapper is None or robot is None or start is None:
+            return
+        result.score = score_mapper(mapper, scene, robot_class=robot, start=start)
+
+    @contextmanager
+    def _completing(self) -> Iterator[None]:
+        """Complete the result, however the run ends."""
+        result, exploration = self._result, self._exploration
+        try:
+            yield
+        except BaseException as error:
+            is_failure = isinstance(error, Exception)
+            result.error = str(error) if is_failure else INTERRUPTED
+            raise
+        finally:
+            result.outcome, result.trip = exploration.outcome.value, exploration.trip
+            result.mapper, result.unreached = exploration.mapper, exploration.unreached
+            result.safety_distance = exploration.safety_distance
+
+    def _open_client(self, address: tuple[str, int]) -> Client:
+        if self._host is None:
+            return self.connect(*address)
+        result = self._result
+        # one monitor for all robots, as it counts what any of them touches
+        result.monitor = result.monitor or GroundTruthMonitor(self._host)
+        transport = InProcessTransport(self._host, after_tick=result.monitor.watch)
+        return Client(transport)
+
+
+class MappingRun(_Run):
     """Runs an exploration and keeps its result, also of a run that fails.
 
     Attributes:
         exploration: The exploration.
         result: Result of the run so far; complete once ``run`` has returned or raised.
-        connect: Connects to a server that is not in this process, at a host and port.
     """
 
     def __init__(
@@ -276,9 +292,7 @@ class MappingRun:
         self.exploration = Exploration(plan, generator_for(seed, "exploring"))
         name = "way" if plan.waypoints else plan.strategy.value
         self.result = MappingResult(name, plan.motion_source)
-        self.result.begin(plan, host)
-        self.connect: Callable[[str, int], Client] = Client.connect
-        self._host = host
+        super().__init__(plan, host, self.exploration, self.result)
 
     def run(
         self,
@@ -298,25 +312,15 @@ class MappingRun:
         """
         result = self.result
         try:
-            with result.noting_errors(), self._connect(address) as client:
+            with self._completing(), self._open_client(address) as client:
                 self.exploration.run(client, observe)
         finally:
-            result.complete(self.exploration)
             is_interrupted = result.error in ("", INTERRUPTED)
             if result.outcome == Outcome.BROKEN_OFF and not is_interrupted:
                 result.outcome = Outcome.FAILED.value
 
-    def judge(self) -> None:
-        """Compare the map with the scene, if both are known."""
-        self.result.judge()
 
-    def _connect(self, address: tuple[str, int]) -> Client:
-        if self._host is None:
-            return self.connect(*address)
-        return Client(self.result.link(self._host))
-
-
-class MultiRobotRun:
+class MultiRobotRun(_Run):
     """Runs several robots and keeps the result, also of a run that fails.
 
     Attributes:
@@ -340,41 +344,21 @@ class MultiRobotRun:
         self.exploration = MultiRobotExploration(plan, robots)
         self.result = MultiRobotResult(plan.strategy.value, plan.motion_source)
         self.result.exploration = self.exploration
-        self.result.begin(plan, host)
-        self._host = host
+        super().__init__(plan, host, self.exploration, self.result)
 
     def run(
         self, address: tuple[str, int], observe: Observer = lambda *_: None
     ) -> None:
-        """Connect, explore, and complete the result, however the run ends.
+        """Connect, explore, and complete the result, as ``MappingRun.run`` does.
 
         Args:
             address: Host and port of the server, unless it is in this process.
             observe: Called at every scan with the number of the robot.
-
-        Raises:
-            ClientError: If the server does not send what is needed.
-            MappingError: If no map can be made of what it sends.
-            NavigationError: If no robot can do what is asked of it.
         """
-        try:
-            with self.result.noting_errors(), ExitStack() as stack:
-                clients = [
-                    stack.enter_context(self._connect(address))
-                    for _ in self.exploration.robots
-                ]
-                self.exploration.run(clients, observe)
-        finally:
-            self.result.complete(self.exploration)
-
-    def judge(self) -> None:
-        """Compare the map with the scene, if both are known."""
-        self.result.judge()
-
-    def _connect(self, address: tuple[str, int]) -> Client:
-        if self._host is None:
-            return Client.connect(*address)
-        return Client(self.result.link(self._host))
+        with self._completing(), ExitStack() as stack:
+            robots = self.exploration.robots
+            clients = [stack.enter_context(self._open_client(address)) for _ in robots]
+            self.exploration.run(clients, observe)
 
 
 def _cell_counts(mapper: Mapper | None) -> dict[str, float] | None:
@@ -386,15 +370,9 @@ def _cell_counts(mapper: Mapper | None) -> dict[str, float] | None:
     return {"resolution": mapper.grid.frame.resolution, **named}
 
 
-def describe_errors(
+def _describe_errors(
     errors: TrajectoryErrors, motion_ate: float | None
 ) -> dict[str, float | None]:
-    """Return errors of poses for JSON.
-
-    Args:
-        errors: The errors.
-        motion_ate: Absolute error by the motion source alone, m; None without one.
-    """
     plain: dict[str, float] = asdict(errors)
     plain["motion_ate"] = math.nan if motion_ate is None else motion_ate
     for name in ("yaw", "yaw_max", "rpe_yaw"):
@@ -404,10 +382,9 @@ def describe_errors(
 
 
 def _errors(
-    robot: Exploration, frame: Pose2 | None
+    mapper: Mapper | None, frame: Pose2 | None
 ) -> tuple[TrajectoryErrors, TrajectoryErrors | None] | None:
     """Compare a robot's poses, and those of its motion source, with the true ones."""
-    mapper = robot.mapper
     if mapper is None or frame is None:
         return None
     alone = mapper.slam.dead_reckoning

@@ -51,7 +51,9 @@ class GroundTruthMonitor:
             self.path_length += math.hypot(pose.x - previous.x, pose.y - previous.y)
             self._poses[number], self._touches[number] = pose, touches
             if number == next(iter(self._poses)):
-                self._add_to_path(pose)
+                x, y = self.path[-1] if self.path else (math.inf, math.inf)
+                if math.hypot(pose.x - x, pose.y - y) >= STEP:
+                    self.path.append((pose.x, pose.y))
 
     @property
     def _pose(self) -> Pose2 | None:
@@ -62,11 +64,6 @@ class GroundTruthMonitor:
         """The path up to where the robot is, (N, 2) m, map frame."""
         ends = [] if self._pose is None else [(self._pose.x, self._pose.y)]
         return np.array([*self.path, *ends]).reshape(-1, 2)
-
-    def _add_to_path(self, pose: Pose2) -> None:
-        x, y = self.path[-1] if self.path else (math.inf, math.inf)
-        if math.hypot(pose.x - x, pose.y - y) >= STEP:
-            self.path.append((pose.x, pose.y))
 
     def distance(self, goal: tuple[float, float]) -> float:
         """Return the robot's distance from a point, m; ``inf`` without a robot."""
@@ -152,8 +149,13 @@ class NavigationRun:
         def observe(step: NavigationStep) -> None:
             on_scan(self.run_log.add(step))
 
+        if self.host is None or self.monitor is None:
+            client = self.connect(*address)
+        else:
+            watch = self.monitor.watch
+            client = Client(InProcessTransport(self.host, after_tick=watch))
         try:
-            with self._connect(address) as client:
+            with client:
                 self.result = run_mission(client, self.mission, observe)
         except (KeyboardInterrupt, SystemExit):
             self.error = INTERRUPTED
@@ -197,8 +199,3 @@ class NavigationRun:
         """Return the summary for JSON: lengths to 1 mm, times to 1 ms."""
         values: dict[str, Any] = rounded(self.summary(), 3)
         return values
-
-    def _connect(self, address: tuple[str, int]) -> Client:
-        if self.host is None or self.monitor is None:
-            return self.connect(*address)
-        return Client(InProcessTransport(self.host, after_tick=self.monitor.watch))

@@ -59,22 +59,19 @@ def read_log(file: Path, keys: Collection[str], expected: str) -> list[dict[str,
     """
     if not file.exists():
         return []
+    results: list[dict[str, Any]] = []
     with file.open(encoding="utf-8", errors="replace") as lines:
-        return [
-            _read_line(line, keys, f"{file}:{number}: expected {expected}")
-            for number, line in enumerate(lines, 1)
-            if line.endswith("\n")
-        ]
-
-
-def _read_line(line: str, keys: Collection[str], complaint: str) -> dict[str, Any]:
-    try:
-        result = json.loads(line)
-    except ValueError:
-        result = None
-    if not isinstance(result, dict) or not {*result} >= {*keys}:
-        raise ValueError(complaint)
-    return result
+        for number, line in enumerate(lines, 1):
+            if not line.endswith("\n"):  # the run was killed while it wrote
+                continue
+            try:
+                result = json.loads(line)
+            except ValueError:
+                result = None
+            if not isinstance(result, dict) or not {*result} >= {*keys}:
+                raise ValueError(f"{file}:{number}: expected {expected}")
+            results.append(result)
+    return results
 
 
 @contextmanager
@@ -90,8 +87,11 @@ def opened_log(file: Path | None) -> Iterator[Callable[[Result], None]]:
     Raises:
         OSError: If the file cannot be written.
     """
-    if file is not None:
-        _cut_incomplete_line(file)
+    if file is not None and file.exists():
+        data = file.read_bytes()
+        complete = data.rfind(b"\n") + 1
+        if complete < len(data):  # a line of a run that was killed
+            write_atomically({file: data[:complete]})
     with nullcontext() if file is None else file.open("a", encoding="utf-8") as log:
 
         def add(result: Result) -> None:
@@ -105,14 +105,6 @@ def opened_log(file: Path | None) -> Iterator[Callable[[Result], None]]:
 def as_line(result: Result) -> str:
     """Return a result as a line of JSON."""
     return json.dumps(result, allow_nan=False) + "\n"
-
-
-def _cut_incomplete_line(file: Path) -> None:
-    if file.exists():
-        data = file.read_bytes()
-        complete = data.rfind(b"\n") + 1
-        if complete < len(data):
-            write_atomically({file: data[:complete]})
 
 
 Task = TypeVar("Task")

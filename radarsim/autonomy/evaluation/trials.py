@@ -85,10 +85,11 @@ class Row:
 
     def select(self, names: Iterable[str], digits: int = 3) -> dict[str, Any]:
         """Return some of the values, those of the score too, rounded for JSON."""
-        return {name: rounded(self._value(name), digits) for name in names}
-
-    def _value(self, name: str) -> Any:
-        return getattr(self if hasattr(self, name) else self.score, name, None)
+        values: dict[str, Any] = {}
+        for name in names:
+            home = self if hasattr(self, name) else self.score
+            values[name] = rounded(getattr(home, name, None), digits)
+        return values
 
 
 def run_plan(plan: Mission | ExplorationPlan, host: Host, *, seed: int = 0) -> Row:
@@ -275,13 +276,9 @@ def run_trials(
         MapError: If a map is wrong, or defines no trial.
         PresetError: If there is no such sensor.
     """
-    _check(specs)
-    with closing(run_tasks(run_trial, specs, workers=workers)) as running:
-        yield from (result.unwrap() for result in in_order(running))
-
-
-def _check(specs: Sequence[TrialSpec]) -> None:
     for map_ in dict.fromkeys(spec.map for spec in specs):
         load_trial(map_)
     for sensor in dict.fromkeys(spec.sensor for spec in specs):
         config_with_sensor(sensor)
+    with closing(run_tasks(run_trial, specs, workers=workers)) as running:
+        yield from (result.unwrap() for result in in_order(running))

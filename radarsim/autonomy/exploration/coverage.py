@@ -84,19 +84,16 @@ class NearestTargetStrategy:
             return STOP
         # so that other beams cross the gaps between those of one scan
         if self._turn > 0:
-            return self._turn_round(observation)
+            if not math.isnan(self._yaw):
+                self._turn -= abs(wrap_angle(observation.pose.yaw - self._yaw))
+            self._yaw = observation.pose.yaw
+            return Twist(0.0, self._speed_limits.turn)
         if self._path_follower.update_map(observation, grid):
             floor, end = self._path_follower.floor, self._path_follower.end
             assert floor is not None
             targets = prefer_near(floor, self._select_targets(floor), end)
             self.is_done = not self._path_follower.plan(observation, targets)
         return self._path_follower.step(observation)
-
-    def _turn_round(self, observation: Observation) -> Twist:
-        if not math.isnan(self._yaw):
-            self._turn -= abs(wrap_angle(observation.pose.yaw - self._yaw))
-        self._yaw = observation.pose.yaw
-        return Twist(0.0, self._speed_limits.turn)
 
 
 def prefer_near(floor: TraversabilityMap, targets: Mask, last: Point | None) -> Mask:
@@ -178,27 +175,22 @@ class ContourStrategy:
         path_follower = self._path_follower
         if path_follower.update_map(observation, grid):
             assert path_follower.floor is not None
-            targets = self._wall_tiles(path_follower.floor, observation)
+            floor = path_follower.floor
+            targets = floor.outer_boundary(floor.reachable(observation.pose))
+            for point in self._track:
+                targets &= ~floor.disc(*point, FOLLOWED_RADIUS)
             self._has_no_wall = not path_follower.plan(observation, targets)
         if self._has_no_wall and not self.contours:
-            return self._drive_ahead(observation)
+            # none on the map yet: ahead, until there is one
+            if self._settings.bumpers.towards(observation, 0.0).blocked:
+                return self._arrive(observation)
+            return Twist(self._settings.speed_limits.speed, 0.0)
         end = path_follower.end
         if self._has_no_wall:
             self.is_done = True
         elif end is not None and distance(observation.pose, *end) < WALL_DISTANCE:
             return self._arrive(observation)
         return path_follower.step(observation)
-
-    def _wall_tiles(self, floor: TraversabilityMap, observation: Observation) -> Mask:
-        targets = floor.outer_boundary(floor.reachable(observation.pose))
-        for point in self._track:
-            targets &= ~floor.disc(*point, FOLLOWED_RADIUS)
-        return targets
-
-    def _drive_ahead(self, observation: Observation) -> Twist:
-        if self._settings.bumpers.towards(observation, 0.0).blocked:
-            return self._arrive(observation)
-        return Twist(self._settings.speed_limits.speed, 0.0)
 
     def _arrive(self, observation: Observation) -> Twist:
         self.activity = "aligning"
@@ -370,7 +362,13 @@ class RandomBounce:
             self.activity = "straight"
         ahead = settings.bumpers.towards(observation, wrap_angle(self._heading - yaw))
         if self.activity == "straight" and ahead.blocked:
-            self._end_leg(observation.pose, grid)
+            # A leg has ended; it counts if it has shown some new floor.
+            floor = settings.traversability(grid)
+            remaining = floor.area(floor.unvisited & floor.reachable(observation.pose))
+            self._idle_legs += 1
+            if self._unvisited_area - remaining > MIN_GAIN:
+                self._idle_legs, self._unvisited_area = 0, remaining
+            self.is_done = remaining == 0 or self._idle_legs >= MAX_IDLE_LEGS
             self._heading = yaw + self._draw_turn(observation)
             self.activity = "turning"
         if self.is_done:
@@ -392,13 +390,3 @@ class RandomBounce:
             turn for turn in turns if not bumpers.towards(observation, turn).blocked
         ]
         return float(self._rng.choice(free)) if free else math.pi
-
-    def _end_leg(self, pose: Pose2, grid: OccupancyGrid) -> None:
-        floor = self._settings.traversability(grid)
-        remaining = floor.area(floor.unvisited & floor.reachable(pose))
-        if self._unvisited_area - remaining > MIN_GAIN:
-            self._idle_legs = 0
-            self._unvisited_area = remaining
-        else:
-            self._idle_legs += 1
-        self.is_done = remaining == 0 or self._idle_legs >= MAX_IDLE_LEGS

@@ -12,7 +12,7 @@ time at another place of its robot's path. One that is there is fitted again now
 then, as what was seen since tells more.
 """
 
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from typing import Final, TypeAlias
@@ -40,7 +40,7 @@ from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.runner import TripMeter
 from radarsim.client import Client
 from radarsim.errors import ClientError, ClientTimeout, NavigationError, expected_one_of
-from radarsim.geometry import Point, Pose2, wrap_angle
+from radarsim.geometry import Point, wrap_angle
 
 RETRY: Final = 1.0  # m of path, of it and of others, between two attempts to align one
 REFINE: Final = 5.0  # m of path after which an aligned map is fitted anew
@@ -72,7 +72,8 @@ class MapMerger:
         station = known.keyframes[-1].station
         # A robot that waits sees nothing new, but others may come to where it was.
         if map_.frame is None:
-            station += sum(self._station(k) for k in self._placed())
+            others = [self._keyframes(k).keyframes for k in self._placed()]
+            station += sum(each[-1].station for each in others if each)
         if station < self._next_station[number]:
             return
         if map_.frame is not None:
@@ -119,7 +120,12 @@ class MapMerger:
         if map_.frame is None or not reference:
             return False
         frame = refine(reference, self._keyframes(number), map_.frame)
-        if frame is None or not _differ(frame, map_.frame):
+        if frame is None:
+            return False
+        x, y, yaw = frame.x - map_.frame.x, frame.y - map_.frame.y, frame.yaw
+        distance, angle = NEWS
+        is_turned = abs(wrap_angle(yaw - map_.frame.yaw)) > angle
+        if np.hypot(x, y) <= distance and not is_turned:
             return False
         map_.align(frame)
         return True
@@ -139,21 +145,9 @@ class MapMerger:
     def _placed(self) -> list[int]:
         return [k for k, map_ in enumerate(self._maps) if map_.frame is not None]
 
-    def _station(self, number: int) -> float:
-        known = self._keyframes(number)
-        return known.keyframes[-1].station if len(known) else 0.0
-
     def _keyframes(self, number: int) -> KeyframeMap:
         mapper = self._robots[number].mapper
         return KeyframeMap() if mapper is None else mapper.slam.keyframes
-
-
-def _differ(one: Pose2, other: Pose2) -> bool:
-    distance, angle = NEWS
-    return (
-        bool(np.hypot(one.x - other.x, one.y - other.y) > distance)
-        or abs(wrap_angle(one.yaw - other.yaw)) > angle
-    )
 
 
 STRATEGIES: Final = (StrategyName.AUTO, StrategyName.FRONTIERS)
@@ -298,26 +292,18 @@ class MultiRobotExploration:
                 if step is None:
                     del driving[number]
                 else:
-                    self._note(number, step, observe)
-                if was_searching and not self._board.searching:
-                    self._look_again(driving)
-
-    def _note(self, number: int, step: ExplorationStep, observe: Observer) -> None:
-        """Note where a robot is after a step, and align its map if it is time to."""
-        self._latest[number] = step.observation
-        is_on_map = self.maps[number].is_merged
-        self._board.note_pose(number, step.observation.pose, is_on_map=is_on_map)
-        observe(number, step)
-        self._merger.step(number)
-
-    def _look_again(self, driving: Iterable[int]) -> None:
-        """Let robots that found no target search again, if their maps are moved.
-
-        What they have explored may not be the whole once all maps fit.
-        """
-        if self._merger.refine_all() or self.shared.is_rebuilding:
-            self.shared.finish()
-            self._board.searching.update(driving)
+                    self._latest[number], pose = step.observation, step.observation.pose
+                    is_on_map = self.maps[number].is_merged
+                    self._board.note_pose(number, pose, is_on_map=is_on_map)
+                    observe(number, step)
+                    self._merger.step(number)
+                # Nobody finds a target any more: but what they have explored may not
+                # be the whole once all maps fit, so they look again if one has moved.
+                if not was_searching or self._board.searching:
+                    continue
+                if self._merger.refine_all() or self.shared.is_rebuilding:
+                    self.shared.finish()
+                    self._board.searching.update(driving)
 
     def _next(
         self, number: int, steps: Generator[ExplorationStep], *, is_last: bool
@@ -331,7 +317,14 @@ class MultiRobotExploration:
         except (ClientError, NavigationError) as error:
             self.errors[number] = str(error)
             if self.robots[number].trip.start is None:
-                self._explain_missing_scans(number, error)
+                is_timeout = isinstance(error, ClientTimeout)
+                if is_timeout and self.robots[0].trip.start is not None:
+                    raise ClientTimeout(
+                        f"robot {number + 1} at {self.robots[number].plan.start}:"
+                        f" {error}; of FMCW radars only one antenna turns in a server:"
+                        " with these, expected one robot, or a robot class with another"
+                        " scanner"
+                    ) from error
                 raise
             if is_last:
                 raise
@@ -339,19 +332,6 @@ class MultiRobotExploration:
         if step is None:
             self._board.leave(number)
         return step
-
-    def _explain_missing_scans(self, number: int, error: Exception) -> None:
-        """Raise a clearer error if no scan of a robot came, but scans of the first one.
-
-        Raises:
-            ClientTimeout: If that is so.
-        """
-        if isinstance(error, ClientTimeout) and self.robots[0].trip.start is not None:
-            raise ClientTimeout(
-                f"robot {number + 1} at {self.robots[number].plan.start}: {error};"
-                " of FMCW radars only one antenna turns in a server: with these,"
-                " expected one robot, or a robot class with another scanner"
-            ) from error
 
     def _conclude(self) -> None:
         is_over = any(robot.outcome is Outcome.TIME_LIMIT for robot in self.robots)

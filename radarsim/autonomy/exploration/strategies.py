@@ -90,11 +90,11 @@ class AutoStrategy:
         if self.is_done or self._scans < MIN_SCANS:
             return STOP
         current = self._current
-        if current is None or current.is_done or self._is_misfit(observation):
+        if current is None or current.is_done or self._finds_misfit(observation):
             self._choose(observation, grid)
         return STOP if self._current is None else self._current.step(observation, grid)
 
-    def _is_misfit(self, observation: Observation) -> bool:
+    def _finds_misfit(self, observation: Observation) -> bool:
         if observation.time < self._checked + MAP_INTERVAL:
             return False
         self._checked = observation.time
@@ -106,21 +106,8 @@ class AutoStrategy:
         return is_untried and last == StrategyName.FRONTIERS and is_open
 
     def _choose(self, observation: Observation, grid: OccupancyGrid) -> None:
-        name = self._best(observation, grid)
-        self.is_done, self._current = name is None, None
-        if name is None:
-            return
-        self.chosen.append(name)
-        self._checked = observation.time
-        if name == StrategyName.FRONTIERS:
-            self._current = frontier_strategy(self._settings, self._frontiers)
-        else:
-            self._current = _STRATEGIES[name](self._settings)
-
-    def _best(
-        self, observation: Observation, grid: OccupancyGrid
-    ) -> StrategyName | None:
-        """Return the first suitable strategy not chosen too often; None without one."""
+        """Begin the first suitable strategy not chosen too often, if there is one."""
+        self.is_done, self._current = True, None
         floor = self._settings.traversability(grid)
         enclosed = is_enclosed(observation)
         frontiers = self._frontiers(floor) & floor.reachable(observation.pose)
@@ -129,9 +116,15 @@ class AutoStrategy:
             (StrategyName.FRONTIERS, bool(frontiers.any()), MAX_FRONTIERS),
             (StrategyName.CONTOUR, enclosed, 1),
         ):
-            if fits and self.chosen.count(name) < max_times:
-                return name
-        return None
+            if not fits or self.chosen.count(name) >= max_times:
+                continue
+            self.is_done, self._checked = False, observation.time
+            self.chosen.append(name)
+            if name == StrategyName.FRONTIERS:
+                self._current = frontier_strategy(self._settings, self._frontiers)
+            else:
+                self._current = _STRATEGIES[name](self._settings)
+            return
 
     def _frontiers(self, floor: TraversabilityMap) -> Mask:
         if StrategyName.CENTRE_OUT not in self.chosen or self._start is None:

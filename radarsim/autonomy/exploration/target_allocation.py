@@ -13,6 +13,8 @@ and "near" is as much farther as that may be off.
 import math
 from typing import Final
 
+import numpy as np
+
 from radarsim.autonomy.exploration.coverage import FULL_TURN, prefer_near
 from radarsim.autonomy.exploration.path_follower import (
     MIN_SCANS,
@@ -160,25 +162,21 @@ class SharedTargetStrategy:
         self.is_done = self._board.is_over(observation.time)
         if self.is_done or self._scans < MIN_SCANS:
             return STOP
-        twist = self._twist(observation, grid)
+        if self._turn > 0:
+            # all round first, so that beams cross the gaps between those of one scan
+            self._turn -= abs(wrap_angle(observation.pose.yaw - self._yaw))
+            self._yaw = observation.pose.yaw
+            twist = Twist(0.0, self._settings.speed_limits.turn)
+        else:
+            robots = self._board.other_robots(self._number)
+            if self._path_follower.update_map(observation, grid, robots):
+                self._choose(observation, grid)
+            twist = self._path_follower.step(observation)
         is_moving = self._board.may_move(self._number, wants_to=twist != STOP)
         self._gives_way = twist != STOP and not is_moving
         if self._gives_way:
             self._path_follower.pause(observation)
         return twist if is_moving else STOP
-
-    def _twist(self, observation: Observation, grid: OccupancyGrid) -> Twist:
-        if self._turn > 0:
-            return self._turn_round(observation)
-        robots = self._board.other_robots(self._number)
-        if self._path_follower.update_map(observation, grid, robots):
-            self._choose(observation, grid)
-        return self._path_follower.step(observation)
-
-    def _turn_round(self, observation: Observation) -> Twist:
-        self._turn -= abs(wrap_angle(observation.pose.yaw - self._yaw))
-        self._yaw = observation.pose.yaw
-        return Twist(0.0, self._settings.speed_limits.turn)
 
     def _choose(self, observation: Observation, grid: OccupancyGrid) -> None:
         """Find a target; tell the others, also that there is none."""
@@ -186,9 +184,12 @@ class SharedTargetStrategy:
         assert floor is not None
         last = self._path_follower.end
         board.targets.pop(number, None)
+        is_free = np.ones_like(floor.open)  # of targets of other robots nearby
+        for point in board.other_targets(number):
+            is_free &= ~floor.disc(*point, TARGET_DISTANCE)
         for targets, activity in self._targets(floor):
-            free = self._free(floor, targets)
-            if self._path_follower.plan(observation, prefer_near(floor, free, last)):
+            near = prefer_near(floor, targets & is_free, last)
+            if self._path_follower.plan(observation, near):
                 self._doing = activity
                 end = self._path_follower.end
                 assert end is not None
@@ -196,18 +197,17 @@ class SharedTargetStrategy:
                 board.searching.add(number)
                 return
         self._doing = WAITING
-        if self._is_anything_left(observation, grid):
+        # It searches on if there would be a target were there no other robots.
+        floor, find_path = (
+            self._settings.traversability(grid),
+            self._path_follower.find_path,
+        )
+        if any(
+            find_path(floor, observation.pose, each) for each, _ in self._targets(floor)
+        ):
             board.searching.add(number)
         else:
             board.searching.discard(number)
-
-    def _is_anything_left(self, observation: Observation, grid: OccupancyGrid) -> bool:
-        """Return whether there would be a target if there were no other robots."""
-        floor = self._settings.traversability(grid)
-        return any(
-            self._path_follower.find_path(floor, observation.pose, targets)
-            for targets, _ in self._targets(floor)
-        )
 
     def _targets(self, floor: TraversabilityMap) -> list[tuple[Mask, str]]:
         found = [(floor.frontiers, "frontier")]
@@ -217,9 +217,3 @@ class SharedTargetStrategy:
             return found
         disc = floor.disc(self._start.x, self._start.y, self._radius)
         return [(tiles & disc, name) for tiles, name in found]
-
-    def _free(self, floor: TraversabilityMap, targets: Mask) -> Mask:
-        """Return the tiles that are not near the targets of other robots."""
-        for point in self._board.other_targets(self._number):
-            targets = targets & ~floor.disc(*point, TARGET_DISTANCE)
-        return targets

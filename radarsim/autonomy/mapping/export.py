@@ -73,9 +73,20 @@ def nav_map(
     """
     rows, columns = sensed_window(grid)
     if mode == "trinary":
-        image, data = f"{name}.pgm", _encoded(_trinary(grid)[rows, columns], "ppm")
+        levels = np.full(len(CellClass), FREE_LEVEL, np.uint8)
+        levels[CellClass.UNKNOWN] = UNKNOWN_LEVEL
+        levels[[CellClass.OBSTACLE, CellClass.FOLIAGE]] = OCCUPIED_LEVEL
+        image, data = (
+            f"{name}.pgm",
+            _encoded(levels[grid.classes()][rows, columns], "ppm"),
+        )
     else:
-        image, data = f"{name}.png", _encoded(_scale(grid)[rows, columns], "png")
+        probability = grid.occupancy_probability()
+        known = np.isfinite(probability)
+        grey_alpha = np.zeros((*probability.shape, 2), np.uint8)
+        grey_alpha[known, 0] = np.rint(255 * (1 - probability[known]))
+        grey_alpha[known, 1] = 255
+        image, data = f"{name}.png", _encoded(grey_alpha[rows, columns], "png")
     x, y = grid.frame.origin
     size = grid.frame.resolution
     corner = x + columns.start * size, y + rows.start * size
@@ -110,23 +121,6 @@ def _encoded(pixels: NDArray[np.uint8], image_format: str) -> bytes:
         return data.getvalue()
     magic, rest = data.getvalue().split(b"\n", 1)
     return b"\n".join([magic, f"# {MARK}".encode(), rest])
-
-
-def _trinary(grid: OccupancyGrid) -> NDArray[np.uint8]:
-    levels = np.full(len(CellClass), FREE_LEVEL, np.uint8)
-    levels[CellClass.UNKNOWN] = UNKNOWN_LEVEL
-    levels[[CellClass.OBSTACLE, CellClass.FOLIAGE]] = OCCUPIED_LEVEL
-    return levels[grid.classes()]
-
-
-def _scale(grid: OccupancyGrid) -> NDArray[np.uint8]:
-    """Return grey and alpha, (R, C, 2)."""
-    probability = grid.occupancy_probability()
-    known = np.isfinite(probability)
-    levels = np.zeros((*probability.shape, 2), np.uint8)
-    levels[known, 0] = np.rint(255 * (1 - probability[known]))
-    levels[known, 1] = 255
-    return levels
 
 
 def sensed_window(grid: OccupancyGrid) -> tuple[slice, slice]:

@@ -67,8 +67,13 @@ class KeyframeMap:
         farthest = np.hypot(*keyframe.points.places.T).max(initial=0.0)
         self.reach = max(self.reach, float(farthest))
         if keyframe.station > self._swept + STRIDE:
-            self._swept = keyframe.station
-            self._leave_behind(keyframe.pose)
+            self._swept, far = keyframe.station, False
+            for each in self.keyframes:
+                away = distance(each.pose, keyframe.pose)
+                if each.is_local and away > REACHES * self.reach:
+                    each.is_local, far = False, True
+            if far:
+                self._rebuild()
 
     def left_behind(self, pose: Pose2, radius: float) -> list[int]:
         """Return the numbers of keyframes near a pose that the local map has not."""
@@ -86,17 +91,6 @@ class KeyframeMap:
             keyframe.is_local = distance(pose, poses[-1]) < local
         # points of a map are only sums, from which none can be taken exactly
         self._rebuild()
-
-    def _leave_behind(self, pose: Pose2) -> None:
-        far = [
-            each
-            for each in self.keyframes
-            if each.is_local and distance(each.pose, pose) > REACHES * self.reach
-        ]
-        for keyframe in far:
-            keyframe.is_local = False
-        if far:
-            self._rebuild()
 
     def _rebuild(self) -> None:
         self.points = map_of([each for each in self.keyframes if each.is_local])

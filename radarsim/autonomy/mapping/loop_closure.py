@@ -105,7 +105,12 @@ class LoopCloser:
         gap = last.station - old.station
         distance = min(MIN_DRIFT + DRIFT * gap, MAX_DRIFT)
         turn = min(MIN_TURN + TURN_DRIFT * gap, MAX_TURN)
-        table = map_of(_around(known, nearest)).table
+        around = [
+            each
+            for each in known.keyframes
+            if not each.is_local and abs(each.station - old.station) < known.reach
+        ]
+        table = map_of(around).table
         found = find_pose(table, latest_keyframe(known), distance, turn)
         if found is None:
             return None
@@ -154,15 +159,6 @@ def _steps(limit: float, step: float) -> Floats:
     count = int(np.ceil(limit / step))
     steps: Floats = np.arange(-count, count + 1, dtype=np.float64) * step
     return steps
-
-
-def _around(known: KeyframeMap, number: int) -> list[Keyframe]:
-    station = known.keyframes[number].station
-    return [
-        each
-        for each in known.keyframes
-        if not each.is_local and abs(each.station - station) < known.reach
-    ]
 
 
 def latest_keyframe(known: KeyframeMap) -> Keyframe:

@@ -82,7 +82,11 @@ class SeenArea:
             np.concatenate([moved(each.points.places, each.pose) for each in keyframes])
         )
         self._near = np.concatenate([_near(each.points.places) for each in keyframes])
-        chosen = _some(keyframes)
+        # Some way apart: those in between have seen about the same.
+        chosen: list[Keyframe] = []
+        for each in keyframes:
+            if not chosen or distance(chosen[-1].pose, each.pose) >= STRIDE:
+                chosen.append(each)
         self._poses = [each.pose for each in chosen]
         self._profiles = [_profile(each.points.places) for each in chosen]
 
@@ -90,7 +94,7 @@ class SeenArea:
         """Return which places, (K, 2) m, are in the area, (K,)."""
         is_seen = np.zeros(len(places), np.bool_)
         for pose, profile in zip(self._poses, self._profiles, strict=True):
-            x, y = _relative(places, pose).T
+            x, y = turned(places - np.array([pose.x, pose.y]), -pose.yaw).T
             is_seen |= np.hypot(x, y) < profile[_sectors(x, y)] + BEHIND
         return is_seen
 
@@ -101,15 +105,6 @@ class SeenArea:
             return Agreement(0, 0.0)
         distances, nearest = self._points.query(seen)
         return Agreement(len(seen), float((distances < self._near[nearest]).mean()))
-
-
-def _some(keyframes: Sequence[Keyframe]) -> list[Keyframe]:
-    """Return keyframes some way apart; those between them see about the same."""
-    chosen: list[Keyframe] = []
-    for each in keyframes:
-        if not chosen or distance(chosen[-1].pose, each.pose) >= STRIDE:
-            chosen.append(each)
-    return chosen
 
 
 def _near(places: Floats) -> Floats:
@@ -131,11 +126,6 @@ def _profile(places: Floats) -> Floats:
 def _sectors(x: Floats, y: Floats) -> NDArray[np.int64]:
     turns = (np.arctan2(y, x) + math.pi) / (2 * math.pi)
     return (turns * SECTORS).astype(np.int64) % SECTORS
-
-
-def _relative(places: Floats, pose: Pose2) -> Floats:
-    """Return places in the frame of a pose, (K, 2) m."""
-    return turned(places - np.array([pose.x, pose.y]), -pose.yaw)
 
 
 MAX_DISTANCE: Final = 1.5  # m by which the first guess may be off
@@ -199,7 +189,15 @@ def _views(known: KeyframeMap, area: SeenArea, guess: Pose2) -> list[Keyframe]:
     for each in reversed(known.keyframes):
         if chosen[-1].station - each.station >= VIEW_LENGTH / 2:
             chosen.append(each)
-    views = [_view(known, each) for each in chosen]
+    views = []
+    for middle in chosen:
+        near = [
+            each
+            for each in known.keyframes
+            if abs(each.station - middle.station) <= VIEW_LENGTH / 2
+        ]
+        points = joined(near, middle.pose, VIEW_POINTS)
+        views.append(Keyframe(middle.pose, points, middle.station))
     # Each attempt looks at one view, as each takes long; the most telling ones first.
     overlaps = [
         np.count_nonzero(area.sees(moved(view.points.places, guess.compose(view.pose))))
@@ -207,17 +205,6 @@ def _views(known: KeyframeMap, area: SeenArea, guess: Pose2) -> list[Keyframe]:
     ]
     order = np.argsort(overlaps, kind="stable")[::-1]
     return [views[k] for k in order.tolist() if overlaps[k] >= MIN_OVERLAP]
-
-
-def _view(known: KeyframeMap, middle: Keyframe) -> Keyframe:
-    """Return a keyframe with points of those shortly before and after it, too."""
-    near = [
-        each
-        for each in known.keyframes
-        if abs(each.station - middle.station) <= VIEW_LENGTH / 2
-    ]
-    points = joined(near, middle.pose, VIEW_POINTS)
-    return Keyframe(middle.pose, points, middle.station)
 
 
 def _find(table: Table, area: SeenArea, view: Keyframe) -> Pose2 | None:
@@ -228,7 +215,10 @@ def _find(table: Table, area: SeenArea, view: Keyframe) -> Pose2 | None:
     starts = starts_around(view.pose, MAX_DISTANCE, MAX_TURN)
     first = _candidate(table, area, view, starts)
     seen, share = first.agreement
-    if seen < MIN_SEEN or share < MIN_SHARE or not _is_near(first.pose, view.pose):
+    # A fit may run away from where it was looked for.
+    turn = abs(wrap_angle(first.pose.yaw - view.pose.yaw))
+    is_far = distance(first.pose, view.pose) >= FARTHEST * MAX_DISTANCE
+    if seen < MIN_SEEN or share < MIN_SHARE or is_far or turn >= FARTHEST * MAX_TURN:
         return None
     if _evenness(table, area, view, first.pose) < MIN_EVENNESS:
         return None
@@ -239,9 +229,11 @@ def _find(table: Table, area: SeenArea, view: Keyframe) -> Pose2 | None:
             break
         rival = _candidate(table, area, view, starts)
         starts = _away(starts, rival)
-        if distance(rival.pose, first.pose) > APART and _is_as_good(
-            rival.agreement, first.agreement
-        ):
+        # As good: nearly as many points are there, and nearly as large a share.
+        is_as_good = rival.agreement.share > share - MIN_LEAD and (
+            rival.agreement.confirmed > MIN_CONFIRMED * first.agreement.confirmed
+        )
+        if is_as_good and distance(rival.pose, first.pose) > APART:
             return None
     return first.pose
 
@@ -266,13 +258,6 @@ def _away(starts: Floats, candidate: _Candidate) -> Floats:
     return starts
 
 
-def _is_near(pose: Pose2, guess: Pose2) -> bool:
-    """Return whether a pose is about where it was looked for; fits may run away."""
-    turn = abs(wrap_angle(pose.yaw - guess.yaw))
-    is_near = distance(pose, guess) < FARTHEST * MAX_DISTANCE
-    return is_near and turn < FARTHEST * MAX_TURN
-
-
 def _evenness(table: Table, area: SeenArea, view: Keyframe, pose: Pose2) -> float:
     """Return the evenness of a view at a pose, by what others have seen alone.
 
@@ -284,15 +269,6 @@ def _evenness(table: Table, area: SeenArea, view: Keyframe, pose: Pose2) -> floa
     places, along, normals = columns
     points = points._replace(places=places, along=along, normals=normals)
     return fit(table, points, pose, pose, np.array(SIGMA)).evenness
-
-
-def _is_as_good(rival: Agreement, first: Agreement) -> bool:
-    """Return whether a pose agrees about as well as another one, or better.
-
-    It does if nearly as many points are there, and nearly as large a share.
-    """
-    is_near = rival.share > first.share - MIN_LEAD
-    return is_near and rival.confirmed > MIN_CONFIRMED * first.confirmed
 
 
 def refine(

@@ -180,7 +180,10 @@ class Mapper:
     def _take_scan(self, report: RangeScan) -> Observation | None:
         settings = self.settings
         source = settings.slam.motion_source
-        if source != "none" and not self._is_motion_known():
+        if source != "none":
+            self._scans_since_prior += 1
+        is_lost = self._scans_since_prior > MAX_SCANS_WITHOUT_MOTION
+        if source != "none" and (self._prior is None or is_lost):
             self.missing = self._missing_pose
             self.left_out["no_pose"] += 1
             return None
@@ -216,13 +219,8 @@ class Mapper:
         self.missing = self._missing_scan
         return self._observation(pose, scan)
 
-    def _is_motion_known(self) -> bool:
-        """Count a scan, and return whether the motion until it is known."""
-        self._scans_since_prior += 1
-        is_recent = self._scans_since_prior <= MAX_SCANS_WITHOUT_MOTION
-        return self._prior is not None and is_recent
-
     def _observation(self, pose: Pose2, scan: PlanarScan) -> Observation:
+        # what is nearest on each beam; robots pass smoke
         nearest = np.full(len(scan.angles), math.inf)
         hits = scan.hits
         blocks = hits.layer != Layer.SMOKE

@@ -61,7 +61,10 @@ def optimize(poses: Floats, edges: list[Edge]) -> Floats:
     starts = np.array([edge.start for edge in edges])
     ends = np.array([edge.end for edge in edges])
     information = np.array([edge.information for edge in edges])
-    rows, columns = _places(starts, ends)
+    # each edge adds a block of (6, 6), of the unknowns of both of its ends
+    unknowns = np.concatenate([_rows(starts), _rows(ends)], axis=1)
+    rows = np.repeat(unknowns, 6, axis=1).ravel()
+    columns = np.tile(unknowns, (1, 6)).ravel()
     size = 3 * len(poses)
     for _ in range(MAX_ITERATIONS):
         errors, by_start, by_end = _linearized(poses, edges, starts, ends)
@@ -69,9 +72,7 @@ def optimize(poses: Floats, edges: list[Edge]) -> Floats:
         weighted = jacobians.transpose(0, 2, 1) @ information
         gradient = np.zeros(size)
         forces = (weighted @ errors[:, :, None])[:, :, 0]
-        np.add.at(
-            gradient, np.concatenate([_rows(starts), _rows(ends)], axis=1), forces
-        )
+        np.add.at(gradient, unknowns, forces)
         normal = csc_array(
             ((weighted @ jacobians).ravel(), (rows, columns)), shape=(size, size)
         )
@@ -118,14 +119,6 @@ def _linearized(
 def _rows(numbers: Floats) -> Floats:
     """Return the three unknowns of each pose, (E, 3)."""
     return 3 * numbers[:, None] + np.arange(3)
-
-
-def _places(starts: Floats, ends: Floats) -> tuple[Floats, Floats]:
-    """Return row and column of each number of the edges' blocks of (6, 6)."""
-    unknowns = np.concatenate([_rows(starts), _rows(ends)], axis=1)
-    rows = np.repeat(unknowns, 6, axis=1)
-    columns = np.tile(unknowns, (1, 6))
-    return rows.ravel(), columns.ravel()
 
 
 # Points of a scan err together: they hold far less information than if each were alone.

@@ -98,7 +98,17 @@ class RebuildableGrid:
         """Add a scan at the last pose of a trajectory."""
         number = len(trajectory) - 1
         self._add(self.grid, StoredScan(trajectory, number, scan))
-        if self._is_worth_keeping(id(trajectory), trajectory.poses[-1]):
+        # A robot that stands sees the same again and again: some of its scans will do.
+        robot, pose = id(trajectory), trajectory.poses[-1]
+        last, (distance, angle) = self._last.get(robot), STANDING
+        if (
+            last is None
+            or np.hypot(pose.x - last.x, pose.y - last.y) > distance
+            or abs(wrap_angle(pose.yaw - last.yaw)) > angle
+        ):
+            self._last[robot], self._standing[robot] = pose, 0
+        self._standing[robot] += 1
+        if self._standing[robot] <= SCANS_STANDING:
             # in half the memory, since all scans of a run are kept
             compact = _converted(scan, np.int32, np.float32)
             self.scans.append(StoredScan(trajectory, number, compact))
@@ -131,19 +141,6 @@ class RebuildableGrid:
         grid.add(pose, scan)
         if self._robot_radius:
             grid.clear_disc(pose, self._robot_radius)
-
-    def _is_worth_keeping(self, robot: int, pose: Pose2) -> bool:
-        """Count the scans of a robot that stands, and return whether these are few."""
-        distance, angle = STANDING
-        last = self._last.get(robot)
-        if (
-            last is None
-            or np.hypot(pose.x - last.x, pose.y - last.y) > distance
-            or abs(wrap_angle(pose.yaw - last.yaw)) > angle
-        ):
-            self._last[robot], self._standing[robot] = pose, 0
-        self._standing[robot] += 1
-        return self._standing[robot] <= SCANS_STANDING
 
 
 def _converted(scan: PlanarScan, whole: DTypeLike, real: DTypeLike) -> PlanarScan:

@@ -139,7 +139,12 @@ class Slam:
         self._starts_at_prior = False
         self._motion = self.pose.relative_to(last)
         self._length += math.hypot(self._motion.x, self._motion.y)
-        self._reckon(scan.time, prior)
+        if has_source:
+            poses = self.dead_reckoning.poses
+            reckoned = poses[-1] if poses else self.pose
+            if poses and prior is not None and self._prior is not None:
+                reckoned = self._moved(reckoned, self._prior, prior)
+            self.dead_reckoning.add(scan.time, reckoned)
         self._prior = prior
         self.trajectory.add(scan.time, self.pose)
         # The first scans count wherever the robot is: they alone have the start's pose.
@@ -149,7 +154,13 @@ class Slam:
             self._graph.add(self.pose)
         self._graph.follow(self.pose)
         if is_keyframe:
-            self._close_loop()
+            if self._fit is not None:
+                closure = self._closer.closure(self._map, self._fit)
+                # the graph refuses a closure that contradicts those before
+                closed = None if closure is None else self._graph.close(*closure)
+                if closed is not None:
+                    self.closures += 1
+                    self._move(closed)
             self._anchor()
         return self.pose
 
@@ -158,27 +169,19 @@ class Slam:
         has_source = self.settings.motion_source != "none"
         if prior is None or self._prior is None or not has_source:
             return self._search(points) if can_match else self.pose
-        predicted, sigma = self._predict(self._prior, prior)
+        # What is reported is off by a share of the motion, and a little at rest.
+        before, drift = self._prior, self.settings.drift
+        predicted = self._moved(self.pose, before, prior)
+        sigma_distance, sigma_turn = self.settings.rest_sigma
+        sigma_distance += drift * math.hypot(prior.x - before.x, prior.y - before.y)
+        sigma_turn += drift * abs(wrap_angle(prior.yaw - before.yaw))
+        sigma = np.array([sigma_distance, sigma_distance, sigma_turn])
         if not can_match:
             self._graph.learn(sigma, np.zeros((3, 3)))
             return predicted
         found = fit(self._map.points.table, points, predicted, predicted, sigma)
         self._learn(sigma, found)
         return found.pose
-
-    def _predict(self, before: Pose2, after: Pose2) -> tuple[Pose2, Floats]:
-        """Apply the reported motion to the pose.
-
-        Returns:
-            The pose and its standard deviations, (3,) m, m and rad.
-        """
-        predicted = self._moved(self.pose, before, after)
-        turn = wrap_angle(after.yaw - before.yaw)
-        dx, dy = after.x - before.x, after.y - before.y
-        sigma_distance, sigma_turn = self.settings.rest_sigma
-        sigma_distance += self.settings.drift * math.hypot(dx, dy)
-        sigma_turn += self.settings.drift * abs(turn)
-        return predicted, np.array([sigma_distance, sigma_distance, sigma_turn])
 
     def _moved(self, pose: Pose2, before: Pose2, after: Pose2) -> Pose2:
         """Return a pose after the motion from one reported pose to another."""
@@ -188,16 +191,6 @@ class Slam:
             return pose.compose(after.relative_to(before))
         x, y = pose.x + after.x - before.x, pose.y + after.y - before.y
         return Pose2(x, y, wrap_angle(pose.yaw + after.yaw - before.yaw))
-
-    def _reckon(self, time: float, prior: Pose2 | None) -> None:
-        """Add the pose by the motion source alone, if it reports anything."""
-        if self.settings.motion_source == "none":
-            return
-        poses = self.dead_reckoning.poses
-        pose = poses[-1] if poses else self.pose
-        if poses and prior is not None and self._prior is not None:
-            pose = self._moved(pose, self._prior, prior)
-        self.dead_reckoning.add(time, pose)
 
     def _search(self, points: ScanPoints) -> Pose2:
         """Find the pose, knowing only how far a robot gets between scans."""
@@ -232,16 +225,6 @@ class Slam:
         settings = self.settings
         is_far = math.hypot(motion.x, motion.y) > settings.keyframe_distance
         return is_far or abs(motion.yaw) > settings.keyframe_angle
-
-    def _close_loop(self) -> None:
-        if self._fit is None:
-            return
-        closure = self._closer.closure(self._map, self._fit)
-        # the graph refuses a closure that contradicts those before
-        poses = None if closure is None else self._graph.close(*closure)
-        if poses is not None:
-            self.closures += 1
-            self._move(poses)
 
     def _anchor(self) -> None:
         due = (self._anchorings + 1) * ANCHOR_INTERVAL

@@ -100,7 +100,16 @@ def trajectory_errors(
     turned = _wrapped(poses[:, 2] - true[:, 2])
     steps = np.hypot(*np.diff(true[:, :2], axis=0).T)
     path = np.concatenate([[0.0], np.cumsum(steps)])
-    rpe, rpe_yaw = _relative_errors(poses, true, path, rpe_over)
+    # of all motions over that length of the path, each in the frame of its start
+    ends = np.searchsorted(path, path + rpe_over)
+    starts = np.flatnonzero(ends < len(path))
+    rpe = rpe_yaw = math.nan
+    if len(starts):
+        ends = ends[starts]
+        motions = _motions(poses[starts], poses[ends])
+        dx, dy, turn = (motions - _motions(true[starts], true[ends])).T
+        rpe = _root_mean_square(np.hypot(dx, dy))
+        rpe_yaw = _root_mean_square(_wrapped(turn))
     return TrajectoryErrors(
         poses=len(poses),
         length=float(path[-1]),
@@ -135,20 +144,6 @@ def _interpolated(truth: Trajectory, times: Floats) -> Floats:
     rows[:, 2] = np.unwrap(rows[:, 2])
     columns = [np.interp(times, known, column) for column in rows.T]
     return np.column_stack(columns)
-
-
-def _relative_errors(
-    poses: Floats, true: Floats, path: Floats, over: float
-) -> tuple[float, float]:
-    ends = np.searchsorted(path, path + over)
-    starts = np.flatnonzero(ends < len(path))
-    if not len(starts):
-        return math.nan, math.nan
-    ends = ends[starts]
-    motions = _motions(poses[starts], poses[ends])
-    true_motions = _motions(true[starts], true[ends])
-    dx, dy, turn = (motions - true_motions).T
-    return _root_mean_square(np.hypot(dx, dy)), _root_mean_square(_wrapped(turn))
 
 
 def _motions(starts: Floats, ends: Floats) -> Floats:

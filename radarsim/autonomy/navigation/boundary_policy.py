@@ -209,18 +209,15 @@ class Bug1Policy(BoundaryPolicy):
             blocked = not step.free and not self.missed
             return Decision.NO_PATH if blocked else Decision.LEAVE
         if self._travelled > self._return_length + 2 * slack:
-            return self._miss()
+            # It turns back once, for up to a whole circuit; then it leaves anywhere.
+            if self._turned_back:
+                self.missed = True
+                return Decision.LEAVE
+            self._turned_back = True
+            self._onward = not self._onward
+            self._return_length, self._travelled = self._perimeter, 0.0
+            return Decision.BACK
         return Decision.ONWARD
-
-    def _miss(self) -> Decision:
-        """Turn back once, for up to a whole circuit; after that leave from anywhere."""
-        if self._turned_back:
-            self.missed = True
-            return Decision.LEAVE
-        self._turned_back = True
-        self._onward = not self._onward
-        self._return_length, self._travelled = self._perimeter, 0.0
-        return Decision.BACK
 
 
 class Bug2Policy(BoundaryPolicy):

@@ -77,7 +77,9 @@ class Bug(Controller):
             self._starts = [observation.pose]
         if self._policy is None or self._boundary is None:
             if self._is_open(observation):
-                self._leaving = self._leaving and self._is_beside(observation)
+                near = self._settings.bumpers.safety_distance + GRAZE
+                is_beside = self._side_distance(observation) < near
+                self._leaving = self._leaving and is_beside
                 return self._towards(observation.pose, self.goals[0])
             self._policy, self._boundary = self._hit(observation)
         if self.activity is Activity.ALIGNING:
@@ -89,13 +91,14 @@ class Bug(Controller):
         return self._follow(observation, self._policy, self._boundary, driven)
 
     def _is_open(self, observation: Observation) -> bool:
-        return self._is_free(observation) and not self._is_grazed(observation)
-
-    def _is_free(self, observation: Observation) -> bool:
-        """Return whether no obstacle is between the robot and the goal."""
-        bearing = self._goal_bearing(observation.pose)
-        ahead = self._settings.bumpers.towards(observation, bearing)
-        return not ahead.blocked or self._is_beyond(observation, ahead.distance)
+        """Return whether nothing is in the way to the goal, nor too near beside it."""
+        bumpers, bearing = self._settings.bumpers, self._goal_bearing(observation.pose)
+        ahead = bumpers.towards(observation, bearing)
+        if ahead.blocked and not self._is_beyond(observation, ahead.distance):
+            return False
+        # a robot that has followed a boundary into a gap may go on in it
+        graze = 0.0 if self._leaving else GRAZE
+        return self._side_distance(observation) >= bumpers.safety_distance + graze
 
     def _is_hidden(
         self, observation: Observation, part: Observation, mode: FollowMode
@@ -117,18 +120,6 @@ class Bug(Controller):
         bumpers, goal = self._settings.bumpers, self._goal_bearing(observation.pose)
         sides = (goal - bumpers.width, goal + bumpers.width)
         return min(bumpers.towards(observation, side).distance for side in sides)
-
-    def _is_grazed(self, observation: Observation) -> bool:
-        """Return whether something beside the path to the goal is too near."""
-        # a robot that has followed a boundary into a gap may go on in it
-        graze = 0.0 if self._leaving else GRAZE
-        least = self._settings.bumpers.safety_distance + graze
-        return self._side_distance(observation) < least
-
-    def _is_beside(self, observation: Observation) -> bool:
-        """Return whether what was left is still beside the path to the goal."""
-        near = self._settings.bumpers.safety_distance + GRAZE
-        return self._side_distance(observation) < near
 
     def _hit(self, observation: Observation) -> tuple[BoundaryPolicy, FollowedBoundary]:
         pose, goal = observation.pose, self.goals[0]
@@ -204,10 +195,8 @@ class Bug(Controller):
         policy: BoundaryPolicy,
         boundary: FollowedBoundary,
     ) -> Twist:
-        """Conclude that there is no path, unless what was circled has gone.
-
-        Or unless it is not what was hit.
-        """
+        # There is no path, unless what was circled has driven away meanwhile, or is
+        # another obstacle than the one that was hit.
         has_gone = self._gone < _MOST_GONE and boundary.memory.has_gone(observation)
         is_other = self._others < _MOST_OTHERS and not boundary.is_what_was_hit(
             policy.circuit_start

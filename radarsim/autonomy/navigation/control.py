@@ -6,8 +6,9 @@ little later it gives up with an error that names what was missing.
 
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import Final, NoReturn, Protocol
+from typing import Final, Protocol
 
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.client import Client, RobotInfo
@@ -92,31 +93,27 @@ class StuckDetector:
         """
         elapsed = observation.time - self._last_time
         self._last_time = observation.time
-        self._check_distance(observation.pose, abs(twist.speed) * elapsed)
-        self._check_turn(observation.pose, abs(twist.turn) * elapsed)
-
-    def _check_distance(self, pose: Pose2, commanded: float) -> None:
+        pose, command = observation.pose, ""
+        # What is commanded counts, not the time: who waits is not stuck.
         if self._place is None or moved(self._place, pose) > _LEAST_MOVE:
             self._place, self._distance = pose, 0.0
-            return
-        self._distance += commanded
-        if self._distance > STUCK_AFTER:
-            _raise_stuck(self._place, f"go {STUCK_AFTER:g} m")
-
-    def _check_turn(self, pose: Pose2, commanded: float) -> None:
-        if self._heading is None or _has_moved(self._heading, pose):
-            self._heading, self._turn = pose, 0.0
-            return
-        self._turn += commanded
-        if self._turn > STUCK_AFTER_TURN:
-            _raise_stuck(self._heading, f"turn {math.degrees(STUCK_AFTER_TURN):.0f}°")
-
-
-def _raise_stuck(pose: Pose2, command: str) -> NoReturn:
-    raise NavigationError(
-        f"the robot stays at {pose.x:.2f} {pose.y:.2f}, told to {command}; perhaps"
-        " something is nearer than it is seen, and the safety distance too small"
-    )
+        else:
+            self._distance += abs(twist.speed) * elapsed
+            if self._distance > STUCK_AFTER:
+                pose, command = self._place, f"go {STUCK_AFTER:g} m"
+        if self._heading is None or _has_moved(self._heading, observation.pose):
+            self._heading, self._turn = observation.pose, 0.0
+        else:
+            self._turn += abs(twist.turn) * elapsed
+            if self._turn > STUCK_AFTER_TURN and not command:
+                degrees = math.degrees(STUCK_AFTER_TURN)
+                pose, command = self._heading, f"turn {degrees:.0f}°"
+        if command:
+            raise NavigationError(
+                f"the robot stays at {pose.x:.2f} {pose.y:.2f}, told to {command};"
+                " perhaps something is nearer than it is seen, and the safety distance"
+                " too small"
+            )
 
 
 class StandstillDetector:
@@ -209,7 +206,10 @@ class ControlLoop:
             if waited >= STOP_AFTER and not stopped:
                 self.drive(STOP)
                 stopped = True
-            reports = self._read((self._timeout if stopped else STOP_AFTER) - waited)
+            reports: list[Report] = []
+            with suppress(ClientTimeout):
+                left = (self._timeout if stopped else STOP_AFTER) - waited
+                reports = self._client.read(max(left, 0.001))
             newest = None  # of several scans that came at once: the others are stale
             for report in reports:
                 newest = self._source.take(report) or newest
@@ -221,9 +221,3 @@ class ControlLoop:
         missing = f"no {self._source.missing} within {self._timeout:g} s"
         cure = f"; {self._source.cure}" * bool(self._source.cure)
         raise ClientTimeout(f"{missing}, {came}; the robot was told to stop{cure}")
-
-    def _read(self, timeout: float) -> list[Report]:
-        try:
-            return self._client.read(max(timeout, 0.001))
-        except ClientTimeout:
-            return []

@@ -95,14 +95,13 @@ class Controller(ABC):
         pose = observation.pose
         driven = 0.0 if self._previous is None else moved(self._previous, pose)
         self._previous = pose
-        while not self.is_done and self._is_at_goal(pose):
+        at_goal = self._settings.tolerance
+        # goals may lie within the tolerance of each other
+        while not self.is_done and self._goal_distance(pose) <= at_goal:
             self.goals.pop(0)
             self._begin_goal(pose)
             self.activity = Activity.GOING if self.goals else Activity.REACHED
         return STOP if self.is_done else self._decide(observation, driven)
-
-    def _is_at_goal(self, pose: Pose2) -> bool:
-        return self._goal_distance(pose) <= self._settings.tolerance
 
     def _goal_distance(self, pose: Pose2) -> float:
         return distance(pose, *self.goals[0])

@@ -107,7 +107,7 @@ class Waiting:
         now = observation.time
         if twist.speed:
             self._ahead = math.copysign(1.0, twist.speed)
-        if self._is_crossed(observation):
+        if self._detect_crossing(observation):
             if now - self._crossed <= CONFIRMED_WITHIN:  # one scan may be in error
                 self._moved = now
             self._crossed = now
@@ -137,7 +137,7 @@ class Waiting:
             return STOP
         return Twist(forward * BACK_SPEED, 0.0)
 
-    def _is_crossed(self, observation: Observation) -> bool:
+    def _detect_crossing(self, observation: Observation) -> bool:
         """Return whether something that moves would come too near if the robot went."""
         reach = self._bumpers.pressed_below + MORE
         beams = self._detector.moving_beams(observation, reach)

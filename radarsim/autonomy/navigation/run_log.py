@@ -96,7 +96,21 @@ class RunLog:
 
     def add(self, step: NavigationStep) -> Row:
         """Record one scan, and return its row."""
-        row = _row(step)
+        observation, twist, pose = step.observation, step.twist, step.observation.pose
+        goal_x, goal_y = step.goal or (None, None)
+        row = Row(
+            observation.time,
+            pose.x,
+            pose.y,
+            wrap_angle(pose.yaw),
+            step.activity,
+            goal_x,
+            goal_y,
+            twist.speed,
+            twist.turn,
+            float(observation.ranges.min(initial=math.inf)),
+            " ".join(step.pressed),
+        )
         self._update(self.rows[-1] if self.rows else None, row)
         self.rows.append(row)
         columns, rows = np.floor(step.observation.points() / CELL).astype(np.int64).T
@@ -133,10 +147,17 @@ class RunLog:
 
     def as_csv(self) -> str:
         """Return a row for each scan; fields without a value are empty."""
+
+        def field(value: object) -> object:
+            if not isinstance(value, float):
+                return value
+            # plus zero, as -0.0 would be another text
+            return round(value, _DIGITS) + 0.0 if math.isfinite(value) else None
+
         text = io.StringIO(trace_header())
         text.seek(0, io.SEEK_END)
         writer = csv.writer(text, lineterminator="\n")
-        writer.writerows(map(_csv_value, astuple(row)) for row in self.rows)
+        writer.writerows(map(field, astuple(row)) for row in self.rows)
         return text.getvalue()
 
     def _update(self, previous: Row | None, row: Row) -> None:
@@ -158,27 +179,3 @@ def trace_header() -> str:
     """Return the first line of a trace, with its end."""
     names = (field.name for field in fields(Row))
     return ",".join(COLUMN_NAMES.get(name, name) for name in names) + "\n"
-
-
-def _row(step: NavigationStep) -> Row:
-    observation, twist = step.observation, step.twist
-    goal_x, goal_y = step.goal or (None, None)
-    return Row(
-        observation.time,
-        observation.pose.x,
-        observation.pose.y,
-        wrap_angle(observation.pose.yaw),
-        step.activity,
-        goal_x,
-        goal_y,
-        twist.speed,
-        twist.turn,
-        float(observation.ranges.min(initial=math.inf)),
-        " ".join(step.pressed),
-    )
-
-
-def _csv_value(value: object) -> object:
-    if not isinstance(value, float):
-        return value
-    return round(value, _DIGITS) + 0.0 if math.isfinite(value) else None

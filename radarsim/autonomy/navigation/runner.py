@@ -66,20 +66,18 @@ class ClearanceCheck:
         self._previous = observation.pose
         if self._is_first:
             self._is_first = False
-            self._check_start(observation)
+            nearest = min(each.distance for each in self._bumpers.read(observation))
+            if nearest < self._bumpers.safety_distance - START_NOISE:
+                place = (observation.pose.x, observation.pose.y)
+                self._raise("start", place, nearest)
         if goal is not None:
             self._check_goal(observation, goal)
-
-    def _check_start(self, observation: Observation) -> None:
-        nearest = min(each.distance for each in self._bumpers.read(observation))
-        if nearest < self._bumpers.safety_distance - START_NOISE:
-            pose = observation.pose
-            self._raise("start", (pose.x, pose.y), nearest)
 
     def _check_goal(self, observation: Observation, goal: Point) -> None:
         points = observation.points()
         distances = np.hypot(*(points - goal).T)
         safety_distance = self._bumpers.safety_distance
+        # seen from afar, by a pose that drifts: not all that seems near is
         unsure = min(GOAL_NOISE + DRIFT * self._travelled, safety_distance / 2)
         near = distances < safety_distance - unsure
         if not near.any():

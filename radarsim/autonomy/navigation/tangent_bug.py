@@ -148,20 +148,17 @@ class TangentBug(Controller):
         self._left_at, self._left, self._gone = math.inf, None, 0
 
     def _decide(self, observation: Observation, driven: float) -> Twist:
-        if self._boundary is None:
-            return self._go(observation)
-        return self._follow(observation, self._boundary, driven)
-
-    def _start_anew(self) -> None:
-        self.activity, self._boundary = Activity.GOING, None
-        self._edge, self._place, self._shortest_way = None, None, math.inf
-
-    def _go(self, observation: Observation) -> Twist:
-        """Head for the goal, or for the edge over which the way there is shortest."""
+        if self._boundary is not None:
+            return self._follow(observation, self._boundary, driven)
+        # straight to the goal, or to the edge over which the way there is shortest
         point = self._choose(observation)
         if point is None or self._is_held(observation, point):
             return self._hit(observation)
         return self._head_for(observation, point)
+
+    def _start_anew(self) -> None:
+        self.activity, self._boundary = Activity.GOING, None
+        self._edge, self._place, self._shortest_way = None, None, math.inf
 
     def _choose(self, observation: Observation) -> Point | None:
         """Choose the place to head for; None in a dead end."""
@@ -185,7 +182,7 @@ class TangentBug(Controller):
             edges = np.vstack([edges, self._edge])
         edges = edges[np.hypot(*(edges - self.goals[0]).T) < self._left_at]
         edge, way = self._best_edge(edges, directions, observation.pose)
-        if edge is None or not self._leads_on(edge, way, observation.pose):
+        if edge is None or not self._accept_way(edge, way, observation.pose):
             return None
         self._edge, self._shortest_way = edge, min(self._shortest_way, way)
         return edge
@@ -209,7 +206,7 @@ class TangentBug(Controller):
             return None, math.inf
         return (float(edges[best, 0]), float(edges[best, 1])), float(ways[best])
 
-    def _leads_on(self, edge: Point, way: float, pose: Pose2) -> bool:
+    def _accept_way(self, edge: Point, way: float, pose: Pose2) -> bool:
         """Return whether a way over an edge is no longer than it was, or leads nearer.
 
         A way may become longer when more of an obstacle comes into sight. Then the
@@ -260,19 +257,16 @@ class TangentBug(Controller):
             self._left.least = self._left.travelled + AGAIN
             return STOP
         self.activity = Activity.ALIGNING
-        mode = FollowMode(wall_on_left=self._is_left(observation))
-        self._boundary = FollowedBoundary(self._follower, mode)
-        return STOP
-
-    def _is_left(self, observation: Observation) -> bool:
-        """Return whether to follow a boundary on the left: on the shorter way."""
-        pose = observation.pose
+        # on the hand on which the way over what it sees is shorter
+        wall_on_left = self._settings.wall_on_left
         directions = OpenDirections(observation, self._radius)
         edge, _ = self._best_edge(directions.edges(), directions, pose)
-        if edge is None:
-            return self._settings.wall_on_left
-        offset = bearing_of(pose, *edge) - self._goal_bearing(pose)
-        return math.sin(offset) < 0
+        if edge is not None:
+            offset = bearing_of(pose, *edge) - self._goal_bearing(pose)
+            wall_on_left = math.sin(offset) < 0
+        mode = FollowMode(wall_on_left=wall_on_left)
+        self._boundary = FollowedBoundary(self._follower, mode)
+        return STOP
 
     def _follow(
         self, observation: Observation, boundary: FollowedBoundary, step: float

@@ -174,9 +174,12 @@ class WallFollower:
         heading = self._clear_heading(view, self._along(view, boundary))
         # It faces where it is to go, and yet something there is too near for a bumper:
         # it would stand forever.
-        if abs(heading) < ALIGNED and self.bumpers.towards(view, 0.0).too_near:
+        is_too_near = self.bumpers.towards(view, 0.0).too_near
+        if abs(heading) < ALIGNED and is_too_near:
             heading = self._way_out(view, heading)
-        return mode.robot_twist(self._move(view, heading)), True
+        twist = self.speed_limits.towards(max(-math.pi, min(math.pi, heading)))
+        speed = 0.0 if is_too_near else twist.speed
+        return mode.robot_twist(Twist(speed, twist.turn)), True
 
     def align(
         self, observation: Observation, mode: FollowMode, obstacle: float
@@ -292,28 +295,23 @@ class WallFollower:
 
     def _along(self, view: Observation, boundary: Boundary) -> float:
         """Return the heading that keeps the boundary abeam and at its distance, rad."""
-        # In a narrow gap its middle; where that is too near to both sides, the safety
-        # distance from the one that is followed.
-        half = max(self._gap(view, boundary) / 2, self.bumpers.safety_distance)
-        # A positive lean turns to the left, towards the boundary.
-        lean = DISTANCE_GAIN * (boundary.distance - min(self.target_distance, half))
-        lean = max(-MAX_LEAN, min(MAX_LEAN, lean))
-        return boundary.bearing - ABEAM + lean
-
-    def _gap(self, view: Observation, boundary: Boundary) -> float:
-        """Return the width from the boundary's nearest point to the other side, m."""
         # Seen along the boundary, the other side of a gap is on the right.
         offsets = wrap_angles(view.bearings - boundary.bearing + ABEAM)
         other = (offsets < -SIDE_ANGLE) & (offsets > SIDE_ANGLE - math.pi)
         # The boundary itself, seen at a flat angle far ahead, must not be taken for the
         # other side: so that begins ``SIDE_ANGLE`` off.
         other &= np.isfinite(view.ranges)
-        if not other.any():
-            return math.inf
         x, y = _end_points(view.bearings[other], view.ranges[other])
         x -= boundary.distance * math.cos(boundary.bearing)
         y -= boundary.distance * math.sin(boundary.bearing)
-        return float(np.hypot(x, y).min())
+        gap = float(np.hypot(x, y).min(initial=math.inf))
+        # In a narrow gap its middle; where that is too near to both sides, the safety
+        # distance from the one that is followed.
+        half = max(gap / 2, self.bumpers.safety_distance)
+        # A positive lean turns to the left, towards the boundary.
+        lean = DISTANCE_GAIN * (boundary.distance - min(self.target_distance, half))
+        lean = max(-MAX_LEAN, min(MAX_LEAN, lean))
+        return boundary.bearing - ABEAM + lean
 
     def _clear_heading(self, view: Observation, heading: float) -> float:
         """Turn a heading away from the boundary until the next step is clear.
@@ -348,12 +346,6 @@ class WallFollower:
             if not self.bumpers.towards(view, other).too_near:
                 return other
         return heading - ABEAM
-
-    def _move(self, view: Observation, heading: float) -> Twist:
-        twist = self.speed_limits.towards(max(-math.pi, min(math.pi, heading)))
-        if self.bumpers.towards(view, 0.0).too_near:
-            return Twist(0.0, twist.turn)
-        return twist
 
 
 def _end_points(bearings: Floats, ranges: Floats) -> tuple[Floats, Floats]:

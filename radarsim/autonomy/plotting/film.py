@@ -114,7 +114,9 @@ class GifEncoder:
         """Add a frame."""
         if self._shown is None:
             changed = np.ones(pixels.shape[:2], np.bool_)
-            self._start(pixels)
+            first = _quantised(pixels)
+            header, _ = GifImagePlugin.getheader(first, info={"loop": 0})
+            self._file.writelines(header)
         else:
             changed = (pixels != self._shown).any(axis=2)
         if not changed.any():
@@ -134,10 +136,6 @@ class GifEncoder:
         """Write what is left, and the end of the file."""
         self._write_waiting()
         self._file.write(b";")
-
-    def _start(self, pixels: Pixels) -> None:
-        header, _ = GifImagePlugin.getheader(_quantised(pixels), info={"loop": 0})
-        self._file.writelines(header)
 
     def _write_waiting(self) -> None:
         """Write the latest frame, now that it is known how long it is shown."""
@@ -334,7 +332,7 @@ class Film:
     def _next(self) -> Pixels | None:
         pixels = self._queue.get()
         if self._given_up.is_set():
-            raise _GivenUp
+            raise _GivenUp  # which leaves no file behind
         return pixels
 
 

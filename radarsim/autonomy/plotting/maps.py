@@ -161,7 +161,8 @@ class MapPanel:
         """Show a map, and the path so far, (N, 3) as in ``MapView``."""
         window = sensed_window(grid)
         self._image.show(_SHADES[grid.classes()[window]], extent_of(grid, window))
-        paths = _parted(path)
+        gaps = np.flatnonzero(np.isnan(path[:, 0]))  # as ``joined`` has put them
+        paths = [each[~np.isnan(each[:, 0])] for each in np.split(path, gaps)]
         for line, each in zip(self._paths, paths, strict=True):
             line.set_data(each[:, 0], each[:, 1])
         self._start.set_data(*np.array([each[0, :2] for each in paths]).T)
@@ -204,12 +205,6 @@ def joined(paths: Sequence[Floats]) -> Floats:
     gap = np.full((1, 3), np.nan)
     rows = [part for path in paths for part in (path, gap)]
     return np.concatenate(rows[:-1])
-
-
-def _parted(path: Floats) -> list[Floats]:
-    """Return the paths that ``joined`` has put together."""
-    gaps = np.flatnonzero(np.isnan(path[:, 0]))
-    return [part[~np.isnan(part[:, 0])] for part in np.split(path, gaps)]
 
 
 def draw_map_view(view: MapView) -> bytes:

@@ -137,9 +137,17 @@ class Panels:
             self.axes[0].set_ylabel("y, m", fontsize=text)
         self.scale_bar: list[Artist] = []
         self._draw_scale()
-        self.subtitles = [
-            self._write_subtitle(*each)
-            for each in zip(self.axes, subtitles, strict=bool(subtitles))
+        self.subtitles: list[Text] = [
+            axes.annotate(
+                subtitle,
+                (0.0, 1.0),
+                xytext=(0.0, _PAD),
+                xycoords="axes fraction",
+                textcoords="offset points",
+                fontsize=text,
+                parse_math=False,
+            )
+            for axes, subtitle in zip(self.axes, subtitles, strict=bool(subtitles))
         ]
         heads = [*self.titles, *self.subtitles]
         self._widest = float(max(_size_of(each, self.figure).width for each in heads))
@@ -206,13 +214,9 @@ class Panels:
         """Draw the scale bar anew."""
         for artist in self.scale_bar:
             artist.remove()
-        self.scale_bar = self._draw_scale_bar(self.axes[0])
-
-    def _draw_scale_bar(self, axes: Axes) -> list[Artist]:
-        """Draw a scale bar above the right corner of a panel, where it covers nothing.
-
-        ``annotations.draw_scale_bar`` would be in the way of the cells of a map.
-        """
+        # Above the right corner of a panel, where it covers nothing; that of
+        # ``annotations.draw_scale_bar`` would be in the way of the cells of a map.
+        axes = self.axes[0]
         west, east = axes.get_xlim()
         length = round_length(_BAR_SHARE * (east - west))
         place = offset_copy(
@@ -238,7 +242,7 @@ class Panels:
             fontsize=self._text,
             annotation_clip=False,
         )
-        return [bar, text]
+        self.scale_bar = [bar, text]
 
     def _write_title(self, axes: Axes, text: str, pad: float) -> Text:
         return axes.set_title(
@@ -247,17 +251,6 @@ class Panels:
             fontsize=self._text * _TITLE,
             fontweight="bold",
             pad=pad,
-            parse_math=False,
-        )
-
-    def _write_subtitle(self, axes: Axes, text: str) -> Text:
-        return axes.annotate(
-            text,
-            (0.0, 1.0),
-            xytext=(0.0, _PAD),
-            xycoords="axes fraction",
-            textcoords="offset points",
-            fontsize=self._text,
             parse_math=False,
         )
 

@@ -72,8 +72,14 @@ def marker_places(
         run_log: The run.
         is_over: Whether a goal that is not reached by now never will be.
     """
-    goals = [line.goal for line in run_log.goal_lines]
-    reached = len(goals) - _misses_goal(run_log, is_over=is_over)
+    goals, activity = (
+        [line.goal for line in run_log.goal_lines],
+        run_log.rows[-1].activity,
+    )
+    is_missed = activity is Activity.NO_PATH
+    if is_over:
+        is_missed = activity is not Activity.REACHED
+    reached = len(goals) - is_missed
     places = {
         START: [line.start for line in run_log.goal_lines[:1]],
         HIT: run_log.hit_points,
@@ -82,14 +88,6 @@ def marker_places(
         MISSED: goals[reached:],
     }
     return {style: points for style, points in places.items() if points}
-
-
-def _misses_goal(run_log: RunLog, *, is_over: bool) -> bool:
-    """Return whether the robot does not reach its latest goal."""
-    activity = run_log.rows[-1].activity
-    if is_over:
-        return activity is not Activity.REACHED
-    return activity is Activity.NO_PATH
 
 
 def draw_markers(

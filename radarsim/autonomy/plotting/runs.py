@@ -360,19 +360,17 @@ def _path_lines(run_log: RunLog) -> list[LineCollection]:
     for style in (GOING, FOLLOWING, RETURNING):
         chosen = np.array([one is style for one in styles], dtype=np.bool_)
         if chosen.any():
+            # joined where one ends at the next, so that lines have no gaps
+            mine = steps[chosen]
+            breaks = np.nonzero((mine[1:, 0] != mine[:-1, 1]).any(axis=1))[0] + 1
             lines = LineCollection(
-                _chains(steps[chosen]),
+                [
+                    np.concatenate([chain[:1, 0], chain[:, 1]])
+                    for chain in np.split(mine, breaks)
+                ],
                 colors=style.colour,
                 linewidths=style.width,
                 zorder=style.zorder,
             )
             drawn.append(lines)
     return drawn
-
-
-def _chains(steps: Floats) -> list[Floats]:
-    """Join consecutive steps, (S, 2, 2), so that lines have no gaps."""
-    breaks = np.nonzero((steps[1:, 0] != steps[:-1, 1]).any(axis=1))[0] + 1
-    return [
-        np.concatenate([chain[:1, 0], chain[:, 1]]) for chain in np.split(steps, breaks)
-    ]
