@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
 
@@ -14,7 +15,7 @@ from radarsim.errors import expected_one_of
 from radarsim.plans import RARE, Form, Option, read_numbers
 
 if TYPE_CHECKING:
-    from radarsim.addons.imports.imported_map import ImportedMap, ImportOptions
+    from radarsim.addons.imports.imported_map import ImportedMap
 
 Kind: TypeAlias = Literal["map_server", "sdf", "stage", "gltf", "ini"]
 
@@ -44,17 +45,34 @@ _Material = Annotated[tuple[str, str], Form("PATTERN=NAME", _read_pattern)]
 _Start = Annotated[tuple[float, float, float], Form("X,Y,YAW_DEG", _read_start)]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImportOptions:
+    """What files of other programs do not tell.
+
+    Attributes:
+        start: Pose of the start; by default where a plan has most room, else the
+            origin.
+        material: Material of objects with such names, as '*hedge*=hedge'; repeat it,
+            the first that fits counts.
+        default_material: Material of all else.
+        wall_height: Height of the walls of plans.
+        model_path: Folder with models or files that worlds include; repeat it.
+    """
+
+    start: _Start | None = None
+    material: Annotated[tuple[_Material, ...], RARE] = ()
+    default_material: Annotated[str, RARE] = "concrete"
+    wall_height: Annotated[float, Gt(0), Unit("m"), RARE] = 2.0
+    model_path: Annotated[tuple[Path, ...], Option(metavar="DIR", is_rare=True)] = ()
+
+
 def import_(
     file: Annotated[Path, Option(is_argument=True)],
     *,
     output: Annotated[Path, Option(names=("-o", "--output"))],
     kind: Annotated[Kind | None, Option(names=("--from",))] = None,
-    start: _Start | None = None,
     robot: Annotated[str | None, Option(metavar="CLASS")] = None,
-    material: Annotated[tuple[_Material, ...], RARE] = (),
-    default_material: Annotated[str, RARE] = "concrete",
-    wall_height: Annotated[float, Gt(0), Unit("m"), RARE] = 2.0,
-    model_path: Annotated[tuple[Path, ...], Option(metavar="DIR", is_rare=True)] = (),
+    options: ImportOptions,
     strict: Annotated[bool, RARE] = False,
 ) -> int:
     """Make a map, or a robot class, of a file of another program.
@@ -63,14 +81,8 @@ def import_(
         file: The file.
         output: The file to write.
         kind: Kind of the file; by default what its ending and its content tell.
-        start: Pose of the start; by default where a plan has most room, else the
-            origin.
         robot: Robot class to import, where a file has several.
-        material: Material of objects with such names, as '*hedge*=hedge'; repeat it,
-            the first that fits counts.
-        default_material: Material of all else.
-        wall_height: Height of the walls of plans.
-        model_path: Folder with models or files that worlds include; repeat it.
+        options: What it does not tell.
         strict: Write nothing, and exit with 1, if anything is left out.
 
     Returns:
@@ -81,15 +93,6 @@ def import_(
     if output.exists():
         text = f"{str(output)!r} exists, expected the name of a new file"
         raise click.BadParameter(text, param_hint="-o")
-    from radarsim.addons.imports.imported_map import ImportOptions
-
-    options = ImportOptions(
-        materials=dict(material),
-        default_material=default_material,
-        wall_height=wall_height,
-        model_paths=model_path,
-        start=start,
-    )
     kind = kind or _kind_of(file)
     warnings: list[str] = []
     if kind == "ini":
@@ -148,7 +151,7 @@ def _check_materials(options: ImportOptions, imported: ImportedMap) -> None:
 
     known = [*library_names(), *imported.materials]
     named = {"--default-material": [options.default_material]}
-    named["--material"] = list(options.materials.values())
+    named["--material"] = [name for _, name in options.material]
     for hint, names in named.items():
         for name in names:
             if name not in known:

@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Final
 
 import yaml
 
+from radarsim.addons.imports.commands import ImportOptions
 from radarsim.addons.imports.source_file import place, rounded
 from radarsim.errors import ForeignFileError, MapError
 from radarsim.geometry import Pose3
@@ -20,26 +20,6 @@ MAX_SHOWN: Final = 8  # names in a warning
 LEVEL: Final = 1e-7  # rad; less is taken for upright
 LONGEST_LINE: Final = 2**30  # characters: an object is on one line
 _DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ImportOptions:
-    """What files of other programs do not tell.
-
-    Attributes:
-        materials: Names of materials by patterns of names, as those of files, in any
-            case; the first that fits counts.
-        default_material: Material of all else.
-        wall_height: Height of what a plan shows, m.
-        model_paths: Folders with models that worlds include.
-        start: x, y, m, and yaw, degrees, of the start; None for one that fits.
-    """
-
-    materials: Mapping[str, str] = field(default_factory=dict)
-    default_material: str = "concrete"
-    wall_height: float = 2.0
-    model_paths: tuple[Path, ...] = ()
-    start: tuple[float, float, float] | None = None
 
 
 class ImportedMap:
@@ -70,7 +50,8 @@ class ImportedMap:
         self._source = source
         self._objects: list[dict[str, object]] = []
         self._names: dict[str, int] = {}
-        self._unused = dict.fromkeys(options.materials)  # patterns
+        self._patterns = dict(options.material)  # names of materials by patterns
+        self._unused = dict.fromkeys(self._patterns)
 
     def note(self, path: Path, line: int, text: str) -> None:
         """Note what is left out, or changed."""
@@ -83,7 +64,7 @@ class ImportedMap:
             name: The name.
             known: The material that it has without a pattern; None for the default.
         """
-        patterns = self.options.materials
+        patterns = self._patterns
         fitting = [p for p in patterns if fnmatchcase(name.casefold(), p.casefold())]
         for pattern in fitting:
             self._unused.pop(pattern, None)

@@ -14,7 +14,8 @@ from xml.parsers import expat
 
 from scipy.spatial.transform import Rotation
 
-from radarsim.addons.imports.imported_map import ImportedMap, ImportOptions
+from radarsim.addons.imports.commands import ImportOptions
+from radarsim.addons.imports.imported_map import ImportedMap
 from radarsim.addons.imports.source_file import (
     find_in,
     parse_numbers,
@@ -283,7 +284,7 @@ class _SdfFile:
         """Return the file or folder that a URI names; None if there is none."""
         if uri.startswith(_MODEL):
             reference = uri.removeprefix(_MODEL)
-            folders = self._map.options.model_paths
+            folders = self._map.options.model_path
         elif "://" in uri:
             return None
         else:

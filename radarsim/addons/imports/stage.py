@@ -14,7 +14,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from radarsim.addons.imports.imported_map import ImportedMap, ImportOptions
+from radarsim.addons.imports.commands import ImportOptions
+from radarsim.addons.imports.imported_map import ImportedMap
 from radarsim.addons.imports.plan_picture import (
     Mask,
     Plan,
@@ -150,7 +151,7 @@ def import_stage(path: Path, options: ImportOptions) -> ImportedMap:
         ForeignFileError: If it cannot be read, or is no world file.
     """
     imported = ImportedMap(path, options)
-    world = read_stage(path, options.model_paths, imported.notes)
+    world = read_stage(path, options.model_path, imported.notes)
     importer = _Importer(path, imported)
     for name in ("unit_length", "unit_angle"):
         if (unit := world.get(name)) and unit.text not in ("m", "meters", "degrees"):
@@ -165,7 +166,7 @@ class _Importer:
     """Adds the models of a world to a map."""
 
     def __init__(self, path: Path, imported: ImportedMap) -> None:
-        self._folders = (path.parent, *imported.options.model_paths)
+        self._folders = (path.parent, *imported.options.model_path)
         self._path = path
         self._map = imported
         self._count = 0
