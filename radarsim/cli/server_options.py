@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, Protocol
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal, Protocol
 
 import click
 
@@ -218,27 +218,6 @@ def load_host(
     check_item_settings(config)
     scene = load_map(map_)
     return Host(scene, config=config, seed=seed, begins=begins)
-
-
-def load_served_host(
-    map_: str | None,
-    *,
-    seed: int | None,
-    settings: Mapping[str, Mapping[str, Any]],
-    drive_unit: DriveUnit,
-) -> Host | None:
-    """Create the host of the map that another command is given, if it is.
-
-    Raises:
-        MapError: If the map is wrong.
-        click.BadParameter: If a setting of an item is wrong.
-    """
-    from radarsim.simulation.config import SimulationConfig
-
-    if map_ is None:
-        return None
-    config = SimulationConfig(drive_unit=drive_unit, item_settings=settings)
-    return load_host(map_, config, seed=seed or 0)
 
 
 def check_item_settings(config: SimulationConfig) -> None:

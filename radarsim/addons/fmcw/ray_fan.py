@@ -12,9 +12,8 @@ rays in every turn.
 What is narrower than a few cells would be met by few rays or none. So the cells in
 which something thin stands are divided further, in both angles, until enough rays meet
 it. A ray stands for the solid angle of its cell, so that the sum over all of them
-stays that over the beam.
-
-Directions: of things as a sensor sees them, and of its rays in the map.
+stays that over the beam. Where things stand is measured by their bounding boxes, as the
+antenna sees them.
 """
 
 import math

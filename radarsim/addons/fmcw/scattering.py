@@ -17,10 +17,8 @@ times the share that it takes.
 Gamma, albedo, reflection and slope are those of the materials of the map. Source: F. T.
 Ulaby, R. K. Moore and A. K. Fung, Microwave Remote Sensing, volume 2.
 
-Level ground: where it is, and how rays graze it.
-
-Open ground does not end at the edge of the map: a ray that passes over that edge meets
-it farther on.
+Rays graze level ground over a long way, so that it is treated apart. Open ground does
+not end at the edge of the map: a ray that passes over that edge meets it farther on.
 """
 
 import math

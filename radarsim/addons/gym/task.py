@@ -1,9 +1,7 @@
 """The task of all environments: drive to a goal by what the scanner sees.
 
 Everything is in arrays with a row for each robot, so that one robot and many are the
-same code.
-
-Random starts and goals on the floor that robots can get to.
+same code. Random starts and goals are drawn from the floor that robots can get to.
 """
 
 import math

@@ -2,8 +2,7 @@
 
 Source: the manual of Stage 4. A body is scaled to the size of its model, a floor plan
 so that its outermost dark pixels touch the edges; models in a model stand on top of it.
-
-Blocks of Stage's models: polygons with a bottom and a top.
+A body may consist of blocks, which are polygons with a bottom and a top.
 """
 
 import math

@@ -1,6 +1,6 @@
-"""The folder of a recording, and whether recordings can be written and read.
+"""The folder of a recording, what it is a recording of, and what is needed to read it.
 
-What a recording is of: everything that its run depends on besides its calls.
+A ``RecordingInfo`` has everything that a run depends on besides the calls of its host.
 """
 
 import hashlib

@@ -141,11 +141,14 @@ class RunRecording:
             MapError: If the map is wrong.
             click.BadParameter: If a setting of an item is wrong.
         """
-        from radarsim.cli.server_options import load_served_host
+        from radarsim.cli.server_options import load_host
+        from radarsim.simulation.config import SimulationConfig
 
-        unit = self._drive_unit
-        host = load_served_host(map_, seed=seed, settings=settings, drive_unit=unit)
-        if self.folder is not None and host is not None and map_ is not None:
+        if map_ is None:
+            return None
+        config = SimulationConfig(drive_unit=self._drive_unit, item_settings=settings)
+        host = load_host(map_, config, seed=seed or 0)
+        if self.folder is not None:
             from radarsim.addons.recording.bag_folder import RecordingInfo
 
             self._host = host
