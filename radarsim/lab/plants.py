@@ -36,8 +36,8 @@ from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.material import Material
-from radarsim.scene.plants.growth import SHRUB, PlantParameters
 from radarsim.scene.plants.plant import SEED, Plant, make_shrubs, plant_files
+from radarsim.scene.plants.species import SHRUB, PlantParameters
 from radarsim.scene.scene import Part, Scene
 
 POWER: Final = 1.0  # initial power of rays

@@ -17,12 +17,12 @@ from radarsim.errors import import_optional
 
 gymnasium = import_optional("gymnasium", extra="gym")
 
-from radarsim.addons.gym.goto_env import GoToEnv  # noqa: E402 - it needs Gymnasium
 from radarsim.addons.gym.settings import (  # noqa: E402
     GoToSettings,
     Transition,
     progress_reward,
 )
+from radarsim.addons.gym.single import GoToEnv  # noqa: E402 - it needs Gymnasium
 from radarsim.addons.gym.vector import VectorEnv  # noqa: E402
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ _TASKS: dict[str, dict[str, Any]] = {
 for _name, _settings in _TASKS.items():
     gymnasium.register(
         _name,
-        entry_point="radarsim.addons.gym.goto_env:GoToEnv",
+        entry_point="radarsim.addons.gym.single:GoToEnv",
         vector_entry_point="radarsim.addons.gym.vector:VectorEnv",
         kwargs=_settings,
     )

@@ -8,9 +8,9 @@ from gymnasium.spaces import Space
 from gymnasium.utils.seeding import np_random
 from numpy.typing import NDArray
 
-from radarsim.addons.gym.goto_env import Observation, Picture
+from radarsim.addons.gym.environment import GoToTask
 from radarsim.addons.gym.settings import GoToSettings
-from radarsim.addons.gym.task import GoToTask
+from radarsim.addons.gym.single import Observation, Picture
 from radarsim.errors import import_optional
 
 _Base: Any = import_optional("pettingzoo", extra="marl").ParallelEnv

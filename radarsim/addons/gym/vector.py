@@ -10,8 +10,8 @@ from gymnasium.vector import VectorEnv as GymnasiumVectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from radarsim.addons.gym.environment import GoToTask, Observations
 from radarsim.addons.gym.settings import GoToSettings
-from radarsim.addons.gym.task import GoToTask, Observations
 from radarsim.geometry import Floats
 
 Infos = dict[str, Any]

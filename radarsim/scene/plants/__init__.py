@@ -2,9 +2,9 @@
 
 Theory of operation
 ===================
-`growth` defines the shapes of plants, where a species is a `PlantParameters`, and grows
-the wood towards the ends of the twigs. `plant` turns it into closed tubes, places
-leaves around the ends, creates one shrub with foliage in
-three shapes, and encodes mesh files. `radarsim.lab.plants` calibrates the loss of each
-shape, so that all three let the same share of power through.
+`species` defines the kinds of plants, each by its `PlantParameters`. `growth` grows the
+wood towards the ends of the twigs. `plant` turns it into closed tubes, places leaves
+around the ends, creates one shrub with foliage in three shapes, and encodes mesh files.
+`radarsim.lab.plants` calibrates the loss of each shape, so that all three let the same
+share of power through.
 """

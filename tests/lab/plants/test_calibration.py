@@ -18,8 +18,8 @@ from radarsim.lab.plants import (
 from radarsim.raycast.rays import Rays
 from radarsim.rng import generator_for
 from radarsim.scene.material import Material
-from radarsim.scene.plants.growth import SHRUB
 from radarsim.scene.plants.plant import SHAPES
+from radarsim.scene.plants.species import SHRUB
 from radarsim.scene.scene import Part
 from radarsim.scene.shapes import box, cylinder, sphere
 

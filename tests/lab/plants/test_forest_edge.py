@@ -12,8 +12,8 @@ from radarsim.presets.robots import load_robot
 from radarsim.rng import generator_for
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles
-from radarsim.scene.plants.growth import SHRUB
 from radarsim.scene.plants.plant import SHAPES
+from radarsim.scene.plants.species import SHRUB
 from radarsim.scene.scene import Part, Scene
 from radarsim.sensors.scan import Scan
 from radarsim.simulation.simulation import Simulation

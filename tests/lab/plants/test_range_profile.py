@@ -7,7 +7,7 @@ import pytest
 
 from radarsim.lab.plants import BEFORE, HEIGHT, WALL, measure_plant
 from radarsim.scene.material import Material
-from radarsim.scene.plants.growth import SHRUB
+from radarsim.scene.plants.species import SHRUB
 from radarsim.scene.scene import Part
 from radarsim.scene.shapes import cylinder
 

@@ -8,15 +8,9 @@ import pytest
 from radarsim.geometry import Floats
 from radarsim.rng import generator_for
 from radarsim.scene.face_passes import connect_faces
-from radarsim.scene.plants.growth import (
-    SHRUB,
-    TREE,
-    YOUNG_TREE,
-    PlantParameters,
-    Skeleton,
-    grow,
-)
+from radarsim.scene.plants.growth import Skeleton, grow
 from radarsim.scene.plants.plant import ball, bark, tube
+from radarsim.scene.plants.species import SHRUB, TREE, YOUNG_TREE, PlantParameters
 from radarsim.scene.shapes import Faces, concatenate
 from radarsim.scene.topology import is_closed
 

@@ -7,7 +7,7 @@ from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.face_passes import connect_faces
 from radarsim.scene.material import Material
-from radarsim.scene.plants.growth import LEAVES, SHRUB, WOOD
+from radarsim.scene.plants.growth import LEAVES, WOOD
 from radarsim.scene.plants.plant import (
     SHAPES,
     TUFT_RADIUS,
@@ -15,6 +15,7 @@ from radarsim.scene.plants.plant import (
     make_plant,
     make_shrubs,
 )
+from radarsim.scene.plants.species import SHRUB
 from radarsim.scene.scene import Part
 from radarsim.scene.topology import is_closed
 
