@@ -112,12 +112,6 @@ def test_beam_count_follows_by_truncation_in_the_udk_dialect(
     assert int(printed_fov / float(message.get("Resolution") or "")) + 1 == beams
 
 
-@pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=lambda dialect: dialect.name)
-def test_range_that_is_not_finite_is_not_encoded(dialect: Dialect) -> None:
-    with pytest.raises(ValueError, match="number inf, expected less"):
-        RangeScan(1.0, "lms200", 0.1, 0.1, np.array([1.0, np.inf])).encode(dialect)
-
-
 UT2004 = COMPAT.of_generation("ut2004")
 DIALECTS = [COMPAT, UT2004, UDK]
 UNSTAMPED = [(UDK, Ins), (UT2004, Odometry), (UT2004, Encoder)]

@@ -91,11 +91,3 @@ def test_conversion_of_commanded_speeds(
 ) -> None:
     drive = WheelDrive(limit, unit)
     assert drive.spin(value, normalized=normalized) == pytest.approx(spin)
-
-
-def test_both_units_reach_the_top_speed_of_the_real_robot() -> None:
-    tops = [
-        WheelDrive(8.17).max_spin_rad_s,
-        WheelDrive(1.3, "rev_per_s").max_spin_rad_s,
-    ]
-    assert [0.098 * top for top in tops] == pytest.approx([0.80, 0.80], abs=1e-3)

@@ -54,11 +54,6 @@ def test_problem_of_the_top_level_has_place_and_expectation(
     [
         pytest.param("{}", "4: m.density: missing, expected 'opaque' or a number"),
         pytest.param(
-            "{density: -1.4}",
-            "14: m.density: -1.4, expected 'opaque' or a number, at least 0",
-        ),
-        pytest.param("{sheet_loss: -1}", "17: m.sheet_loss: -1, expected at least 0"),
-        pytest.param(
             "{density: opaque, sheet_loss: 1}",
             "34: m.sheet_loss: 1 with 'opaque',"
             " expected a density that is a number, or none",

@@ -192,8 +192,3 @@ def test_path_of_no_regular_file_is_told_as_such(tmp_path: Path) -> None:
         MapError, match=r"pipe\.yaml: not a regular file, expected a map"
     ):
         load_map(pipe)
-
-
-def test_variant_of_a_map_without_any_is_told_as_such() -> None:
-    with pytest.raises(MapError, match="'dust', but the map has no variants"):
-        load_map("empty_room@dust")

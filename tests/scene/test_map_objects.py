@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 from map_texts import objects, problems
 
-from radarsim.scene.build import LIMITS
 from radarsim.scene.material import library_names
 
 pytestmark = pytest.mark.usefixtures("mesh_folder")
@@ -241,14 +240,6 @@ def test_extent_of_all_objects_together_is_limited() -> None:
     )
     message = "1201.0 x 1.0 x 1.0 m, expected at most 1000 m in each direction"
     assert problems(text) == [f"m.yaml:7:3: objects: {message}"]
-
-
-def test_number_of_triangles_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(LIMITS, "triangles", 100)
-    row = "box: [1, 1, 1], material: leaf, repeat: {count: 5, step: [1, 0, 0]}"
-    text = objects(f"name: a, {row}", f"name: b, {row}")
-    message = "60 triangles, expected at most 100 in all, 40 more"
-    assert problems(text) == [f"m.yaml:8:5: objects.1: {message}"]
 
 
 def test_only_the_first_of_many_unknown_materials_of_a_mesh_are_told() -> None:

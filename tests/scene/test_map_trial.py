@@ -88,12 +88,6 @@ def test_trial_may_name_an_invalid_start() -> None:
     assert places == ["starts.0.position", "starts.1"]
 
 
-def test_all_problems_of_a_trial_are_found_in_one_run() -> None:
-    text = "trial: {start: Robot, goal: [1], safety_distance: 0}\n"
-    places = [problem.split(": ")[1] for problem in problems(HEAD + text)]
-    assert places == ["trial.goal", "trial.safety_distance", "trial.start"]
-
-
 def test_invalid_names_of_starts_are_not_proposed() -> None:
     text = HEAD.replace("RobotStart1", "Gate") + f"trial: {{{WHOLE}}}\n"
     first, second = problems(text)

@@ -154,16 +154,3 @@ def test_program_exits_on_a_signal_while_viewers_wait_for_pictures(
     finally:
         process.kill()
         process.wait()
-
-
-def test_program_reports_a_taken_port_in_one_line(
-    tmp_path: Path,
-) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = taken.getsockname()[1]
-        process = started(tmp_path, "empty_room", "--port", str(port))
-        out, errors = process.communicate(timeout=240)
-    assert process.returncode == 1
-    assert out == ""
-    assert errors.count("\n") == 1
-    assert f"cannot listen on 127.0.0.1:{port}: " in errors

@@ -5,7 +5,7 @@ import pytest
 from radarsim.errors import PresetError
 from radarsim.presets.robots import Item, load_robot
 from radarsim.presets.sensors import load_settings
-from radarsim.protocol.dialect import COMPAT, UDK, Dialect, WheelDrive
+from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.simulation.clock import TICK, seconds, ticks_of
 from radarsim.simulation.config import SimulationConfig
 
@@ -14,76 +14,12 @@ def item(name: str, class_name: str = "P3AT") -> Item:
     return next(i for i in load_robot(class_name).items if i.name == name)
 
 
-@pytest.mark.parametrize(
-    ("config", "drive"),
-    [
-        pytest.param(SimulationConfig(), WheelDrive(8.17, "rad_per_s"), id="compat"),
-        pytest.param(SimulationConfig(UDK), WheelDrive(1.3, "rev_per_s"), id="udk"),
-        pytest.param(
-            SimulationConfig(drive_unit="rev_per_s"),
-            WheelDrive(1.3, "rev_per_s"),
-            id="compat in turns",
-        ),
-        pytest.param(
-            SimulationConfig(UDK, drive_unit="rad_per_s"),
-            WheelDrive(8.17, "rad_per_s"),
-            id="udk in radians",
-        ),
-        pytest.param(
-            SimulationConfig(UDK, drive_unit="rev_per_s"),
-            WheelDrive(1.3, "rev_per_s"),
-            id="udk in its own unit",
-        ),
-    ],
-)
-def test_top_speed_is_the_same_in_both_drive_units(
-    config: SimulationConfig, drive: WheelDrive
-) -> None:
-    assert config.wheel_drive() == drive
-    assert drive.max_spin_rad_s == pytest.approx(8.17, abs=0.01)
-
-
-@pytest.mark.parametrize(
-    ("name", "class_name", "compat", "udk"),
-    [
-        pytest.param("lms200", "P3AT", 80, 20, id="radar"),
-        pytest.param("lms200", "P3AT_SICK", 80, 20, id="sick"),
-        pytest.param("Hokuyo", "P3AT_Compare", 4, 4, id="hokuyo"),
-        pytest.param("Scanner1", "P2AT", 80, 20, id="radar of a P2AT"),
-    ],
-)
-def test_default_max_range_depends_on_the_dialect(
-    name: str, class_name: str, compat: float, udk: float
-) -> None:
-    scanner = item(name, class_name)
-    assert SimulationConfig().scanner(scanner).settings.max_range == compat
-    assert SimulationConfig(UDK).scanner(scanner).settings.max_range == udk
-
-
 def test_item_settings_override_the_dialect() -> None:
     config = SimulationConfig(UDK, item_settings={"LMS200": {"max_range": 33}})
     assert config.scanner(item("lms200")).settings.max_range == 33
     assert config.scanner(item("lms200", "P3AT_SICK")).settings.max_range == 33
     full_circle = config.scanner(item("lms200", "P3AT_Radar360")).settings
     assert (full_circle.max_range, full_circle.fov_deg) == (33, 359)
-
-
-@pytest.mark.parametrize(
-    ("name", "class_name", "compat", "udk"),
-    [
-        pytest.param("lms200", "P3AT", 0.1, 0.2, id="radar"),
-        pytest.param("lms200", "P3AT_Hokuyo", 0.1, 0.3, id="hokuyo"),
-        pytest.param("InsTest", "P3AT", 0.1, 0.2, id="ins"),
-        pytest.param("TachTest", "P3AT", 0.1, 0.2, id="tachometer"),
-        pytest.param("GndTruth", "P3AT", 0.1, 0.1, id="ground truth"),
-        pytest.param("W1", "P3AT", 0.1, 0.1, id="encoder"),
-    ],
-)
-def test_intervals_depend_on_the_dialect(
-    name: str, class_name: str, compat: float, udk: float
-) -> None:
-    assert SimulationConfig().interval(item(name, class_name)) == compat
-    assert SimulationConfig(UDK).interval(item(name, class_name)) == udk
 
 
 def test_interval_of_an_item_overrides_the_dialect() -> None:

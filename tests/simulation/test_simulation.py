@@ -102,16 +102,6 @@ def test_scans_show_other_robots_but_not_the_own_one(empty_room: Scene) -> None:
     assert scan_after(simulation, one).ranges[90] == pytest.approx(18.4 - 0.2085)
 
 
-def test_smoke_blinds_the_laser_but_not_the_radar(smoke_room: Scene) -> None:
-    simulation = Simulation(smoke_room, config=EXACT)
-    vehicle = simulation.spawn("R1", load_robot("P3AT_Compare"), Pose2(-8, 0))
-    assert vehicle is not None
-    radar, laser = run(simulation, 10)[vehicle.number][-1][1].scans
-    assert (radar.name, laser.name) == ("lms200", "Hokuyo")
-    assert radar.ranges[-1] == pytest.approx(6.4)
-    assert laser.ranges.tolist() == [0.0] * 228
-
-
 def test_spawn_at_a_taken_place_uses_the_nearest_free_one(
     empty_room: Scene,
 ) -> None:
@@ -287,15 +277,6 @@ def test_robot_can_be_spawned_in_smoke(smoke_room: Scene) -> None:
     vehicle = Simulation(smoke_room).spawn("R1", load_robot("P3AT"), place)
     assert vehicle is not None
     assert vehicle.robot.pose == place
-
-
-def test_scanner_scans_at_its_rate(empty_room: Scene) -> None:
-    config = SimulationConfig(item_settings={"lms200": {"sensor": "k2pi"}})
-    simulation = Simulation(empty_room, config=config)
-    vehicle = spawned(simulation, Pose2(-8, 0))
-    outputs = run(simulation, 300)[vehicle.number]
-    when = [tick for tick, output in outputs if output.scans]
-    assert np.diff(when).tolist() == [100, 100]
 
 
 def test_echoes_for_watchers_are_listed_in_turns(empty_room: Scene) -> None:

@@ -104,10 +104,6 @@ ROWS = st.lists(
 ).map(lambda rows: sorted(rows, key=lambda row: row[0]))
 
 
-def test_scan_without_echoes_gives_one_empty_line() -> None:
-    assert lines_of([]) == (EchoLine(14.2, "lms200", 0, 0, None),)
-
-
 @given(rows=ROWS)
 def test_lines_are_numbered_from_one_to_their_count(rows: list[Row]) -> None:
     lines = lines_of(rows)
@@ -172,23 +168,6 @@ def test_lines_of_an_object_are_filled_in_turn(
         full, rest = divmod(parts.count(part), ECHOES_A_LINE)
         expected += [ECHOES_A_LINE] * full + [rest] * (rest > 0)
     assert [len(target.kinds) for target in targets_of(lines_of(rows))] == expected
-
-
-@pytest.mark.parametrize(
-    ("count", "sizes"),
-    [
-        pytest.param(1, [1], id="one"),
-        pytest.param(ECHOES_A_LINE, [ECHOES_A_LINE], id="as many as fit"),
-        pytest.param(ECHOES_A_LINE + 1, [ECHOES_A_LINE, 1], id="one more"),
-        pytest.param(2 * ECHOES_A_LINE, [ECHOES_A_LINE] * 2, id="two full lines"),
-    ],
-)
-def test_a_target_of_many_echoes_gets_several_lines(
-    count: int, sizes: list[int]
-) -> None:
-    targets = targets_of(lines_of([(beam, WALL) for beam in range(count)]))
-    assert [len(target.kinds) for target in targets] == sizes
-    assert {target.object for target in targets} == {"wall"}
 
 
 def test_object_of_two_materials_gets_two_lines() -> None:

@@ -77,13 +77,6 @@ def echo_values(message: Message) -> list[list[str]]:
     return [echo.split(",") for echo in (message.get("Echoes") or "").split()]
 
 
-@DIALECTS
-def test_no_echoes_without_a_request(foliage_room: Scene, dialect: Dialect) -> None:
-    assert (
-        echoes_in(spawn_client(foliage_room, dialect=dialect).receive_lines(60)) == []
-    )
-
-
 def test_requested_echoes_come_before_each_scan(foliage_room: Scene) -> None:
     client = spawn_client(foliage_room)
     assert client.send(ECHOES_ON) == []
@@ -385,13 +378,10 @@ def test_requested_scan_has_its_echoes(foliage_room: Scene) -> None:
 @DIALECTS
 @pytest.mark.parametrize("name", [b"", b" {Name LMS200}", b" {Name }"])
 @pytest.mark.parametrize("verb", [b"GETGEO", b"GETCONF"])
-@pytest.mark.parametrize("asks", [False, True])
 def test_geometry_and_settings_of_the_echoes_type_are_those_of_the_scanner(
-    foliage_room: Scene, dialect: Dialect, name: bytes, verb: bytes, asks: bool
+    foliage_room: Scene, dialect: Dialect, name: bytes, verb: bytes
 ) -> None:
     client = spawn_client(foliage_room, dialect=dialect)
-    if asks:
-        client.send(ECHOES_ON)
     answers = []
     for kind in (b"RangeScanner", b"echoEs"):
         assert client.send(verb + b" {Type " + kind + b"}" + name + b"\r\n") == []
@@ -399,14 +389,6 @@ def test_geometry_and_settings_of_the_echoes_type_are_those_of_the_scanner(
         answers.append(answer)
     assert answers[0].replace(b"RangeScanner", b"echoEs") == answers[1]
     assert answers[0] != answers[1]
-
-
-def test_unknown_scanner_of_echoes_gives_a_diagnostic(foliage_room: Scene) -> None:
-    client = spawn_client(foliage_room)
-    assert client.send(b"GETCONF {Type Echoes} {Name InsTest}\r\n") == [
-        ("no item", "no item of type 'Echoes' on this robot")
-    ]
-    assert client.receive_lines(1) == []
 
 
 @DIALECTS

@@ -135,17 +135,6 @@ def test_only_lower_case_true_is_true(host: Host) -> None:
     assert "{LightToggle True}" in run(host, number, 10)[0]
 
 
-def test_start_poses_have_four_decimals(host: Host) -> None:
-    number = host.connect()
-    assert host.take(number) == (
-        b"NFO {Gametype BotDeathMatch} {Level DM-EmptyRoom} {TimeLimit 20}\r\n"
-    )
-    host.receive(number, b"getstartposes\r\n")
-    assert host.take(number).startswith(
-        b"NFO {StartPoses 3} {RobotStart1 -8.0000,0.0000,"
-    )
-
-
 def test_only_the_status_is_sent_after_the_battery_runs_out(empty_room: Scene) -> None:
     weak = replace(UDK, battery_start=2.0)  # s; the real 20 minutes take too long
     host = Host(empty_room, config=SimulationConfig(weak))
