@@ -156,6 +156,15 @@ def test_number_of_a_group_that_cannot_be_written_is_an_error() -> None:
         encode_blocks([ReportBlock([], COMPAT, group, [1.0, math.nan, 0.0, 0.0])])
 
 
+def test_angles_of_any_size_are_wrapped() -> None:
+    turns = [k * math.pi / 3 + e for k in range(-50, 50) for e in (0, 1e-9, -1e-9)]
+    turns += [math.pi, -math.pi, 3 * math.pi, -3 * math.pi, 1e9, -1e9]
+    for angle in turns:
+        wrapped = COMPAT.ins.format(wrap_angle(angle))
+        line = encode(Ins(1.0, "I", Pose3(0, 0, 0, angle)), COMPAT).decode()
+        assert f"{{Orientation {wrapped},0.0000,0.0000}}" in line
+
+
 @pytest.mark.parametrize("dialect", DIALECTS)
 def test_numbers_of_a_report_come_from_its_attributes_in_order(
     dialect: Dialect,

@@ -122,6 +122,11 @@ def test_left_and_up_are_negative_on_the_wire() -> None:
     assert wrapped_pose_on_wire(pose) == (1.0, -2.0, -3.0, 0.1, -0.2, -0.3)
 
 
+def test_angles_on_the_wire_are_within_half_a_turn() -> None:
+    angles = wrapped_pose_on_wire(Pose3(1.0, 2.0, 3.0, 4.0, 5.0, 6.0))[3:]
+    assert angles == pytest.approx((4 - math.tau, math.tau - 5, math.tau - 6))
+
+
 @given(numbers=st.tuples(*[st.floats(-1e3, 1e3)] * 6))
 def test_pose_round_trips_over_the_wire(numbers: tuple[float, ...]) -> None:
     pose = pose_from_wire(numbers)
