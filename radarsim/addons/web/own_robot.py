@@ -212,7 +212,7 @@ class RobotClient(Client):
         if self._take in self._robot.listeners:
             self._robot.listeners.remove(self._take)
 
-    def spawn(self, *_: Any, **__: Any) -> None:
+    def spawn(self, *_: object, **__: object) -> None:
         """Take the robot that is there, where it is."""
 
     def robot_info(self, *, drive_unit: DriveUnit = "rad_per_s") -> RobotInfo:  # noqa: ARG002
