@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from radarsim.addons.recording.recording import Recording, load_recording
     from radarsim.errors import MapError, PresetError, RadarsimError
     from radarsim.geometry import Pose2, Pose3
-    from radarsim.plotting.comparison import compare
     from radarsim.plotting.plan import plot_scene as plot_scene
     from radarsim.plotting.scans import as_svg as as_svg
+    from radarsim.plotting.scans import compare
     from radarsim.plotting.scans import plot_scan as plot_scan
     from radarsim.raycast.attenuation import EventKind
     from radarsim.rng import generator_for
@@ -51,7 +51,7 @@ _MODULES = {
     "StartPose": "radarsim.scene.scene",
     "Target": "radarsim.sensors.scan",
     "as_svg": "radarsim.plotting.scans",
-    "compare": "radarsim.plotting.comparison",
+    "compare": "radarsim.plotting.scans",
     "generator_for": "radarsim.rng",
     "load_map": "radarsim.scene.map_file",
     "load_recording": "radarsim.addons.recording.recording",

@@ -17,7 +17,7 @@ from radarsim.errors import MissingPackage
 OWN: Final[dict[str, dict[str, str]]] = {
     # Tables of commands, in the order of 'radarsim --help'.
     "radarsim.commands": {
-        "core": "radarsim.cli.core_commands:COMMANDS",
+        "core": "radarsim.cli.entries:COMMANDS",
         "autonomy": "radarsim.autonomy.commands:COMMANDS",
         "addons": "radarsim.addons.commands:COMMANDS",
         "lab": "radarsim.lab.commands:COMMANDS",

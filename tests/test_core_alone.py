@@ -118,6 +118,14 @@ def test_help_lists_the_commands_of_the_core_alone(core: Path) -> None:
     assert listed.isdisjoint({"navigate", "map", "ros", "commander", "study", "bench"})
 
 
+def test_option_of_an_absent_part_names_the_part(core: Path) -> None:
+    done = run(core, "radarsim", "serve", "empty_room", "--web", "0")
+    assert done.returncode == 2
+    assert done.stderr == (
+        "radarsim: --web: radarsim.addons.web.commands is not installed\n"
+    )
+
+
 @pytest.mark.parametrize(
     ("name", "part"),
     [

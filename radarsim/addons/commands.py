@@ -2,8 +2,7 @@
 
 from typing import Final
 
-from radarsim.cli.core_commands import MAPS, SERVING
-from radarsim.cli.entries import CommandEntry
+from radarsim.cli.entries import MAPS, SERVING, CommandEntry
 
 COMMANDS: Final = (
     CommandEntry(

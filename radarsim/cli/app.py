@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import click
 
-from radarsim import __version__
+from radarsim import __version__, plugins
 from radarsim.cli.command import PlanCommand, shown_name
 from radarsim.cli.completion import completion_options
 from radarsim.cli.config_file import describe_place
@@ -31,7 +31,10 @@ def describe_usage_error(error: click.UsageError) -> str:
     """Return what is wrong with a command line; empty if its help was printed."""
     ctx = error.ctx
     if isinstance(error, click.MissingParameter):
-        return f"missing: {', '.join(_missing(ctx))}{_see_help(ctx)}"
+        missing = ["COMMAND"]
+        if ctx is not None and isinstance(ctx.command, PlanCommand):
+            missing = ctx.command.missing(ctx)
+        return f"missing: {', '.join(missing)}{_see_help(ctx)}"
     if isinstance(error, click.NoSuchOption):
         return _describe_unknown_option(error)
     if isinstance(error, click.BadOptionUsage):
@@ -47,12 +50,6 @@ def describe_usage_error(error: click.UsageError) -> str:
     return describe_place(error) or text
 
 
-def _missing(ctx: click.Context | None) -> list[str]:
-    if ctx is None or not isinstance(ctx.command, PlanCommand):
-        return ["COMMAND"]
-    return ctx.command.missing(ctx)
-
-
 def _see_help(ctx: click.Context | None) -> str:
     return "" if ctx is None else f"; see '{ctx.command_path} --help'"
 
@@ -61,6 +58,15 @@ def _describe_unknown_option(error: click.NoSuchOption) -> str:
     name, ctx = error.option_name, error.ctx
     params = ctx.command.get_params(ctx) if ctx is not None else []
     known = [each for param in params for each in param.opts if each.startswith("--")]
+    # What was once said so, or what users of other programs try.
+    if name in ("--host", "--port") and "--connect" in known:
+        return f"{name!r}, expected --connect HOST:PORT"
+    if name in ("--map", "--maps", "--serve") and "MAP" in map(shown_name, params):
+        return f"{name!r}, expected MAP as an argument, without an option"
+    part = name.removeprefix("--").partition("-")[0]
+    owner = plugins.OWN["radarsim.serve"].get(part, "").partition(":")[0]
+    if owner and not plugins.has("radarsim.serve", part):
+        return f"{name}: {owner} is not installed"
     continued = [each for each in known if each.startswith(name)]
     meant = did_you_mean(name, continued) or did_you_mean(name, known)
     return f"{name!r}, expected another option{meant or _see_help(ctx)}"

@@ -141,7 +141,6 @@ def check(map_: MapName, *, plot: Path | None = None, strict: bool = False) -> i
     if plot is not None:
         form = check_ending(plot, PICTURE_FORMS, "--plot")
         check_writable(plot, "--plot")
-    from radarsim.cli.check import summarise
     from radarsim.scene.map_file import load_variants
     from radarsim.simulation.map_warnings import occupied_starts, trial_warnings
 

@@ -41,7 +41,14 @@ def drive(
     from radarsim.client.teleop.teleop import TeleopSettings
     from radarsim.client.teleop.teleop import drive as drive_robot
 
-    if problem := _terminal_problem():
+    problem = ""
+    for name, stream in (("stdout", sys.stdout), ("stdin", sys.stdin)):
+        if not stream.isatty():
+            problem = f"{name} is no terminal"
+    terminal = os.environ.get("TERM", "")
+    if terminal in ("dumb", "unknown"):
+        problem = problem or f"terminal {terminal!r} cannot place text"
+    if problem:
         print_message(f"{problem}, expected a terminal to drive at")
         return 2
     check_robot(robot, served=None)
@@ -50,14 +57,3 @@ def drive(
     start_log(logging.WARNING, MESSAGE_FORM)
     on_start = partial(set_exit_code_of_sigterm, 0)
     return asyncio.run(drive_robot(*server.connect, settings, on_start))
-
-
-def _terminal_problem() -> str | None:
-    """Return why this terminal cannot show the panel; None if it can."""
-    for name, stream in (("stdin", sys.stdin), ("stdout", sys.stdout)):
-        if not stream.isatty():
-            return f"{name} is no terminal"
-    terminal = os.environ.get("TERM", "")
-    if terminal in ("dumb", "unknown"):
-        return f"terminal {terminal!r} cannot place text"
-    return None

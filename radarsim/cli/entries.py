@@ -1,5 +1,6 @@
 """Entries of commands: what ``radarsim --help`` shows without importing them.
 
+Those of the core are here.
 A package hands in its commands by an entry point of the group ``radarsim.commands``,
 which names a list of entries in a module that imports nothing heavy::
 
@@ -18,7 +19,13 @@ from radarsim import plugins
 from radarsim.cli.command import PlanCommand
 from radarsim.errors import MissingPackage
 
-COMMANDS: Final = "radarsim.commands"
+GROUP: Final = "radarsim.commands"  # of entries
+# Headings of commands in ``radarsim --help``.
+SERVING: Final = "Serve and drive"
+MAPS: Final = "Maps and sensors"
+AUTONOMY: Final = "Autonomous robots"
+RESULTS: Final = "Results"
+PROGRAM: Final = "Program"
 # Commands of parts that can be absent: whoever asks for one hears what it needs.
 BEYOND_THE_CORE: Final = {
     "autonomy": ("navigate", "map", "trials"),
@@ -44,9 +51,20 @@ class CommandEntry:
     group: str = "Other commands"
 
     def load(self) -> click.Command:
-        """Import the command."""
+        """Import the command.
+
+        Raises:
+            MissingPackage: If its part of the program is absent.
+        """
         module, _, name = self.target.partition(":")
-        found = getattr(import_module(module), name)
+        try:
+            found = getattr(import_module(module), name)
+        except ModuleNotFoundError as error:
+            # A folder may have been left out; other packages say which extra they need.
+            if not (error.name or "").startswith("radarsim."):
+                raise
+            text = f"{self.name}: {error.name} is not installed"
+            raise MissingPackage(text) from error
         if isinstance(found, click.Command):
             return found
         return PlanCommand(self.name.split()[-1], found)
@@ -59,16 +77,80 @@ def check_part_of(command: str) -> None:
         MissingPackage: If it is not.
     """
     for part, names in BEYOND_THE_CORE.items():
-        if command in names and not plugins.has(COMMANDS, part):
+        if command in names and not plugins.has(GROUP, part):
             raise MissingPackage(f"{command}: radarsim.{part} is not installed")
 
 
 def load_entries() -> Iterator[CommandEntry]:
     """Yield the entries of the parts that are there, then of other packages."""
-    own = plugins.OWN[COMMANDS]
+    own = plugins.OWN[GROUP]
     order = list(own)
     for name in sorted(
-        plugins.names(COMMANDS),
+        plugins.names(GROUP),
         key=lambda each: order.index(each) if each in own else len(order),
     ):
-        yield from plugins.load(COMMANDS, name)
+        yield from plugins.load(GROUP, name)
+
+
+COMMANDS: Final = (
+    CommandEntry(
+        "serve",
+        "radarsim.cli.serve:serve",
+        "Serve a map to USARSim clients until interrupted.",
+        SERVING,
+    ),
+    CommandEntry(
+        "drive",
+        "radarsim.cli.drive:drive",
+        "Drive a robot from the keyboard, and see what it senses.",
+        SERVING,
+    ),
+    CommandEntry(
+        "demo",
+        "radarsim.cli.first_steps:demo",
+        "Draw what radar and laser see of a room behind bushes, in one picture.",
+        MAPS,
+    ),
+    CommandEntry(
+        "check",
+        "radarsim.cli.check:check",
+        "Read a map and print what is in it, or all its errors.",
+        MAPS,
+    ),
+    CommandEntry(
+        "new",
+        "radarsim.cli.first_steps:new",
+        "Write a small map to start your own from, with comments.",
+        MAPS,
+    ),
+    CommandEntry(
+        "scan",
+        "radarsim.cli.scan:scan",
+        "Scan a map without a server.",
+        MAPS,
+    ),
+    CommandEntry(
+        "explain",
+        "radarsim.cli.explain:explain",
+        "Print everything that one beam meets.",
+        MAPS,
+    ),
+    CommandEntry(
+        "sensors",
+        "radarsim.cli.presets:sensors",
+        "List the sensors: their numbers, sources and confidence.",
+        MAPS,
+    ),
+    CommandEntry(
+        "materials",
+        "radarsim.cli.presets:materials",
+        "List the library of materials: their numbers, sources and confidence.",
+        MAPS,
+    ),
+    CommandEntry(
+        "docs",
+        "radarsim.cli.first_steps:docs",
+        "Show a page of the manual; without a topic, the list of topics.",
+        PROGRAM,
+    ),
+)

@@ -119,15 +119,26 @@ def explain_beam(
     if scan.targets is not None:  # its power is in decibels
         one = cast.ray_classes[0].power_per_db
         power = float(cast.power[0]) / one
-        events = [_in_units(event, one) for event in events]
-    echoes = scan.echoes
+        events = [
+            replace(each, power=each.power / one, absorbed=each.absorbed / one)
+            for each in events
+        ]
+    echoes, targets = scan.echoes, None
+    if scan.targets is not None:
+        rows = np.flatnonzero(scan.targets.beams == beam)
+        targets = [
+            {"range": float(scan.targets.ranges[k]), "dbm": float(scan.targets.dbm[k])}
+            for k in rows
+        ]
     rain = (echoes.beams == beam) & (echoes.kinds == EventKind.RAIN)
+    # What a detector reads is of all rays of a beam, whether or not they are combined.
+    together = echoes.settings.combines_rays and scan.targets is None
     return {
         "sensor": scanner.name,
         "beam": beam,
         "angle": float(scanner.angles[beam]),
         "ray": None if scan.rays is None else int(scan.rays[beam]),
-        "one_of": _rays_together(scan),
+        "one_of": echoes.settings.rays_per_beam if together else 1,
         "origin": cast.origins[0].tolist(),
         "direction": cast.directions[0].tolist(),
         **_explain_events(events, tracer.parts, power),
@@ -136,33 +147,9 @@ def explain_beam(
         "rain": float(echoes.ranges[rain][0]) if rain.any() else None,
         "return_mode": settings.return_mode,
         "detector": settings.detector,
-        "targets": _targets(scan, beam),
+        "targets": targets,
         "air": tracer.densities(scan.cast.ray_classes[0])[1] / one,
     }
-
-
-def _in_units(event: Event, unit: float) -> Event:
-    """Return an event with its powers in other units."""
-    return replace(event, power=event.power / unit, absorbed=event.absorbed / unit)
-
-
-def _rays_together(scan: Scan) -> int:
-    """Return how many rays of a beam answer together."""
-    settings = scan.echoes.settings
-    together = settings.combines_rays and scan.targets is None
-    return settings.rays_per_beam if together else 1
-
-
-def _targets(scan: Scan, beam: int) -> list[dict[str, float]] | None:
-    """Return what a detector found in a beam; None for a scanner without one."""
-    targets = scan.targets
-    if targets is None:
-        return None
-    rows = np.flatnonzero(targets.beams == beam)
-    return [
-        {"range": float(targets.ranges[row]), "dbm": float(targets.dbm[row])}
-        for row in rows
-    ]
 
 
 def _explain_events(
@@ -172,23 +159,34 @@ def _explain_events(
     from radarsim.raycast.attenuation import EventKind
 
     crossings: list[dict[str, Any]] = []
-    entered: dict[int, dict[str, Any]] = {}
+    entered: dict[int, dict[str, Any]] = {}  # volumes that it is in, by their parts
     mirrors: list[dict[str, Any]] = []
     for event in events[:-1]:
-        if event.kind is EventKind.SHEET:
-            crossings.append(_sheet_row(event, parts))
-        elif event.kind is EventKind.MIRRORED:
-            mirrors.append(_mirror_row(event, parts))
+        part, before = parts[event.part], _finite(event.power)
+        after = _finite(event.power - event.absorbed)
+        what = {"object": part.object_name, "material": part.material.name}
+        powers = {"power_before": before, "power_after": after}
+        if event.kind is EventKind.MIRRORED:
+            place = {"at": event.t, "position": list(event.position)}
+            mirrors.append({**what, **place, **powers})
         elif event.kind is EventKind.LEAVE:
-            entered.pop(event.part).update(exit=event.t, power_after=_power(event))
+            entered.pop(event.part).update(exit=event.t, power_after=before)
         else:
-            row = _row(event, parts)
-            row["starts_inside"] = event.kind is EventKind.START_INSIDE
-            entered[event.part] = row
-            crossings.append(entered[event.part])
+            is_sheet = event.kind is EventKind.SHEET
+            row = {
+                **what,
+                "starts_inside": event.kind is EventKind.START_INSIDE,
+                "entry": event.t,
+                "exit": event.t if is_sheet else None,
+                "power_before": before,
+                "power_after": after if is_sheet else before,
+            }
+            crossings.append(row)
+            if not is_sheet:
+                entered[event.part] = row
     end = events[-1]
     for row in entered.values():
-        row["power_after"] = _power(end)
+        row["power_after"] = _finite(end.power)
     # Behind the end of the ray, less what is absorbed there.
     left = _finite(end.power - end.absorbed)
     if end.kind is EventKind.ABSORBED:
@@ -203,41 +201,6 @@ def _explain_events(
         "material": parts[end.part].material.name if end.part >= 0 else None,
         "power_left": left,
     }
-
-
-def _row(event: Event, parts: Sequence[Part]) -> dict[str, Any]:
-    """Return the row of a volume that the ray enters."""
-    part = parts[event.part]
-    return {
-        "object": part.object_name,
-        "material": part.material.name,
-        "starts_inside": False,
-        "entry": event.t,
-        "exit": None,
-        "power_before": _power(event),
-        "power_after": _power(event),
-    }
-
-
-def _sheet_row(event: Event, parts: Sequence[Part]) -> dict[str, Any]:
-    after = _finite(event.power - event.absorbed)
-    return {**_row(event, parts), "exit": event.t, "power_after": after}
-
-
-def _mirror_row(event: Event, parts: Sequence[Part]) -> dict[str, Any]:
-    part = parts[event.part]
-    return {
-        "object": part.object_name,
-        "material": part.material.name,
-        "at": event.t,
-        "position": list(event.position),
-        "power_before": _power(event),
-        "power_after": _finite(event.power - event.absorbed),
-    }
-
-
-def _power(event: Event) -> float | None:
-    return _finite(event.power)
 
 
 def _finite(value: float) -> float | None:

@@ -1,7 +1,8 @@
 """Files that commands write, and whether they can."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
@@ -75,6 +76,18 @@ def write_file(path: Path, data: bytes, hint: str = "-o") -> None:
         reason = _obstacle_to_writing(path) or describe_os_error(error)
         text = f"cannot write {path}: {reason}"
         raise click.BadParameter(text, param_hint=hint) from None
+
+
+@contextmanager
+def without_empty_folder(folder: Path) -> Iterator[None]:
+    """Remove a folder in the end that was not there before, if nothing is in it."""
+    is_new = not os.path.lexists(folder)  # which raises nothing
+    try:
+        yield
+    finally:
+        if is_new:
+            with suppress(OSError):
+                folder.rmdir()
 
 
 def _obstacle_to_writing(path: Path) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Final, TypeVar
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from radarsim.scene.material import LibraryEntry
 
 _Preset = TypeVar("_Preset")
+_ANY_WIDTH: Final = 10_000  # columns
 _UNITS: Final = {"g_per_m3": "g/m3", "mm_per_h": "mm/h"}
 
 _Names = Annotated[tuple[str, ...], Option(is_argument=True, metavar="NAME")]
@@ -44,7 +46,7 @@ def sensors(names: _Names = (), *, as_json: Json = False) -> None:
                     number["value"] = None
         click.echo(json.dumps(plain, indent=2, allow_nan=False))
         return
-    console = Console(soft_wrap=False)
+    console = _console()
     if not names:
         console.print(_sensor_overview(chosen), "")
     for name, each in chosen.items():
@@ -68,11 +70,19 @@ def materials(names: _Names = (), *, as_json: Json = False) -> None:
         plain = {name: entry.model_dump() for name, entry in chosen.items()}
         click.echo(json.dumps(plain, indent=2, allow_nan=False))
         return
-    console = Console(soft_wrap=False)
+    console = _console()
     if not names:
         console.print(_material_overview(chosen), "")
     for name, entry in chosen.items():
         console.print(_details(f"{name}: {entry.about}", "number", entry.numbers))
+
+
+def _console() -> Console:
+    """Return where tables are printed: a pipe, unless told otherwise, has any width."""
+    console = Console()
+    if console.is_terminal or "COLUMNS" in os.environ:
+        return console
+    return Console(width=_ANY_WIDTH)
 
 
 def _choose(

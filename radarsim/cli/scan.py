@@ -130,7 +130,8 @@ def scan(
 ) -> None:
     """Scan a map without a server.
 
-    Into a file or a pipe it writes all numbers, at a terminal a summary of them.
+    Into a file or a pipe it writes all numbers, and so with --format; else a terminal
+    gets a summary of them.
 
     Args:
         map_: A map file, or the name of a shipped map; @VARIANT may follow.
@@ -150,14 +151,15 @@ def scan(
     pose = plan.find_pose(scene)
     rng = generator_for(plan.seed, plan.sensor)
     scans = [scanner.scan(scene, pose, rng) for _ in range(count)]
+    is_terminal = sys.stdout.isatty()
     if output is not None:
         write_file(output, _as_bytes(scans, scene, plan.start, chosen))
-    elif not sys.stdout.isatty():
-        sys.stdout.buffer.write(_as_bytes(scans, scene, plan.start, chosen))
-    elif chosen.is_picture:
+    elif is_terminal and chosen.is_picture:
         raise click.BadParameter("a picture for a terminal, expected -o FILE")
-    else:
+    elif is_terminal and format_ is None:
         print_lines(_summary(scans))
+    else:
+        sys.stdout.buffer.write(_as_bytes(scans, scene, plan.start, chosen))
 
 
 def _summary(scans: list[Scan]) -> list[str]:

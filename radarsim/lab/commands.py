@@ -2,8 +2,7 @@
 
 from typing import Final
 
-from radarsim.cli.core_commands import RESULTS
-from radarsim.cli.entries import CommandEntry
+from radarsim.cli.entries import RESULTS, CommandEntry
 
 COMMANDS: Final = (
     CommandEntry(

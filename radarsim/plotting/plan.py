@@ -6,7 +6,7 @@ Robots in it are drawn as seen from above.
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import shapely
@@ -18,10 +18,16 @@ from matplotlib.path import Path
 from shapely import Geometry
 
 from radarsim.geometry import Floats, Pose2
-from radarsim.plotting.annotations import HALO, as_words, draw_scale_bar, write_title
 from radarsim.plotting.palette import MARKER, ROBOT, Family, family_of
-from radarsim.plotting.style import Legend, area_style
-from radarsim.presets.robots import RobotModel, load_robot
+from radarsim.plotting.style import (
+    Legend,
+    area_style,
+    as_words,
+    draw_scale_bar,
+    write_at,
+    write_title,
+)
+from radarsim.presets.robots import load_robot
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import slice_mesh
 from radarsim.scene.material import Material
@@ -67,37 +73,25 @@ def draw_robot(
     model = load_robot(class_name)
     hull = Footprint(model.length, model.width)
     tyre = Footprint(2 * model.wheel_radius, _TYRE)
-    drawn = [_robot_patch(axes, hull, pose, ROBOT, zorder)]
-    drawn += [
-        _robot_patch(axes, tyre, wheel, MARKER, zorder + 0.1)
-        for wheel in _wheels(model, pose)
-    ]
-    x, y = model.length / 2, model.width / 5
-    corners = [_at(pose, *place) for place in ((x, 0.0), (x / 2, y), (x / 2, -y))]
-    wedge = Polygon(corners, facecolor=MARKER, zorder=zorder + 0.2)
-    axes.add_patch(wedge)
-    return [*drawn, wedge]
-
-
-def _robot_patch(
-    axes: Axes, shape: Footprint, pose: Pose2, colour: str, zorder: float
-) -> Polygon:
-    corners = shape.outline(pose)[:, 0]
-    patch = Polygon(corners, facecolor=colour, edgecolor=MARKER, linewidth=0.8)
-    patch.set_zorder(zorder)
-    axes.add_patch(patch)
-    return patch
-
-
-def _wheels(model: RobotModel, pose: Pose2) -> list[Pose2]:
     ahead, aside = model.wheel_base / 2, model.wheel_separation / 2
-    places = ((ahead, aside), (ahead, -aside), (-ahead, aside), (-ahead, -aside))
-    return [Pose2(*_at(pose, *place), pose.yaw) for place in places]
-
-
-def _at(pose: Pose2, ahead: float, aside: float) -> tuple[float, float]:
-    place = pose.compose(Pose2(ahead, aside))
-    return place.x, place.y
+    wheels = ((ahead, aside), (ahead, -aside), (-ahead, aside), (-ahead, -aside))
+    shapes = [(hull, (0.0, 0.0), ROBOT, zorder)]
+    shapes += [(tyre, wheel, MARKER, zorder + 0.1) for wheel in wheels]
+    drawn = []
+    for shape, (x, y), colour, order in shapes:
+        place = pose.compose(Pose2(x, y))
+        corners = shape.outline(Pose2(place.x, place.y, pose.yaw))[:, 0]
+        patch = Polygon(corners, facecolor=colour, edgecolor=MARKER, linewidth=0.8)
+        patch.set_zorder(order)
+        drawn.append(patch)
+    tip, side = model.length / 2, model.width / 5
+    places = ((tip, 0.0), (tip / 2, side), (tip / 2, -side))
+    points = [pose.compose(Pose2(x, y)) for x, y in places]
+    wedge = [(point.x, point.y) for point in points]
+    drawn.append(Polygon(wedge, facecolor=MARKER, zorder=zorder + 0.2))
+    for patch in drawn:
+        axes.add_patch(patch)
+    return drawn
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,27 +131,18 @@ def _draw_part(axes: Axes, part: Part, lines: Floats) -> None:
     style = area_style(family_of(part.material))
     area = _area(part, lines)
     if not shapely.is_empty(area):
-        opacity = LEAF_OPACITY if part.material.sheet_loss is not None else None
-        axes.add_patch(_patch(area, style, opacity, part.object_name))
+        rings = shapely.get_parts(shapely.boundary(area))
+        paths = [Path(shapely.get_coordinates(ring)) for ring in rings]
+        patch = PathPatch(Path.make_compound_path(*paths), **style, zorder=1)
+        if part.material.sheet_loss is not None:
+            patch.set_facecolor((*style["facecolor"][:3], LEAF_OPACITY))
+        patch.set_label(part.object_name)
+        axes.add_patch(patch)
     if part.material.sheet_loss is not None or shapely.is_empty(area):
         surfaces = LineCollection(
             list(lines), colors=[style["edgecolor"]], linewidths=0.8, zorder=1.1
         )
         axes.add_collection(surfaces)
-
-
-def _patch(
-    area: Geometry, style: dict[str, Any], opacity: float | None, name: str
-) -> PathPatch:
-    rings = [
-        Path(shapely.get_coordinates(ring))
-        for ring in shapely.get_parts(shapely.boundary(area))
-    ]
-    patch = PathPatch(Path.make_compound_path(*rings), **style, zorder=1)
-    if opacity is not None:
-        patch.set_facecolor((*style["facecolor"][:3], opacity))
-    patch.set_label(name)
-    return patch
 
 
 def _area(part: Part, lines: Floats) -> Geometry:
@@ -303,16 +288,15 @@ def _write(
     axes: Axes, text: str, place: tuple[float, float], side: str = "center"
 ) -> None:
     """Write a text at a place, or on one side of it, such as ``above``."""
-    axes.annotate(
+    write_at(
+        axes,
         text,
         place,
-        xytext=_OFFSETS[side],
-        textcoords="offset points",
+        offset=_OFFSETS[side],
         ha={"right": "left", "left": "right"}.get(side, "center"),
         va={"above": "bottom", "below": "top"}.get(side, "center"),
         fontsize=7,
         fontweight="bold" if side in ("above", "below") else "normal",
-        path_effects=[HALO],
         parse_math=False,
         clip_on=True,
         zorder=7,

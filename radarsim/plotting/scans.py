@@ -2,13 +2,15 @@
 
 A single scan is drawn with its rays, which end at their readings. Those that see
 through something are the boldest lines, and their hits the largest marks. Several scans
-are drawn without rays, as pale dots: readings, or echoes if the sensor keeps all.
+are drawn without rays, as pale dots: readings, or echoes if the sensor keeps all. What
+several sensors see from one place is drawn side by side.
 """
 
 import math
 import re
 import textwrap
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -16,7 +18,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from radarsim.geometry import Floats, Pose2
-from radarsim.plotting.annotations import as_words, write_title
 from radarsim.plotting.marks import (
     END_MARKS,
     add_echo_rows,
@@ -38,13 +39,26 @@ from radarsim.plotting.plan import (
 )
 from radarsim.plotting.ray_segments import draw_rays
 from radarsim.plotting.sight import BeamEnd, Sight, find_sight
-from radarsim.plotting.style import Legend, render, scan_points
+from radarsim.plotting.style import (
+    QUIET,
+    Legend,
+    as_words,
+    render,
+    scan_points,
+    write_title,
+)
+from radarsim.presets.robots import load_robot
+from radarsim.rng import generator_for
+from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
+from radarsim.sensors.range_scanner import RangeScanner, load_sensor
 from radarsim.sensors.scan import Scan
 
 NOWHERE: Final[Floats] = np.zeros((0, 2))
 _LARGEST: Final = (9.4, 6.6)  # inches of a plan
 _LEGEND: Final = 2.6  # inches beside it
+_PANEL: Final = (6.6, 5.0)  # inches of one of several panels
+_PANEL_LEGEND: Final = 2.4  # inches beside them
 _TITLE: Final = 0.9  # inches above and below it
 _NAMES: Final = 20  # of objects; with more of them rays could not be seen
 _NARROWEST: Final = 4.0  # inches that a plan has, for the title above it
@@ -256,3 +270,61 @@ def _points(scans: Sequence[Scan]) -> list[Floats]:
     place = np.array([[scans[0].pose.x, scans[0].pose.y]])
     # ghosts of mirrors lie outside the map
     return [place, *(scan_points(s)[np.isfinite(s.ranges)] for s in scans)]
+
+
+def compare(
+    map_: str | Path | Scene,
+    *sensors: str | RangeScanner,
+    start: str | None = None,
+    seed: int = 0,
+) -> Figure:
+    """Draw what several sensors see from one place: a panel each, of one scale.
+
+    Args:
+        map_: A scene, or what ``load_map`` takes.
+        sensors: Names of presets, or scanners from ``load_sensor``; at least one.
+        start: Name of the start pose of the P3AT that carries them; None for the first.
+        seed: Seed of all random numbers.
+
+    Returns:
+        A figure; ``figure.savefig("sensors.png")`` writes it.
+
+    Raises:
+        MapError: If the map is wrong.
+        PresetError: If there is no such sensor.
+        ValueError: If there is no sensor, or no such start.
+
+    >>> figure = compare("foliage_room", "radar", "laser")
+    >>> len(figure.axes)
+    2
+    """
+    if not sensors:
+        raise ValueError("no sensors, expected at least one")
+    scene = map_ if isinstance(map_, Scene) else load_map(map_)
+    place = scene.start(start) if start is not None else next(iter(scene.starts), None)
+    if place is None:
+        names = [each.name for each in scene.starts]
+        raise ValueError(f"start {start!r}, expected one of {names}")
+    scanners = [
+        load_sensor(each) if isinstance(each, str) else each for each in sensors
+    ]
+    pose = load_robot(ROBOT_CLASS).scanner_pose(place.pose)
+    scans = [
+        scanner.scan(scene, pose, generator_for(seed, scanner.name))
+        for scanner in scanners
+    ]
+    size = (_PANEL[0] * len(scans) + _PANEL_LEGEND, _PANEL[1])
+    figure = Figure(figsize=size, dpi=110, layout="constrained")
+    legend, robot = Legend(QUIET), Pose2(place.pose.x, place.pose.y, place.pose.yaw)
+    include = np.concatenate([scan_points(s)[np.isfinite(s.ranges)] for s in scans])
+    panels = figure.subplots(1, len(scans), squeeze=False)[0]
+    for axes, scan in zip(panels, scans, strict=True):
+        draw_scan(axes, scene, [scan], legend, robot=robot, include=include)
+        words = title_scans([scan], [find_sight(scene, scan)])
+        axes.set_title(words, loc="left", fontsize=11, fontweight="bold")
+        axes.set_xlabel("")
+    figure.suptitle(
+        f"{scene.name}, from {place.name}: what each sensor sees", parse_math=False
+    )
+    legend.draw(figure)
+    return figure

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from shapely import Geometry
 
 from radarsim.geometry import Floats
-from radarsim.plotting.annotations import as_words
 from radarsim.plotting.palette import Family, family_of
+from radarsim.plotting.style import as_words
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.tracer import tracer_of
 from radarsim.scene.material import Material

@@ -67,6 +67,17 @@ def test_similar_class_of_another_server_is_named_with_its_package(
     assert ("did you mean 'P3AT_Radar360'" in run.err) == (code == 2)
 
 
+def test_map_that_cannot_be_made_leaves_no_folder(
+    radarsim: RunCommand, tmp_path: Path
+) -> None:
+    (tmp_path / "there").mkdir()
+    for name in ("new", "there"):
+        out = f"{tmp_path / name}/"
+        run = radarsim("map", "empty_room", "--start", "Nowhere", "-o", out)
+        assert run.code == 2
+    assert [each.name for each in tmp_path.iterdir()] == ["there"]
+
+
 def test_a_server_elsewhere_cannot_be_started_from_here(radarsim: RunCommand) -> None:
     run = radarsim(
         *("navigate", *BUG, "--connect", "nowhere.invalid:3000"),

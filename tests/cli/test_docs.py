@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from radarsim.cli import docs as module
-from radarsim.cli.docs import FOLDER
+from radarsim.cli import first_steps as module
+from radarsim.cli.first_steps import FOLDER
 
 Command = Callable[..., Any]
 

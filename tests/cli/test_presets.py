@@ -1,4 +1,7 @@
 import json
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -89,3 +92,10 @@ def test_unknown_material_is_a_usage_error_that_lists_the_known_ones(
     assert run.code == 2
     for text in ("'wod', expected one of", "'wood'"):
         assert text in run.err
+
+
+def test_rows_into_a_pipe_are_not_cut_into_lines() -> None:
+    known = {k: v for k, v in os.environ.items() if k != "COLUMNS"}
+    words = (sys.executable, "-m", "radarsim", "materials", "brick", "atmosphere")
+    shown = subprocess.run(words, env=known, capture_output=True, text=True, check=True)
+    assert max(map(len, shown.stdout.splitlines())) > 120

@@ -167,6 +167,11 @@ def test_terminal_gets_a_summary_and_how_to_get_the_numbers() -> None:
     assert "-o FILE.json" in last
 
 
+def test_terminal_gets_the_numbers_in_the_format_that_is_asked_for() -> None:
+    asked = ("scan", "empty_room", "--sensor", "laser", *START, "--format", "csv")
+    assert "scan,beam,angle,range,ray" in on_terminal(*asked)
+
+
 def test_picture_is_written_to_a_pipe(radarsim: Command) -> None:
     run = radarsim(
         *("scan", "empty_room", "--sensor", "hokuyo", *START),

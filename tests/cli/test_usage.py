@@ -22,6 +22,14 @@ from .conftest import RunCommand
         pytest.param(
             ("bench", "--xyzzy"), ["'--xyzzy'", "bench --help"], id="unknown option"
         ),
+        pytest.param(
+            ("drive", "--port", "3001"), ["--connect HOST:PORT"], id="address of once"
+        ),
+        pytest.param(
+            ("navigate", "--map", "empty_room"),
+            ["MAP as an argument"],
+            id="map of once",
+        ),
         pytest.param(("--xyzzy",), ["'--xyzzy'", "--help"], id="option of the program"),
         pytest.param(("demo", "--hel"), ["'--hel'", "'--help'"], id="help"),
         pytest.param(("serve", "a", "--port"), ["--port", "value"], id="no value"),

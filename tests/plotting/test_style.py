@@ -12,9 +12,9 @@ from matplotlib.patches import Polygon
 import radarsim
 from radarsim import Material, Part, Scan, Scene
 from radarsim.geometry import Pose2, Pose3
-from radarsim.plotting.annotations import draw_scale_bar
 from radarsim.plotting.plan import draw_robot
 from radarsim.plotting.style import (
+    draw_scale_bar,
     echo_points,
     material_colours,
     scan_points,

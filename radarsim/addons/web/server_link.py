@@ -6,6 +6,7 @@ without a map that is being made, the server tells nothing.
 """
 
 import asyncio
+import logging
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -15,6 +16,9 @@ from radarsim.client import AsyncClient, ClientError, ClientTimeout
 from radarsim.geometry import Pose3
 from radarsim.protocol.reports import CommandError, Report, Watching
 
+log = logging.getLogger("radarsim.commander")
+
+UNCONNECTED: Final = "not connected yet"
 RETRY: Final = 1.0  # s between two attempts to connect
 ASK_AGAIN: Final = 5.0  # s after the server has refused to tell of all robots
 ANSWER: Final = 5.0  # s that the server has to answer
@@ -38,7 +42,7 @@ class ServerState:
     starts: dict[str, Pose3] = field(default_factory=dict)
     watches: bool = False
     refusal: str = ""
-    problem: str = "not connected yet"
+    problem: str = UNCONNECTED
 
 
 class ServerLink:
@@ -78,6 +82,8 @@ class ServerLink:
             except ClientError as error:
                 self._client = None
                 # Each attempt fails alike; browsers are told once.
+                if self.state.problem == UNCONNECTED:
+                    log.warning("waiting for a server: %s", error)
                 if self.state.problem != str(error):
                     self.state = ServerState(self.state.level, problem=str(error))
                     self._on_change()

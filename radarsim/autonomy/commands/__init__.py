@@ -2,8 +2,7 @@
 
 from typing import Final
 
-from radarsim.cli.core_commands import AUTONOMY
-from radarsim.cli.entries import CommandEntry
+from radarsim.cli.entries import AUTONOMY, CommandEntry
 
 COMMANDS: Final = (
     CommandEntry(

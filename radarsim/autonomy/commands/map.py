@@ -21,6 +21,7 @@ from radarsim.cli.fields import (
     Simulation,
     check_robot,
 )
+from radarsim.cli.files import without_empty_folder
 from radarsim.cli.output import MESSAGE_FORM, start_log
 from radarsim.errors import expected_one_of
 from radarsim.geometry import Pose3
@@ -118,37 +119,38 @@ def map_(
     map_files = MapFiles(out, files.mode, robots)
     output = MapOutput(map_files, recording, files.film, files.film_speed, as_json)
     address = where.connect or LOCAL_SERVER
-    if where.follows:
-        at = where.mount
-        mount = None if at is None else Pose3(at.x, at.y, 0, yaw=at.yaw)
-        return follow(
-            plan,
-            output,
-            address,
-            port=where.through,
-            robot=where.watch,
-            defaults=ScannerDefaults(mount, where.max_range),
-        )
-    output.check(served=where.map)
-    settings = where.item_settings()
-    served = recording.load_host(where.map, seed=where.seed, settings=settings)
-    if served is not None and plan.start is not None:
-        scene = served.simulation.scene
-        if scene.start(plan.start) is None:
-            names = [each.name for each in scene.starts]
-            text = expected_one_of(plan.start, names)
-            raise click.BadParameter(text, param_hint="--start")
-    check_robot(plan.robot_class, served)
-    start_log(logging.WARNING, MESSAGE_FORM)
-    warm_up()
-    run: MappingRun | MultiRobotRun
-    if robots > 1:
-        run = MultiRobotRun(plan, robots, served)
-    else:
-        run = MappingRun(plan, served, seed=where.seed)
-        run.connect = recording.connect
-    explore(run, output, address)
-    return int(bool(run.result.error))
+    with without_empty_folder(map_files.stem.parent):
+        if where.follows:
+            at = where.mount
+            mount = None if at is None else Pose3(at.x, at.y, 0, yaw=at.yaw)
+            return follow(
+                plan,
+                output,
+                address,
+                port=where.through,
+                robot=where.watch,
+                defaults=ScannerDefaults(mount, where.max_range),
+            )
+        output.check(served=where.map)
+        settings = where.item_settings()
+        served = recording.load_host(where.map, seed=where.seed, settings=settings)
+        if served is not None and plan.start is not None:
+            scene = served.simulation.scene
+            if scene.start(plan.start) is None:
+                names = [each.name for each in scene.starts]
+                text = expected_one_of(plan.start, names)
+                raise click.BadParameter(text, param_hint="--start")
+        check_robot(plan.robot_class, served)
+        start_log(logging.WARNING, MESSAGE_FORM)
+        warm_up()
+        run: MappingRun | MultiRobotRun
+        if robots > 1:
+            run = MultiRobotRun(plan, robots, served)
+        else:
+            run = MappingRun(plan, served, seed=where.seed)
+            run.connect = recording.connect
+        explore(run, output, address)
+        return int(bool(run.result.error))
 
 
 def _check_combination(

@@ -23,7 +23,6 @@ from radarsim.autonomy.plotting.outlines import Outline, outlines_extent
 from radarsim.autonomy.plotting.panels import Extent, Panels, titles_of
 from radarsim.autonomy.plotting.run_markers import START
 from radarsim.geometry import Floats, Pose2
-from radarsim.plotting.annotations import HALO
 from radarsim.plotting.palette import (
     FAMILY_COLOURS,
     INK,
@@ -34,7 +33,10 @@ from radarsim.plotting.palette import (
     Family,
 )
 from radarsim.plotting.plan import draw_robot, name_objects
-from radarsim.plotting.style import render
+from radarsim.plotting.style import (
+    HALO,
+    render,
+)
 from radarsim.scene.scene import Part
 
 CELL_COLOURS: Final = {

@@ -18,8 +18,8 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox, offset_copy
 
-from radarsim.plotting.annotations import round_length
 from radarsim.plotting.palette import MARKER
+from radarsim.plotting.style import round_length
 
 DPI: Final = 110
 EVEN: Final = 2  # pixels; sides of frames of a film are even

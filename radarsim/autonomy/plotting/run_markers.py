@@ -16,8 +16,8 @@ from matplotlib.lines import Line2D
 from radarsim.autonomy.navigation.controller import Activity
 from radarsim.autonomy.navigation.run_log import RunLog
 from radarsim.geometry import Point
-from radarsim.plotting.annotations import HALO
 from radarsim.plotting.palette import FOLLOWING, GOING, MARKER, PAPER, TARGET
+from radarsim.plotting.style import HALO
 
 _TOGETHER: Final = 0.35  # m; markers that are nearer share a label
 

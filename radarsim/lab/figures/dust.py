@@ -26,10 +26,13 @@ from radarsim.lab.figures.figure import (
     object_names,
 )
 from radarsim.plotting import palette
-from radarsim.plotting.annotations import draw_scale_bar
 from radarsim.plotting.palette import MARKER, Family
 from radarsim.plotting.plan import draw_plan, draw_robot
-from radarsim.plotting.style import area_style, scan_points
+from radarsim.plotting.style import (
+    area_style,
+    draw_scale_bar,
+    scan_points,
+)
 from radarsim.scene.scene import Part
 from radarsim.sensors.scan import Scan
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from radarsim.errors import expected_one_of
 from radarsim.geometry import Floats, Pose2, Pose3
-from radarsim.plotting.annotations import QUIET
+from radarsim.plotting.style import QUIET
 from radarsim.presets.robots import load_robot
 from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map

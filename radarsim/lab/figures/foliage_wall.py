@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from radarsim.lab.figures.figure import ROBOT, ScanSpec, hit_points, object_names
-from radarsim.plotting.annotations import as_words, draw_scale_bar, write_at
 from radarsim.plotting.plan import draw_plan, draw_robot
+from radarsim.plotting.style import as_words, draw_scale_bar, write_at
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Part, Scene
 from radarsim.sensors.scan import Scan

@@ -38,9 +38,11 @@ from radarsim.lab.figures.foliage_wall import (
     new_sheet,
     radar,
 )
-from radarsim.plotting.annotations import as_words
 from radarsim.plotting.palette import LASER, MARKER, RADAR
-from radarsim.plotting.style import scan_points
+from radarsim.plotting.style import (
+    as_words,
+    scan_points,
+)
 from radarsim.presets.sensor_settings import METRES_PER_UNIT
 from radarsim.sensors.range_scanner import load_sensor
 from radarsim.sensors.scan import Scan

@@ -26,10 +26,10 @@ from radarsim.lab.figures.figure import (
     draw_title,
 )
 from radarsim.lab.figures.foliage_wall import MAP, STEP, draw_room
-from radarsim.plotting.annotations import as_words, draw_scale_bar, write_at
 from radarsim.plotting.palette import LEFT_RAY, MARKER, RADAR, RETURNED, RIGHT_RAY
 from radarsim.plotting.plan import draw_plan, draw_robot
 from radarsim.plotting.ray_segments import line_opacity, split_rays
+from radarsim.plotting.style import as_words, draw_scale_bar, write_at
 from radarsim.presets.robots import load_robot
 from radarsim.presets.sensor_settings import METRES_PER_UNIT
 from radarsim.raycast.rays import Rays

@@ -34,7 +34,7 @@ from radarsim.lab.figures.figure import (
     load_scene,
 )
 from radarsim.lab.figures.foliage_wall import FAR, MAP, bush_parts, hidden_parts
-from radarsim.plotting.annotations import as_words, write_at
+from radarsim.plotting.style import as_words, write_at
 from radarsim.presets.robots import Item, load_robot
 from radarsim.presets.sensors import load_settings
 from radarsim.robots.obstacles import slice_parts

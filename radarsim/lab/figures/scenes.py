@@ -33,9 +33,9 @@ from radarsim.lab.figures.foliage_wall import (
 )
 from radarsim.lab.figures.plants import brightness, painted_triangles
 from radarsim.plotting import palette
-from radarsim.plotting.annotations import as_words, write_at
 from radarsim.plotting.palette import colour_of
 from radarsim.plotting.plan import draw_robot
+from radarsim.plotting.style import as_words, write_at
 from radarsim.presets.robots import RobotModel, load_robot
 from radarsim.robots.obstacles import slice_parts
 from radarsim.scene.material import Material

@@ -18,7 +18,7 @@ from radarsim.lab.figures.scenes import (
     named_parts,
     robot_parts,
 )
-from radarsim.plotting.annotations import as_words
+from radarsim.plotting.style import as_words
 from radarsim.presets.robots import load_robot
 
 

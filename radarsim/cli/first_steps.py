@@ -1,0 +1,125 @@
+"""First steps: ``radarsim demo``, ``radarsim new`` and ``radarsim docs``.
+
+A picture of what radar and laser see, a map to start one's own from, and the manual.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import signal
+import sys
+from pathlib import Path
+from typing import Annotated, Final
+
+import click
+from annotated_types import Ge
+
+from radarsim.cli.compile_progress import with_compile_progress
+from radarsim.cli.files import check_ending, check_writable, write_file
+from radarsim.cli.output import print_lines, program_name
+from radarsim.errors import expected_one_of
+from radarsim.files import is_by_radarsim
+from radarsim.plans import Option
+from radarsim.processes import signal_handlers
+
+MAP: Final = "foliage_room"
+START: Final = "RobotStart1"
+TITLE: Final = "To a laser the bushes are a wall; a radar sees through them"
+_NEXT: Final = f"""\
+Try next:
+  {{0}} explain {MAP} --sensor radar --start {START} --beam 92
+  {{0}} navigate bug_u_trap --algorithm bug2 --plot run.png
+  {{0}} serve {MAP} --web 0
+"""
+STARTER_MAP: Final = Path(__file__).parents[1] / "scene" / "starter_map.yaml"
+FOLDER: Final = Path(__file__).parent.parent / "docs"
+_PICTURE = re.compile(r"^!\[[^\]]*\]\([^)]*\)\n+", re.MULTILINE)
+_COMMENT = re.compile(r"^<!--.*?-->\n", re.MULTILINE | re.DOTALL)
+_LINK_TO_PAGE = re.compile(r"\[([^\]]+)\]\((\w+)\.md(?:#[\w-]+)?\)")
+
+
+@with_compile_progress
+def demo(
+    out: Annotated[Path, Option(is_argument=True)] = Path("radarsim_demo.png"),
+) -> None:
+    """Draw what radar and laser see of a room behind bushes, in one picture.
+
+    Args:
+        out: The picture, a PNG file.
+    """
+    check_ending(out, ["png"], "OUT")
+    check_writable(out, "OUT")
+    if out.exists() and not is_by_radarsim(out):
+        text = f"{out} is not by radarsim, expected another file"
+        raise click.BadParameter(text, param_hint="OUT")
+    from radarsim.plotting.scans import compare
+    from radarsim.plotting.style import render
+
+    figure = compare(MAP, "laser", "radar", start=START)
+    figure.suptitle(TITLE, fontsize="x-large", fontweight="bold")
+    write_file(out, render(figure, "png"), "OUT")
+    print_lines([out])
+    click.echo(_NEXT.format(program_name()), err=True, nl=False)
+
+
+def new(
+    file: Annotated[Path, Option(is_argument=True)],
+    *,
+    random: Annotated[int | None, Ge(0), Option(metavar="K")] = None,
+) -> None:
+    """Write a small map to start your own from, with comments.
+
+    Args:
+        file: The map file to write, such as room.yaml.
+        random: Write map K of those that 'radarsim trials --random' runs on.
+    """
+    check_ending(file, ["yaml", "yml"], "FILE")
+    check_writable(file, "FILE")
+    if file.exists():
+        text = f"{str(file)!r} exists, expected the name of a new file"
+        raise click.BadParameter(text, param_hint="FILE")
+    if random is None:
+        data = STARTER_MAP.read_bytes()
+    else:
+        from radarsim.scene.random_maps import make_random_map
+
+        data = make_random_map(random).as_yaml().encode()
+    write_file(file, data, "FILE")
+    name = shlex.quote(str(file))
+    picture = shlex.quote(str(file.with_suffix(".png")))
+    scan = f"scan {name} --sensor radar --start RobotStart1 -o {picture}"
+    commands = (f"check {name}", scan, f"serve {name}")
+    first = f"{file}: change it in an editor, then try"
+    print_lines((first, *(f"  {program_name()} {command}" for command in commands)))
+
+
+def docs(topic: Annotated[str, Option(is_argument=True)] = "index") -> None:
+    """Show a page of the manual; without a topic, the list of topics.
+
+    Args:
+        topic: Topic to show; 'index' lists them all.
+    """
+    topics = sorted(page.stem for page in FOLDER.glob("*.md"))
+    if topic not in topics:
+        text = expected_one_of(topic, topics)
+        raise click.BadParameter(text, param_hint="TOPIC")
+    text = (FOLDER / f"{topic}.md").read_text(encoding="utf-8")
+    if not sys.stdout.isatty():
+        sys.stdout.write(text)
+        return
+    from rich.console import Console
+    from rich.markdown import Markdown
+
+    # a terminal shows no pictures and comments, and its links are commands
+    text = _COMMENT.sub("", _PICTURE.sub("", text))
+    text = _LINK_TO_PAGE.sub(r"\1 (`radarsim docs \2`)", text)
+    # As git does: colours pass, and a page that fits on the screen is just printed.
+    os.environ.setdefault("LESS", "-FRX")
+    console = Console()
+    width = min(console.width, 100)
+    # Ctrl-C is the pager's matter: pydoc waits for it on KeyboardInterrupt.
+    interrupts = signal_handlers({signal.SIGINT: signal.default_int_handler})
+    with interrupts, console.pager(styles=True):
+        console.print(Markdown(text, hyperlinks=False), width=width)
