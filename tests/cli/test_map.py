@@ -14,7 +14,7 @@ from PIL import Image
 from processes import start_radarsim
 
 from radarsim.addons.testing import UsarsimServer
-from radarsim.autonomy.exploration.compilation import warm_up
+from radarsim.autonomy.exploration.exploration import warm_up
 from radarsim.autonomy.mapping.trajectory import Trajectory, tum_text
 from radarsim.client import Client
 from radarsim.protocol.reports import Ins, RangeScan

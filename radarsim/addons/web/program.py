@@ -174,7 +174,7 @@ def _import_algorithms() -> None:
 
 
 def _load_algorithms() -> None:
-    from radarsim.autonomy.exploration.compilation import warm_up  # noqa: PLC0415
+    from radarsim.autonomy.exploration.exploration import warm_up  # noqa: PLC0415
 
     warm_up()
 

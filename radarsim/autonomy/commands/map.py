@@ -111,7 +111,7 @@ def map_(
     from radarsim.autonomy.commands.map_files import MapFiles
     from radarsim.autonomy.commands.map_run import MapOutput, explore, follow
     from radarsim.autonomy.evaluation.mapping_run import MappingRun, MultiRobotRun
-    from radarsim.autonomy.exploration.compilation import warm_up
+    from radarsim.autonomy.exploration.exploration import warm_up
     from radarsim.autonomy.proxy.observer import ScannerDefaults
 
     recording = RunRecording(files.record, plan.drive_unit)

@@ -22,8 +22,11 @@ from radarsim.autonomy.evaluation.mapping_run import (
     MappingRun,
     MultiRobotRun,
 )
-from radarsim.autonomy.exploration.compilation import warm_up
-from radarsim.autonomy.exploration.exploration import Exploration, ExplorationStep
+from radarsim.autonomy.exploration.exploration import (
+    Exploration,
+    ExplorationStep,
+    warm_up,
+)
 from radarsim.autonomy.exploration.multi_robot import MultiRobotExploration
 from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.proxy.observer import ScannerDefaults

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from radarsim.autonomy.commands.film import drawn_robot
-from radarsim.autonomy.evaluation.map_truth import HiddenFloor
+from radarsim.autonomy.evaluation.map_score import HiddenFloor
 from radarsim.autonomy.evaluation.mapping_run import MappingResult
 from radarsim.autonomy.exploration.exploration import Exploration
 from radarsim.autonomy.exploration.multi_robot import MultiRobotExploration

@@ -2,10 +2,14 @@
 
 Theory of operation
 ===================
-The scene is rasterised to the cells of the map (``map_truth``). A cell's class is right
-if something of that class is within two cells, since a radar's side rays see objects
-that far aside. The class free is wrong if the cell is deeper than that inside of an
-object. Coverage is that of the floor around the robot's start (``true_floor``).
+The scene is sliced at the sensor's height and rasterised to the cells of the map. A
+cell's class is right if something of that class is within two cells, since a radar's
+side rays see objects that far aside. The class free is wrong if the cell is deeper than
+that inside of an object.
+
+Coverage is that of the floor around the robot's start. Only what walls enclose counts
+as floor that could be known, split into what the robot can get to, and the rest. A
+block of walls that is closed on all sides is no floor, unless the robot is in it.
 """
 
 import math
@@ -13,24 +17,238 @@ from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 import numpy as np
+import shapely
+from shapely import MultiPoint, Point, Polygon
 
-from radarsim.autonomy.evaluation.map_truth import Truth, find_floor
 from radarsim.autonomy.evaluation.navigation_run import rounded
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import (
     CellClass,
+    GridFrame,
     Mask,
     OccupancyGrid,
     distance_field,
 )
+from radarsim.autonomy.navigation.path_planning import flood_fill
 from radarsim.geometry import Floats, Pose2
 from radarsim.presets.robots import load_robot
-from radarsim.scene.scene import Scene
-from radarsim.simulation.map_warnings import Position
+from radarsim.robots.obstacles import slice_mesh
+from radarsim.scene.scene import Part, Scene
+from radarsim.simulation.map_warnings import Position, free_space
 
+_SAMPLES: Final = 4  # along a line, for each cell
 TOLERANCE: Final = 2  # cells
 BESIDE: Final = 0.5  # cells more, so that corners of a cell count as beside it
 MISPLACED: Final = 0.15  # m; obstacles farther from everything true are a second wall
+
+
+class Truth:
+    """The ground truth, rasterised to the cells of a grid.
+
+    Attributes:
+        frame: The grid.
+        kinds: Cells with obstacle, foliage and smoke, each (R, C); where two meet, a
+            cell has both.
+        inside: Cells that are inside of each kind, (R, C).
+        indoors: Cells that walls enclose and that are not solid, (R, C).
+    """
+
+    def __init__(self, scene: Scene, frame: GridFrame, height: float) -> None:
+        """Slice and rasterise a scene.
+
+        Args:
+            scene: The map.
+            frame: The grid.
+            height: Height of the sensor in the map frame, m.
+        """
+        self.frame = frame
+        self.kinds = {
+            kind: np.zeros(frame.shape, np.bool_)
+            for kind in (CellClass.OBSTACLE, CellClass.FOLIAGE, CellClass.SMOKE)
+        }
+        self.inside = {kind: cells.copy() for kind, cells in self.kinds.items()}
+        starts = MultiPoint([(start.pose.x, start.pose.y) for start in scene.starts])
+        for part in scene.parts:
+            segments = slice_mesh(part.vertices, part.faces, height)
+            if len(segments):
+                kind = class_of(part)
+                filled = _filled(part, segments, starts, frame)
+                self.inside[kind] |= filled
+                self.kinds[kind] |= filled | _drawn(segments, frame)
+        # What the outside does not flow into; openings of one cell are closed first.
+        walls = np.pad(self.kinds[CellClass.OBSTACLE], 1)
+        near = np.isfinite(distance_field(walls, 1.0))
+        outdoors = np.isfinite(distance_field(flood_fill(~near, (0, 0)), 1.5))
+        self.indoors: Mask = (~outdoors & ~walls)[1:-1, 1:-1]
+
+    def anything(self) -> Mask:
+        """Return the cells with anything in them, (R, C)."""
+        return np.asarray(np.any(list(self.kinds.values()), axis=0))
+
+    def indoors_around(self, place: Position) -> Mask:
+        """Return the indoor cells that nothing solid closes off from a place, (R, C).
+
+        Empty if the place is outdoors. Openings of less than three cells are closed.
+        """
+        cell = self.frame.cell(*place)
+        if cell is None or not self.indoors[cell]:
+            return np.zeros(self.frame.shape, np.bool_)
+        walls = self.kinds[CellClass.OBSTACLE]
+        is_near = np.isfinite(distance_field(walls, 1.0))
+        inner = flood_fill(self.indoors & ~is_near, cell)
+        around = np.isfinite(distance_field(inner, 1.5))
+        return np.asarray(around & self.indoors)
+
+    def faces(self, *, outdoors: bool) -> Mask:
+        """Return the cells with exposed obstacle surfaces, and with foliage, (R, C).
+
+        Args:
+            outdoors: Whether surfaces that face the outside of walls count too.
+        """
+        solid = self.kinds[CellClass.OBSTACLE]
+        beside = distance_field(~solid if outdoors else self.indoors, 1.5)
+        return np.asarray((solid & np.isfinite(beside)) | self.kinds[CellClass.FOLIAGE])
+
+
+def class_of(part: Part) -> CellClass:
+    """Return the class that a part should have on a map."""
+    material = part.material
+    if not material.solid:
+        return CellClass.SMOKE
+    seen_through = material.penetrable or material.sheet_loss is not None
+    return CellClass.FOLIAGE if seen_through else CellClass.OBSTACLE
+
+
+def _filled(part: Part, segments: Floats, starts: Any, frame: GridFrame) -> Mask:
+    """Return the cells in a part; a part around a start is a room, and hollow."""
+    if part.material.sheet_loss is not None:
+        return np.zeros(frame.shape, np.bool_)
+    lines = shapely.linestrings(np.round(segments, 6))
+    # Split where they cross: one mesh may intersect itself
+    areas = shapely.get_parts(shapely.polygonize([shapely.union_all(lines)]))
+    if class_of(part) == CellClass.OBSTACLE:
+        areas = areas[~shapely.intersects(areas, starts)]
+    return covered_cells(shapely.union_all(areas), frame)
+
+
+def covered_cells(area: Any, frame: GridFrame) -> Mask:
+    """Return the cells whose centres are in an area of shapely's, (R, C)."""
+    covered = np.zeros(frame.shape, np.bool_)
+    if shapely.is_empty(area):
+        return covered
+    across, up = frame.cell_centers()
+    west, south, east, north = shapely.bounds(area)
+    columns = slice(*np.searchsorted(across, (west, east)))
+    rows = slice(*np.searchsorted(up, (south, north)))
+    x, y = np.meshgrid(across[columns], up[rows])
+    shapely.prepare(area)
+    covered[rows, columns] = shapely.contains_xy(area, x, y)
+    return covered
+
+
+def _drawn(segments: Floats, frame: GridFrame) -> Mask:
+    """Return the cells that lines cross."""
+    starts, spans = segments[:, 0], segments[:, 1] - segments[:, 0]
+    lengths = np.hypot(*spans.T) / frame.resolution
+    # A point every quarter of a cell: a line may miss the corner of a cell that it only
+    # grazes, which is far less than what scores allow.
+    counts = np.ceil(lengths * _SAMPLES).astype(np.int64) + 2
+    which = np.repeat(np.arange(len(segments)), counts)
+    number = np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)
+    along = number / (counts[which] - 1)
+    places = starts[which] + along[:, None] * spans[which]
+    cells = np.floor(places / frame.resolution).astype(np.int64)
+    columns, rows = cells[:, 0] - frame.column, cells[:, 1] - frame.row
+    drawn = np.zeros(frame.shape, np.bool_)
+    drawn[rows, columns] = True
+    return drawn
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrueFloor:
+    """Cells of floor, each mask (R, C); all are empty if the robot starts outdoors.
+
+    Attributes:
+        indoors: Cells between the walls around the start, also under foliage and smoke.
+        free: Those of them with nothing in them.
+        reachable: Free cells that the robot covers wherever it can get to.
+        hidden: Free cells where it would fit, but that it cannot get to.
+    """
+
+    indoors: Mask
+    free: Mask
+    reachable: Mask
+    hidden: Mask
+
+
+def find_floor(
+    truth: Truth, scene: Scene, *, start: Position, robot_radius: float
+) -> TrueFloor:
+    """Find the floor around the start of a robot.
+
+    Args:
+        truth: The scene in the cells of a map.
+        scene: The same scene.
+        start: Start of the robot, m.
+        robot_radius: Half the diagonal of the robot, m.
+    """
+    indoors = truth.indoors_around(start)
+    free = indoors & ~truth.anything()
+    pieces = list(free_space(scene, robot_radius, places=[start]).geoms)
+    # the piece that the robot is in, or beside, if it starts at a wall
+    home = min(pieces, key=Point(start).distance, default=None)
+    if home is not None and home.distance(Point(start)) > robot_radius:
+        home = None
+    others = [piece for piece in pieces if piece is not home]
+    within_reach = Polygon() if home is None else home.buffer(robot_radius)
+    return TrueFloor(
+        indoors,
+        free,
+        np.asarray(free & covered_cells(within_reach, truth.frame)),
+        np.asarray(free & covered_cells(shapely.union_all(others), truth.frame)),
+    )
+
+
+class HiddenFloor:
+    """The free floor where a robot would fit, but that it cannot reach from its start.
+
+    It is what ``MapScore.hidden_coverage`` counts, computed once for many maps.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        resolution: float,
+        *,
+        start: tuple[float, float],
+        robot_radius: float,
+        height: float,
+    ) -> None:
+        """Find the cells.
+
+        Args:
+            scene: The mapped scene.
+            resolution: Side of a cell of the maps, m.
+            start: Start of the robot, m.
+            robot_radius: Half the diagonal of the robot, m.
+            height: Height of its sensor in the map frame, m.
+        """
+        low, high = scene.bounds[:, :2].tolist()
+        frame = GridFrame(resolution).extended_to(tuple(low), tuple(high))
+        truth = Truth(scene, frame, height)
+        floor = find_floor(truth, scene, start=start, robot_radius=robot_radius)
+        rows, columns = np.nonzero(floor.hidden)
+        self._rows, self._columns = rows + frame.row, columns + frame.column
+
+    def coverage(self, grid: OccupancyGrid) -> float | None:
+        """Return the share of it that is sensed; None if there is no such floor."""
+        if not len(self._rows):
+            return None
+        rows, columns = self._rows - grid.frame.row, self._columns - grid.frame.column
+        inside = (rows >= 0) & (rows < grid.frame.rows)
+        inside &= (columns >= 0) & (columns < grid.frame.columns)
+        sensed = grid.sensed_cells()[rows[inside], columns[inside]]
+        return float(np.count_nonzero(sensed)) / len(rows)
 
 
 @dataclass(frozen=True, slots=True)

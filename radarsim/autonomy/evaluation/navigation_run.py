@@ -22,6 +22,7 @@ from radarsim.server.host.lockstep import InProcessTransport
 Position: TypeAlias = tuple[float, float]  # x, y in m, map frame
 
 STEP: Final = 0.02  # m between two positions of the true path
+INTERRUPTED: Final = "interrupted"
 
 
 class GroundTruthMonitor:
@@ -70,9 +71,6 @@ class GroundTruthMonitor:
         if self._pose is None:
             return math.inf
         return math.hypot(self._pose.x - goal[0], self._pose.y - goal[1])
-
-
-INTERRUPTED: Final = "interrupted"
 
 
 def rounded(value: Any, digits: int) -> Any:

@@ -46,6 +46,24 @@ HALF_PASSAGE: Final = 0.2  # m beyond the safety distance: half of what passages
 _MARGIN: Final = 3.0  # m of floor around everything
 # Moves to neighbours and knight's moves: a path is at most 2.8 % longer than the exact.
 _MOVES: Final = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (1, 2), (2, -1), (1, -2))
+SIDE_OFFSETS: Final = (0, 25, 50)  # UU
+UU: Final = 0.004  # m
+TIME_LIMIT: Final = 1800.0  # s of simulated time
+RESULT: Final = (
+    "number",
+    "algorithm",
+    "family",
+    "sensor",
+    "side_offset",
+    "expected",
+    "outcome",
+    "collisions",
+    "path_length",
+    "shortest_path",
+    "time",
+    "note",
+    "correct",
+)
 
 
 _Cell = TypeVar("_Cell", bound=np.generic)
@@ -154,26 +172,6 @@ def _shifted(cells: NDArray[_Cell], dx: int, dy: int) -> NDArray[_Cell]:
     """Return the cells that have a neighbour at a shift, in the same order."""
     columns, rows = cells.shape
     return cells[max(-dx, 0) : columns - max(dx, 0), max(-dy, 0) : rows - max(dy, 0)]
-
-
-SIDE_OFFSETS: Final = (0, 25, 50)  # UU
-UU: Final = 0.004  # m
-TIME_LIMIT: Final = 1800.0  # s of simulated time
-RESULT: Final = (
-    "number",
-    "algorithm",
-    "family",
-    "sensor",
-    "side_offset",
-    "expected",
-    "outcome",
-    "collisions",
-    "path_length",
-    "shortest_path",
-    "time",
-    "note",
-    "correct",
-)
 
 
 @dataclass(frozen=True, slots=True)

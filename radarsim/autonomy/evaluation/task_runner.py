@@ -42,6 +42,9 @@ from radarsim.files import write_atomically
 from radarsim.processes import worker_pool
 from radarsim.rng import generator_for
 
+AHEAD: Final = 2  # batches for each worker that wait to be run
+LOST: Final = "its process was killed or crashed, expected a result"
+
 Result: TypeAlias = Mapping[str, Any]
 
 
@@ -110,9 +113,6 @@ def as_line(result: Result) -> str:
 Task = TypeVar("Task")
 Value = TypeVar("Value")
 Batch = list[tuple[int, Task]]
-
-AHEAD: Final = 2  # batches for each worker that wait to be run
-LOST: Final = "its process was killed or crashed, expected a result"
 
 
 @dataclass(frozen=True, slots=True)

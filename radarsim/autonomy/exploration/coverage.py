@@ -40,6 +40,19 @@ from radarsim.geometry import Point, Pose2, wrap_angle
 
 FULL_TURN: Final = 2 * math.pi
 NEIGHBORHOOD: Final = 1.5  # m around a target, where further targets come first
+WALL_DISTANCE: Final = 0.3  # m from a wall's tile, where aligning begins
+MIN_LENGTH: Final = 3.0  # m of a contour
+FOLLOWED_RADIUS: Final = 2.0  # m around the path along a wall that count as followed
+TRACK_STEP: Final = 0.5  # m
+LOST_CIRCLES: Final = 1.5  # circles without a wall after which it counts as lost
+SPACING: Final = 1.6 * SHORT_RANGE  # m between two turns, so that nothing is missed
+POINT_SPACING: Final = 1.0  # m along the spiral
+ARRIVAL_DISTANCE: Final = 0.8  # m
+MIN_TURN: Final = math.radians(30.0)
+AIMED: Final = math.radians(8.0)
+MAX_IDLE_LEGS: Final = 12  # stretches without anything new after which it is done
+MIN_GAIN: Final = 1.0  # m² that count as something new
+_TURN_STEP: Final = math.radians(10.0)
 
 TargetSelector = Callable[[TraversabilityMap], Mask]
 
@@ -119,13 +132,6 @@ def frontier_strategy(
 def coverage_strategy(settings: ExplorationSettings) -> NearestTargetStrategy:
     """Return a strategy that drives to the nearest floor not seen at short range."""
     return NearestTargetStrategy(settings, lambda floor: floor.unvisited, "filling")
-
-
-WALL_DISTANCE: Final = 0.3  # m from a wall's tile, where aligning begins
-MIN_LENGTH: Final = 3.0  # m of a contour
-FOLLOWED_RADIUS: Final = 2.0  # m around the path along a wall that count as followed
-TRACK_STEP: Final = 0.5  # m
-LOST_CIRCLES: Final = 1.5  # circles without a wall after which it counts as lost
 
 
 class ContourStrategy:
@@ -260,16 +266,6 @@ class _Circuit:
         # asked at every pose: it remembers the last one
         has_passed = self._start.passed(pose)
         self.is_closed = has_passed and self._length > MIN_LENGTH
-
-
-SPACING: Final = 1.6 * SHORT_RANGE  # m between two turns, so that nothing is missed
-POINT_SPACING: Final = 1.0  # m along the spiral
-ARRIVAL_DISTANCE: Final = 0.8  # m
-MIN_TURN: Final = math.radians(30.0)
-AIMED: Final = math.radians(8.0)
-MAX_IDLE_LEGS: Final = 12  # stretches without anything new after which it is done
-MIN_GAIN: Final = 1.0  # m² that count as something new
-_TURN_STEP: Final = math.radians(10.0)
 
 
 class SpiralCoverage:

@@ -34,7 +34,7 @@ from radarsim.autonomy.exploration.target_allocation import (
 from radarsim.autonomy.mapping.keyframes import Keyframe, KeyframeMap
 from radarsim.autonomy.mapping.map_alignment import VIEWS, align, refine
 from radarsim.autonomy.mapping.mapper import Mapper
-from radarsim.autonomy.mapping.shared_map import RobotMap, SharedMap
+from radarsim.autonomy.mapping.scan_grid import RobotMap, SharedMap
 from radarsim.autonomy.mapping.slam import FIRST_KEYFRAMES
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.runner import TripMeter
@@ -45,6 +45,7 @@ from radarsim.geometry import Point, wrap_angle
 RETRY: Final = 1.0  # m of path, of it and of others, between two attempts to align one
 REFINE: Final = 5.0  # m of path after which an aligned map is fitted anew
 NEWS: Final = 0.01, 0.001  # m and rad by which a map has to be off for that to count
+STRATEGIES: Final = (StrategyName.AUTO, StrategyName.FRONTIERS)
 
 
 class MapMerger:
@@ -149,8 +150,6 @@ class MapMerger:
         mapper = self._robots[number].mapper
         return KeyframeMap() if mapper is None else mapper.slam.keyframes
 
-
-STRATEGIES: Final = (StrategyName.AUTO, StrategyName.FRONTIERS)
 
 Observer: TypeAlias = Callable[[int, ExplorationStep], None]
 

@@ -42,6 +42,7 @@ _STRATEGIES: Final[dict[StrategyName, Callable[[ExplorationSettings], Strategy]]
     StrategyName.CENTRE_OUT: SpiralCoverage,
     StrategyName.FRONTIERS: frontier_strategy,
 }
+LEAST_AREA = 0.25  # m² of floor that is worth telling
 
 
 def create_strategy(
@@ -136,9 +137,6 @@ class AutoStrategy:
 def is_enclosed(observation: Observation) -> bool:
     """Return whether most directions end at something."""
     return bool(np.isfinite(observation.ranges).mean() > ENCLOSED_SHARE)
-
-
-LEAST_AREA = 0.25  # m² of floor that is worth telling
 
 
 class Unexplored(NamedTuple):

@@ -32,15 +32,16 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from radarsim.autonomy.mapping.keyframes import (
+    MIN_EVENNESS,
     Keyframe,
     KeyframeMap,
     distance,
     joined,
     map_of,
     moved,
+    starts_around,
     turned,
 )
-from radarsim.autonomy.mapping.loop_closure import MIN_EVENNESS, starts_around
 from radarsim.autonomy.mapping.occupancy_grid import Mask
 from radarsim.autonomy.mapping.point_map import Table
 from radarsim.autonomy.mapping.scan_matching import best_start, fit
@@ -50,6 +51,23 @@ SECTORS: Final = 180  # in which the nearest point of a keyframe bounds what it 
 BEHIND: Final = 0.15  # m behind that point that count as seen
 NEAR: Final = 0.1  # m within which two points are the same thing; more far away
 STRIDE: Final = 0.5  # m between the keyframes that are looked at
+MAX_DISTANCE: Final = 1.5  # m by which the first guess may be off
+MAX_TURN: Final = 0.2  # rad
+FARTHEST: Final = 1.5  # by which a fit may be farther away, in these
+VIEW_LENGTH: Final = 3.0  # m of path whose keyframes are matched together
+VIEW_POINTS: Final = 600  # of these, that are matched
+RIVALS: Final = 2  # other poses that are compared, at most
+COARSE: Final = 5  # of so many poses, one is where a rival is looked for
+APART: Final = 0.4  # m between poses that are compared, at least
+VIEWS: Final = 4  # that are tried in turn
+MIN_OVERLAP: Final = 40  # points of a view in the area that others saw, by the guess
+MIN_SEEN: Final = 120  # points of a view in the area that others saw
+MIN_SHARE: Final = 0.8  # of these that are there; at wrong poses up to 0.75 were
+MIN_LEAD: Final = 0.1  # by which that share is above the next pose's
+MIN_CONFIRMED: Final = 0.8  # of the points that are there, by a pose as good as another
+MAX_POINTS: Final = 3000  # of a whole map
+MIN_FITTING: Final = 300  # points of a whole map that have to fit
+SIGMA: Final = (0.2, 0.2, 0.03)  # m, m and rad; of a frame that is known
 
 
 class Agreement(NamedTuple):
@@ -126,25 +144,6 @@ def _profile(places: Floats) -> Floats:
 def _sectors(x: Floats, y: Floats) -> NDArray[np.int64]:
     turns = (np.arctan2(y, x) + math.pi) / (2 * math.pi)
     return (turns * SECTORS).astype(np.int64) % SECTORS
-
-
-MAX_DISTANCE: Final = 1.5  # m by which the first guess may be off
-MAX_TURN: Final = 0.2  # rad
-FARTHEST: Final = 1.5  # by which a fit may be farther away, in these
-VIEW_LENGTH: Final = 3.0  # m of path whose keyframes are matched together
-VIEW_POINTS: Final = 600  # of these, that are matched
-RIVALS: Final = 2  # other poses that are compared, at most
-COARSE: Final = 5  # of so many poses, one is where a rival is looked for
-APART: Final = 0.4  # m between poses that are compared, at least
-VIEWS: Final = 4  # that are tried in turn
-MIN_OVERLAP: Final = 40  # points of a view in the area that others saw, by the guess
-MIN_SEEN: Final = 120  # points of a view in the area that others saw
-MIN_SHARE: Final = 0.8  # of these that are there; at wrong poses up to 0.75 were
-MIN_LEAD: Final = 0.1  # by which that share is above the next pose's
-MIN_CONFIRMED: Final = 0.8  # of the points that are there, by a pose as good as another
-MAX_POINTS: Final = 3000  # of a whole map
-MIN_FITTING: Final = 300  # points of a whole map that have to fit
-SIGMA: Final = (0.2, 0.2, 0.03)  # m, m and rad; of a frame that is known
 
 
 class _Candidate(NamedTuple):

@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 
 from radarsim.autonomy.mapping.occupancy_grid import RESOLUTION, OccupancyGrid
-from radarsim.autonomy.mapping.rebuildable_grid import RebuildableGrid, ScanGrid
 from radarsim.autonomy.mapping.scan import Layer, PlanarScan, read_scan
+from radarsim.autonomy.mapping.scan_grid import RebuildableGrid, ScanGrid
 from radarsim.autonomy.mapping.slam import Slam, SlamSettings
 from radarsim.autonomy.mapping.trajectory import Trajectory
 from radarsim.autonomy.navigation.observation import (

@@ -28,6 +28,11 @@ from radarsim.geometry import Floats, Pose2, wrap_angle
 
 MAX_ITERATIONS: Final = 20
 CONVERGED: Final = 1e-4  # m and rad
+# Points of a scan err together: they hold far less information than if each were alone.
+POINTS_PER_ERROR: Final = 10.0
+MOTION_SIGMA: Final = (0.002, 0.002, 0.0005)  # m, m and rad; least error of a motion
+CLOSURE_SIGMA: Final = (0.01, 0.01, 0.003)  # of a closure, which compares two maps
+MAX_SQUARED_ERROR: Final = 25.0  # of a closure, variances, beyond which it is false
 
 
 class Edge(NamedTuple):
@@ -119,13 +124,6 @@ def _linearized(
 def _rows(numbers: Floats) -> Floats:
     """Return the three unknowns of each pose, (E, 3)."""
     return 3 * numbers[:, None] + np.arange(3)
-
-
-# Points of a scan err together: they hold far less information than if each were alone.
-POINTS_PER_ERROR: Final = 10.0
-MOTION_SIGMA: Final = (0.002, 0.002, 0.0005)  # m, m and rad; least error of a motion
-CLOSURE_SIGMA: Final = (0.01, 0.01, 0.003)  # of a closure, which compares two maps
-MAX_SQUARED_ERROR: Final = 25.0  # of a closure, variances, beyond which it is false
 
 
 class KeyframeGraph:

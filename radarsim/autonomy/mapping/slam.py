@@ -21,11 +21,12 @@ from typing import Final
 
 import numpy as np
 
-from radarsim.autonomy.mapping.keyframes import Keyframe, KeyframeMap
-from radarsim.autonomy.mapping.loop_closure import (
+from radarsim.autonomy.mapping.keyframes import (
     ANCHOR_INTERVAL,
     LEAST_TURN,
     MOST_ANCHORINGS,
+    Keyframe,
+    KeyframeMap,
     LoopCloser,
     find_correction,
 )

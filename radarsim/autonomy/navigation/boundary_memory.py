@@ -31,6 +31,13 @@ from radarsim.geometry import Point, wrap_angle
 LINK: Final = 0.1  # m beyond twice the safety distance: widest gap within an obstacle
 NEARER: Final = 0.15  # m by which another obstacle is nearer if it is steered by
 _REACH: Final = 0.6  # m that the nearest point may jump between two scans
+NEAR = 0.6  # m from what was hit to the points of its boundary there
+FIRST = 4  # such points
+SPACING = 0.25  # m between the points that are kept
+MAX_DISTANCE = 10.0  # m; points farther away are not looked at
+MARGIN = 0.4  # m that a beam goes beyond a point that has gone, or stops before it
+DRIFT = 0.03  # rad; times the root of the angle turned, the drift of the yaw
+_BESIDE = 0.15  # m beside a point that beams still count as beams to it
 
 
 class FollowedObstacle:
@@ -79,15 +86,6 @@ def _linked_beams(
         linked = grown
     beams[near[linked]] = True
     return beams
-
-
-NEAR = 0.6  # m from what was hit to the points of its boundary there
-FIRST = 4  # such points
-SPACING = 0.25  # m between the points that are kept
-MAX_DISTANCE = 10.0  # m; points farther away are not looked at
-MARGIN = 0.4  # m that a beam goes beyond a point that has gone, or stops before it
-DRIFT = 0.03  # rad; times the root of the angle turned, the drift of the yaw
-_BESIDE = 0.15  # m beside a point that beams still count as beams to it
 
 
 class BoundaryMemory:

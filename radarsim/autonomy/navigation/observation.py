@@ -40,6 +40,14 @@ from radarsim.protocol.reports import (
     TargetEchoes,
 )
 
+ECHO_WAIT: Final = 0.5  # s without echoes after which ranges alone count
+_AIR: Final = "rain"  # a kind of echo of nothing that blocks
+POSE_REPORTS: Final[dict[PoseSource, type[Report]]] = {
+    PoseSource.INS: Ins,
+    PoseSource.ODOMETRY: Odometry,
+    PoseSource.GROUND_TRUTH: GroundTruth,
+}
+
 
 class ScanClock:
     """Times scans by their time stamps, and by a clock where the stamps do not advance.
@@ -134,10 +142,6 @@ def check_beams(count: int, scanner: ScannerInfo) -> None:
         raise ClientError(f"{text}, expected {scanner.beams}")
 
 
-ECHO_WAIT: Final = 0.5  # s without echoes after which ranges alone count
-_AIR: Final = "rain"  # a kind of echo of nothing that blocks
-
-
 def blocked_ranges(ranges: Floats, beams: NDArray[np.int64], lengths: Floats) -> Floats:
     """Return how far a robot could go along each beam, as far as is known.
 
@@ -177,13 +181,6 @@ def blocking_echoes(
         beams.append(target.beams[counts])
         lengths.append(target.ranges[counts])
     return np.concatenate(beams), np.concatenate(lengths)
-
-
-POSE_REPORTS: Final[dict[PoseSource, type[Report]]] = {
-    PoseSource.INS: Ins,
-    PoseSource.ODOMETRY: Odometry,
-    PoseSource.GROUND_TRUTH: GroundTruth,
-}
 
 
 class ObservationBuilder:

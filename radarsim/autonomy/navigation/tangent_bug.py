@@ -63,6 +63,14 @@ from radarsim.autonomy.navigation.wall_following import (
 from radarsim.geometry import Floats, Point, Pose2
 
 MOST_PAIRS: Final = 1_000_000  # of segments and walls at once, which bounds the memory
+LONGER: Final = 0.5  # m by which the way grows in a dead end, and not by noise
+NEARER: Final = 0.2  # m nearer to the goal than the boundary, where it is left
+KEPT: Final = 0.3  # m by which another edge has to be better than the last one
+ARRIVED: Final = 0.3  # m from a place that it heads for, where it has arrived
+AGAIN: Final = 0.5  # m from where a boundary was left, within which it goes on there
+MOST_ALIGNING: Final = 8.0  # s; a whole turn
+_SAME: Final = 0.7  # m within which an edge is the last one
+_MOST_GONE: Final = 20  # obstacles that go away, before it gives up nevertheless
 
 
 def ways_to_goal(edges: Floats, goal: Point, directions: OpenDirections) -> Floats:
@@ -115,16 +123,6 @@ def _side(begin: Floats, end: Floats, point: Floats) -> Floats:
     along, to = end - begin, point - begin
     cross: Floats = along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0]
     return cross
-
-
-LONGER: Final = 0.5  # m by which the way grows in a dead end, and not by noise
-NEARER: Final = 0.2  # m nearer to the goal than the boundary, where it is left
-KEPT: Final = 0.3  # m by which another edge has to be better than the last one
-ARRIVED: Final = 0.3  # m from a place that it heads for, where it has arrived
-AGAIN: Final = 0.5  # m from where a boundary was left, within which it goes on there
-MOST_ALIGNING: Final = 8.0  # s; a whole turn
-_SAME: Final = 0.7  # m within which an edge is the last one
-_MOST_GONE: Final = 20  # obstacles that go away, before it gives up nevertheless
 
 
 class TangentBug(Controller):

@@ -65,6 +65,8 @@ FACING_ANGLE = math.radians(
 _LOST_MARGIN = 0.1  # m beyond the band at which a boundary counts as lost
 _STEP_TOLERANCE = 0.02  # m that a step may come nearer than is allowed
 _EQUAL_RANGE = 0.05  # m within which points of the boundary count as equally near
+_AHEAD: Final = (-math.pi / 4, 0.0, math.pi / 4)  # rad; where nothing may be too near
+_AWAY: Final = 0.5  # of the greatest turn rate, with which it leaves a side too near
 
 
 @dataclass(frozen=True, slots=True)
@@ -358,10 +360,6 @@ def _mean_bearing(bearings: Floats) -> float:
     mean = math.atan2(y, x)
     # Continuous on the left and behind, where a boundary is; it jumps on the right.
     return mean + 2 * math.pi if mean < -ABEAM else mean
-
-
-_AHEAD: Final = (-math.pi / 4, 0.0, math.pi / 4)  # rad; where nothing may be too near
-_AWAY: Final = 0.5  # of the greatest turn rate, with which it leaves a side too near
 
 
 class BumperWallFollower:

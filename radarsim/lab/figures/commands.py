@@ -39,7 +39,7 @@ def figures(
     """
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from radarsim.autonomy.exploration.compilation import warm_up
+    from radarsim.autonomy.exploration.exploration import warm_up
     from radarsim.lab.figures.catalogue import FIGURES, render_all, select_figures
     from radarsim.lab.figures.page import FILE, figure_block, render_page, split_page
 

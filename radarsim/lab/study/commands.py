@@ -78,7 +78,7 @@ def _run(
 ) -> dict[StudyTask, dict[str, Any]]:
     """Run tasks, and write each row as soon as there is one; a signal keeps these."""
     from radarsim.autonomy.evaluation.task_runner import opened_log, run_tasks
-    from radarsim.autonomy.exploration.compilation import warm_up
+    from radarsim.autonomy.exploration.exploration import warm_up
     from radarsim.lab.study.maps import run_study_task
     from radarsim.lab.study.page import LOG
 

@@ -52,7 +52,7 @@ def sweep(
         workers: Number of processes; one for each core by default.
         scheduler: Scheduler of a dask cluster that runs already.
     """
-    from radarsim.autonomy.exploration.compilation import warm_up
+    from radarsim.autonomy.exploration.exploration import warm_up
     from radarsim.errors import import_optional
     from radarsim.lab.sweep.file import read_sweep
     from radarsim.lab.sweep.folder import ABOUT, EXTRA, TABLE, SweepFolder, sweep_tasks

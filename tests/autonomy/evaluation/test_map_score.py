@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from radarsim.autonomy.evaluation.map_score import MapScore, score_map
-from radarsim.autonomy.evaluation.map_truth import Truth
+from radarsim.autonomy.evaluation.map_score import MapScore, Truth, score_map
 from radarsim.autonomy.mapping.occupancy_grid import (
     CellClass,
     GridFrame,

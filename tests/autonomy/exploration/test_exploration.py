@@ -11,11 +11,11 @@ import pytest
 
 import radarsim.autonomy.mapping
 from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
-from radarsim.autonomy.exploration.compilation import warm_up
 from radarsim.autonomy.exploration.exploration import (
     Exploration,
     ExplorationStep,
     Outcome,
+    warm_up,
 )
 from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
 from radarsim.autonomy.mapping.occupancy_grid import (

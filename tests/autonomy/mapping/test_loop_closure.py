@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from flat_world import ANGLES, box, look_around, ranges_of
 
-from radarsim.autonomy.mapping.keyframes import Keyframe, KeyframeMap
-from radarsim.autonomy.mapping.loop_closure import LoopCloser
+from radarsim.autonomy.mapping.keyframes import Keyframe, KeyframeMap, LoopCloser
 from radarsim.autonomy.mapping.point_map import inward_normals
-from radarsim.autonomy.mapping.rebuildable_grid import RebuildableGrid
 from radarsim.autonomy.mapping.scan import PlanarScan, read_scan
+from radarsim.autonomy.mapping.scan_grid import RebuildableGrid
 from radarsim.autonomy.mapping.scan_matching import Fit, ScanPoints
 from radarsim.autonomy.mapping.slam import Slam, SlamSettings
 from radarsim.autonomy.mapping.trajectory import (

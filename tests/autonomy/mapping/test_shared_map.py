@@ -11,7 +11,7 @@ from radarsim.autonomy.mapping.keyframes import Keyframe
 from radarsim.autonomy.mapping.map_alignment import align, refine
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.autonomy.mapping.scan import BeamEnd
-from radarsim.autonomy.mapping.shared_map import SharedMap, without_discs
+from radarsim.autonomy.mapping.scan_grid import SharedMap, without_discs
 from radarsim.autonomy.mapping.slam import Slam, SlamSettings
 from radarsim.autonomy.mapping.trajectory import Trajectory
 from radarsim.autonomy.navigation.plans import MotionSource

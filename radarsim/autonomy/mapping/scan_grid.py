@@ -1,11 +1,16 @@
-"""A map that several robots make together.
+"""Grids that scans are added to: of one robot, or shared by several.
 
 Theory of operation
 ===================
-Each robot finds its poses on a map of points of its own, as it does alone. Where that
-map is on the shared one is found by matching their points (``map_alignment``); until
-then the robot's scans are in a grid of its own, and after that, those before included,
-in the shared one. The first robot's map is the shared one.
+When a loop closes, all scans have other poses, and the grid is built anew from them.
+That takes seconds, in which a robot would drive on blindly. Some old scans are
+therefore added to the new grid with each new scan, which the old grid gets meanwhile;
+the new one replaces it when it holds all scans.
+
+Several robots make one map. Each finds its poses on a map of points of its own, as it
+does alone. Where that map is on the shared one is found by matching their points
+(``map_alignment``); until then the robot's scans are in a grid of its own, and after
+that, those before included, in the shared one. The first robot's map is the shared one.
 
 Robots see each other. What is beside the pose of another robot at the time of a scan is
 left out of the map, as nothing that moves is part of it.
@@ -13,18 +18,152 @@ left out of the map, as nothing that moves is part of it.
 
 from bisect import bisect_right
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid
-from radarsim.autonomy.mapping.rebuildable_grid import RebuildableGrid, StoredScan
-from radarsim.autonomy.mapping.scan import BeamEnd, Layer, PlanarScan
+from radarsim.autonomy.mapping.scan import BeamEnd, BeamHits, Layer, PlanarScan
 from radarsim.autonomy.mapping.trajectory import Trajectory
-from radarsim.geometry import Floats, Pose2
+from radarsim.geometry import Floats, Pose2, wrap_angle
 
+SCANS_AT_ONCE: Final = 25  # old scans that are added with each new one
+STANDING: Final = 0.02, 0.01  # m and rad within which a robot stands
+SCANS_STANDING: Final = 20  # that are kept of a robot that stands
 ROBOT_SIZE: Final = 0.65  # m around a robot's center within which it may be seen
 ORIGIN: Final = Pose2(0.0, 0.0)
+
+
+class ScanGrid(Protocol):
+    """What a mapper adds its scans to."""
+
+    @property
+    def grid(self) -> OccupancyGrid:
+        """The map; another object once it was built anew."""
+
+    def on_map(self, pose: Pose2) -> Pose2:
+        """Return a pose of the trajectory, on the map."""
+
+    def without_robots(self, pose: Pose2, scan: PlanarScan) -> PlanarScan:
+        """Return a scan, taken at a pose, without what is known to be other robots."""
+
+    def add(self, trajectory: Trajectory, scan: PlanarScan) -> None:
+        """Add a scan at the last pose of a trajectory."""
+
+    def rebuild(self) -> None:
+        """Begin to build the map anew, as a trajectory has changed."""
+
+    def finish(self) -> None:
+        """Build the rest of the new map, if one was begun."""
+
+
+class StoredScan(NamedTuple):
+    """A scan that a grid consists of.
+
+    Attributes:
+        trajectory: Trajectory of the robot that took it.
+        number: Number of its pose.
+        scan: The scan.
+    """
+
+    trajectory: Trajectory
+    number: int
+    scan: PlanarScan
+
+
+class RebuildableGrid:
+    """A grid, and the scans that it consists of.
+
+    Attributes:
+        grid: The map; another object once it was built anew.
+        scans: The scans.
+    """
+
+    def __init__(self, resolution: float, robot_radius: float) -> None:
+        """Create an empty map.
+
+        Args:
+            resolution: Side of a cell, m.
+            robot_radius: Radius of the disc around the robot that is marked free, m; 0
+                for none.
+        """
+        self.grid = OccupancyGrid(resolution)
+        self.scans: list[StoredScan] = []
+        self._robot_radius = robot_radius
+        self._last: dict[int, Pose2] = {}  # of each robot's last scan while driving
+        self._standing: dict[int, int] = {}
+        self._next: OccupancyGrid | None = None
+        self._added = 0  # scans that the next grid holds
+
+    def on_map(self, pose: Pose2) -> Pose2:
+        """Return a pose of the trajectory, on the map: the same."""
+        return pose
+
+    def without_robots(
+        self,
+        pose: Pose2,  # noqa: ARG002 - shared maps need it
+        scan: PlanarScan,
+    ) -> PlanarScan:
+        """Return the same scan: no other robots are known."""
+        return scan
+
+    def add(self, trajectory: Trajectory, scan: PlanarScan) -> None:
+        """Add a scan at the last pose of a trajectory."""
+        number = len(trajectory) - 1
+        self._add(self.grid, StoredScan(trajectory, number, scan))
+        # A robot that stands sees the same again and again: some of its scans will do.
+        robot, pose = id(trajectory), trajectory.poses[-1]
+        last, (distance, angle) = self._last.get(robot), STANDING
+        if (
+            last is None
+            or np.hypot(pose.x - last.x, pose.y - last.y) > distance
+            or abs(wrap_angle(pose.yaw - last.yaw)) > angle
+        ):
+            self._last[robot], self._standing[robot] = pose, 0
+        self._standing[robot] += 1
+        if self._standing[robot] <= SCANS_STANDING:
+            # in half the memory, since all scans of a run are kept
+            compact = _converted(scan, np.int32, np.float32)
+            self.scans.append(StoredScan(trajectory, number, compact))
+        self._continue(SCANS_AT_ONCE)
+
+    def rebuild(self) -> None:
+        """Begin to build the grid anew, as a trajectory has changed."""
+        self._next, self._added = OccupancyGrid(self.grid.frame.resolution), 0
+
+    def finish(self) -> None:
+        """Build the rest of the new grid, if one was begun."""
+        self._continue(len(self.scans))
+
+    def place(self, stored: StoredScan) -> tuple[Pose2, PlanarScan]:
+        """Return where a robot took a scan, and what of it is on the map."""
+        return stored.trajectory.poses[stored.number], stored.scan
+
+    def _continue(self, count: int) -> None:
+        if self._next is None:
+            return
+        for stored in self.scans[self._added : self._added + count]:
+            exact = _converted(stored.scan, np.int64, np.float64)
+            self._add(self._next, stored._replace(scan=exact))
+            self._added += 1
+        if self._added == len(self.scans):
+            self.grid, self._next = self._next, None
+
+    def _add(self, grid: OccupancyGrid, stored: StoredScan) -> None:
+        pose, scan = self.place(stored)
+        grid.add(pose, scan)
+        if self._robot_radius:
+            grid.clear_disc(pose, self._robot_radius)
+
+
+def _converted(scan: PlanarScan, whole: DTypeLike, real: DTypeLike) -> PlanarScan:
+    """Return a scan whose numbers are of other types."""
+    hits = scan.hits
+    converted = BeamHits(
+        hits.beams.astype(whole), hits.near.astype(real), hits.far.astype(real), hits[3]
+    )
+    return replace(scan, known_range=scan.known_range.astype(real), hits=converted)
 
 
 class SharedMap(RebuildableGrid):
