@@ -1,4 +1,4 @@
-"""What ``navigate`` and ``map`` share to draw and to film their runs."""
+"""What ``navigate`` and ``map`` share: checks, the robot that is drawn, films."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ import click
 
 from radarsim.cli.files import check_writable
 from radarsim.cli.output import print_message
-from radarsim.errors import PresetError
+from radarsim.errors import PresetError, expected_one_of
 
 if TYPE_CHECKING:
     from radarsim.autonomy.plotting.film import Pixels
     from radarsim.presets.robots import RobotModel
+    from radarsim.scene.scene import Scene
 
 HINT: Final = "--film"
 DRAWN_ROBOT: Final = "P3AT"  # where the class is unknown
@@ -29,6 +30,17 @@ def drawn_robot(class_name: str | None) -> RobotModel:
         return load_robot(class_name or DRAWN_ROBOT)
     except PresetError:
         return load_robot(DRAWN_ROBOT)
+
+
+def check_start(scene: Scene | None, name: str | None) -> None:
+    """Check that a map has a start of a name, if both are known.
+
+    Raises:
+        click.BadParameter: If it has not.
+    """
+    if scene is not None and name is not None and scene.start(name) is None:
+        text = expected_one_of(name, [each.name for each in scene.starts])
+        raise click.BadParameter(text, param_hint="--start")
 
 
 def check_film(path: Path | None) -> None:

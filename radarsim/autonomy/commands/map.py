@@ -11,6 +11,7 @@ from typing import Annotated, ClassVar, Final, Literal
 import click
 from annotated_types import Interval
 
+from radarsim.autonomy.commands.film import check_start
 from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
 from radarsim.autonomy.navigation.plans import MapPose, Metres
 from radarsim.cli.compile_progress import with_compile_progress
@@ -23,7 +24,6 @@ from radarsim.cli.fields import (
 )
 from radarsim.cli.files import without_empty_folder
 from radarsim.cli.output import MESSAGE_FORM, start_log
-from radarsim.errors import expected_one_of
 from radarsim.geometry import Pose3
 from radarsim.plans import RARE, Option
 
@@ -134,12 +134,7 @@ def map_(
         output.check(served=where.map)
         settings = where.item_settings()
         served = recording.load_host(where.map, seed=where.seed, settings=settings)
-        if served is not None and plan.start is not None:
-            scene = served.simulation.scene
-            if scene.start(plan.start) is None:
-                names = [each.name for each in scene.starts]
-                text = expected_one_of(plan.start, names)
-                raise click.BadParameter(text, param_hint="--start")
+        check_start(None if served is None else served.simulation.scene, plan.start)
         check_robot(plan.robot_class, served)
         start_log(logging.WARNING, MESSAGE_FORM)
         warm_up()

@@ -124,6 +124,7 @@ class MapFiles:
         }
         for robot, trajectory in result.trajectories.items():
             contents[self._trajectory_path(robot)] = tum_text(trajectory).encode()
+        # in this order, and all or none: old and new files never stand side by side
         files = {path: contents[path] for path in paths if path in contents}
         write_atomically(files)
         # what an earlier run of more robots wrote, and nobody else

@@ -296,6 +296,7 @@ def follow(
                 update_film(traffic.trip.time)
                 recording.add_map(traffic.mapper)
 
+            # called in the observer's thread; the proxy forwards meanwhile
             traffic.on_scan = note_scan
             code = _run_traffic(traffic, server, port or 0, robot, plan.echoes)
         recording.add_map(traffic.mapper, last=True)

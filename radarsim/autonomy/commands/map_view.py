@@ -56,7 +56,6 @@ def view_of(result: MappingResult, mapper: Mapper) -> MapView:
 def _headline(
     result: MappingResult, mapper: Mapper, outlines: Iterable[Outline]
 ) -> str:
-    """Return how much is on a map, in words."""
     score = result.score
     if score is not None and score.hidden_coverage is not None:
         return _hidden_text(score.hidden_coverage, outlines)
@@ -122,6 +121,7 @@ class MapCamera:
         mapper, trip = self._source.mapper or self._mapper, self._source.trip
         assert mapper is not None
         self._mapper = mapper
+        # Not before the first scan: only then it is known where the robot stands.
         if self._frames is None:
             self._frames = self._prepare(mapper)
         texts = [f"{trip.time:.1f} s, {trip.length:.1f} m"]

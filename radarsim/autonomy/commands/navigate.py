@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
+from radarsim.autonomy.commands.film import check_film, check_start, filmed
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.cli.compile_progress import with_compile_progress
 from radarsim.cli.fields import (
@@ -22,7 +23,6 @@ from radarsim.cli.fields import (
 )
 from radarsim.cli.files import PICTURE_FORMS, check_ending, check_writable, write_file
 from radarsim.cli.output import MESSAGE_FORM, print_lines, print_message, start_log
-from radarsim.errors import expected_one_of
 from radarsim.processes import raise_on_signals
 
 if TYPE_CHECKING:
@@ -51,8 +51,6 @@ class NavigationFiles(RunFiles):
         Raises:
             click.BadParameter: If one cannot.
         """
-        from radarsim.autonomy.commands.film import check_film
-
         for hint, path in (("--trace", self.trace), ("--plot", self.plot)):
             if path is not None:
                 check_writable(path, hint)
@@ -138,11 +136,7 @@ def complete_mission(mission: Mission, scene: Scene | None) -> Mission:
         click.BadParameter: If there is no goal, or no such start.
     """
     trial = None if scene is None else scene.trial
-    if scene is not None and mission.start is not None:
-        names = [each.name for each in scene.starts]
-        if scene.start(mission.start) is None:
-            text = expected_one_of(mission.start, names)
-            raise click.BadParameter(text, param_hint="--start")
+    check_start(scene, mission.start)
     if not mission.goals and trial is None:
         text = "nowhere to go, expected X,Y, or a map that has a trial"
         if scene is not None:
@@ -163,7 +157,6 @@ def complete_mission(mission: Mission, scene: Scene | None) -> Mission:
 @contextmanager
 def _shown(run: NavigationRun, files: RunFiles) -> Iterator[Callable[[Row], None]]:
     """Show the progress of a run, and film it if a file is given."""
-    from radarsim.autonomy.commands.film import filmed
     from radarsim.autonomy.commands.navigate_output import RunCamera, run_progress
 
     with (

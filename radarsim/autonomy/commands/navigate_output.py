@@ -12,7 +12,7 @@ from radarsim.autonomy.commands.film import drawn_robot
 from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED, NavigationRun
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.controller import Activity
-from radarsim.autonomy.navigation.run_log import AT_BOUNDARY, Row, RunLog
+from radarsim.autonomy.navigation.run_log import Row, RunLog
 from radarsim.autonomy.plotting.film import Pixels
 from radarsim.autonomy.plotting.frames import RunFrames, first_run_extent
 from radarsim.autonomy.plotting.outlines import Outline, outlines_of
@@ -50,14 +50,28 @@ def run_progress(run_log: RunLog) -> Iterator[Callable[[Row], None]]:
     Yields:
         A function to be called with each row after it has been added to the log.
     """
+    state: object = None
+    hits = leaves = 0
     with live_status(lambda: describe_status(run_log)) as log:
 
         def update(row: Row) -> None:
-            previous = run_log.rows[-2] if len(run_log.rows) > 1 else None
-            state = (row.activity, row.goal)
-            if previous is None or (previous.activity, previous.goal) != state:
-                change = describe_change(run_log, previous, row)
-                log(f"{run_log.time:8.1f} s  {change}")
+            nonlocal state, hits, leaves
+            last, state = state, (row.activity, row.goal)
+            if last == state:
+                return
+            position, what = f"{row.x:.2f} {row.y:.2f}", row.activity.value
+            change = what.replace("_", " ")
+            if row.activity is Activity.GOING and row.goal is not None:
+                x, y = row.goal
+                change = f"going to {x:.2f} {y:.2f}, {row.goal_distance:.2f} m away"
+            # hits and leaves are told by the log, which knows the goals in between
+            if len(run_log.leave_points) > leaves:
+                leaves = len(run_log.leave_points)
+                change = f"leave point {leaves} at {position}, {change}"
+            if len(run_log.hit_points) > hits:
+                hits = len(run_log.hit_points)
+                change = f"hit point {hits} at {position}, {what}"
+            log(f"{run_log.time:8.1f} s  {change}")
 
         yield update
 
@@ -78,33 +92,6 @@ def describe_status(run_log: RunLog) -> str:
             row.pressed,
         )
     ).rstrip()
-
-
-def describe_change(run_log: RunLog, previous: Row | None, row: Row) -> str:
-    """Return what changed between two consecutive rows of a run.
-
-    Args:
-        run_log: The run up to the second row.
-        previous: The first row; None at the start of the run.
-        row: The second row.
-    """
-    was_at_boundary = (
-        previous is not None
-        and previous.activity in AT_BOUNDARY
-        and previous.goal == row.goal
-    )
-    position = f"{row.x:.2f} {row.y:.2f}"
-    if row.activity is Activity.GOING and row.goal is not None:
-        x, y = row.goal
-        change = f"going to {x:.2f} {y:.2f}, {row.goal_distance:.2f} m away"
-        if not was_at_boundary:
-            return change
-        return f"leave point {len(run_log.leave_points)} at {position}, {change}"
-    if row.activity in AT_BOUNDARY and not was_at_boundary:
-        return (
-            f"hit point {len(run_log.hit_points)} at {position}, {row.activity.value}"
-        )
-    return row.activity.value.replace("_", " ")
 
 
 def as_json(run: NavigationRun) -> str:

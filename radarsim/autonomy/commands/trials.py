@@ -180,9 +180,9 @@ def trials(
 
 
 def _run(todo: Sequence[TrialSpec], processes: int, *, as_json: bool) -> None:
-    """Run trials, and print their scores."""
     from radarsim.autonomy.evaluation.trials import run_trials
 
+    # before the clock runs, and once instead of in each process
     compile_now()
     began = time.perf_counter()
     with raise_on_signals(), closing(run_trials(todo, workers=processes)) as running:

@@ -147,7 +147,6 @@ def covered_cells(area: Any, frame: GridFrame) -> Mask:
 
 
 def _drawn(segments: Floats, frame: GridFrame) -> Mask:
-    """Return the cells that lines cross."""
     starts, spans = segments[:, 0], segments[:, 1] - segments[:, 0]
     lengths = np.hypot(*spans.T) / frame.resolution
     # A point every quarter of a cell: a line may miss the corner of a cell that it only

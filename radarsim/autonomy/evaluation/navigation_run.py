@@ -47,10 +47,12 @@ class GroundTruthMonitor:
         for vehicle in self._simulation.vehicles:
             number, pose = vehicle.number, vehicle.robot.pose
             touches = vehicle.robot.touched
+            # a touch that lasts is one collision, not one a tick
             self.collisions += touches and not self._touches.get(number, False)
             previous = self._poses.get(number, pose)
             self.path_length += math.hypot(pose.x - previous.x, pose.y - previous.y)
             self._poses[number], self._touches[number] = pose, touches
+            # of the other robots only lengths and collisions count
             if number == next(iter(self._poses)):
                 x, y = self.path[-1] if self.path else (math.inf, math.inf)
                 if math.hypot(pose.x - x, pose.y - y) >= STEP:

@@ -102,6 +102,7 @@ def raster_truth(map_: RandomMap, safety_distance: float, reach: float) -> Raste
             looks that much wider.
     """
     raster = _Raster(map_)
+    # Between what surely is a passage and what surely is none, either answer is right.
     wide = raster.connects(safety_distance + HALF_PASSAGE + reach)
     narrow = raster.connects(ROBOT_RADIUS)
     near = min(raster.clearance(map_.start), raster.clearance(map_.goal))
@@ -149,6 +150,7 @@ class _Raster:
         free = self._distances >= distance
         numbers = np.arange(free.size).reshape(free.shape)
         rows, columns, lengths = [], [], []
+        # each pair of neighbours once, as the graph is not directed
         for dx, dy in _MOVES:
             here, there = _shifted(free, dx, dy), _shifted(free, -dx, -dy)
             both = here & there

@@ -87,6 +87,7 @@ def _corners(piece: Polygon, start: Position, goal: Position) -> _Corners:
         points = shapely.get_coordinates(ring)[:-1]  # free space is on the left
         before = np.roll(points, 1, axis=0) - points
         behind = np.roll(points, -1, axis=0) - points
+        # only around corners that stick out does a shortest path bend
         bends = before[:, 0] * behind[:, 1] - before[:, 1] * behind[:, 0] > 0
         rows.append((points[bends], before[bends], behind[bends]))
     points, before, behind = (np.concatenate(row) for row in zip(*rows, strict=True))
@@ -117,7 +118,7 @@ class _Search:
             _, corner = heapq.heappop(queue)
             if corner == 1:
                 return float(self._lengths[1]), self._points()
-            if corner in done:
+            if corner in done:  # a shorter way here was found after it was queued
                 continue
             done.add(corner)
             for neighbour in self._expand(corner).tolist():

@@ -244,6 +244,8 @@ def _run_batches(
         at_once: Number of batches that are submitted at any time.
         suspects: Gets the batches that were begun when a process crashed.
     """
+    # Few batches wait at any time: all that have begun when a process crashes are run
+    # again, each alone.
     running: dict[Future[list[TaskResult[Value]]], Batch[Task]] = {}
     while not suspects:
         for batch in islice(left, at_once - len(running)):

@@ -230,6 +230,8 @@ class ContourStrategy:
             self._track.append((observation.pose.x, observation.pose.y))
         if self._circuit.is_closed:
             self.contours += 1
+            # Round a room it has turned to one side in total, round an island to the
+            # other: that wall was not the room's.
             is_inside = (self._circuit.turn < 0) == self._mode.wall_on_left
             self.activity = "filling" if is_inside else "seeking"
         elif self._circuit.lost > self._max_lost:
@@ -306,6 +308,7 @@ class SpiralCoverage:
         if has_arrived:
             self._skipped_angle = 0.0
             self._advance()
+        # Points in walls are skipped; a whole turn of them means that it is shut in.
         while not self.is_done:
             targets = reachable & floor.disc(*self._point(), POINT_SPACING / 2)
             if self._path_follower.plan(observation, targets):

@@ -83,6 +83,7 @@ class ExplorationSettings:
 
     def clear_bearing(self, observation: Observation, bearing: float) -> float:
         """Return the bearing nearest to a given one where nothing is too near, rad."""
+        # alternately to both sides, so that the first free one is the nearest
         for k in range(int(math.pi / _BEARING_STEP) + 1):
             for each in (bearing + k * _BEARING_STEP, bearing - k * _BEARING_STEP):
                 if not self.bumpers.towards(observation, each).too_near:
@@ -155,6 +156,7 @@ class PathFollower:
         bearing = bearing_of(observation.pose, *self._next_point(observation.pose))
         bearing = settings.clear_bearing(observation, bearing)
         twist = settings.speed_limits.towards(bearing)
+        # The map may be wrong, or old; what bumpers see is there.
         return settings.limit_by_bumpers(observation, twist)
 
     def pause(self, observation: Observation) -> None:

@@ -216,6 +216,7 @@ class TraversabilityMap:
 
     def _tile_clearance(self, blocked: Mask, resolution: float) -> Floats:
         """Return the least clearance of each tile's cells, m; inf where it is large."""
+        # Farther away nothing costs more, so distances beyond are not computed.
         limit = self.safety + COSTLY + self.size
         padding = _PADDING * self._factor
         cells = np.pad(blocked, padding)
@@ -240,6 +241,7 @@ class TraversabilityMap:
         return np.isfinite(self._distances(tiles, 1.5 * self.size))
 
     def _opening(self, tiles: Mask, radius: float) -> Mask:
+        # eroded, then dilated: only where a disc of that radius fits
         inner = np.isinf(self._distances(~tiles, radius))
         return tiles & np.isfinite(self._distances(inner, radius))
 

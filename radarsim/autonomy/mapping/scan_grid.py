@@ -243,6 +243,7 @@ class RobotMap:
         """Return where the robot was on the shared map; None if it is not known."""
         if self.frame is None or self.trajectory is None:
             return None
+        # robots scan at different times; the latest pose before is near enough
         number = max(bisect_right(self.trajectory.times, time) - 1, 0)
         return self.frame.compose(self.trajectory.poses[number])
 

@@ -141,7 +141,7 @@ def _interpolated(truth: Trajectory, times: Floats) -> Floats:
     rows, known = truth.rows(), np.array(truth.times)
     order = np.argsort(known, kind="stable")
     rows, known = rows[order], known[order]
-    rows[:, 2] = np.unwrap(rows[:, 2])
+    rows[:, 2] = np.unwrap(rows[:, 2])  # or it would turn back between pi and -pi
     columns = [np.interp(times, known, column) for column in rows.T]
     return np.column_stack(columns)
 

@@ -273,6 +273,7 @@ class ObservationBuilder:
         if echoes is not None:
             beams, lengths = blocking_echoes(len(known), echoes)
             known = blocked_ranges(known, beams, lengths)
+            # kept apart: planners want all that blocks, bumpers only the nearest
             behind = lengths > known[beams]
             beams, lengths = beams[behind], lengths[behind]
             farther = np.column_stack(

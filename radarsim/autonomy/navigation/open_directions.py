@@ -60,6 +60,7 @@ class OpenDirections:
         """Return whether the disc could go straight to a point, m, map frame."""
         dx, dy = point[0] - self._pose.x, point[1] - self._pose.y
         bearing = math.atan2(dy, dx) - self._pose.yaw
+        # as far as the next looked-at direction tells
         nearest = np.abs(wrap_angles(self.bearings - bearing)).argmin()
         return bool(self.lengths[nearest] >= min(math.hypot(dx, dy), HORIZON))
 

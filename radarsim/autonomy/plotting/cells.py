@@ -122,6 +122,7 @@ class SensedCells:
         for artist in self._dots:
             artist.remove()
         ends = run_log.beam_ends
+        # A film zooms out as the run goes on: what is outside may come into view.
         low, high = self._axes.viewLim.min, self._axes.viewLim.max
         shown = ((ends[:, :2] > low) & (ends[:, :2] < high)).all(axis=1)
         within = shapely.contains_xy(self._entered, ends[:, 0], ends[:, 1])
@@ -143,6 +144,7 @@ class SensedCells:
         columns, rows = last - first
         pixels = np.zeros((rows, columns, 4), np.uint8)
         pixels[:, :, :3] = np.round(255 * np.array(to_rgb(self._colour)))
+        # By the logarithm: near the robot beams end a hundred times as often as afar.
         often = np.log1p(ends[:, 2]) / np.log1p(most)
         opacity = (FAINTEST + (STRONGEST - FAINTEST) * often) * (ends[:, 2] > 0)
         x, y = (cells - first).T
@@ -157,6 +159,7 @@ class SensedCells:
         side = _BLOCK * CELL
         squares = np.floor(ends[:, :2] / side).astype(np.int64)
         places, numbers = np.unique(squares, axis=0, return_inverse=True)
+        # numpy 2.0 gave the inverse another shape than versions before and after
         counts = np.bincount(numbers.reshape(-1), ends[:, 2])
         often = np.minimum(np.log1p(counts) / np.log1p(most), 1.0)
         axes, figure = self._axes, self._axes.get_figure(root=True)

@@ -127,6 +127,7 @@ class GifEncoder:
         window = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
         indexed = _quantised(pixels[window])
         cells = np.array(indexed)
+        # transparent pixels show the frame before, and compress to nearly nothing
         cells[~changed[window]] = _UNCHANGED
         indexed.paste(Image.fromarray(cells, "L"))
         self._waiting = indexed, (int(columns[0]), int(rows[0]))
@@ -205,6 +206,7 @@ class FrameCanvas:
         for artist in moving:
             artist.set_animated(True)  # the background is drawn without it
         canvas = self._canvas
+        # What stands still is drawn once for all frames of the same limits.
         limits = tuple(
             value for axes in canvas.figure.axes for value in axes.viewLim.extents
         )
@@ -266,6 +268,7 @@ class Film:
         """
         if self._start is None:
             self._start = time
+        # a scan that is due but for rounding counts
         due = int((time - self._start) / self._interval + 1e-9) + 1 - self.frames
         if due <= 0 or self.error is not None:
             return
@@ -287,6 +290,7 @@ class Film:
         """Complete the film, however the run ended; a second interrupt drops it."""
         if self._encoder is None:
             return
+        # An interrupt may come while the last frames are drawn or encoded, too.
         try:
             self._add(self._draw(), times=round(HOLD * FRAME_RATE))
             self._queue.put(None)

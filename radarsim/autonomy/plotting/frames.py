@@ -66,6 +66,7 @@ def first_map_extent(outlines: Sequence[Outline], grid: OccupancyGrid) -> Extent
         grid: The map, which is shown otherwise; at least one scan.
     """
     scene = outlines_extent(outlines)
+    # A cell of a scene that is larger would be less than a pixel wide.
     if scene is None or max(scene.width, scene.height) > _LARGEST_SCENE:
         scene = maps.extent_of(grid, sensed_window(grid))
     return scene.grown(_MAP_EDGE)

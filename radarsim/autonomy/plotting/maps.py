@@ -251,6 +251,7 @@ def pixels_per_metre(extent: Extent, resolution: float) -> float:
         resolution: Side of a cell, m.
     """
     room = min(_WIDEST / extent.width, _TALLEST / extent.height)
+    # whole pixels, unless cells are smaller: else some would look wider than others
     pixels = room * resolution
     return min(pixels if pixels < 1 else int(pixels), _LARGEST_CELL) / resolution
 

@@ -86,6 +86,7 @@ def include_touched(extent: Extent, outlines: Iterable[Outline]) -> Extent:
                 and high[1] > extent.south
             )
             larger = max(whole.width / extent.width, whole.height / extent.height)
+            # walls around a whole room would shrink the run to a spot
             if touches and larger <= _MUCH_LARGER:
                 wanted = wanted.union(whole)
     return wanted

@@ -117,6 +117,7 @@ class Panels:
         self.figure = Figure(dpi=DPI)
         self.axes: list[Axes] = []
         self.titles: list[Text] = []
+        # whole pixels; sizes that are whole but for rounding stay as they are
         self._size = (
             math.ceil(extent.width * pixels_per_metre - 1e-6),
             math.ceil(extent.height * pixels_per_metre - 1e-6),
@@ -204,6 +205,7 @@ class Panels:
         share = max(wanted.width / shown.width, wanted.height / shown.height) * _ZOOM
         middle_x = (wanted.west + wanted.east) / 2
         middle_y = (wanted.south + wanted.north) / 2
+        # by one share, as a metre has to be as long on both axes
         across, up = shown.width * share / 2, shown.height * share / 2
         for axes in self.axes:
             axes.set_xlim(middle_x - across, middle_x + across)
@@ -211,7 +213,6 @@ class Panels:
         self._draw_scale()
 
     def _draw_scale(self) -> None:
-        """Draw the scale bar anew."""
         for artist in self.scale_bar:
             artist.remove()
         # Above the right corner of a panel, where it covers nothing; that of
@@ -266,7 +267,6 @@ class Panels:
         )
 
     def _place(self, legend_height: int, narrowest: int = _NARROWEST) -> None:
-        """Set the size of the figure, and the places of the panels in it."""
         across, up = self._size
         count = len(self.axes)
         sides = (_WEST, _GAP, _EAST) if self._numbers else (_EAST, _EAST, _EAST)

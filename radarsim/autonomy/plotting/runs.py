@@ -84,6 +84,7 @@ def arrow_places(path: Floats, spacing: float) -> Floats:
     def at(lengths: Floats) -> Floats:
         return np.column_stack([np.interp(lengths, along, axis) for axis in path.T])
 
+    # Between two points some way apart: noise turns each single step anywhere.
     x, y = (at(places + _AROUND) - at(places - _AROUND)).T
     return np.column_stack([at(places), np.arctan2(y, x)])
 
@@ -176,6 +177,7 @@ def run_extent(run_log: RunLog, true_path: Floats = NO_PATH) -> Extent:
     around = paths.grown(AROUND)
     low, high = (around.west, around.south), (around.east, around.north)
     beam_ends = run_log.beam_ends[:, :2]
+    # What is far away is left out: with it the run itself would be tiny.
     near = ((beam_ends >= low) & (beam_ends <= high)).all(axis=1)
     if not near.any():
         return paths.grown(_MARGIN)
@@ -288,7 +290,6 @@ def pixels_per_metre(extent: Extent) -> float:
 
 
 def _legend_rows(views: Sequence[RunView]) -> list[Artist]:
-    """Return the rows of a legend of all that some runs show."""
     styles = {style for view in views for style in _styles(view.run_log)}
     markers = {style for view in views for style in marker_places(view.run_log)}
     truth = any(len(view.true_path) for view in views)
@@ -353,7 +354,6 @@ def _styles(run_log: RunLog) -> list[PathStyle]:
 
 
 def _path_lines(run_log: RunLog) -> list[LineCollection]:
-    """Return the estimated path, coloured by activity."""
     path, styles = run_log.path, _styles(run_log)
     steps = np.stack([path[:-1], path[1:]], axis=1)
     drawn = []

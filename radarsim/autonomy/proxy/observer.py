@@ -174,6 +174,7 @@ class ConnectionState:
 
     def _infer_max_range(self, scan: RangeScan) -> None:
         largest = float(scan.ranges.max(initial=0.0))
+        # Beams without return read the maximum: then several are exactly equal.
         if np.count_nonzero(scan.ranges == largest) >= SAME_RANGES:
             self._max_ranges[scan.name] = max(
                 largest, self._max_ranges.get(scan.name, 0.0)

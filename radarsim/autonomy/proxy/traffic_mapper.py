@@ -128,6 +128,8 @@ class RobotWatcher:
                     self._is_watching = True
                     writer.write(self._question(questions.geometry, ROBOT))
                 case CommandError(text):
+                    # GEO of a robot that is not there is refused: it has left, or it
+                    # has not come yet.
                     if self._has_seen:
                         return True
                     self._wait(text)
@@ -150,6 +152,7 @@ class RobotWatcher:
             self.robot = copy.robot
             if self._echoes:
                 self._on_data(NUMBER, "client", _ECHOES)
+            # What its own client may never ask: mount and limits of its scanners.
             for ask in (questions.geometry, questions.configuration):
                 writer.write(self._question(ask, RANGE_SCANNER))
         if copy.robot == self.robot:
