@@ -31,7 +31,7 @@ from radarsim.autonomy.exploration.target_allocation import (
     SharedTargetStrategy,
     TargetBoard,
 )
-from radarsim.autonomy.mapping.keyframes import Keyframe, KeyframeMap
+from radarsim.autonomy.mapping.loop_closure import Keyframe, KeyframeMap
 from radarsim.autonomy.mapping.map_alignment import VIEWS, align, refine
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.scan_grid import RobotMap, SharedMap

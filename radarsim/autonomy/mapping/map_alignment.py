@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from radarsim.autonomy.mapping.keyframes import (
+from radarsim.autonomy.mapping.loop_closure import (
     MIN_EVENNESS,
     Keyframe,
     KeyframeMap,

@@ -21,7 +21,7 @@ from typing import Final
 
 import numpy as np
 
-from radarsim.autonomy.mapping.keyframes import (
+from radarsim.autonomy.mapping.loop_closure import (
     ANCHOR_INTERVAL,
     LEAST_TURN,
     MOST_ANCHORINGS,

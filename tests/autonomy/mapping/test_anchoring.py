@@ -6,7 +6,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from radarsim.autonomy.mapping.keyframes import Keyframe, KeyframeMap, find_correction
+from radarsim.autonomy.mapping.loop_closure import (
+    Keyframe,
+    KeyframeMap,
+    find_correction,
+)
 from radarsim.autonomy.mapping.point_map import inward_normals
 from radarsim.autonomy.mapping.pose_graph import KeyframeGraph
 from radarsim.autonomy.mapping.scan import PlanarScan

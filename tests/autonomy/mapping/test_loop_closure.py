@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from flat_world import ANGLES, box, look_around, ranges_of
 
-from radarsim.autonomy.mapping.keyframes import Keyframe, KeyframeMap, LoopCloser
+from radarsim.autonomy.mapping.loop_closure import Keyframe, KeyframeMap, LoopCloser
 from radarsim.autonomy.mapping.point_map import inward_normals
 from radarsim.autonomy.mapping.scan import PlanarScan, read_scan
 from radarsim.autonomy.mapping.scan_grid import RebuildableGrid

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from flat_world import ROOM, Look, box
 
-from radarsim.autonomy.mapping.keyframes import Keyframe
+from radarsim.autonomy.mapping.loop_closure import Keyframe
 from radarsim.autonomy.mapping.map_alignment import align, refine
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.autonomy.mapping.scan import BeamEnd

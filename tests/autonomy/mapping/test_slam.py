@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radarsim.autonomy.mapping.keyframes import KeyframeMap
+from radarsim.autonomy.mapping.loop_closure import KeyframeMap
 from radarsim.autonomy.mapping.scan import PlanarScan
 from radarsim.autonomy.mapping.slam import Slam, SlamSettings
 from radarsim.autonomy.mapping.trajectory import (
