@@ -12,8 +12,6 @@ else beside this module. Where none can be written, each process compiles for it
 
 numba is not imported here: whether there is something to compile is known before.
 
-Which kernels are being compiled right now, for those who wait for it.
-
 The first scan on a machine compiles the ray engine for a minute or so; the first
 server, the first map and the first camera compile what they need besides. The log tells
 of it; a program can add an observer as well, before numba is imported.

@@ -30,7 +30,7 @@ the ends of arrays and drops whole meshes without an error.
 Rule 3: a ray that starts outside the scene is first advanced to the sphere around it,
 so that Embree handles no numbers larger than the scene's.
 
-Bounding boxes of the parts of triangles that are between two heights.
+The triangles' bounding boxes can be those of the parts between two heights.
 
 A level ray crosses a triangle where the triangle has the ray's height. A box around
 that part alone is smaller than one around the triangle, and fewer rays meet it.

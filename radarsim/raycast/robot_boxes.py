@@ -1,6 +1,6 @@
 """Upright boxes that stop every ray: robots, which move while the scene is fixed.
 
-The boxes of robots, sorted by the direction in which they are seen from a place.
+For a scan they are sorted by the direction in which they are seen from its sensor.
 
 Theory of operation
 ===================

@@ -13,7 +13,7 @@ up to it; that makes moves on the open floor cheap.
 Rule 2: a move displaces the centre by at most ``MAX_DISPLACEMENT_RATIO`` sweeps, so the
 same holds for the gap to the other robots, which move as well.
 
-The robots near a place, from a grid of square cells.
+The robots near a place are found by a grid of square cells.
 
 Cells are found by a hash of their place, so that the floor may be of any size. Robots
 are entered once in each step, and cells are searched a little farther than asked for,

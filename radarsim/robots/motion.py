@@ -3,7 +3,7 @@
 Robots move one after the other, in the order of spawning, so that a robot meets those
 before it where they have gone and those after it where they still are.
 
-Kinematics of skid steering: motion from the speeds of the left and right wheels.
+The kinematics are those of skid steering, from the speeds of the left and right wheels.
 
 Wheels reach their set-points at once: the set-point of a tick is the speed during that
 tick. Collisions are not modelled here.

@@ -1,6 +1,6 @@
 """Files of meshes: which ones may be read, and how large they may be.
 
-Check what a mesh file announces against its size, before it is parsed.
+What a mesh file announces is checked against its size before it is parsed.
 
 Parsers allocate what a header counts, and spend seconds on each of many small pieces.
 """

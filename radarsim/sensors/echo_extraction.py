@@ -13,7 +13,7 @@ normal. Rays sample the beam's solid angle, in which a slanted surface of R^2 / 
 returns cos^2 of what it does head-on, by Lambert's law. Leaves face all directions, and
 are met in proportion to the cosine: 2/3, the mean of cos^2 over that of cos.
 
-Merge the echoes that a beam cannot resolve, and select those that it keeps.
+Echoes that a beam cannot resolve are merged, and those that it keeps are selected.
 
 Echoes of a beam that are closer together than the range resolution merge: starting from
 the nearest one that returns power, all that is less than the range resolution behind

@@ -3,7 +3,7 @@
 A thread loads it, after a process of its own has compiled what is not in the cache.
 Where there is no cache, or the process has failed, the thread compiles.
 
-The process that compiles what a server needs, and writes it into the cache.
+A process of its own compiles what a server needs, and writes it into the cache.
 
 It is a process and not a thread, because compiling holds Python's global lock most of
 the time, and clients would wait for their greeting.

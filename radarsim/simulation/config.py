@@ -2,7 +2,7 @@
 
 Imports no compiled code before a scanner is created.
 
-How many rays a client may ask for by changing the settings of a scanner.
+It limits how many rays a client may ask for by changing the settings of a scanner.
 
 All robots share the time of a tick: a client must not take that of the others. Whoever
 starts the simulation may configure more; that much is then allowed as well.

@@ -1,6 +1,6 @@
 """Problems of a map that is valid: occupied starts, and trials that cannot succeed.
 
-Free space: the floor that a robot can stand on, and its connected components.
+Free space is the floor that a robot can stand on, with its connected components.
 
 What is solid at a P3AT's height is grown by a distance, and the rest of the floor is
 free. An object that encloses an area by itself is solid inside: a box, a bush, a trunk.

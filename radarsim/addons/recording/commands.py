@@ -1,6 +1,6 @@
 """``radarsim replay``: play a recording to clients, or repeat its run.
 
-``radarsim recording``: what recordings contain, and their repair.
+``radarsim recording`` tells what recordings contain, and repairs them.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A run of ``radarsim map``: it explores, or follows what another client drives.
 
-Its progress, its files, and what it prints.
+It shows the progress, writes the files and prints the result.
 """
 
 import logging

@@ -1,6 +1,6 @@
 """One run of a navigator: its server, its mission, its log and its result.
 
-The true robot, as the simulation has it: its path, its collisions, its distances.
+The true path, collisions and distances of the robot are those of the simulation.
 """
 
 import math

@@ -3,7 +3,7 @@
 Side beams (0, 25 or 50 UU beside the centre) and the sensor (radar or laser) go by turn
 over the maps, and every map is run with every algorithm.
 
-What a robot can reach on a random map, by a raster of its plan.
+The raster is of the map's plan, and tells what a robot can reach there.
 
 The distance of each cell's centre from the plan's blocks and discs is exact; cells that
 are far enough from everything are connected with their eight neighbours. Nothing is

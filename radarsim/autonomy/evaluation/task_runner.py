@@ -5,7 +5,7 @@ task that is plain data has a key and a random generator of its own. What a task
 then depends on nothing but its parameters: not on the order of tasks, on the number of
 processes, or on what other tasks there are.
 
-Logs of results: files of JSON lines that are only ever added to.
+Logs of results are files of JSON lines that are only ever added to.
 
 A run that is killed leaves at most an incomplete last line. Readers leave it out, and
 the next run cuts it off.

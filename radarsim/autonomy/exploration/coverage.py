@@ -4,7 +4,7 @@ A frontier is where open floor borders on space that no beam has crossed. Short-
 coverage drives until all floor was seen at short range: from afar, and through foliage,
 a radar's beams leave wide gaps. Both drive to the nearest target until none is left.
 
-Contour strategy: follow the walls of a room once around, then cover its interior.
+The contour strategy follows the walls of a room once around, then covers its interior.
 
 The contour is that of the floor which the robot can reach on the map; islands within it
 are not followed unless there is nothing else. It is closed when the robot, by its own

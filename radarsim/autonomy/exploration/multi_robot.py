@@ -4,7 +4,7 @@ The robots are stepped in turn, one scan of each: in lockstep with a server in t
 process the same seed gives the same map. What one of them has sensed is known to all as
 soon as it is known where their maps are on each other (``shared_map``).
 
-Map merger: finds where the maps of several robots are on the one that they share.
+The map merger finds where the maps of the robots are on the one that they share.
 
 What a robot has seen is compared with what all robots on the shared map have seen. A
 map that is not there yet is tried again whenever robots have gone on a little, each

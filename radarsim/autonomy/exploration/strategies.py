@@ -6,7 +6,7 @@ farther from its start than the spiral has led. Otherwise it drives to frontiers
 walls all around and no frontier that it can reach, it follows the walls and covers the
 interior.
 
-What is left of an area when a strategy has nothing more to do.
+When a strategy has nothing more to do, what is left of an area is looked at as well.
 """
 
 import math

@@ -12,7 +12,8 @@ does about as well, as it would in a row of equal pillars.
 From then on the robot's whole map is fitted from time to time, as the maps that overlap
 grow.
 
-Overlap: what keyframes have seen of a place, and whether they saw the same there.
+An alignment is judged by the overlap: what keyframes of both have seen of a place, and
+whether they saw the same there.
 
 Theory of operation
 ===================

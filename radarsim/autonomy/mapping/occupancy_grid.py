@@ -11,7 +11,7 @@ beam passed is not where a robot may drive: ``sensed`` and ``drivable`` are two
 questions. Evidence is therefore kept in a layer for each of solid things, foliage,
 smoke, and beam ends (see ``Layer``).
 
-Distances of cells from the nearest cell of a set.
+The distances of cells from the nearest cell of a set are computed here as well.
 """
 
 import math

@@ -17,7 +17,7 @@ and of that of the point that is compared: whole if both face the same way, not 
 if one is the back of the other. That is linear in u, so that three sets of moments give
 the sum for any v: of the points, and of the points times either component of u.
 
-Surface normals: which way the surfaces face that the points of a scan are on.
+Surface normals tell which way the surfaces face that the points of a scan are on.
 
 Both faces of a wall are on a map once a robot has seen it from both sides. They are
 nearer to each other than echoes of a thick beam scatter, and only the direction in

@@ -11,7 +11,7 @@ fixed.
 Source: Grisetti, Kümmerle, Stachniss and Burgard, "A tutorial on graph-based SLAM"
 (2010).
 
-The pose graph of a trajectory's keyframes, and the poses in between.
+A trajectory has a pose graph of its keyframes; the poses in between move with them.
 
 Between two keyframes the variance of the motion grows by what the motion source is
 unsure of, and shrinks by what each scan says: along a corridor it grows, across one it

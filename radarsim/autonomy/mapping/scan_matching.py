@@ -22,7 +22,7 @@ for in a wider window too, and where almost all information is about one directi
 one wider still; what is left across that direction is the error of the lines' own
 directions, and is dropped.
 
-Normal equations of a pose: three unknowns, x, y and yaw.
+Each step solves the normal equations of a pose, with the unknowns x, y and yaw.
 """
 
 import math

@@ -4,7 +4,7 @@ What nobody has seen counts as open, so paths are as short as they can be, and a
 planned anew while the robot drives. There is no path if none is left on the grid, nor
 around it, and the robot has stood and looked for a moment.
 
-A grid of what blocks robots, as it is seen on the way, and the cost of its cells.
+The grid holds what blocks robots, as it is seen on the way, and the cost of its cells.
 
 Theory of operation
 ===================
@@ -16,9 +16,9 @@ what is beyond is left out until the grid grows.
 A radar that sends its echoes also shows what is behind a first thin hedge: a dead end
 is known before the robot has driven into it.
 
-Shortest paths and connected cells on grids.
+Shortest paths and connected cells are found by compiled kernels.
 
-Rule of passage: where a robot's centre may be, and how gladly it goes there.
+The rule of passage tells where a robot's centre may be, and what a cell costs.
 
 The centre keeps the safety distance from what blocks robots, so a passage is wide
 enough if twice the safety distance, and what the sensor and the cells blur, fits in.

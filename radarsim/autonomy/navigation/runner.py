@@ -3,7 +3,7 @@
 Every scan of one scanner, together with the newest pose, is passed to the bug; the
 motion that it decides on is sent as a DRIVE command.
 
-Notices a start or a goal that is nearer to something than the safety distance.
+It notices a start or a goal that is nearer to something than the safety distance.
 """
 
 import math

@@ -22,7 +22,7 @@ left a boundary follows it again, for a while.
 Source: I. Kamon, E. Rimon, E. Rivlin, TangentBug: a range-sensor-based navigation
 algorithm, International Journal of Robotics Research 17, 1998.
 
-The local tangent graph: how far it is to the goal over the edges that a scan shows.
+The local tangent graph tells how far it is to the goal over these edges.
 
 What a scan shows of an obstacle is a thin wall, and what it does not show is open. The
 shortest ways around thin walls lead straight from edge to edge, and to the goal; where

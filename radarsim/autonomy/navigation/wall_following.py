@@ -24,7 +24,7 @@ Rule 4: a robot that heads for a goal must not get where a wall follower would n
 it might never pass its hit point again. So a wall follower drives through all gaps
 that are twice the safety distance wide, and 0.4 m for turning and noise.
 
-The thesis' literal way to follow a boundary: by which bumpers are pressed, no more.
+The thesis' literal way to follow a boundary goes by the pressed bumpers alone.
 
 Theory of operation
 ===================

@@ -1,6 +1,6 @@
 """What a run has sensed: cells where beams ended, as dots inside foliage and smoke.
 
-Cells of a map as an image that is drawn quickly, as films need it.
+The cells of a map are drawn as an image, which is fast enough for films.
 """
 
 from collections.abc import Iterable, Sequence

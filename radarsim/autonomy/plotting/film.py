@@ -4,7 +4,7 @@ A run calls ``Film.update`` after each scan; the film draws a frame whenever one
 and a thread of its own encodes it meanwhile. A run that is interrupted leaves a film of
 what happened until then.
 
-Encoders of films: frames in, a file out, one frame after the other.
+An encoder takes one frame after the other and writes a file.
 
 No encoder keeps more than two frames, however long the film is.
 """

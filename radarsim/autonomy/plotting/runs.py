@@ -2,7 +2,7 @@
 
 ``RunPanel`` draws a run that may go on: once for a picture, frame by frame for a film.
 
-Arrow heads along a path, which show the direction in which it was driven.
+Arrow heads along a path show the direction in which it was driven.
 """
 
 from collections.abc import Collection, Iterable, Sequence

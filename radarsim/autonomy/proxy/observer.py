@@ -11,7 +11,7 @@ panel, come and go; a robot is recognised by its scans. When these begin, its cl
 usually not yet asked where the scanner is, so all reports of the robot are held back
 for a moment, until the answers have passed or no client asks.
 
-State of one observed connection: what its client and its server have said so far.
+The state of a connection is what its client and its server have said so far.
 
 An observer cannot ask the server. It knows a scanner by the answers to the client's own
 requests; where the client does not ask, by the defaults of the user; and otherwise by

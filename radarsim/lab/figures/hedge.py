@@ -1,6 +1,6 @@
 """Figures 7 and 8: the Hokuyo is stopped by the bushes, the radar sees through them.
 
-Figures 9 and 10: how the readings of the radar fray as its side rays move apart.
+Figures 9 and 10 show how the readings of the radar fray as its side rays move apart.
 """
 
 from collections.abc import Sequence

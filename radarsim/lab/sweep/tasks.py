@@ -1,6 +1,6 @@
 """The tasks of sweeps: scans, trials and maps, run in any process that was prepared.
 
-Sweeps on a dask cluster that runs already, here or on other machines.
+On a dask cluster that runs already, here or elsewhere, the workers are prepared first.
 """
 
 import base64

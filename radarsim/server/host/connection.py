@@ -1,6 +1,6 @@
 r"""The state of one connection, and diagnostics of what its client sends.
 
-The lines that wait to be sent to one client.
+The lines that wait to be sent to it are part of the state.
 
 A client that reads too slowly loses the oldest readings. It never loses an answer, nor
 part of a line. Lines that were taken from the queue are not dropped any more.
