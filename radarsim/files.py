@@ -41,6 +41,8 @@ def write_atomically(files: Mapping[Path, bytes]) -> None:
         for path, part in temporary.items():
             with _report_as(path):
                 _write_new(part, files[path])
+        # Late, when the temporary files are complete: what a device has got stays
+        # there.
         for path in special:
             with _report_as(path):
                 path.write_bytes(files[path])
@@ -109,6 +111,7 @@ def _temporary_path(target: Path) -> Path:
 
 def _write_new(path: Path, data: bytes) -> None:
     """Write a new file with default permissions; raise if it exists."""
+    # Not by tempfile, whose files nobody but their owner may read.
     handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
     with os.fdopen(handle, "wb") as file:
         file.write(data)

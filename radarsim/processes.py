@@ -116,6 +116,8 @@ def _heeded_signals() -> list[int]:
 def _exit_immediately(number: int, _: FrameType | None) -> None:
     with suppress(OSError):  # the terminal is closed
         if os.isatty(2):  # a line may be half written there
+            # Not by print: the code that was interrupted may be writing to the same
+            # stream.
             os.write(2, b"\n")
     os._exit(_exit_codes[number])
 
@@ -195,6 +197,7 @@ def _start_worker(
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if sys.platform != "win32":
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    # A main process that is killed terminates nobody; its workers would run on.
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if prepare is not None:
         prepare(*settings)
@@ -204,4 +207,5 @@ def _end_with_parent() -> None:
     parent = parent_process()
     if parent is not None:
         wait([parent.sentinel])
+        # sys.exit would end this thread only.
         os._exit(1)

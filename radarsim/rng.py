@@ -64,6 +64,7 @@ class NumberedStreams:
         """
         self._bits.state = self._start
         self._bits.advance(number * _STRIDE % _PERIOD)
+        # Each word of 64 bits makes two numbers.
         words = self._bits.random_raw(-(-out.size // 2))
         ones = np.bitwise_count(words.view(np.uint32)[: out.size])
         np.subtract(ones, np.float32(_BITS / 2), out=out)

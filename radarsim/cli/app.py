@@ -37,9 +37,11 @@ def describe_usage_error(error: click.UsageError) -> str:
         return f"missing: {', '.join(missing)}{_see_help(ctx)}"
     if isinstance(error, click.NoSuchOption):
         return _describe_unknown_option(error)
+    # click tells only by its text whether a value is missing or one too many.
     if isinstance(error, click.BadOptionUsage):
         expected = "a" if "requires" in error.message else "no"
         return f"{error.option_name}: expected {expected} value with it"
+    # click has no class for this error, so its text has to be read.
     extra = re.match(r"Got unexpected extra arguments? \((.*)\)", error.message)
     if extra is not None:
         return f"'{extra[1]}', expected no more arguments{_see_help(ctx)}"
@@ -63,6 +65,7 @@ def _describe_unknown_option(error: click.NoSuchOption) -> str:
         return f"{name!r}, expected --connect HOST:PORT"
     if name in ("--map", "--maps", "--serve") and "MAP" in map(shown_name, params):
         return f"{name!r}, expected MAP as an argument, without an option"
+    # Options such as --web and --record belong to add-ons, which may be absent.
     part = name.removeprefix("--").partition("-")[0]
     owner = plugins.OWN["radarsim.serve"].get(part, "").partition(":")[0]
     if owner and not plugins.has("radarsim.serve", part):
@@ -145,9 +148,11 @@ class _Program(EntryGroup):
         """Run a command, and exit with its code, or 2 after an error of usage."""
         options |= {"prog_name": program_name(), "complete_var": "_RADARSIM_COMPLETE"}
         try:
+            # In its own mode click would print usage errors itself, in several lines.
             code = super().main(args, standalone_mode=False, **options)
         except click.UsageError as error:
             if isinstance(error, click.exceptions.NoArgsIsHelpError):
+                # Its message is the whole help, not a sentence.
                 click.echo(error.message, err=True)
             else:
                 print_message(describe_usage_error(error))

@@ -83,6 +83,7 @@ def _losses(title: str, density: float, decibels: Sequence[float]) -> str:
     from radarsim.presets.sensor_settings import BANDS_GHZ
 
     losses = []
+    # A material that takes nothing at all still says so, by a density of 0.
     if density or not any(decibels):
         losses.append(
             title + (f"{density:g} per m" if math.isfinite(density) else "opaque")
@@ -139,6 +140,8 @@ def check(map_: MapName, *, plot: Path | None = None, strict: bool = False) -> i
         The exit code.
     """
     if plot is not None:
+        # Before the map is read and drawn, which may take long: a wrong name is told at
+        # once.
         form = check_ending(plot, PICTURE_FORMS, "--plot")
         check_writable(plot, "--plot")
     from radarsim.scene.map_file import load_variants
@@ -152,6 +155,7 @@ def check(map_: MapName, *, plot: Path | None = None, strict: bool = False) -> i
             "doubts of the trial": trial_warnings(scene),
         }
     except MapError as error:
+        # On stdout, and all of them: for this command errors are what was asked for.
         print_lines(error.problems)
         return 1
     print_lines(summary)

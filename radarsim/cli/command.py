@@ -117,6 +117,8 @@ class FieldType(click.ParamType[Any]):
     def _validate(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> Any:
+        # Imported late: neither help nor completion needs pydantic, and both should be
+        # quick.
         from pydantic import ConfigDict, TypeAdapter, ValidationError
 
         from radarsim.validation import describe_invalid
@@ -227,6 +229,7 @@ class PlanCommand(click.Command):
             name: ctx.params[key] for key, name in self._values.items() if key in given
         }
         for name, plan, keys, is_one_of_many in self._plans:
+            # What is not given is left out, so that defaults stand in the plans alone.
             found = {f: ctx.params[key] for f, key in keys.items() if key in given}
             made = plan(**found)
             values[name] = (*values.get(name, ()), made) if is_one_of_many else made
@@ -259,6 +262,8 @@ class PlanCommand(click.Command):
 
     def _given(self, ctx: click.Context) -> set[str]:
         """Return what is given, in the command, the environment or a file."""
+        # By where a value comes from, not by what it is: who types a default has given
+        # it.
         absent = (None, ParameterSource.DEFAULT)
         return {
             key for key in self.fields if ctx.get_parameter_source(key) not in absent
@@ -303,6 +308,8 @@ def _make_param(field: PlanField) -> click.Parameter:
         names,
         type=kind,
         multiple=field.is_repeated,
+        # Eager options are read first: the file has to be there when others look for
+        # values.
         is_eager=option.is_config_file,
         callback=callback,
     )

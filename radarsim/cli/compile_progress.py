@@ -36,6 +36,8 @@ def live_status(describe: Callable[[], str]) -> Iterator[Callable[[str], None]]:
     """
     console = Console(stderr=True)
     if not console.is_terminal or console.is_dumb_terminal:
+        # A file has no width: rich would break lines at 80 columns, and read brackets
+        # in names as markup.
         yield lambda line: console.print(
             escape_unprintable(line), highlight=False, markup=False, soft_wrap=True
         )
@@ -135,6 +137,8 @@ def compile_progress(*, at_start: bool = False) -> Iterator[None]:
         log_line_contexts.remove(display.hidden)
         for observer in observers:
             compilation.observers.remove(observer)
+            # An exception may have come half-way: the line goes, and signals raise
+            # exceptions again.
             observer(None)
 
 
@@ -149,6 +153,7 @@ def compile_now(*warm_ups: Callable[[], None]) -> None:
     from radarsim.scene.map_file import load_map
     from radarsim.server.host import Host
 
+    # The smallest map will do: creating a host compiles all that a simulation runs.
     Host(load_map("empty_room"))
     for warm_up in warm_ups:
         warm_up()
@@ -207,6 +212,8 @@ class _LiveLine:
         with self._lock:
             self._subject = subject or self._subject
             if subject is not None and self._end is None:
+                # A new event for each thread: the old thread may not have seen yet that
+                # it is to end.
                 self._end = threading.Event()
                 threading.Thread(
                     target=self._draw, args=(self._end,), daemon=True
@@ -227,15 +234,20 @@ class _LiveLine:
     def _draw(self, end: threading.Event) -> None:
         while not end.wait(_INTERVAL):
             with self._lock:
+                # The line may have been erased while this thread waited for the lock.
                 if not end.is_set():
                     self._write(f"{_ERASE}{self._text()}")
 
     def _text(self) -> str:
         seconds = time.monotonic() - self._began
         encoding = (self._stream.encoding or "").lower()
+        # Other encodings cannot write Braille, and the thread would end with an
+        # exception.
         frames = _FRAMES if encoding.startswith("utf") else _PLAIN_FRAMES
         frame = frames[int(seconds / _INTERVAL) % len(frames)]
         end = f" {seconds:.0f} s"
+        # A line that wraps could not be erased: a carriage return goes back one row's
+        # width only.
         width = shutil.get_terminal_size().columns - len(end) - 3
         short = f"compiling {self._subject}"
         texts = f"radarsim: {describe(self._subject)}", short, short[:width]

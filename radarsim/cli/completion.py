@@ -88,6 +88,7 @@ def completion_options() -> list[click.Parameter]:
 def _script(shell: str) -> str:
     kind = click.shell_completion.get_completion_class(shell)
     assert kind is not None
+    # Any group will do: the script asks the program itself whenever Tab is pressed.
     return kind(click.Group(), {}, "radarsim", "_RADARSIM_COMPLETE").source()
 
 

@@ -46,6 +46,8 @@ def read_config(
             expected = f"unknown key, expected one of {sorted(known)}"
             raise click.BadParameter(file.problem([key], expected, of_key=True))
     given = {known[key]: value for key, value in data.items()}
+    # To click a default map ranks below words and variables of the environment, as a
+    # file should.
     ctx.default_map = {**(ctx.default_map or {}), **given}
     ctx.meta[_FILE] = file
     return path

@@ -41,6 +41,7 @@ def drive(
     from radarsim.client.teleop.teleop import TeleopSettings
     from radarsim.client.teleop.teleop import drive as drive_robot
 
+    # Keys come from stdin and the view goes to stdout, so either alone is no use.
     problem = ""
     for name, stream in (("stdout", sys.stdout), ("stdin", sys.stdin)):
         if not stream.isatty():
@@ -55,5 +56,7 @@ def drive(
     settings = TeleopSettings(robot, start, scanner, speed, drive_unit)
     # Driving has no end of its own: whoever stops it ends it as it should end.
     start_log(logging.WARNING, MESSAGE_FORM)
+    # Only from the first key on: before, SIGTERM ends a command that has done nothing
+    # yet.
     on_start = partial(set_exit_code_of_sigterm, 0)
     return asyncio.run(drive_robot(*server.connect, settings, on_start))

@@ -85,6 +85,8 @@ def with_single_ray(scanner: RangeScanner, ray: str) -> RangeScanner:
     settings = scanner.settings
     count = settings.rays_per_beam
     if settings.has_side_rays and settings.side_mode != "cone":
+        # A ray that has all the weight is always drawn, so that the scan needs no case
+        # for it.
         weights = tuple(float(side == sides[ray]) for side in (RIGHT, CENTRE, LEFT))
         update = {"ray_weights": weights, "ray_choice": "drawn"}
         return RangeScanner(scanner.name, settings.model_copy(update=update))
@@ -185,6 +187,8 @@ def _explain_events(
             if not is_sheet:
                 entered[event.part] = row
     end = events[-1]
+    # The ray ended inside of these volumes, so no event of leaving them told their
+    # power.
     for row in entered.values():
         row["power_after"] = _finite(end.power)
     # Behind the end of the ray, less what is absorbed there.

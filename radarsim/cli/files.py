@@ -86,11 +86,13 @@ def without_empty_folder(folder: Path) -> Iterator[None]:
         yield
     finally:
         if is_new:
+            # Usually because the folder is not empty, which is as it should be.
             with suppress(OSError):
                 folder.rmdir()
 
 
 def _obstacle_to_writing(path: Path) -> str:
+    # Through links: the file that a link leads to is the one that is replaced.
     target = Path(os.path.realpath(path))
     try:
         if not path.parent.is_dir() or not target.parent.is_dir():
@@ -99,4 +101,6 @@ def _obstacle_to_writing(path: Path) -> str:
             return "a folder of that name"
     except OSError as error:  # the folder may not be entered
         return describe_os_error(error)
+    # A new file is renamed over the old one, so the folder's permissions count, not
+    # those of the file.
     return "" if os.access(path.parent, os.W_OK | os.X_OK) else "no permission"

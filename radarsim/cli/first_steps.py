@@ -51,6 +51,7 @@ def demo(
     """
     check_ending(out, ["png"], "OUT")
     check_writable(out, "OUT")
+    # OUT has a default, so that a file of somebody's own could be replaced unawares.
     if out.exists() and not is_by_radarsim(out):
         text = f"{out} is not by radarsim, expected another file"
         raise click.BadParameter(text, param_hint="OUT")
@@ -61,6 +62,7 @@ def demo(
     figure.suptitle(TITLE, fontsize="x-large", fontweight="bold")
     write_file(out, render(figure, "png"), "OUT")
     print_lines([out])
+    # On stderr, so that scripts read nothing but the name of the file on stdout.
     click.echo(_NEXT.format(program_name()), err=True, nl=False)
 
 

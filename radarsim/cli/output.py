@@ -50,6 +50,7 @@ def program_name() -> str:
     called = Path(sys.argv[0])
     if called.name == "__main__.py":
         return "python -m radarsim"
+    # Another program, such as pytest, may run a command: its name would help nobody.
     if called.stem != "radarsim" or shutil.which(called.name) is not None:
         return "radarsim"
     return shlex.quote(sys.argv[0])
@@ -71,6 +72,7 @@ def start_log(level: int, form: str, *, as_json: bool = False) -> None:
 class _LogHandler(logging.StreamHandler[TextIO]):
     def emit(self, record: logging.LogRecord) -> None:
         """Write a line where no progress is shown."""
+        # Entered anew for each line: a display may begin or end between two of them.
         with ExitStack() as until_written:
             for context in log_line_contexts:
                 until_written.enter_context(context())
@@ -88,4 +90,5 @@ class _JsonFormatter(logging.Formatter):
 class _PrintableFormatter(logging.Formatter):
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - logging's name
         """Return the line of a record, without its traceback."""
+        # Not in format(), which appends tracebacks: their line breaks have to stay.
         return escape_unprintable(super().formatMessage(record))

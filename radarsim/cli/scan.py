@@ -159,6 +159,7 @@ def scan(
     elif is_terminal and format_ is None:
         print_lines(_summary(scans))
     else:
+        # Bytes, as a pipe may be given a picture.
         sys.stdout.buffer.write(_as_bytes(scans, scene, plan.start, chosen))
 
 
@@ -189,6 +190,7 @@ def _choose_format(format_: ScanFormat | None, output: Path | None) -> ScanForma
     """
     ending = "" if output is None else output.suffix.lower().removeprefix(".")
     told = ScanFormat(ending) if ending in list(ScanFormat) else None
+    # With --format any ending is fine, except that of a picture of another format.
     if ending and told is None and (format_ is None or ending in _OTHER_PICTURES):
         text = f"{output}, expected {list_endings(list(ScanFormat))}"
         if ending not in _OTHER_PICTURES:

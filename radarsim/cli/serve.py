@@ -108,6 +108,8 @@ def serve(
     _check_ports(host, own_ports, beside)  # before imports that take long
     with ExitStack() as until_end:
         for each in beside:
+            # Before it opens, so that what it began is ended even if opening fails
+            # half-way.
             until_end.callback(each.close)
             each.open()
         log_options.start()
@@ -138,6 +140,7 @@ def serve(
         ports = own_ports | {k: v for each in beside for k, v in each.ports.items()}
         with cure_of_port(ports), compile_progress():
             code = asyncio.run(serving)
+    # A thread still compiles, and would crash while Python shuts down around it.
     if server.is_loading:
         exit_immediately(code)
     return code

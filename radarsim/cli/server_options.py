@@ -215,6 +215,7 @@ def load_host(
     from radarsim.scene.map_file import load_map
     from radarsim.server.host import Host
 
+    # Before the map: a large one takes long to read, and settings do not depend on it.
     check_item_settings(config)
     scene = load_map(map_)
     return Host(scene, config=config, seed=seed, begins=begins)
@@ -239,6 +240,7 @@ def announce(address: tuple[str, int]) -> None:
     print_now(f"radarsim: listening on {host}:{port}")
     if sys.stderr.isatty():  # a person reads it; logs of services stay as they are
         command = f"{program_name()} drive"
+        # 0.0.0.0 stands for all addresses of this machine; a client needs one of them.
         near = "127.0.0.1" if host == "0.0.0.0" else host
         if (near, port) != ("127.0.0.1", DEFAULT_PORT):
             command += f" --connect {near}:{port}"

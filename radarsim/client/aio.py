@@ -205,6 +205,7 @@ class AsyncClient:
                     else:
                         data = await self._receive(step)
                 except (TimeoutError, ConnectionError) as error:
+                    # Only the exchange knows what was expected, so it words the error.
                     step = exchange.throw(error)
                 else:
                     step = exchange.send(data)
@@ -213,6 +214,7 @@ class AsyncClient:
             return value
 
     async def _send(self, data: bytes) -> None:
+        # A stream that closes drops what is written, without an error.
         if self._writer.is_closing():
             raise ConnectionError("the connection is closed")
         self._writer.write(data)

@@ -129,7 +129,10 @@ class Requests:
 
     def spawn(self, question: Question, timeout: float | None) -> Exchange[None]:
         """Request a robot and wait for its first report, which can still be read."""
+        # Even if no report comes: the server may spawn it late, and closing should stop
+        # it.
         self.has_robot = True
+        # A report from before would pass for the first one of this robot.
         self._pending.clear()
         self.session.scans.clear()  # another robot's
         self._diagnostics.clear()
@@ -147,6 +150,8 @@ class Requests:
         answered as soon as INIT is done.
         """
         wait = self._wait(question.what, timeout)
+        # Of a short timeout, half is left for the question that tells why nothing
+        # comes.
         patience = min(SPAWN_PATIENCE, wait.timeout / 2)
         with suppress(ClientTimeout):
             early = Wait(question.what, patience, self._clock() + patience)
@@ -164,6 +169,7 @@ class Requests:
         except ClientTimeout:
             # One that has greeted, and answered all before INIT, is at work on INIT.
             answers = self.session.greeting is not None and not self._leaves_unanswered
+            # A limit that the caller has set is kept.
             if timeout is not None or not answers or wait.timeout >= COMPILING_LIMIT:
                 raise
             self._notify(COMPILING.format(COMPILING_LIMIT, question.what))
@@ -263,6 +269,7 @@ class Requests:
                     break
             return not missing
 
+        # Both at once: a server that answers neither costs one wait instead of two.
         yield from self.send(geometry.data + configuration.data)
         with suppress(ClientTimeout):
             yield from self._skip(complete, self._wait("scanners", SILENCE_LIMIT))

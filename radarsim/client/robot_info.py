@@ -120,6 +120,7 @@ class RobotInfo:
         }
         least, most = WHEEL_LIMITS
         for key, value in wheels.items():
+            # Negated, so that a nan fails as well.
             if not least <= value <= most:
                 text = f"{key} {value:g} of robot {geo.name[:80]!r}"
                 raise ClientError(f"{text}, expected {least:g} to {most:g}")
@@ -237,11 +238,13 @@ def from_centre(
         ``inf`` without return.
     """
     returned = ranges < no_return(max_range)
+    # With infinite ranges arctan2 would return multiples of 45 degrees.
     lengths = np.where(returned, ranges, _FAR)
     angles = angles + mount.yaw
     x = mount.x + lengths * np.cos(angles)
     y = mount.y + lengths * np.sin(angles)
     bearings = np.arctan2(y, x)
+    # arctan2 gives pi for straight behind, which the interval holds as -pi.
     bearings[bearings >= math.pi] = -math.pi
     return bearings, np.where(returned, np.hypot(x, y), math.inf)
 
@@ -319,6 +322,8 @@ class ScannerDescriptions:
             scan = by_key.get(key)
             layout = _beam_layout(limits, scan)
             if layout is not None:
+                # Users look scanners up by the name in their scans, so that spelling
+                # counts.
                 spelling = name if scan is None else scan.name
                 nearest, farthest = limits.min_range, limits.max_range
                 scanners.append(

@@ -88,6 +88,8 @@ class Readings:
         if isinstance(report, SensorReport | Status):
             if math.isnan(report.time):
                 report = replace(report, time=self.time)
+            # So written that it also holds for the first time, as self.time is nan
+            # before.
             elif not report.time < self.time:
                 self.time = report.time
             if isinstance(report, RangeScan):
@@ -342,6 +344,7 @@ def _setting(value: object) -> str:
         return f"[{','.join(map(_setting, value))}]"
     if isinstance(value, float) and math.isinf(value):
         return f"{'-' * (value < 0)}.inf"
+    # Looked up for these three only: as keys, 1 and 0 would equal True and False.
     words = {None: "null", True: "true", False: "false"}
     return words[value] if value is None or isinstance(value, bool) else str(value)
 

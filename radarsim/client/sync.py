@@ -281,6 +281,7 @@ class Client:
                     else:
                         data = self.transport.receive(step)
                 except (TimeoutError, ConnectionError) as error:
+                    # Only the exchange knows what was expected, so it words the error.
                     step = exchange.throw(error)
                 else:
                     step = exchange.send(data)

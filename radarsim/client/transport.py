@@ -111,6 +111,8 @@ class SocketTransport:
         self._timeout = timeout
         self._stuck = False
         try:
+            # A host that is no possible name raises UnicodeError, from its encoding for
+            # DNS.
             self._socket = socket.create_connection((host, port), timeout)
         except (OSError, UnicodeError) as error:
             raise no_server(host, port, error) from None

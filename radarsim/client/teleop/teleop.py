@@ -60,6 +60,7 @@ SPEED_STEP: Final = 0.05  # m/s
 TURN_SHARE: Final = 0.3  # share of the speed that wheels have in a turn on the spot
 Draw: TypeAlias = Callable[[int, int], list[Fragments]]
 ZOOM_KEYS: Final = {"z": -1, "x": 1}
+# prompt_toolkit turns the signal SIGINT into a key of this name.
 QUIT_KEYS: Final = {"q": 0, "escape": 0, "c-c": 130, "<sigint>": 130}
 MIN_COLUMNS: Final = 64  # in a narrower terminal the panel is hidden
 # s; arrow keys begin with the byte of Esc, which alone means the key Esc.
@@ -131,7 +132,10 @@ class Steering:
         if key is Key.STOP:
             self._direction = self._turn = 0
         elif key in SPEED_CHANGES:
+            # Sums of steps are not exact: three of 0.05 are 0.15000000000000002.
             speed = round(self.speed + SPEED_CHANGES[key], 9)
+            # Not below one step; but the key for slower must not speed up what began
+            # slower.
             self.speed = max(min(SPEED_STEP, self.speed), min(speed, self._top_speed))
         else:
             is_held = self._last is key and now - self._last_time < REPEAT_GAP
@@ -315,6 +319,8 @@ class Teleop:
             ClientError: If the server falls silent, or is gone.
             RadarsimError: If the keyboard is closed.
         """
+        # The handler of prompt_toolkit would show an error and wait for Enter, while
+        # the robot drives on.
         screen = asyncio.create_task(self._app.run_async(set_exception_handler=False))
         tasks: list[asyncio.Task[int]] = [
             screen,
@@ -373,6 +379,8 @@ class Teleop:
             style=STYLE,
             full_screen=True,
             min_redraw_interval=MIN_REDRAW_INTERVAL,
+            # The panel counts how long the server is silent, when nothing comes to
+            # redraw it.
             refresh_interval=0.2,
             input=keyboard,
             output=terminal,
@@ -404,6 +412,8 @@ class Teleop:
         return bindings
 
     def _leave(self, code: int) -> None:
+        # A second key or signal may come before the screen is gone; then exit() would
+        # raise.
         if self._app.is_running and not self._app.is_done:
             self._app.exit(result=code)
 
