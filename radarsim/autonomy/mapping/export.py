@@ -27,6 +27,7 @@ OCCUPIED_FROM: Final = 0.65
 FREE_BELOW: Final = 0.196
 
 _LAST_BMP: Final = 0xFFFF  # JSON escapes characters beyond it by two surrogates
+# Files that hold it may be replaced by a later map; all others are kept.
 MARK: Final = "radarsim map"
 HEAD: Final = 64  # bytes at the beginning of a file that hold the mark
 
@@ -42,6 +43,7 @@ def commander_pixels(grid: OccupancyGrid) -> NDArray[np.uint8]:
     Blue is unknown, white sensed, grey free within the short range, in foliage too, and
     black where beams end. The first row is the southernmost.
     """
+    # In this order: each colour overrules those before where a cell is both.
     numbers = grid.sensed_cells().astype(np.uint8)
     numbers[grid.short_range_cells()] = 2
     numbers[grid.beam_end_cells()] = 3
@@ -73,6 +75,7 @@ def nav_map(
     """
     rows, columns = sensed_window(grid)
     if mode == "trinary":
+        # Free unless it is something else, and so is smoke: robots drive through it.
         levels = np.full(len(CellClass), FREE_LEVEL, np.uint8)
         levels[CellClass.UNKNOWN] = UNKNOWN_LEVEL
         levels[[CellClass.OBSTACLE, CellClass.FOLIAGE]] = OCCUPIED_LEVEL
@@ -84,6 +87,7 @@ def nav_map(
         probability = grid.occupancy_probability()
         known = np.isfinite(probability)
         grey_alpha = np.zeros((*probability.shape, 2), np.uint8)
+        # Dark is occupied, as ``negate: 0`` in the YAML says.
         grey_alpha[known, 0] = np.rint(255 * (1 - probability[known]))
         grey_alpha[known, 1] = 255
         image, data = f"{name}.png", _encoded(grey_alpha[rows, columns], "png")
@@ -117,6 +121,7 @@ def _encoded(pixels: NDArray[np.uint8], image_format: str) -> bytes:
     data, info = io.BytesIO(), PngInfo()
     info.add_text("Software", MARK)
     Image.fromarray(np.flip(pixels, axis=0)).save(data, image_format, pnginfo=info)
+    # A PGM has no text chunks as a PNG has: there the mark is a comment.
     if image_format == "png":
         return data.getvalue()
     magic, rest = data.getvalue().split(b"\n", 1)

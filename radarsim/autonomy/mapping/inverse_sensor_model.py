@@ -33,6 +33,7 @@ SENSED, NEAR = 1, 2  # flags of a cell that stay
 # Plain numbers for compiled code.
 _SOLID, _BEAM_END, _LAYERS = int(Layer.SOLID), int(Layer.BEAM_END), len(Layer)
 _BLIND = int(BeamEnd.BLIND)
+# A beam at its maximum range, or at a drop of rain, has ended at nothing that stays.
 _OBSTRUCTED = (int(BeamEnd.UNSURE), int(BeamEnd.HIT), int(BeamEnd.SPENT))
 _HAS_HIT: Final = 4  # 4, 8, 16, 32: the layer has had its hit of this scan
 _IS_CROSSED: Final = 64  # has had its evidence for being free
@@ -167,6 +168,7 @@ def _add_free(cells: Cells, row: int, column: int, sees_through: bool) -> None:
 def add_free_cells(cells: Cells, beams: Beams, path: Path) -> None:
     """Add the evidence of where beams passed, in all cells before their ends."""
     for k in range(len(beams.known_range)):
+        # Its known range is 0, which would still mark the cell of the scanner as free.
         if beams.ends[k] == _BLIND:
             continue
         count = _trace(beams, k, 0.0, beams.known_range[k], path)
@@ -175,6 +177,7 @@ def add_free_cells(cells: Cells, beams: Beams, path: Path) -> None:
         for i in range(count):
             row, column = path[i, 0], path[i, 1]
             _add_free(cells, row, column, beams.sees_through)
+            # From scanner to middle of cell, both in cells from the map's origin.
             dx = beams.corner[0] + column + 0.5 - beams.start[0]
             dy = beams.corner[1] + row + 0.5 - beams.start[1]
             if dx * dx + dy * dy < beams.short_range * beams.short_range:
@@ -184,6 +187,8 @@ def add_free_cells(cells: Cells, beams: Beams, path: Path) -> None:
 @njit_cached
 def clear_scan_flags(cells: Cells, beams: Beams, path: Path) -> None:
     """Prepare the cells for the next scan."""
+    # Along the beams once more, as no other cells are marked: clearing the whole array
+    # would take longer the larger the map is.
     for k in range(len(beams.known_range)):
         if beams.ends[k] != _BLIND:
             count = _trace(beams, k, 0.0, beams.known_range[k], path)

@@ -103,6 +103,7 @@ class KeyframeMap:
         # how far keyframes overlap, and so how far away they still belong together
         farthest = np.hypot(*keyframe.points.places.T).max(initial=0.0)
         self.reach = max(self.reach, float(farthest))
+        # Only now and then: a map that some keyframes leave is made anew.
         if keyframe.station > self._swept + STRIDE:
             self._swept, far = keyframe.station, False
             for each in self.keyframes:
@@ -224,6 +225,7 @@ class LoopCloser:
         near = known.left_behind(last.pose, min(MAX_DISTANCE, known.reach))
         if not near:
             return None
+        # Whether a loop closes or not: to look for one is what takes long.
         self.next_station = last.station + RETRY
         x, y = last.pose.x, last.pose.y
         poses = [known.keyframes[number].pose for number in near]
@@ -236,6 +238,7 @@ class LoopCloser:
         gap = last.station - old.station
         distance = min(MIN_DRIFT + DRIFT * gap, MAX_DRIFT)
         turn = min(MIN_TURN + TURN_DRIFT * gap, MAX_TURN)
+        # Near along the path, not only in space: these are consistent with each other.
         around = [
             each
             for each in known.keyframes
@@ -272,6 +275,7 @@ def find_pose(
     starts = starts_around(pose, distance, turn)
     # The fit alone finds the nearest optimum, which need not be the best one.
     start = Pose2(*starts[best_start(table, points, starts)].tolist())
+    # The estimate holds the pose no tighter than it may be off.
     found = fit(table, points, start, pose, np.array([distance, distance, turn]))
     is_sure = found.inliers >= MIN_INLIERS and found.evenness >= MIN_EVENNESS
     return found if is_sure else None
@@ -324,4 +328,5 @@ def find_correction(known: KeyframeMap, first: int) -> Pose2 | None:
     found = fit(map_of(keyframes[first:]).table, points, start, start, sigma)
     if found.inliers < MIN_INLIERS or found.evenness < MIN_EVENNESS:
         return None
+    # The inverse, since not the first keyframes are moved but the map of all others.
     return start.compose(Pose2(0.0, 0.0).relative_to(found.pose))

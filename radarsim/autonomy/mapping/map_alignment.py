@@ -129,6 +129,7 @@ class SeenArea:
 def _near(places: Floats) -> Floats:
     """Return how near to each point of a scan there is none beside it, (K,) m."""
     x, y = places.T
+    # Half of the gap between two beams more, at that distance.
     near: Floats = NEAR + np.hypot(x, y) * math.pi / max(len(places), 1)
     return near
 
@@ -144,6 +145,7 @@ def _profile(places: Floats) -> Floats:
 
 def _sectors(x: Floats, y: Floats) -> NDArray[np.int64]:
     turns = (np.arctan2(y, x) + math.pi) / (2 * math.pi)
+    # An angle of just pi would be in a sector beyond the last.
     return (turns * SECTORS).astype(np.int64) % SECTORS
 
 
@@ -265,6 +267,7 @@ def _evenness(table: Table, area: SeenArea, view: Keyframe, pose: Pose2) -> floa
     """
     points = view.points
     seen = area.sees(moved(points.places, pose))
+    # Kernels are compiled for contiguous arrays.
     columns = (np.ascontiguousarray(rows[seen]) for rows in points[:3])
     places, along, normals = columns
     points = points._replace(places=places, along=along, normals=normals)
@@ -288,6 +291,7 @@ def refine(
     points = joined(known.keyframes, own, MAX_POINTS)
     start = frame.compose(own)
     found = fit(map_of(list(reference)).table, points, start, start, np.array(SIGMA))
+    # A number, not a share: most of the map may be where no other robot has been.
     fitting = found.inliers * len(points.places)
     if fitting < MIN_FITTING or found.evenness < MIN_EVENNESS:
         return None

@@ -174,6 +174,7 @@ class Mapper:
             self.missing = self._missing_scan
         if isinstance(report, GroundTruth):
             last = self.truth.times[-1] if len(self.truth) else -math.inf
+            # A pose that is due but for rounding is stored.
             if report.time > last + TRUTH_INTERVAL - 1e-9:
                 self.truth.add(report.time, pose)
 
@@ -182,6 +183,7 @@ class Mapper:
         source = settings.slam.motion_source
         if source != "none":
             self._scans_since_prior += 1
+        # By a source that has fallen silent all scans would be at one place.
         is_lost = self._scans_since_prior > MAX_SCANS_WITHOUT_MOTION
         if source != "none" and (self._prior is None or is_lost):
             self.missing = self._missing_pose
@@ -189,11 +191,14 @@ class Mapper:
             return None
         time = self._stamps.time_of(report.time)
         if not len(self.trajectory):
+            # An INS begins at its own first pose. All else begins at the first one that
+            # an INS or the ground truth tells, which comes after the mapper is made.
             start = None if source == "ins" else self._spawn_pose
             self.slam = Slam(settings.slam, start)
             self._echoes_due = time + settings.echo_wait
         echoes = self._echoes.of(report)
         if echoes is not None:
+            # A server that has sent echoes goes on to: without them a scan lost some.
             self._echoes_due = time + settings.echo_wait
         scan = read_scan(
             replace(report, time=time),

@@ -54,6 +54,7 @@ def distance_field(cells: NDArray[np.bool_], max_distance: float) -> Floats:
     squares = np.full(cells.shape, np.inf)
     _fill_squared_distances(cells, math.floor(max_distance), squares)
     distances: Floats = np.sqrt(squares)
+    # The kernel limits the rows that it looks at, but not the columns.
     distances[distances > max_distance] = np.inf
     return distances
 
@@ -236,6 +237,7 @@ class OccupancyGrid:
         angles = scan.angles + (pose.yaw + scan.mount.yaw)
         directions = np.column_stack([np.cos(angles), np.sin(angles)])
         ends = directions * scan.known_range[:, None]
+        # As numbers of cells they would be anything, and the map would grow to there.
         if not np.isfinite(ends).all():
             raise ValueError("beams without a direction or an end, expected numbers")
         self._extend(sensor.x, sensor.y, ends)
@@ -250,8 +252,11 @@ class OccupancyGrid:
             sees_through=scan.sees_through,
         )
         hits = scan.hits._replace(near=scan.hits.near / size, far=scan.hits.far / size)
+        # A beam crosses at most as many cells as there are rows and columns together.
         path = np.zeros((2 * max(self.frame.shape) + 2, 2), np.int64)
         cells = Cells(self._evidence, self._flags)
+        # Hits first: beams that pass must not weaken what others of the same scan hit.
+        # The flags that tell this are of one scan, and are cleared last.
         add_hits(cells, beams, hits, path)
         add_free_cells(cells, beams, path)
         clear_scan_flags(cells, beams, path)
@@ -266,11 +271,13 @@ class OccupancyGrid:
         corner = np.array([radius, radius])
         self._extend(pose.x, pose.y, np.array([-corner, corner]))
         x, y = self.frame.cell_centers()
+        # Only the cells around the robot are looked at, however large the map is.
         columns = slice(*np.searchsorted(x, (pose.x - radius, pose.x + radius)))
         rows = slice(*np.searchsorted(y, (pose.y - radius, pose.y + radius)))
         x, y = x[columns], y[rows]
         disc = np.hypot(x - pose.x, y[:, None] - pose.y) <= radius
         self._flags[rows, columns][disc] |= SENSED | NEAR
+        # As sure as can be, as the robot is there. Smoke may be around it all the same.
         for layer in (Layer.SOLID, Layer.FOLIAGE):
             self._evidence[layer, rows, columns][disc] = -LOG_ODDS_LIMIT
 
@@ -298,6 +305,7 @@ class OccupancyGrid:
             return False
         limit = safety / self.frame.resolution
         span = math.floor(limit)
+        # Not by ``distance_field``, which takes the whole map, for a single point.
         top, left = max(cell[0] - span, 0), max(cell[1] - span, 0)
         window = np.s_[top : cell[0] + span + 1, left : cell[1] + span + 1]
         rows, columns = np.nonzero(self._blocked(window))
@@ -330,6 +338,7 @@ class OccupancyGrid:
         """Return the ``CellClass`` of each cell, (R, C)."""
         sensed = self.sensed_cells()
         classes = np.where(sensed, CellClass.FREE, CellClass.UNKNOWN).astype(np.uint8)
+        # Of several kinds in a cell, the one that most keeps robots out comes last.
         classes[self._evidence[Layer.SMOKE] > 0] = CellClass.SMOKE
         classes[self._evidence[Layer.FOLIAGE] > 0] = CellClass.FOLIAGE
         classes[self._evidence[Layer.SOLID] > 0] = CellClass.OBSTACLE
@@ -338,6 +347,7 @@ class OccupancyGrid:
     def occupancy_probability(self) -> Floats:
         """Return the probability of being blocked, (R, C); nan where unknown."""
         solid, foliage = self._evidence[Layer.SOLID], self._evidence[Layer.FOLIAGE]
+        # Either keeps robots out. Evidence is in tenths of log-odds.
         log_odds = np.maximum(solid, foliage) / 10
         return np.where(self.sensed_cells(), 1 / (1 + np.exp(-log_odds)), np.nan)
 

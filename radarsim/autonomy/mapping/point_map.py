@@ -41,7 +41,10 @@ LEVELS: Final = 5
 MIN_WEIGHT: Final = 2.0  # of the points in a window; about eight points
 LINE_RATIO: Final = 4.0  # variance along a line by that across it, at least
 _MIN_ROWS: Final = 1 << 12  # rows of the table
+# Columns and rows have 28 bits each, which are 13000 km of the finest cells either way.
 _OFFSET: Final = 1 << 27  # makes the numbers of cells positive
+# 2^64 by the golden ratio (Fibonacci hashing): keys of neighbouring cells differ by
+# little, and the upper bits of the product spread them over the table.
 _HASH_FACTOR: Final = np.uint64(0x9E3779B97F4A7C15)
 _HASH_SHIFT: Final = np.uint64(29)
 
@@ -85,8 +88,11 @@ class PointMap:
         """
         if normals is None:
             normals = np.zeros_like(points)
+        # As if each point took a new cell of every size: half the rows stay free.
         rows = 2 * (self._used + LEVELS * len(points))
         if rows > len(self.table.keys):
+            # A power of two, since a mask finds the rows, and more than is needed now,
+            # since all cells have to be copied each time.
             table = _new_table(1 << (2 * rows - 1).bit_length())
             _copy_table(self.table, table)
             self.table = table
@@ -159,6 +165,7 @@ def _add(table: Table, points: Floats, normals: Floats) -> int:
 @njit_inline
 def _spline(step: int, t: float) -> float:
     """Weight a cell ``step`` cells from that of a point ``t`` off its center."""
+    # The weights of the three cells along an axis sum to one, whatever ``t`` is.
     return 0.75 - t * t if step == 0 else 0.5 * (0.5 + step * t) ** 2
 
 
@@ -295,6 +302,7 @@ def _fill_normals(places: Floats, along: Floats, normals: Floats) -> None:
         for k in range(i - side, i + side + 1):
             j = k % count
             u, v = places[j, 0] - places[i, 0], places[j, 1] - places[i, 1]
+            # Beams beside each other may end on different things, metres apart.
             if u * u + v * v < RADIUS * RADIUS:
                 n += 1
                 x += u

@@ -77,7 +77,9 @@ def optimize(poses: Floats, edges: list[Edge]) -> Floats:
         weighted = jacobians.transpose(0, 2, 1) @ information
         gradient = np.zeros(size)
         forces = (weighted @ errors[:, :, None])[:, :, 0]
+        # Indexing would add only one of the edges that share a pose.
         np.add.at(gradient, unknowns, forces)
+        # The matrix sums entries of one place: edges that share a pose have such.
         normal = csc_array(
             ((weighted @ jacobians).ravel(), (rows, columns)), shape=(size, size)
         )
@@ -117,6 +119,7 @@ def _linearized(
     by_end[:, 1, 0], by_end[:, 1, 1] = -s, c
     by_end[:, 2, 2] = 1.0
     by_start = -by_end
+    # A turn of the start moves the end around it, the other way.
     by_start[:, 0, 2], by_start[:, 1, 2] = left, -ahead
     return errors, by_start, by_end
 
@@ -161,6 +164,7 @@ class KeyframeGraph:
             motion = pose.relative_to(last)
             self.edges.append(Edge(number - 1, number, motion, information))
         self._poses.append(pose)
+        # The next motion begins here, and the error of this one is in its edge.
         self._covariance = np.zeros((3, 3))
 
     def follow(self, pose: Pose2) -> None:
@@ -209,6 +213,7 @@ class KeyframeGraph:
         """
         moved = [frame.compose(pose) for pose in self._poses[first:]]
         self._poses = [*self._poses[:first], *moved]
+        # All other motions are between keyframes that move together, or not at all.
         motion = self._poses[first].relative_to(self._poses[first - 1])
         self.edges[first - 1] = self.edges[first - 1]._replace(motion=motion)
         return self._poses
@@ -216,6 +221,7 @@ class KeyframeGraph:
     def trajectory(self) -> list[Pose2]:
         """Return the poses of the trajectory, as they follow the keyframes."""
         return [
+            # Poses before the first keyframe follow none, and stay.
             pose if number < 0 else self._poses[number].compose(pose)
             for number, pose in self._following
         ]
@@ -233,8 +239,10 @@ def _information(
     """
     c, s = np.cos(yaw), np.sin(yaw)
     axes = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    # All points of a scan may err together, so a motion is never as sure as they agree.
     own = axes @ covariance @ axes.T + np.diag(np.square(least))
     information = _inverse(own)
+    # Rounding leaves the two halves a little different.
     return (information + information.T) / 2
 
 

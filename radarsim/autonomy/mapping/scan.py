@@ -131,6 +131,7 @@ class PlanarScan:
         hits = self.hits.chosen(self.hits.near <= distance)
         return replace(
             self,
+            # A beam that is cut ends at nothing: what is before is free all the same.
             known_range=np.minimum(self.known_range, distance),
             ends=np.where(
                 self.known_range > distance, BeamEnd.NOTHING, self.ends
@@ -158,6 +159,7 @@ def read_scan(
     """
     ranges = np.asarray(report.ranges, np.float64)
     angles: Floats = np.linspace(-report.fov / 2, report.fov / 2, len(ranges))
+    # Ranges are rounded on the wire, so that one without return may read a little less.
     returned = ranges < no_return(max_range)
     ends = np.where(returned, BeamEnd.UNSURE, BeamEnd.NOTHING).astype(np.int8)
     known_range = np.where(returned, ranges, max_range)
@@ -168,7 +170,8 @@ def read_scan(
         table = _EchoTable.from_lines(echoes, len(ranges), max_range)
         table.correct_ends(known_range, ends)
         hits = table.hits(known_range)
-    # negated, so that nan is blind too
+    # Zero is no distance, whatever the minimum range: a laser in smoke reads it. The
+    # comparison is negated, so that nan is blind too.
     blind = ~(ranges >= max(min_range, 1e-9)) | ~np.isfinite(known_range)
     known_range[blind], ends[blind] = 0.0, BeamEnd.BLIND
     return PlanarScan(
@@ -199,6 +202,7 @@ class _EchoTable(NamedTuple):
 
         Echoes of no beam, beyond the maximum range or of an unknown kind are left out.
         """
+        # Sorted, since the order of texts in a set differs from process to process.
         names = sorted({(each.object, each.material) for each in echoes})
         number = {name: i for i, name in enumerate(names)}
         kinds = [[_ECHO_KINDS.get(kind, -1) for kind in each.kinds] for each in echoes]
@@ -214,6 +218,7 @@ class _EchoTable(NamedTuple):
         )
         known = (table.beams >= 0) & (table.beams < beams) & (table.kinds >= 0)
         known &= (table.ranges >= 0) & (table.ranges <= max_range + ROUNDING)
+        # The last key counts most.
         order = np.lexsort([table.ranges, table.targets, table.beams])
         order = order[known[order]]
         return cls(
@@ -272,6 +277,7 @@ def _pair_echoes(
         # ``depth`` counts how deep the beam is in copies of one target, one in another.
         if kind == _LEAVE:
             near[i], far[i], is_hit[i] = begun, t, depth <= 1
+            # It may have begun in several copies: the next one it leaves begins here.
             begun = t if depth <= 1 else begun
             depth = max(depth - 1, 0)
         elif kind in (_SHEET, _HIT):

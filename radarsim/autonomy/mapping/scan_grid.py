@@ -113,6 +113,7 @@ class RebuildableGrid:
         number = len(trajectory) - 1
         self._add(self.grid, StoredScan(trajectory, number, scan))
         # A robot that stands sees the same again and again: some of its scans will do.
+        # Scans of several robots come in turn, and each robot stands for itself.
         robot, pose = id(trajectory), trajectory.poses[-1]
         last, (distance, angle) = self._last.get(robot), STANDING
         if (
@@ -130,6 +131,7 @@ class RebuildableGrid:
 
     def rebuild(self) -> None:
         """Begin to build the grid anew, as a trajectory has changed."""
+        # If another grid was being built, it is dropped: its poses are no longer right.
         self._next, self._added = OccupancyGrid(self.grid.frame.resolution), 0
 
     def finish(self) -> None:
@@ -144,6 +146,7 @@ class RebuildableGrid:
         if self._next is None:
             return
         for stored in self.scans[self._added : self._added + count]:
+            # In the types that kernels are compiled for, and not once more for others.
             exact = _converted(stored.scan, np.int64, np.float64)
             self._add(self._next, stored._replace(scan=exact))
             self._added += 1
@@ -206,6 +209,7 @@ class SharedMap(RebuildableGrid):
         """Return where a robot took a scan, and what of it is on the map."""
         (robot,) = (r for r in self.robots if r.trajectory is stored.trajectory)
         pose = stored.trajectory.poses[stored.number]
+        # At each rebuild anew, since more is known by then of where the others were.
         return robot.frame_pose.compose(pose), robot.without_robots(pose, stored.scan)
 
 
@@ -265,11 +269,14 @@ class RobotMap:
             self._own.add(trajectory, scan)
             return
         self._shared.add(trajectory, scan)
+        # The frame is known some seconds before the shared grid holds this robot's
+        # scans. Until then it drives by its own.
         self.is_merged = self.is_merged or not self._shared.is_rebuilding
 
     def align(self, frame: Pose2) -> None:
         """Set where the robot's map is on the shared one, and merge both."""
         if self.frame is None:
+            # Only once: from now on its scans go to the shared grid themselves.
             self._shared.scans.extend(self._own.scans)
         self.frame = frame
         self._shared.rebuild()
@@ -304,6 +311,7 @@ def without_discs(scan: PlanarScan, centers: Floats, radius: float) -> PlanarSca
         return scan
     ended = hits.beams[is_inside]
     known, ends = scan.known_range.copy(), scan.ends.copy()
+    # Up to the robot all was free; what is behind it was hidden.
     np.minimum.at(known, ended, hits.near[is_inside])
     ends[ended] = BeamEnd.NOTHING
     is_left = ~is_inside & (hits.near <= known[hits.beams])

@@ -114,6 +114,7 @@ def fit(
     known = 1.0 / np.square(sigma)
     score, inliers = _fit(table, points, state, prior, known, information)
     x, y, yaw = state.tolist()
+    # The kernel fills the lower half.
     information = np.tril(information) + np.tril(information, -1).T
     share = inliers / max(len(points.places), 1)
     return Fit(Pose2(x, y, wrap_angle(yaw)), score, share, information)
@@ -136,6 +137,8 @@ def keep_only(normal: Floats, gradient: Floats, nx: float, ny: float) -> None:
     Source: Zhang, Kaess and Singh, "On degeneracy of optimization-based state
     estimation problems" (2016), with a ratio in place of the absolute threshold.
     """
+    # P N P, where P = n n^T acts on x and y, for the lower half. What is known of the
+    # yaw alone stays.
     a, b, c = normal[0, 0], normal[1, 0], normal[1, 1]
     most = a * nx * nx + 2.0 * b * nx * ny + c * ny * ny
     normal[0, 0], normal[1, 0] = most * nx * nx, most * nx * ny
@@ -245,6 +248,7 @@ def _compare(
     shape = shape_around(table, state[0] + rx, state[1] + ry, normal, wider)
     if not shape.found:
         return _Match(rx, ry, 0.0, 0.0, (0.0, 0.0, 0.0), 0.0)
+    # The beam turned by the heading, and by a right angle more.
     across = (-s * dx - c * dy, c * dx - s * dy)
     covariance = shape.xx, shape.xy, shape.yy
     information = _information(covariance, across, points.spread, points.spots)
@@ -255,6 +259,7 @@ def _compare(
         + 2.0 * information[1] * ex * ey
         + information[2] * ey * ey
     )
+    # Where the map tells nothing, every distance is 0 and would be a perfect fit.
     weight = (
         (ROBUST_SCALE / (ROBUST_SCALE + off)) ** 2
         if information[0] + information[2] > 0.0
@@ -368,6 +373,7 @@ def _fit(
         if ratio < LEAST_RATIO:
             keep_only(normal, gradient, nx, ny)
         information[:] = normal  # before the prior is added: by the points alone
+        # Yaws need no wrapping: starts are always on the same turn as predictions.
         for k in range(3):
             normal[k, k] += known[k]
             gradient[k] += known[k] * (prior[k] - state[k])

@@ -153,7 +153,9 @@ class Slam:
         if is_keyframe:
             self._map.add(Keyframe(self.pose, points, self._length))
             self._graph.add(self.pose)
+        # After the keyframe: the pose of its own scan moves with it as well.
         self._graph.follow(self.pose)
+        # Last of all, as ``_move`` takes all poses from the graph, this one too.
         if is_keyframe:
             if self._fit is not None:
                 closure = self._closer.closure(self._map, self._fit)
@@ -178,6 +180,7 @@ class Slam:
         sigma_turn += drift * abs(wrap_angle(prior.yaw - before.yaw))
         sigma = np.array([sigma_distance, sigma_distance, sigma_turn])
         if not can_match:
+            # The scan tells nothing, so the whole error of the motion is left.
             self._graph.learn(sigma, np.zeros((3, 3)))
             return predicted
         found = fit(self._map.points.table, points, predicted, predicted, sigma)
@@ -248,4 +251,5 @@ class Slam:
         self.revision += 1
         self._map.move(poses)
         self.pose = poses[-1]
+        # The trajectory itself stays: stored scans know their poses by it and a number.
         self.trajectory.poses = self._graph.trajectory()
