@@ -107,6 +107,7 @@ def map_(
     """
     _check_combination(where, plan, files, robots)
 
+    # Late, so that wrong options are told at once: numpy, kernels and plots take long.
     from radarsim.addons.recording.run_recording import RunRecording
     from radarsim.autonomy.commands.map_files import MapFiles
     from radarsim.autonomy.commands.map_run import MapOutput, explore, follow
@@ -115,6 +116,7 @@ def map_(
     from radarsim.autonomy.proxy.observer import ScannerDefaults
 
     recording = RunRecording(files.record, plan.drive_unit)
+    # Without the variant of a map, which follows an ``@``.
     out = files.output or Path((where.map or "map").partition("@")[0]).stem
     map_files = MapFiles(out, files.mode, robots)
     output = MapOutput(map_files, recording, files.film, files.film_speed, as_json)

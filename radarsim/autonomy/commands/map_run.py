@@ -263,6 +263,7 @@ def follow(
     if robot is not None and (not robot.strip() or "," in robot):
         text = f"{robot[:80]!r}, expected the name of a robot, without commas"
         raise click.BadParameter(text, param_hint="--watch")
+    # It would connect to itself, again and again.
     if port == served and host in (LISTEN, "localhost", "0.0.0.0", "::1"):
         text = f"{port}, expected another port than the server's, see --connect"
         raise click.BadParameter(text, param_hint="--through")
@@ -277,6 +278,7 @@ def follow(
     recording = output.recording
     output.check()
     start_log(logging.WARNING, "%(message)s")
+    # Before clients connect: else scans pass while kernels are being compiled.
     warm_up()
     outcome = "overheard" if robot is None else "watched"
     result = MappingResult(

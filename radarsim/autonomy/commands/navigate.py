@@ -112,6 +112,7 @@ def navigate(
     run = NavigationRun(complete_mission(mission, scene), served)
     run.connect = recording.connect
     start_log(logging.WARNING, MESSAGE_FORM)
+    # Left in reverse: the line of progress goes before the result is printed.
     with (
         raise_on_signals(),
         recording,

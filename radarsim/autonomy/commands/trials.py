@@ -66,6 +66,7 @@ def run_random(
         each for each in earlier if (each["number"], each["algorithm"]) in wanted
     ]
     if todo:
+        # Once, instead of in each process.
         compile_now()
         with (
             raise_on_signals(),

@@ -76,6 +76,7 @@ class Truth:
                 self.inside[kind] |= filled
                 self.kinds[kind] |= filled | _drawn(segments, frame)
         # What the outside does not flow into; openings of one cell are closed first.
+        # With a border all around, so that the outside is in one piece.
         walls = np.pad(self.kinds[CellClass.OBSTACLE], 1)
         near = np.isfinite(distance_field(walls, 1.0))
         outdoors = np.isfinite(distance_field(flood_fill(~near, (0, 0)), 1.5))
@@ -123,6 +124,7 @@ def _filled(part: Part, segments: Floats, starts: Any, frame: GridFrame) -> Mask
     """Return the cells in a part; a part around a start is a room, and hollow."""
     if part.material.sheet_loss is not None:
         return np.zeros(frame.shape, np.bool_)
+    # To a micrometre: polygons need ends that are equal, and not nearly so.
     lines = shapely.linestrings(np.round(segments, 6))
     # Split where they cross: one mesh may intersect itself
     areas = shapely.get_parts(shapely.polygonize([shapely.union_all(lines)]))
@@ -316,6 +318,7 @@ def score_map(
         height: Height of its sensor in the map frame, m.
     """
     low, high = scene.bounds[:, :2].tolist()
+    # Of the whole scene: floor that was never sensed counts as well.
     frame = grid.frame.extended_to(tuple(low), tuple(high))
     truth = Truth(scene, frame, height)
     classes = grid.frame.copy_into(grid.classes(), frame)

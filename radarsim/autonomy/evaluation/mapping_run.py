@@ -195,6 +195,7 @@ class MultiRobotResult(MappingResult):
         if self.exploration is None:
             return []
         maps = self.exploration.maps
+        # Those that failed before they joined have no map.
         frames = [each.frame for each in maps]
         frames += [None] * (len(self.exploration.robots) - len(frames))
         return list(zip(self.exploration.robots, frames, strict=True))
@@ -315,6 +316,7 @@ class MappingRun(_Run):
             with self._completing(), self._open_client(address) as client:
                 self.exploration.run(client, observe)
         finally:
+            # An error before the exploration began, as of the connection, is not told.
             is_interrupted = result.error in ("", INTERRUPTED)
             if result.outcome == Outcome.BROKEN_OFF and not is_interrupted:
                 result.outcome = Outcome.FAILED.value

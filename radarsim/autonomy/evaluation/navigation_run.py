@@ -123,6 +123,7 @@ class NavigationRun:
         """Number of goals that the robot has not reached."""
         if self.result is not None:
             return self.result.goals_left
+        # A line begins with each goal, and all goals but that of the last are reached.
         return len(self.mission.goals) - max(len(self.run_log.goal_lines) - 1, 0)
 
     @property

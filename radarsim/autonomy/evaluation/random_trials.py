@@ -142,6 +142,7 @@ class _Raster:
     def connects(self, distance: float) -> bool:
         """Return whether start and goal are connected that far from everything."""
         labels, _ = ndimage.label(self._distances >= distance, np.ones((3, 3)))
+        # Label 0 is of all cells that are too near.
         start, goal = labels[self._cell(self._map.start)], self._cell(self._map.goal)
         return bool(start and start == labels[goal])
 

@@ -276,6 +276,7 @@ def run_trials(
         MapError: If a map is wrong, or defines no trial.
         PresetError: If there is no such sensor.
     """
+    # Before any trial, so that a wrong name is not found after minutes.
     for map_ in dict.fromkeys(spec.map for spec in specs):
         load_trial(map_)
     for sensor in dict.fromkeys(spec.sensor for spec in specs):

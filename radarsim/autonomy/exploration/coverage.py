@@ -200,6 +200,7 @@ class ContourStrategy:
 
     def _arrive(self, observation: Observation) -> Twist:
         self.activity = "aligning"
+        # As a place on the map: while the robot turns, another beam may be the nearest.
         nearest = int(observation.ranges.argmin())
         range_ = float(observation.ranges[nearest])
         angle = float(observation.bearings[nearest]) + observation.pose.yaw
@@ -267,6 +268,7 @@ class _Circuit:
         self._last = pose
         # asked at every pose: it remembers the last one
         has_passed = self._start.passed(pose)
+        # At the start itself noise may pass it at once.
         self.is_closed = has_passed and self._length > MIN_LENGTH
 
 
@@ -328,6 +330,7 @@ class SpiralCoverage:
     def _advance(self) -> float:
         """Go on to the next point on the spiral; return the angle to it, rad."""
         radius = SPACING * self._angle / (2 * math.pi)
+        # Near the centre such an arc would be more than a whole turn.
         step = POINT_SPACING / max(radius, POINT_SPACING)
         self._angle += step
         self.is_done = radius > self._settings.radius

@@ -51,6 +51,7 @@ NOISE = 0.05  # m; estimated poses differ by less while the robot stands
 
 def warm_up() -> None:
     """Make small maps, with and without a motion source, and plan on them."""
+    # So many that the table grows, as copying it is compiled, too.
     PointMap().add(np.zeros((_POINTS, 2)))
     for settings in (SlamSettings(), SlamSettings(motion_source="none")):
         mapper = Mapper(_SCANNER, MapperSettings(slam=settings, robot_radius=0.2))
@@ -169,6 +170,7 @@ class Exploration:
             MappingError: If no map can be made of what it sends.
             NavigationError: If the robot cannot do what is asked of it.
         """
+        # If the observer raises, the generator still stops the robot, and at once.
         with closing(self.steps(client)) as steps:
             for step in steps:
                 observe(step)
@@ -190,6 +192,7 @@ class Exploration:
             self.outcome = Outcome.FAILED
             raise
         except NavigationError:
+            # Before the first scan it was refused, not stuck, as by a missing start.
             has_started = self.trip.start is not None
             self.outcome = Outcome.STUCK if has_started else Outcome.FAILED
             raise

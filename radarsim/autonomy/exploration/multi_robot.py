@@ -96,6 +96,7 @@ class MapMerger:
             if not len(self._keyframes(number)):
                 continue
             if self._maps[number].frame is None:
+                # Until one succeeds; each attempt looks at another place.
                 any(self._try_to_align(number) for _ in range(VIEWS))
             self._refine(number)
 
@@ -124,6 +125,7 @@ class MapMerger:
         if frame is None:
             return False
         x, y, yaw = frame.x - map_.frame.x, frame.y - map_.frame.y, frame.yaw
+        # Each move builds the shared grid anew, so one that hardly shows is none.
         distance, angle = NEWS
         is_turned = abs(wrap_angle(yaw - map_.frame.yaw)) > angle
         if np.hypot(x, y) <= distance and not is_turned:
@@ -239,6 +241,7 @@ class MultiRobotExploration:
                 self._drive(steps, observe)
         except BaseException:
             outcomes = [robot.outcome for robot in self.robots]
+            # In this order, as a failure says more than a robot that is stuck.
             for outcome in (Outcome.STUCK, Outcome.FAILED):
                 if outcome in outcomes:
                     self.outcome = outcome
@@ -316,6 +319,8 @@ class MultiRobotExploration:
         except (ClientError, NavigationError) as error:
             self.errors[number] = str(error)
             if self.robots[number].trip.start is None:
+                # The first robot gets scans and this one none: that is how a second
+                # robot with an FMCW radar ends.
                 is_timeout = isinstance(error, ClientTimeout)
                 if is_timeout and self.robots[0].trip.start is not None:
                     raise ClientTimeout(

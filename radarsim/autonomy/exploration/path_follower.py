@@ -185,6 +185,7 @@ class PathFollower:
         if moved(pose, observation.pose) > _PROGRESS:
             self._last_progress = observation.time, observation.pose
         elif observation.time > time + PATIENCE:
+            # Together with the floor around it: the next tile is as hard to get to.
             self._given_up.append(self._path[-1])
             self._last_progress = observation.time, observation.pose
             self._updated = -math.inf  # plan again at once
@@ -246,6 +247,7 @@ class WaypointFollower:
         reachable = floor.reachable(observation.pose)
         tiles = floor.nearest(reachable, *self._waypoints[0])
         x, y = floor.tile_centers()
+        # One tile, or none if nothing is within reach.
         for row, column in np.argwhere(tiles):
             remaining = math.dist((x[column], y[row]), self._waypoints[0])
             gain = self._distance(observation) - remaining

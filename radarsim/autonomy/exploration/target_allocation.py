@@ -175,6 +175,7 @@ class SharedTargetStrategy:
         is_moving = self._board.may_move(self._number, wants_to=twist != STOP)
         self._gives_way = twist != STOP and not is_moving
         if self._gives_way:
+            # Or it would give its target up while another robot passes.
             self._path_follower.pause(observation)
         return twist if is_moving else STOP
 

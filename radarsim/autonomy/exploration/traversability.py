@@ -127,6 +127,7 @@ class TraversabilityMap:
         """Return whether the robot may go straight to a point, m, for little cost."""
         if not self.is_open(x, y):
             return False
+        # Two points in a tile, so that no tile is left out but at a corner.
         steps = max(2, math.ceil(math.hypot(x - pose.x, y - pose.y) / self.size * 2))
         points = np.linspace((pose.x, pose.y), (x, y), steps + 1)
         tiles = np.array([self._tile(*point) for point in points.tolist()])
@@ -181,6 +182,7 @@ class TraversabilityMap:
 
         The edges around islands within the region do not count.
         """
+        # The padding is all around, so that one corner reaches all that is outside.
         outside = flood_fill(~region, (0, 0))
         is_walled = self._clearance <= self.safety + 2 * self.size
         return np.asarray(region & self._dilated(outside) & is_walled)
@@ -212,6 +214,7 @@ class TraversabilityMap:
             for j in range(factor):
                 subset = cells[i::factor, j::factor]
                 tiles[: subset.shape[0], : subset.shape[1]] |= subset
+        # Unknown all around, so that floor at the border of the map is a frontier.
         return np.pad(tiles, _PADDING)
 
     def _tile_clearance(self, blocked: Mask, resolution: float) -> Floats:
@@ -238,6 +241,7 @@ class TraversabilityMap:
         return distance_field(tiles, max_distance / self.size) * self.size
 
     def _dilated(self, tiles: Mask) -> Mask:
+        # Diagonal neighbours are 1.41 tiles away, and the next ones 2.
         return np.isfinite(self._distances(tiles, 1.5 * self.size))
 
     def _opening(self, tiles: Mask, radius: float) -> Mask:

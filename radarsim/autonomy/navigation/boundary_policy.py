@@ -68,6 +68,7 @@ class Landmark:
         c, s = math.cos(self.direction), math.sin(self.direction)
         before, self._progress = self._progress, c * dx + s * dy
         offset = abs(c * dy - s * dx)
+        # Only now that the progress is noted, or a later step would seem to pass it.
         if offset > self._max_offset:
             return False
         return before < 0 <= self._progress if onward else before > 0 >= self._progress
@@ -121,6 +122,7 @@ class Trail:
         Returns:
             The path length from the hit point to the landmark, or None.
         """
+        # All of them are asked, since each has to see every step.
         passed = [at for at, mark in self._landmarks if mark.passed(step.pose)]
         if travelled - self._landmarks[-1][0] >= SPACING:
             mark = Landmark(step.pose, step.direction, max_offset=self._max_offset)
@@ -185,6 +187,7 @@ class Bug1Policy(BoundaryPolicy):
         if began is None:
             return Decision.ONWARD
         self.circuits, self.circuit_start = 1, began
+        # Only steps of the circuit: the way to where it began may not be part of it.
         _, at, pose, direction = min(
             (each for each in self._steps if each[1] >= began), key=lambda each: each[0]
         )
@@ -199,6 +202,7 @@ class Bug1Policy(BoundaryPolicy):
 
     def _return(self, step: Step) -> Decision:
         passed = self._leave.passed(step.pose, onward=self._onward)
+        # Poses drift, so the way back may measure shorter or longer than the way there.
         slack = max(1.0, 0.2 * self._return_length)
         close = distance(step.pose, self._leave.x, self._leave.y) < LEAST_GAIN
         # Before that the robot may pass the landmark on another side of the obstacle.
@@ -251,9 +255,11 @@ class Bug2Policy(BoundaryPolicy):
     def step(self, step: Step) -> Decision:
         """Decide what to do next."""
         self._travelled += step.moved
+        # All lines are asked, since each remembers on which side the robot was.
         met = [line.meets(step.pose) for line in self._lines]
         at_line, crossed = any(at for at, _ in met), met[-1][1]
         nearer = distance(step.pose, *self._goal) < self._hit_distance - LEAST_GAIN
+        # Before anything is decided: the landmarks have to see every step, too.
         began = self._trail.closes(step, self._travelled)
         if at_line and nearer and step.free:
             return Decision.LEAVE
@@ -261,6 +267,7 @@ class Bug2Policy(BoundaryPolicy):
             self.circuits, self.circuit_start = self.circuits + 1, began
             return Decision.NO_PATH
         if crossed and not nearer and self._give_up == GiveUp.LINE:
+            # At its hit point the robot is at the line as well.
             away = distance(step.pose, self._hit.x, self._hit.y)
             return Decision.NO_PATH if away > LEAST_CIRCUIT / 2 else Decision.ONWARD
         return Decision.ONWARD
@@ -283,6 +290,7 @@ class _Line:
         dx, dy = goal_x - self._start.x, goal_y - self._start.y
         length = math.hypot(dx, dy)
         x, y = pose.x - self._start.x, pose.y - self._start.y
+        # Times the length of the line, by which nothing is divided, as it may be 0.
         side, along = dx * y - dy * x, dx * x + dy * y
         before, self._side = self._side, side
         crossed = before is not None and before * side <= 0

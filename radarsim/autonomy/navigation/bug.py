@@ -73,6 +73,7 @@ class Bug(Controller):
         self._best_leave = self._seen_from = math.inf
 
     def _decide(self, observation: Observation, driven: float) -> Twist:
+        # The first goal begins at the first scan, each other where one was reached.
         if not self._starts:
             self._starts = [observation.pose]
         if self._policy is None or self._boundary is None:
@@ -205,8 +206,12 @@ class Bug(Controller):
             self._gone += has_gone
             self._others += is_other
             if is_other:
+                # The other side of a gap, or what is behind it: on the same hand the
+                # robot would come back there.
                 self._change_hand()
             self._best_leave = math.inf
+            # A robot in a gap may circle what the first line to the goal never meets,
+            # as on the random maps 108, 357 and 458: the line from here counts, too.
             self._starts.append(observation.pose)
             return self._leave(observation)
         self.activity = Activity.NO_PATH

@@ -134,6 +134,7 @@ class Bumpers:
         return tuple(name for k, name in enumerate(self.names) if k not in covered)
 
     def _sectors(self, bearings: Floats) -> NDArray[np.int64]:
+        # Half a sector on, since the first one is about the front and not beside it.
         turns = (bearings + self.width / 2) / self.width
         return np.floor(turns).astype(np.int64) % self.count
 
@@ -159,6 +160,7 @@ def nearest_share(ranges: Floats, share: float) -> float:
         ranges: (N,) m, at least one.
         share: Above 0 and at most 1; at least one range counts.
     """
+    # Less a little, since rounding of the product must not add one range.
     count = max(1, math.ceil(share * len(ranges) - 1e-9))
     return float(np.partition(ranges, count - 1)[count - 1])
 

@@ -57,6 +57,8 @@ class SpeedLimits:
         """
         turn = max(-self.turn, min(self.turn, HEADING_GAIN * bearing))
         facing = max(0.0, math.cos(bearing))
+        # By the fourth power: a quarter of the speed at 45 degrees off, so that the
+        # robot turns before it goes.
         return Twist(min(self.speed, most) * facing**4, turn)
 
 

@@ -77,6 +77,7 @@ def run_mission(
         share=mission.share,
         rule=mission.rule,
     )
+    # Before anything is driven: what a blind bumper faces would be hit.
     check_field_of_view(bumpers, robot.scanner)
     settings = ControllerSettings(
         algorithm=mission.algorithm,

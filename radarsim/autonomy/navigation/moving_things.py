@@ -183,4 +183,5 @@ def _was_free(
     free = before.ranges > (distances + MARGIN)[:, None]
     spread = np.arctan2(_BESIDE, distances)
     beside = offsets <= np.maximum(spread, _LEAST_SPREAD)[:, None]
+    # Where no earlier beam looked, something may have stood all along.
     return np.asarray((free | ~beside).all(axis=1) & beside.any(axis=1))

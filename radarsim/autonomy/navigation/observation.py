@@ -262,6 +262,7 @@ class ObservationBuilder:
         check_beams(len(report.ranges), scanner)
         time = self._scan_clock.time_of(report.time)
         echoes = self._echoes.of(report)
+        # The wait begins at the first scan, whether it has echoes or not.
         if echoes is not None or math.isnan(self._echoes_due):
             self._echoes_due = time + self._echo_wait
         # Echoes that have come once will come again: a scan without them lost some. It

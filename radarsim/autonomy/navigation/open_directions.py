@@ -41,6 +41,7 @@ class OpenDirections:
         """
         self._pose = observation.pose
         step = 1 + (len(observation.bearings) - 1) // MOST_DIRECTIONS
+        # Bearings wrap somewhere in a scan; sorted, each is beside its neighbour.
         self.bearings = np.sort(observation.bearings)[::step]
         self.lengths, ends = _first_touches(observation, self.bearings, radius)
         self._ends = ends
@@ -155,6 +156,8 @@ def _first_touches(
     along, beside = c * x + s * y, np.abs(c * y - s * x)
     # the disc's centre where its edge meets a point that is ``beside`` off its way
     before = along - np.sqrt(np.maximum(radius**2 - beside**2, 0.0))
+    # What the disc touches already closes only the ways towards it: a robot that is too
+    # near to something has to get away.
     touches = ranges <= radius
     closes = np.where(touches, along > _FACING * ranges, beside < radius) & (along > 0)
     lengths = np.where(closes, np.where(touches, 0.0, before), HORIZON)

@@ -202,6 +202,7 @@ class ObstacleGrid:
             least: Distance from what blocks robots below which cells are closed, m.
         """
         is_open = self._evidence <= 0
+        # A distance transform needs a closed cell to measure from.
         if is_open.all():
             return np.ones(is_open.shape)
         return step_cost(ndimage.distance_transform_edt(is_open) * CELL, least)
@@ -284,12 +285,14 @@ class PathPlanning(Controller):
         self._cost = cost
         self._path = self._grid.centres(shortest_path(cost, start, targets))
         if len(self._path):
+            # The centre of its cell may be 7 cm off, of the 10 that are allowed.
             self._path[-1] = goal
         elif self._grown < _MOST_GROWN and may_join_outside(
             np.isfinite(cost), start, end
         ):
             self._grid.grow()
             self._grown += 1
+            # On the larger grid nothing has been planned yet.
             self._hopeless_since = None
 
     def _look(self, observation: Observation) -> Twist:
@@ -321,4 +324,5 @@ class PathPlanning(Controller):
         count = max(2, math.ceil(moved(pose, end) / CELL * 2))
         line = np.linspace((pose.x, pose.y), (end.x, end.y), count)
         costs = self._cost[self._grid.cells(line)]
+        # Near a wall, or at a goal beside one, the ends cost more than that themselves.
         return bool(costs.max() <= max(CHEAP, costs[0], costs[-1]))

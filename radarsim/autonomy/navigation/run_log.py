@@ -140,6 +140,7 @@ class RunLog:
         """
         keys = sorted(self._cells)
         cells = np.array(keys, dtype=np.int64)
+        # Rows may be negative: half a factor more keeps them in their column.
         columns = (cells + _ROWS // 2) // _ROWS
         indices = np.column_stack([columns, cells - columns * _ROWS])
         counts = [self._cells[key] for key in keys]
@@ -162,6 +163,7 @@ class RunLog:
 
     def _update(self, previous: Row | None, row: Row) -> None:
         here = (row.x, row.y)
+        # Each goal has hit and leave points of its own: where it changes none is left.
         same_goal = previous is not None and previous.goal == row.goal
         was_at_boundary = previous is not None and previous.activity in AT_BOUNDARY
         if row.goal is not None and not same_goal:

@@ -244,9 +244,11 @@ class Navigator:
                 clearance.check(observation, bug.goals[0] if bug.goals else None)
                 # asked at every scan, as it compares them
                 has_to_wait = waiting.has_to_wait(observation, twist)
+                # What touches the robot overrules every way to the goal.
                 if (away := waiting.back_off(observation)) is not None:
                     twist = away
                 else:
+                    # Who waits does not ask the bug: what passes becomes no obstacle.
                     twist = STOP if has_to_wait else bug.step(observation)
                 trip.add(observation)
                 nearest = min(nearest, float(observation.ranges.min(initial=math.inf)))
@@ -260,6 +262,7 @@ class Navigator:
                     break
                 stuck_detector.check(observation, twist)
         finally:
+            # After an error or an interrupt, too: robots keep their wheel speeds.
             self._client.stop()
         return Result(
             outcome=bug.activity.value if bug.is_done else "failed",

@@ -114,6 +114,7 @@ def crosses_any(
         a, b = begins[rows, None], ends[rows, None]
         sides_of_wall = _side(c, d, a) * _side(c, d, b)
         sides_of_segment = _side(a, b, c) * _side(a, b, d)
+        # Strictly: ways go along the ends of walls, where edges are.
         closed[rows] = ((sides_of_wall < 0) & (sides_of_segment < 0)).any(axis=1)
     return closed
 
@@ -176,8 +177,10 @@ class TangentBug(Controller):
     ) -> Point | None:
         """Choose the edge over which the way to the goal is shortest; None without."""
         edges = directions.edges()
+        # The last edge stays while the way is nearly open: noise may hide it in a scan.
         if self._edge is not None and self._is_open(observation, self._edge):
             edges = np.vstack([edges, self._edge])
+        # Places come nearer and nearer to the goal, so that it ends.
         edges = edges[np.hypot(*(edges - self.goals[0]).T) < self._left_at]
         edge, way = self._best_edge(edges, directions, observation.pose)
         if edge is None or not self._accept_way(edge, way, observation.pose):
@@ -261,6 +264,7 @@ class TangentBug(Controller):
         edge, _ = self._best_edge(directions.edges(), directions, pose)
         if edge is not None:
             offset = bearing_of(pose, *edge) - self._goal_bearing(pose)
+            # A way on the right of the goal has what hides the goal on its left.
             wall_on_left = math.sin(offset) < 0
         mode = FollowMode(wall_on_left=wall_on_left)
         self._boundary = FollowedBoundary(self._follower, mode)

@@ -179,6 +179,7 @@ class WallFollower:
         is_too_near = self.bumpers.towards(view, 0.0).too_near
         if abs(heading) < ALIGNED and is_too_near:
             heading = self._way_out(view, heading)
+        # Headings are not wrapped: one a whole turn away would seem to be ahead.
         twist = self.speed_limits.towards(max(-math.pi, min(math.pi, heading)))
         speed = 0.0 if is_too_near else twist.speed
         return mode.robot_twist(Twist(speed, twist.turn)), True

@@ -55,6 +55,7 @@ class CellImage(AxesImage):
         padded = np.zeros((rows + 2, columns + 2, 4), np.uint8)  # transparent beyond
         padded[1:-1, 1:-1, 3] = 255
         padded[1:-1, 1:-1, : cells.shape[2]] = cells
+        # As one number each, so that a pixel is copied at once and not in four parts.
         self._cells, self._shown = padded.view(np.uint32)[:, :, 0], extent
         self.set_data(padded[1:-1, 1:-1])
         self.set_extent((extent.west, extent.east, extent.south, extent.north))
@@ -139,6 +140,7 @@ class SensedCells:
         """Tint cells, (M, 3) as in ``RunLog.beam_ends``."""
         cells = np.floor(ends[:, :2] / CELL).astype(np.int64)
         if not len(cells):
+            # An image has at least one cell; this one is transparent.
             cells, ends = np.zeros((1, 2), np.int64), np.zeros((1, 3))
         first, last = cells.min(axis=0), cells.max(axis=0) + 1
         columns, rows = last - first

@@ -95,6 +95,7 @@ def open_encoder(path: Path, form: str, size: tuple[int, int]) -> Iterator[FilmE
         yield encoder
     finally:
         encoder.close()
+    # ``faststart`` moves the list of contents to the front once all is written.
     with path.open("rb") as file:
         is_complete = b"moov" in file.read(_HEAD)
     if not is_complete:
@@ -174,6 +175,7 @@ class Mp4Encoder:
             fps=FRAME_RATE,
             codec="libx264",
             quality=_QUALITY,
+            # H.264 needs even sides, which frames have; the default scales to 16.
             macro_block_size=2,
             ffmpeg_log_level="quiet",
             output_params=["-f", "mp4", "-movflags", "+faststart"],
@@ -298,6 +300,7 @@ class Film:
             self.is_written = self.error is None
         except BaseException:
             self._given_up.set()
+            # Wakes an encoder that waits for a frame; if frames wait, it is awake.
             with contextlib.suppress(Full):
                 self._queue.put_nowait(None)
             self._encoder.join(_PATIENCE)
@@ -311,6 +314,7 @@ class Film:
             )
             self._encoder.start()
         for _ in range(times):
+            # Waits while the encoder is behind, as frames are many and large.
             self._queue.put(pixels)
             self.frames += 1
 

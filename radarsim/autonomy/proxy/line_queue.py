@@ -88,6 +88,7 @@ class LineQueue:
 
     def put(self, number: int, side: Side, data: bytes) -> None:
         """Add a chunk that one side sent on one connection; never raises."""
+        # Without the lock, as only the thread that adds uses the buffers.
         texts = self._split(number, side, data)
         lines = [classify_line(number, side, text) for text in texts]
         with self._changed:
@@ -125,6 +126,7 @@ class LineQueue:
 
     def _split(self, number: int, side: Side, data: bytes) -> list[str]:
         """Return the lines that a chunk completes; overlong ones are left out."""
+        # Not even split: bytes of other connections shall cost nothing.
         if self._only not in (None, number):
             self._buffers.pop((number, side), None)
             return []

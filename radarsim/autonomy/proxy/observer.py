@@ -104,6 +104,7 @@ class ConnectionState:
 
     def receive_server_line(self, text: str) -> Report | None:
         """Process a line of the server; return its report, or None if it is none."""
+        # In Latin-1, as lines are read: any byte is a character. It is one report.
         for report in self.session.receive(text.encode("latin-1") + b"\n"):
             self._process_report(report)
             return report
@@ -158,6 +159,7 @@ class ConnectionState:
         with suppress(MalformedMessage):
             on = parse_switch(command.params)
             if command.name is None:
+                # For all scanners: what was said of single ones before no longer holds.
                 self._echoes = {ANY: on}
             else:
                 self._echoes[command.name.lower()] = on
@@ -334,6 +336,7 @@ class TrafficObserver:
             self._selector.finish()
         except Exception as error:  # noqa: BLE001 - reported when the observer finishes
             self.error = error
+            # Or all that passes would gather, and nobody takes it.
             self._queue.end()
             log.warning("nothing is made of what passes any more: %s", error)
 

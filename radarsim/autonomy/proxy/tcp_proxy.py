@@ -105,6 +105,7 @@ class Endpoint(asyncio.Protocol):
         partner = self._partner
         if partner is not None:
             partner.send_end()
+            # Both directions have ended, and nothing can come any more.
             if self._is_draining or partner.has_ended:
                 self.close()
                 partner.close()
@@ -171,6 +172,7 @@ class Endpoint(asyncio.Protocol):
 
     def abort(self) -> None:
         """Close at once, without notice to the partner."""
+        # So that ``connection_lost`` forwards nothing, and does not drain.
         self._partner = None
         if self._transport is not None:
             self._transport.abort()
@@ -182,6 +184,7 @@ def _read_unread(sock: Any) -> bytes:
     A write may fail on it while data of the peer still waits to be read.
     """
     chunks = []
+    # By a duplicate, since asyncio lets nobody receive from its own socket.
     with suppress(OSError), sock.dup() as duplicate:
         while chunk := duplicate.recv(READ_BYTES):
             chunks.append(chunk)

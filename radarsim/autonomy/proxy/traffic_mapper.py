@@ -121,6 +121,7 @@ class RobotWatcher:
         if reports is None:
             if not self._is_watching:
                 raise ClientError("no answer to WATCH, expected a server of radarsim")
+            # No line tells that a robot leaves: GEO is refused once it has.
             writer.write(self._question(questions.geometry, ROBOT))
         for report in reports or ():
             match report:
@@ -151,6 +152,7 @@ class RobotWatcher:
             self._has_seen = True
             self.robot = copy.robot
             if self._echoes:
+                # As if its client had asked: scans wait for their echoes then.
                 self._on_data(NUMBER, "client", _ECHOES)
             # What its own client may never ask: mount and limits of its scanners.
             for ask in (questions.geometry, questions.configuration):
@@ -178,6 +180,7 @@ async def watch_until_signal(watcher: RobotWatcher) -> int:
         await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
         if exit_code.done():
             watching.cancel()
+            # Until its connection is closed.
             await asyncio.wait({watching})
             return exit_code.result()
         watching.result()  # raises its error
@@ -315,6 +318,7 @@ class TrafficMapper:
         try:
             await watcher.run()
         finally:
+            # It may take seconds, in which the event loop has to go on.
             await asyncio.to_thread(observer.finish)
 
     def _observe(self, run: Callable[[DataCallback], int]) -> int:
