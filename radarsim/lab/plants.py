@@ -194,6 +194,7 @@ def transmission_of_ball(opacity: float) -> float:
         opacity: Share of its power that a beam through the centre loses.
     """
     if opacity >= 1:
+        # Beams near the centre lose everything; only those at the rim get through.
         return 1 / (3 * opacity**2)
     return 1 - 2 * opacity / 3
 
@@ -281,6 +282,7 @@ def compare_shapes(
     """
     target = target_transmission(parameters)
     crown = (parameters.centre, parameters.crown_radius)
+    # Other rays than those of the calibration, which fits its own too well.
     first, second = (
         bundle(*crown, generator_for(seed, name), azimuths=azimuths, rays=rays)
         for name in ("calibration", "measurement")
@@ -288,11 +290,13 @@ def compare_shapes(
     for shape, plant in make_shrubs(seed, parameters).items():
         highest = POWER if shape == "leaves" else MAX_DENSITY
 
+        # Bound as defaults: a closure would see the shape of the next round.
         def parts(
             loss: float, shape: str = shape, plant: Plant = plant
         ) -> tuple[Part, Part]:
             return plant.parts("shrub", WOODEN, foliage_material(shape, loss))
 
+        # Rounded as map files have it, so that what is measured is what they hold.
         loss = float(f"{calibrate(parts, target, first, highest):.{DIGITS}g}")
         measured = float(transmission(parts(loss), second).mean())
         ranges = measure_plant(parameters, parts(loss))

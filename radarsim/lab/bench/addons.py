@@ -84,7 +84,9 @@ def turns_of_a_radar(seconds: float) -> Iterator[BenchmarkRow]:
 
 def turning_radar(seconds: float, robots: int = PLAIN) -> Iterator[BenchmarkRow]:
     """Measure how late the scans of plain robots are beside a radar that turns."""
+    # The radar's client is read in a thread, as drive() waits for the other process.
     with served_hall() as (process, address, drive), ThreadPoolExecutor(1) as pool:
+        # Robots spawn and connect in this time, which is not to be measured.
         drive(robots, 0.5)
         before = cpu_seconds(process.pid)
         alone = lateness_of(drive(robots, seconds))
@@ -93,6 +95,7 @@ def turning_radar(seconds: float, robots: int = PLAIN) -> Iterator[BenchmarkRow]
             line = init_line(199).replace(b"USARBot.P3AT", b"USARBot.P3AT_Navtech")
             radar.sendall(line)
             time.sleep(SETTLE_SECONDS)
+            # Sockets of connect() do not block, and this one is read alone.
             radar.setblocking(True)
             turns = pool.submit(_count_turns, radar, seconds)
             before = cpu_seconds(process.pid)
@@ -178,6 +181,7 @@ def recording_robots(seconds: float, robots: int = RECORDED) -> Iterator[Benchma
         seconds: Length of each measurement.
         robots: Number of robots, each with a client.
     """
+    # One before and one after: what else runs on the machine changes in the meantime.
     before = _measure_recording(robots, seconds, None)
     with tempfile.TemporaryDirectory() as folder:
         during = _measure_recording(robots, seconds, Path(folder) / "run")
@@ -264,6 +268,8 @@ class Viewer:
                     continue
                 (size,) = struct.unpack_from("<I", data)
                 header = json.loads(data[4 : 4 + size])
+                # The commander waits for it: without an answer it would send this
+                # viewer less.
                 self._connection.send(json.dumps({"op": "ack", "t": header["t"]}))
                 scans = [scan["t"] for r in header["robots"] for scan in r["scans"]]
                 # of scans that it has not shown yet
@@ -314,6 +320,8 @@ def _enter(
         f"{url.replace('http', 'ws', 1)}/ws",
         origin=Origin(url),
         compression=None,
+        # With a longer queue, a viewer that does not read would still take in frames
+        # for a while.
         max_queue=1 if deaf else 16,
         close_timeout=0.1,
     ) as connection:

@@ -85,6 +85,7 @@ def listen(sockets: list[socket.socket], seconds: float) -> list[float]:
 
 def drive(address: tuple[str, int]) -> None:
     """Drive and measure until stdin ends."""
+    # A thousand clients need more files than many systems permit by default.
     raise_file_limit(MAX_FILES)
     sockets: list[socket.socket] = []
     for line in sys.stdin:
@@ -96,6 +97,7 @@ def drive(address: tuple[str, int]) -> None:
         wait_for_robots([sockets[number] for number in added], SPAWN_SECONDS)
         for number in added:
             sockets[number].sendall(robots.drive_line(number))
+        # The delays of what waited while robots spawned would count otherwise.
         listen(sockets, SETTLE_SECONDS)
         sys.stdout.write(json.dumps(listen(sockets, float(seconds))) + "\n")
         sys.stdout.flush()

@@ -281,6 +281,7 @@ def against_open3d(seconds: float) -> Iterator[BenchmarkRow]:
         return
 
     scene = foliage_wall()
+    # One thread, as scans have one.
     o3d = open3d.t.geometry.RaycastingScene(nthreads=1)
     for part in scene.parts:
         o3d.add_triangles(

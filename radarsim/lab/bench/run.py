@@ -74,6 +74,7 @@ def run_all(report_progress: Callable[[str, int, int], None]) -> list[BenchmarkR
         report_progress(name, done, total)
         for count, row in enumerate(step(), start=1):
             rows.append(row)
+            # A step may have more rows than its share; the bar must not run ahead.
             report_progress(name, done + min(count, share), total)
         done += share
     report_progress("done", total, total)

@@ -100,6 +100,8 @@ def capacity(seconds: float, swarms: Sequence[int] = SWARMS) -> Iterator[Benchma
             p99 = float(np.quantile(late, 0.99)) if len(late) else np.inf
             note = f"of {robots} robots {rate:.1f} scans a second, 99 % less than"
             note += f" {p99:.1f} ms late"
+            # The rate as well: where simulated time waits, scans are few and need not
+            # be late.
             if rate < MIN_RATE or p99 > MAX_P99:
                 break
             most = robots
@@ -149,6 +151,8 @@ def floods(ticks: int) -> Iterator[BenchmarkRow]:
     scene = load_map("empty_room")
     for name, (count, line) in FLOODS.items():
         robots = _robots_of(count, line)
+        # In turns in one process, so that both meet the same disturbances of the
+        # machine.
         hosts = [_host_with_clients(scene, count, robots) for _ in range(2)]
         spent = [0.0, 0.0]
         for _ in range(ticks):
@@ -216,6 +220,8 @@ def _lateness_of_pair(
         finally:
             flooders.kill()
     listen(bystanders, SETTLE_SECONDS)  # the server forgets the clients
+    # By the smallest delay of the silence: that of the flood may have grown by all that
+    # it costs.
     least = min(silent)
     return (np.array(silent) - least) * 1e3, (np.array(flooded) - least) * 1e3
 
@@ -264,6 +270,8 @@ def served(
         loaded: Whether to wait until the server has loaded its engine.
     """
     environment = {} if cache is None else {"NUMBA_CACHE_DIR": str(cache)}
+    # A process of its own: a server in this one would share its interpreter lock with
+    # the clients.
     process = subprocess.Popen(
         [*PROGRAM, "serve", map_, "--port", "0", *options],
         stdout=subprocess.PIPE,
@@ -359,11 +367,14 @@ def _wait_for_scan(client: socket.socket) -> None:
         data = client.recv(65536)
         if not data:
             raise ConnectionError("the server closed the connection, expected a scan")
+        # The last bytes are kept, as a line may come in two pieces.
         received = received[-100:] + data
 
 
 def cpu_seconds(pid: int) -> float:
     """Return the CPU time of a process, s."""
+    # After the last bracket: the name of the program before it may hold blanks and
+    # brackets.
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 

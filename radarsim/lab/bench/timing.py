@@ -53,6 +53,7 @@ def compare(
         clock: Returns the time that is measured, s: of the wall clock, or that which
             this thread had a processor for.
     """
+    # Once without a clock: first calls compile, and fill caches.
     subject(), reference()
     times: tuple[list[float], list[float]] = ([], [])
     end = time.perf_counter() + seconds
@@ -77,6 +78,7 @@ def measure(run: Callable[[], object], *, seconds: float) -> float:
 
 
 def _fast(times: list[float]) -> float:
+    # Not the smallest, a single value; others are made longer by what else runs.
     return float(np.quantile(times, 0.1))
 
 

@@ -159,6 +159,8 @@ def render_all(
     if workers == 1 or len(wanted) == 1:
         yield from (render(entry.number, seed) for entry in wanted)
         return
+    # A long figure that began last would keep one worker busy after the others are
+    # done.
     longest_first = sorted(wanted, key=lambda entry: -entry.weight)
     with worker_pool(workers) as pool:
         drawn = [pool.submit(render, entry.number, seed) for entry in longest_first]

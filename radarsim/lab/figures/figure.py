@@ -152,6 +152,8 @@ class DrawnFigure:
     def as_png(self) -> bytes:
         """Return the content of a PNG file; equal drawings give equal bytes."""
         flat = io.BytesIO()
+        # By way of the pixels, as matplotlib's PNG files always have the channel of
+        # opacity.
         FigureCanvasAgg(self.drawing).print_figure(flat, format="rgba")
         width, height = self.drawing.canvas.get_width_height()
         pixels = np.frombuffer(flat.getvalue(), np.uint8).reshape(height, width, 4)

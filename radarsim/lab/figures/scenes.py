@@ -348,11 +348,13 @@ def _painting(
         corners.append(triangles)
         shades.append(light[:, None] * np.array(to_rgb(colour)))
     seen = view.project(np.concatenate(corners))
+    # Stable, so that triangles of equal depth are painted in the same order everywhere.
     order = np.argsort(seen[:, :, 2].mean(axis=1), kind="stable")
     paint = paler + (1 - paler) * np.concatenate(shades)[order]
     return painted_triangles(
         seen[order][:, :, :2],
         paint,
+        # The ground is of large triangles without cuts, whose seams show more.
         linewidths=_SEAM if zorder else 3 * _SEAM,
         zorder=zorder,
     )

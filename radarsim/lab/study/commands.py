@@ -82,6 +82,7 @@ def _run(
     from radarsim.lab.study.maps import run_study_task
     from radarsim.lab.study.page import LOG
 
+    # Before the workers start, each of which would compile the same in silence.
     compile_now(warm_up)
     rows: dict[StudyTask, dict[str, Any]] = {}
     workers = min(workers, len(tasks))

@@ -59,6 +59,7 @@ def summary_sentences(summaries: Summaries) -> list[str]:
             + f"path / shortest path: {detours}."
         )
     losses = list(find_losses(summaries))
+    # With one seed nothing can be told from chance, so no intervals are claimed.
     if not any(summary.success.has_interval for summary in summaries.values()):
         behind = "; ".join(loss for _, loss in losses) or "nowhere"
         sentences.append(
@@ -79,6 +80,8 @@ def headline(summaries: Summaries) -> str:
     # Who arrives how often through smoke, most often first.
     groups: dict[str, list[str]] = {}
     drives = {sensor: summaries["smoke_corridor", sensor].success for sensor in SENSORS}
+    # The order is stable: among equals the radar, which is the first sensor, comes
+    # first.
     for sensor in sorted(drives, key=lambda each: -drives[each].value):
         share = drives[sensor]
         told = "none" if share.value == 0 else successes(share)

@@ -80,6 +80,8 @@ def make_study_map(kind: str, seed: int) -> StudyMap:
         seed: Seed, at least 0; each gives another map of the kind.
     """
     if kind in _FAMILIES:
+        # Random maps take the families in turn, so every so many numbers are of this
+        # one.
         number = FAMILIES.index(_FAMILIES[kind]) + seed * len(FAMILIES)
         random_map = make_random_map(number)
         return StudyMap(random_map.as_yaml(), random_map.start, random_map.goal)
@@ -92,6 +94,8 @@ def _smoke_corridor(rng: np.random.Generator) -> StudyMap:
     cloud, at = float(rng.uniform(3, 5)), float(rng.uniform(-1, 1))
     objects = [
         *_room(length, width),
+        # A little narrower than the corridor, so that its sides are not in those of the
+        # walls.
         _box("cloud", "smoke", (at, 0), (cloud, width - 0.02), height=1.9),
     ]
     side = 1 if rng.random() < 0.5 else -1

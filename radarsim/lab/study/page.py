@@ -307,6 +307,7 @@ def write_study(
     summaries = summarise(rows)
     sentences = summary_sentences(summaries)
     table = io.StringIO()
+    # Rows of drives and of explorations have different keys.
     writer = csv.DictWriter(
         table, _COLUMNS, extrasaction="ignore", lineterminator="\n", restval=""
     )
@@ -341,6 +342,7 @@ Runs are rows of <code>{TABLE}</code>.</p>
 </body>
 </html>
 """
+    # The page comes last, as it names the other two.
     write_atomically(
         {
             folder / TABLE: table.getvalue().encode(),

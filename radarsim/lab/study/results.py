@@ -91,6 +91,8 @@ def mean(values: Sequence[float]) -> Estimate:
     """
     count, value = len(values), float(np.mean(values))
     if min(values) == max(values):
+        # The value itself: the mean of equal values can differ from them in the last
+        # digit.
         return Estimate(values[0], values[0], values[0], count)
     error = float(np.std(values, ddof=1)) / math.sqrt(count)
     half = float(special.stdtrit(count - 1, (1 + CONFIDENCE) / 2)) * error
@@ -212,6 +214,8 @@ def _summary(
         if (row["outcome"], row["expected"]) == ("no_path", "reached")
     ]
     detours = _detours(rows)
+    # Pairs of the same map: maps differ among themselves far more than sensors do on
+    # one.
     both = sorted(detours.keys() & radar.keys()) if sensor != RADAR else []
     # told falsely where it stood: the robot was shut in from the start
     standing = {r["seed"] for r in told_falsely if r["path_length"] < _STANDING}
@@ -224,6 +228,8 @@ def _summary(
         touches=sum(row["collisions"] for row in rows),
         detour=_mean(list(detours.values())),
         detour_difference=_mean(
+            # Rounded, so that equal paths differ by 0 and not by an error of the
+            # division.
             [round(detours[each] - radar[each], 6) for each in both]
         ),
         time=_mean([row["time"] for row in arrived]),

@@ -68,6 +68,7 @@ def sweep(
     if dry_run:
         print_lines([_count(wanted, len(tasks))])
         return 0
+    # Before anything runs: without it, hours of work would end in no table.
     import_optional("pyarrow", EXTRA)
     folder.open(path, wanted, tasks, resume=resume)
     left = [task for task in tasks if not folder.has(task)]
@@ -122,6 +123,7 @@ def _running(
                 ) as running:
                     yield running
             return
+        # A worker takes seconds to start; more of them than batches would get nothing.
         count = min(workers or process_cpu_count(), -(-len(todo) // batch))
         with closing(
             run_tasks(
@@ -150,6 +152,8 @@ def _collect(folder: SweepFolder, tasks: list[SweepTask], running: Running) -> N
                 if result.value is None:
                     value = {"error": result.error}
                 line = {"version": __version__, "task": task.key, **value}
+                # To the file first: a kill between the two loses nothing that memory
+                # has.
                 add(line)
                 folder.lines[task.key] = as_line(line)
                 done += 1

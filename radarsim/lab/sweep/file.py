@@ -214,6 +214,8 @@ def _sensor_problems(file: YamlFile, sweep: SweepFile) -> Iterator[str]:
             text = expected_one_of(str(name), known)
             yield file.problem(("sensor", "name"), text)
             return
+    # Together, as the limits of some settings depend on others; the first error is
+    # enough, since each value occurs in many combinations.
     for settings in sweep._sensors():
         try:
             load_settings(settings.pop("name"), **settings)

@@ -111,6 +111,8 @@ def sweep_tasks(sweep: SweepFile, scenes: Mapping[str, Scene]) -> list[SweepTask
     digests = {name: digest(scene) for name, scene in scenes.items()}
     tasks = {}
     for task in sweep.tasks():
+        # The digest, as a map may be edited under its name: its tasks are other ones
+        # then.
         whole = {**task, "count": sweep.count, "scene": digests[task["map"]]}
         tasks[task_key(whole)] = whole  # equal values in a list are one task
     return [SweepTask(key, whole) for key, whole in tasks.items()]
@@ -203,6 +205,8 @@ class SweepFolder:
             written_atomically(self.path / LOG) as whole,
             whole.open("w", encoding="utf-8") as log,
         ):
+            # In the order of the file: tasks end in any order, and equal sweeps are to
+            # give equal bytes.
             log.writelines(self.lines[task.key] for task in tasks)
         if sweep.figure is not None:
             figure = draw_sweep(sweep, sweep.figure, self.path / TABLE)
@@ -214,6 +218,8 @@ class SweepFolder:
         """Write the table, some hundred tasks at a time: scans may be many."""
         arrow = import_optional("pyarrow", EXTRA)
         parquet = import_optional("pyarrow.parquet", EXTRA)
+        # From the file alone: types must not depend on which tasks failed, or came
+        # first.
         schema = _schema(arrow, sweep)
         rest = iter(tasks)
         with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
@@ -313,6 +319,7 @@ def _points(
     parquet = import_optional("pyarrow.parquet", EXTRA)
     columns = {*known, "ranges"}
     points: dict[Any, Any] = defaultdict(lambda: defaultdict(list))
+    # Few sensors have all the rows, and to make a scanner for each row would take long.
     angles_of = cache(_angles)
     for batch in parquet.ParquetFile(table).iter_batches(256, columns=list(columns)):
         for row in batch.to_pylist():

@@ -124,6 +124,8 @@ def run_sweep_task(task: Parameters) -> list[Row]:
 
 def _scan_rows(task: Parameters, scene: Scene) -> list[Row]:
     """Scan; the first scans are the same whatever their number."""
+    # A larger count adds scans to the same ones, and a map that changes is met by the
+    # same rays.
     drawn = {key: value for key, value in task.items() if key not in ("count", "scene")}
     rng = task_generator(task["seed"], drawn)
     settings = dict(task["sensor"])
@@ -214,6 +216,7 @@ def cluster_executor(
         if not threads:
             raise SweepError(f"--scheduler {address}: no workers, expected some")
         _prepare(distributed, client, scenes)
+        # Not pure: dask would give equal tasks the result of an earlier run.
         yield client.get_executor(pure=False), threads
 
 
@@ -229,6 +232,7 @@ def _prepare(distributed: Any, client: Any, scenes: Mapping[str, Scene]) -> None
 
     try:
         client.register_plugin(Preparation())
+    # distributed passes on what its plugin raises, here that of another version.
     except SweepError:
         raise
     except Exception as error:  # whatever keeps a worker from importing radarsim
