@@ -112,6 +112,8 @@ class PlanField:
         for each in self.markers:
             if isinstance(each, Option):
                 own = {f.name: getattr(each, f.name) for f in fields(Option)}
+                # Only what is set: RARE after another option adds to it, and takes
+                # nothing away.
                 merged = replace(merged, **{k: v for k, v in own.items() if v})
         return merged
 
@@ -154,11 +156,13 @@ def plan_fields(plan: type) -> tuple[PlanField, ...]:
     """Return the fields of a dataclass with their documentation, its own ones first."""
     texts: dict[str, str] = {}
     owners: dict[str, type] = {}
+    # From the most general class on: one that documents a field anew has the last word.
     for owner in reversed(plan.__mro__):
         texts |= read_help(owner.__doc__ or "")
         owners |= dict.fromkeys(vars(owner).get("__annotations__", ()), owner)
     hints = get_type_hints(plan, include_extras=True)
     found = []
+    # Stable, so that fields of one class keep their order.
     known = sorted(fields(plan), key=lambda each: plan.__mro__.index(owners[each.name]))
     for each in known:
         default = REQUIRED if each.default is MISSING else each.default
@@ -204,6 +208,8 @@ def _split_hint(hint: Any) -> tuple[Any, tuple[object, ...], bool]:
         kind, markers, is_repeated = _split_hint(inner[0])
         return kind, (*markers, *inner[1:]), is_repeated
     if origin in (Union, UnionType):
+        # A field of two types fails here, when its command is made: a text cannot tell
+        # which is meant.
         (kept,) = (each for each in inner if each is not NoneType)
         return _split_hint(kept)
     if origin is list or (origin is tuple and inner[-1] is Ellipsis):

@@ -57,6 +57,7 @@ def describe_invalid(details: ErrorDetails) -> str:
     error_type, context = details["type"], details.get("ctx", {})
     if error_type == "missing":
         return "missing"
+    # Worded only now: of many errors, most are never told.
     if error_type == "rejected":
         return str(context["describe"]())
     if error_type == "value_error":

@@ -149,6 +149,7 @@ def _area(part: Part, lines: Floats) -> Geometry:
     """Return the area that a section encloses; around leaves their convex hull."""
     if part.material.sheet_loss is not None:
         hull = shapely.convex_hull(shapely.multipoints(lines.reshape(-1, 2)))
+        # The hull of few points may be a line or a point, which has no area to fill.
         return hull if hull.geom_type == "Polygon" else shapely.Polygon()
     apart = np.abs(lines[:, 0] - lines[:, 1]).max(axis=1) > 0
     segments = shapely.multilinestrings(np.round(lines[apart], _DIGITS))

@@ -57,15 +57,18 @@ def split_rays(tracer: Tracer, rays: Rays) -> RaySegments:
     leaving = _shares(_power_after(events), rays.power[ray])
     first = np.diff(ray, prepend=-1) > 0
     start = np.where(first, 0.0, np.roll(t, 1))
+    # From what is left behind the event before: a sheet's loss is a step there.
     share = np.where(first, 1.0, np.roll(leaving, 1))
     fall = np.maximum(share - arriving, 0.0)
     # a fall by a whole number of twelfths may be a little more by rounding
     counts = np.maximum(np.ceil(fall / MAX_POWER_DROP - 1e-9), 1).astype(np.int64)
+    # Events at one place, such as faces that touch, have no segment between them.
     counts[t <= start] = 0
     each = np.repeat(np.arange(len(events)), counts)
     rank = np.arange(len(each)) - np.repeat(np.cumsum(counts) - counts, counts)
     step = (t - start)[each] / counts[each]
     starts = start[each] + rank * step
+    # The last one ends exactly at the event; sums of steps would miss it by rounding.
     ends = np.where(rank + 1 == counts[each], t[each], starts + step)
     shares = share[each] - fall[each] * (rank + 0.5) / counts[each]
     ends_xy = np.column_stack([events["x"], events["y"]])

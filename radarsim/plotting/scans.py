@@ -184,6 +184,7 @@ def _fit(figure: Figure, axes: Axes) -> None:
     wide = min(_LARGEST[0], _LARGEST[1] * aspect)
     width = max(wide, _NARROWEST) + _LEGEND
     figure.set_size_inches(width, wide / aspect + _TITLE)
+    # By the mean width of letters: the true one is known only when the figure is drawn.
     title = textwrap.fill(axes.get_title(loc="left"), int(width / _LETTER))
     small_print = textwrap.fill(axes.get_xlabel(), int(width / _SMALL_LETTER))
     write_title(axes, title, small_print)
@@ -316,6 +317,7 @@ def compare(
     size = (_PANEL[0] * len(scans) + _PANEL_LEGEND, _PANEL[1])
     figure = Figure(figsize=size, dpi=110, layout="constrained")
     legend, robot = Legend(QUIET), Pose2(place.pose.x, place.pose.y, place.pose.yaw)
+    # The readings of all sensors, so that all panels have the same limits and scale.
     include = np.concatenate([scan_points(s)[np.isfinite(s.ranges)] for s in scans])
     panels = figure.subplots(1, len(scans), squeeze=False)[0]
     for axes, scan in zip(panels, scans, strict=True):

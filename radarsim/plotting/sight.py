@@ -94,6 +94,7 @@ def find_sight(scene: Scene, scan: Scan) -> Sight:
     spent_unread = np.zeros(len(scan.ranges), np.bool_)
     found: dict[BeamEnd, dict[str, Material]] = {end: {} for end in BeamEnd}
     shadows: dict[int, Geometry] = {}
+    # Events are ordered by their rays, so that each beam has a slice of them.
     edges = np.searchsorted(events["ray"], np.arange(len(scan.ranges) + 1))
     for beam, reading in enumerate(scan.ranges.tolist()):
         mine = events[edges[beam] : edges[beam + 1]]
@@ -136,6 +137,7 @@ def _parts_passed(
     before = known[known["t"] < min(reading, float(last["t"])) - _NEAR]
     left = before[np.isin(before["kind"], _PASSED)]
     passed = list(dict.fromkeys(left["part"].tolist()))
+    # By families: a beam that reads one plant behind another is still among plants.
     read = family_of(parts[int(last["part"])].material)
     families = (family_of(parts[part].material) for part in passed)
     return [] if read in families else passed
@@ -190,6 +192,7 @@ def lets_beams_in(material: Material) -> bool:
 def _from_above(part: Part) -> Geometry:
     """Return what a part covers as seen from above, without its hollows, m."""
     hull = shapely.convex_hull(shapely.multipoints(part.vertices[:, :2]))
+    # Prepared, since many beams are compared with the same part.
     shapely.prepare(hull)
     return hull
 

@@ -65,6 +65,7 @@ def render(figure: Figure, form: str = "png", *, software: str = "radarsim") -> 
     metadata = {_DATES[form]: software if form == "png" else None}
     if form != "png":
         metadata["Creator"] = software
+    # Without a salt of ours matplotlib makes random identifiers in SVG files.
     with rc_context({"svg.hashsalt": "radarsim"}):
         FigureCanvasAgg(figure).print_figure(data, format=form, metadata=metadata)
     return data.getvalue()
@@ -220,6 +221,8 @@ class Legend:
         labels = zip(legend.get_texts(), rows, strict=True)
         for number, (label, (_, text)) in enumerate(labels):
             label.set_text(fill(text, LINE_LENGTH))
+            # A name may have dollar signs, between which matplotlib would read
+            # formulas.
             label.set_parse_math(False)
             if number in headings:
                 label.set_fontweight("bold")

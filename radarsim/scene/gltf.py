@@ -148,6 +148,7 @@ def reduce_gltf(content: bytes, suffix: str, files: MeshFiles) -> bytes:
     """
     # trimesh gets JSON with virtual buffers also for a GLB file: one form to check
     text, binary = split_glb(content) if suffix == ".glb" else (content, None)
+    # Before it is parsed: objects in memory take many times what their text does.
     expect_at_most(len(text), MAX_JSON_BYTES, "bytes of JSON")
     try:
         tree = _Tree.model_validate_json(text)
@@ -235,6 +236,7 @@ def _check_instances(tree: _Tree, budget: MeshBudget) -> None:
             vertices += corners
             if primitive.indices is not None:
                 corners = _accessor(tree, primitive.indices, "SCALAR").count
+            # A strip of n corners has n - 2 triangles; n is near enough for a limit.
             triangles += corners // 3 if primitive.mode == 4 else corners
     expect_at_most(vertices, MAX_VERTICES, "vertices")
     budget.take(triangles, "triangles")
@@ -272,6 +274,7 @@ def _add_buffers(tree: _Tree, binary: memoryview | None, files: MeshFiles) -> No
         for number in (primitive.attributes.POSITION, primitive.indices)
     }
     tree.accessors = [
+        # Replaced and not removed: others refer to accessors by their numbers.
         accessor if number in accessors else _EMPTY
         for number, accessor in enumerate(tree.accessors)
     ]

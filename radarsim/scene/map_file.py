@@ -27,6 +27,7 @@ def find_map(path_or_name: str | Path) -> tuple[Path, str | None]:
         MapError: If there is neither.
     """
     name = str(path_or_name)
+    # The whole name first: files may have an @ in their names.
     if path := _find(name):
         return path, None
     stem, separator, variant = name.rpartition("@")

@@ -138,6 +138,7 @@ class _Maker:
     def make(self) -> RandomMap:
         draw = _DRAWERS[self.family]
         solids = list(draw(self))
+        # Mazes and offices close goals off by their own walls and doors.
         if self.family not in ("mazes", "offices") and self.between(0, 1) < _FENCED:
             solids += self.fence()
         return RandomMap(
@@ -212,6 +213,7 @@ def _traps(maker: _Maker) -> Iterator[Solid]:
             for u in (-half, half)
         ]
         trap = [Block(x, y, WALL, 2 * half + WALL, yaw), *arms]
+        # As a whole: a trap without one of its walls would be none.
         if min(each.distances(ends).min() for each in trap) > _FREE:
             yield from trap
 

@@ -59,6 +59,8 @@ class PlacedRadar(PlacedSensor):
         }
         try:
             scanner = load_sensor(self.sensor, fmcw=fmcw, **values)
+            # Settings of the radar are checked when it is made: errors are told before
+            # the map is read.
             _ = scanner.fmcw
         except PresetError as error:
             raise click.BadParameter(str(error)) from None
@@ -174,6 +176,8 @@ def spectrum(
     scanner = plan.load_scanner()
     scene = load_map(map_)
     pose = plan.find_pose(scene)
+    # One generator for all turns, so that the first turns are the same whatever their
+    # number.
     rng = generator_for(plan.seed, plan.sensor)
     turns = [scanner.spectrum(scene, pose, rng) for _ in range(count)]
     if layout is not None:
@@ -268,6 +272,8 @@ def _load_path(path: Path, scene: Scene) -> DrivenPath:
         raise click.BadParameter(text, param_hint="--path") from None
     except ValueError as error:
         raise click.BadParameter(f"{path}: {error}", param_hint="--path") from None
+    # Paths on the floor have 0 as their height in .tum files, which have no shorter
+    # form.
     if way.positions[:, 2].any():
         return way
     floor = [scene.floor_at(x, y) for x, y, _ in way.positions.tolist()]
@@ -307,6 +313,8 @@ def _write_sequence(folder: Path, layout: str, turns: Iterable[DrivenTurn]) -> i
         write_file(images / name, image_of(turn.spectrum, layout, time_us=time_us))
         lines.append(list_line(layout, name, time_us))
         poses.append(turn.tum_line())
+    # After the images, so that the list of a sequence that was interrupted names no
+    # missing one.
     write_file(folder / list_name, "".join(lines).encode())
     write_file(folder / "poses.tum", "".join(poses).encode())
     return len(lines)

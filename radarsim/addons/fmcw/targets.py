@@ -66,6 +66,7 @@ def read_ranges(targets: Targets, settings: SensorSettings) -> Floats:
     ranges = np.full(settings.beams, np.inf)
     order = np.arange(len(targets.beams))[::-1]  # the nearest is written last
     if settings.return_mode == "strongest":
+        # Stable: of equally strong ones, the nearest stays the last to be written.
         order = order[np.argsort(targets.dbm[order], kind="stable")]
     elif settings.return_mode != "first":
         order = order[::-1]

@@ -71,6 +71,7 @@ class Arena:
         self.scene = map_ if isinstance(map_, Scene) else load_map(map_)
         self.model = load_robot(settings.robot).in_dialect(config.dialect.name)
         period = settings.decision_period
+        # Less than half a tick would be rounded to a period of none.
         if not TICK / 2 < period < math.inf:
             text = f"decision period {period!r} s, expected at least {TICK:g} s"
             raise ValueError(text)

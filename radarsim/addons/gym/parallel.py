@@ -117,6 +117,8 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
         transition = self.task.drive(speeds)
         rewards = self.task.settings.reward(transition)
         terminated, truncated = self.task.ended(transition)
+        # Before robots leave: the last observation of an episode belongs to its last
+        # step.
         observations = self._observe(agents)
         self.agents = []
         for agent in agents:

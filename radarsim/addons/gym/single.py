@@ -61,6 +61,7 @@ class Picture:
         x, y = self._task.goals[rows].T
         stars = axes.plot(x, y, "*", color="black", markersize=14, zorder=4)
         data, (width, height) = self._canvas.print_to_buffer()  # type: ignore[no-untyped-call]
+        # Copied: the next picture is drawn into the same buffer.
         image = np.frombuffer(data, np.uint8).reshape(height, width, 4)[..., :3].copy()
         # The plan stays: to draw it takes longer than all else.
         for artist in (*drawn, *stars):

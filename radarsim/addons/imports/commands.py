@@ -102,6 +102,8 @@ def import_(
         from radarsim.simulation.config import SimulationConfig
 
         model, notes = import_ini(file, robot)
+        # Checked as a server will check it, so that the file that is written can be
+        # spawned.
         SimulationConfig(robots=(model,)).check()
         content = model.model_dump(mode="json", exclude_defaults=True)
         text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
@@ -112,6 +114,7 @@ def import_(
         warnings = imported.warnings()
     if notes:
         print_lines(notes)
+        # Before anything is written.
         if strict:
             return 1
     for warning in warnings:

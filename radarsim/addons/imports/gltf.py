@@ -53,6 +53,8 @@ def import_gltf(path: Path, options: ImportOptions, folder: Path) -> ImportedMap
         raise wrong(path, 1, f"expected a file below the map's folder, {str(folder)!r}")
     try:
         names = sorted({each.material or "" for each in read_surfaces(file, inside)})
+        # Read once more: the reader of meshes keeps names of materials, and drops their
+        # extras.
         is_binary = file.suffix.lower() == ".glb"
         json = split_glb(content)[0] if is_binary else content
         described = _File.model_validate_json(json).materials

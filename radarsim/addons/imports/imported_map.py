@@ -108,6 +108,8 @@ class ImportedMap:
             "position": rounded(pose.position()),
         }
         angles = rounded(map(math.degrees, (pose.roll, pose.pitch, pose.yaw)))
+        # Composed rotations leave angles of rounding errors; such an object counts as
+        # upright.
         if max(abs(pose.roll), abs(pose.pitch)) > LEVEL:
             keys["rotation_deg"] = angles
         elif abs(pose.yaw) > LEVEL:
@@ -137,6 +139,8 @@ class ImportedMap:
         if self.materials:
             head["materials"] = self.materials
         lines = [
+            # As ASCII, since the name of a file may hold a line break, which would end
+            # the comment.
             f"# Imported from {self._source.name!a}.\n",
             yaml.dump(head, Dumper=_DUMPER, sort_keys=False, allow_unicode=True),
             "objects:\n",
@@ -173,6 +177,7 @@ def _inline(content: Mapping[str, object]) -> str:
         Dumper=_DUMPER,
         default_flow_style=True,
         sort_keys=False,
+        # Else YAML folds long lines, and an object would be on several.
         width=LONGEST_LINE,
         allow_unicode=True,
     )

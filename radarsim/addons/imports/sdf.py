@@ -116,6 +116,7 @@ def read_xml(path: Path) -> XmlElement:
     parser.EndElementHandler = end
     parser.CharacterDataHandler = add_text
     parser.StartDoctypeDeclHandler = refuse
+    # Else expat calls for each line of a text, which is added to slowly.
     parser.buffer_text = True
     try:
         parser.Parse(read_bytes(path), True)
@@ -206,6 +207,7 @@ class _SdfFile:
                     continue
                 shape = self._shape(geometry.children[0])
                 if shape is not None:
+                    # Often all three are the same name, which is written once then.
                     names = dict.fromkeys((name, link.name, collision.name))
                     self._map.add("_".join(names), shape, placed)
         self.add_all(model, place, f"{name}_")
@@ -248,6 +250,8 @@ class _SdfFile:
             self._note(mesh, f"the mesh {uri!r} is left out: scales differ, or a part")
             return None
         file = self._find(uri)
+        # A map reads meshes from its own folder only, so that a map of others opens no
+        # other files.
         if file is None or not file.is_relative_to(self._folder):
             reason = "is not there" if file is None else "is not below the map's folder"
             self._note(mesh, f"the mesh {uri!r} is left out: it {reason}")

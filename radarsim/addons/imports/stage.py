@@ -254,6 +254,7 @@ class _Importer:
         if given is None or len(given.values) < 3:
             height = self._map.options.wall_height
         plan = _plan(dark, (width, length), body.centre)
+        # One floor is enough, and it is where a place for the start is looked for.
         if self._ground is None:
             self._ground = ~dark, plan
             add_floor(self._map, dark.shape, plan)

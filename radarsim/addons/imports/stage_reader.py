@@ -126,6 +126,7 @@ class _WorldReader:
 
     def read(self, path: Path, included_by: tuple[Path, ...]) -> None:
         """Read a file."""
+        # Counted over all files: includes of includes could double at each level.
         self._files += 1
         if self._files > MAX_FILES:
             text = f"more than {MAX_FILES} files are included, expected fewer"

@@ -150,6 +150,7 @@ async def publish_map(
             if time >= due:
                 due = time + MAP_INTERVAL
                 message = MapSnapshot.of(mapper.grid, time).message()
+                # A map is made in a thread of its own, and topics belong to the loop.
                 loop.call_soon_threadsafe(publish, message)
 
         traffic.on_scan = publish_now
@@ -193,6 +194,8 @@ class Driver:
         try:
             while not reading.done():
                 await self._drive()
+                # Wakes at once when the connection is lost, which a plain sleep would
+                # not.
                 await asyncio.wait({reading}, timeout=CHECK_INTERVAL)
             reading.result()
         finally:

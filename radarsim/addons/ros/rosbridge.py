@@ -81,6 +81,7 @@ class TopicBoard:
         self.types[message.topic] = message.message.type
         if not (wanted or message.latched):
             return ""
+        # Once for all clients, as arrays of scans take long to write.
         text = message_json(message.message)
         if message.latched:
             self._latched[message.topic] = text
@@ -167,6 +168,7 @@ class RosbridgeClient:
         topic = str(message["topic"])
         if len(topic) > LONGEST_NAME:
             raise ValueError(f"a topic of {len(topic)} characters, expected a name")
+        # In ms, as the protocol has it; clients send null for none.
         interval = float(message.get("throttle_rate") or 0) / 1000
         # All that a client can make this keep is limited.
         if len(self._subscriptions) >= MOST_SUBSCRIPTIONS:

@@ -69,6 +69,7 @@ class RosbridgeServer:
             )
             serving = asyncio.ensure_future(server.serve([listening]))
             try:
+                # Shielded: it is asked to exit below, and then closes its connections.
                 await asyncio.shield(serving)
             finally:
                 server.should_exit = True

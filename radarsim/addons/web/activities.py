@@ -109,6 +109,7 @@ class TaskBoard:
         task = self.running.pop(robot, None)
         if task is not None:
             task.client.cancel()
+            # Servers hold the last speeds, and the thread of the task may notice late.
             task.robot.set_wheels(0.0, 0.0)
             self._tell(task.describe("cancelled"))
 

@@ -184,6 +184,8 @@ def read_token(path: Path) -> str:
     """
     try:
         with path.open(encoding="ascii") as file:
+            # Limited, as the file may be a device without an end; two more characters
+            # show that it is too long.
             token = file.readline(LONGEST_TOKEN + 2).strip()
     except OSError as error:
         reason = describe_os_error(error)
@@ -269,6 +271,8 @@ class CommanderExtension(ServeExtension):
         if process is None or process.stdin is None:
             return
         with suppress(OSError):
+            # The end of its input tells it to end, and leaves it time to do so in
+            # order.
             process.stdin.close()
         try:
             process.wait(END_TIMEOUT)

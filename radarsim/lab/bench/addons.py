@@ -268,8 +268,7 @@ class Viewer:
                     continue
                 (size,) = struct.unpack_from("<I", data)
                 header = json.loads(data[4 : 4 + size])
-                # The commander waits for it: without an answer it would send this
-                # viewer less.
+                # The commander waits for it, and would send no other frame without.
                 self._connection.send(json.dumps({"op": "ack", "t": header["t"]}))
                 scans = [scan["t"] for r in header["robots"] for scan in r["scans"]]
                 # of scans that it has not shown yet

@@ -67,6 +67,7 @@ def grow(parameters: PlantParameters, rng: np.random.Generator) -> Skeleton:
     wood = _Wood()
     _grow_stems(parameters, wood, rng)
     ends = _place_ends(parameters, rng)
+    # Near ends first, so that branches to far ones can start from those to near ones.
     order = np.argsort(np.linalg.norm(ends - wood.points[0], axis=1), kind="stable")
     tips = [_grow_branch(parameters, wood, end) for end in ends[order]]
     points, parents = np.array(wood.points), np.array(wood.parents)
@@ -107,6 +108,8 @@ def _place_ends(parameters: PlantParameters, rng: np.random.Generator) -> Floats
             + END_REGION * parameters.half_axes * in_unit_ball(rng, CANDIDATES)
         )
         distances = np.linalg.norm(candidates[:, None] - ends[None, :number], axis=2)
+        # The best of some random candidates keeps ends apart, where plain random ones
+        # would bunch.
         ends[number] = candidates[distances.min(axis=1, initial=np.inf).argmax()]
     return ends
 
@@ -159,6 +162,7 @@ def _radii(
     steps = np.zeros(len(points))
     steps[rooted] = np.linalg.norm(points[rooted] - points[parents[rooted]], axis=1)
     beyond = np.zeros(len(points))
+    # From the last to the first: parents come before their children.
     for child in range(len(points) - 1, -1, -1):
         if parents[child] >= 0:
             beyond[parents[child]] += beyond[child] + steps[child]

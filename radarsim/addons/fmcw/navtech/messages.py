@@ -70,6 +70,7 @@ def configuration_message(
     """
     thousandths, tenths_mm = rotation_hz * 1e3, bin_size * 1e4
     numbers = azimuths, tenths_mm, bins, encoder_counts, thousandths, packet_rate
+    # struct would raise an error for larger ones.
     limited = (min(round(number), 0xFFFF) for number in numbers)
     gain, offset = 1.0, 0.0  # of ranges: clients are to take them as they are
     payload = _CONFIGURATION.pack(*limited, gain, offset)

@@ -38,6 +38,8 @@ class NavtechOptions:
             return None
         port, colon, robot = self.navtech.partition(":")
         problem = ""
+        # Other digits of Unicode are digits to isdigit() as well, and some of them none
+        # to int().
         if not (port.isascii() and port.isdigit() and int(port) <= 65535):
             problem = "a port from 0 to 65535, and a robot after a colon"
         elif colon and not robot:
