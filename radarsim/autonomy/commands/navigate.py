@@ -146,6 +146,7 @@ def complete_mission(mission: Mission, scene: Scene | None) -> Mission:
     if trial is None:
         return mission
     has_start = mission.start is not None or mission.pose is not None
+    # The density of foliage asks for the distance that follows from it.
     is_safe = mission.safety_distance is not None or mission.foliage_density is not None
     return replace(
         mission,

@@ -184,6 +184,7 @@ class ContourStrategy:
             floor = path_follower.floor
             targets = floor.outer_boundary(floor.reachable(observation.pose))
             for point in self._track:
+                # Those of islands, and those that it lost, are not followed again.
                 targets &= ~floor.disc(*point, FOLLOWED_RADIUS)
             self._has_no_wall = not path_follower.plan(observation, targets)
         if self._has_no_wall and not self.contours:

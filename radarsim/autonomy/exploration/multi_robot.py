@@ -334,6 +334,7 @@ class MultiRobotExploration:
                 raise
             step = None
         if step is None:
+            # Others may drive to its target now.
             self._board.leave(number)
         return step
 

@@ -135,6 +135,7 @@ class PathFollower:
         assert self.floor is not None
         had_path = bool(self._path)
         self._path = self.find_path(self.floor, observation.pose, targets)
+        # To plan again, which happens every second, is no progress.
         if self._last_progress is None or not had_path:
             self._last_progress = observation.time, observation.pose
         return bool(self._path)

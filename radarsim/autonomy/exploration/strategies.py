@@ -112,6 +112,7 @@ class AutoStrategy:
         floor = self._settings.traversability(grid)
         enclosed = is_enclosed(observation)
         frontiers = self._frontiers(floor) & floor.reachable(observation.pose)
+        # Counted, so that it ends: each may find something left by another.
         for name, fits, max_times in (
             (StrategyName.CENTRE_OUT, not enclosed, 1),
             (StrategyName.FRONTIERS, bool(frontiers.any()), MAX_FRONTIERS),

@@ -68,6 +68,7 @@ class TraversabilityMap:
         x_centers, y_centers = self.tile_centers()
         for robot_x, robot_y in robots:
             away = np.hypot(x_centers - robot_x, y_centers[:, None] - robot_y)
+            # From the disc that the other robot covers, however it turns.
             self._clearance = np.minimum(
                 self._clearance, away - (ROBOT_RADIUS + ROBOT_MARGIN)
             )

@@ -359,6 +359,7 @@ class OccupancyGrid:
     def _extend(self, x: float, y: float, offsets: Floats) -> None:
         """Extend the map to a point and to offsets of (N, 2) m from it."""
         # a cell more on each side, for rounding
+        # The point itself counts, too: a scan may have no beams.
         low = offsets.min(axis=0, initial=0.0) - self.frame.resolution
         high = offsets.max(axis=0, initial=0.0) + self.frame.resolution
         larger = self.frame.extended_to(

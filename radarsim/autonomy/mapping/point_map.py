@@ -124,6 +124,7 @@ def _find(keys: NDArray[np.int64], key: int) -> int:
 def _copy_table(table: Table, other: Table) -> None:
     for i in range(len(table.keys)):
         if table.keys[i] != 0:
+            # The row of a cell depends on the length of the table.
             row = _find(other.keys, table.keys[i])
             other.keys[row] = table.keys[i]
             other.moments[row] = table.moments[i]
@@ -252,6 +253,7 @@ def shape_around(
     last = LEVELS - 1
     found = LocalShape(False, 0.0, 0.0, 0.0, 0.0, 0.0)
     for level in range(LEVELS):
+        # From the finest size on, which follows the shape best where points are dense.
         n, a, b, aa, ab, bb = _window(table, level, x, y, normal)
         if n >= MIN_WEIGHT:
             a, b = a / n, b / n

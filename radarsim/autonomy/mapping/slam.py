@@ -170,6 +170,7 @@ class Slam:
     def _next_pose(self, points: ScanPoints, prior: Pose2 | None) -> Pose2:
         can_match = len(points.places) >= MIN_POINTS and len(self._map) > 0
         has_source = self.settings.motion_source != "none"
+        # A motion needs the poses of two scans; without it the pose is searched for.
         if prior is None or self._prior is None or not has_source:
             return self._search(points) if can_match else self.pose
         # What is reported is off by a share of the motion, and a little at rest.

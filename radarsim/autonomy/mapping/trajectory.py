@@ -102,6 +102,7 @@ def trajectory_errors(
     path = np.concatenate([[0.0], np.cumsum(steps)])
     # of all motions over that length of the path, each in the frame of its start
     ends = np.searchsorted(path, path + rpe_over)
+    # The last poses begin no motion of that length.
     starts = np.flatnonzero(ends < len(path))
     rpe = rpe_yaw = math.nan
     if len(starts):

@@ -149,6 +149,8 @@ class Bug(Controller):
             self._seen_from = self._goal_distance(observation.pose)
             return self._leave(observation)
         mode = boundary.mode
+        # By the part of the scan that shows it: where another obstacle is as near, the
+        # robot would change to that.
         part = boundary.look(observation, self.goals[0])
         boundary.remember(part, step)
         direction = self._follower.tangent(part, mode)
@@ -166,6 +168,7 @@ class Bug(Controller):
             self.activity = Activity.RETURNING
         twist, found = self._steering.step(observation, mode, part)
         self._lost = 0.0 if found else self._lost + step
+        # It has driven around where the boundary should be, and nothing is there.
         if self._lost > _LOST * 2 * math.pi * self._follower.target_distance:
             return self._leave(observation)
         return twist

@@ -147,6 +147,7 @@ class Bumpers:
         if self.rule == Rule.SHARE:
             pressed = distance < self.pressed_below
         else:
+            # A beam without return is inf: one is enough to release the bumper.
             least, most = float(ranges.min()), float(ranges.max())
             pressed = self.safety_distance <= least and most <= self.pressed_below
         too_near = distance < self.safety_distance

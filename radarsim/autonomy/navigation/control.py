@@ -209,6 +209,7 @@ class ControlLoop:
                 self.drive(STOP)
                 stopped = True
             reports: list[Report] = []
+            # Nothing came this time, which is no error before the whole time is over.
             with suppress(ClientTimeout):
                 left = (self._timeout if stopped else STOP_AFTER) - waited
                 reports = self._client.read(max(left, 0.001))

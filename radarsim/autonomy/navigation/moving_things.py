@@ -105,6 +105,7 @@ class Waiting:
             twist: The motion since the scan before; what is ahead depends on it.
         """
         now = observation.time
+        # A robot that stands keeps its direction, as it will go on in that.
         if twist.speed:
             self._ahead = math.copysign(1.0, twist.speed)
         if self._detect_crossing(observation):
@@ -117,6 +118,7 @@ class Waiting:
         self._since = min(self._since, now)
         if now - self._since < PATIENCE:
             return True
+        # It goes on for a while, or the next scan would stop it again.
         self._impatient_until = now + IMPATIENCE
         return False
 

@@ -251,6 +251,7 @@ class ObservationBuilder:
             self._start = self._start or pose
         elif isinstance(report, Odometry) and self._start is not None:
             pose = self._start.compose(report.pose)
+        # Only to tell, if the wanted poses are missing, what there is instead.
         if not isinstance(report, self._pose_report):
             self._others |= {s for s, t in POSE_REPORTS.items() if type(report) is t}
         elif pose is not None:

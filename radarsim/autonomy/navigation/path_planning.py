@@ -147,6 +147,8 @@ def _search(
                 if not (0 <= k < rows and 0 <= n < columns):
                     continue
                 total = so_far + cost[k, n] * math.sqrt(di * di + dj * dj)
+                # Less, and not as much; and the queue sorts equal costs by cells. So of
+                # several cheapest paths it is always the same.
                 if total < best[k, n]:
                     best[k, n] = total
                     parents[k, n] = cell
@@ -191,6 +193,7 @@ class ObstacleGrid:
         met = self._mask(*ends[near].T)
         # A cell in which one beam ends and which another passes is an edge: it gains.
         change = np.where(met, _GAIN, np.where(passed, -_LOSS, 0))
+        # Within limits, so that what has stood for long is forgotten soon, too.
         self._evidence = np.clip(self._evidence + change, _LEAST, _MOST).astype(
             np.int16
         )

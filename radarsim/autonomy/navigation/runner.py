@@ -127,6 +127,7 @@ class TripMeter:
             self._start_time = observation.time
         self.time = observation.time - self._start_time
         step = moved(self._last, observation.pose)
+        # The noise of a robot that stands would add up to a long way.
         if step > self._noise:
             self.length += step
             self._last = observation.pose

@@ -88,6 +88,7 @@ def ways_to_goal(edges: Floats, goal: Point, directions: OpenDirections) -> Floa
     lengths = np.hypot(*(places[:, None] - places).transpose(2, 0, 1))
     first, second = np.triu_indices(len(places), 1)
     closed = crosses_any(places[first], places[second], directions.walls())
+    # In the upper half alone, which is all that is passed on.
     lengths[first[closed], second[closed]] = np.inf
     ways: Floats = dijkstra(np.triu(lengths), directed=False, indices=0)
     return ways[1 : len(edges) + 1]
@@ -255,6 +256,7 @@ class TangentBug(Controller):
         if self._left is not None and distance(pose, *self.leave_points[-1]) < AGAIN:
             # it could not go on where it left: as if it never had
             self._boundary, self.activity = self._left, Activity.FOLLOWING
+            # For a while, or it would leave at the same place at once.
             self._left.least = self._left.travelled + AGAIN
             return STOP
         self.activity = Activity.ALIGNING
@@ -326,6 +328,7 @@ class TangentBug(Controller):
         self.circuits += 1
         if self._gone < _MOST_GONE and boundary.memory.has_gone(observation):
             self._gone += 1
+            # The limit was that of a boundary which is no longer there.
             self._left_at = math.inf
             return self._leave(observation, self.goals[0])
         self.activity = Activity.NO_PATH

@@ -131,6 +131,7 @@ class GifEncoder:
         # transparent pixels show the frame before, and compress to nearly nothing
         cells[~changed[window]] = _UNCHANGED
         indexed.paste(Image.fromarray(cells, "L"))
+        # Not written yet: a GIF states before each picture for how long it is shown.
         self._waiting = indexed, (int(columns[0]), int(rows[0]))
         self._shown, self._times = pixels.copy(), 1
 

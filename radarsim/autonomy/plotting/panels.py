@@ -180,6 +180,7 @@ class Panels:
 
     def add_legend(self, rows: Sequence[Artist]) -> None:
         """Place a legend below the panels, in as many lines as it needs."""
+        # The width of a legend is known once it is there: the widest that fits stays.
         for columns in range(len(rows), 0, -1):
             legend = self._legend(rows, columns)
             box = _size_of(legend, self.figure)

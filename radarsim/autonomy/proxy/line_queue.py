@@ -155,6 +155,7 @@ class LineQueue:
 
     def _pop(self) -> Line:
         queues = [lines for lines in (self._scan_lines, self._other_lines) if lines]
+        # The older of the two heads: lines leave in the order in which they came.
         return self._pop_from(min(queues, key=lambda lines: lines[0][0]))
 
     def _pop_from(self, lines: _Numbered) -> Line:

@@ -356,6 +356,7 @@ class TrafficMapper:
             map_range=self._map_range,
             echo_wait=ECHO_WAIT if echoes else 0.0,
         )
+        # The clock is for servers whose time stamps are missing or stand still.
         self.mapper = Mapper(info, settings, clock=time.monotonic)
         return self
 
