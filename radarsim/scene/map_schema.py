@@ -93,6 +93,8 @@ def _known_material(value: str, info: ValidationInfo) -> str:
     context = cast("EntryContext", info.context)
     own = context["materials"]
     if value not in own and value not in library_names():
+        # Similar names take long to find, so they are looked for only if the message is
+        # told.
         raise rejection(lambda: unknown_material(value, own))
     return value
 
@@ -145,6 +147,7 @@ def _bands(value: object) -> Bands:
 
 
 def _number(value: object, most: float = math.inf) -> float | None:
+    # To Python a bool is an int, and YAML reads words such as yes as bools.
     if not isinstance(value, int | float) or isinstance(value, bool):
         return None
     return float(value) if 0 <= value <= most else None

@@ -181,6 +181,7 @@ def link_budget(radar: FmcwRadar, scene: Scene, pose: Pose3, azimuth: int) -> Bu
             kind, label, gamma = echo
             part = tracer.parts[event.part]  # without robots in the scene
             own = [Entry(f"1 / R^2 at {event.t:.2f} m", -20 * math.log10(event.t))]
+            # Twice, as losses are counted one way and an echo comes back the same way.
             own += [Entry(f"lost in {name}", -2 * db) for name, db in losses.by_name()]
             own.append(Entry(label, _db(gamma)))
             received = sum(entry.db for entry in [*common, *own])

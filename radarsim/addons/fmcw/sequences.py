@@ -37,6 +37,7 @@ class DrivenPath:
 
     def poses_at(self, times: Floats) -> list[Pose3]:
         """Return the poses at some times; the first before it, the last after it."""
+        # Slerp refuses times outside of its own, where interp would hold the ends.
         inside = np.clip(times, self.times[0], self.times[-1])
         turns = Slerp(self.times, Orientation.from_quat(self.orientations))(inside)
         angles = turns.as_euler("ZYX")
@@ -124,6 +125,7 @@ def turns_along(
     step = max(settings.azimuths // STEPS_IN_TURN, 1)
     period = settings.azimuths * settings.sweep_time
     looked, done = 0, 0
+    # A path of a whole number of turns is not to lose the last one by rounding.
     count = int(path.duration / period + 1e-9)
     while done < count:
         seconds = step * settings.sweep_time

@@ -93,6 +93,8 @@ def _draw(
     low, high = np.reshape(floor.bounds, (2, 2))
     near = np.reshape(others, (-1, 1, 2))
     for _ in range(_MAX_DRAWS):
+        # Drawn from the box around the floor and refused beside it, which is uniform on
+        # the floor; many at once, as each call of shapely has its price.
         places = rng.uniform(low, high, (_DRAWN_TOGETHER, 2))
         gaps = np.hypot(*np.moveaxis(places - near, -1, 0))
         is_free = shapely.contains_xy(floor, *places.T) & (gaps >= distance).all(axis=0)
@@ -226,6 +228,7 @@ class GoToTask:
         # On an arc, the chord lies in the middle between the first and last heading.
         heading = poses[:, 2] + yaw / 2
         forward = x * np.cos(heading) + y * np.sin(heading)
+        # The difference of two headings may have a whole turn too much.
         turned = np.arctan2(np.sin(yaw), np.cos(yaw))
         limits = np.array([self.arena.max_speed, self.arena.max_turn_rate])
         speeds = np.column_stack([forward, turned]) / self.settings.decision_period
@@ -253,6 +256,8 @@ class GoToTask:
         x, y, yaw = self.arena.poses.T
         bearing = np.arctan2(self.goals[:, 1] - y, self.goals[:, 0] - x) - yaw
         distance = np.minimum(self.distances / GOAL_SCALE, 1.0)
+        # Cosine and sine, as an angle itself would jump by a whole turn behind the
+        # robot.
         goal = np.column_stack([distance, np.cos(bearing), np.sin(bearing)])
         return {
             "ranges": np.clip(

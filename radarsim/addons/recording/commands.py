@@ -94,6 +94,8 @@ def _verify(bag: BagReader, map_: str | None) -> int:
             f"{bag.folder} is of a client alone, expected one of a server to verify"
         )
     path, _ = find_map(name)
+    # Another map would differ at the first scan, and that would tell nothing about the
+    # program.
     if digest_of(path) != info.map_digest:
         raise RecordingError(f"{path} is not as it was, expected the map recorded")
     config = SimulationConfig(

@@ -93,6 +93,8 @@ def ros(
             running = asyncio.ensure_future(bridge)
             pending: set[asyncio.Future[object]] = {running, exit_code}  # type: ignore[arg-type]
             await asyncio.wait(pending, return_when=asyncio.FIRST_COMPLETED)
+            # A bridge ends by itself only when something is lost: that is told even if
+            # a signal came as well.
             if running.done():
                 running.result()  # raises what ended it
                 return 1
@@ -112,6 +114,7 @@ def _make_side(options: BridgeOptions) -> RosSide:
         ServerError: If it cannot join the domain.
     """
     if options.bridge == "dds":
+        # Looked for first, so that the message names the extra instead of a module.
         for package in ("cyclonedds.domain", "rosbags.typesys"):
             import_optional(package, "dds")
         from radarsim.addons.ros.dds import DdsParticipant
