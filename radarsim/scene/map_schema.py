@@ -147,7 +147,7 @@ def _bands(value: object) -> Bands:
 
 
 def _number(value: object, most: float = math.inf) -> float | None:
-    # To Python a bool is an int, and YAML reads words such as yes as bools.
+    # To Python a bool is an int: true would be the number 1.
     if not isinstance(value, int | float) or isinstance(value, bool):
         return None
     return float(value) if 0 <= value <= most else None

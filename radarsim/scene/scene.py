@@ -71,6 +71,7 @@ class Part:
     @cached_property
     def bounds(self) -> Floats:
         """The smallest and largest x, y, z of its faces, (2, 3) m; inf without any."""
+        # Vertices that no face has do not count: files may keep some far away.
         is_used = np.zeros(len(self.vertices), np.bool_)
         for corners in self.faces.T:  # at once, the indices would take twice the memory
             is_used[corners] = True

@@ -75,6 +75,7 @@ def init_line(number: int) -> bytes:
     Few robots are spread over the whole hall, as many are.
     """
     places = ROBOTS_IN_A_ROW * ROBOTS_IN_A_ROW
+    # A stride without common divisor visits all places once, far apart from the start.
     row, column = divmod(number * STRIDE % places, ROBOTS_IN_A_ROW)
     x, y = (GAP * (k - (ROBOTS_IN_A_ROW - 1) / 2) for k in (column, row))
     yaw = math.remainder(TURN * number, math.tau)
@@ -110,6 +111,7 @@ class DrivingRobots:
         numbers = [self.host.connect() for _ in range(robots)]
         for robot, number in enumerate(numbers):
             self.host.receive(number, init_line(robot))
+        # The host spreads spawns over ticks, so that none of them takes long.
         while len(self.host.simulation.vehicles) < robots:
             self.tick()
         for robot, number in enumerate(numbers):

@@ -105,6 +105,8 @@ def count_readings(sensor: str, air: str, seed: int) -> Counts:
     for scan in clear:
         ends = scan_points(scan)
         starts = np.broadcast_to(scan.pose.position()[:2], ends.shape)
+        # From what is read in clear air: in dust a reading may end before it has
+        # crossed.
         lines = shapely.linestrings(np.stack([starts, ends], axis=1))
         crossing.append(shapely.intersects(lines, cloud))
     across = np.array(crossing) & found

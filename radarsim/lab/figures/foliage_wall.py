@@ -133,6 +133,7 @@ def count_changes(scene: Scene, scans: Sequence[Scan]) -> Changes:
     ranges = np.array([scan.ranges for scan in scans])
     changed = np.ptp(ranges, axis=0) > STEP
     answers = np.array([object_names(scan) for scan in scans])
+    # Bushes overlap: from one to its neighbour a beam does not jump to another thing.
     answers[np.isin(answers, [bush.object_name for bush in bush_parts(scene)])] = BUSHES
     same = (answers == answers[0]).all(axis=0)
     bushes = answers[0] == BUSHES

@@ -308,5 +308,6 @@ def _draw_beams(
             marker=style.marker,
             markersize=style.area**0.5,
         )
+    # The boldest was drawn last, and is the first to be explained.
     draw_legend(drawing, dict(reversed(samples.items())), "large")
     return drawing

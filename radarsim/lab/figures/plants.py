@@ -44,6 +44,7 @@ def plot_shapes(shapes: Sequence[Comparison]) -> Figure:
     top = 1 - TITLE_HEIGHT / 3 / height
     figure.text(0.012, top, TITLE, va="top", fontsize=17, fontweight="bold")
     grid = figure.subplots(len(shapes), 3, squeeze=False, width_ratios=[0.9, 1.5, 1.5])
+    # One scale for all three, as they are to be compared.
     highest = max(_shares(shape.ranges)[0].max() for shape in shapes)
     for (side, plan, bars), shape in zip(grid, shapes, strict=True):
         draw_plant(side, shape.plant)

@@ -123,6 +123,8 @@ def draw_scatter(seed: int) -> DrawnFigure:
     plan.set_ylim(-half, half)
     plan.set_xticks([])
     for number, one in enumerate(returns):
+        # To either side in turns, and by the range, so that all arrows are as far off
+        # the beam and none covers another.
         _draw_return(plan, one, bend=(-1) ** number * _BEND / one.range)
     _draw_strengths(bars, returns)
     for axes in (plan, bars):

@@ -95,6 +95,7 @@ def draw_bug(seed: int, *, algorithm: Algorithm) -> DrawnFigure:
         scene, monitor = driven.scene, driven.monitor
         assert scene is not None
         assert monitor is not None  # the server is in this process
+        # From the simulation: the robot's own figures drift with its inertial sensor.
         length, off = monitor.path_length, monitor.distance(driven.mission.goals[-1])
         touched += monitor.collisions
         ending, title = _ENDINGS.get(driven.outcome, (driven.outcome, driven.outcome))
@@ -284,6 +285,7 @@ def _cover_bush(run: MappingResult, part: Part) -> BushCoverage:
 def _aligned_cells(run: MappingResult, cells: Mask) -> tuple[Mask, Floats, Floats]:
     """Return cells of a map on a grid over the whole scene, and the x, y of each."""
     (west, south), (east, north) = load_scene(MAP).bounds[:, :2].tolist()
+    # On one grid over the scene, as a map is only as large as what its robot has seen.
     frame = run.grid.frame.extended_to((west, south), (east, north))
     x, y = np.meshgrid(*frame.cell_centers())
     return run.grid.frame.copy_into(cells, frame), x, y

@@ -368,9 +368,12 @@ def _shadows(
     """Create the shadows of parts on the ground, clipped to its bounding box."""
     height = max(_top(part) for part in ground)
     corners = np.concatenate([part.vertices[part.faces] for part in parts])
+    # What is below the ground, such as the foot of a plant, casts its shadow where it
+    # stands.
     lifts = np.maximum(corners[..., 2:] - height, 0.0)
     flat = corners[..., :2] - lifts * (SUN[:2] / SUN[2])
     floor = np.concatenate([part.vertices[:, :2] for part in ground])
+    # Clipped, so that no shadow lies on the paper beside the ground.
     flat = np.clip(flat, floor.min(axis=0), floor.max(axis=0))
     level = np.concatenate([flat, np.full_like(lifts, height)], axis=2)
     colour = np.array(to_rgb(colour_of(ground[0].material)))

@@ -232,6 +232,7 @@ def _notes(summaries: Sequence[Summary]) -> Iterator[str]:
     ]
     if late:
         yield f"Explorations that ended at the time limit: {', '.join(late)}."
+    # Only where all sensors were shut in: then the map is the reason, and no sensor.
     for seed in sorted(set.intersection(*(set(each.shut_in) for each in summaries))):
         shares = sorted({f"{100 * e.shut_in[seed]:.0f}" for e in summaries}, key=int)
         mapped = " to ".join(dict.fromkeys((shares[0], shares[-1])))
