@@ -14,7 +14,7 @@ PAGE_MARK: Final = '<meta name="generator" content="radarsim">'
 _HEAD_SIZE: Final = 1024  # bytes at the start of a file that show who wrote it
 
 
-def write_atomically(files: Mapping[Path, bytes]) -> None:
+def write_atomically(files: Mapping[Path, bytes], *, mode: int = 0o666) -> None:
     """Write files that belong together, each one completely or not at all.
 
     Writes all of them to temporary files in the same folders, and renames these one
@@ -27,6 +27,7 @@ def write_atomically(files: Mapping[Path, bytes]) -> None:
 
     Args:
         files: The content of each file. A file that names another should come after it.
+        mode: Permissions of new files, of which the umask takes some away.
 
     Raises:
         OSError: If a file cannot be written; then no file is changed, unless the last
@@ -40,7 +41,7 @@ def write_atomically(files: Mapping[Path, bytes]) -> None:
     try:
         for path, part in temporary.items():
             with _report_as(path):
-                _write_new(part, files[path])
+                _write_new(part, files[path], mode)
         # Late, when the temporary files are complete: what a device has got stays
         # there.
         for path in special:
@@ -78,7 +79,7 @@ def written_atomically(path: Path) -> Iterator[Path]:
     part = _temporary_path(target)
     try:
         with _report_as(path):
-            _write_new(part, b"")
+            _write_new(part, b"", 0o666)
             yield part
             part.replace(target)
     finally:
@@ -109,10 +110,10 @@ def _temporary_path(target: Path) -> Path:
     return target.with_name(f".{secrets.token_hex(8)}.part")
 
 
-def _write_new(path: Path, data: bytes) -> None:
-    """Write a new file with default permissions; raise if it exists."""
+def _write_new(path: Path, data: bytes, mode: int) -> None:
+    """Write a new file; raise if it exists."""
     # Not by tempfile, whose files nobody but their owner may read.
-    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
+    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
     with os.fdopen(handle, "wb") as file:
         file.write(data)
 

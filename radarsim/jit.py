@@ -16,7 +16,7 @@ import pickle
 import sys
 from collections.abc import Callable, Hashable
 from pathlib import Path
-from typing import Final, NewType, Protocol, TypeAlias, TypeVar
+from typing import NewType, Protocol, TypeAlias, TypeVar
 
 import numba
 import numpy as np
@@ -27,8 +27,15 @@ from numba.core.ccallback import CFunc
 from numba.core.compiler import CompileResult
 from numba.core.typing import Signature
 
-from radarsim.files import write_atomically
-from radarsim.kernel_cache import PACKAGE, SUFFIX, cache_folder, compilation, subject_of
+from radarsim.kernel_cache import (
+    PACKAGE,
+    SUFFIX,
+    cache_folder,
+    compilation,
+    read_code,
+    subject_of,
+    write_code,
+)
 
 # An address as C passes it; numba's ``voidptr``.
 Pointer = NewType("Pointer", int)
@@ -38,8 +45,6 @@ Int: TypeAlias = int | np.int64
 # The types of the arguments, and the processor that the code is for.
 Key = Hashable
 Function = TypeVar("Function", bound=Callable[..., object])
-
-_UNREADABLE: Final = (OSError, EOFError, pickle.UnpicklingError)
 
 
 class KernelCache:
@@ -69,8 +74,11 @@ class KernelCache:
     def load_overload(self, signature: Signature, target: BaseContext) -> CompileResult:
         """Return the code for a signature, as numba asks for it; None if not known."""
         target.refresh()
-        data = self.load((signature, target.codegen().magic_tuple()))
-        return None if data is None else CompileResult._rebuild(target, *data)
+        try:
+            data = self.load((signature, target.codegen().magic_tuple()))
+            return None if data is None else CompileResult._rebuild(target, *data)
+        except Exception:  # noqa: BLE001 # whatever is in the file: compile again
+            return None
 
     def save_overload(self, signature: Signature, compiled: CompileResult) -> None:
         """Write the code for a signature, if that is possible."""
@@ -88,15 +96,17 @@ class KernelCache:
         Raises:
             OSError: If it cannot be written.
         """
-        self._folder.mkdir(parents=True, exist_ok=True)
-        write_atomically({self._path(key): serialize.dumps((key, data))})
+        write_code(self._path(key), serialize.dumps((key, data)))
 
     def load(self, key: Key) -> tuple[object, ...] | None:
-        """Return the code for a key; None if there is none that can be read."""
+        """Return the code for a key; None if there is none that may be run."""
         try:
-            found, data = pickle.loads(self._path(key).read_bytes())
-        except _UNREADABLE:
+            code = read_code(self._path(key))
+        except OSError:
             return None
+        if code is None:
+            return None
+        found, data = pickle.loads(code)
         # Keys whose texts are equal have the same file.
         return data if found == key else None
 

@@ -7,21 +7,29 @@ their constants are compiled into kernels: any edit of them leads to an empty fo
 does not depend on where the package is installed, so that all environments of a user
 that have the same version share it.
 
-The folder is in ``NUMBA_CACHE_DIR`` if that is set, else in the user's cache folder,
-else beside this module. Where none can be written, each process compiles for itself.
+The folder is in ``radarsim`` within ``NUMBA_CACHE_DIR`` if that is set, else within the
+user's cache folder, else beside this module. Where none can be used, each process
+compiles for itself.
+
+The files hold machine code and pickles, so whoever can write them can run anything in
+the name of those who read them. They are read only where nobody but the user and root
+can have written, and only if their checksum is right.
 
 numba is not imported here: whether there is something to compile is known before.
 
 The first scan on a machine compiles the ray engine for a minute or so; the first
 server, the first map and the first camera compile what they need besides. The log tells
-of it; a program can add an observer as well, before numba is imported.
+of it; a program can add an observer to ``compilation`` as well, before numba is
+imported.
 """
 
 import functools
 import hashlib
 import logging
 import os
+import re
 import shutil
+import stat
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -32,11 +40,15 @@ from pathlib import Path
 from typing import Final
 
 from radarsim.errors import describe_os_error
+from radarsim.files import write_atomically
 
 PACKAGE: Final = Path(__file__).parent
 PREFIX: Final = "radarsim-"  # prefix of the names of cache folders
 SUFFIX: Final = ".nbc"  # suffix of the names of files of machine code
 COMPLETE: Final = "complete"  # file that is there when all kernels of a server are
+_FOLDER_NAME: Final = re.compile(f"{PREFIX}[0-9a-f]{{16}}")
+_OTHERS: Final = stat.S_IWGRP | stat.S_IWOTH  # permissions of others to write
+_CHECKSUM_SIZE: Final = hashlib.sha256().digest_size
 MAX_FOLDERS: Final = 8  # cache folders that are kept, such as those of other branches
 # What is in each module of which something is compiled into kernels: most import the
 # decorators, others have a comment.
@@ -55,20 +67,103 @@ _SUBJECTS: Final = {
 
 @functools.cache
 def cache_folder() -> Path | None:
-    """Return the folder for the code as it is, created; None if none can be written."""
+    """Return the folder for the code as it is, created; None if none can be used.
+
+    The first one that can be written is chosen; if there is none, the first one that
+    can be read, such as that of a system administrator. Folders that others can write
+    to are not used, which the log tells.
+    """
     name = PREFIX + kernel_hash(PACKAGE)
+    readable = None
     for parent in _parents():
-        folder = parent / name
         try:
-            if not folder.is_dir():
-                folder.mkdir(parents=True, exist_ok=True)
-                _remove_oldest(parent)
+            folder = (parent / name).resolve()
+            is_new = not folder.is_dir()
+            if is_new:
+                _make_folders(folder)
+            if distrust := find_distrust(folder):
+                logger.warning("compiled code in %s is not used: %s", folder, distrust)
+                continue
+            readable = readable or folder
             tempfile.TemporaryFile(dir=folder).close()
             os.utime(folder)  # folders not used for longest are removed first
         except OSError:
             continue
+        if is_new:
+            _remove_oldest(folder.parent)
         return folder
+    return readable
+
+
+def find_distrust(folder: Path) -> str | None:
+    """Return why code in a folder must not be run; None if it may be.
+
+    The folder and all folders above it must belong to the user or to root, and nobody
+    else may write to them, except to folders above in which nobody can rename what
+    belongs to others, such as ``/tmp``.
+
+    Args:
+        folder: Absolute path without symbolic links.
+
+    Raises:
+        OSError: If the folder is not there.
+    """
+    for each in (folder, *folder.parents):
+        if problem := _find_other_writer(each.stat(), sticky=each != folder):
+            return f"{each} {problem}"
     return None
+
+
+def _find_other_writer(status: os.stat_result, *, sticky: bool = False) -> str | None:
+    """Return who else can write; where ``sticky``, that bit protects from others."""
+    if sys.platform == "win32":
+        return None  # the user's folders are protected by access control lists
+    if status.st_uid not in {os.geteuid(), 0}:
+        return f"belongs to another user ({status.st_uid})"
+    if status.st_mode & _OTHERS and not (sticky and status.st_mode & stat.S_ISVTX):
+        return f"can be written by others (mode {stat.S_IMODE(status.st_mode):o})"
+    return None
+
+
+_is_trusted_folder: Final = functools.cache(lambda folder: not find_distrust(folder))
+
+
+def write_code(path: Path, code: bytes) -> None:
+    """Write machine code to a file of the cache, with a checksum.
+
+    Raises:
+        OSError: If it cannot be written.
+    """
+    _make_folders(path.parent)
+    write_atomically({path: _checksum(path, code) + code}, mode=0o644)
+
+
+def read_code(path: Path) -> bytes | None:
+    """Return the machine code in a file of the cache; None if it must not be run.
+
+    Raises:
+        OSError: If there is no such file, or it cannot be read.
+    """
+    # A symbolic link would lead out of the folders that were looked at.
+    handle = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0))
+    with os.fdopen(handle, "rb") as file:
+        data = file.read()
+        if _find_other_writer(os.fstat(handle)) or not _is_trusted_folder(path.parent):
+            return None
+    code = data[_CHECKSUM_SIZE:]
+    return code if data[:_CHECKSUM_SIZE] == _checksum(path, code) else None
+
+
+def _checksum(path: Path, code: bytes) -> bytes:
+    # With the name, so that the code of another function is not run in its place.
+    return hashlib.sha256(path.name.encode() + b"\0" + code).digest()
+
+
+def _make_folders(folder: Path) -> None:
+    """Create a folder and those above it, so that only the user can write to them."""
+    for each in reversed((folder, *folder.parents)):
+        if not each.exists():
+            each.mkdir(mode=0o755, exist_ok=True)
 
 
 def is_cold() -> bool:
@@ -119,10 +214,11 @@ def is_compiled_into_kernels(text: bytes) -> bool:
 def _parents() -> list[Path]:
     """Return the folders in which cache folders may be, best first."""
     if chosen := os.environ.get("NUMBA_CACHE_DIR"):
-        return [Path(chosen).absolute()]
+        return [Path(chosen).absolute() / "radarsim"]
     # Without a home folder, "~" is left in the path as it is.
     user = Path(os.path.expanduser(_user_cache())) / "radarsim"  # noqa: PTH111
-    return [*([user] if user.is_absolute() else []), PACKAGE / "__pycache__"]
+    beside = PACKAGE / "__pycache__" / "radarsim"
+    return [*([user] if user.is_absolute() else []), beside]
 
 
 def _user_cache() -> str:
@@ -133,9 +229,13 @@ def _user_cache() -> str:
 
 
 def _remove_oldest(parent: Path) -> None:
-    folders = sorted(parent.glob(f"{PREFIX}*"), key=lambda each: -each.stat().st_mtime)
-    for folder in folders[MAX_FOLDERS:]:
-        shutil.rmtree(folder, ignore_errors=True)
+    """Remove the cache folders that were not used for longest, and nothing else."""
+    with suppress(OSError):  # another process removes the same ones
+        ours = [each for each in parent.iterdir() if _FOLDER_NAME.fullmatch(each.name)]
+        for folder in sorted(ours, key=lambda each: -each.stat().st_mtime)[
+            MAX_FOLDERS:
+        ]:
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 @dataclass(slots=True)
@@ -219,6 +319,6 @@ def describe(subject: str, *, again: bool = False) -> str:
     if cache_folder() is None:
         return (
             f"compiling {subject}, at each start, since no cache folder can be"
-            " written, see NUMBA_CACHE_DIR"
+            " used, see NUMBA_CACHE_DIR"
         )
     return f"compiling {subject}, once on this machine"

@@ -1,5 +1,7 @@
 import ast
 import os
+import pickle
+import random
 import shutil
 import subprocess
 import sys
@@ -104,10 +106,6 @@ def run(package: Path, **changes: str | None) -> tuple[int, bool, str]:
     return finish(start(package, **changes))
 
 
-def folders(parent: Path) -> list[Path]:
-    return list(parent.glob(f"{kernel_cache.PREFIX}*"))
-
-
 @pytest.mark.parametrize("decorate", [njit_cached, njit_inline])
 def test_function_without_a_file_is_compiled_without_a_cache(
     decorate: Callable[[Any], Any],
@@ -180,7 +178,7 @@ def test_cache_is_in_the_folder_that_numba_is_told_to_use(
     parent = tmp_path / "elsewhere"
     assert run(package, NUMBA_CACHE_DIR=str(parent))[1] is False
     result, cached, folder = run(package, NUMBA_CACHE_DIR=str(parent))
-    assert (result, cached, Path(folder).parent) == (2, True, parent)
+    assert (result, cached, Path(folder).parent) == (2, True, parent / "radarsim")
     assert not (package / "__pycache__").exists()
 
 
@@ -205,7 +203,7 @@ def test_without_a_users_cache_folder_the_cache_is_in_the_package(
     run(package, **changes)
     result, cached, folder = run(package, **changes)
     assert (result, cached) == (2, True)
-    assert Path(folder).parent == package / "__pycache__"
+    assert Path(folder).parent == package / "__pycache__/radarsim"
 
 
 def test_user_without_a_home_folder_has_the_cache_in_the_package(
@@ -223,7 +221,7 @@ def test_user_without_a_home_folder_has_the_cache_in_the_package(
     finally:
         kernel_cache.cache_folder.cache_clear()
     assert folder is not None
-    assert folder.parent == package / "__pycache__"
+    assert folder.parent == package / "__pycache__/radarsim"
 
 
 @pytest.mark.slow
@@ -303,6 +301,62 @@ def test_damaged_files_are_compiled_again(package: Path) -> None:
     assert run(package)[:2] == (2, True)
 
 
+def damage(data: bytes, draw: random.Random) -> bytes:
+    """Return what may be in a file of compiled code instead."""
+    bit = draw.randrange(8 * len(data))
+    flipped = bytearray(data)
+    flipped[bit // 8] ^= 1 << bit % 8
+    foreign = pickle.dumps((data[:9], draw.random()))
+    kinds = (
+        bytes(flipped),
+        data[: draw.randrange(len(data))],
+        data + draw.randbytes(5),
+        foreign,
+        draw.randbytes(32) + foreign,
+        b"I1\n.",
+        b"",
+    )
+    return draw.choice(kinds)
+
+
+KERNELS = 40
+MANY = f"""
+from radarsim.kernels.many import *
+print([globals()[f"add{{number}}"](1) for number in range({KERNELS})])
+"""
+
+
+@pytest.mark.slow("alone")
+def test_3000_damaged_files_are_compiled_again(package: Path) -> None:
+    functions = "\n".join(
+        f"@njit_cached\ndef add{number}(x):\n    return x + {number}\n"
+        for number in range(KERNELS)
+    )
+    module = "from radarsim.jit import njit_cached\n\n" + functions
+    (package / "kernels/many.py").write_text(module)
+    draw = random.Random(32)
+    damaged = 0
+    while damaged < 3000:
+        run = subprocess.run(
+            [sys.executable, "-B", "-c", MANY],
+            env={
+                "PYTHONPATH": str(package.parent),
+                "NUMBA_CACHE_DIR": str(package.parent / "cache"),
+            },
+            capture_output=True,
+            check=False,
+            text=True,
+            cwd=package.parent,
+        )
+        assert run.stderr == ""
+        assert run.stdout == f"{list(range(1, KERNELS + 1))}\n"
+        paths = sorted(package.parent.glob(f"cache/**/*{kernel_cache.SUFFIX}"))
+        assert len(paths) == KERNELS
+        for path in paths:
+            path.write_bytes(damage(path.read_bytes(), draw))
+        damaged += len(paths)
+
+
 @pytest.mark.slow
 def test_two_processes_can_fill_the_cache_at_once(package: Path) -> None:
     both = [start(package) for _ in range(2)]
@@ -310,21 +364,28 @@ def test_two_processes_can_fill_the_cache_at_once(package: Path) -> None:
     assert run(package)[:2] == (2, True)
 
 
-def test_old_cache_folders_are_removed(
+def test_old_cache_folders_are_removed_and_nothing_else(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    for age in range(3 * kernel_cache.MAX_FOLDERS):
-        folder = tmp_path / f"{kernel_cache.PREFIX}{age}"
-        folder.mkdir()
+    parent = tmp_path / "radarsim"
+    ours = [parent / f"radarsim-{age:016x}" for age in range(24)]
+    others = [tmp_path / f"radarsim-{age:016x}" for age in range(24)]
+    others += [parent / f"radarsim-thesis-{number}" for number in range(9)]
+    for age, folder in enumerate((*ours, *others)):
+        folder.mkdir(parents=True)
+        (folder / "data").write_text("")
         os.utime(folder, (1e9 - age, 1e9 - age))
     kernel_cache.cache_folder.cache_clear()
     try:
-        assert kernel_cache.cache_folder() in folders(tmp_path)
+        folder = kernel_cache.cache_folder()
     finally:
         kernel_cache.cache_folder.cache_clear()
-    assert len(folders(tmp_path)) == kernel_cache.MAX_FOLDERS
-    assert (tmp_path / f"{kernel_cache.PREFIX}0").exists()
+    assert folder is not None
+    assert folder.parent == parent
+    assert all((other / "data").exists() for other in others)
+    kept = kernel_cache.MAX_FOLDERS - 1
+    assert [each.exists() for each in ours] == [True] * kept + [False] * (24 - kept)
 
 
 def test_cache_is_complete_once_that_is_noted(

@@ -69,8 +69,9 @@ def test_process_that_cannot_be_started_is_an_error(
 def test_process_ends_with_a_reason_if_nothing_can_be_kept(cold: Path) -> None:
     folder = cache_folder()
     assert folder is not None
-    (cold / folder.name).mkdir()
-    (cold / folder.name / "raycast").write_text("")  # where a folder should be
+    other = cold / "radarsim" / folder.name
+    other.mkdir(parents=True)
+    (other / "raycast").write_text("")  # where a folder should be
     with pytest.raises(ServerError, match="a file of that name"):
         CompilerProcess().run()
 

@@ -31,7 +31,7 @@ asyncio_default_fixture_loop_scope = function
 def compiled_code(monkeypatch: pytest.MonkeyPatch) -> None:
     """Share compiled code with the suites, although ``pytester`` moves the home."""
     if folder := cache_folder():
-        monkeypatch.setenv("NUMBA_CACHE_DIR", str(folder.parent))
+        monkeypatch.setenv("NUMBA_CACHE_DIR", str(folder.parent.parent))
 
 
 NO_LEFTOVERS = """
