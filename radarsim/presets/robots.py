@@ -103,6 +103,8 @@ class RobotModel(BaseModel):
         mass: Mass, kg.
         max_torque: Torque as reported to clients, in the units of the original.
         cog: Centre of gravity in the body frame, m.
+        compat_interval: Time between two readings of its items in the dialect
+            ``compat``, s; None for the intervals of the dialect.
         items: The items that it carries, in mounting order.
     """
 
@@ -122,6 +124,7 @@ class RobotModel(BaseModel):
     mass: Length
     max_torque: Length
     cog: Vector = (0.0, 0.0, 0.0)
+    compat_interval: Length | None = None
     items: tuple[Item, ...] = ()
 
     @model_validator(mode="after")
@@ -147,6 +150,12 @@ class RobotModel(BaseModel):
     def in_dialect(self, dialect: str) -> Self:
         """Return the class with the items that it carries in a dialect."""
         carried = [item for item in self.items if item.dialect in (None, dialect)]
+        if dialect == "compat" and self.compat_interval is not None:
+            default = {"interval": self.compat_interval}
+            carried = [
+                item if item.interval else item.model_copy(update=default)
+                for item in carried
+            ]
         return self.model_copy(update={"items": tuple(carried)})
 
     def scanner_pose(self, start: Pose3) -> Pose3:

@@ -73,7 +73,8 @@ def parsers_for(class_name: str, dialect: Dialect) -> dict[str, Parser]:
         parsers["usarsim_inf"] = RosParser()
     if dialect is COMPAT:
         parsers["AUT toolbox"] = ToolboxParser()
-        parsers["maldo"] = MaldoParser()
+        if class_name != "P2DX":  # it expects sixteen sonars
+            parsers["maldo"] = MaldoParser()
         if class_name in PIONEERS_2:
             parsers["Player"] = PlayerParser(class_name)
             parsers["student"] = StudentParser()

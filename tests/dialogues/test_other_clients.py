@@ -4,14 +4,21 @@ They run in lockstep with a host and read lines with the clients' own parsers. A
 exception is where the real client would drop data, stall or crash.
 """
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 import pytest
 from client_parsers import PlayerParser, RosParser
-from positional_parsers import MaldoParser, StudentParser, ToolboxParser
+from positional_parsers import (
+    MaldoParser,
+    StudentParser,
+    ThafParser,
+    ToolboxParser,
+)
 
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
@@ -312,10 +319,57 @@ def test_a_student_client_reads_fields_by_position(wire: Wire) -> None:
             if reading is not None:
                 counts[reading.kind] += 1
             wire.send("DRIVE {LEFT 20} {RIGHT 10} {Normalized true}\r\n")
-    for kind in ("RangeScanner", "Odometry", "STA"):
-        assert counts[kind] >= 29
+    assert counts["STA"] >= 29
+    for kind in ("RangeScanner", "Odometry"):
+        assert counts[kind] >= 14
     (vehicle,) = wire.host.simulation.vehicles
     assert vehicle.robot.pose.yaw < -0.5  # the left wheels are faster: it turns right
+
+
+class Ap2dxReflex:
+    """AP2DX's reflex: stops before what comes near one of its eight sonars.
+
+    It compares each range with the one before. A line of more sonars is beyond the end
+    of its arrays.
+    """
+
+    def __init__(self) -> None:
+        self.ranges = [0.0] * 8
+
+    def is_stopped_by(self, line: str) -> bool:
+        """Return whether something comes near; the outermost sonars do not count."""
+        found = re.findall(r"\{Name \w+ Range ([0-9.,_-]+)\}", line)
+        before, self.ranges = self.ranges, [float(text) for text in found]
+        return any(
+            self.ranges[i] < 0.3 and self.ranges[i] < before[i]
+            for i in range(1, len(self.ranges) - 1)
+        )
+
+
+def test_ap2dx_drives_until_its_reflex_stops_it(wire: Wire) -> None:
+    """Its planner takes less than 10 mm between two readings of the INS for stuck."""
+    wire.send("INIT {ClassName USARBot.P2DX} {Location 7.5,0,0} {Name R1}\r\n")
+    reflex, places, is_stopped = Ap2dxReflex(), list[float](), False
+    wire.send("DRIVE {Left 1.0} {Right 1.0}\r\n")
+    for line in wire.lines(60):
+        if "{Type INS}" in line and not is_stopped:
+            places.append(float(line.partition("{Location ")[2].split(",")[0]))
+        if "{Type Sonar}" in line and reflex.is_stopped_by(line):
+            is_stopped = True
+            wire.send("DRIVE {Left 0} {Right 0}\r\n")
+    steps = np.diff(places)
+    assert steps[1:].min() > 0.01
+    assert wire.x == pytest.approx(10.4 - 0.3 - 0.21, abs=0.03)
+
+
+def test_thaf_reads_eight_sonars_by_position(wire: Wire) -> None:
+    wire.send("INIT {ClassName USARBot.P2DX} {Location -8,1.9,1.8} {Name R1}\r\n")
+    wire.send("DRIVE {Left 1.0} {Right 1.0}\r\n")
+    parser = ThafParser()
+    read = [r for r in map(parser.parse, wire.lines(10)) if r is not None]
+    assert len(read) == 50
+    assert min(map(min, read)) > 0.1
+    assert wire.x > -7.3
 
 
 def test_a_student_client_may_send_one_wheel_or_decimal_commas(wire: Wire) -> None:

@@ -104,7 +104,15 @@ def test_p3at_carries_in_the_udk_dialect_what_the_original_mounts() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_all_items_are_carried_in_the_compat_dialect(name: str) -> None:
-    assert load_robot(name).in_dialect("compat") == load_robot(name)
+    model = load_robot(name)
+    carried = model.in_dialect("compat").items
+    assert [item.name for item in carried] == [item.name for item in model.items]
+
+
+def test_items_of_a_p2dx_report_five_times_a_second_as_recorded() -> None:
+    model = load_robot("P2DX")
+    assert {item.interval for item in model.in_dialect("compat").items} == {0.2}
+    assert {item.interval for item in model.in_dialect("udk").items} == {None}
 
 
 def test_p3at_variants_differ_only_in_their_scanners() -> None:

@@ -206,10 +206,13 @@ class PlayerParser:
 
 
 def named_ranges(line: str) -> dict[str, float]:
-    """Parse the groups ``{Name F1 Range 3.2}`` of the sonars of a line."""
+    """Parse the groups ``{Name F1 Range 3.2}`` of the sonars of a line.
+
+    A P2AT has sixteen, a P2DX the eight front ones.
+    """
     found = re.findall(r"\{Name (\w+) Range ([\d.]+)\}", line)
     ranges = {name: float(text) for name, text in found}
-    assert tuple(ranges) == SONARS
+    assert tuple(ranges) in (SONARS, SONARS[:8])
     return ranges
 
 

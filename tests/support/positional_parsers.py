@@ -117,6 +117,24 @@ class StudentParser:
         return numbers(word.removeprefix(f"{{{key} ").removesuffix("}"), count)
 
 
+class ThafParser:
+    """swe-thaf's ``sonar.py``: eight sonars from the fourth word on.
+
+    The type is the third word. A line of fewer words ends the program.
+    """
+
+    def parse(self, line: str) -> list[float] | None:
+        """Parse a line of sonars."""
+        words = re.findall(r"\{[^\}]*\}|\S+", line)
+        if words[0] != "SEN" or words[2] != "{Type Sonar}":
+            return None
+        assert len(words) == 3 + 8
+        return [
+            float(word.removeprefix(f"{{Name F{number} Range ").removesuffix("}"))
+            for number, word in enumerate(words[3:], 1)
+        ]
+
+
 class IridiumParser:
     """Iridium: splits at braces; what its panels show are texts."""
 

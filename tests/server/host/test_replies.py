@@ -151,17 +151,17 @@ def test_replies_about_items_of_a_p2at_in_the_udk_dialect(
     assert ask(empty_room, asked, class_name="P2AT", config=config) == [answer]
 
 
-@pytest.mark.parametrize("class_name", ["P2AT", "P2DX"])
+@pytest.mark.parametrize(("class_name", "sides"), [("P2AT", "FR"), ("P2DX", "F")])
 @pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=["compat", "udk"])
 @pytest.mark.parametrize("verb", ["GEO", "CONF"])
 def test_all_sonars_are_in_one_line_that_fits_into_one_read(
-    empty_room: Scene, class_name: str, dialect: Dialect, verb: str
+    empty_room: Scene, class_name: str, sides: str, dialect: Dialect, verb: str
 ) -> None:
     config = SimulationConfig(dialect)
     asked = f"GET{verb} {{Type Sonar}} {{Name }}"
     (reply,) = ask(empty_room, asked, class_name=class_name, config=config)
     names = re.findall(r"{Name ([FR]\d)", reply)
-    assert names == [f"{side}{i}" for side in "FR" for i in range(1, 9)]
+    assert names == [f"{side}{i}" for side in sides for i in range(1, 9)]
     assert len(reply) + 2 <= 4095
 
 
