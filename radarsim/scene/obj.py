@@ -132,9 +132,9 @@ def _parse(
     words = np.cumsum(is_blank[:-1] & ~is_blank[1:])
     totals = words[characters[1:] == ord("\n")]
     numbers = np.zeros(0, dtype=dtype)
-    with warnings.catch_warnings(), suppress(ValueError):
+    with warnings.catch_warnings(), suppress(ValueError, DeprecationWarning):
         # Older versions of numpy only warn of what is no number.
-        warnings.simplefilter("ignore", DeprecationWarning)
+        warnings.simplefilter("error", DeprecationWarning)
         numbers = np.fromstring(text, dtype=dtype, sep=" ")
     if len(numbers) != totals.max(initial=0):
         kind = "a whole number" if dtype is np.int64 else "a number"
