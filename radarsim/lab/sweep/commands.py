@@ -55,7 +55,14 @@ def sweep(
     from radarsim.autonomy.exploration.exploration import warm_up
     from radarsim.errors import import_optional
     from radarsim.lab.sweep.file import read_sweep
-    from radarsim.lab.sweep.folder import ABOUT, EXTRA, TABLE, SweepFolder, sweep_tasks
+    from radarsim.lab.sweep.folder import (
+        ABOUT,
+        EXTRA,
+        LOG,
+        TABLE,
+        SweepFolder,
+        sweep_tasks,
+    )
     from radarsim.lab.sweep.tasks import load_scenes
 
     path, wanted = read_sweep(file)
@@ -71,6 +78,8 @@ def sweep(
     # Before anything runs: without it, hours of work would end in no table.
     import_optional("pyarrow", EXTRA)
     folder.open(path, wanted, tasks, resume=resume)
+    for number in folder.damaged:
+        print_message(f"{output / LOG}:{number}: damaged, its task is run again")
     left = [task for task in tasks if not folder.has(task)]
     began = time.perf_counter()
     if left:
@@ -141,7 +150,7 @@ def _running(
 def _collect(folder: SweepFolder, tasks: list[SweepTask], running: Running) -> None:
     """Log each result as soon as there is one; an interrupt keeps what is there."""
     from radarsim.autonomy.evaluation.task_runner import as_line, opened_log
-    from radarsim.lab.sweep.folder import LOG
+    from radarsim.lab.sweep.folder import LOG, with_checksum
 
     done = 0
     try:
@@ -151,7 +160,9 @@ def _collect(folder: SweepFolder, tasks: list[SweepTask], running: Running) -> N
                 value: dict[str, Any] = {"rows": result.value}
                 if result.value is None:
                     value = {"error": result.error}
-                line = {"version": __version__, "task": task.key, **value}
+                line = with_checksum(
+                    {"version": __version__, "task": task.key, **value}
+                )
                 # To the file first: a kill between the two loses nothing that memory
                 # has.
                 add(line)

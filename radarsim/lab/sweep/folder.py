@@ -24,7 +24,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from radarsim import __version__
-from radarsim.autonomy.evaluation.task_runner import as_line, read_log, task_key
+from radarsim.autonomy.evaluation.task_runner import Result, as_line, task_key
 from radarsim.errors import SweepError, describe_os_error, import_optional
 from radarsim.files import write_atomically, written_atomically
 from radarsim.geometry import Floats
@@ -88,6 +88,22 @@ def _kind_of(arrow: Any, values: list[Any]) -> Any:
     return arrow.string()
 
 
+def with_checksum(result: Result) -> Result:
+    """Return the result of a task with a checksum of its other values."""
+    digest = hashlib.sha256(as_line(result).encode()).hexdigest()
+    return {**result, "checksum": digest[:16]}
+
+
+def _intact(line: bytes) -> dict[str, Any] | None:
+    """Return the result of a line of the log; None if its checksum is not right."""
+    try:
+        result: dict[str, Any] = json.loads(line)
+        others = {key: result[key] for key in result if key != "checksum"}
+        return result if with_checksum(others) == result else None
+    except (ValueError, TypeError):
+        return None  # no JSON, or no object
+
+
 @dataclass(frozen=True, slots=True)
 class SweepTask:
     """A task of a sweep.
@@ -125,10 +141,13 @@ class SweepFolder:
     Attributes:
         path: The folder.
         lines: The last line of each task that has run, by its key.
+        damaged: Numbers of the lines of the log that are not as they were written;
+            their tasks are run again.
     """
 
     path: Path
     lines: dict[str, str] = field(default_factory=dict)
+    damaged: list[int] = field(default_factory=list)
 
     def open(
         self, file: Path, sweep: SweepFile, tasks: Sequence[SweepTask], *, resume: bool
@@ -153,12 +172,15 @@ class SweepFolder:
                 raise SweepError(
                     f"{self.path}: not empty, expected an empty folder, or --resume"
                 )
-            results = read_log(log, ("version", "task"), "a task of a sweep")
+            lines = log.read_bytes().split(b"\n")[:-1] if log.exists() else []
         except OSError as error:
             raise SweepError(f"{self.path}: {describe_os_error(error)}") from error
-        except ValueError as error:
-            raise SweepError(str(error)) from error
-        for number, result in enumerate(results, 1):
+        self.damaged = []
+        for number, line in enumerate(lines, 1):
+            result = _intact(line)
+            if result is None:
+                self.damaged.append(number)
+                continue
             if result["version"] != __version__:
                 raise SweepError(
                     f"{log}:{number}: a task of radarsim {result['version']!r},"

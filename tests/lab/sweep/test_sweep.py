@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import random
 import signal
 import subprocess
 import sys
@@ -17,9 +18,10 @@ import pytest
 from commands import Run, run_in_process
 
 import radarsim
+from radarsim.autonomy.evaluation.task_runner import as_line
 from radarsim.errors import SweepError
 from radarsim.lab.sweep.file import read_sweep, shipped_sweeps
-from radarsim.lab.sweep.folder import ABOUT, LOG, TABLE
+from radarsim.lab.sweep.folder import ABOUT, LOG, TABLE, with_checksum
 from radarsim.lab.sweep.tasks import prepare_worker
 
 parquet = pytest.importorskip("pyarrow.parquet")
@@ -121,6 +123,26 @@ def test_killed_sweep_is_resumed_to_the_same_files(small: Path) -> None:
     assert files_of(out) == before
 
 
+def test_each_damaged_line_is_named_and_its_task_run_again(small: Path) -> None:
+    out = small.parent / "out"
+    sweep(small, "-o", out, "--workers", 1)
+    before = files_of(out)
+    draw = random.Random(9)
+    for _ in range(30):
+        log = bytearray(before[LOG])
+        place = draw.randrange(len(log))
+        log[place] = draw.choice(
+            [each for each in b'A0"{,z}\xff' if each != log[place]]
+        )
+        (out / LOG).write_bytes(log)
+        again = sweep(small, "-o", out, "--resume", "--workers", 1)
+        assert again.code == 0
+        if before[LOG][place : place + 1] != b"\n":
+            number = before[LOG][:place].count(b"\n") + 1
+            assert f"{out / LOG}:{number}: damaged, its task is run again" in again.err
+        assert files_of(out) == before
+
+
 def test_another_sweep_does_not_replace_a_table(small: Path) -> None:
     out, other = small.parent / "out", small.parent / "other.yaml"
     other.write_text(SMALL.replace("[0, 25.5]", "[0, 10]"))
@@ -207,7 +229,8 @@ def test_worker_and_results_of_another_version_are_refused(small: Path) -> None:
         prepare_worker("0.0.1", {})
     out = small.parent / "out"
     out.mkdir()
-    (out / LOG).write_text('{"version": "0.0.1", "task": "x", "rows": []}\n')
+    old = with_checksum({"version": "0.0.1", "task": "x", "rows": []})
+    (out / LOG).write_text(as_line(old))
     run = sweep(small, "-o", out, "--resume")
     assert run.code == 1
     assert f"{LOG}:1: a task of radarsim '0.0.1'" in run.err
