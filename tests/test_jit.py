@@ -372,10 +372,10 @@ def test_old_cache_folders_are_removed_and_nothing_else(
     ours = [parent / f"radarsim-{age:016x}" for age in range(24)]
     others = [tmp_path / f"radarsim-{age:016x}" for age in range(24)]
     others += [parent / f"radarsim-thesis-{number}" for number in range(9)]
-    for age, folder in enumerate((*ours, *others)):
-        folder.mkdir(parents=True)
-        (folder / "data").write_text("")
-        os.utime(folder, (1e9 - age, 1e9 - age))
+    for age, each in enumerate((*ours, *others)):
+        each.mkdir(parents=True)
+        (each / "data").write_text("")
+        os.utime(each, (1e9 - age, 1e9 - age))
     kernel_cache.cache_folder.cache_clear()
     try:
         folder = kernel_cache.cache_folder()

@@ -141,8 +141,8 @@ def test_folder_of_another_user_is_not_used(
 def test_folder_of_root_is_read_by_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for folder in (tmp_path, *tmp_path.parents[:-2]):
-        folder.chmod(0o755)
+    for each in (tmp_path, *tmp_path.parents[:-2]):
+        each.chmod(0o755)
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     folder = fresh_cache_folder()
     assert folder is not None
