@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import select
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
@@ -152,6 +154,8 @@ class Server:
     def tick(self) -> None:
         """Advance simulated time by 10 ms, if it has begun, and send what is due."""
         connections = self._connections.by_number
+        for connection, is_gone in self._connections.hung_up():
+            connection.hang_up(is_gone=is_gone)
         for number, diagnostic in self._host.step():
             if number in connections:  # the host can have other clients
                 connections[number].log_diagnostics([diagnostic])
@@ -185,6 +189,22 @@ class ConnectionTable:
     held: set[Connection] = field(default_factory=set)
     refusals: RefusalLog = field(default_factory=lambda: RefusalLog("clients"))
 
+    def hung_up(self) -> list[tuple[Connection, bool]]:
+        """Return those of ``held`` whose peers send no more, and whether they are gone.
+
+        A transport that is not read does not tell. Empty where the system cannot say.
+        """
+        if sys.platform != "linux" or not self.held:
+            return []
+        poller = select.poll()
+        by_file = {connection.file_number: connection for connection in self.held}
+        for number in by_file:
+            poller.register(number, select.POLLRDHUP)
+        gone = select.POLLHUP | select.POLLERR  # which poll reports without being asked
+        return [
+            (by_file[number], bool(event & gone)) for number, event in poller.poll(0)
+        ]
+
 
 class Connection(asyncio.BufferedProtocol):
     """One TCP connection: passes bytes between a client and the host.
@@ -211,6 +231,13 @@ class Connection(asyncio.BufferedProtocol):
         self._sends_no_more = False
         self._grace: asyncio.TimerHandle | None = None  # aborts after eof
         self._logged_kinds: set[str] = set()
+
+    @property
+    def file_number(self) -> int:
+        """Number of the open file that is its socket."""
+        assert self._transport is not None
+        number: int = self._transport.get_extra_info("socket").fileno()
+        return number
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Greet the client, or refuse it if there are too many."""
@@ -253,6 +280,17 @@ class Connection(asyncio.BufferedProtocol):
         self.flush(only_replies=True)
         return True  # the transport stays open for the replies
 
+    def hang_up(self, *, is_gone: bool) -> None:
+        """Close if nothing that waits is of use to a peer that has closed its side.
+
+        A robot would be removed as soon as it is there.
+
+        Args:
+            is_gone: Whether the peer reads no more either.
+        """
+        if is_gone or self._host.waits_to_spawn(self._number):
+            self._finish()
+
     def connection_lost(self, error: Exception | None) -> None:
         """Despawn the client's robot."""
         if self._grace is not None:
@@ -284,9 +322,7 @@ class Connection(asyncio.BufferedProtocol):
             return
         if self._sends_no_more:
             if not self._host.is_busy(self._number):
-                transport.write(self._host.finish(self._number))
-                self._disconnect("it closed its side")
-                transport.close()  # when everything is sent
+                self._finish()
                 return
         elif self._host.is_busy(self._number) or self._allowance.exhausted:
             # What is not read waits in the client's socket: no queue here grows.
@@ -303,6 +339,14 @@ class Connection(asyncio.BufferedProtocol):
             data = self._host.take(self._number)
             if data:
                 transport.write(data)
+
+    def _finish(self) -> None:
+        """Send the last replies to a peer that has closed its side, and close."""
+        transport = self._transport
+        assert transport is not None
+        transport.write(self._host.finish(self._number))
+        self._disconnect("it closed its side")
+        transport.close()  # when everything is sent
 
     def close(self) -> None:
         """Close the connection at once, and drop what still waits."""

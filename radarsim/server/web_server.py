@@ -7,6 +7,7 @@ names the site that a request comes from, which has to be this one. Both are che
 before anything else, also before the token.
 """
 
+import asyncio
 import ipaddress
 import secrets
 from collections.abc import Callable, Mapping
@@ -18,6 +19,7 @@ import uvicorn
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 
 ANY_ADDRESS: Final = ("0.0.0.0", "::")  # compared, not bound
 HTTP_PORT: Final = 80
@@ -126,6 +128,29 @@ def _in_url(address: str) -> str:
 
 MOST_CONNECTIONS: Final = 200
 END_TIMEOUT: Final = 1  # s that clients have to go at the end
+REQUEST_TIMEOUT: Final = 5.0  # s for the headers of a request; uvicorn sets no limit
+
+
+class HttpConnection(H11Protocol):
+    """A connection of uvicorn's that is closed if no request comes in time."""
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Wait for the first request."""
+        super().connection_made(transport)
+        self._await_request()
+
+    def on_response_complete(self) -> None:
+        """Wait for the next request."""
+        self._await_request()
+        super().on_response_complete()
+
+    def _await_request(self) -> None:
+        self.loop.call_later(REQUEST_TIMEOUT, self._close_without_request, self.cycle)
+
+    def _close_without_request(self, answered: RequestResponseCycle | None) -> None:
+        # A connection that has become a WebSocket is not among them any more.
+        if self.cycle is answered and self in self.connections:
+            self.transport.abort()
 
 
 class WebServer(uvicorn.Server):
@@ -144,7 +169,7 @@ class WebServer(uvicorn.Server):
         config = uvicorn.Config(
             app,
             access_log=False,
-            http="h11",
+            http=HttpConnection,
             lifespan="off",
             limit_concurrency=MOST_CONNECTIONS,
             log_config=None,

@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 
 from radarsim.errors import ServerError
-from radarsim.geometry import Pose3
+from radarsim.geometry import Pose2, Pose3
 from radarsim.listening import raise_file_limit
+from radarsim.presets.robots import load_robot
 from radarsim.scene.scene import Scene, StartPose
 from radarsim.server.host import Diagnostic, Host
 from radarsim.server.peer_connections import ReadTurns
@@ -25,6 +26,7 @@ from radarsim.server.tcp_server import (
     ConnectionTable,
     Server,
 )
+from radarsim.simulation.clock import TICK
 from radarsim.simulation.config import SimulationConfig
 
 GREETING = b"NFO {Gametype BotDeathMatch} {Level DM-EmptyRoom} {TimeLimit 0}\r\n"
@@ -365,6 +367,61 @@ async def test_diagnostics_of_commands_that_waited_are_logged(
     peer = await running_server.peer()
     await peer.send(INIT * 2 + b"FOO\r\n")
     await running_server.wait_until(lambda: "verb 'FOO'" in caplog.text)
+
+
+async def test_robots_for_which_nobody_waits_any_more_delay_no_other(
+    empty_room: Scene,
+) -> None:
+    host = Host(empty_room)
+    model, crowded = load_robot("P3AT"), Pose2(5.0, 0.0, 0.0)
+    while host.simulation.spawn("other", model, crowded):
+        pass  # until no place is free there
+    bad_init = b"INIT {ClassName P3AT} {Location 5,0,0}\r\n"
+
+    async with serving(host, speed=1.0) as running_server:
+
+        async def seconds_to_spawn() -> float:
+            start = host.simulation.time
+            peer = await running_server.peer()
+            await peer.send(INIT)
+            line = await peer.until(b"STA ")
+            peer.writer.close()
+            time = re.search(rb"{Time ([0-9.]+)}", line)
+            assert time
+            return float(time[1]) - start
+
+        def come_and_go() -> None:
+            for _ in range(1000):
+                with socket.create_connection(running_server.server.address) as sock:
+                    sock.recv(1000)
+                    sock.sendall(bad_init)
+
+        alone = await seconds_to_spawn()
+        coming = asyncio.get_running_loop().run_in_executor(None, come_and_go)
+        waits = []
+        while not coming.done():
+            waits.append(await seconds_to_spawn())
+        await coming
+        waits.append(await seconds_to_spawn())
+        assert max(waits) <= 2 * alone + TICK
+
+
+@pytest.mark.parametrize("broken", [False, True])
+async def test_closed_connection_gives_up_its_place_while_its_init_waits(
+    empty_room: Scene, caplog: pytest.LogCaptureFixture, broken: bool
+) -> None:
+    caplog.set_level(logging.INFO, "radarsim.server")
+    host = Host(empty_room, begins=False)  # INIT waits for the simulation
+    async with serving(host, max_clients=1) as running_server:
+        peer = await running_server.peer()
+        await peer.send(b"GETSTARTPOSES\r\n" + INIT + b"GETSTARTPOSES\r\n")
+        await peer.until(STARTS)
+        if broken:
+            peer.reset()
+        else:
+            peer.writer.close()
+        await running_server.wait_until(lambda: "disconnected" in caplog.text)
+        assert await (await running_server.peer()).line() == GREETING
 
 
 @pytest.mark.slow

@@ -1,7 +1,17 @@
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
 import pytest
 from starlette.datastructures import Headers
+from starlette.responses import PlainTextResponse
+from starlette.types import Receive, Scope, Send
 
-from radarsim.server.web_server import AllowedHosts, is_token, make_token
+from radarsim.listening import bind
+from radarsim.server.web_server import AllowedHosts, WebServer, is_token, make_token
+
+REQUEST = b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
+HALF = REQUEST[:-4]
 
 
 def admits(
@@ -94,3 +104,55 @@ def test_tokens_differ_and_are_compared() -> None:
     assert is_token(token, token)
     assert not is_token(token[:-1], token)
     assert not is_token("ä", token)
+
+
+@asynccontextmanager
+async def slow_server() -> AsyncIterator[tuple[str, int]]:
+    """A server that answers after three times as long as requests have to come."""
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        await asyncio.sleep(0.6)
+        await PlainTextResponse("done")(scope, receive, send)
+
+    listens = asyncio.Event()
+    server = WebServer(app, listens.set, longest_message=100)
+    with bind("127.0.0.1", 0) as listening:
+        serving = asyncio.ensure_future(server.serve([listening]))
+        await listens.wait()
+        yield listening.getsockname()
+        server.should_exit = True
+        await serving
+
+
+async def answer(address: tuple[str, int], request: bytes) -> bytes:
+    """Return all that is answered until the connection is closed."""
+    reader, writer = await asyncio.open_connection(*address)
+    writer.write(request)
+    text = await asyncio.wait_for(reader.read(), 30)
+    writer.close()
+    return text
+
+
+async def test_half_requests_end_and_leave_their_places_to_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("radarsim.server.web_server.REQUEST_TIMEOUT", 0.2)
+    monkeypatch.setattr("radarsim.server.web_server.MOST_CONNECTIONS", 4)
+    async with slow_server() as address:
+        halves = [asyncio.create_task(answer(address, HALF)) for _ in range(5)]
+        await asyncio.sleep(0)
+        refusal = await answer(address, REQUEST)
+        assert refusal.startswith(b"HTTP/1.1 503 ")
+        assert await asyncio.gather(*halves) == 5 * [b""]
+        text = await answer(address, REQUEST)
+        assert text.startswith(b"HTTP/1.1 200 ")
+        assert text.endswith(b"done")
+
+
+async def test_half_request_after_a_whole_one_ends(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("radarsim.server.web_server.REQUEST_TIMEOUT", 0.2)
+    async with slow_server() as address:
+        text = await answer(address, REQUEST + REQUEST + HALF)
+        assert text.count(b"HTTP/1.1 200 ") == 2

@@ -83,6 +83,8 @@ class CommandHandler:
     Attributes:
         has_begun: Whether there is a simulation to act on. Before, INIT waits for it.
         clients_by_robot: The client of each robot, by the robot's number.
+        spawn_queue: Numbers of the clients whose INIT waits for its turn, the first
+            come first.
     """
 
     def __init__(
@@ -97,6 +99,7 @@ class CommandHandler:
         self._last_spawn = -1  # the last tick with a spawn
         self._spawn_count = 0  # of that tick
         self._next_spawn = 0  # the first tick that may have one
+        self.spawn_queue: dict[int, None] = {}
         self._classes = {name.casefold(): name for name in config.robot_names()}
         self._reply_lines: dict[ReplyKey, bytes] = {}
 
@@ -144,8 +147,12 @@ class CommandHandler:
             diagnostic = join_diagnostics(unknown, diagnostic)
         return Handled(True, diagnostic, work)
 
-    def despawn(self, client: Client) -> None:
-        """Remove the robot of a client, if it has one."""
+    def remove(self, client: Client) -> None:
+        """Remove a client, and its robot if it has one."""
+        self.spawn_queue.pop(client.number, None)
+        self._despawn(client)
+
+    def _despawn(self, client: Client) -> None:
         if client.vehicle is not None:
             self.simulation.remove(client.vehicle)
             self._watchers.remove_robot(client.vehicle)
@@ -176,8 +183,16 @@ class CommandHandler:
         if not self.has_begun:
             return True
         now = self.simulation.ticks
+        if now < client.next_spawn:
+            return True
+        # Nobody goes first who comes later: a flood would leave no tick to the others.
+        self.spawn_queue.setdefault(client.number)
+        is_first = next(iter(self.spawn_queue)) == client.number
         full = self._last_spawn == now and self._spawn_count >= SPAWNS_PER_TICK
-        return full or now < max(self._next_spawn, client.next_spawn)
+        if full or now < self._next_spawn or not is_first:
+            return True
+        del self.spawn_queue[client.number]
+        return False
 
     def _execute(self, client: Client, command: Command) -> Diagnostic | None:
         match command:
@@ -333,7 +348,7 @@ class CommandHandler:
         client.next_spawn = now + SPAWN_COOLDOWN
         requested, diagnostic = self._requested_pose(command)
         # First, so that the old robot does not occupy the place of the new one.
-        self.despawn(client)
+        self._despawn(client)
         name = (command.name or model.name)[:MAX_NAME_LENGTH]
         vehicle = client.vehicle = self.simulation.spawn(name, model, requested)
         place = f"({requested.x:.2f}, {requested.y:.2f})"

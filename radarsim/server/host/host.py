@@ -16,8 +16,9 @@ asking without reading is to be disconnected (``must_close``).
 Rule 4: commands per tick and robots per time are limited for each client, and the work
 of a tick for all clients together; what exceeds a limit waits for the next ticks
 (``is_busy``). A command that arrives while none of its client waits is executed at
-once. Commands that wait are executed in turns, one of each client, and cannot use up
-the work that is reserved for those that arrive. Nor can several clients that send much
+once, except INIT while those of others wait, which go first. Commands that wait are
+executed in turns, one of each client, and cannot use up the work that is reserved for
+those that arrive. Nor can several clients that send much
 use up what is reserved for the first command of each client in a tick, unless these
 first commands do. How the bytes of a client are split into packets changes nothing.
 Rule 5: a client that watches robots gets copies of what their clients are sent, in a
@@ -34,11 +35,13 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterable, Mapping
+from itertools import islice
 from typing import TYPE_CHECKING
 
+from radarsim.protocol.commands import Init
 from radarsim.protocol.reports import Greeting, to_bytes
 from radarsim.scene.scene import Scene
-from radarsim.server.host.commands import CommandHandler, Handled
+from radarsim.server.host.commands import SPAWNS_PER_TICK, CommandHandler, Handled
 from radarsim.server.host.connection import Client, Diagnostic
 from radarsim.server.host.watchers import Watchers
 from radarsim.simulation.config import SimulationConfig
@@ -205,7 +208,7 @@ class Host:
         """Remove a client and its robot."""
         client = self._clients.pop(number)
         self._watchers.remove(client)
-        self._commands.despawn(client)
+        self._commands.remove(client)
         for numbers in (self._waiting, self._spent, self._replying, self._unsent):
             numbers.discard(number)
         for observer in self._observers:
@@ -238,6 +241,11 @@ class Host:
     def is_busy(self, number: int) -> bool:
         """Return whether commands of a client wait; it should not send more then."""
         return bool(self._clients[number].pending)
+
+    def waits_to_spawn(self, number: int) -> bool:
+        """Return whether a robot is among what a client waits for."""
+        pending = self._clients[number].pending
+        return any(line.lstrip().upper().startswith(Init.verb) for line in pending)
 
     def has_robot(self, number: int) -> bool:
         """Return whether a client has a robot, and so gets a write in every tick."""
@@ -351,11 +359,14 @@ class Host:
 
     def _handle_waiting(self) -> list[tuple[int, Diagnostic]]:
         """Execute commands that have waited, in turns, one of each client."""
-        waiting = sorted(self._waiting)
+        # Of those that wait to spawn, only the first can have their turn.
+        to_spawn = self._commands.spawn_queue
+        waiting = sorted(self._waiting - to_spawn.keys())
         # Begin after the client that was served last. Otherwise clients with low
         # numbers would use up the work of each tick.
         first = bisect_right(waiting, self._last_served)
-        turns = deque(waiting[first:] + waiting[:first])
+        turns = deque(islice(to_spawn, SPAWNS_PER_TICK))
+        turns += waiting[first:] + waiting[:first]
         work, diagnostics = WAITING_WORK, []
         while turns and work > 0:
             number = turns.popleft()

@@ -538,6 +538,23 @@ def test_spawns_pause_after_a_search_for_a_free_place(foliage_room: Scene) -> No
     assert sum(later[: FAILED_SEARCH_COOLDOWN + 1]) == 1
 
 
+def test_robots_are_spawned_in_the_order_in_which_they_were_asked_for(
+    foliage_room: Scene,
+) -> None:
+    """One that comes when the pause is over does not go before those that wait."""
+    host = Host(foliage_room)
+    bush = b"INIT {ClassName P3AT} {Location 0.5,1.64,0}\r\n"
+    late, patient, first = (connected(host) for _ in range(3))
+    host.receive(first, bush)
+    host.receive(patient, INIT)
+    run_ticks(host, FAILED_SEARCH_COOLDOWN)
+    host.receive(late, b"INIT {ClassName P3AT} {Start RobotStart2}\r\n")
+    assert not host.simulation.vehicles
+    host.step()
+    assert host.has_robot(patient)
+    assert host.has_robot(late)
+
+
 def test_diagnostic_joins_unknown_start_and_moved_pose(
     foliage_room: Scene,
 ) -> None:
