@@ -358,17 +358,24 @@ def decode_message(line: str) -> Message:
         raise MalformedMessage(
             f"{count} segments in {line[:80]!r}, expected at most {MAX_SEGMENTS}"
         )
+    segments = parse_segments(line)
+    if len(segments) == count:
+        return Message(verb, segments)
     # A stray brace would otherwise swallow the next field without a word.
     if len(_SEGMENT.findall(line)) != count:
         raise _expected("'}' after the brace", _find_open_brace(line), line)
-    return Message(verb, parse_segments(line))
+    return Message(verb, segments)
 
 
 def parse_segments(text: str) -> tuple[tuple[str, str], ...]:
     """Return key and value of each segment in a text with closed braces."""
     groups = [group.split(maxsplit=1) for group in _SEGMENT.findall(text)]
     return tuple(
-        [(key, rest[0].rstrip() if rest else "") for key, *rest in filter(None, groups)]
+        [
+            (group[0], group[1].rstrip() if len(group) > 1 else "")
+            for group in groups
+            if group
+        ]
     )
 
 

@@ -117,17 +117,19 @@ def cross_triangle(
         1 if the line enters by the front face, -1 if it leaves by the back face, 0 if
         it misses; and the distance along the line, m.
     """
-    # Unsigned numbers and literals would add up to reals.
-    first, second, third = np.int64(axes[0]), np.int64(axes[1]), np.int64(axes[2])
+    first, second, third = axes[0], axes[1], axes[2]
+    # Unsigned, as signed indices could count from the end, which is tested each time
+    # (row d of ``radarsim bench``).
+    b_first, c_first = np.uint64(3), np.uint64(6)
     az = corners[third] - line[2]
-    bz = corners[third + 3] - line[2]
-    cz = corners[third + 6] - line[2]
+    bz = corners[third + b_first] - line[2]
+    cz = corners[third + c_first] - line[2]
     ax = corners[first] - line[0] - line[3] * az
-    bx = corners[first + 3] - line[0] - line[3] * bz
-    cx = corners[first + 6] - line[0] - line[3] * cz
+    bx = corners[first + b_first] - line[0] - line[3] * bz
+    cx = corners[first + c_first] - line[0] - line[3] * cz
     ay = corners[second] - line[1] - line[4] * az
-    by = corners[second + 3] - line[1] - line[4] * bz
-    cy = corners[second + 6] - line[1] - line[4] * cz
+    by = corners[second + b_first] - line[1] - line[4] * bz
+    cy = corners[second + c_first] - line[1] - line[4] * cz
     a = _edge_side(bx, by, cx, cy)
     b = _edge_side(cx, cy, ax, ay)
     c = _edge_side(ax, ay, bx, by)

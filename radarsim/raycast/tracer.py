@@ -35,7 +35,6 @@ from radarsim.raycast.aimed_rays import (
 from radarsim.raycast.attenuation import EVENT, EventKind
 from radarsim.raycast.embree import EmbreeScene, Mesh
 from radarsim.raycast.intersect import SceneHandle
-from radarsim.raycast.propagate import TraceColumns
 from radarsim.raycast.rays import (
     Event,
     RayClass,
@@ -273,7 +272,7 @@ class Tracer:
         packed = self._packed_for(ray_classes)
         table = NO_BOXES if boxes is None else boxes.table(self._centre)
         while True:
-            columns = TraceColumns(
+            columns = (  # in the order of ``TraceColumns``, and of ``Traces``
                 np.zeros(size),
                 np.zeros(size, np.uint8),
                 np.zeros(size, np.int64),

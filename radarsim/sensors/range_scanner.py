@@ -287,11 +287,11 @@ def sensor_pose(scene: Scene, pose: Pose3 | Sequence[float]) -> Pose3:
     """
     if isinstance(pose, Pose3):
         return pose
-    numbers = given = [float(number) for number in pose]
+    numbers = given = list(map(float, pose))
     if len(numbers) == 3:
         x, y, yaw = numbers
         z = scene.floor_at(x, y) + SENSOR_HEIGHT if math.isfinite(x + y) else 0.0
         numbers = [x, y, z, 0.0, 0.0, yaw]
-    if len(numbers) != 6 or not all(math.isfinite(number) for number in numbers):
+    if len(numbers) != 6 or not all(map(math.isfinite, numbers)):
         raise ValueError(f"pose {given!r}, expected three or six finite numbers")
     return Pose3(*numbers)
