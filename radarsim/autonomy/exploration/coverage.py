@@ -267,8 +267,7 @@ class _Circuit:
         self.lost = 0.0 if found else self.lost + step
         self.turn += wrap_angle(pose.yaw - self._last.yaw)
         self._last = pose
-        # asked at every pose: it remembers the last one
-        has_passed = self._start.passed(pose)
+        has_passed = self._start.observe(pose)
         # At the start itself noise may pass it at once.
         self.is_closed = has_passed and self._length > MIN_LENGTH
 

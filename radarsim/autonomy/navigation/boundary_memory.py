@@ -229,8 +229,8 @@ class FollowedBoundary:
         hit = self.hit_place
         return self.memory.begins_at(hit) and self.memory.passes(hit, circuit_start)
 
-    def closes(self, part: Observation, step: float) -> bool:
-        """Return whether the robot has come back to where it was on it.
+    def extend_trail(self, part: Observation, step: float) -> bool:
+        """Take the next step beside it; return whether that closed a circuit.
 
         Arguments are those of ``remember``, to be called before.
         """
@@ -240,4 +240,4 @@ class FollowedBoundary:
             hit = Landmark(pose, direction, max_offset=offset)
             self._trail = Trail(hit, offset)
         here = Step(pose, step, direction, free=False)
-        return self._trail.closes(here, self.travelled) is not None
+        return self._trail.extend(here, self.travelled) is not None

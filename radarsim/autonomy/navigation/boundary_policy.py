@@ -57,8 +57,8 @@ class Landmark:
         self._max_offset = max_offset
         self._progress = 0.0  # m past the landmark, along its direction
 
-    def passed(self, pose: Pose2, *, onward: bool = True) -> bool:
-        """Return whether the last step passed the landmark; to be called at every step.
+    def observe(self, pose: Pose2, *, onward: bool = True) -> bool:
+        """Take the next pose of a path; return whether it has just passed this point.
 
         Args:
             pose: The robot's pose now.
@@ -112,18 +112,19 @@ class Trail:
         self._landmarks = [(0.0, hit)]
         self._max_offset = max_offset
 
-    def closes(self, step: Step, travelled: float) -> float | None:
-        """Return the position along the trail of a landmark that is passed again, m.
+    def extend(self, step: Step, travelled: float) -> float | None:
+        """Take the next step, and set a landmark there if it is time for one.
 
         Args:
-            step: The newest step; this has to be called at every step.
+            step: The next step.
             travelled: Path length since the hit point, m.
 
         Returns:
-            The path length from the hit point to the landmark, or None.
+            Where along the trail the landmark is that was passed again: the path length
+            from the hit point, m; None if none was.
         """
-        # All of them are asked, since each has to see every step.
-        passed = [at for at, mark in self._landmarks if mark.passed(step.pose)]
+        # Each of them has to see every step.
+        passed = [at for at, mark in self._landmarks if mark.observe(step.pose)]
         if travelled - self._landmarks[-1][0] >= SPACING:
             mark = Landmark(step.pose, step.direction, max_offset=self._max_offset)
             self._landmarks.append((travelled, mark))
@@ -183,7 +184,7 @@ class Bug1Policy(BoundaryPolicy):
     def _circle(self, step: Step) -> Decision:
         goal_distance = distance(step.pose, *self._goal)
         self._steps.append((goal_distance, self._travelled, step.pose, step.direction))
-        began = self._trail.closes(step, self._travelled)
+        began = self._trail.extend(step, self._travelled)
         if began is None:
             return Decision.ONWARD
         self.circuits, self.circuit_start = 1, began
@@ -192,7 +193,7 @@ class Bug1Policy(BoundaryPolicy):
             (each for each in self._steps if each[1] >= began), key=lambda each: each[0]
         )
         self._leave = Landmark(pose, direction, max_offset=self._max_offset)
-        self._leave.passed(step.pose)  # from here on it knows on which side it is
+        self._leave.observe(step.pose)  # from here on it knows on which side it is
         self._perimeter = self._travelled - began
         back = self._travelled - at
         self._onward = at - began <= back
@@ -201,7 +202,7 @@ class Bug1Policy(BoundaryPolicy):
         return Decision.ONWARD if self._onward else Decision.BACK
 
     def _return(self, step: Step) -> Decision:
-        passed = self._leave.passed(step.pose, onward=self._onward)
+        passed = self._leave.observe(step.pose, onward=self._onward)
         # Poses drift, so the way back may measure shorter or longer than the way there.
         slack = max(1.0, 0.2 * self._return_length)
         close = distance(step.pose, self._leave.x, self._leave.y) < LEAST_GAIN
@@ -260,7 +261,7 @@ class Bug2Policy(BoundaryPolicy):
         at_line, crossed = any(at for at, _ in met), met[-1][1]
         nearer = distance(step.pose, *self._goal) < self._hit_distance - LEAST_GAIN
         # Before anything is decided: the landmarks have to see every step, too.
-        began = self._trail.closes(step, self._travelled)
+        began = self._trail.extend(step, self._travelled)
         if at_line and nearer and step.free:
             return Decision.LEAVE
         if began is not None:

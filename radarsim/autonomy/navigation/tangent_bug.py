@@ -295,7 +295,7 @@ class TangentBug(Controller):
             self.activity = Activity.FOLLOWING if done else Activity.ALIGNING
             return twist
         boundary.remember(part, step)
-        if boundary.closes(part, step):
+        if boundary.extend_trail(part, step):
             return self._conclude(observation, boundary)
         return self._follower.step(observation, boundary.mode, part)[0]
 

@@ -143,23 +143,23 @@ def test_bug2_gives_up_at_its_last_line_only() -> None:
 def test_landmark_is_passed_once_by_a_path_beside_it() -> None:
     mark = Landmark(Pose2(1.0, 1.0), math.pi / 2, max_offset=0.7)
     path = [Pose2(1.4, y / 10) for y in range(30)]
-    passed = [pose.y for pose in path if mark.passed(pose)]
+    passed = [pose.y for pose in path if mark.observe(pose)]
     assert passed == [1.0]
 
 
 def test_landmark_is_not_passed_onward_against_its_direction() -> None:
     path = [Pose2(1.4, y / 10) for y in reversed(range(30))]
     onward = Landmark(Pose2(1.0, 1.0), math.pi / 2, max_offset=0.7)
-    assert not any(onward.passed(pose) for pose in path)
+    assert not any(onward.observe(pose) for pose in path)
     back = Landmark(Pose2(1.0, 1.0), math.pi / 2, max_offset=0.7)
-    assert sum([back.passed(pose, onward=False) for pose in path]) == 1
+    assert sum([back.observe(pose, onward=False) for pose in path]) == 1
 
 
 def test_landmark_is_not_passed_from_too_far_beside() -> None:
     mark = Landmark(Pose2(1.0, 1.0), math.pi / 2, max_offset=0.7)
-    assert not any(mark.passed(Pose2(1.8, y / 10)) for y in range(30))
+    assert not any(mark.observe(Pose2(1.8, y / 10)) for y in range(30))
 
 
 def test_standing_on_a_landmark_does_not_pass_it() -> None:
     mark = Landmark(Pose2(1.0, 1.0), 0.0, max_offset=0.7)
-    assert not any(mark.passed(Pose2(1.0, 1.0)) for _ in range(5))
+    assert not any(mark.observe(Pose2(1.0, 1.0)) for _ in range(5))
