@@ -16,7 +16,7 @@ from annotated_types import Ge, Gt
 from radarsim.cli.command import PlansOf
 from radarsim.cli.compile_progress import compile_progress
 from radarsim.cli.fields import MapName, Port, Seed
-from radarsim.cli.output import print_now, start_log
+from radarsim.cli.output import print_message, print_now, start_log
 from radarsim.cli.server_options import (
     EXTENSIONS,
     ExtensionOptions,
@@ -40,6 +40,9 @@ log = logging.getLogger("radarsim.server")
 
 DEFAULT_MAX_CLIENTS: Final = 1024
 OTHER_FILES: Final = 128  # that the server opens besides those of its clients
+WAIT_FOR_ENGINE: Final = (
+    "INIT waits until the ray engine is compiled, about a minute on an idle machine"
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,6 +135,8 @@ def serve(
                 )
             for each in beside:
                 each.announce(address)
+            if not simulated.has_begun:
+                print_message(WAIT_FOR_ENGINE)
 
         companions: list[Companion] = [*beside]
         if images is not None:

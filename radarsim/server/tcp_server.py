@@ -8,8 +8,9 @@ import select
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
+from radarsim.kernel_cache import is_complete
 from radarsim.listening import (
     configure_socket,
     exit_code_of_signal,
@@ -106,7 +107,7 @@ class Server:
             await asyncio.shield(self._ticking)
 
     async def begin(self) -> Simulation:
-        """Load the engine while clients are greeted, and start simulated time.
+        """Load the engine, and start simulated time; clients may be greeted meanwhile.
 
         Returns:
             The simulation, which is there at once if it has begun already.
@@ -408,29 +409,40 @@ async def serve(
         ServerError: If it cannot listen.
     """
     with exit_code_of_signal() as exit_code:
-        pending: set[asyncio.Future[Any]] = {exit_code}
+        running = asyncio.ensure_future(
+            _run(server, address, port, announce, companions)
+        )
         try:
-            await server.start(address, port)
-            for companion in companions:
-                await companion.start(address)
-            announce(server.address)
-            pending |= {
-                asyncio.ensure_future(_begin(server, companions)),
-                asyncio.ensure_future(server.wait_failed()),
-            }
-            while not exit_code.done():
-                done, pending = await asyncio.wait(
-                    pending, return_when=asyncio.FIRST_COMPLETED
-                )
-                for future in done:
-                    future.result()  # raises the error that ended it
-            return exit_code.result()
+            await asyncio.wait(
+                {exit_code, running}, return_when=asyncio.FIRST_COMPLETED
+            )
+            if running.done():
+                running.result()  # raises the error that ended it
+            return await exit_code
         finally:
-            for future in pending:
-                future.cancel()
+            running.cancel()
             for companion in companions:
                 await companion.stop()
             await server.stop()
+
+
+async def _run(
+    server: Server,
+    address: str,
+    port: int,
+    announce: Callable[[tuple[str, int]], None],
+    companions: Sequence[Companion],
+) -> None:
+    """Start a server, and wait until it fails; arguments and errors as above."""
+    # To read the engine takes less than a second, and some clients wait no longer for
+    # their robot; to compile it takes minutes, in which clients are greeted.
+    if is_complete():
+        await server.begin()
+    await server.start(address, port)
+    for companion in companions:
+        await companion.start(address)
+    announce(server.address)
+    await asyncio.gather(_begin(server, companions), server.wait_failed())
 
 
 async def _begin(server: Server, companions: Sequence[Companion]) -> None:

@@ -12,11 +12,15 @@ from pathlib import Path
 
 import pytest
 
+from radarsim.cli.serve import WAIT_FOR_ENGINE
 from radarsim.kernel_cache import COMPLETE
 
 GREETING = b"NFO {Gametype BotDeathMatch} {Level DM-EmptyRoom} {TimeLimit 0}\r\n"
 INIT = b"INIT {ClassName USARBot.P3AT} {Start RobotStart1}\r\n"
-LINE = "radarsim: compiling the ray engine, once on this machine\n"
+LINES = (
+    f"radarsim: {WAIT_FOR_ENGINE}\n",
+    "radarsim: compiling the ray engine, once on this machine\n",
+)
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 
 
@@ -45,9 +49,9 @@ def connect(process: "subprocess.Popen[str]") -> socket.socket:
     return client
 
 
-def wait_for_line(process: "subprocess.Popen[str]", line: str) -> None:
+def wait_until_told(process: "subprocess.Popen[str]") -> None:
     assert process.stderr is not None
-    assert process.stderr.readline() == line
+    assert tuple(process.stderr.readline() for _ in LINES) == LINES
 
 
 def children(process: "subprocess.Popen[str]") -> list[int]:
@@ -79,7 +83,7 @@ def test_clients_are_greeted_while_the_engine_is_compiled_and_a_signal_ends_it(
     with serving(tmp_path) as process, connect(process) as client:
         client.sendall(b"GETSTARTPOSES\r\n" + INIT)
         assert client.recv(65536).startswith(b"NFO {StartPoses 3}")
-        wait_for_line(process, LINE)
+        wait_until_told(process)
         (compiler,) = children(process)
         process.send_signal(number)
         assert process.wait(60) == code
@@ -95,7 +99,7 @@ def test_clients_are_greeted_while_the_engine_is_compiled_and_a_signal_ends_it(
 def test_robot_is_spawned_when_all_is_compiled(tmp_path: Path) -> None:
     with serving(tmp_path) as process, connect(process) as client:
         client.sendall(INIT)
-        wait_for_line(process, LINE)
+        wait_until_told(process)
         client.settimeout(1100)
         assert b"{Time 0.10}" in client.recv(1000)
     assert [*tmp_path.glob(f"*/{COMPLETE}")]
@@ -117,3 +121,11 @@ print(*{"numba", "scipy", "shapely", "matplotlib", "embreex"} & set(sys.modules)
 def test_nothing_slow_is_imported_before_a_server_listens(name: str) -> None:
     command = (sys.executable, "-c", LOADED, name)
     assert subprocess.check_output(command, text=True) == "\n"
+
+
+def test_signal_processing_that_takes_long_to_import_is_not_imported() -> None:
+    code = "from radarsim.server.host import Host; from radarsim.scene.map_file import"
+    code += " load_map; import sys; Host(load_map('empty_room'));"
+    code += " print('scipy.signal' in sys.modules)"
+    command = (sys.executable, "-c", code)
+    assert subprocess.check_output(command, text=True) == "False\n"

@@ -25,6 +25,7 @@ from radarsim.server.tcp_server import (
     Connection,
     ConnectionTable,
     Server,
+    serve,
 )
 from radarsim.simulation.clock import TICK
 from radarsim.simulation.config import SimulationConfig
@@ -681,3 +682,21 @@ def test_refused_connection_ignores_all_events(empty_room: Scene) -> None:
     connection.close()
     assert not connection.eof_received()
     connection.connection_lost(None)
+
+
+@pytest.mark.parametrize("is_compiled", [True, False])
+async def test_compiled_engine_is_read_before_clients_can_connect(
+    empty_room: Scene, monkeypatch: pytest.MonkeyPatch, is_compiled: bool
+) -> None:
+    monkeypatch.setattr("radarsim.server.tcp_server.is_complete", lambda: is_compiled)
+    host = Host(empty_room, begins=False)
+
+    class Announced(Exception):
+        """Ends the server."""
+
+    def announce(_: tuple[str, int]) -> None:
+        assert host.has_begun == is_compiled
+        raise Announced
+
+    with pytest.raises(Announced):
+        await serve(Server(host), "127.0.0.1", 0, announce)

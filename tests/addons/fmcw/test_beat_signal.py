@@ -6,6 +6,7 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 from fmcw_scenes import beat_spectrum, correlation, db, dbm, no_echoes, radar
+from scipy.signal import get_window
 
 from radarsim.addons.fmcw.beat_signal import (
     NO_TONES,
@@ -14,7 +15,12 @@ from radarsim.addons.fmcw.beat_signal import (
     Tones,
     point_tones,
 )
-from radarsim.addons.fmcw.radar_equation import noise_power, received_power
+from radarsim.addons.fmcw.radar_equation import (
+    noise_power,
+    received_power,
+    sample_count,
+    window_of,
+)
 from radarsim.geometry import Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.rng import generator_for
@@ -40,6 +46,15 @@ def one_point(window: str) -> tuple[FmcwSettings, Power]:
 
 def noise(settings: FmcwSettings, seed: int = 3) -> Power:
     return beat_spectrum(settings, no_echoes(settings), NO_TONES, generator_for(seed))
+
+
+@pytest.mark.parametrize("window", ["rectangular", "hann", "hamming", "blackman"])
+def test_windows_are_those_of_scipy_to_the_bit(window: str) -> None:
+    for bins in (100, 1001):
+        settings = radar(window=window, bins=bins).settings
+        name = {"rectangular": "boxcar"}.get(window, window)
+        expected = get_window(name, sample_count(settings))
+        assert np.array_equal(window_of(settings), expected / expected.sum())
 
 
 def test_noise_in_a_bin_is_ktbf_of_the_window() -> None:
