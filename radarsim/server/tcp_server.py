@@ -8,7 +8,7 @@ import select
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from radarsim.kernel_cache import is_complete
 from radarsim.listening import (
@@ -412,10 +412,9 @@ async def serve(
         running = asyncio.ensure_future(
             _run(server, address, port, announce, companions)
         )
+        pending: set[asyncio.Future[Any]] = {exit_code, running}
         try:
-            await asyncio.wait(
-                {exit_code, running}, return_when=asyncio.FIRST_COMPLETED
-            )
+            await asyncio.wait(pending, return_when=asyncio.FIRST_COMPLETED)
             if running.done():
                 running.result()  # raises the error that ended it
             return await exit_code
