@@ -260,10 +260,12 @@ class ParsedCommand:
         unknown_keys: Keys of fields that the command does not have; clients of other
             servers send some. Empty for a command without effect. Fields that drive
             commands of common clients have without need are not among them.
+        unsupported_keys: Keys of fields for vehicles that this server does not have.
     """
 
     command: Command
     unknown_keys: tuple[str, ...] = ()
+    unsupported_keys: tuple[str, ...] = ()
 
 
 COMMANDS: Final = {
@@ -283,6 +285,48 @@ _NEEDLESS_KEYS: Final = {
         "RotationalVelocity",
     ]
 }
+
+# Fields for vehicles with a steering axle, for boats, and for single wheels and joints.
+_UNSUPPORTED_KEYS: Final = {
+    Drive.verb: [
+        "FrontSteer",
+        "RearSteer",
+        "Propeller",
+        "Rudder",
+        "SternPlane",
+        "WheelNumber",
+        "WheelSpeed",
+        "WheelSteer",
+        "Steer",
+        "Order",
+        "Value",
+        "Bone",
+        "Axis",
+    ]
+}
+
+# Types of items of the servers of all generations that no robot carries here.
+UNSUPPORTED_TYPES: Final = frozenset(
+    [
+        "Acoustic",
+        "Actuator",
+        "Camera",
+        "CO2Sensor",
+        "Effecter",
+        "Gripper",
+        "HumanMotion",
+        "IMU",
+        "Joint",
+        "MisPkg",
+        "ObjectSensor",
+        "RangeImager",
+        "RFID",
+        "Sound",
+        "ToolChanger",
+        "VictSensor",
+        "Viewports",
+    ]
+)
 
 # Verbs of the servers of all generations that do nothing to a wheeled robot here.
 _UNSUPPORTED: Final = frozenset(
@@ -323,8 +367,11 @@ def parse_command(line: str, dialect: Dialect) -> ParsedCommand:
         raise MalformedMessage(f"verb {expected}")
     command = COMMANDS[verb].decode(message, dialect)
     known = {key.lower() for key in (*command.keys, *_NEEDLESS_KEYS.get(verb, ()))}
-    unknown = [key for key, _ in message.segments if key.lower() not in known]
-    return ParsedCommand(command, tuple(unknown))
+    of_others = {key.lower() for key in _UNSUPPORTED_KEYS.get(verb, ())}
+    keys = [key for key, _ in message.segments if key.lower() not in known]
+    unknown = tuple(key for key in keys if key.lower() not in of_others)
+    unsupported = tuple(key for key in keys if key.lower() in of_others)
+    return ParsedCommand(command, unknown, unsupported)
 
 
 def encode_command(command: Command) -> str:

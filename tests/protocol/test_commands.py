@@ -1,14 +1,17 @@
 import re
 from contextlib import suppress
 from math import inf, nan
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import radarsim
 from radarsim.errors import MalformedMessage, ProtocolError
 from radarsim.geometry import Pose3
 from radarsim.protocol.commands import (
+    UNSUPPORTED_TYPES,
     Command,
     Drive,
     GetConf,
@@ -71,7 +74,13 @@ def test_other_commands_are_parsed(
 def test_unknown_fields_are_reported() -> None:
     line = "drive {Left 1} {colour red} {RIGHT 1} {Steer 2} {Steer 3}"
     parsed = parse_command(line, COMPAT)
-    assert parsed == ParsedCommand(Drive(1, 1), ("colour", "Steer", "Steer"))
+    assert parsed == ParsedCommand(Drive(1, 1), ("colour",), ("Steer", "Steer"))
+
+
+def test_manual_names_all_that_is_not_supported() -> None:
+    page = (Path(radarsim.__file__).parent / "docs/protocol.md").read_text()
+    named = set(re.findall(r"`([^`]+)`", page.partition("### Not supported")[2]))
+    assert named >= UNSUPPORTED_TYPES
 
 
 def test_true_in_capitals_is_true_in_compat_only() -> None:

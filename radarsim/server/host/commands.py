@@ -8,6 +8,7 @@ from radarsim.errors import MalformedMessage, PresetError, expected_one_of, list
 from radarsim.geometry import Pose2
 from radarsim.presets.sensors import parse_settings
 from radarsim.protocol.commands import (
+    UNSUPPORTED_TYPES,
     Command,
     Drive,
     GetConf,
@@ -25,14 +26,19 @@ from radarsim.protocol.reports import Report, StartPoses, WatchedLine, to_bytes
 from radarsim.protocol.watch import CommandError, Watch
 from radarsim.scene.scene import Scene
 from radarsim.server.host.connection import Client, Diagnostic, join_diagnostics
-from radarsim.server.host.replies import configuration, find_items, geometry
+from radarsim.server.host.replies import (
+    configuration,
+    find_items,
+    geometry,
+    items_reporting,
+)
 from radarsim.server.host.watchers import MAX_WATCHERS, Watchers
 from radarsim.simulation.config import SimulationConfig
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from radarsim.presets.robots import Item
+    from radarsim.presets.robots import Item, RobotModel
     from radarsim.simulation.simulation import Simulation
     from radarsim.simulation.vehicle import Vehicle
 
@@ -141,6 +147,10 @@ class CommandHandler:
                 is_answered = False
         if diagnostic is not None and is_answered:
             self._answer_error(client, diagnostic)
+        if parsed.unsupported_keys:
+            fields = list_names(parsed.unsupported_keys)
+            unsupported = Diagnostic.of_unsupported(command.verb, f" with {fields}")
+            diagnostic = join_diagnostics(unsupported, diagnostic)
         if parsed.unknown_keys:
             work += SUGGESTION_WORK
             unknown = Diagnostic.of_unknown_fields(parsed)
@@ -205,7 +215,7 @@ class CommandHandler:
             case GetGeo(robot=str(robot)) | GetConf(robot=str(robot)):
                 return self._reply_about(robot, client, command)
             case Unsupported(verb):
-                return Diagnostic(verb, f"{verb} does nothing here")
+                return Diagnostic.of_unsupported(verb)
             case _:
                 return self._execute_on_robot(client, command)
 
@@ -241,8 +251,8 @@ class CommandHandler:
         """Apply an opcode to items, which have the same type."""
         items = find_items(vehicle.model, command.type, command.name)
         if not items:
-            named = " ".join(filter(None, (command.type, command.name)))
-            return Diagnostic("no item", f"SET of {named[:80]!r}, which is not there")
+            of_type = vehicle.model.items_of(command.type)
+            return _describe_missing(vehicle.model, command, of_type)
         opcode, params = command.opcode.upper(), command.params
         if opcode not in OPCODES:
             text = f"opcode {expected_one_of(command.opcode, OPCODES)}"
@@ -284,8 +294,8 @@ class CommandHandler:
         for vehicle in named:
             report = self._report(vehicle, question)
             if report is None:
-                text = f"no item of type {question.type[:80]!r} on this robot"
-                return Diagnostic("no item", text)
+                of_type = items_reporting(vehicle.model, question.type)
+                return _describe_missing(vehicle.model, question, of_type)
             line = report.encode(self._config.dialect)
             copy = WatchedLine(vehicle.robot.name, line, report)
             self._watchers.tell(client, copy)
@@ -303,9 +313,11 @@ class CommandHandler:
         if line is None:
             report = self._report(client.vehicle, question)
             if report is None:
-                item_type = "" if isinstance(question, GetStartPoses) else question.type
-                text = f"no item of type {item_type[:80]!r} on this robot"
-                return Diagnostic("no item", text)
+                assert client.vehicle is not None
+                assert not isinstance(question, GetStartPoses)
+                model = client.vehicle.model
+                of_type = items_reporting(model, question.type)
+                return _describe_missing(model, question, of_type)
             # Cleared as a whole: an order of use would cost more than the few replies
             # that have to be built again.
             line = to_bytes([report.encode(self._config.dialect)])
@@ -389,6 +401,29 @@ class CommandHandler:
         names = [start.name for start in self._scene.starts]
         text = f"start {expected_one_of(command.start, names)}; taken as the origin"
         return Pose2(0.0, 0.0), Diagnostic("start", text)
+
+
+def _describe_missing(
+    model: RobotModel, command: GetGeo | GetConf | SetItem, of_type: Sequence[Item]
+) -> Diagnostic:
+    """Describe why a robot does not have what a command is about.
+
+    Args:
+        model: The class of the robot.
+        command: The command.
+        of_type: The items of the command's type.
+    """
+    item_type, name = command.type, command.name
+    for unsupported in UNSUPPORTED_TYPES:
+        if unsupported.casefold() == item_type.casefold():
+            return Diagnostic.of_unsupported(unsupported)
+    if name is not None and of_type:
+        expected = expected_one_of(name, [item.name for item in of_type])
+        text = f"{command.verb} of {of_type[0].type} {expected}"
+        return Diagnostic("item name", text)
+    types = dict.fromkeys(item.type for item in model.items)
+    text = f"{command.verb} of type {expected_one_of(item_type, types)}"
+    return Diagnostic("item type", text)
 
 
 def _apply_opcode(

@@ -198,6 +198,11 @@ class Diagnostic:
         return cls(f"malformed {verb if verb in COMMANDS else 'line'}", str(error))
 
     @classmethod
+    def of_unsupported(cls, what: str, details: str = "") -> Diagnostic:
+        """Describe what other servers have and this one does not: no mistake."""
+        return cls(f"not supported {what}", f"not supported: {what}{details}")
+
+    @classmethod
     def of_unknown_fields(cls, parsed: ParsedCommand) -> Diagnostic:
         """Describe the fields that a command does not have, of which there is one."""
         verb, unknown = parsed.command.verb, parsed.unknown_keys[0]

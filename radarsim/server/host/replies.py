@@ -39,7 +39,7 @@ def geometry(
             wheel_separation=model.wheel_separation,
             wheel_base=model.wheel_base,
         )
-    items = _items_reporting(model, item_type, name)
+    items = items_reporting(model, item_type, name)
     if not items:
         return None
     mounts = tuple((item.name, item.mount) for item in items)
@@ -56,7 +56,7 @@ def configuration(
     # Asked of every robot by some clients: an empty list, as no class carries any.
     if item_type.casefold() == NO_ITEMS:
         return reports.NameConf(item_type, ())
-    items = _items_reporting(model, item_type, name)
+    items = items_reporting(model, item_type, name)
     if not items:
         return None
     return _settings_of(items, item_type, config)
@@ -70,8 +70,8 @@ def find_items(model: RobotModel, item_type: str, name: str | None) -> tuple[Ite
     return tuple(item for item in items if item.name.casefold() == name.casefold())
 
 
-def _items_reporting(
-    model: RobotModel, report_type: str, name: str | None
+def items_reporting(
+    model: RobotModel, report_type: str, name: str | None = None
 ) -> tuple[Item, ...]:
     """Return the items that send reports of a type; drivers ask for each type."""
     # The driver of ROS asks for the geometry of each type that it has seen in a

@@ -220,14 +220,16 @@ def test_echoes_are_off_for_the_next_robot(foliage_room: Scene) -> None:
         ),
         pytest.param(
             ECHOES_ON.replace(b"lms200", b"InsTest"),
-            "no item",
-            "SET of 'RangeScanner InsTest', which is not there",
+            "item name",
+            "SET of RangeScanner 'InsTest', expected one of ['lms200']",
             id="name of another item",
         ),
         pytest.param(
             ECHOES_ON.replace(b"RangeScanner", b"Echoes"),
-            "no item",
-            "SET of 'Echoes lms200', which is not there",
+            "item type",
+            "SET of type 'Echoes', expected one of ['GroundTruth', 'INS', 'Odometry', "
+            "'Tachometer', 'Encoder', 'Touch', 'Battery', 'RangeScanner']; "
+            "did you mean 'Encoder'?",
             id="type of the lines",
         ),
         pytest.param(

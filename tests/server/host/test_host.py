@@ -183,8 +183,8 @@ def test_time_is_above_zero_and_never_goes_back(host: Host) -> None:
         ),
         pytest.param(
             b"MULTIDRIVE {FRFlipper 1}",
-            "MULTIDRIVE",
-            "MULTIDRIVE does nothing here",
+            "not supported MULTIDRIVE",
+            "not supported: MULTIDRIVE",
             id="verb of other servers",
         ),
         pytest.param(
@@ -226,16 +226,41 @@ def test_invalid_command_gives_a_diagnostic_and_no_effect(
             id="misspelt wheel",
         ),
         pytest.param(
-            b"GETCONF {Type Actuator}",
-            "no item",
-            "no item of type 'Actuator' on this robot",
-            id="item that is not there",
+            b"GETGEO {Type RangeScanner} {Name Scanner1}",
+            "item name",
+            "GETGEO of RangeScanner 'Scanner1', expected one of ['lms200']",
+            id="name that does not match",
+        ),
+        pytest.param(
+            b"GETCONF {Type Echoes} {Name Scanner1}",
+            "item name",
+            "GETCONF of RangeScanner 'Scanner1', expected one of ['lms200']",
+            id="name that does not match, of the lines of echoes",
+        ),
+        pytest.param(
+            b"GETCONF {Type Enc} {Name W1}",
+            "item type",
+            "GETCONF of type 'Enc', expected one of ['GroundTruth', 'INS', 'Odometry', "
+            "'Tachometer', 'Encoder', 'Touch', 'Battery', 'RangeScanner']",
+            id="type that does not match",
+        ),
+        pytest.param(
+            b"GETCONF {Type actuator}",
+            "not supported Actuator",
+            "not supported: Actuator",
+            id="type of other servers",
         ),
         pytest.param(
             b"SET {Type Camera} {Opcode ZOOM} {Params 1}",
-            "no item",
-            "SET of 'Camera', which is not there",
-            id="order to nothing",
+            "not supported Camera",
+            "not supported: Camera",
+            id="order to an item of other servers",
+        ),
+        pytest.param(
+            b"DRIVE {Speed 1} {FrontSteer .2} {rearsteer 0}",
+            "not supported DRIVE",
+            "not supported: DRIVE with ['FrontSteer', 'rearsteer']",
+            id="steering axle",
         ),
         pytest.param(
             b"SET {Type INS} {Opcode ZOOM}",

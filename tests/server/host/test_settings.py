@@ -280,7 +280,7 @@ def test_clients_share_the_rays_that_they_add(
         (b"SET {Type INS} {Opcode SETTING} {Params a=1}\r\n", "opcode"),
         (
             b"SET {Type RangeScanner} {Name x} {Opcode setting} {Params a=1}\r\n",
-            "no item",
+            "item name",
         ),
     ],
 )
