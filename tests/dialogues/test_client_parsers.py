@@ -9,6 +9,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,9 +29,10 @@ from positional_parsers import (
 )
 from usarcommander_parser import UsarCommanderParser
 
+import radarsim
 from radarsim.client import Session
 from radarsim.geometry import Floats, Pose3
-from radarsim.presets.robots import robot_names
+from radarsim.presets.robots import load_robot, read_robot, robot_names
 from radarsim.protocol.dialect import COMPAT, RAD_PER_S, UDK, Dialect
 from radarsim.scene.scene import GPS_ORIGIN, Scene
 from radarsim.server.host import Host
@@ -352,3 +354,29 @@ def test_clients_parse_every_line_of_a_minute(
     empty_room: Scene, class_name: str, dialect: Dialect
 ) -> None:
     check_lines(empty_room, class_name, dialect, seconds=60)
+
+
+def test_class_of_the_manual_is_quiet_for_usarsim_inf(
+    empty_room: Scene, tmp_path: Path
+) -> None:
+    page = (Path(radarsim.__file__).parent / "docs/protocol.md").read_text()
+    found = re.search(r"```yaml\n(# quiet.yaml\n.*?)```", page, re.DOTALL)
+    assert found
+    file = tmp_path / "quiet.yaml"
+    file.write_text(found[1])
+    warnings = {}
+    for model in (load_robot("P3AT"), read_robot(file)):
+        host = Host(empty_room, config=SimulationConfig(robots=(model,)))
+        number = host.connect()
+        init = f"INIT {{ClassName USARBot.{model.name}}} {{Start RobotStart1}}\r\n"
+        host.receive(number, init.encode())
+        for _ in range(200):
+            host.step()
+        lines = host.take(number).decode().splitlines()
+        readings = [RosParser().parse(line) for line in lines if line[:3] == "SEN"]
+        kinds = Counter(reading.kind for reading in readings if reading)
+        assert kinds.keys() >= RosParser.published
+        warnings[model.name] = sum(
+            count for kind, count in kinds.items() if kind not in RosParser.published
+        )
+    assert warnings == {"P3AT": 2 * 50, "Quiet": 0}

@@ -74,8 +74,11 @@ def groups_of(line: str) -> list[str]:
 class RosParser:
     """usarsim_inf: skips braces, reads words in pairs, keys in their case.
 
-    It warns of every line without a time stamp, of touch and of odometry.
+    It warns of every reading without a time stamp, and of those that it does not
+    publish.
     """
+
+    published = frozenset(("RangeScanner", "GroundTruth", "INS"))
 
     sensors = frozenset(("RangeScanner", "GroundTruth", "INS", "Encoder", "Tachometer"))
     LARGEST_WORD = 1024
