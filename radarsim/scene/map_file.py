@@ -104,7 +104,11 @@ def load_variants(path_or_name: str | Path) -> list[Scene]:
 
 def _read(path: Path) -> YamlFile:
     try:
-        return read_yaml(path)
+        file = read_yaml(path)
     except OSError as error:
         reason = describe_os_error(error)
         raise MapError([f"{path}: {reason}, expected a map file"]) from error
+    if isinstance(file.data, dict) and {"image", "resolution"} <= file.data.keys():
+        text = "a map of map_server, expected one that 'radarsim import' makes of it"
+        raise MapError([file.problem(("image",), text)])
+    return file

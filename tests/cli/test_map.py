@@ -441,7 +441,7 @@ def test_files_of_other_programs_are_not_overwritten(
         (tmp_path / f"map{ending}").write_text("mine\n")
         run = radarsim("map", "-o", str(tmp_path), *FOLIAGE)
         assert run.code == 2
-        assert f"map{ending} is no map of radarsim's" in run.err
+        assert f"map{ending}, which is of another program" in run.err
         (tmp_path / f"map{ending}").unlink()
     assert radarsim("map", "-o", str(tmp_path), *FOLIAGE).code == 0
     assert radarsim("map", "-o", str(tmp_path), *FOLIAGE).code == 0  # its own may go
@@ -455,6 +455,19 @@ def test_simulated_map_is_not_overwritten(radarsim: Command, tmp_path: Path) -> 
     run = radarsim("map", "-o", str(tmp_path / "yard"), yard, "--time-limit", "1")
     assert run.code == 2
     assert (tmp_path / "yard.yaml").read_text() == text
+
+
+def test_map_of_the_users_own_is_not_overwritten_beside_itself(
+    radarsim: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = shipped_maps()["empty_room"].read_text()
+    Path("my_room.yaml").write_text(text)
+    run = radarsim("map", "my_room.yaml", "--time-limit", "1")
+    assert run.code == 2
+    told = "would overwrite my_room.yaml, which is the simulated map, expected -o OUT"
+    assert told in run.err
+    assert Path("my_room.yaml").read_text() == text
 
 
 def test_seed_of_turn_away_is_accepted_without_serve(

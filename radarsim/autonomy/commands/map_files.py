@@ -102,7 +102,9 @@ class MapFiles:
         for path in self.paths:
             check_writable(path, "OUT")
             if path.is_file() and not _may_be_replaced(path, served):
-                text = f"{path} is no map of radarsim's, expected another OUT"
+                is_served = _is_same(path, served)
+                what = "the simulated map" if is_served else "of another program"
+                text = f"would overwrite {path}, which is {what}, expected -o OUT"
                 raise click.BadParameter(text, param_hint="-o")
 
     def write(self, result: MappingResult) -> tuple[Path, ...]:
@@ -139,7 +141,12 @@ def _may_be_replaced(path: Path, served: str | None) -> bool:
     """Return whether a file is a map that radarsim wrote, and not the simulated one."""
     try:
         with path.open("rb") as file:
-            is_by_radarsim = is_radarsim_map(file.read(HEAD))
-        return is_by_radarsim and not (served is not None and path.samefile(served))
-    except OSError:  # the simulated map is a shipped one, given by its name
+            return is_radarsim_map(file.read(HEAD)) and not _is_same(path, served)
+    except OSError:
         return True
+
+
+def _is_same(path: Path, served: str | None) -> bool:
+    with suppress(OSError):  # the simulated map is a shipped one, given by its name
+        return served is not None and path.samefile(served)
+    return False

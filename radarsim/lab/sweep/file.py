@@ -25,6 +25,7 @@ from radarsim.errors import (
     expected_one_of,
 )
 from radarsim.presets.sensors import load_settings, sensor_presets
+from radarsim.scene.map_file import shipped_maps
 from radarsim.yaml_reader import YamlFile, read_yaml
 
 MAX_TASKS: Final = 1_000_000
@@ -181,13 +182,18 @@ def read_sweep(path_or_name: str) -> tuple[Path, SweepFile]:
     path = Path(path_or_name)
     if not path.is_file():
         path = shipped_sweeps().get(path_or_name, path)
+    known = sorted(shipped_sweeps())
+    expected = f"expected a sweep file, whose 'map' names maps, or one of {known}"
+    if not path.is_file() and path_or_name.partition("@")[0] in shipped_maps():
+        raise SweepError(f"{path}: a map, {expected}")
     try:
         file = read_yaml(path)
     except OSError as error:
         reason = describe_os_error(error)
-        known = sorted(shipped_sweeps())
-        text = f"{path}: {reason}, expected a sweep file or one of {known}"
+        text = f"{path}: {reason}, {expected}"
         raise SweepError(text + did_you_mean(path_or_name, known)) from error
+    if isinstance(file.data, dict) and "objects" in file.data:
+        raise SweepError(f"{path}: a map, {expected}")
     problems = list(file.problems)
     sweep = None
     if not problems:

@@ -149,3 +149,14 @@ def test_wrong_file_is_told_with_its_line(
     assert done.code == 1
     assert done.err.count("\n") == 1
     assert done.err.startswith(f"radarsim: {path}") or "plan.yaml:1" in done.err
+
+
+@pytest.mark.parametrize("command", ["serve", "check"])
+def test_command_on_a_map_of_map_server_names_the_import(
+    tmp_path: Path, command: str
+) -> None:
+    path = write_plan(tmp_path)
+    run = run_in_process(command, str(path), *["--port", "0"] * (command == "serve"))
+    assert run.code == 1
+    text = "a map of map_server, expected one that 'radarsim import' makes of it"
+    assert f"{path}:1:8: image: {text}" in run.err + run.text

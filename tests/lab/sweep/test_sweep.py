@@ -218,6 +218,15 @@ def test_mistakes_in_a_file_are_told_with_their_place(
     assert not out.exists()
 
 
+@pytest.mark.parametrize("name", ["foliage_room", "foliage_room@dry", "{}/mine.yaml"])
+def test_map_is_told_to_be_one(small: Path, name: str) -> None:
+    name = name.format(small.parent)
+    run = sweep(name, "-o", small.parent / "out")
+    assert run.code == 1
+    expected = "expected a sweep file, whose 'map' names maps, or one of "
+    assert run.err.startswith(f"radarsim: {name}: a map, {expected}['foliage_thick")
+
+
 def test_dry_run_counts_and_writes_nothing(small: Path) -> None:
     out = small.parent / "out"
     assert sweep(small, "-o", out, "--dry-run").text == "8 tasks, 24 scans\n"
