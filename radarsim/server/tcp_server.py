@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
-from radarsim.kernel_cache import is_complete
+from radarsim.kernel_cache import compilation, is_complete
 from radarsim.listening import (
     configure_socket,
     exit_code_of_signal,
@@ -433,18 +433,51 @@ async def _run(
     companions: Sequence[Companion],
 ) -> None:
     """Start a server, and wait until it fails; arguments and errors as above."""
-    # To read the engine takes less than a second, and some clients wait no longer for
-    # their robot; to compile it takes minutes, in which clients are greeted.
-    if is_complete():
-        await server.begin()
-    await server.start(address, port)
-    for companion in companions:
-        await companion.start(address)
-    announce(server.address)
-    await asyncio.gather(_begin(server, companions), server.wait_failed())
+    loading = asyncio.ensure_future(server.begin())
+    try:
+        # To read the engine takes less than a second, and some clients wait no longer
+        # for their robot; to compile it takes minutes, in which clients are greeted.
+        if is_complete():
+            await _wait_until_read(loading)
+        await server.start(address, port)
+        for companion in companions:
+            await companion.start(address)
+        announce(server.address)
+        await asyncio.gather(_begin(loading, companions), server.wait_failed())
+    finally:
+        loading.cancel()
 
 
-async def _begin(server: Server, companions: Sequence[Companion]) -> None:
-    simulation = await server.begin()
+async def _wait_until_read(loading: asyncio.Future[Simulation]) -> None:
+    """Wait until the engine is there, or something of it has to be compiled after all.
+
+    A file of the cache may be damaged, or the cache made on another processor.
+
+    Raises:
+        EngineError: If Embree cannot be loaded.
+    """
+    compiles: asyncio.Future[Any] = asyncio.Future()
+    either = {loading, compiles}
+
+    def settle() -> None:
+        if not compiles.done():
+            compiles.set_result(None)
+
+    def observe(_: str | None) -> None:  # in the thread that compiles
+        loading.get_loop().call_soon_threadsafe(settle)
+
+    compilation.observers.append(observe)
+    try:
+        await asyncio.wait(either, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        compilation.observers.remove(observe)
+    if loading.done():
+        loading.result()
+
+
+async def _begin(
+    loading: asyncio.Future[Simulation], companions: Sequence[Companion]
+) -> None:
+    simulation = await loading
     for companion in companions:
         await companion.begin(simulation)

@@ -5,6 +5,7 @@ import logging
 import re
 import socket
 import struct
+import threading
 from collections import Counter
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
@@ -15,6 +16,7 @@ import pytest
 
 from radarsim.errors import ServerError
 from radarsim.geometry import Pose2, Pose3
+from radarsim.kernel_cache import compilation
 from radarsim.listening import raise_file_limit
 from radarsim.presets.robots import load_robot
 from radarsim.scene.scene import Scene, StartPose
@@ -29,6 +31,7 @@ from radarsim.server.tcp_server import (
 )
 from radarsim.simulation.clock import TICK
 from radarsim.simulation.config import SimulationConfig
+from radarsim.simulation.simulation import Simulation
 
 GREETING = b"NFO {Gametype BotDeathMatch} {Level DM-EmptyRoom} {TimeLimit 0}\r\n"
 STARTS = (
@@ -700,3 +703,26 @@ async def test_compiled_engine_is_read_before_clients_can_connect(
 
     with pytest.raises(Announced):
         await serve(Server(host), "127.0.0.1", 0, announce)
+
+
+async def test_server_listens_while_it_compiles_what_its_cache_lacks(
+    empty_room: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("radarsim.server.tcp_server.is_complete", lambda: True)
+    host, listens = Host(empty_room, begins=False), threading.Event()
+    make_simulation = host.make_simulation
+
+    def compile_until_it_listens() -> Simulation:
+        with compilation.running():
+            assert listens.wait(DEADLINE)
+        return make_simulation()
+
+    monkeypatch.setattr(host, "make_simulation", compile_until_it_listens)
+    serving = asyncio.ensure_future(
+        serve(Server(host), "127.0.0.1", 0, lambda _: listens.set())
+    )
+    async with asyncio.timeout(DEADLINE):
+        while not host.has_begun:  # noqa: ASYNC110 - the server has no event for it
+            await asyncio.sleep(0.01)
+    serving.cancel()
+    await asyncio.wait({serving})
