@@ -91,7 +91,7 @@ def test_clients_are_greeted_while_the_engine_is_compiled_and_a_signal_ends_it(
         assert process.stdout is not None
         assert process.stderr is not None
         assert (process.stdout.read(), process.stderr.read()) == ("", "")
-    assert not [*tmp_path.glob(f"*/{COMPLETE}")]
+    assert not [*tmp_path.rglob(COMPLETE)]
 
 
 @pytest.mark.slow
@@ -102,7 +102,7 @@ def test_robot_is_spawned_when_all_is_compiled(tmp_path: Path) -> None:
         wait_until_told(process)
         client.settimeout(1100)
         assert b"{Time 0.10}" in client.recv(1000)
-    assert [*tmp_path.glob(f"*/{COMPLETE}")]
+    assert [*tmp_path.rglob(COMPLETE)]
 
 
 LOADED = """
