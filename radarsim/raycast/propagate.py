@@ -56,8 +56,25 @@ UNKNOWN: Final = -2  # instead of a part: the ray goes on where the window ends
 FIRST_WINDOW: Final = 1.4
 WINDOW_GROWTH: Final = 4.0
 RANGE_TOLERANCE: Final = 1e-9  # m; a surface this far beyond the range is within
+# The side rays of 50 Unreal units start 0.2 m beside their sensor.
+NEAR_REACH: Final = 0.5  # m along each axis from a place that are near it
+NEAR_SLACK: Final = 1e-6  # m; more than coordinates are rounded by
 MIRROR_OFFSET: Final = 1e-9  # m; the next segment starts this far before a mirror
 ENDS, REFLECTED, PASSED = 0, 1, 2  # how a ray goes on from an opaque surface
+
+
+class NearVolumes(NamedTuple):
+    """The volumes around a place, which all that starts near it shares.
+
+    Attributes:
+        place: (3,) m; infinite before the first.
+        count: (1,) the number of volumes.
+        rows: (V,) their rows in ``MaterialTable.volume``, of which ``count`` are used.
+    """
+
+    place: Floats
+    count: NDArray[np.int64]
+    rows: NDArray[np.int64]
 
 
 class Workspace(NamedTuple):
@@ -69,6 +86,7 @@ class Workspace(NamedTuple):
         origin: (3,) m, the start of the segment.
         direction: (3,) the unit vector of the segment.
         box_index: The boxes by direction.
+        near_volumes: The volumes around the last ray's start.
     """
 
     buffer: RayBuffer
@@ -76,6 +94,7 @@ class Workspace(NamedTuple):
     origin: Floats
     direction: Floats
     box_index: BoxIndex
+    near_volumes: NearVolumes
 
 
 class RayStatus(NamedTuple):
@@ -255,15 +274,39 @@ def _is_in_bounds(
 
 
 @njit_inline
+def _list_near_volumes(
+    materials: MaterialTable, origin: Floats, margin: float, near: NearVolumes
+) -> None:
+    """List the volumes in whose bounds points near a place can be."""
+    near.count[0] = 0
+    for k in range(materials.volume.size):
+        if _is_in_bounds(materials, k, origin, margin + NEAR_REACH + NEAR_SLACK):
+            near.rows[near.count[0]] = k
+            near.count[0] += 1
+    for axis in range(3):
+        near.place[axis] = origin[axis]
+
+
+@njit_inline
 def _is_near_volume(
-    materials: MaterialTable, roles: Roles, origin: Floats, margin: float
+    materials: MaterialTable,
+    roles: Roles,
+    origin: Floats,
+    margin: float,
+    near: NearVolumes,
 ) -> bool:
     """Return whether a point is in the bounds of a volume that the ray penetrates."""
-    count = materials.volume.size
     # The last row bounds all volumes: one test is enough for most rays.
-    if not _is_in_bounds(materials, count, origin, margin):
+    if not _is_in_bounds(materials, materials.volume.size, origin, margin):
         return False
-    for k in range(count):
+    # A forest has thousands of volumes, but few around a sensor (row a, forest).
+    distance = 0.0
+    for axis in range(3):
+        distance = max(distance, abs(origin[axis] - near.place[axis]))
+    if distance > NEAR_REACH:
+        _list_near_volumes(materials, origin, margin, near)
+    for i in range(near.count[0]):
+        k = near.rows[i]
         if roles[materials.volume[k]] and _is_in_bounds(materials, k, origin, margin):
             return True
     return False
@@ -405,7 +448,8 @@ def _trace_segment(
     # level.
     select_scene(handle, work.buffer, work.origin, work.direction, scene.unsliced)
     roles = materials.backward_roles[ray.ray_class]
-    if _is_near_volume(materials, roles, work.origin, handle.margin):
+    near = work.near_volumes
+    if _is_near_volume(materials, roles, work.origin, handle.margin, near):
         needed = _find_enclosing(handle, roles, work)
         if needed > state.crossings.size:
             return progress, SegmentEnd(0, 0.0, -1), needed

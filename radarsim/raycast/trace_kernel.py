@@ -31,7 +31,12 @@ from radarsim.raycast.intersect import (
     new_query_buffer,
     new_ray_buffer,
 )
-from radarsim.raycast.propagate import TraceColumns, Workspace, trace_ray
+from radarsim.raycast.propagate import (
+    NearVolumes,
+    TraceColumns,
+    Workspace,
+    trace_ray,
+)
 from radarsim.raycast.robot_boxes import (
     index_boxes,
     index_boxes_around,
@@ -202,7 +207,9 @@ def trace_rays(
     state = new_ray_state(scene.materials.density.shape[1], crossings, events)
     buffer = new_ray_buffer(scene.handle, crossings)
     index = new_box_index(len(boxes))
-    work = Workspace(buffer, state, np.zeros(3), np.zeros(3), index)
+    volumes = np.zeros(scene.materials.volume.size, np.int64)
+    near_volumes = NearVolumes(np.full(3, np.inf), np.zeros(1, np.int64), volumes)
+    work = Workspace(buffer, state, np.zeros(3), np.zeros(3), index, near_volumes)
     frame = Frame(np.zeros(3), np.zeros((3, 3)))
     code, crowded = _trace_all(
         source, scans, frame, new_query_buffer(), scene, work, traces

@@ -190,7 +190,7 @@ def test_first_hits_match_those_of_embreex() -> None:
     origins = rng.uniform(-8, 8, (3000, 3))
     ray_directions: Floats = rng.uniform(-6, 6, (3000, 3)) - origins
     ray_directions /= np.linalg.norm(ray_directions, axis=1, keepdims=True)
-    other = FirstHits(meshes, origins, ray_directions).everything()
+    other = FirstHits(meshes, (origins, ray_directions)).everything()
     roles = [OPAQUE] * len(meshes)
     found = [
         ahead(scene, roles, tuple(origin), tuple(ray_direction), 1e3)

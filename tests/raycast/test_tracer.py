@@ -423,3 +423,27 @@ def test_unexpected_result_of_the_engine_check_is_rejected(
         f"a ray of known end ends at {t:.6g} m with power {power:.6g}, expected"
         " 3 m and 0.5: this Embree is laid out otherwise than version 4.4"
     )
+
+
+@pytest.mark.parametrize("spread", [0.02, 1.0, 40.0])
+def test_rays_that_start_in_one_of_many_volumes_lose_what_is_above_them(
+    spread: float,
+) -> None:
+    # Blocks of 0.9 m every metre, 2 m high, with the density of their number; rays go
+    # up from places that are near the place before, or far from it.
+    blocks = [
+        brick(foliage(0.001 * (k + 1)), (0.9, 0.9, 2.0), (k + 0.5, 0.0, 1.0))
+        for k in range(100)
+    ]
+    ceiling = brick(CONCRETE, (200.0, 2.0, 0.5), (50.0, 0.0, 5.0))
+    rng = np.random.Generator(np.random.PCG64(3))
+    x = 50.0 + np.cumsum(rng.uniform(-spread, spread, 2000))
+    x = 1.0 + np.abs((x - 1.0) % 196.0 - 98.0)  # there and back
+    z = rng.uniform(0.1, 1.9, len(x))
+    starts = np.column_stack([x, np.zeros_like(x), z])
+    traces = Tracer([*blocks, ceiling]).trace(rays(starts, (0.0, 0.0, 1.0), power=10.0))
+    inside = np.abs(x % 1.0 - 0.5) < 0.45
+    loss = np.where(inside, 0.001 * (np.floor(x) + 1) * (2.0 - z), 0.0)
+    assert inside.any()
+    assert not inside.all()
+    assert traces.power == pytest.approx(10.0 - loss, abs=1e-9)

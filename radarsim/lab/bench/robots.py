@@ -151,7 +151,7 @@ def driving_robots(seconds: float, robots: int = ROBOTS) -> Iterator[BenchmarkRo
             scene = load_map(write_hall(Path(folder), poles))
             driving = DrivingRobots(scene, robots)
             meshes = [Mesh(part.vertices, part.faces) for part in scene.parts]
-            first = FirstHits(meshes, *driving.rays())
+            first = FirstHits(meshes, driving.rays())
             result = compare(
                 driving.tenth, first.run, seconds=seconds, clock=time.thread_time
             )
