@@ -30,7 +30,7 @@ def drive(
     Args:
         server: The server.
         robot: Class of the robot.
-        start: Name of a start pose of the map; the first by default.
+        start: Name of a start pose of the map; the first free one by default.
         speed: Speed of driving at first; + and - change it.
         scanner: Scanner to show; the first by default.
         drive_unit: Unit in which the server takes wheel speeds.

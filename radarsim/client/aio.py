@@ -100,8 +100,7 @@ class AsyncClient:
         timeout: float | None = None,  # noqa: ASYNC109
     ) -> None:
         """See ``Client.spawn``."""
-        question = questions.spawn(class_name, name=name, start=start, pose=pose)
-        await self._run(self._requests.spawn(question, timeout))
+        await self._run(self._requests.spawn(class_name, name, start, pose, timeout))
 
     async def geometry(
         self, kind: str, name: str | None = None, *, robot: str | None = None

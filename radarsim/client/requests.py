@@ -24,8 +24,8 @@ from radarsim.client.session import (
     Session,
     check_timeout,
 )
-from radarsim.errors import ClientError, ClientTimeout
-from radarsim.geometry import Pose3
+from radarsim.errors import ClientError, ClientTimeout, expected_one_of
+from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.dialect import DriveUnit
 from radarsim.protocol.reports import (
     CommandError,
@@ -110,6 +110,7 @@ class Requests:
         self._notify = notify
         self._diagnostics = [] if diagnostics is None else diagnostics
         self._leaves_unanswered = False  # a question about start poses
+        self._starts: dict[str, Pose3] | None = None
         self._pending: list[Report] = []
 
     def greeting(self) -> Exchange[Greeting]:
@@ -119,16 +120,32 @@ class Requests:
         assert self.session.greeting is not None
         return self.session.greeting
 
-    def start_poses(self) -> Exchange[dict[str, Pose3]]:
+    def start_poses(self, timeout: float | None = None) -> Exchange[dict[str, Pose3]]:
         """Request the start poses of the map."""
         # Until the answer comes: some servers know no start poses.
         self._leaves_unanswered = True
-        answer = yield from self._ask(questions.start_poses(), StartPoses)
+        answer = yield from self._ask(questions.start_poses(), StartPoses, timeout)
         self._leaves_unanswered = False
-        return dict(answer.poses)
+        self._starts = dict(answer.poses)
+        return self._starts.copy()
 
-    def spawn(self, question: Question, timeout: float | None) -> Exchange[None]:
+    def spawn(
+        self,
+        class_name: str,
+        name: str | None,
+        start: str | None,
+        pose: Pose2 | Pose3 | None,
+        timeout: float | None,
+    ) -> Exchange[None]:
         """Request a robot and wait for its first report, which can still be read."""
+        takes_free = start is None and pose is None
+        limit = self.timeout if timeout is None else timeout
+        until = self._clock() + limit
+        if pose is None:
+            start = yield from self._choose_start(start, limit)
+        question = questions.spawn(
+            class_name, name=name, start=start, pose=pose, takes_free=takes_free
+        )
         # Even if no report comes: the server may spawn it late, and closing should stop
         # it.
         self.has_robot = True
@@ -137,24 +154,51 @@ class Requests:
         self.session.scans.clear()  # another robot's
         self._diagnostics.clear()
         yield from self.send(question.data)
-        first = yield from self._wait_for_robot(question, timeout)
+        first = yield from self._wait_for_robot(
+            question, Wait(question.what, limit, until), may_compile=timeout is None
+        )
         self._pending.insert(0, first)
 
+    def _choose_start(self, wanted: str | None, limit: float) -> Exchange[str | None]:
+        """Return the start that is wanted, or the first one of the map.
+
+        None if there is none, or the server tells of none.
+
+        Raises:
+            ClientError: If the map has no such start.
+        """
+        if self._starts is None and not self._leaves_unanswered:
+            with suppress(ClientTimeout):
+                yield from self.start_poses(min(SILENCE_LIMIT, limit / 2))
+        if self._starts is None:
+            return wanted
+        if wanted is None:
+            return next(iter(self._starts), None)
+        if wanted.casefold() not in map(str.casefold, self._starts):
+            raise ClientError(f"start {expected_one_of(wanted, self._starts)}")
+        return wanted
+
     def _wait_for_robot(
-        self, question: Question, timeout: float | None
+        self, question: Question, wait: Wait, *, may_compile: bool
     ) -> Exchange[Report]:
         """Return the first report of a robot, for which INIT has been sent.
 
         A server does not tell that it has no place for a robot, nor that it compiles
         first. But it executes commands in their order: a question after INIT is
         answered as soon as INIT is done.
+
+        Args:
+            question: INIT.
+            wait: How long to wait.
+            may_compile: Whether to wait longer for a server that compiles: a limit that
+                the caller has set is kept.
         """
-        wait = self._wait(question.what, timeout)
         # Of a short timeout, half is left for the question that tells why nothing
         # comes.
-        patience = min(SPAWN_PATIENCE, wait.timeout / 2)
+        now = self._clock()
+        patience = min(SPAWN_PATIENCE, (wait.until - now) / 2)
         with suppress(ClientTimeout):
-            early = Wait(question.what, patience, self._clock() + patience)
+            early = Wait(question.what, patience, now + patience)
             return (yield from self._skip(question.accepts, early))
         if self._diagnostics:
             reason = "; ".join(self._diagnostics)
@@ -169,14 +213,13 @@ class Requests:
         except ClientTimeout:
             # One that has greeted, and answered all before INIT, is at work on INIT.
             answers = self.session.greeting is not None and not self._leaves_unanswered
-            # A limit that the caller has set is kept.
-            if timeout is not None or not answers or wait.timeout >= COMPILING_LIMIT:
+            if not (may_compile and answers and wait.timeout < COMPILING_LIMIT):
                 raise
             self._notify(COMPILING.format(COMPILING_LIMIT, question.what))
             until = wait.until + COMPILING_LIMIT - wait.timeout
             longer = Wait(question.what, COMPILING_LIMIT, until, LATE)
             report = yield from self._skip(is_news, longer)
-            wait = self._wait(question.what, timeout)  # it has just begun
+            wait = self._wait(question.what, None)  # it has just begun
         if question.accepts(report):
             return report
         # INIT is done, and there are still no reports of a robot.

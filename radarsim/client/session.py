@@ -247,6 +247,7 @@ def spawn(
     name: str | None = None,
     start: str | None = None,
     pose: Pose2 | Pose3 | None = None,
+    takes_free: bool = False,
 ) -> Question:
     """Return the request for a robot; its answer is the robot's first report.
 
@@ -255,6 +256,8 @@ def spawn(
         name: Name of the robot; None lets the server choose.
         start: Name of a start pose, or None.
         pose: Pose if ``start`` is None; without both, the server decides.
+        takes_free: Whether radarsim takes the first start of the map at which the robot
+            has room, if there is one.
 
     Raises:
         ValueError: If both are given, or a text cannot be written on a line.
@@ -268,7 +271,7 @@ def spawn(
         pose_fields["position"] = (pose.x, pose.y, pose.z)
         pose_fields["rotation"] = (pose.roll, pose.pitch, pose.yaw)
     return Question(
-        _bytes(Init(class_name, name, start, **pose_fields)),
+        _bytes(Init(class_name, name, start, takes_free=takes_free, **pose_fields)),
         f"reading of the robot {class_name!r}",
         lambda report: isinstance(report, SensorReport | Status),
     )

@@ -114,18 +114,19 @@ class Client:
         Args:
             class_name: Class of the robot, such as ``P3AT``.
             name: Name of the robot; None lets the server choose.
-            start: Name of a start pose.
-            pose: Pose of the robot if ``start`` is None; without both, the server's.
+            start: Name of a start pose, in any case.
+            pose: Pose of the robot if ``start`` is None. Without both, it takes the
+                first start of the map at which radarsim has room for it, or the first
+                one of another server.
             timeout: Longest time to wait, s, also for a server that compiles; None for
                 the default.
 
         Raises:
-            ClientError: If no report comes.
+            ClientError: If no report comes, or the map has no such start.
             ValueError: If both ``start`` and ``pose`` are given, or a text cannot be
                 written on a line.
         """
-        question = questions.spawn(class_name, name=name, start=start, pose=pose)
-        self._run(self._requests.spawn(question, timeout))
+        self._run(self._requests.spawn(class_name, name, start, pose, timeout))
 
     def geometry(
         self, kind: str, name: str | None = None, *, robot: str | None = None

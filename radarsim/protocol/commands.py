@@ -51,6 +51,8 @@ class Init:
         start: Name of a start pose; if it is given, position and rotation are None.
         position: x, y, z, m.
         rotation: Roll, pitch, yaw, rad.
+        takes_free: Whether the robot takes the first start of the map at which it has
+            room, whatever its own is; only radarsim knows this.
     """
 
     verb: ClassVar[str] = "INIT"
@@ -60,6 +62,7 @@ class Init:
         "Start",
         "Location",
         "Rotation",
+        "FreeStart",
     ]
 
     class_name: str
@@ -67,6 +70,7 @@ class Init:
     start: str | None = None
     position: Triple | None = None
     rotation: Triple | None = None
+    takes_free: bool = False
 
     @classmethod
     def decode(cls, message: Message, _: Dialect) -> Self:
@@ -74,14 +78,16 @@ class Init:
         class_name = message.require("ClassName").rpartition(".")[2]
         name = message.get("Name") or None
         start = message.get("Start") or None
+        takes_free = bool(message.parse_optional("FreeStart", parse_flag))
         # The original ignores Location and Rotation beside a Start, too.
         if start is not None:
-            return cls(class_name, name, start)
+            return cls(class_name, name, start, takes_free=takes_free)
         return cls(
             class_name,
             name,
             position=message.parse_optional("Location", _parse_flipped),
             rotation=message.parse_optional("Rotation", _parse_flipped),
+            takes_free=takes_free,
         )
 
     def values(self) -> Values:
@@ -93,6 +99,7 @@ class Init:
             self.start,
             None if self.position is None else _format_vector(flip_axes(self.position)),
             None if self.rotation is None else _format_vector(flip_axes(self.rotation)),
+            "true" if self.takes_free else None,
         )
 
 

@@ -223,11 +223,12 @@ def test_close_stops_the_robot(connect: Connect, serve: Serve) -> None:
 
     port = serve(listen)
     client = connect(port)
-    client.spawn("USARBot.P3AT", start="RobotStart1")
+    client.spawn("USARBot.P3AT", pose=Pose2(1.0, 2.0))
     client.drive(1, 2.5)
     client.close()
     expected = (
-        b"INIT {ClassName USARBot.P3AT} {Start RobotStart1}\r\n"
+        b"INIT {ClassName USARBot.P3AT}"
+        b" {Location 1.0,-2.0,0.0} {Rotation 0.0,0.0,0.0}\r\n"
         b"DRIVE {Left 1.0} {Right 2.5}\r\nDRIVE {Left 0.0} {Right 0.0}\r\n"
     )
     until = time.monotonic() + DEADLINE

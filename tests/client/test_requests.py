@@ -12,6 +12,7 @@ from radarsim.protocol.reports import Greeting, Ins, Odometry, RangeScan, Status
 
 STATUS = "STA {Time 1.00} {Battery 9}"
 SCAN = "SEN {Type RangeScanner} {Name S} {Resolution 0.5} {FOV 1.0} {Range 1,2,3}"
+INIT = "INIT {ClassName USARBot.P3AT} {FreeStart true}"
 OTHER_SCAN = SCAN.replace("Name S", "Name T")
 ROBOT_GEO = (
     "GEO {Type GroundVehicle} {Name P3AT} {Dimensions 0.6,0.5,0.4} {COG 0,0,0}"
@@ -144,18 +145,26 @@ def test_reports_after_the_awaited_one_can_still_be_read() -> None:
 
 
 def test_first_reports_of_a_robot_can_be_read_after_spawn() -> None:
-    init = "INIT {ClassName USARBot.P3AT}"
     client = Client(
-        ScriptedServer({init: f"NFO {{Level a}}\r\n{STATUS}\r\n{SCAN}"}, [])
+        ScriptedServer({INIT: f"NFO {{Level a}}\r\n{STATUS}\r\n{SCAN}"}, [])
     )
     client.spawn("P3AT")
     assert [type(report) for report in client.read()] == [Status, RangeScan]
     assert client.greeting() == Greeting("a")
 
 
+def test_first_start_of_the_map_is_the_default() -> None:
+    poses = "NFO {StartPoses 2} {A 1,2,0 0,0,0 B 3,4,0 0,0,0}"
+    init = INIT.replace(" {Free", " {Start A} {Free")
+    server = ScriptedServer({"GETSTARTPOSES": poses, init: STATUS}, [])
+    client = Client(server)
+    client.spawn("P3AT")
+    client.spawn("P3AT")
+    assert server.heard == ["GETSTARTPOSES", init, init]
+
+
 def test_spawn_clears_the_scans_of_the_previous_robot() -> None:
-    init = "INIT {ClassName USARBot.P3AT}"
-    client = Client(ScriptedServer({init: STATUS}, [SCAN]))
+    client = Client(ScriptedServer({INIT: STATUS}, [SCAN]))
     client.read()
     assert [*client.session.scans] == ["S"]
     client.spawn("P3AT")
@@ -180,7 +189,7 @@ def test_calls_wait_exactly_the_timeout_when_the_server_is_silent(
 
 
 def test_robot_is_stopped_when_an_error_leaves_the_context() -> None:
-    server = ScriptedServer({"INIT {ClassName USARBot.P3AT}": STATUS}, [])
+    server = ScriptedServer({INIT: STATUS}, [])
 
     def drive_into_an_error() -> None:
         with Client(server) as client:

@@ -1,7 +1,8 @@
 """``Client`` with a host in simulated time; its numbers are those of the presets."""
 
 from collections.abc import Callable
-from math import degrees, pi
+from contextlib import ExitStack
+from math import degrees, dist, pi
 
 import numpy as np
 import pytest
@@ -104,6 +105,33 @@ def test_spawn_of_an_unknown_class_times_out_in_simulated_time(
             client.spawn("Tank", timeout=0.5)
         client.spawn("P3AT")
         assert isinstance(client.read()[0], Status)
+
+
+def test_robots_without_a_start_take_the_first_free_ones(
+    foliage_room: Scene, link_to: LinkTo
+) -> None:
+    host = Host(foliage_room)
+    with ExitStack() as stack:
+        for _ in range(4):
+            client = stack.enter_context(Client(link_to(host)))
+            client.spawn("P3AT")
+            client.spawn("P3AT")  # its own place is free again
+        poses = [vehicle.robot.pose for vehicle in host.simulation.vehicles]
+    starts = [(start.pose.x, start.pose.y) for start in foliage_room.starts]
+    assert [(pose.x, pose.y) for pose in poses[:3]] == starts
+    # None is free any more: the nearest place to the first.
+    assert 0.3 < dist((poses[3].x, poses[3].y), starts[0]) <= 1.0
+
+
+def test_start_that_the_map_does_not_have_is_an_error(
+    empty_room: Scene, link_to: LinkTo
+) -> None:
+    host = Host(empty_room)
+    with Client(link_to(host)) as client:
+        with pytest.raises(ClientError, match="start 'Nope', expected one of"):
+            client.spawn("P3AT", start="Nope")
+        assert not host.simulation.vehicles
+        client.spawn("P3AT", start="ROBOTstart2")
 
 
 def test_second_spawn_replaces_the_robot(empty_room: Scene, link_to: LinkTo) -> None:

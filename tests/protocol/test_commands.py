@@ -213,13 +213,14 @@ WORDS = st.from_regex(r"[A-Za-z0-9_]{1,9}", fullmatch=True)
 TEXTS = st.from_regex(r"[!-z|~]([ -z|~]{0,20}[!-z|~])?", fullmatch=True)
 FLAGS = st.none() | st.booleans()
 COMMANDS = st.one_of(
-    st.builds(Init, WORDS, st.none() | TEXTS, TEXTS),
+    st.builds(Init, WORDS, st.none() | TEXTS, TEXTS, takes_free=st.booleans()),
     st.builds(
         Init,
         WORDS,
         st.none() | TEXTS,
         position=st.none() | TRIPLES,
         rotation=st.none() | TRIPLES,
+        takes_free=st.booleans(),
     ),
     st.builds(Drive, st.none() | NUMBERS, st.none() | NUMBERS, FLAGS, FLAGS, FLAGS),
     st.just(GetStartPoses()),

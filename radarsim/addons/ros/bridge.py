@@ -237,7 +237,7 @@ async def run_bridge(
         side: Where topics go, and commands come from.
         robot_class: Class of the robot to spawn; None for none, which only watches.
         robot_name: Its name.
-        start: Name of its start pose; None lets the server choose.
+        start: Name of its start pose; None for the first free one.
         echoes: Whether scanners list their echoes.
         mapped: Name of the robot to publish a map of; None for no map.
         drive_unit: Unit in which the server takes wheel speeds.

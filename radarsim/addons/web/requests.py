@@ -77,7 +77,7 @@ class Look(Request):
 class Spawn(Request):
     """Spawn a robot at a start, or at a pose: x and y in m, yaw in rad, map frame.
 
-    Without a name the commander chooses one; without a place, the first start.
+    Without a name the commander chooses one; without a place, the first free start.
     """
 
     op: Literal["spawn"]

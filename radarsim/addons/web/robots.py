@@ -5,7 +5,6 @@ commander's own robots, by their own connections where the server lets nobody wa
 """
 
 import asyncio
-import math
 from collections.abc import Callable, Coroutine, Iterable, Mapping
 from typing import Any, Final
 
@@ -28,7 +27,6 @@ from radarsim.simulation.config import SimulationConfig
 
 MOST_ROBOTS: Final = 100  # that the commander spawns
 MOST_VIEWS: Final = 2000  # robots that are known; a server has at most 1024
-NEAR: Final = 0.8  # m from a start at which a robot occupies it
 ANSWER: Final = 5.0  # s that a server has to answer
 SPAWN_TIMEOUT: Final = 120.0  # s; a server may have to compile first
 LONG_WAIT: Final = 4.0  # s for a robot, after which a browser is told why
@@ -183,8 +181,6 @@ class Robots:
             viewer.send({"op": "notice", "text": f"{text} still compiles"})
 
         start, pose = request.start, request.pose and Pose2(*request.pose)
-        if start is None and pose is None:
-            start = self._free_start()
         class_name, drive_unit = request.class_name, self._config.wheel_drive().unit
         waiting = asyncio.get_running_loop().call_later(LONG_WAIT, tell_wait)
         try:
@@ -208,18 +204,6 @@ class Robots:
         robot.listeners.append(lambda reports: self._take_own(robot, reports))
         self._begin(viewer, self._run(robot))
         viewer.send({"op": "spawned", "robot": name})
-
-    def _free_start(self) -> str | None:
-        """Return the first start at which no robot stands; the first if all have one.
-
-        None leaves the choice to the server.
-        """
-        poses = [view.pose for view in self.views.values() if view.pose is not None]
-        for name, start in self.starts.items():
-            distances = (math.hypot(p.x - start.x, p.y - start.y) for p in poses)
-            if min(distances, default=math.inf) > NEAR:
-                return name
-        return next(iter(self.starts), None)
 
     async def _run(self, robot: OwnRobot) -> None:
         """Run a robot until it is removed, or its connection is lost."""

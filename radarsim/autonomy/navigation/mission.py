@@ -14,7 +14,7 @@ from radarsim.autonomy.navigation.controller import ControllerSettings
 from radarsim.autonomy.navigation.plans import DrivePlan, Mission
 from radarsim.autonomy.navigation.runner import NavigationStep, Navigator, Result
 from radarsim.client import Client, RobotInfo, ScannerInfo
-from radarsim.errors import ClientTimeout, NavigationError, expected_one_of
+from radarsim.errors import NavigationError
 
 MARGIN = 0.13  # m added to the least safety distance, for noise and braking
 
@@ -43,8 +43,7 @@ def spawn_robot(client: Client, plan: DrivePlan) -> SpawnedRobot:
         ClientError: If the server does not send what is needed.
         NavigationError: If the robot cannot do what the plan asks for.
     """
-    start = None if plan.pose is not None else choose_start(client, plan.start)
-    client.spawn(plan.robot_class, start=start, pose=plan.pose)
+    client.spawn(plan.robot_class, start=plan.start, pose=plan.pose)
     info = client.robot_info(drive_unit=plan.drive_unit)
     return SpawnedRobot(
         info,
@@ -101,30 +100,6 @@ def run_mission(
         time_limit=mission.time_limit,
         observe=observe,
     )
-
-
-def choose_start(client: Client, wanted: str | None) -> str | None:
-    """Choose a start pose of the map; some servers announce none.
-
-    Args:
-        client: A connection.
-        wanted: Name of the start pose; None for the first.
-
-    Returns:
-        A name, or None to leave the choice to the server.
-
-    Raises:
-        NavigationError: If the map has start poses, but not that one.
-    """
-    try:
-        names = list(client.start_poses())
-    except ClientTimeout:
-        return wanted
-    if wanted is None:
-        return names[0] if names else None
-    if names and wanted.casefold() not in [name.casefold() for name in names]:
-        raise NavigationError(f"start {expected_one_of(wanted, names)}")
-    return wanted
 
 
 def safety_distance_for(

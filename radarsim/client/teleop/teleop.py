@@ -40,7 +40,7 @@ from prompt_toolkit.layout import (
 from prompt_toolkit.output import Output
 from prompt_toolkit.styles import Style
 
-from radarsim.client import AsyncClient, ClientTimeout, DriveUnit
+from radarsim.client import AsyncClient, DriveUnit
 from radarsim.client.teleop.view import (
     RADII,
     WIDTH,
@@ -50,7 +50,7 @@ from radarsim.client.teleop.view import (
     help_text,
     panel_lines,
 )
-from radarsim.errors import ClientError, RadarsimError, expected_one_of
+from radarsim.errors import RadarsimError
 from radarsim.listening import signal_callbacks
 
 FIRST_HOLD: Final = 0.7  # s; bridges the pause before a held key repeats
@@ -242,18 +242,7 @@ async def prepare(client: AsyncClient, settings: TeleopSettings) -> DrivenRobot:
         ClientError: If the server lacks what the settings ask for, or does not answer.
     """
     greeting = await client.greeting()
-    start = settings.start
-    try:
-        starts = [*await client.start_poses()]
-    except ClientTimeout:  # not every server knows any
-        if start is not None:
-            raise
-    else:
-        if start is None:
-            start = next(iter(starts), None)
-        elif start not in starts:
-            raise ClientError(f"start {expected_one_of(start, starts)}")
-    await client.spawn(settings.robot, start=start)
+    await client.spawn(settings.robot, start=settings.start)
     robot_info = await client.robot_info(drive_unit=settings.drive_unit)
     scanner = robot_info.scanner(settings.scanner)
     return DrivenRobot(robot_info, scanner, greeting.level)

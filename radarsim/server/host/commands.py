@@ -358,9 +358,9 @@ class CommandHandler:
         self._spawn_count = self._spawn_count + 1 if self._last_spawn == now else 1
         self._last_spawn = now
         client.next_spawn = now + SPAWN_COOLDOWN
-        requested, diagnostic = self._requested_pose(command)
         # First, so that the old robot does not occupy the place of the new one.
         self._despawn(client)
+        requested, diagnostic = self._requested_pose(command, model)
         name = (command.name or model.name)[:MAX_NAME_LENGTH]
         vehicle = client.vehicle = self.simulation.spawn(name, model, requested)
         place = f"({requested.x:.2f}, {requested.y:.2f})"
@@ -389,8 +389,15 @@ class CommandHandler:
         outside = Diagnostic("outside", f"{text} {y_max:.2f} m")
         return join_diagnostics(diagnostic, outside)
 
-    def _requested_pose(self, command: Init) -> tuple[Pose2, Diagnostic | None]:
+    def _requested_pose(
+        self, command: Init, model: RobotModel
+    ) -> tuple[Pose2, Diagnostic | None]:
         """Return the requested pose; the origin for an unknown start."""
+        if command.takes_free:
+            for each in self._scene.starts:
+                pose = Pose2(each.pose.x, each.pose.y, each.pose.yaw)
+                if not self.simulation.hindrances(model, pose):
+                    return pose, None
         if command.start is None:
             x, y, _ = command.position or (0.0, 0.0, 0.0)
             _, _, yaw = command.rotation or (0.0, 0.0, 0.0)

@@ -73,7 +73,7 @@ def test_start_pose_of_a_mission(
 
 
 def test_start_that_the_map_does_not_have_is_an_error(empty_room: Scene) -> None:
-    with pytest.raises(NavigationError, match="start 'Nowhere', expected one of"):
+    with pytest.raises(ClientError, match="start 'Nowhere', expected one of"):
         run(empty_room, start="Nowhere")
 
 

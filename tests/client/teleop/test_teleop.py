@@ -17,6 +17,7 @@ from radarsim.client import AsyncClient, ClientError, ClientTimeout
 from radarsim.client.teleop.teleop import Teleop, TeleopSettings, prepare
 from radarsim.client.teleop.view import DrivenRobot
 from radarsim.errors import RadarsimError
+from radarsim.geometry import Pose2
 from radarsim.protocol.reports import GroundTruth
 
 GREETING = b"NFO {Gametype BotDeathMatch} {Level DM-Odd} {TimeLimit 0}\r\n"
@@ -96,7 +97,7 @@ async def faulty_server(
     async with server:
         port = server.sockets[0].getsockname()[1]
         async with await AsyncClient.connect(port=port) as client:
-            await client.spawn("P3AT")
+            await client.spawn("P3AT", pose=Pose2(0.0, 0.0))
             yield client, received
         await done.wait()
 
@@ -214,7 +215,6 @@ async def test_settings_are_applied_or_reported_as_missing(
 async def test_server_without_start_poses_chooses_the_start(
     start: str | None,
 ) -> None:
-    missed = "reading of the robot" if start is None else "start poses"
     done = asyncio.Event()
 
     async def behave(
@@ -228,6 +228,6 @@ async def test_server_without_start_poses_chooses_the_start(
     async with await asyncio.start_server(behave, "127.0.0.1", 0) as server:
         port = server.sockets[0].getsockname()[1]
         async with await AsyncClient.connect(port=port, timeout=0.1) as client:
-            with pytest.raises(ClientTimeout, match=missed):
+            with pytest.raises(ClientTimeout, match="reading of the robot"):
                 await prepare(client, replace(SETTINGS, start=start))
         await done.wait()
