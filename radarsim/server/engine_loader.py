@@ -1,4 +1,4 @@
-"""Loads the engine of a server that listens already.
+"""Loads the engine of a server; one that has to compile it listens already.
 
 A thread loads it, after a process of its own has compiled what is not in the cache.
 Where there is no cache, or the process has failed, the thread compiles.
