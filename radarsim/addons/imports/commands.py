@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
@@ -11,8 +13,9 @@ from annotated_types import Gt, Unit
 
 from radarsim.cli.files import check_ending, check_writable, write_file
 from radarsim.cli.output import print_lines, print_message
-from radarsim.errors import expected_one_of
+from radarsim.errors import describe_os_error, expected_one_of
 from radarsim.plans import RARE, Form, Option, read_numbers
+from radarsim.processes import raise_on_signals
 
 if TYPE_CHECKING:
     from radarsim.addons.imports.imported_map import ImportedMap
@@ -94,7 +97,6 @@ def import_(
         text = f"{str(output)!r} exists, expected the name of a new file"
         raise click.BadParameter(text, param_hint="-o")
     kind = kind or _kind_of(file)
-    warnings: list[str] = []
     if kind == "ini":
         import yaml
 
@@ -107,25 +109,47 @@ def import_(
         SimulationConfig(robots=(model,)).check()
         content = model.model_dump(mode="json", exclude_defaults=True)
         text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
-    else:
-        imported = _import(kind, file, options, output.parent)
-        _check_materials(options, imported)
-        text, notes = imported.to_text(output), imported.notes
-        warnings = imported.warnings()
-    if notes:
-        print_lines(notes)
-        # Before anything is written.
-        if strict:
-            return 1
-    for warning in warnings:
-        print_message(warning)
-    write_file(output, text.encode(), "-o")
-    print_message(f"wrote {output}")
-    return 0
+        if notes:
+            print_lines(notes)
+        if not (notes and strict):
+            write_file(output, text.encode(), "-o")
+            print_message(f"wrote {output}: {len(model.items)} items")
+        return int(bool(notes and strict))
+    folder = output.with_name(f"{output.stem}_meshes")
+    imported = _import(kind, file, options, folder)
+    _check_materials(options, imported)
+    if imported.notes:
+        print_lines(imported.notes)
+    is_refused = bool(imported.notes and strict)
+    if not is_refused:
+        _write_map(imported, output, folder)
+        for warning in imported.warnings():
+            print_message(warning)
+        print_message(f"wrote {output}: {imported.count} objects")
+    if imported.models:
+        print_message(imported.summary())
+    return int(is_refused or imported.is_mostly_left_out)
+
+
+def _write_map(imported: ImportedMap, output: Path, folder: Path) -> None:
+    """Write a map, and its meshes into a new folder, or nothing."""
+    with raise_on_signals(), ExitStack() as undo:
+        try:
+            if imported.meshes:
+                folder.mkdir()
+                undo.callback(shutil.rmtree, folder)
+            for name, content in imported.meshes.items():
+                (folder / name).write_bytes(content)
+        except OSError as error:
+            text = f"cannot write {folder}: {describe_os_error(error)}"
+            raise click.BadParameter(text, param_hint="-o") from None
+        # It is checked with its meshes, which have to be there.
+        write_file(output, imported.to_text(output).encode(), "-o")
+        undo.pop_all()
 
 
 def _import(
-    kind: Kind, file: Path, options: ImportOptions, folder: Path
+    kind: Kind, file: Path, options: ImportOptions, meshes: Path
 ) -> ImportedMap:
     match kind:
         case "map_server":
@@ -135,7 +159,7 @@ def _import(
         case "sdf":
             from radarsim.addons.imports.sdf import import_sdf
 
-            return import_sdf(file, options, folder)
+            return import_sdf(file, options, meshes.name)
         case "stage":
             from radarsim.addons.imports.stage import import_stage
 
@@ -143,7 +167,7 @@ def _import(
         case "gltf":
             from radarsim.addons.imports.gltf import import_gltf
 
-            return import_gltf(file, options, folder)
+            return import_gltf(file, options, meshes.parent)
         case "ini":
             raise AssertionError("it has no map")
 

@@ -1,7 +1,8 @@
 """A map that is made of a file of another program."""
 
 import math
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Final
@@ -30,6 +31,8 @@ class ImportedMap:
         notes: What is left out or changed, each with its place.
         materials: Materials of its own, by name.
         defaulted: Names of what got the default material, in their order.
+        meshes: Content of the mesh files that are written with the map, by name.
+        models: Number of models in the file, those that are left out with them.
         start: x, y, z, m, and yaw, degrees, of the start.
     """
 
@@ -44,18 +47,51 @@ class ImportedMap:
         self.notes: list[str] = []
         self.materials: dict[str, dict[str, object]] = {}
         self.defaulted: list[str] = []
+        self.meshes: dict[str, bytes] = {}
+        self.models = 0
         self.start = (0.0, 0.0, 0.0, 0.0)
         if options.start is not None:
             self.start = (*options.start[:2], 0.0, options.start[2])
         self._source = source
         self._objects: list[dict[str, object]] = []
         self._names: dict[str, int] = {}
+        self._left_out: Counter[str] = Counter()  # models, by the reason
         self._patterns = dict(options.material)  # names of materials by patterns
         self._unused = dict.fromkeys(self._patterns)
 
     def note(self, path: Path, line: int, text: str) -> None:
         """Note what is left out, or changed."""
         self.notes.append(place(path, line, text))
+
+    def count_model(self, reasons: Sequence[str], added: int = 0) -> None:
+        """Count a model, which is left out if more than half of its shapes are.
+
+        Args:
+            reasons: Why shapes of it are left out, in words that follow a number.
+            added: The number of its other shapes.
+        """
+        self.models += 1
+        if len(reasons) > added:
+            self._left_out[Counter(reasons).most_common(1)[0][0]] += 1
+
+    @property
+    def count(self) -> int:
+        """The number of objects."""
+        return len(self._objects)
+
+    @property
+    def is_mostly_left_out(self) -> bool:
+        """Whether more than half of the models are left out."""
+        return 2 * self._left_out.total() > self.models
+
+    def summary(self) -> str:
+        """Return how many models are left out, and why."""
+        told = f"{self._left_out.total()} of {self.models} models left out"
+        reasons = self._left_out.most_common()
+        shown = [f"{count} {reason}" for reason, count in reasons[:MAX_SHOWN]]
+        if more := sum(count for _, count in reasons[MAX_SHOWN:]):
+            shown.append(f"{more} for other reasons")
+        return told + (": " + ", ".join(shown)) * bool(shown)
 
     def material_of(self, name: str, known: str | None = None) -> str:
         """Choose the material of what has a name: a pattern's counts first.
@@ -129,7 +165,7 @@ class ImportedMap:
         """
         if not self._objects:
             text = f"{self._source}: nothing in it becomes an object of a map"
-            raise ForeignFileError(text)
+            raise ForeignFileError(f"{text}: {self.summary()}")
         *position, yaw = self.start
         start = {"name": "RobotStart1", "position": rounded(position)}
         stem = self._source.stem

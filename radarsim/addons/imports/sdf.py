@@ -5,8 +5,9 @@ trees whose elements know their lines. What a file declares of itself, such as e
 is refused: a few lines of it could become gigabytes, or the content of other files.
 """
 
+import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -16,14 +17,16 @@ from scipy.spatial.transform import Rotation
 
 from radarsim.addons.imports.commands import ImportOptions
 from radarsim.addons.imports.imported_map import ImportedMap
+from radarsim.addons.imports.mesh_copies import KNOWN, MeshCopies
 from radarsim.addons.imports.source_file import (
     find_in,
     parse_numbers,
     read_bytes,
     wrong,
 )
-from radarsim.errors import ForeignFileError
+from radarsim.errors import ForeignFileError, MissingPackage
 from radarsim.geometry import Pose3
+from radarsim.scene.mesh_files import MeshError
 from radarsim.validation import short_repr
 
 MAX_DEPTH: Final = 100
@@ -130,20 +133,38 @@ def read_xml(path: Path) -> XmlElement:
     return root
 
 
-MAX_INCLUDES: Final = 10  # in each other
-MESHES: Final = (".glb", ".gltf", ".obj", ".stl", ".ply")
+MAX_LEVELS: Final = 100  # of models and includes in each other
+MAX_INCLUDES: Final = 20_000  # in all files
 LEFT_OUT: Final = ("light", "road", "population", "actor", "state")  # of a world
 HERE: Final = ("", "world", "__model__")
-_MODEL: Final = "model://"
+# Folders of resources that Gazebo searches, which --model-path names here.
+SEARCHED: Final = ("model://", "package://", "file://")
+# Worlds of Gazebo have them; there is always a floor here, and light.
+ALWAYS_THERE: Final = ("model://sun", "model://ground_plane")
 
 
-def import_sdf(path: Path, options: ImportOptions, folder: Path) -> ImportedMap:
+class _LeftOut(Exception):
+    """Something is left out.
+
+    Attributes:
+        line: Where it is.
+        reason: What is counted in the summary, in words that follow a number; empty
+            for what is not missed.
+    """
+
+    def __init__(self, element: XmlElement, text: str, reason: str) -> None:
+        super().__init__(text)
+        self.line = element.line
+        self.reason = reason
+
+
+def import_sdf(path: Path, options: ImportOptions, meshes: str) -> ImportedMap:
     """Import a world.
 
     Args:
         path: The file.
         options: What it does not tell.
-        folder: Folder of the map, which has to contain all meshes.
+        meshes: Name of the folder beside the map that its meshes are copied into.
 
     Raises:
         ForeignFileError: If it cannot be read, or is no SDF.
@@ -153,10 +174,11 @@ def import_sdf(path: Path, options: ImportOptions, folder: Path) -> ImportedMap:
     if root.tag != "sdf":
         text = f"<{short_repr(root.tag)[1:-1]}>, expected <sdf>"
         raise wrong(path, root.line, text)
-    importer = _SdfFile(path, imported, folder.resolve(), ())
+    copies = MeshCopies(imported, meshes)
+    importer = _SdfFile(path, imported, copies, (), itertools.count(1))
     for world in root.all("world"):
-        importer.add_all(world, Pose3(0.0, 0.0, 0.0), "")
-    importer.add_all(root, Pose3(0.0, 0.0, 0.0), "")
+        importer.add_all(world, Pose3(0.0, 0.0, 0.0), "", 0)
+    importer.add_all(root, Pose3(0.0, 0.0, 0.0), "", 0)
     return imported
 
 
@@ -167,53 +189,74 @@ class _SdfFile:
         self,
         path: Path,
         imported: ImportedMap,
-        folder: Path,
+        copies: MeshCopies,
         included_by: tuple[Path, ...],
+        includes: Iterator[int],
     ) -> None:
         self._path = path
         self._map = imported
-        self._folder = folder
+        self._copies = copies
         # By resolved paths: two links to one file are the same file.
         self._files = (*included_by, path.resolve())
+        self._includes = includes  # counts those of all files
 
-    def add_all(self, parent: XmlElement, pose: Pose3, prefix: str) -> None:
+    def add_all(self, parent: XmlElement, pose: Pose3, prefix: str, level: int) -> None:
         """Add the models of a world, a model or a file, whose pose is given."""
+        if level > MAX_LEVELS:
+            text = f"more than {MAX_LEVELS} models and includes in each other"
+            raise wrong(self._path, parent.line, text)
         for child in parent.children:
-            if child.tag == "model":
-                self._add_model(child, pose, prefix)
-            elif child.tag == "include":
-                self._include(child, pose, prefix)
-            elif child.tag in LEFT_OUT:
-                self._note(child, f"<{child.tag}> is left out")
+            try:
+                if child.tag == "model":
+                    self._add_model(child, pose, prefix, level)
+                elif child.tag == "include":
+                    self._include(child, pose, prefix, level)
+                elif child.tag in LEFT_OUT:
+                    text = f"<{child.tag}> is left out"
+                    self._map.note(self._path, child.line, text)
+            except _LeftOut as error:
+                self._map.note(self._path, error.line, str(error))
+                if error.reason:
+                    self._map.count_model([error.reason])
 
-    def _add_model(self, model: XmlElement, outer: Pose3, prefix: str) -> None:
+    def _add_model(
+        self, model: XmlElement, outer: Pose3, prefix: str, level: int
+    ) -> None:
         place = self._pose(model, outer)
-        if place is None:
-            return
         if model.text_of("static") not in ("true", "1") and not prefix:
-            self._note(model, f"the model {model.name!r} stands still here")
+            text = f"the model {model.name!r} stands still here"
+            self._map.note(self._path, model.line, text)
         name = f"{prefix}{model.name}"
+        reasons, added, has_ground = [], 0, False
         for link in model.all("link"):
-            pose = self._pose(link, place)
-            if pose is None:
-                continue
             for collision in link.all("collision"):
-                placed = self._pose(collision, pose)
-                geometry = collision.first("geometry")
-                if placed is None:
-                    continue
-                if geometry is None or not geometry.children:
-                    self._note(collision, "a collision without a shape is left out")
-                    continue
-                shape = self._shape(geometry.children[0])
-                if shape is not None:
-                    # Often all three are the same name, which is written once then.
-                    names = dict.fromkeys((name, link.name, collision.name))
-                    self._map.add("_".join(names), shape, placed)
-        self.add_all(model, place, f"{name}_")
+                # Often all three are the same name, which is written once then.
+                names = "_".join(dict.fromkeys((name, link.name, collision.name)))
+                try:
+                    placed = self._pose(collision, self._pose(link, place))
+                    self._map.add(names, self._shape(collision), placed)
+                    added += 1
+                except _LeftOut as error:
+                    text = f"{short_repr(names)}: {error}"
+                    self._map.note(self._path, error.line, text)
+                    has_ground |= not error.reason
+                    reasons += [error.reason] * bool(error.reason)
+        inner = [each for each in model.children if each.tag in ("model", "include")]
+        if not (reasons or added or has_ground or inner):
+            text = f"the model {name!r} is left out: it has no collision"
+            self._map.note(self._path, model.line, text)
+            reasons = ["without a collision"]
+        if reasons or added:
+            self._map.count_model(reasons, added)
+        self.add_all(model, place, f"{name}_", level + 1)
 
-    def _shape(self, element: XmlElement) -> dict[str, object] | None:
-        """Return the keys of a map file for a shape; None if it is left out."""
+    def _shape(self, collision: XmlElement) -> dict[str, object]:
+        """Return the keys of a map file for the shape of a collision."""
+        geometry = collision.first("geometry")
+        if geometry is None or not geometry.children:
+            text = "a collision without a shape is left out"
+            raise _LeftOut(collision, text, "without a shape")
+        element = geometry.children[0]
 
         def sizes(tag: str, count: int = 1) -> list[float]:
             found = element.first(tag)
@@ -225,86 +268,97 @@ class _SdfFile:
                 raise wrong(self._path, found.line, text)
             return values
 
-        shapes: dict[str, Callable[[], dict[str, object] | None]] = {
-            "box": lambda: {"box": sizes("size", 3)},
-            "sphere": lambda: {"sphere": sizes("radius")[0]},
-            "cylinder": lambda: {"cylinder": [*sizes("radius"), *sizes("length")]},
-            "mesh": lambda: self._mesh(element),
-        }
-        if element.tag in shapes:
-            return shapes[element.tag]()
-        reason = ": robots drive at z = 0 as well" if element.tag == "plane" else ""
-        self._note(element, f"<{element.tag}> is left out{reason}")
-        return None
+        match element.tag:
+            case "box":
+                return {"box": sizes("size", 3)}
+            case "sphere":
+                return {"sphere": sizes("radius")[0]}
+            case "cylinder":
+                return {"cylinder": [*sizes("radius"), *sizes("length")]}
+            case "mesh":
+                return self._mesh(element)
+            case "plane":
+                text = "<plane> is left out: robots drive at z = 0 as well"
+                raise _LeftOut(element, text, "")
+            case other:
+                text = f"<{other[:40]}> is left out"
+                raise _LeftOut(element, text, f"with <{other[:40]}>")
 
-    def _mesh(self, mesh: XmlElement) -> dict[str, object] | None:
+    def _mesh(self, mesh: XmlElement) -> dict[str, object]:
         uri = mesh.text_of("uri")
-        if not uri.lower().endswith(MESHES):
-            expected = ", ".join(MESHES)
-            self._note(mesh, f"the mesh {uri!r} is left out, expected {expected}")
-            return None
-        scale = parse_numbers(
-            self._path, mesh.line, mesh.text_of("scale") or "1 1 1", 3
-        )
-        if len(set(scale)) > 1 or scale[0] <= 0 or mesh.first("submesh"):
-            self._note(mesh, f"the mesh {uri!r} is left out: scales differ, or a part")
-            return None
-        file = self._find(uri)
-        # A map reads meshes from its own folder only, so that a map of others opens no
-        # other files.
-        if file is None or not file.is_relative_to(self._folder):
-            reason = "is not there" if file is None else "is not below the map's folder"
-            self._note(mesh, f"the mesh {uri!r} is left out: it {reason}")
-            return None
-        keys: dict[str, object] = {"mesh": file.relative_to(self._folder).as_posix()}
-        return keys if scale[0] == 1 else {**keys, "scale": scale[0]}
+        text = f"the mesh {uri!r} is left out"
+        file, suffix = self._find(mesh, text), Path(uri).suffix.lower()
+        if not file.is_file() or suffix not in KNOWN:
+            told = f"{text}, expected {', '.join(KNOWN)}"
+            raise _LeftOut(mesh, told, f"{suffix[:20] or 'files'} that are not read")
+        given = mesh.text_of("scale") or "1 1 1"
+        scale = parse_numbers(self._path, mesh.line, given, 3)
+        if 0 in scale:
+            raise _LeftOut(mesh, f"{text}: a scale of 0", "with a scale of 0")
+        part = mesh.first("submesh")
+        named = part.text_of("name") if part else ""
+        centred = part is not None and part.text_of("center") in ("true", "1")
+        try:
+            return self._copies.add(file, scale, named, centred=centred)
+        except MeshError as error:
+            reason = f"{suffix} that cannot be used"
+            raise _LeftOut(mesh, f"{text}: {error}", reason) from error
+        except MissingPackage as error:
+            cure = "pip install 'radarsim[collada]'"
+            reason = f"{suffix} without pycollada ({cure})"
+            raise _LeftOut(
+                mesh, f"{text}: pycollada is not installed", reason
+            ) from error
 
-    def _include(self, include: XmlElement, outer: Pose3, prefix: str) -> None:
-        uri = include.text_of("uri")
-        file = self._find(uri)
-        if file is not None and file.is_dir():
+    def _include(
+        self, include: XmlElement, outer: Pose3, prefix: str, level: int
+    ) -> None:
+        uri, named = include.text_of("uri"), include.text_of("name")
+        known = " of ".join(repr(each) for each in (named, uri) if each)
+        file = self._find(include, f"the model {known} is left out")
+        if file.is_dir():
             file = file / "model.sdf"
-        if file is None or not file.is_file():
-            cure = "see --model-path" if uri.startswith(_MODEL) else "no such file"
-            self._note(include, f"the model {uri!r} is left out: {cure}")
-            return
-        place = self._pose(include, outer)
-        if place is None:
-            return
-        if file.resolve() in self._files or len(self._files) > MAX_INCLUDES:
+        if file.resolve() in self._files:
             raise wrong(self._path, include.line, f"{uri!r} includes itself")
+        # Includes of includes could double at each level.
+        if next(self._includes) > MAX_INCLUDES:
+            text = f"more than {MAX_INCLUDES} includes, expected fewer"
+            raise wrong(self._path, include.line, text)
+        place = self._pose(include, outer)
         root = read_xml(file)
-        named = include.text_of("name")
         # Its own folder is where its meshes are, not that of the world.
-        other = _SdfFile(file, self._map, self._folder, self._files)
+        other = _SdfFile(file, self._map, self._copies, self._files, self._includes)
         for model in root.all("model"):
             if named:
                 model.attributes["name"] = named
             if include.first("pose") is not None:  # it replaces that of the model
                 model.children = [each for each in model.children if each.tag != "pose"]
-        other.add_all(root, place, prefix)
+        other.add_all(root, place, prefix, level + 1)
 
-    def _find(self, uri: str) -> Path | None:
-        """Return the file or folder that a URI names; None if there is none."""
-        if uri.startswith(_MODEL):
-            reference = uri.removeprefix(_MODEL)
-            folders = self._map.options.model_path
-        elif "://" in uri:
-            return None
-        else:
-            reference, folders = uri, (self._path.parent,)
-        return find_in(folders, reference)
+    def _find(self, element: XmlElement, text: str) -> Path:
+        """Return the file or folder that the URI of an element names."""
+        uri = element.text_of("uri")
+        scheme = next((each for each in SEARCHED if uri.startswith(each)), "")
+        folders = self._map.options.model_path if scheme else (self._path.parent,)
+        found = None
+        if scheme or "://" not in uri:
+            found = find_in(folders, uri.removeprefix(scheme))
+        if found is None or (found.is_dir() and not (found / "model.sdf").is_file()):
+            reason = "not found (see --model-path)" if scheme else "not found"
+            missed = "" if uri in ALWAYS_THERE else reason
+            raise _LeftOut(element, f"{text}: {reason}", missed)
+        return found
 
-    def _pose(self, element: XmlElement, outer: Pose3) -> Pose3 | None:
-        """Return the pose of an element; None if it is left out."""
+    def _pose(self, element: XmlElement, outer: Pose3) -> Pose3:
+        """Return the pose of an element."""
         found = element.first("pose")
         if found is None:
             return outer
         relative = found.attributes.get("relative_to", "")
         if relative not in HERE:
-            text = f"its pose is relative to {relative!r}"
-            self._note(found, f"<{element.tag}> {element.name!r} is left out: {text}")
-            return None
+            told = f"its pose is relative to {relative!r}"
+            text = f"<{element.tag}> {element.name!r} is left out: {told}"
+            raise _LeftOut(found, text, "with a pose that is relative to something")
         text = found.text.strip()
         if not text:
             return outer.compose(Pose3(0.0, 0.0, 0.0))
@@ -320,6 +374,3 @@ class _SdfFile:
             if found.attributes.get("degrees") in ("true", "1"):
                 roll, pitch, yaw = map(math.radians, (roll, pitch, yaw))
         return outer.compose(Pose3(x, y, z, roll, pitch, yaw))
-
-    def _note(self, element: XmlElement, text: str) -> None:
-        self._map.note(self._path, element.line, text)

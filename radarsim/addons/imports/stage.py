@@ -197,6 +197,7 @@ class _Importer:
         if kind != "model":
             text = f"the {short_repr(model.kind)} is left out, expected a model"
             self.note(model, text)
+            self._map.count_model(["of an unknown kind"])
             return
         size = _size(model.get("size"))
         self._add_body(model, size, pose)
@@ -219,8 +220,13 @@ class _Importer:
     ) -> None:
         if not _is_true(model.get("obstacle_return"), default=True):
             name = short_repr(_name(model))
-            self.note(model, f"the model {name} is left out: robots drive through it")
-            return
+            if not _is_scanned(model):
+                text = f"the model {name} is left out: robots drive through it"
+                self.note(model, text)
+                self._map.count_model(["with obstacle_return 0"])
+                return
+            self.note(model, f"robots do not drive through the model {name} here")
+        self._map.count_model([], 1)
         centre = pose.compose(_pose(model.get("origin")))
         body = _Body(model, _name(model), size, centre)
         children = model.all_children()
@@ -323,6 +329,14 @@ def _size(given: Property | None) -> tuple[float, float, float]:
 
 def _is_true(given: Property | None, *, default: bool) -> bool:
     return default if given is None else given.text not in ("0", "false")
+
+
+def _is_scanned(model: Entity) -> bool:
+    """Return whether a model says that scanners see it, in words of Stage 4 or 3."""
+    seen = model.get("ranger_return")
+    if seen is not None:
+        return not seen.text.startswith("-")  # 0 is seen, but dark
+    return _is_true(model.get("laser_return"), default=False)
 
 
 def _name(model: Entity) -> str:

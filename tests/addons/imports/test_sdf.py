@@ -1,13 +1,21 @@
 """Worlds of Gazebo become maps with the same ranges."""
 
+import math
+import random
+import re
+import sys
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
+from collada_files import box_file, two_boxes_file
 from commands import Run, run_in_process
 
 import radarsim
+from radarsim.addons.imports import sdf
 
 Import = Callable[..., Run]
 
@@ -119,6 +127,38 @@ def test_included_models_are_found_below_the_model_path(
     assert "see --model-path" in import_file(path, "--model-path", str(models)).text
 
 
+def test_many_models_in_each_other_are_no_loop(
+    import_file: Import, tmp_path: Path
+) -> None:
+    def chain(length: int, last: str) -> Run:
+        for number in range(length):
+            inner = "<include><uri>../{}.sdf</uri></include>" * (number < length - 1)
+            text = f"{inner.format(number + 1)}{last * (number == length - 1)}"
+            folder = tmp_path / "chain"
+            folder.mkdir(exist_ok=True)
+            text = f"<sdf><model name='m{number}'>{text}</model></sdf>"
+            (folder / f"{number}.sdf").write_text(text.replace("../", ""))
+        return import_file(tmp_path / "chain" / "0.sdf")
+
+    box = SHAPES.partition("</model>")[0].partition("<link")[2]
+    assert chain(15, f"<link{box}").code == 0
+    loop = chain(15, "<include><uri>3.sdf</uri></include>")
+    assert "14.sdf:1: '3.sdf' includes itself" in loop.err
+    assert "more than 100 models and includes in each other" in chain(150, "").err
+
+
+def test_includes_that_double_are_refused(
+    import_file: Import, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sdf, "MAX_INCLUDES", 200)  # 20000 take seconds
+    for number in range(20):
+        twice = f"<include><uri>{number + 1}.sdf</uri></include>" * 2
+        text = f"<sdf><model name='m'>{twice}</model></sdf>"
+        (tmp_path / f"{number}.sdf").write_text(text)
+    (tmp_path / "20.sdf").write_text("<sdf/>")
+    assert "more than 200 includes" in import_file(tmp_path / "0.sdf").err
+
+
 def test_model_that_includes_itself_is_an_error(
     import_file: Import, tmp_path: Path
 ) -> None:
@@ -138,6 +178,164 @@ def test_wrong_file_is_told_with_its_line(
     assert done.code == 1
     assert done.err.count("\n") == 1
     assert done.err.startswith(f"radarsim: {path}:")
+
+
+@dataclass
+class Thing:
+    """A model of a world that is written at random.
+
+    Attributes:
+        collision: The shape of its collision; empty for none.
+        files: Its mesh files.
+        size: Size of the box that it becomes, m; None if it is left out.
+    """
+
+    collision: str
+    files: dict[str, str] = field(default_factory=dict)
+    size: tuple[float, float, float] | None = None
+
+
+def mesh(name: str, text: str, more: str = "") -> tuple[str, dict[str, str]]:
+    uri = f"<uri>model://{{}}/meshes/{name}</uri>"
+    return f"<mesh>{uri}{more}</mesh>", {name: text}
+
+
+DAE = box_file((0.4, 0.6, 1))
+PART = "<submesh><name>left</name><center>true</center></submesh>"
+THINGS = {
+    "box": Thing("<box><size>0.4 0.6 1</size></box>", {}, (0.4, 0.6, 1)),
+    "triangles": Thing(*mesh("a.dae", DAE), (0.4, 0.6, 1)),
+    "polylist": Thing(
+        *mesh("b.DAE", box_file((0.4, 0.6, 1), "polylist", unit=0.01)), (0.4, 0.6, 1)
+    ),
+    "polygons": Thing(
+        *mesh("c.dae", box_file((0.4, 0.6, 1), "polygons", unit=0.0254)), (0.4, 0.6, 1)
+    ),
+    "scaled": Thing(*mesh("d.dae", DAE, "<scale>.5 .5 .5</scale>"), (0.2, 0.3, 0.5)),
+    "stretched": Thing(*mesh("e.dae", DAE, "<scale>2 1 .5</scale>"), (0.8, 0.6, 0.5)),
+    "mirrored": Thing(*mesh("f.dae", DAE, "<scale>-1 1 1</scale>"), (0.4, 0.6, 1)),
+    "part": Thing(*mesh("g.dae", two_boxes_file((1, 0.5, 1), 8), PART), (1, 0.5, 1)),
+    "other part": Thing(*mesh("h.dae", DAE, PART)),
+    "cut off": Thing(*mesh("i.dae", DAE[:2000])),
+    "entities": Thing(*mesh("j.dae", f"{BOMB[:38]}{DAE[38:]}")),
+    "blend": Thing(*mesh("k.blend", "BLENDER")),
+    "missing": Thing(mesh("l.dae", "")[0]),
+    "heightmap": Thing("<heightmap/>"),
+    "visual": Thing(""),
+}
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_worlds_with_meshes_are_imported_or_what_is_left_out_is_named(
+    import_file: Import, tmp_path: Path, seed: int
+) -> None:
+    rng = random.Random(seed)
+    models, by_hand, left_out = tmp_path / "elsewhere", [], []
+    text = "<include><uri>model://sun</uri></include><light name='l'/>"
+    count = rng.randint(3, 12)
+    for number in range(count):
+        name, thing = f"thing_{number}x", THINGS[rng.choice(list(THINGS))]
+        angle, yaw = 2 * math.pi * number / count, rng.uniform(-3, 3)
+        x, y = 5 * math.cos(angle), 5 * math.sin(angle)
+        (models / name / "meshes").mkdir(parents=True)
+        for file, content in thing.files.items():
+            (models / name / "meshes" / file).write_text(content)
+        shape = f"<geometry>{thing.collision.format(name)}</geometry>"
+        collision = f"<collision name='c'>{shape}</collision>" * bool(thing.collision)
+        link = f"<link name='l'>{collision}<visual name='v'/></link>"
+        (models / name / "model.sdf").write_text(
+            f"<sdf><model name='m'><static>1</static>{link}</model></sdf>"
+        )
+        pose = f"<pose>{x} {y} 0.5 0 0 {yaw}</pose>"
+        uri = f"<uri>model://{name}</uri><name>{name}</name>"
+        text += f"<include>{uri}{pose}</include>"
+        if thing.size is None:
+            left_out.append(name)
+        else:
+            keys = f"box: {[*thing.size]}, position: [{x}, {y}, 0.5]"
+            turned = f"yaw_deg: {math.degrees(yaw)}, material: concrete"
+            by_hand.append(f"  - {{name: {name}, {keys}, {turned}}}\n")
+    path = write(tmp_path / "w.sdf", WORLD.format(text))
+    done = import_file(path, "--model-path", str(models))
+    assert done.code == int(2 * len(left_out) > count)
+    told = done.err.splitlines()[-1]
+    assert f"{len(left_out)} of {count} models left out" in told
+    named = set(re.findall(r"thing_\d+x", done.text))
+    assert named == set(left_out)
+    assert len(by_hand) == count - len(left_out) > 0
+    models.rename(tmp_path / "gone")  # the map has all that it needs
+    own = f"version: 1\nobjects:\n{''.join(by_hand)}"
+    first = radarsim.load_map(write(tmp_path / "own.yaml", own))
+    second = radarsim.load_map(tmp_path / "map.yaml")
+    laser = radarsim.load_sensor("laser", fov_deg=360, resolution_deg=0.5)
+    for z in (0.4, 0.9):
+        expected, got = (
+            laser.scan(scene, (0, 0, z), radarsim.generator_for(0, "test")).ranges
+            for scene in (first, second)
+        )
+        np.testing.assert_allclose(got, expected, atol=1e-3)
+
+
+def test_summary_gives_the_reasons_and_how_to_read_collada(
+    import_file: Import, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(tmp_path / "house.dae", DAE)
+    model = "<model name='m'><static>1</static><link name='l'>{}</link></model>"
+    shape = "<collision name='c'><geometry>{}</geometry></collision>"
+    dae = model.format(shape.format("<mesh><uri>house.dae</uri></mesh>"))
+    ball = model.format(shape.format("<sphere><radius>1</radius></sphere>"))
+    absent = "<include><uri>model://tree</uri></include>"
+    world = WORLD.format(40 * dae + 22 * absent + 2 * ball)
+    monkeypatch.setitem(sys.modules, "collada", None)
+    done = import_file(write(tmp_path / "w.sdf", world))
+    assert done.code == 1
+    reasons = (
+        "40 .dae without pycollada (pip install 'radarsim[collada]'), "
+        "22 not found (see --model-path)"
+    )
+    assert done.err.endswith(f"\nradarsim: 62 of 64 models left out: {reasons}\n")
+    assert len(radarsim.load_map(tmp_path / "map.yaml").parts) == 2
+    nothing = import_file(write(tmp_path / "w.sdf", WORLD.format(40 * dae)))
+    reason = reasons.partition(", ")[0]
+    text = "nothing in it becomes an object of a map: 40 of 40 models left out"
+    assert nothing.err == f"radarsim: {tmp_path / 'w.sdf'}: {text}: {reason}\n"
+    monkeypatch.undo()
+    whole = import_file(write(tmp_path / "w.sdf", world))
+    assert whole.code == 0
+    assert len([*(tmp_path / "map_meshes").iterdir()]) == 1  # a copy for all
+    assert "22 of 64 models left out: 22 not found" in whole.err
+
+
+def test_meshes_of_other_formats_are_copied(
+    import_file: Import, tmp_path: Path
+) -> None:
+    (tmp_path / "models" / "m").mkdir(parents=True)
+    solid = trimesh.creation.box((0.4, 0.6, 1))
+    for ending in ("stl", "obj", "ply", "glb"):
+        solid.export(tmp_path / "models" / "m" / f"box.{ending}")
+        uri = f"<uri>model://m/box.{ending}</uri><scale>1 1 2</scale>"
+        shape = f"<geometry><mesh>{uri}</mesh></geometry>"
+        collision = f"<collision name='c'>{shape}</collision>"
+        model = f"<model name='m'><static>1</static><link name='l'>{collision}</link>"
+        path = write(tmp_path / "w.sdf", WORLD.format(f"{model}</model>"))
+        assert import_file(path, "--model-path", str(tmp_path / "models")).code == 0
+        low, high = radarsim.load_map(tmp_path / "map.yaml").bounds
+        assert [*low, *high] == pytest.approx([-0.2, -0.3, -1, 0.2, 0.3, 1])
+
+
+def test_folder_of_meshes_that_exists_is_kept(tmp_path: Path) -> None:
+    write(tmp_path / "house.dae", DAE)
+    shape = "<geometry><mesh><uri>house.dae</uri></mesh></geometry>"
+    collision = f"<collision name='c'>{shape}</collision>"
+    model = f"<model name='m'><link name='l'>{collision}</link></model>"
+    path = write(tmp_path / "w.sdf", WORLD.format(model))
+    (tmp_path / "map_meshes").mkdir()
+    write(tmp_path / "map_meshes" / "house_1.glb", "mine")
+    done = run_in_process("import", str(path), "-o", str(tmp_path / "map.yaml"))
+    assert done.code == 2
+    assert "map_meshes" in done.err
+    assert (tmp_path / "map_meshes" / "house_1.glb").read_text() == "mine"
+    assert not (tmp_path / "map.yaml").exists()
 
 
 def test_file_that_exists_is_not_overwritten(tmp_path: Path) -> None:

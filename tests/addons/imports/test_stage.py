@@ -145,6 +145,42 @@ model ( blocks 1 )
     assert len(lines) == len(words)
 
 
+@pytest.mark.parametrize(
+    ("keys", "is_wall"),
+    [
+        ("ranger_return 1", True),
+        ("ranger_return 0", True),
+        ("laser_return 1", True),
+        ("ranger_return -1", False),
+        ("laser_return 0", False),
+    ],
+)
+def test_what_scanners_see_is_a_wall(
+    import_file: Import, tmp_path: Path, keys: str, is_wall: bool
+) -> None:
+    wall = f'model ( name "glass" size [1 2 1] obstacle_return 0 {keys} )\n'
+    done = import_file(write(tmp_path, BOX + wall))
+    assert "the model 'glass'" in done.text
+    assert done.code == 0
+    left_out = "0 of 2" if is_wall else "1 of 2"
+    assert f"{left_out} models left out" in done.err
+    scene = radarsim.load_map(tmp_path / "map.yaml")
+    seen = 1.5 if is_wall else 4.5
+    assert ranges(scene, (-2.0, 0.0, 0.0))[2] == pytest.approx(seen, abs=0.05)
+
+
+def test_world_of_unknown_models_is_mostly_missing(
+    import_file: Import, tmp_path: Path
+) -> None:
+    unknown = 'include "none.inc"\n' + 3 * "crate ( pose [5 5 0 0] )\n"
+    done = import_file(write(tmp_path, 2 * BOX + unknown))
+    assert done.code == 1
+    assert done.err.endswith("3 of 5 models left out: 3 of an unknown kind\n")
+    done = import_file(write(tmp_path, unknown))
+    reasons = "3 of 3 models left out: 3 of an unknown kind"
+    assert done.err.endswith(f"becomes an object of a map: {reasons}\n")
+
+
 def test_included_files_are_found_below_the_model_path(
     import_file: Import, tmp_path: Path
 ) -> None:

@@ -1,0 +1,148 @@
+"""COLLADA files: the triangles of their scenes, by the library pycollada.
+
+Source: the specification of COLLADA 1.4.1. As in Gazebo, ``unit`` counts and
+``up_axis`` does not: models of its worlds stand upright there without it.
+"""
+
+import io
+import warnings
+from typing import Any, Final
+from xml.etree import ElementTree
+
+import numpy as np
+
+from radarsim.errors import MissingPackage, import_optional
+from radarsim.geometry import Floats
+from radarsim.scene.mesh_files import MeshBudget, MeshError, expect_at_most
+from radarsim.scene.shapes import Mesh, concatenate
+
+MAX_ELEMENTS: Final = 2_000_000
+MAX_NODES: Final = 100_000
+MAX_TOLD: Final = 8  # problems of a file
+# Images, materials and scripts are not even seen by pycollada.
+_READ: Final = ("library_geometries", "library_nodes", "library_visual_scenes", "scene")
+
+
+class _TreeBuilder(ElementTree.TreeBuilder):
+    """Builds elements, not too many, and nothing that declares entities."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._count = 0
+
+    def start(self, tag: Any, attrs: Any, /) -> Any:
+        self._count += 1
+        expect_at_most(self._count, MAX_ELEMENTS, "elements")
+        return super().start(tag, attrs)
+
+    def doctype(self, *_: object) -> None:
+        # A few lines of entities could become gigabytes, or the content of other files.
+        raise MeshError("a document type, expected none")
+
+
+def read_collada(content: bytes) -> tuple[list[tuple[str, Mesh]], list[str]]:
+    """Read the scene of a file.
+
+    Args:
+        content: The file.
+
+    Returns:
+        The meshes, m, each with the name of the node that it is in, and what is wrong
+        with parts of the file that are left out.
+
+    Raises:
+        MeshError: If it is broken or too large, or has no triangles.
+        MissingPackage: If pycollada is not installed.
+    """
+    collada = import_optional("collada", "collada")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            # Numbers that are none end a list, of which numpy only warns.
+            warnings.filterwarnings("error", "string or file could not be read")
+            return _read(content, collada)
+    except (MeshError, MissingPackage):
+        raise
+    except MemoryError as error:
+        raise MeshError("too large") from error
+    except Exception as error:  # broken files make parsers raise anything
+        reason = (str(error).splitlines() or [type(error).__name__])[0][:120]
+        raise MeshError(f"cannot be read as COLLADA: {reason}") from error
+
+
+def _read(content: bytes, collada: Any) -> tuple[list[tuple[str, Mesh]], list[str]]:
+    parser = ElementTree.XMLParser(target=_TreeBuilder())
+    parser.feed(content)
+    root = parser.close()
+    namespace = root.tag.removesuffix("COLLADA")
+    unit = root.find(f"{namespace}asset/{namespace}unit")
+    metres = 1.0 if unit is None else float(unit.get("meter", "1"))
+    if not 0 < metres < np.inf:
+        raise MeshError(f"a unit of {metres} m, expected more than 0")
+    for child in list(root):
+        if child.tag.removeprefix(namespace) not in _READ:
+            root.remove(child)
+    for instance in root.iter(f"{namespace}instance_geometry"):
+        del instance[:]  # its materials, which would have to be there
+    # Written anew, so that pycollada sees what was checked: it takes zip files too, and
+    # other parsers, which take other encodings and entities, if they are installed.
+    reduced = io.BytesIO(ElementTree.tostring(root))
+    file = collada.Collada(reduced, ignore=[collada.DaeError])
+    if file.scene is None:
+        raise MeshError("no scene")
+    meshes = [
+        (name, (vertices * metres, faces))
+        for name, (vertices, faces) in _meshes(file.scene, collada)
+    ]
+    if not meshes:
+        raise MeshError("no triangles")
+    return meshes, [str(error)[:200] for error in file.errors[:MAX_TOLD]]
+
+
+def _meshes(scene: Any, collada: Any) -> list[tuple[str, Mesh]]:
+    """Return the mesh of each geometry that is in a scene, in the unit of the file."""
+    found: list[tuple[str, Mesh]] = []
+    budget, count = MeshBudget(), 0
+    left = [("", np.eye(4), node) for node in reversed(scene.nodes)]
+    while left:
+        name, outer, node = left.pop()
+        if isinstance(node, collada.scene.GeometryNode):
+            pieces = [_triangles(each, collada) for each in node.geometry.primitives]
+            vertices, faces = concatenate([_NOTHING, *pieces])
+            budget.take(len(faces), "triangles")
+            if len(faces):
+                placed = vertices @ outer[:3, :3].T + outer[:3, 3]
+                mirrored = np.linalg.det(outer[:3, :3]) < 0
+                found.append((name, (placed, faces[:, ::-1] if mirrored else faces)))
+        elif isinstance(node, collada.scene.Node):
+            # Nodes that are instances of nodes with two instances each, and so on:
+            # there may be more of them than any memory holds.
+            count += len(node.children)
+            expect_at_most(count, MAX_NODES, "nodes")
+            own = getattr(node, "node", node).xmlnode.get("name", name)
+            matrix = outer @ node.matrix
+            left += [(own, matrix, child) for child in reversed(node.children)]
+    return found
+
+
+_NOTHING: Final[Mesh] = np.zeros((0, 3)), np.zeros((0, 3), np.int32)
+
+
+def _triangles(primitive: Any, collada: Any) -> Mesh:
+    """Return the triangles of a part of a geometry; none of lines."""
+    if isinstance(primitive, collada.polylist.Polylist):
+        # As many indices are allocated as the polygons are said to have.
+        corners, said = len(primitive.index), int(primitive.vcounts.sum())
+        if corners != said:
+            raise MeshError(f"polygons of {said} corners, expected {corners}")
+        primitive = primitive.triangleset()
+    if not isinstance(primitive, collada.triangleset.TriangleSet) or not len(primitive):
+        return _NOTHING
+    # The vertices are those of all parts.
+    used, corner = np.unique(primitive.vertex_index, return_inverse=True)
+    if used[0] < 0:
+        raise MeshError(f"vertex {used[0]}, expected at least 0")
+    vertices: Floats = primitive.vertex[used].astype(np.float64)
+    if not np.isfinite(vertices).all():
+        raise MeshError("a vertex is not finite")
+    return vertices, corner.reshape(-1, 3).astype(np.int32)
