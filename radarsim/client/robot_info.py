@@ -194,8 +194,9 @@ def same_name(one: str, other: str) -> bool:
 def is_plausible(scan: RangeScan) -> bool:
     """Return whether a scan has a field of view and finite ranges of at least 0."""
     has_fov = scan.fov > 0 or (len(scan.ranges) == 1 and scan.fov == 0)
-    lengths = bool(np.all((scan.ranges >= 0) & (scan.ranges < np.inf)))
-    return has_fov and lengths and not _is_too_wide(scan.fov, scan.resolution)
+    ranges = scan.ranges
+    has_lengths = not len(ranges) or (ranges.min() >= 0 and ranges.max() < np.inf)
+    return bool(has_fov and has_lengths) and not _is_too_wide(scan.fov, scan.resolution)
 
 
 def beam_angles(scan: RangeScan) -> Floats:

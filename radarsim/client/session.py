@@ -6,9 +6,8 @@ A server may send anything: a line that is not a known report is counted and ski
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from radarsim.client.robot_info import is_plausible, same_name
 from radarsim.errors import MalformedMessage
@@ -51,6 +50,7 @@ from radarsim.protocol.watch import RobotChoice, Watch
 
 ROBOT = "Robot"  # the type for questions about the robot itself
 RANGE_SCANNER = "RangeScanner"
+_TIMED: Final = (SensorReport, Status)  # have a time stamp, if the server sends one
 MOST_WATCHED = 2000  # robots whose latest readings are kept; a server has 1024
 
 ItemConf: TypeAlias = ScannerConf | SonarConf | IntervalConf | EncoderConf | TouchConf
@@ -85,7 +85,7 @@ class Readings:
         """
         if isinstance(report, RangeScan) and not is_plausible(report):
             return None
-        if isinstance(report, SensorReport | Status):
+        if isinstance(report, _TIMED):
             if math.isnan(report.time):
                 report = replace(report, time=self.time)
             # So written that it also holds for the first time, as self.time is nan
@@ -124,13 +124,17 @@ class Session(Readings):
         A report without a time stamp gets the latest one of its robot. Never raises.
         """
         reports = []
+        pieces = [data]
         # Line by line, so that of a chunk with an overlong line only that line is lost.
-        for piece in data.splitlines(keepends=True):
+        if not self._lines.has_room_for(data):
+            pieces = data.splitlines(keepends=True)
+        for piece in pieces:
             for line in self._lines.feed(piece):
                 self.last = line
-                report = None
-                with suppress(MalformedMessage):
+                try:
                     report = decode_report(line)
+                except MalformedMessage:
+                    report = None
                 if report is not None:
                     report = self.add(report)
                 if report is None:

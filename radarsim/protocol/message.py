@@ -94,6 +94,10 @@ class LineBuffer:
         self._append(rest)
         return lines
 
+    def has_room_for(self, data: bytes) -> bool:
+        """Return whether bytes cannot make a line too long, wherever it ends."""
+        return len(self._pending) + len(data) <= self.limit
+
     def _append(self, piece: bytes) -> bool:
         """Append to the pending line; return whether it is within the limit."""
         # Without this a flood of blanks before a line would count against its limit.
@@ -115,6 +119,7 @@ LARGEST_COMMANDED = 1e9  # m, rad, rad/s; what follows from it can still be writ
 LARGEST = 2.0**31  # in reports; the original casts to 32 bit integers
 
 _NUMBER = re.compile(r"[+-]?([0-9]+([.,][0-9]*)?|[.,][0-9]+)([eE][+-]?[0-9]+)?")
+_PLAIN_NUMBERS = re.compile(r"-?[0-9]+(\.[0-9]+)?(,-?[0-9]+(\.[0-9]+)?)*")
 _LIST = re.compile(r"[-+0-9.eE, ]*")  # float() would also accept nan, inf and 1_0
 
 
@@ -151,6 +156,11 @@ def parse_numbers(
         MalformedMessage: If the text is not that many numbers, or one of them is
             larger than ``largest``.
     """
+    # As nearly all servers write them.
+    if count > 1 and _PLAIN_NUMBERS.fullmatch(text):
+        numbers = tuple(map(float, text.split(",")))
+        if len(numbers) == count and max(numbers) <= largest >= -min(numbers):
+            return numbers
     # UsarCommander writes "47,17 -55,70 -2,25" under a locale with decimal commas,
     # others "1, 2, 3" or "1 2 3": the count of words tells them apart.
     joined = " ".join(text.split()).replace(" ,", ",")
@@ -319,8 +329,11 @@ class Message:
         inner = _inner_keys(keys)
         segments: list[tuple[str, str]] = []
         for key, value in self.segments:
-            first, *rest = [part.strip() for part in inner.split(value)]
-            segments += [(key, first), *zip(rest[::2], rest[1::2], strict=True)]
+            first, *rest = inner.split(value)
+            segments.append((key, first.strip()))
+            if rest:
+                rest = [part.strip() for part in rest]
+                segments += zip(rest[::2], rest[1::2], strict=True)
         return Message(self.verb, tuple(segments))
 
     def _parse(self, key: str, text: str, parse: Callable[[str], Value]) -> Value:

@@ -68,12 +68,12 @@ class NearVolumes(NamedTuple):
 
     Attributes:
         place: (3,) m; infinite before the first.
-        count: (1,) the number of volumes.
-        rows: (V,) their rows in ``MaterialTable.volume``, of which ``count`` are used.
+        length: (1,) the number of volumes.
+        rows: (V,) their rows in ``MaterialTable.volume``, of which ``length`` are used.
     """
 
     place: Floats
-    count: NDArray[np.int64]
+    length: NDArray[np.int64]
     rows: NDArray[np.int64]
 
 
@@ -278,11 +278,11 @@ def _list_near_volumes(
     materials: MaterialTable, origin: Floats, margin: float, near: NearVolumes
 ) -> None:
     """List the volumes in whose bounds points near a place can be."""
-    near.count[0] = 0
+    near.length[0] = 0
     for k in range(materials.volume.size):
         if _is_in_bounds(materials, k, origin, margin + NEAR_REACH + NEAR_SLACK):
-            near.rows[near.count[0]] = k
-            near.count[0] += 1
+            near.rows[near.length[0]] = k
+            near.length[0] += 1
     for axis in range(3):
         near.place[axis] = origin[axis]
 
@@ -305,7 +305,7 @@ def _is_near_volume(
         distance = max(distance, abs(origin[axis] - near.place[axis]))
     if distance > NEAR_REACH:
         _list_near_volumes(materials, origin, margin, near)
-    for i in range(near.count[0]):
+    for i in range(near.length[0]):
         k = near.rows[i]
         if roles[materials.volume[k]] and _is_in_bounds(materials, k, origin, margin):
             return True
