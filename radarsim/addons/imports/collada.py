@@ -84,6 +84,8 @@ def _read(content: bytes, collada: Any) -> tuple[list[tuple[str, Mesh]], list[st
             root.remove(child)
     for instance in root.iter(f"{namespace}instance_geometry"):
         del instance[:]  # its materials, which would have to be there
+    for mesh in root.iter(f"{namespace}mesh"):
+        _reduce_to_positions(mesh, namespace)
     # Written anew, so that pycollada sees what was checked: it takes zip files too, and
     # other parsers, which take other encodings and entities, if they are installed.
     reduced = io.BytesIO(ElementTree.tostring(root))
@@ -97,6 +99,25 @@ def _read(content: bytes, collada: Any) -> tuple[list[tuple[str, Mesh]], list[st
     if not meshes:
         raise MeshError("no triangles")
     return meshes, [str(error)[:200] for error in file.errors[:MAX_TOLD]]
+
+
+def _reduce_to_positions(mesh: ElementTree.Element, namespace: str) -> None:
+    """Leave normals, colours and textures out, which are long and often wrong."""
+    source = ""
+    for vertices in mesh.findall(f"{namespace}vertices"):
+        for each in list(vertices):
+            if each.get("semantic") == "POSITION":
+                source = each.get("source", "")
+            else:
+                vertices.remove(each)
+    for each in mesh.findall(f"{namespace}source"):
+        if f"#{each.get('id')}" != source:
+            mesh.remove(each)
+    for each in mesh.findall(f"*/{namespace}input"):
+        if each.get("semantic") not in ("VERTEX", "POSITION"):
+            # It keeps its place among the indices; colours are not looked at.
+            each.set("semantic", "COLOR")
+            each.set("source", source)
 
 
 def _meshes(scene: Any, collada: Any) -> list[tuple[str, Mesh]]:

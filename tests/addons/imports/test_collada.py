@@ -97,6 +97,15 @@ def test_nodes_of_a_library_have_the_names_of_their_places() -> None:
     assert middles == {"left": [-2, 0, 0], "right": [2, 0, 0]}
 
 
+@pytest.mark.parametrize(
+    "wrong", [('source="#g-n"', 'source="#none"'), (">0 0 1<", "><"), ("NORMAL", "UV")]
+)
+def test_normals_do_not_matter(wrong: tuple[str, str]) -> None:
+    text = box_file((2, 3, 4), "polylist")
+    assert wrong[0] in text
+    np.testing.assert_array_equal(bounds(text.replace(*wrong)), bounds(text))
+
+
 def test_parts_that_cannot_be_read_are_told_and_others_are_read() -> None:
     broken = box_geometry("h", (1, 1, 1)).replace("<param", "<other")
     text = box_file((2, 3, 4)).replace("</library_geo", f"{broken}</library_geo")
