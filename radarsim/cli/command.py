@@ -17,6 +17,7 @@ A function returns its exit code, or None for 0. A parameter that is marked with
 from __future__ import annotations
 
 import inspect
+import os
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, is_dataclass
 from enum import Enum
@@ -31,7 +32,8 @@ from click.shell_completion import CompletionItem
 from radarsim import plugins
 from radarsim.cli.completion import complete_words
 from radarsim.cli.config_file import read_config
-from radarsim.errors import expected_one_of
+from radarsim.cli.output import print_message
+from radarsim.errors import did_you_mean, expected_one_of
 from radarsim.plans import (
     REQUIRED,
     Form,
@@ -193,6 +195,7 @@ class PlanCommand(click.Command):
         rest = super().parse_args(ctx, args)
         if ctx.resilient_parsing:  # a shell asks what is possible
             return rest
+        self._warn_of_unknown_variables(ctx)
         if self.missing(ctx):
             raise click.MissingParameter(ctx=ctx)
         given = self._given(ctx)
@@ -259,6 +262,19 @@ class PlanCommand(click.Command):
         for title in sorted(groups, key=lambda each: each != "Arguments"):
             with formatter.section(title):
                 formatter.write_dl(groups[title], col_max=NAMES_WIDTH)
+
+    def _warn_of_unknown_variables(self, ctx: click.Context) -> None:
+        """Name the variables of the environment that are for no option of it."""
+        prefix = f"{ctx.auto_envvar_prefix}_"
+        known = [
+            f"{prefix}{str(param.name).upper()}"
+            for param in self.params
+            if isinstance(param, click.Option)
+        ]
+        for name in sorted(os.environ):
+            if name.startswith(prefix) and name not in known:
+                meant = did_you_mean(name, known)
+                print_message(f"warning: {name} is ignored, it is no option's{meant}")
 
     def _given(self, ctx: click.Context) -> set[str]:
         """Return what is given, in the command, the environment or a file."""

@@ -5,10 +5,14 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
+import click
 import pytest
 from processes import on_terminal
+
+from radarsim.cli.app import app
 
 from .conftest import RunCommand
 
@@ -237,6 +241,37 @@ def test_options_come_from_the_environment(
     monkeypatch.setenv(name, value)
     run = radarsim(*words)
     assert told in run.text + run.err
+
+
+def test_every_option_has_a_variable_of_its_name() -> None:
+    def options(command: click.Command, *path: str) -> Iterator[tuple[str, str]]:
+        context = click.Context(command)
+        if isinstance(command, click.Group):
+            for name in command.list_commands(context):
+                found = command.get_command(context, name)
+                assert found is not None
+                yield from options(found, *path, name)
+        for param in command.params if path else ():
+            if isinstance(param, click.Option):
+                yield max(param.opts, key=len), str(param.name)
+
+    named = dict(options(app))
+    assert named["--set"] == "set"
+    assert named == {name: name[2:].replace("-", "_") for name in named}
+
+
+def test_a_variable_that_is_no_options_is_named(
+    radarsim: RunCommand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RADARSIM_SCAN_COUNTS", "0")
+    monkeypatch.setenv("RADARSIM_SERVE_PROT", "0")  # of another command
+    monkeypatch.setenv("RADARSIM_SCAN_SEED", "3")
+    run = radarsim(*SCAN, *HERE)
+    assert run.code == 0
+    assert run.err == (
+        "radarsim: warning: RADARSIM_SCAN_COUNTS is ignored, it is no option's;"
+        " did you mean 'RADARSIM_SCAN_COUNT'?\n"
+    )
 
 
 def complete(*words: str) -> list[str]:
