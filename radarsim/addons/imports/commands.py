@@ -113,7 +113,7 @@ def import_(
             print_lines(notes)
         if not (notes and strict):
             write_file(output, text.encode(), "-o")
-            print_message(f"wrote {output}: {len(model.items)} items")
+            print_message(f"wrote {output}")
         return int(bool(notes and strict))
     folder = output.with_name(f"{output.stem}_meshes")
     imported = _import(kind, file, options, folder)
@@ -125,7 +125,8 @@ def import_(
         _write_map(imported, output, folder)
         for warning in imported.warnings():
             print_message(warning)
-        print_message(f"wrote {output}: {imported.count} objects")
+        plural = "s" * (imported.count != 1)
+        print_message(f"wrote {output}: {imported.count} object{plural}")
     if imported.models:
         print_message(imported.summary())
     return int(is_refused or imported.is_mostly_left_out)

@@ -300,6 +300,9 @@ def test_summary_gives_the_reasons_and_how_to_read_collada(
     text = "nothing in it becomes an object of a map: 40 of 40 models left out"
     assert nothing.err == f"radarsim: {tmp_path / 'w.sdf'}: {text}: {reason}\n"
     monkeypatch.undo()
+    strict = import_file(write(tmp_path / "w.sdf", world), "--strict")
+    assert (strict.code, (tmp_path / "map.yaml").exists()) == (1, False)
+    assert "22 of 64 models left out" in strict.err
     whole = import_file(write(tmp_path / "w.sdf", world))
     assert whole.code == 0
     assert len([*(tmp_path / "map_meshes").iterdir()]) == 1  # a copy for all
