@@ -2,12 +2,13 @@
 
 import asyncio
 from collections.abc import Iterable
+from contextlib import closing, suppress
 from typing import Any, Self, TypeVar
 
 from radarsim.client import session as questions
 from radarsim.client.requests import Exchange, Requests
 from radarsim.client.robot_info import RobotInfo
-from radarsim.client.session import Session, check_timeout
+from radarsim.client.session import SETTING, Session, check_timeout
 from radarsim.client.transport import (
     CHUNK,
     SHORTEST_WAIT,
@@ -28,7 +29,8 @@ AnyReport = TypeVar("AnyReport", bound=Report)
 class AsyncClient:
     """The methods of ``Client`` as coroutines.
 
-    While one task waits for reports, others may drive, stop and close.
+    While one task waits for reports, others may call as well; each gets what it waits
+    for.
     """
 
     def __init__(
@@ -53,6 +55,7 @@ class AsyncClient:
         self._writer = writer
         loop = asyncio.get_running_loop()
         self._requests = Requests(loop.time, timeout=timeout, notify=log_wait)
+        self._reading: asyncio.Event | None = None  # set when a read has ended
 
     @classmethod
     async def connect(
@@ -135,19 +138,21 @@ class AsyncClient:
         echoes: bool | str | Iterable[str] = False,
     ) -> None:
         """See ``Client.watch``."""
-        await self.send(questions.watch(robots, echoes))
+        await self._run(self._requests.watch(questions.watch(robots, echoes)))
 
     async def change_settings(
         self, scanner: str | None = None, /, **settings: Any
     ) -> None:
         """See ``Client.change_settings``."""
-        await self.send(questions.change_settings(scanner, settings))
+        data = questions.change_settings(scanner, settings)
+        await self._run(self._requests.set_items(SETTING, data))
 
     async def set_item(
         self, kind: str, name: str | None, opcode: str, params: str = ""
     ) -> None:
         """See ``Client.set_item``."""
-        await self.send(questions.set_item(kind, name, opcode, params))
+        data = questions.set_item(kind, name, opcode, params)
+        await self._run(self._requests.set_items(opcode, data))
 
     async def send(self, data: bytes) -> None:
         """See ``Client.send``."""
@@ -194,23 +199,24 @@ class AsyncClient:
 
     async def _run(self, exchange: Exchange[Value]) -> Value:
         """Run an exchange over the streams and return its result."""
-        try:
-            step = next(exchange)
-            while True:
-                try:
-                    data = b""
-                    if isinstance(step, bytes):
-                        await self._send(step)
+        with closing(exchange):
+            try:
+                step = next(exchange)
+                while True:
+                    try:
+                        if isinstance(step, bytes):
+                            await self._send(step)
+                        else:
+                            await self._receive(step)
+                    except (TimeoutError, ConnectionError) as error:
+                        # Only the exchange knows what was expected, so it words the
+                        # error.
+                        step = exchange.throw(error)
                     else:
-                        data = await self._receive(step)
-                except (TimeoutError, ConnectionError) as error:
-                    # Only the exchange knows what was expected, so it words the error.
-                    step = exchange.throw(error)
-                else:
-                    step = exchange.send(data)
-        except StopIteration as end:
-            value: Value = end.value
-            return value
+                        step = next(exchange)
+            except StopIteration as end:
+                value: Value = end.value
+                return value
 
     async def _send(self, data: bytes) -> None:
         # A stream that closes drops what is written, without an error.
@@ -225,14 +231,26 @@ class AsyncClient:
         except OSError as error:
             raise lost(error) from None
 
-    async def _receive(self, seconds: float) -> bytes:
+    async def _receive(self, seconds: float) -> None:
+        """Read, or wait until the task that reads has done so."""
+        if self._reading is not None:
+            with suppress(TimeoutError):
+                async with asyncio.timeout(seconds):
+                    await self._reading.wait()
+            return
+        self._reading = asyncio.Event()
         try:
+            # Tasks that are about to wait for the same report shall get it as well.
+            await asyncio.sleep(0)
             async with asyncio.timeout(max(seconds, SHORTEST_WAIT)):
                 data = await self._reader.read(CHUNK)
         except TimeoutError:
             raise
         except OSError as error:
             raise lost(error) from None
+        finally:
+            self._reading.set()
+            self._reading = None
         if not data:
             raise ConnectionError("the server closed the connection")
-        return data
+        self._requests.receive(data)

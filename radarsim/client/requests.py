@@ -3,14 +3,20 @@
 Theory of operation
 ===================
 Every method is a generator, an exchange with the server. It yields bytes to send, or
-the longest time to wait for bytes, s. Its runner sends back the received bytes (none
-after a send), or throws the ``TimeoutError`` or ``ConnectionError`` that its transport
+the longest time to wait for bytes, s. Its runner passes received bytes to ``receive``
+and resumes it, or throws the ``TimeoutError`` or ``ConnectionError`` that its transport
 raised into it. The exchange turns that into a ``ClientError`` that names what was
 expected. So the blocking and the asynchronous client are a few lines each and behave
 alike.
+
+Several exchanges may wait at once. Of their runners one reads, and ``receive`` gives
+each report to those that wait for it, or keeps it for later calls. The answer to a
+question goes only to the exchange that asked first: servers answer in order. Readings
+that come before an answer are not kept, unless another exchange waits as well: what
+is asked for after them shall not be older than the answer.
 """
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Hashable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Final, TypeAlias, TypeVar
@@ -20,6 +26,7 @@ from radarsim.client.robot_info import RobotInfo, ScannerDescriptions
 from radarsim.client.session import (
     RANGE_SCANNER,
     ROBOT,
+    SETTING,
     Question,
     Session,
     check_timeout,
@@ -30,16 +37,21 @@ from radarsim.protocol.dialect import DriveUnit
 from radarsim.protocol.reports import (
     CommandError,
     Greeting,
+    RangeScan,
     Report,
     RobotConf,
     RobotGeo,
+    SensorReport,
     StartPoses,
+    Status,
     WatchedLine,
+    Watching,
 )
 
 SILENCE_LIMIT: Final = 2.0  # s; many servers do not answer what is optional
 SPAWN_PATIENCE: Final = 2.0  # s until the client asks whether INIT is done
 COMPILING_LIMIT: Final = 300.0  # s for which a server may compile
+MOST_PASSED: Final = 1000  # reports that are kept while something else is waited for
 COMPILING: Final = (
     "waiting up to {:g} s for a {}: the server does not execute INIT yet; at its first"
     " start on a machine it compiles first, which its log tells"
@@ -53,7 +65,7 @@ LATE: Final = "a server that still compiles spawns no robots yet; its log tells"
 Value = TypeVar("Value")
 AnyReport = TypeVar("AnyReport", bound=Report)
 Step: TypeAlias = bytes | float
-Exchange: TypeAlias = Generator[Step, bytes, Value]
+Exchange: TypeAlias = Generator[Step, None, Value]
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +83,23 @@ class Wait:
     timeout: float
     until: float
     hint: str = ""
+
+
+@dataclass(slots=True, eq=False)
+class Waiter:
+    """An exchange that waits.
+
+    Attributes:
+        wanted: Returns whether it waits for a report.
+        asked: Whether it has sent a question.
+        ends: Returns whether a report is the last one that it waits for.
+        report: That report; None before it has come.
+    """
+
+    wanted: Callable[[Report], bool]
+    asked: bool = False
+    ends: Callable[[Report], bool] = lambda _: True
+    report: Report | None = None
 
 
 class Requests:
@@ -111,12 +140,40 @@ class Requests:
         self._diagnostics = [] if diagnostics is None else diagnostics
         self._leaves_unanswered = False  # a question about start poses
         self._starts: dict[str, Pose3] | None = None
+        self._waiters: list[Waiter] = []  # in the order in which they asked
+        # Reports that no call has returned: those that a call has passed over while it
+        # looked for another one, and those that came after them.
+        self._passed: list[Report] = []
         self._pending: list[Report] = []
+
+    def receive(self, data: bytes) -> None:
+        """Give the reports in received bytes to those who wait for them.
+
+        The others are kept. A greeting is in the session.
+        """
+        for report in self.session.receive(data):
+            waiting = [each for each in self._waiters if each.report is None]
+            takers = [each for each in waiting if each.wanted(report)]
+            # What answers a question is for nobody else.
+            if asking := [each for each in takers if each.asked]:
+                takers = asking[:1]
+            for waiter in takers:
+                if waiter.ends(report):
+                    waiter.report = report
+            if takers or isinstance(report, Greeting):
+                continue
+            if not waiting:
+                self._pending.append(report)
+            elif not (reading_of(report) and all(w.asked for w in self._waiters)):
+                self._passed.append(report)
+        if len(self._passed) > MOST_PASSED:
+            self._passed = without_outdated(self._passed, [])[-MOST_PASSED:]
 
     def greeting(self) -> Exchange[Greeting]:
         """Return the greeting; wait for it if it has not come yet."""
         if self.session.greeting is None:
-            yield from self._ask(questions.greeting(), Greeting)
+            question = questions.greeting()
+            yield from self._skip(question.accepts, self._wait(question.what, None))
         assert self.session.greeting is not None
         return self.session.greeting
 
@@ -150,6 +207,7 @@ class Requests:
         # it.
         self.has_robot = True
         # A report from before would pass for the first one of this robot.
+        self._passed.clear()
         self._pending.clear()
         self.session.scans.clear()  # another robot's
         self._diagnostics.clear()
@@ -226,11 +284,10 @@ class Requests:
         return (yield from self._skip(question.accepts, replace(wait, hint=REFUSED)))
 
     def ask(self, question: Question, timeout: float | None = None) -> Exchange[Report]:
-        """Send a question and return its answer; earlier reports are skipped."""
+        """Send a question and return its answer."""
         wait = self._wait(question.what, timeout)
-        if question.data:
-            yield from self.send(question.data)
-        return (yield from self._skip(question.accepts, wait))
+        waiter = Waiter(question.accepts, asked=True)
+        return (yield from self._await(waiter, wait, question.data))
 
     def describe(self, question: Question) -> Exchange[Report]:
         """Ask about the client's robot or another one; return what is told of it."""
@@ -255,10 +312,13 @@ class Requests:
         def have_scanned() -> bool:
             return names <= {name.casefold() for name in self.session.scans}
 
+        def is_last_scan(report: Report) -> bool:
+            return isinstance(report, RangeScan) and have_scanned()
+
         if not have_scanned():  # the beams of a scan can be counted
             with suppress(ClientTimeout):
                 wait = self._wait("scans", SILENCE_LIMIT)
-                yield from self._skip(lambda _: have_scanned(), wait)
+                yield from self._await(Waiter(is_last_scan, asked=True), wait)
         scanners = descriptions.scanners(self.session.scans)
         return RobotInfo.from_reports(geo, conf, scanners, drive_unit)
 
@@ -271,15 +331,55 @@ class Requests:
             text = f"{error}, expected to send {line[:80]!r}"
             raise ClientError(f"{text}, {self._describe_last_line()}") from None
 
+    def watch(self, data: bytes) -> Exchange[None]:
+        """Send ``WATCH`` and wait for its answer, which can still be read."""
+
+        def accepts(report: Report) -> bool:
+            return isinstance(report, Watching | CommandError)
+
+        answer = yield from self.ask(Question(data, "answer to WATCH", accepts))
+        if isinstance(answer, CommandError):
+            raise ClientError(answer.text)
+        self._pending.insert(0, answer)
+
+    def set_items(self, opcode: str, data: bytes) -> Exchange[None]:
+        """Send an opcode; raise what the server has against settings."""
+        if opcode.upper() != SETTING:
+            yield from self.send(data)
+            return
+        refusals: list[str] = []
+
+        def accepts(report: Report) -> bool:
+            return isinstance(report, CommandError | StartPoses)
+
+        def ends(report: Report) -> bool:
+            if isinstance(report, CommandError):
+                refusals.append(report.text)
+                return False
+            return True
+
+        # Only errors are told. But commands are executed in their order: the answer to
+        # a question after them tells that the settings hold.
+        waiter = Waiter(accepts, asked=True, ends=ends)
+        wait = self._wait("answer after SET SETTING", None)
+        yield from self._await(waiter, wait, data + questions.start_poses().data)
+        if refusals:
+            raise ClientError("; ".join(refusals))
+
     def read(self, timeout: float | None) -> Exchange[list[Report]]:
-        """Return the next reports, at least one."""
+        """Return the reports that were kept, or else the next ones."""
         wait = self._wait("report", timeout)
-        return (yield from self._more(wait))
+        first = []
+        if not self._passed and not self._pending:
+            first = [(yield from self._await(Waiter(lambda _: True), wait))]
+        reports = [*first, *self._passed, *self._pending]
+        self._passed, self._pending = [], []
+        return reports
 
     def wait_for(
         self, kind: type[AnyReport], name: str | None, timeout: float | None
     ) -> Exchange[AnyReport]:
-        """Skip reports up to the first of a kind and, if given, of a name."""
+        """Return the first report of a kind and, if given, of a name."""
 
         def accepts(report: Report) -> bool:
             if not isinstance(report, kind):
@@ -287,7 +387,9 @@ class Requests:
             return name is None or getattr(report, "name", None) == name
 
         answer = kind.__name__ if name is None else f"{kind.__name__} of {name!r}"
-        return (yield from self._ask(Question(b"", answer, accepts), kind, timeout))
+        report = yield from self._skip(accepts, self._wait(answer, timeout))
+        assert isinstance(report, kind)
+        return report
 
     def _ask(
         self, question: Question, kind: type[AnyReport], timeout: float | None = None
@@ -304,53 +406,71 @@ class Requests:
         configuration = questions.configuration(RANGE_SCANNER, name)
         missing = [geometry, configuration]
 
+        def accepts(report: Report) -> bool:
+            return any(question.accepts(report) for question in missing)
+
         def complete(report: Report) -> bool:
-            for question in missing:
-                if question.accepts(report):
-                    descriptions.add(report)
-                    missing.remove(question)
-                    break
+            descriptions.add(report)
+            missing.remove(next(each for each in missing if each.accepts(report)))
             return not missing
 
         # Both at once: a server that answers neither costs one wait instead of two.
-        yield from self.send(geometry.data + configuration.data)
+        waiter = Waiter(accepts, asked=True, ends=complete)
         with suppress(ClientTimeout):
-            yield from self._skip(complete, self._wait("scanners", SILENCE_LIMIT))
+            wait = self._wait("scanners", SILENCE_LIMIT)
+            yield from self._await(waiter, wait, geometry.data + configuration.data)
 
     def _skip(self, wanted: Callable[[Report], bool], wait: Wait) -> Exchange[Report]:
-        """Skip reports up to the first that is wanted; keep those after it."""
-        while True:
-            reports = yield from self._more(wait)
-            for i, report in enumerate(reports):
-                if wanted(report):
-                    self._pending = reports[i + 1 :]
-                    return report
-            self._check(wait)
+        """Return the first report that is wanted; keep the others."""
+        passed = list(filter(wanted, self._passed))
+        fresh = list(filter(wanted, self._pending))
+        if current := without_outdated(passed, fresh):
+            report = current[0]
+            self._passed = [each for each in self._passed if each is not report]
+        elif fresh:
+            report = fresh[0]
+            i = next(i for i, each in enumerate(self._pending) if each is report)
+            self._passed += self._pending[:i]
+            del self._pending[: i + 1]
+        else:
+            report = yield from self._await(Waiter(wanted), wait)
+        # What was passed over is not returned after what is newer.
+        self._passed = [each for each in self._passed if not is_older(each, report)]
+        return report
 
-    def _more(self, wait: Wait) -> Exchange[list[Report]]:
-        """Return the reports that were kept, or else the next ones."""
-        reports, self._pending = self._pending, []
-        while not reports:
-            try:
-                data = yield wait.until - self._clock()
-            except TimeoutError:
-                raise self._timeout(wait) from None
-            except ConnectionError as error:
-                text = f"{error}, expected {wait.expected}"
-                raise ClientError(f"{text}, {self._describe_last_line()}") from None
-            reports = self.session.receive(data)
-            if not reports:
-                self._check(wait)
-        return reports
+    def _await(self, waiter: Waiter, wait: Wait, data: bytes = b"") -> Exchange[Report]:
+        """Send data, if any, and return the report that ends the wait."""
+        self._passed += self._pending
+        self._pending = []
+        if waiter.asked and not self._waiters:
+            self._passed = [each for each in self._passed if not reading_of(each)]
+        self._waiters.append(waiter)
+        try:
+            if data:
+                yield from self.send(data)
+            is_late = False
+            while waiter.report is None:
+                if is_late:  # while other lines keep coming
+                    raise self._timeout(wait)
+                yield wait.until - self._clock()
+                is_late = self._clock() >= wait.until
+        except TimeoutError:
+            raise self._timeout(wait) from None
+        except ConnectionError as error:
+            text = f"{error}, expected {wait.expected}"
+            raise ClientError(f"{text}, {self._describe_last_line()}") from None
+        except GeneratorExit:
+            # It was cancelled when the report had come, but nobody has got it.
+            if waiter.report is not None and not waiter.asked:
+                self._passed.append(waiter.report)
+            raise
+        finally:
+            self._waiters.remove(waiter)
+        return waiter.report
 
     def _wait(self, expected: str, timeout: float | None) -> Wait:
         seconds = self.timeout if timeout is None else timeout
         return Wait(expected, seconds, self._clock() + seconds)
-
-    def _check(self, wait: Wait) -> None:
-        """Raise if the time is up, although other lines keep coming."""
-        if self._clock() >= wait.until:
-            raise self._timeout(wait)
 
     def _timeout(self, wait: Wait) -> ClientTimeout:
         text = f"no {wait.expected} within {wait.timeout:g} s"
@@ -363,3 +483,36 @@ class Requests:
             return "no whole line came"
         unread = f"; {session.unread} lines were of no known kind"
         return f"the last line was {session.last[:80]!r}{unread * bool(session.unread)}"
+
+
+def reading_of(report: Report) -> tuple[Hashable, float] | None:
+    """Return the sensor and the time of a reading; None for other reports."""
+    reading = report.report if isinstance(report, WatchedLine) else report
+    if not isinstance(reading, SensorReport | Status):
+        return None
+    # The echoes and targets of a scanner have its name.
+    item = getattr(reading, "name", type(reading))
+    return (getattr(report, "robot", None), item), reading.time
+
+
+def is_older(report: Report, other: Report) -> bool:
+    """Return whether both are readings of one sensor, and the other is newer."""
+    one, two = reading_of(report), reading_of(other)
+    if one is None or two is None:
+        return False
+    return one[0] == two[0] and one[1] < two[1]
+
+
+def without_outdated(
+    reports: Sequence[Report], later: Sequence[Report]
+) -> list[Report]:
+    """Leave out readings of which there is a newer one of the same sensor."""
+    newest: dict[Hashable, float] = {}
+    for sensor, time in filter(None, map(reading_of, (*reports, *later))):
+        newest[sensor] = max(time, newest.get(sensor, time))
+    readings = map(reading_of, reports)
+    return [
+        report
+        for report, reading in zip(reports, readings, strict=True)
+        if reading is None or not reading[1] < newest[reading[0]]
+    ]

@@ -50,6 +50,7 @@ from radarsim.protocol.watch import RobotChoice, Watch
 
 ROBOT = "Robot"  # the type for questions about the robot itself
 RANGE_SCANNER = "RangeScanner"
+SETTING = "SETTING"  # the opcode that changes settings
 _TIMED: Final = (SensorReport, Status)  # have a time stamp, if the server sends one
 MOST_WATCHED = 2000  # robots whose latest readings are kept; a server has 1024
 
@@ -342,7 +343,7 @@ def change_settings(scanner: str | None, settings: Mapping[str, Any]) -> bytes:
     if not settings:
         raise ValueError("no settings, expected at least one")
     params = " ".join(f"{key}={_setting(value)}" for key, value in settings.items())
-    return set_item(RANGE_SCANNER, scanner, "SETTING", params)
+    return set_item(RANGE_SCANNER, scanner, SETTING, params)
 
 
 def _setting(value: object) -> str:

@@ -1,12 +1,14 @@
 """A client that blocks the calling thread."""
 
+import threading
 from collections.abc import Iterable
+from contextlib import closing
 from typing import Any, Self, TypeVar
 
 from radarsim.client import session as questions
 from radarsim.client.requests import Exchange, Requests
 from radarsim.client.robot_info import RobotInfo
-from radarsim.client.session import Session
+from radarsim.client.session import SETTING, Session
 from radarsim.client.transport import (
     DiagnosingTransport,
     SocketTransport,
@@ -27,7 +29,8 @@ class Client:
 
     Every call that waits raises ``ClientTimeout`` when its time is up and
     ``ClientError`` when the connection is lost. Both name what was expected and the
-    last line that was received.
+    last line that was received. While one thread waits for reports, others may call as
+    well; each gets what it waits for.
 
     Attributes:
         transport: Connection to the server; its clock is the only one that is used.
@@ -58,6 +61,8 @@ class Client:
             notify=log_wait,
             diagnostics=diagnostics,
         )
+        self._condition = threading.Condition()
+        self._is_receiving = False
 
     @classmethod
     def connect(
@@ -196,29 +201,37 @@ class Client:
                 robots whose scanners shall.
 
         Raises:
+            ClientError: If the server refuses it or, like others than radarsim, does
+                not answer.
             ValueError: If a name is empty, or has a comma.
         """
-        self.send(questions.watch(robots, echoes))
+        self._run(self._requests.watch(questions.watch(robots, echoes)))
 
     def change_settings(self, scanner: str | None = None, /, **settings: Any) -> None:
         """Change settings of a scanner of the client's robot, from its next scan on.
 
-        Only radarsim can; it answers with a ``CommandError`` what it cannot do.
+        Only radarsim can. Scans from before, which have not been read, are dropped.
 
         Args:
             scanner: Name of the scanner; None for all.
             **settings: Values by the names of settings, such as ``side_offset_uu``.
 
         Raises:
+            ClientError: If there is no such scanner or setting, or a value is refused.
             ValueError: If there are none, or a text cannot be written on a line.
         """
-        self.send(questions.change_settings(scanner, settings))
+        data = questions.change_settings(scanner, settings)
+        self._run(self._requests.set_items(SETTING, data))
 
     def set_item(
         self, kind: str, name: str | None, opcode: str, params: str = ""
     ) -> None:
-        """Send an opcode to the items of a type, such as ``RESET`` to ``Odometry``."""
-        self.send(questions.set_item(kind, name, opcode, params))
+        """Send an opcode to the items of a type, such as ``RESET`` to ``Odometry``.
+
+        ``SETTING`` is waited for, as in ``change_settings``.
+        """
+        data = questions.set_item(kind, name, opcode, params)
+        self._run(self._requests.set_items(opcode, data))
 
     def send(self, data: bytes) -> None:
         """Send whole lines as they are, and wait for no answer.
@@ -244,7 +257,10 @@ class Client:
         return True
 
     def read(self, timeout: float | None = None) -> list[Report]:
-        """Return the next reports, at least one, in order."""
+        """Return the next reports, at least one, in order.
+
+        Those come first that another call has passed over.
+        """
         return self._run(self._requests.read(timeout))
 
     def wait_for(
@@ -254,7 +270,10 @@ class Client:
         name: str | None = None,
         timeout: float | None = None,
     ) -> AnyReport:
-        """Skip reports up to the first of a kind; later ones can still be read.
+        """Return the first report of a kind that no call has returned.
+
+        All others can still be read or waited for. Of the readings of one sensor that
+        are passed over, only the newest is kept.
 
         Args:
             kind: Class of the report, such as ``RangeScan``.
@@ -272,20 +291,36 @@ class Client:
 
     def _run(self, exchange: Exchange[Value]) -> Value:
         """Run an exchange over the transport and return its result."""
-        try:
-            step = next(exchange)
-            while True:
-                try:
-                    data = b""
-                    if isinstance(step, bytes):
-                        self.transport.send(step)
+        with self._condition, closing(exchange):
+            try:
+                step = next(exchange)
+                while True:
+                    try:
+                        if isinstance(step, bytes):
+                            self.transport.send(step)
+                        else:
+                            self._receive(step)
+                    except (TimeoutError, ConnectionError) as error:
+                        # Only the exchange knows what was expected, so it words the
+                        # error.
+                        step = exchange.throw(error)
                     else:
-                        data = self.transport.receive(step)
-                except (TimeoutError, ConnectionError) as error:
-                    # Only the exchange knows what was expected, so it words the error.
-                    step = exchange.throw(error)
-                else:
-                    step = exchange.send(data)
-        except StopIteration as end:
-            value: Value = end.value
-            return value
+                        step = next(exchange)
+            except StopIteration as end:
+                value: Value = end.value
+                return value
+
+    def _receive(self, timeout: float) -> None:
+        """Receive, or wait for the thread that does; others may call meanwhile."""
+        if self._is_receiving:
+            self._condition.wait(timeout)
+            return
+        self._is_receiving = True
+        self._condition.release()
+        try:
+            data = self.transport.receive(timeout)
+        finally:
+            self._condition.acquire()
+            self._is_receiving = False
+            self._condition.notify_all()
+        self._requests.receive(data)

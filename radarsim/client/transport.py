@@ -6,6 +6,7 @@ client and server take turns in one process. Timeouts of clients use only this c
 
 import errno
 import logging
+import selectors
 import socket
 import time
 from contextlib import suppress
@@ -118,13 +119,15 @@ class SocketTransport:
             raise no_server(host, port, error) from None
         with suppress(OSError):  # commands are short, and urgent
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        # Not the socket's timeout, which another thread needs for sending.
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(self._socket, selectors.EVENT_READ)
 
     def send(self, data: bytes) -> None:
         """See ``Transport.send``; after a partial line nothing more is sent."""
         if self._stuck:
             raise ConnectionError(STUCK)
         try:
-            self._socket.settimeout(self._timeout)
             self._socket.sendall(data)
         except TimeoutError:
             # Half a line is out: the next one would be read as its rest.
@@ -135,11 +138,12 @@ class SocketTransport:
 
     def receive(self, timeout: float) -> bytes:
         """See ``Transport.receive``."""
+        if self._socket.fileno() < 0:
+            raise ConnectionError("the connection is closed")
+        if not self._selector.select(max(timeout, SHORTEST_WAIT)):
+            raise TimeoutError
         try:
-            self._socket.settimeout(max(timeout, SHORTEST_WAIT))
             data = self._socket.recv(CHUNK)
-        except TimeoutError:
-            raise
         except OSError as error:
             raise lost(error) from None
         if not data:
@@ -166,4 +170,5 @@ class SocketTransport:
                 self._socket.settimeout(left)
                 if not self._socket.recv(CHUNK):
                     break
+        self._selector.close()
         self._socket.close()

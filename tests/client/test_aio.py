@@ -4,11 +4,22 @@ import asyncio
 import socket
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 from radarsim.addons.testing import UsarsimServer
 from radarsim.client import AsyncClient, ClientError
-from radarsim.protocol.reports import GroundTruth, Odometry, RangeScan
+from radarsim.protocol.reports import (
+    Greeting,
+    GroundTruth,
+    ItemGeo,
+    Odometry,
+    RangeScan,
+    RobotLeft,
+    ScannerConf,
+    SensorReading,
+    StartPoses,
+)
 
 DEADLINE = 30.0  # s of the wall clock, for a busy machine
 Serve = Callable[[Callable[[socket.socket], None]], int]
@@ -40,6 +51,67 @@ async def test_one_task_reads_while_another_drives(
         ClientError, match=r"^the connection is closed, expected to send 'DRI"
     ):
         await c.drive(1, 1)
+
+
+@pytest.mark.usarsim(speed=5)
+async def test_calls_at_once_get_each_what_they_wait_for(
+    usarsim_server: UsarsimServer,
+) -> None:
+    async with await AsyncClient.connect(
+        port=usarsim_server.port, timeout=DEADLINE
+    ) as client:
+        await client.spawn("P3AT", start="RobotStart1")
+
+        async def times(kind: type[SensorReading]) -> list[float]:
+            return [(await client.wait_for(kind)).time for _ in range(10)]
+
+        async def change(value: float) -> None:
+            if value > 0:
+                await client.change_settings("lms200", max_range=value)
+                return
+            with pytest.raises(ClientError, match=f"max_range: {value:g}, expected"):
+                await client.change_settings("lms200", max_range=value)
+
+        series = await asyncio.gather(*map(times, (RangeScan, RangeScan, Odometry)))
+        _, geometry, configuration, _ = await asyncio.gather(
+            times(RangeScan),
+            client.geometry("RangeScanner"),
+            client.configuration("RangeScanner"),
+            asyncio.gather(*map(change, (-1, 3, -2, 4, -3))),
+        )
+    assert isinstance(geometry, ItemGeo)
+    assert isinstance(configuration, ScannerConf)
+    for each in series:
+        assert np.diff(each) == pytest.approx(0.1, abs=0.011)
+
+
+@pytest.mark.usarsim(speed=5)
+async def test_wait_goes_on_when_the_task_that_reads_is_cancelled(
+    usarsim_server: UsarsimServer,
+) -> None:
+    async with await AsyncClient.connect(
+        port=usarsim_server.port, timeout=DEADLINE
+    ) as client:
+        await client.greeting()
+        reading = asyncio.ensure_future(client.wait_for(RobotLeft))
+        waiting = asyncio.ensure_future(client.wait_for(StartPoses))
+        await asyncio.sleep(0)
+        reading.cancel()
+        await asyncio.wait([reading])
+        await client.send(b"GETSTARTPOSES\r\n")
+        assert (await waiting).poses
+
+
+async def test_all_who_wait_for_a_report_get_it(
+    usarsim_server: UsarsimServer,
+) -> None:
+    async with await AsyncClient.connect(
+        port=usarsim_server.port, timeout=DEADLINE
+    ) as client:
+        waiting = [asyncio.ensure_future(client.wait_for(Greeting)) for _ in range(3)]
+        first, *others = await asyncio.gather(*waiting)
+        assert first == Greeting("DM-EmptyRoom")
+        assert others == [first, first]
 
 
 @pytest.mark.usarsim(speed=5)

@@ -8,7 +8,15 @@ import pytest
 
 from radarsim.client import Client, ClientError, ClientTimeout
 from radarsim.geometry import Pose3
-from radarsim.protocol.reports import Greeting, Ins, Odometry, RangeScan, Status
+from radarsim.protocol.reports import (
+    Greeting,
+    Ins,
+    Odometry,
+    RangeScan,
+    RobotJoined,
+    RobotLeft,
+    Status,
+)
 
 STATUS = "STA {Time 1.00} {Battery 9}"
 SCAN = "SEN {Type RangeScanner} {Name S} {Resolution 0.5} {FOV 1.0} {Range 1,2,3}"
@@ -134,14 +142,103 @@ def test_timeout_holds_while_other_reports_arrive() -> None:
     assert server.time() == pytest.approx(6.5)
 
 
-def test_reports_after_the_awaited_one_can_still_be_read() -> None:
+def test_reports_around_the_awaited_one_can_still_be_read() -> None:
     client = Client(ScriptedServer({}, [SCAN, STATUS, OTHER_SCAN]))
     assert client.wait_for(Status).battery == 9
-    (rest,) = client.read()
-    assert isinstance(rest, RangeScan)
-    assert rest.name == "T"
+    assert [scan.name for scan in client.read()] == ["S", "T"]  # type: ignore[union-attr]
     assert [type(report) for report in client.read()] == [RangeScan, Status, RangeScan]
     assert client.wait_for(RangeScan, name="T").name == "T"
+    assert client.wait_for(RangeScan, name="S").name == "S"
+
+
+class TellingServer(ScriptedServer):
+    """A server that sends lines once, those of one string at a time."""
+
+    def __init__(self, *chunks: str) -> None:
+        super().__init__({}, [])
+        self._chunks = list(chunks)
+
+    def receive(self, timeout: float) -> bytes:
+        if self._chunks:
+            return self._chunks.pop(0).replace("\n", "\r\n").encode()
+        return super().receive(timeout)
+
+
+def _odometry(time: float) -> str:
+    return f"SEN {{Time {time:.2f}}} {{Type Odometry}} {{Name O}} {{Pose {time},0,0}}\n"
+
+
+def _scan(time: float) -> str:
+    return SCAN.replace("SEN", f"SEN {{Time {time:.2f}}}") + "\n"
+
+
+def test_a_wait_for_one_type_loses_no_other() -> None:
+    joined = "NFO {Joined R1} {ClassName P3AT}\nNFO {Joined R2} {ClassName P3AT}\n"
+    client = Client(TellingServer(joined + _odometry(1), _scan(1), _scan(2)))
+    assert client.wait_for(RangeScan).time == 1
+    assert client.wait_for(Odometry).time == 1
+    robots = [client.wait_for(RobotJoined).robot for _ in range(2)]
+    assert robots == ["R1", "R2"]
+    assert client.wait_for(RangeScan).time == 2
+    with pytest.raises(ClientTimeout, match="no RobotJoined within 1 s"):
+        client.wait_for(RobotJoined, timeout=1)
+
+
+def test_of_passed_readings_a_wait_returns_the_newest_and_read_returns_all() -> None:
+    chunks = [_odometry(time) + _scan(time) for time in range(1, 6)]
+    client = Client(TellingServer(*chunks))
+    for time in range(1, 4):
+        assert client.wait_for(RangeScan).time == time
+    assert client.wait_for(Odometry).time == 3
+    assert client.wait_for(RangeScan).time == 4
+    assert client.wait_for(RangeScan).time == 5
+    times = [report.time for report in client.read()]  # type: ignore[union-attr]
+    assert times == [4, 5]
+
+
+def test_unread_scans_of_a_burst_are_returned_one_by_one() -> None:
+    burst = "".join(_odometry(time) + _scan(time) for time in range(1, 4))
+    client = Client(TellingServer(burst))
+    assert [client.wait_for(RangeScan).time for _ in range(3)] == [1, 2, 3]
+
+
+def test_reports_that_nobody_reads_do_not_fill_the_memory() -> None:
+    chatter = [_odometry(time) + f"NFO {{Left R{time}}}\n" for time in range(5000)]
+    client = Client(TellingServer("NFO {Left first}\n", *chatter))
+    with pytest.raises(ClientTimeout):
+        client.wait_for(RangeScan, timeout=1)
+    reports = client.read()
+    assert len(reports) <= 1000
+    assert reports[-1] == RobotLeft("R4999")
+
+
+def test_errors_of_settings_are_raised_by_the_call_that_caused_them() -> None:
+    set_it = "SET {Type RangeScanner} {Name S} {Opcode SETTING} {Params %s=1}"
+    error = "NFO {Error SET SETTING: sensor S: %s: 1, expected no such thing}"
+    poses = "NFO {StartPoses 1} {S 0,0,0 0,0,0}"
+    answers = {set_it % "odd": error % "odd", "GETSTARTPOSES": poses}
+    answers[(set_it % "odd").replace("SETTING", "setting")] = error % "odd"
+    server = ScriptedServer(answers, [SCAN])
+    client = Client(server)
+    with pytest.raises(ClientError, match=r"^SET SETTING: sensor S: odd: 1, ex"):
+        client.change_settings("S", odd=1)
+    client.change_settings("S", even=1)
+    params = {"kind": "RangeScanner", "name": "S", "params": "odd=1"}
+    with pytest.raises(ClientError, match="sensor S: odd"):
+        client.set_item(opcode="setting", **params)
+    assert set_it % "even" in server.heard
+    # Nothing is left over that a later call would take for its answer.
+    assert [type(report) for report in client.read()] == [RangeScan]
+
+
+def test_refused_watch_raises() -> None:
+    watch = "WATCH {Robots All}"
+    refusal = "NFO {Error WATCH of one watcher more, expected at most 16}"
+    client = Client(ScriptedServer({watch: refusal}, [SCAN]))
+    with pytest.raises(ClientError, match=r"^WATCH of one watcher more"):
+        client.watch()
+    with pytest.raises(ClientTimeout, match="no answer to WATCH within 5 s"):
+        Client(ScriptedServer({}, [SCAN])).watch()
 
 
 def test_first_reports_of_a_robot_can_be_read_after_spawn() -> None:

@@ -1,17 +1,28 @@
 """``Client`` with a host in simulated time; its numbers are those of the presets."""
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from math import degrees, dist, pi
 
 import numpy as np
 import pytest
 
+from radarsim.addons.testing import UsarsimServer
 from radarsim.client import Client, ClientError, ClientTimeout, Transport
 from radarsim.geometry import Pose2
 from radarsim.presets.robots import load_robot, robot_names
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
-from radarsim.protocol.reports import EchoLine, GroundTruth, RangeScan, Status
+from radarsim.protocol.reports import (
+    EchoLine,
+    GroundTruth,
+    ItemGeo,
+    Odometry,
+    RangeScan,
+    RobotLeft,
+    SensorReading,
+    Status,
+)
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
 from radarsim.simulation.config import SimulationConfig
@@ -90,6 +101,30 @@ def test_echoes_precede_their_scan_until_they_are_switched_off(
         client.wait_for(RangeScan)
         with pytest.raises(ClientTimeout, match=r"no EchoLine within 0\.5 s"):
             client.wait_for(EchoLine, timeout=0.5)
+
+
+@pytest.mark.usarsim(speed=5)
+def test_threads_get_each_what_they_wait_for(usarsim_server: UsarsimServer) -> None:
+    with (
+        Client.connect(port=usarsim_server.port, timeout=30) as client,
+        ThreadPoolExecutor() as threads,
+    ):
+        client.spawn("P3AT", start="RobotStart1")
+
+        def times(kind: type[SensorReading]) -> list[float]:
+            return [client.wait_for(kind).time for _ in range(10)]
+
+        series = [threads.submit(times, kind) for kind in (RangeScan, Odometry)]
+        for each in series:
+            assert np.diff(each.result()) == pytest.approx(0.1, abs=0.011)
+        waiting = threads.submit(times, RangeScan)
+        for _ in range(20):
+            assert isinstance(client.geometry("RangeScanner"), ItemGeo)
+            client.drive(1.0, 1.0)
+        assert len(waiting.result()) == 10
+        with pytest.raises(ClientTimeout, match=r"no RobotLeft within 0\.1 s"):
+            client.wait_for(RobotLeft, timeout=0.1)
+        assert client.session.unread == 0
 
 
 def test_spawn_of_an_unknown_class_times_out_in_simulated_time(

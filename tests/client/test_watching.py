@@ -234,12 +234,17 @@ def test_client_changes_settings(
 ) -> None:
     client = connect(usarsim_server.port)
     client.spawn("P3AT", start="RobotStart1")
+    assert client.wait_for(RangeScan).ranges.max() > 3
     client.change_settings("lms200", max_range=3, ray_weights=(1, 2, 1))
-    while client.wait_for(RangeScan).ranges.max() > 3:
-        pass
+    assert client.wait_for(RangeScan).ranges.max() <= 3
     assert client.robot_info().scanner().max_range == 3
-    client.change_settings(max_range=-3)
-    assert "max_range" in client.wait_for(CommandError).text
+    with pytest.raises(ClientError, match="max_range: -3, expected at least"):
+        client.change_settings(max_range=-3)
+    with pytest.raises(ClientError, match=r"max_rang.*max_range"):
+        client.change_settings("lms200", max_rang=3)
+    with pytest.raises(ClientError, match="SET of RangeScanner 'nope', expected one"):
+        client.change_settings("nope", max_range=3)
+    client.change_settings("lms200", max_range=4)
 
 
 def test_answer_about_another_robot_is_known_among_others() -> None:

@@ -19,6 +19,7 @@ from typing import Any, Final, NoReturn, TypeAlias
 from radarsim.addons.web.requests import FIRST_CLASS
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.client import AsyncClient, Client, ClientTimeout, DriveUnit, RobotInfo
+from radarsim.client import session as questions
 from radarsim.errors import ClientError
 from radarsim.protocol.reports import Report
 
@@ -129,10 +130,9 @@ class OwnRobot:
 
     def change_setting(self, scanner: str, key: str, value: object) -> None:
         """Change a setting of a scanner from its next scan on."""
-        change = {key: value}
-        self._post(
-            (scanner, key), lambda: self._client.change_settings(scanner, **change)
-        )
+        # Without waiting: what the server has against it comes with the reports.
+        data = questions.change_settings(scanner, {key: value})
+        self._post((scanner, key), lambda: self._client.send(data))
 
     def switch_echoes(self, scanner: str, on: bool) -> None:
         """Ask for the echoes of a scanner on this connection, or no more."""

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from radarsim.client import AsyncClient, ClientError, ClientTimeout
+from radarsim.client import session as questions
 from radarsim.geometry import Pose3
 from radarsim.protocol.reports import CommandError, Report, Watching
 
@@ -129,9 +130,9 @@ class ServerLink:
     async def _ask(self, client: AsyncClient) -> None:
         with suppress(ClientError):  # who reads notices that it is lost
             if self._echoes is None:
-                await client.watch(())
+                await client.send(questions.watch((), False))
             else:
-                await client.watch(echoes=sorted(self._echoes))
+                await client.send(questions.watch(None, sorted(self._echoes)))
 
     def _take(self, reports: Sequence[Report]) -> None:
         self._on_reports(reports)

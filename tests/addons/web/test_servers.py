@@ -6,6 +6,7 @@ import pytest
 from web_pages import Frame, Page, open_page
 
 from radarsim.client import AsyncClient
+from radarsim.client import session as questions
 from radarsim.geometry import Pose2
 from radarsim.protocol.dialect import UDK
 from radarsim.protocol.reports import Watching
@@ -142,10 +143,7 @@ async def test_original_dialect_is_understood(
 async def test_server_without_watching_shows_own_robots(
     empty_room: Scene, start_commander: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def ignore(*_: object, **__: object) -> None:
-        pass
-
-    monkeypatch.setattr(AsyncClient, "watch", ignore)
+    monkeypatch.setattr(questions, "watch", lambda *_: b"")
     server = Server(Host(empty_room))
     await server.start(port=0)
     try:
