@@ -9,6 +9,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
+from radarsim.processes import unfinished_files
+
 PICTURE_MARK: Final = b"Software\0radarsim"  # metadata of PNG files
 PAGE_MARK: Final = '<meta name="generator" content="radarsim">'
 _HEAD_SIZE: Final = 1024  # bytes at the start of a file that show who wrote it
@@ -19,8 +21,8 @@ def write_atomically(files: Mapping[Path, bytes], *, mode: int = 0o666) -> None:
 
     Writes all of them to temporary files in the same folders, and renames these one
     right after the other, in order, when all are complete. A full disk therefore leaves
-    the old files, and a killed process never leaves a partial one, at worst a hidden
-    temporary file that ends in ``.part``.
+    the old files, and no process leaves a partial one; one that is killed by SIGKILL
+    leaves at worst a hidden temporary file that ends in ``.part``.
 
     Symbolic links stay, and the files that they lead to are replaced. Devices and pipes
     are written to directly.
@@ -49,11 +51,9 @@ def write_atomically(files: Mapping[Path, bytes], *, mode: int = 0o666) -> None:
                 path.write_bytes(files[path])
         for path, part in temporary.items():
             part.replace(targets[path])
-    except BaseException:
+    finally:
         for part in temporary.values():
-            with contextlib.suppress(OSError):
-                part.unlink(missing_ok=True)
-        raise
+            _remove(part)
 
 
 @contextlib.contextmanager
@@ -83,8 +83,7 @@ def written_atomically(path: Path) -> Iterator[Path]:
             yield part
             part.replace(target)
     finally:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
+        _remove(part)
 
 
 @contextlib.contextmanager
@@ -112,10 +111,18 @@ def _temporary_path(target: Path) -> Path:
 
 def _write_new(path: Path, data: bytes, mode: int) -> None:
     """Write a new file; raise if it exists."""
+    unfinished_files.add(str(path))
     # Not by tempfile, whose files nobody but their owner may read.
     handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
     with os.fdopen(handle, "wb") as file:
         file.write(data)
+
+
+def _remove(part: Path) -> None:
+    """Remove a temporary file, unless it is a file that is complete by now."""
+    with contextlib.suppress(OSError):
+        part.unlink(missing_ok=True)
+    unfinished_files.discard(str(part))
 
 
 def is_by_radarsim(path: Path) -> bool:

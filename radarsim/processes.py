@@ -28,6 +28,9 @@ _exit_codes = {int(signal.SIGINT): INTERRUPTED, int(signal.SIGTERM): TERMINATED}
 if sys.platform != "win32":
     _exit_codes[int(signal.SIGHUP)] = HUNG_UP  # the terminal was closed
 
+# Temporary files, which are removed if the process ends at once.
+unfinished_files: Final[set[str]] = set()
+
 P = ParamSpec("P")
 T = TypeVar("T")
 
@@ -89,6 +92,7 @@ def exit_immediately(code: int) -> NoReturn:
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
             stream.flush()
+    _remove_unfinished_files()
     os._exit(code)
 
 
@@ -119,7 +123,14 @@ def _exit_immediately(number: int, _: FrameType | None) -> None:
             # Not by print: the code that was interrupted may be writing to the same
             # stream.
             os.write(2, b"\n")
+    _remove_unfinished_files()
     os._exit(_exit_codes[number])
+
+
+def _remove_unfinished_files() -> None:
+    for path in tuple(unfinished_files):
+        with suppress(OSError):
+            os.unlink(path)  # noqa: PTH108 - pathlib is imported later
 
 
 def _raise_exit(number: int, _: FrameType | None) -> None:

@@ -140,6 +140,42 @@ def test_killed_process_leaves_no_partial_file(tmp_path: Path) -> None:
         assert len(set(data)) == 1
 
 
+INTERRUPTED = """
+import os, signal, sys
+from pathlib import Path
+import radarsim.files as files
+from radarsim.processes import exit_immediately_on_signals
+path, number = Path(sys.argv[1]), int(sys.argv[2])
+path.write_bytes(b"old")
+write = files._write_new
+def write_and_end(part, data, mode):
+    write(part, data, mode)
+    os.kill(os.getpid(), number)
+files._write_new = write_and_end
+with exit_immediately_on_signals():
+    {}
+"""
+
+
+@pytest.mark.parametrize(
+    "write",
+    [
+        "files.write_atomically({path: b'new', path.with_suffix('.b'): b'new'})",
+        "files.written_atomically(path).__enter__().write_bytes(b'half')",
+    ],
+)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_process_that_is_told_to_end_leaves_no_temporary_file(
+    tmp_path: Path, write: str, number: int
+) -> None:
+    path = tmp_path / "yard.pgm"
+    script = INTERRUPTED.format(write)
+    command = (sys.executable, "-c", script, str(path), str(int(number)))
+    assert subprocess.run(command, check=False).returncode == 128 + number
+    assert names(tmp_path) == ["yard.pgm"]
+    assert path.read_bytes() == b"old"
+
+
 def test_file_written_bit_by_bit_appears_when_it_is_complete(tmp_path: Path) -> None:
     path = tmp_path / "film.gif"
     path.write_bytes(b"old")

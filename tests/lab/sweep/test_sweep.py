@@ -123,6 +123,35 @@ def test_killed_sweep_is_resumed_to_the_same_files(small: Path) -> None:
     assert files_of(out) == before
 
 
+INTERRUPTED = """
+import os, signal
+import pyarrow.parquet as parquet
+write = parquet.ParquetWriter.write_table
+def write_and_end(*args):
+    write(*args)
+    os.kill(os.getpid(), {})
+parquet.ParquetWriter.write_table = write_and_end
+if __name__ == "__main__":
+    from radarsim.cli import main
+    main()
+"""
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (15, 143)])
+def test_sweep_that_is_ended_while_it_writes_leaves_nothing_half_written(
+    small: Path, number: int, code: int
+) -> None:
+    out = small.parent / "out"
+    script = small.parent / "interrupted.py"
+    script.write_text(INTERRUPTED.format(int(number)))
+    words = ("sweep", str(small), "-o", str(out), "--workers", "1")
+    run = subprocess.run((sys.executable, str(script), *words), check=False)
+    assert run.returncode == code
+    assert files_of(out).keys() == {ABOUT, LOG}
+    assert sweep(small, "-o", out, "--resume").code == 0
+    assert files_of(out).keys() == {ABOUT, LOG, TABLE}
+
+
 def test_each_damaged_line_is_named_and_its_task_run_again(small: Path) -> None:
     out = small.parent / "out"
     sweep(small, "-o", out, "--workers", 1)
