@@ -126,6 +126,9 @@ class FieldType(click.ParamType[Any]):
         from radarsim.validation import describe_invalid
 
         field = self._field
+        # YAML makes a number of a text such as a port that a name may follow.
+        if field.type is str and type(value) in (int, float):
+            value = str(value)
         config = ConfigDict(allow_inf_nan=field.option.may_be_infinite)
         kind: Any = Annotated.__class_getitem__((field.type, field, *field.markers))  # type: ignore[attr-defined]
         adapter = TypeAdapter(kind, config=config)
@@ -133,6 +136,23 @@ class FieldType(click.ParamType[Any]):
             return adapter.validate_python(value)
         except ValidationError as error:
             self.fail(describe_invalid(error.errors()[0]), param, ctx)
+
+
+class _FlagType(click.types.BoolParamType):
+    """Reads a flag from the environment, or from a file of options."""
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> bool:
+        """Return whether it is set.
+
+        Raises:
+            click.BadParameter: If the value is neither true nor false.
+        """
+        try:
+            return super().convert(str(value), param, ctx)
+        except click.BadParameter:
+            self.fail(f"{str(value)[:80]!r}, expected true or false", param, ctx)
 
 
 class PlanCommand(click.Command):
@@ -253,7 +273,8 @@ class PlanCommand(click.Command):
             field = self.fields.get(str(param.name))
             if field is None:
                 record = param.get_help_record(ctx)
-                groups.setdefault("Options", []).append(record or ("", ""))
+                if record is not None:  # --help-all, where nothing is rare
+                    groups.setdefault("Options", []).append(record)
             elif shows_all or not field.option.is_rare:
                 title = "Arguments" if field.option.is_argument else field.group
                 record = _names(param, field), _help(field)
@@ -318,7 +339,7 @@ def _make_param(field: PlanField) -> click.Parameter:
     if field.type is bool and field.default is True:
         names = [f"--{name}/--no-{name}"]
     if field.type is bool:
-        return click.Option(names, is_flag=True)
+        return click.Option(names, is_flag=True, type=_FlagType())
     callback = read_config if option.is_config_file else None
     return click.Option(
         names,

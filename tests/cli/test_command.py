@@ -188,19 +188,22 @@ class Served:
     Attributes:
         map: The map.
         port: The port.
+        loud: Whether it is loud.
         words: Words.
         config: A file.
     """
 
     map: Annotated[str, Option(is_argument=True)]
     port: Annotated[int, Interval(ge=0, le=9)] = 3
+    loud: bool = False
     words: tuple[str, ...] = ()
     config: Annotated[Path | None, Option(is_config_file=True)] = None
 
 
 def serve(plan: Served) -> None:
     """Serve."""
-    click.echo(f"{plan.map} {plan.port} {' '.join(plan.words)}".strip())
+    words = (plan.map, str(plan.port), *["loud"] * plan.loud, *plan.words)
+    click.echo(" ".join(words))
 
 
 @pytest.mark.parametrize(
@@ -210,6 +213,11 @@ def serve(plan: Served) -> None:
         ("port: 4\n", ("hall", "--port", "5"), "hall 5\n"),
         ("map: room\nport: 4\n", ("hall",), "hall 4\n"),
         ("# none\n", ("hall",), "hall 3\n"),
+        ("map: 44\nloud: true\nwords: [1, 2.5]\n", (), "44 3 loud 1 2.5\n"),
+        ("map: a\nloud: 1\n", (), "a 3 loud\n"),
+        ("map: a\nloud: 3", (), "--config: {}:2:7: loud: '3', expected true or false"),
+        ("map: a\nloud: [3]", (), "--config: {}:2:7: loud: '[3]', expected true or"),
+        ("map: [a]\n", (), "--config: {}:1:6: map: ['a'], expected text"),
         ("port: 44\nmap: a", (), "--config: {}:1:7: port: 44, expected at most 9"),
         ("map: a\nport: x", (), "--config: {}:2:7: port: 'x', expected a whole number"),
         ("port: 44\n", ("a", "--port", "45"), "--port: '45', expected at most 9"),

@@ -51,6 +51,7 @@ def test_help_fits_on_a_screen(entry: tuple[tuple[str, ...], CommandEntry]) -> N
     lines = context.get_help().splitlines()
     assert len(lines) <= MOST_LINES
     assert max(map(len, lines)) <= 80
+    assert not any(map(str.isspace, lines))
 
 
 def test_parts_beyond_the_core_have_these_commands() -> None:

@@ -44,7 +44,7 @@ class DrivePlan:
 
     Attributes:
         robot_class: Class of the robot; its scanner has to see all the way round.
-        start: Name of a start of the map; the first free one by default.
+        start: Name of a start; by default the first free one.
         pose: Start here instead, map frame.
         scanner: Scanner to steer by; the first one by default.
         safety_distance: Distance between the robot's centre and obstacles; by default
