@@ -160,31 +160,39 @@ class Arena:
         )
         return touched
 
-    def scan(self, rngs: Sequence[np.random.Generator]) -> Floats:
-        """Take a scan of each robot.
+    def scan(
+        self, rngs: Sequence[np.random.Generator], chosen: NDArray[np.bool_]
+    ) -> Floats:
+        """Take a scan of each chosen robot.
 
         Args:
             rngs: Source of randomness of each robot.
+            chosen: (N,) whether a robot scans.
 
         Returns:
             (N, beams) ranges, m; the maximum range where nothing is detected, and for
-            robots that were taken out.
+            robots that do not scan or were taken out.
         """
         ranges = self._blank(self.scanner.settings.max_range)
-        requests = self._requests(rngs)
-        ranges[self._present] = scan_ranges(self._tracer, requests, self._seen()).ranges
+        scanning = chosen & self._present
+        requests = self._requests(rngs, scanning)
+        ranges[scanning] = scan_ranges(self._tracer, requests, self._seen()).ranges
         return ranges
 
-    def read_beams(self, rngs: Sequence[np.random.Generator]) -> BeamReadings:
+    def read_beams(
+        self, rngs: Sequence[np.random.Generator], chosen: NDArray[np.bool_]
+    ) -> BeamReadings:
         """Take the same scans as ``scan``, and return more of them, which takes longer.
 
         Args:
             rngs: Source of randomness of each robot.
+            chosen: (N,) whether a robot scans.
         """
         most = self.scanner.settings.max_range
         found = BeamReadings(self._blank(most), self._blank(0.0), self._blank(0.0))
-        scans = scan_batch(self._tracer, self._requests(rngs), self._seen())
-        for row, scan in zip(np.flatnonzero(self._present), scans, strict=True):
+        scanning = chosen & self._present
+        scans = scan_batch(self._tracer, self._requests(rngs, scanning), self._seen())
+        for row, scan in zip(np.flatnonzero(scanning), scans, strict=True):
             found.ranges[row] = np.minimum(scan.ranges, most)
             echoes = scan.echoes
             # A beam reads one of its echoes: the one whose range is that of the scan.
@@ -202,8 +210,9 @@ class Arena:
     def _blank(self, value: float) -> Floats:
         return np.full((len(self._robots), len(self.scanner.angles)), value)
 
-    def _requests(self, rngs: Sequence[np.random.Generator]) -> list[ScanRequest]:
-        """Return the scans of the robots that were not taken out."""
+    def _requests(
+        self, rngs: Sequence[np.random.Generator], scanning: NDArray[np.bool_]
+    ) -> list[ScanRequest]:
         return [
             ScanRequest(
                 self.scanner,
@@ -211,7 +220,7 @@ class Arena:
                 rngs[row],
                 self._robots[row].number,
             )
-            for row in np.flatnonzero(self._present).tolist()
+            for row in np.flatnonzero(scanning).tolist()
         ]
 
     def _seen(self) -> Boxes | None:

@@ -12,7 +12,8 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 import shapely
 from gymnasium import spaces
-from numpy.typing import NDArray
+from gymnasium.error import ResetNeeded
+from numpy.typing import ArrayLike, NDArray
 from shapely import MultiPolygon, Polygon
 
 from radarsim.addons.gym.arena import Arena
@@ -115,6 +116,18 @@ CLEARANCE: Final = 0.05  # m beside a robot that starts somewhere at random
 Observations: TypeAlias = dict[str, NDArray[np.float32]]
 
 
+def as_actions(actions: ArrayLike, shape: tuple[int, ...]) -> Floats:
+    """Return actions as an array of a shape.
+
+    Raises:
+        ValueError: If they have another one.
+    """
+    array = np.asarray(actions, np.float64)
+    if array.shape != shape:
+        raise ValueError(f"action of shape {array.shape}, expected {shape}")
+    return array
+
+
 class GoToTask:
     """N robots with a goal each.
 
@@ -149,6 +162,7 @@ class GoToTask:
         self.distances = np.zeros(count)
         self.steps = np.zeros(count, np.int64)
         self._speeds = np.zeros((count, 2))
+        self._is_placed = np.zeros(count, np.bool_)
 
     @property
     def observation_space(self) -> spaces.Space[Any]:
@@ -208,6 +222,7 @@ class GoToTask:
         self.distances[row] = math.dist(goal, place)
         self.steps[row] = 0
         self._speeds[row] = 0.0
+        self._is_placed[row] = True
 
     def drive(self, actions: Floats) -> Transition:
         """Let all robots drive for a period.
@@ -216,8 +231,11 @@ class GoToTask:
             actions: (N, 2) wheel speeds, limited to -1 to 1.
 
         Raises:
+            ResetNeeded: If a robot has not been reset yet.
             ValueError: If an action is not finite.
         """
+        if not self._is_placed.all():
+            raise ResetNeeded("step before reset, expected reset first")
         actions = np.clip(np.asarray(actions, np.float64), -1.0, 1.0)
         if not np.isfinite(actions).all():
             raise ValueError(f"actions {actions.tolist()}, expected finite numbers")
@@ -239,20 +257,23 @@ class GoToTask:
         reached = distances <= GOAL_RADIUS
         return Transition(actions, before, distances, touched, reached)
 
-    def observe(self, rngs: Sequence[np.random.Generator]) -> Observations:
-        """Return what all robots observe, (N, ...) arrays.
+    def observe(
+        self, rngs: Sequence[np.random.Generator], chosen: NDArray[np.bool_]
+    ) -> Observations:
+        """Return what robots observe, (N, ...) arrays.
 
         Args:
             rngs: Source of randomness of each robot.
+            chosen: (N,) whether a robot scans; the rows of others mean nothing.
         """
         values: Observations = {}
         if self.settings.beam_values:
-            read = self.arena.read_beams(rngs)
+            read = self.arena.read_beams(rngs, chosen)
             ranges = read.ranges
             for name in self.settings.beam_values:
                 values[name] = getattr(read, name).astype(np.float32)
         else:
-            ranges = self.arena.scan(rngs)
+            ranges = self.arena.scan(rngs, chosen)
         x, y, yaw = self.arena.poses.T
         bearing = np.arctan2(self.goals[:, 1] - y, self.goals[:, 0] - x) - yaw
         distance = np.minimum(self.distances / GOAL_SCALE, 1.0)

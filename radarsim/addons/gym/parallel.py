@@ -8,7 +8,7 @@ from gymnasium.spaces import Space
 from gymnasium.utils.seeding import np_random
 from numpy.typing import NDArray
 
-from radarsim.addons.gym.environment import GoToTask
+from radarsim.addons.gym.environment import GoToTask, as_actions
 from radarsim.addons.gym.settings import GoToSettings
 from radarsim.addons.gym.single import Observation, Picture
 from radarsim.errors import import_optional
@@ -108,12 +108,13 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
 
         Raises:
             KeyError: If the action of a robot is missing.
-            ValueError: If an action is not finite.
+            ResetNeeded: If ``reset`` has not been called yet.
+            ValueError: If an action has another shape, or is not finite.
         """
         agents = self.agents
         speeds = np.zeros((len(self._rows), 2))
         for agent in agents:
-            speeds[self._rows[agent]] = actions[agent]
+            speeds[self._rows[agent]] = as_actions(actions[agent], (2,))
         transition = self.task.drive(speeds)
         rewards = self.task.settings.reward(transition)
         terminated, truncated = self.task.ended(transition)
@@ -140,7 +141,7 @@ class ParallelEnv(_Base):  # type: ignore[misc] # PettingZoo has no types
         return self._picture.draw([self._rows[agent] for agent in self.agents])
 
     def _observe(self, agents: list[str]) -> dict[str, Observation]:
-        rows = self.task.observe(self._rngs)
+        rows = self.task.observe(self._rngs, np.ones(len(self._rows), np.bool_))
         return {
             agent: {name: values[self._rows[agent]] for name, values in rows.items()}
             for agent in agents

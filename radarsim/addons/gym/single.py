@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from radarsim.addons.gym.environment import GoToTask
+from radarsim.addons.gym.environment import GoToTask, as_actions
 from radarsim.addons.gym.settings import GoToSettings, Transition
 from radarsim.geometry import Pose2
 from radarsim.plotting.plan import HEIGHT, draw_plan, draw_robot, show_extent
@@ -134,9 +134,10 @@ class GoToEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             action: (2,) speeds of the left and right wheels, -1 to 1.
 
         Raises:
-            ValueError: If the action is not finite.
+            ResetNeeded: If ``reset`` has not been called yet.
+            ValueError: If the action has another shape, or is not finite.
         """
-        transition: Transition = self.task.drive(np.asarray(action, np.float64)[None])
+        transition: Transition = self.task.drive(as_actions(action, (2,))[None])
         reward = float(self.task.settings.reward(transition)[0])
         terminated, truncated = self.task.ended(transition)
         return (
@@ -152,5 +153,5 @@ class GoToEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return self._picture.draw([0])
 
     def _observe(self) -> Observation:
-        rows = self.task.observe([self.np_random])
+        rows = self.task.observe([self.np_random], np.ones(1, np.bool_))
         return {name: values[0] for name, values in rows.items()}

@@ -1,17 +1,19 @@
 """Many robots that learn at once, in one scene, without meeting each other."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from gymnasium.error import ResetNeeded
 from gymnasium.utils.seeding import np_random
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector import VectorEnv as GymnasiumVectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from radarsim.addons.gym.environment import GoToTask, Observations
+from radarsim.addons.gym.environment import GoToTask, Observations, as_actions
 from radarsim.addons.gym.settings import GoToSettings
+from radarsim.addons.gym.single import Picture
 from radarsim.geometry import Floats
 
 Infos = dict[str, Any]
@@ -26,7 +28,8 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - so in the base class
-        "render_modes": [],
+        "render_modes": ["rgb_array"],
+        "render_fps": 10,
         "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
 
@@ -37,7 +40,7 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
 
         Args:
             num_envs: N.
-            render_mode: None; there are no pictures.
+            render_mode: ``rgb_array``, or None for environments without pictures.
             settings: As in ``GoToSettings``; ``map`` may be a list of maps, of which
                 sub-environment i gets number i, and the first again after the last.
 
@@ -48,8 +51,6 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
         """
         if num_envs < 1:
             raise ValueError(f"num_envs {num_envs!r}, expected at least 1")
-        if render_mode is not None:
-            raise ValueError(f"render_mode {render_mode!r}, expected None")
         self.num_envs, self.render_mode = num_envs, render_mode
         maps = settings.pop("map", GoToSettings().map)
         maps = (
@@ -61,12 +62,14 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
             for map_, rows in zip(maps, self._rows, strict=True)
             if len(rows)
         ]
+        self._pictures = [Picture(task, render_mode) for task in self._tasks]
         self.single_observation_space = self._tasks[0].observation_space
         self.single_action_space = self._tasks[0].action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._rngs = [np_random()[0] for _ in range(num_envs)]
         self._ended = np.zeros(num_envs, np.bool_)
+        self._observations: Observations = {}
 
     def reset(
         self,
@@ -74,24 +77,29 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Observations, Infos]:
-        """Begin an episode everywhere.
+        """Begin an episode everywhere, or where it is wanted.
 
         Args:
             seed: Seed of the first sub-environment, that of the next is one higher; or
                 one for each; None to go on.
-            options: ``start`` and ``goal``, as in the settings.
+            options: ``start`` and ``goal``, as in the settings, and ``reset_mask``, an
+                array (N,) of bool: only where it is true an episode begins; of the
+                others the last observation is returned once more, and no information.
 
         Raises:
+            ResetNeeded: If no episode has begun where the mask is false.
             ValueError: If an option is wrong, or there is no free place.
         """
+        mask = self._reset_mask(options or {})
         for i, each in enumerate(self._seeds(seed)):
-            if each is not None:
+            if each is not None and mask[i]:
                 self._rngs[i] = np_random(each)[0]
         for task, rows in zip(self._tasks, self._rows, strict=False):
-            for k, row in enumerate(rows.tolist()):
-                task.reset(k, self._rngs[row], options)
-        self._ended[:] = False
-        return self._observe(), self._infos(np.zeros(self.num_envs, np.bool_))
+            for k in np.flatnonzero(mask[rows]).tolist():
+                task.reset(k, self._rngs[rows[k]], options)
+        self._ended[mask] = False
+        touched = np.zeros(self.num_envs, np.bool_)
+        return self._observe(mask), self._infos(touched, mask)
 
     def step(
         self, actions: NDArray[np.float32]
@@ -102,15 +110,17 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
             actions: (N, 2) speeds of the left and right wheels, -1 to 1.
 
         Raises:
-            ValueError: If an action is not finite.
+            ResetNeeded: If ``reset`` has not been called yet.
+            ValueError: If actions have another shape, or are not finite.
         """
         again = self._ended
-        actions = np.where(again[:, None], 0.0, actions)
+        speeds = as_actions(actions, (self.num_envs, 2))
+        speeds = np.where(again[:, None], 0.0, speeds)
         rewards, touched, terminated, truncated = (
             np.zeros(self.num_envs, kind) for kind in (float, bool, bool, bool)
         )
         for task, rows in zip(self._tasks, self._rows, strict=False):
-            transition = task.drive(actions[rows].astype(np.float64))
+            transition = task.drive(speeds[rows])
             rewards[rows] = task.settings.reward(transition)
             touched[rows] = transition.touched
             terminated[rows], truncated[rows] = task.ended(transition)
@@ -122,7 +132,33 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
         for column in (rewards, touched, terminated, truncated):
             column[again] = 0
         self._ended = terminated | truncated
-        return self._observe(), rewards, terminated, truncated, self._infos(touched)
+        everywhere = np.ones(self.num_envs, np.bool_)
+        infos = self._infos(touched, everywhere)
+        return self._observe(everywhere), rewards, terminated, truncated, infos
+
+    def render(self) -> tuple[NDArray[np.uint8] | None, ...] | None:
+        """Return a picture of each, (H, W, 3), as of ``GoToEnv``; None without a mode.
+
+        They show a robot each: those of the others are not there for it.
+        """
+        if self.render_mode is None:
+            return None
+        images: dict[int, NDArray[np.uint8] | None] = {}
+        for picture, rows in zip(self._pictures, self._rows, strict=False):
+            images |= {row: picture.draw([k]) for k, row in enumerate(rows.tolist())}
+        return tuple(images[row] for row in range(self.num_envs))
+
+    def _reset_mask(self, options: Mapping[str, Any]) -> NDArray[np.bool_]:
+        if "reset_mask" not in options:
+            return np.ones(self.num_envs, np.bool_)
+        mask = np.asarray(options["reset_mask"])
+        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
+            text = f"reset_mask of shape {mask.shape} and type {mask.dtype}"
+            expected = f"shape ({self.num_envs},), type bool, and true somewhere"
+            raise ValueError(f"{text}, expected {expected}")
+        if not self._observations and not mask.all():
+            raise ResetNeeded("reset of some before all, expected reset of all first")
+        return mask
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         if seed is None:
@@ -133,15 +169,19 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
             raise ValueError(f"{len(seed)} seeds, expected {self.num_envs}")
         return list(seed)
 
-    def _observe(self) -> Observations:
-        found: Observations = {}
+    def _observe(self, mask: NDArray[np.bool_]) -> Observations:
+        """Return the observations of all, of which those in a mask are new."""
         for task, rows in zip(self._tasks, self._rows, strict=False):
-            for name, values in task.observe([self._rngs[r] for r in rows]).items():
+            chosen = mask[rows]
+            seen = task.observe([self._rngs[row] for row in rows], chosen)
+            for name, values in seen.items():
                 shape = (self.num_envs, *values.shape[1:])
-                found.setdefault(name, np.zeros(shape, np.float32))[rows] = values
-        return found
+                kept = self._observations.setdefault(name, np.zeros(shape, np.float32))
+                kept[rows[chosen]] = values[chosen]
+        return {name: values.copy() for name, values in self._observations.items()}
 
-    def _infos(self, touched: NDArray[np.bool_]) -> Infos:
+    def _infos(self, touched: NDArray[np.bool_], mask: NDArray[np.bool_]) -> Infos:
+        """Return the information on those in a mask; that on others is 0."""
         distances, poses = np.zeros(self.num_envs), np.zeros((self.num_envs, 3))
         for task, rows in zip(self._tasks, self._rows, strict=False):
             distances[rows], poses[rows] = task.distances, task.arena.poses
@@ -150,5 +190,6 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
             "touched": touched,
             "pose": poses,
         }
-        present = {f"_{name}": np.ones(self.num_envs, np.bool_) for name in values}
-        return {**values, **present}
+        for column in values.values():
+            column[~mask] = 0
+        return {**values, **{f"_{name}": mask.copy() for name in values}}

@@ -7,6 +7,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from gymnasium.utils.seeding import np_random
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
@@ -141,6 +142,88 @@ def test_more_robots_and_other_maps_change_nothing_for_a_robot() -> None:
         seen_of_many, _, _, _, infos_of_many = many.step(action)
         np.testing.assert_array_equal(seen["ranges"], seen_of_many["ranges"][:2])
         np.testing.assert_array_equal(infos["pose"], infos_of_many["pose"][:2])
+
+
+@pytest.mark.parametrize("beam_values", [(), ("power",)])
+def test_some_of_many_robots_are_reset(beam_values: tuple[str, ...]) -> None:
+    settings: dict[str, Any] = {"max_steps": 7, "beam_values": beam_values, **FAST}
+    together = VectorEnv(3, **settings)
+    mode = AutoresetMode.NEXT_STEP
+    alone = SyncVectorEnv([lambda: GoToEnv(**settings)] * 3, autoreset_mode=mode)
+    masks = np.random.default_rng(3).uniform(size=(25, 3)) < 0.3
+    together.reset(seed=4), alone.reset(seed=4)
+    for action, mask in zip(actions_of(25, 3), masks, strict=True):
+        np.testing.assert_equal(together.step(action), alone.step(action))
+        if mask.any():
+            found: Any = together.reset(options={"reset_mask": mask, "goal": (1, 2)})
+            # Gymnasium takes the mask out of the options.
+            options = {"reset_mask": mask.copy(), "goal": (1, 2)}
+            np.testing.assert_equal(found, alone.reset(options=options))
+            np.testing.assert_array_equal(found[1]["_pose"], mask)
+    found = together.reset(seed=[7, 8, 9], options={"reset_mask": masks[0] | True})
+    np.testing.assert_equal(found, alone.reset(seed=[7, 8, 9]))
+
+
+@pytest.mark.parametrize(
+    "mask", [[True], np.ones(2), np.zeros(2, bool), np.ones((2, 1), bool), None]
+)
+def test_wrong_masks_are_told(mask: Any) -> None:
+    envs = VectorEnv(2, **FAST)
+    envs.reset()
+    with pytest.raises(
+        ValueError, match=r"reset_mask of shape .*, expected shape \(2,"
+    ):
+        envs.reset(options={"reset_mask": mask})
+
+
+def test_step_before_reset_is_an_error() -> None:
+    single, vector = GoToEnv(**FAST), VectorEnv(2, map=["empty_room"] * 2, **FAST)
+    ahead = np.ones(2, np.float32)
+    with pytest.raises(ResetNeeded, match="step before reset"):
+        single.step(ahead)
+    with pytest.raises(ResetNeeded, match="step before reset"):
+        vector.step(np.ones((2, 2), np.float32))
+    with pytest.raises(ResetNeeded, match="expected reset of all first"):
+        vector.reset(options={"reset_mask": np.array([True, False])})
+    with pytest.raises(ResetNeeded, match="step before reset"):
+        ParallelEnv(2, **FAST).step({"robot_0": ahead, "robot_1": ahead})
+    vector.reset(options={"reset_mask": np.array([True, True])})
+    vector.step(np.ones((2, 2), np.float32))
+
+
+@pytest.mark.parametrize("shape", [(), (1,), (3,), (1, 2), (2, 1)])
+def test_actions_of_another_shape_are_an_error(shape: tuple[int, ...]) -> None:
+    action = np.ones(shape, np.float32)
+    single, vector = GoToEnv(**FAST), VectorEnv(3, **FAST)
+    parallel = ParallelEnv(1, **FAST)
+    for env in (single, vector, parallel):
+        env.reset()
+    with pytest.raises(ValueError, match=r"action of shape .*, expected \(2,\)"):
+        single.step(action)
+    with pytest.raises(ValueError, match=r"action of shape .*, expected \(2,\)"):
+        parallel.step({"robot_0": action})
+    for wrong in (shape, (2,), (2, 2), (3, 1)):
+        with pytest.raises(ValueError, match=r"shape .*, expected \(3, 2\)"):
+            vector.step(np.ones(wrong, np.float32))
+
+
+def test_pictures_of_many_robots_are_those_of_each_alone() -> None:
+    settings: dict[str, Any] = {"render_mode": "rgb_array", **FAST}
+    maps = ["empty_room", "foliage_room"]
+    many = gymnasium.make_vec(
+        "radarsim.addons.gym:radarsim/GoTo-v0", num_envs=3, map=maps, **settings
+    )
+    many.reset(seed=1)
+    many.step(np.ones((3, 2), np.float32))
+    pictures = many.render()
+    assert pictures is not None
+    for i, picture in enumerate(pictures):
+        alone = GoToEnv(map=maps[i % 2], **settings)
+        alone.reset(seed=1 + i)
+        alone.step(np.ones(2, np.float32))
+        np.testing.assert_array_equal(picture, alone.render())
+    assert len(pictures) == 3
+    assert VectorEnv(2, **FAST).render() is None
 
 
 def test_vectors_are_made_by_gymnasium() -> None:
