@@ -136,17 +136,18 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
         infos = self._infos(touched, everywhere)
         return self._observe(everywhere), rewards, terminated, truncated, infos
 
-    def render(self) -> tuple[NDArray[np.uint8] | None, ...] | None:
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Return a picture of each, (H, W, 3), as of ``GoToEnv``; None without a mode.
 
         They show a robot each: those of the others are not there for it.
         """
-        if self.render_mode is None:
-            return None
-        images: dict[int, NDArray[np.uint8] | None] = {}
-        for picture, rows in zip(self._pictures, self._rows, strict=False):
-            images |= {row: picture.draw([k]) for k, row in enumerate(rows.tolist())}
-        return tuple(images[row] for row in range(self.num_envs))
+        images = {
+            row: image
+            for picture, rows in zip(self._pictures, self._rows, strict=False)
+            for k, row in enumerate(rows.tolist())
+            if (image := picture.draw([k])) is not None
+        }
+        return tuple(images[row] for row in sorted(images)) or None
 
     def _reset_mask(self, options: Mapping[str, Any]) -> NDArray[np.bool_]:
         if "reset_mask" not in options:
