@@ -99,6 +99,12 @@ class Pose3:
         roll, pitch, yaw = _roll_pitch_yaw(rotation @ inner.rotation())
         return Pose3(float(x), float(y), float(z), roll, pitch, yaw)
 
+    def inverse(self) -> "Pose3":
+        """Return the pose of the outer frame in the frame of this pose."""
+        back = self.rotation().T
+        x, y, z = -back @ self.position()
+        return Pose3(float(x), float(y), float(z), *_roll_pitch_yaw(back))
+
 
 def rotation_matrix(roll: float, pitch: float, yaw: float) -> Floats:
     """Return ``Rz(yaw) @ Ry(pitch) @ Rx(roll)``, (3, 3), for angles in rad."""

@@ -136,9 +136,12 @@ class AsyncClient:
         robots: str | Iterable[str] | None = None,
         *,
         echoes: bool | str | Iterable[str] = False,
+        clock: bool = False,
     ) -> None:
         """See ``Client.watch``."""
-        await self._run(self._requests.watch(questions.watch(robots, echoes)))
+        await self._run(
+            self._requests.watch(questions.watch(robots, echoes, clock=clock))
+        )
 
     async def change_settings(
         self, scanner: str | None = None, /, **settings: Any

@@ -35,6 +35,7 @@ from radarsim.errors import ClientError, ClientTimeout, expected_one_of
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.dialect import DriveUnit
 from radarsim.protocol.reports import (
+    ClockTick,
     CommandError,
     Greeting,
     RangeScan,
@@ -488,7 +489,7 @@ class Requests:
 def reading_of(report: Report) -> tuple[Hashable, float] | None:
     """Return the sensor and the time of a reading; None for other reports."""
     reading = report.report if isinstance(report, WatchedLine) else report
-    if not isinstance(reading, SensorReport | Status):
+    if not isinstance(reading, SensorReport | Status | ClockTick):
         return None
     # The echoes and targets of a scanner have its name.
     item = getattr(reading, "name", type(reading))

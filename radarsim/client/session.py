@@ -301,7 +301,10 @@ def set_item(kind: str, name: str | None, opcode: str, params: str = "") -> byte
 
 
 def watch(
-    robots: str | Iterable[str] | None, echoes: bool | str | Iterable[str]
+    robots: str | Iterable[str] | None,
+    echoes: bool | str | Iterable[str],
+    *,
+    clock: bool = False,
 ) -> bytes:
     """Write the command to watch robots; arguments as in ``Client.watch``.
 
@@ -313,7 +316,7 @@ def watch(
         echoing = _choose(echoes)
     elif echoes:
         echoing = RobotChoice(None)
-    return _bytes(Watch(_choose(robots), echoing))
+    return _bytes(Watch(_choose(robots), echoing, clock))
 
 
 def echoes(scanner: str, on: bool = True) -> bytes:

@@ -189,6 +189,7 @@ class Client:
         robots: str | Iterable[str] | None = None,
         *,
         echoes: bool | str | Iterable[str] = False,
+        clock: bool = False,
     ) -> None:
         """Ask radarsim for copies of what the clients of robots are sent.
 
@@ -199,13 +200,15 @@ class Client:
             robots: Name or names, in any case; None for all, an empty list for none.
             echoes: Whether their scanners shall list all echoes, or the names of those
                 robots whose scanners shall.
+            clock: Whether the server shall tell the time in every tick of 10 ms, as
+                ``ClockTick`` reports.
 
         Raises:
             ClientError: If the server refuses it or, like others than radarsim, does
                 not answer.
             ValueError: If a name is empty, or has a comma.
         """
-        self._run(self._requests.watch(questions.watch(robots, echoes)))
+        self._run(self._requests.watch(questions.watch(robots, echoes, clock=clock)))
 
     def change_settings(self, scanner: str | None = None, /, **settings: Any) -> None:
         """Change settings of a scanner of the client's robot, from its next scan on.

@@ -61,6 +61,7 @@ from radarsim.protocol.message import (
     wrapped_pose_on_wire,
 )
 from radarsim.protocol.watch import (
+    ClockTick,
     CommandError,
     RobotJoined,
     RobotLeft,
@@ -71,6 +72,7 @@ from radarsim.protocol.watch import (
 )
 
 __all__ = [
+    "ClockTick",
     "CommandError",
     "EchoLine",
     "Encoder",
@@ -460,6 +462,7 @@ Report: TypeAlias = (
     | Status
     | RobotJoined
     | RobotLeft
+    | ClockTick
     | CommandError
     | Watching
     | WatchedLine
@@ -499,6 +502,8 @@ def to_bytes(lines: Iterable[str]) -> bytes:
 def _decode_info(message: Message) -> Report | None:
     if message.get("StartPoses") is not None:
         return StartPoses.decode(message)
+    if message.get("Clock") is not None:
+        return ClockTick.decode(message)
     if message.get("Watching") is not None:
         return Watching.decode(message)
     if message.get("Joined") is not None:

@@ -12,9 +12,15 @@ from typing import Annotated, ClassVar, Final, Self
 
 from radarsim.errors import MalformedMessage
 from radarsim.protocol.dialect import Dialect
-from radarsim.protocol.fields import Field, LineReport, PrintableText, Segment
+from radarsim.protocol.fields import (
+    Field,
+    LineReport,
+    Number,
+    PrintableText,
+    Segment,
+)
 from radarsim.protocol.line_template import printable_name, reduce_text
-from radarsim.protocol.message import Message
+from radarsim.protocol.message import Message, parse_flag
 
 MOST_NAMES: Final = 1000  # in a command; reading them takes time
 LONGEST_ERROR: Final = 1000  # characters of the text of an error
@@ -92,24 +98,27 @@ class Watch:
     Attributes:
         robots: The robots; only with all of them the watcher is told which there are.
         echoes: Those of them whose scanners list their echoes.
+        clock: Whether the watcher is told the time in every tick.
     """
 
     verb: ClassVar[str] = "WATCH"
-    keys: ClassVar[Sequence[str]] = ("Robots", "Echoes")
+    keys: ClassVar[Sequence[str]] = ("Robots", "Echoes", "Clock")
 
     robots: RobotChoice
     echoes: RobotChoice = RobotChoice()
+    clock: bool = False
 
     @classmethod
     def decode(cls, message: Message, _: Dialect) -> Self:
         robots = message.parse("Robots", RobotChoice.parse)
         echoes = message.parse_optional("Echoes", _parse_echoes)
-        return cls(robots, echoes or RobotChoice())
+        clock = bool(message.parse_optional("Clock", parse_flag))
+        return cls(robots, echoes or RobotChoice(), clock)
 
-    def values(self) -> tuple[str, str | None]:
+    def values(self) -> tuple[str, str | None, str | None]:
         """Return the text for each of ``keys``."""
-        without = self.echoes == RobotChoice()
-        return str(self.robots), None if without else str(self.echoes)
+        echoes = None if self.echoes == RobotChoice() else str(self.echoes)
+        return str(self.robots), echoes, "true" if self.clock else None
 
 
 class Choice(Field[RobotChoice]):
@@ -163,6 +172,19 @@ class RobotLeft(LineReport):
     verb: ClassVar[str] = "NFO"
 
     robot: Annotated[str, PrintableText("Left")]
+
+
+@dataclass(frozen=True, slots=True)
+class ClockTick(LineReport):
+    """The simulated time of a tick.
+
+    Attributes:
+        time: Simulated time, s.
+    """
+
+    verb: ClassVar[str] = "NFO"
+
+    time: Annotated[float, Number("Clock", "time")]
 
 
 @dataclass(frozen=True, slots=True)

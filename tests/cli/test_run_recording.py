@@ -105,7 +105,8 @@ def test_run_on_a_server_elsewhere_is_recorded(
     assert scans.range_max == 80
     frames = frames_of(folder)
     assert frames["P3AT_Radar360/lms200"] == "P3AT_Radar360/base_link"
-    assert frames["P3AT_Radar360/base_link"] == "map"
+    assert frames["P3AT_Radar360/base_link"] == "P3AT_Radar360/odom"
+    assert frames["P3AT_Radar360/odom"] == "map"
     topics = {message.topic for message in BagReader(folder).messages()}
     assert {"/P3AT_Radar360/cmd_vel", "/clock"} <= topics
     calls = list(BagReader(folder).calls())

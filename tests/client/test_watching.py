@@ -11,6 +11,7 @@ from radarsim.client import session as questions
 from radarsim.client.session import MOST_WATCHED, Session
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.reports import (
+    ClockTick,
     CommandError,
     EchoLine,
     Ins,
@@ -263,6 +264,20 @@ def test_refused_watch_is_reported(empty_room: Scene) -> None:
     _, error = exchange(host, number, session, 1)
     assert isinstance(error, CommandError)
     assert "Robots" in error.text
+
+
+@DIALECTS
+def test_clock_is_told_in_every_tick(empty_room: Scene, dialect: Dialect) -> None:
+    host = Host(empty_room, config=SimulationConfig(dialect))
+    number, session = host.connect(), Session()
+    host.receive(number, questions.watch(None, False, clock=True))
+    reports = exchange(host, number, session, 250)
+    times = [each.time for each in reports if isinstance(each, ClockTick)]
+    assert times == pytest.approx([tick / 100 for tick in range(1, 251)])
+    host.receive(number, questions.watch(None, False))
+    assert not any(
+        isinstance(each, ClockTick) for each in exchange(host, number, session, 9)
+    )
 
 
 def test_scan_of_a_watched_robot_is_not_one_of_the_clients_own(

@@ -7,6 +7,7 @@ import pytest
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.dialect import COMPAT, UDK
 from radarsim.protocol.reports import (
+    ClockTick,
     CommandError,
     EchoLine,
     Encoder,
@@ -290,6 +291,7 @@ COMPAT_LINES: list[tuple[str, Report, str]] = [
         "NFO {Watching R1,R 2} {Echoes All}",
     ),
     ("robot that has left", RobotLeft("R1"), "NFO {Left R1}"),
+    ("time of a tick", ClockTick(14.2), "NFO {Clock 14.20}"),
     ("error", CommandError("a\n'{b}'"), "NFO {Error a '?b?'}"),
     (
         "copy",

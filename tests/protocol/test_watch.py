@@ -24,6 +24,13 @@ ALL = RobotChoice(None)
 LINE = re.compile(r"[A-Z]+( \{[ -z|~]+\})+")
 
 
+def test_clock_of_a_watch_is_read_and_written() -> None:
+    line = "WATCH {Robots All} {Clock true}"
+    watch = Watch(ALL, clock=True)
+    assert parse_command(line, COMPAT).command == watch
+    assert encode_command(watch) == line
+
+
 @pytest.mark.parametrize(
     ("line", "robots", "echoes"),
     [

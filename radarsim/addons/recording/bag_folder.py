@@ -36,6 +36,7 @@ class RecordingInfo(BaseModel):
         drive_unit: Unit of commands to drive.
         settings: Settings of items that were changed, by item and key.
         robots: Robot classes besides those that are shipped.
+        own_localization: Whether the poses of ``odom`` in ``map`` are left out.
     """
 
     model_config = ConfigDict(extra="ignore", frozen=True)
@@ -49,15 +50,19 @@ class RecordingInfo(BaseModel):
     drive_unit: DriveUnit = "rad_per_s"
     settings: dict[str, dict[str, Any]] = {}  # pydantic copies it
     robots: tuple[RobotModel, ...] = ()
+    own_localization: bool = False
 
     @classmethod
-    def of_host(cls, map_: str, host: "Host", seed: int) -> Self:
+    def of_host(
+        cls, map_: str, host: "Host", seed: int, *, own_localization: bool = False
+    ) -> Self:
         """Return the conditions of a run.
 
         Args:
             map_: Name of the map, or path of its file; @VARIANT may follow.
             host: The host.
             seed: Its seed.
+            own_localization: Whether the poses of ``odom`` in ``map`` are left out.
         """
         from radarsim.scene.map_file import find_map  # noqa: PLC0415 - imports much
 
@@ -77,6 +82,7 @@ class RecordingInfo(BaseModel):
                 "drive_unit": config.drive_unit or config.dialect.drive_unit,
                 "settings": {i: dict(keys) for i, keys in config.item_settings.items()},
                 "robots": config.robots,
+                "own_localization": own_localization,
             }
         )
 

@@ -23,16 +23,18 @@ from radarsim.addons.recording.robot_topics import (
     RobotTopics,
     topic_name,
 )
-from radarsim.client.robot_info import RobotInfo, ScannerDescriptions
+from radarsim.client.robot_info import RobotInfo, ScannerDescriptions, same_name
 from radarsim.client.session import Session
 from radarsim.errors import ClientError, MalformedMessage
+from radarsim.geometry import Pose3
 from radarsim.protocol.commands import Drive, parse_command
 from radarsim.protocol.dialect import Dialect, DriveUnit
 from radarsim.protocol.message import LineBuffer
-from radarsim.protocol.reports import RobotConf, RobotGeo, decode_report
+from radarsim.protocol.reports import Ins, ItemGeo, RobotConf, RobotGeo, decode_report
 
 TICK: Final = 10_000_000  # ns
-CLOCK_INTERVAL: Final = 10  # ticks
+CLOCK_GAP: Final = 100  # ticks without a call, after which the clock has stopped
+CLOCK: Final = "/clock"
 TO_CLIENT: Final = "/radarsim/wire/to_client"
 TO_SERVER: Final = "/radarsim/wire/to_server"
 FROM_HOST: Final = frozenset({EventType.TAKE, EventType.FINISH})
@@ -51,21 +53,25 @@ class _Connection:
 class CallConverter:
     """Converts calls, one after the other."""
 
-    def __init__(self, dialect: Dialect, drive_unit: DriveUnit) -> None:
+    def __init__(
+        self, dialect: Dialect, drive_unit: DriveUnit, *, own_localization: bool = False
+    ) -> None:
         """Begin with no clients.
 
         Args:
             dialect: Dialect of the server.
             drive_unit: Unit of the commands to drive.
+            own_localization: Whether the pose of ``odom`` in ``map`` is left out.
         """
         self._dialect = dialect
         self._drive_unit = drive_unit
+        self._own_localization = own_localization
         self._legend = Legend()
         self._connections: dict[int, _Connection] = {}
         self._names: dict[str, str] = {}  # of topics, by names of robots
         self._scanner_frames: dict[str, Transform] = {}
         self._time = -1
-        self._next_clock = 0
+        self._clock = 0  # tick that it shows next
 
     def convert(self, event: RunEvent) -> Iterator[tuple[int, TopicMessage]]:
         """Yield the messages of an event, those of the robot before the call itself.
@@ -74,7 +80,15 @@ class CallConverter:
         """
         # No two events have the same time, as players sort messages by it; a thousand
         # in a tick are still far from the next one.
-        self._time = max(event.tick * TICK, self._time + 1)
+        last, self._time = self._time, max(event.tick * TICK, self._time + 1)
+        # Before simulated time begins there is none to be told, and maps are told of
+        # later.
+        if event.type not in (EventType.WAIT, EventType.MAP):
+            if event.tick - self._clock > CLOCK_GAP:
+                self._clock = event.tick
+            for tick in range(self._clock, event.tick + 1):
+                yield max(tick * TICK, last), TopicMessage(CLOCK, clock(tick / 100))
+            self._clock = max(self._clock, event.tick + 1)
         for message in self._messages(event):
             yield self._time, message
 
@@ -84,10 +98,6 @@ class CallConverter:
             yield MapSnapshot.from_bytes(data).message()
             return
         time = tick * TICK / 1e9
-        # Before simulated time begins there is none to be told.
-        if type_ is not EventType.WAIT and tick >= self._next_clock:
-            self._next_clock = tick + CLOCK_INTERVAL
-            yield TopicMessage("/clock", clock(time))
         connection = self._connections.setdefault(client, _Connection())
         match type_:
             case EventType.ROBOT:
@@ -118,12 +128,20 @@ class CallConverter:
         name, *lines = text.split("\r\n")
         # Another setting of the same robot keeps what its topics already know.
         if connection.topics is None or connection.robot != name:
-            connection.topics = RobotTopics(self._topic_name(name), self._legend)
+            connection.topics = RobotTopics(
+                self._topic_name(name),
+                self._legend,
+                own_localization=self._own_localization,
+            )
             connection.robot = name
         described, geo, conf = ScannerDescriptions(), None, None
+        ins_mounts: dict[str, Pose3] = {}
         for line in filter(None, lines):
             report = decode_report(line)
             if report is None:
+                continue
+            if isinstance(report, ItemGeo) and same_name(report.type, Ins.sensor_type):
+                ins_mounts.update(report.mounts)
                 continue
             described.add(report)
             if isinstance(report, RobotGeo):
@@ -136,7 +154,7 @@ class CallConverter:
             # Without what a robot needs to drive, all but its commands is converted.
             with suppress(ClientError):
                 robot = RobotInfo.from_reports(geo, conf, scanners, self._drive_unit)
-        for each in connection.topics.describe(robot, scanners, time):
+        for each in connection.topics.describe(robot, scanners, ins_mounts, time):
             self._scanner_frames[each.child] = each
         # All of them: who subscribes later gets only the last message.
         message = transforms(list(self._scanner_frames.values()))

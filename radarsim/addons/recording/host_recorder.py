@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from radarsim.simulation.vehicle import Vehicle
 
 # Types of items that a recording describes when their robot is spawned.
-DESCRIBED: Final = ("Robot", "RangeScanner")
+DESCRIBED: Final = ("Robot", "RangeScanner", "INS")
 
 
 class EventType(IntEnum):

@@ -14,7 +14,9 @@ from radarsim.geometry import Floats, Pose3
 
 NANOSECONDS: Final = 1_000_000_000
 LATEST: Final = 2.0**31 - 1  # s that a time can tell
-UNKNOWN_COVARIANCE: Final = np.zeros(36)
+# Of x, y, z, roll, pitch, yaw: squares of m and rad, or of m/s and rad/s. Drivers of
+# wheeled robots set such, as filters need some; large ones for what wheels do not tell.
+ODOMETRY_COVARIANCE: Final = np.diag([1e-3, 1e-3, 1e6, 1e6, 1e6, 1e-3]).ravel()
 # Types of ``sensor_msgs/msg/PointField`` by those of numpy.
 _POINT_TYPES: Final = {"<f4": 7, "<u2": 4}
 ECHO: Final = np.dtype(
@@ -91,6 +93,7 @@ def laser_scan(
     resolution: float,
     min_range: float,
     max_range: float,
+    scan_time: float,
 ) -> RosMessage:
     """Return a scan.
 
@@ -103,6 +106,7 @@ def laser_scan(
         resolution: Angle between neighbouring beams, rad.
         min_range: Shortest range, m.
         max_range: Longest range, m.
+        scan_time: Time between scans, s.
     """
     first = -fov / 2
     return RosMessage(
@@ -113,7 +117,7 @@ def laser_scan(
             "angle_max": _float32(first + resolution * (len(ranges) - 1)),
             "angle_increment": _float32(resolution),
             "time_increment": 0.0,
-            "scan_time": 0.0,
+            "scan_time": _float32(scan_time),
             "range_min": _float32(min_range),
             "range_max": _float32(max_range),
             "ranges": np.where(ranges >= max_range, np.inf, ranges).astype("<f4"),
@@ -167,15 +171,26 @@ def grey_image(time: float, frame: str, pixels: NDArray[np.uint8]) -> RosMessage
     )
 
 
-def odometry(time: float, frame: str, child: str, pose: Pose3) -> RosMessage:
-    """Return a pose by odometry; velocities and covariances are not known."""
+def odometry(
+    time: float, frame: str, child: str, pose: Pose3, speed: float, turn: float
+) -> RosMessage:
+    """Return a pose by odometry, and the motion in the frame of the child.
+
+    Args:
+        time: Simulated time, s.
+        frame: Frame of the pose.
+        child: Frame that is there.
+        pose: Where it is.
+        speed: Speed ahead, m/s.
+        turn: Counter-clockwise turn rate, rad/s.
+    """
     return RosMessage(
         "nav_msgs/msg/Odometry",
         {
             "header": _header(time, frame),
             "child_frame_id": child,
-            "pose": {"pose": _pose(pose), "covariance": UNKNOWN_COVARIANCE},
-            "twist": {"twist": _twist(0.0, 0.0), "covariance": UNKNOWN_COVARIANCE},
+            "pose": {"pose": _pose(pose), "covariance": ODOMETRY_COVARIANCE},
+            "twist": {"twist": _twist(speed, turn), "covariance": ODOMETRY_COVARIANCE},
         },
     )
 

@@ -182,7 +182,11 @@ def write_recording(
     from radarsim.addons.recording.call_converter import CallConverter  # noqa: PLC0415
     from radarsim.addons.recording.cdr import encode  # noqa: PLC0415
 
-    converter = CallConverter(get_dialect(info.dialect), info.drive_unit)
+    converter = CallConverter(
+        get_dialect(info.dialect),
+        info.drive_unit,
+        own_localization=info.own_localization,
+    )
     writer = BagWriter(folder, info.to_text())
     for event in events:
         for time_, (topic, message, latched) in converter.convert(event):

@@ -6,8 +6,8 @@ tells; a map that is made of a robot's scans is a ``MapSnapshot``.
 
 import json
 import math
-from collections.abc import Iterator, Sequence
-from typing import Any, Final, Literal, NamedTuple, Self, TypeVar
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Literal, NamedTuple, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,13 +24,12 @@ from radarsim.addons.recording.messages import (
     laser_scan,
     make_points,
     occupancy_grid,
-    odometry,
     point_cloud,
     pose_stamped,
     string,
-    transforms,
     twist_stamped,
 )
+from radarsim.addons.recording.robot_frames import MAP, RobotFrames
 from radarsim.autonomy.mapping.export import sensed_window
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.client.robot_info import RobotInfo, ScannerInfo, same_name
@@ -80,39 +79,42 @@ class Legend:
 
 _LARGEST = 65535  # of 16 bits; it stands for all names after the first 65535
 
-
-MAP: Final = "map"
-
 Line = TypeVar("Line", EchoLine, RadarTargets)
 
 
 class RobotTopics:
-    """The topics of one robot, below its name.
+    """The topics of one robot, below its name."""
 
-    The transform from ``map`` to the robot's ``base_link`` is that of the ground truth
-    if the robot has such a sensor, else that of its INS.
-    """
-
-    def __init__(self, name: str, legend: Legend) -> None:
+    def __init__(
+        self, name: str, legend: Legend, *, own_localization: bool = False
+    ) -> None:
         """Begin with a robot of which nothing else is known.
 
         Args:
             name: Name of the robot as part of topics; see ``topic_name``.
             legend: The names of what echoes come from, for all robots.
+            own_localization: Whether the pose of ``odom`` in ``map`` is left out.
         """
         self._name = name
         self._legend = legend
         self._scanners: tuple[ScannerInfo, ...] = ()
         self._robot: RobotInfo | None = None
-        self._has_truth = False
+        self._ins_mounts: Mapping[str, Pose3] = {}
+        self._frames = RobotFrames(name, own_localization=own_localization)
+        self._scan_times: dict[str, float] = {}  # of the latest, by scanner
         self._lines: dict[tuple[type[Report], str], list[Any]] = {}
         self._told_spectra: set[str] = set()  # scanners
 
     def describe(
-        self, robot: RobotInfo | None, scanners: Sequence[ScannerInfo], time: float
+        self,
+        robot: RobotInfo | None,
+        scanners: Sequence[ScannerInfo],
+        ins_mounts: Mapping[str, Pose3],
+        time: float,
     ) -> list[Transform]:
         """Use what is known of the robot from now on; return where its scanners are."""
         self._robot, self._scanners = robot, tuple(scanners)
+        self._ins_mounts = ins_mounts
         base = self._frame("base_link")
         return [
             Transform(time, base, self._frame(each.name), each.mount)
@@ -130,18 +132,18 @@ class RobotTopics:
                 yield from self._target_cloud(report)
             case Odometry(time, _, pose):
                 placed = Pose3(pose.x, pose.y, 0.0, yaw=pose.yaw)
-                frames = self._frame("odom"), self._frame("base_link")
-                yield TopicMessage(self._topic("odom"), odometry(time, *frames, placed))
-            case GroundTruth(time, _, pose) | Ins(time, _, pose):
-                is_truth = isinstance(report, GroundTruth)
-                # One frame has one parent: two sources would make tf jump between their
-                # poses.
-                self._has_truth |= is_truth
-                topic = self._topic("ground_truth" if is_truth else "ins")
+                yield from self._frames.observe(Odometry, time, placed, self._robot)
+            case GroundTruth(time, _, pose):
+                topic = self._topic("ground_truth")
                 yield TopicMessage(topic, pose_stamped(time, MAP, pose))
-                if is_truth or not self._has_truth:
-                    frame = Transform(time, MAP, self._frame("base_link"), pose)
-                    yield TopicMessage("/tf", transforms([frame]))
+                yield from self._frames.observe(GroundTruth, time, pose, self._robot)
+            case Ins(time, name, pose):
+                # An INS reads its own pose, and not that of the robot.
+                if name in self._ins_mounts:
+                    pose = pose.compose(self._ins_mounts[name].inverse())
+                topic = self._topic("ins")
+                yield TopicMessage(topic, pose_stamped(time, MAP, pose))
+                yield from self._frames.observe(Ins, time, pose, self._robot)
             case _:
                 pass
 
@@ -177,6 +179,8 @@ class RobotTopics:
     def _scan(self, scan: RangeScan) -> TopicMessage:
         known = self._scanner(scan.name)
         gaps = len(scan.ranges) - 1
+        before = self._scan_times.get(scan.name, scan.time)
+        self._scan_times[scan.name] = scan.time
         message = laser_scan(
             scan.time,
             self._frame(scan.name),
@@ -187,6 +191,7 @@ class RobotTopics:
             resolution=scan.fov / gaps if gaps else scan.resolution,
             min_range=known.min_range if known else 0.0,
             max_range=known.max_range if known else math.inf,
+            scan_time=scan.time - before,
         )
         return TopicMessage(self._topic(topic_name(scan.name), "scan"), message)
 

@@ -40,28 +40,41 @@ class RecordOptions:
         record: Record the run in a new folder, as a bag of ROS 2 that 'radarsim replay'
             repeats. Needs the extra 'record'.
         record_spectra: Record what FMCW radars receive as well, some 180 MB a minute.
+        record_own_localization: Leave the transform from map to odom out, for programs
+            that localise the robot when the bag is played.
     """
 
     option_group: ClassVar = "Beside the server"
 
     record: Annotated[Path | None, Option(metavar="DIR")] = None
     record_spectra: Annotated[bool, Option(is_rare=True, needs=("record",))] = False
+    record_own_localization: Annotated[
+        bool, Option(is_rare=True, needs=("record",))
+    ] = False
 
     def extension(self, served: ServedMap) -> ServeRecording | None:
         """See ``ExtensionOptions.extension``."""
         if self.record is None:
             return None
-        return ServeRecording(self.record, served, spectra=self.record_spectra)
+        return ServeRecording(
+            self.record,
+            served,
+            spectra=self.record_spectra,
+            own_localization=self.record_own_localization,
+        )
 
 
 class ServeRecording(ServeExtension):
     """The recording of what is done to a server's host."""
 
-    def __init__(self, folder: Path, served: ServedMap, *, spectra: bool) -> None:
+    def __init__(
+        self, folder: Path, served: ServedMap, *, spectra: bool, own_localization: bool
+    ) -> None:
         """Plan a recording; see ``RecordOptions``."""
         self._folder = folder
         self._served = served
         self._spectra = spectra
+        self._own_localization = own_localization
         self._has_folder = False
         self._recorder: HostRecorder | None = None
         self._process: RecordingProcess | None = None
@@ -80,7 +93,12 @@ class ServeRecording(ServeExtension):
         from radarsim.addons.recording.host_recorder import HostRecorder
         from radarsim.addons.recording.recording_process import RecordingProcess
 
-        info = RecordingInfo.of_host(self._served.map, host, self._served.seed)
+        info = RecordingInfo.of_host(
+            self._served.map,
+            host,
+            self._served.seed,
+            own_localization=self._own_localization,
+        )
         self._process = RecordingProcess(self._folder, info)
         self._recorder = HostRecorder(self._process.add, spectra=self._spectra)
         host.add_observer(self._recorder)

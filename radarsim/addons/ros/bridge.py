@@ -12,9 +12,14 @@ from collections.abc import Callable, Iterable
 from contextlib import AsyncExitStack, suppress
 from typing import Final, Protocol, TypeAlias
 
-from radarsim.addons.recording.call_converter import TO_CLIENT, TO_SERVER, CallConverter
+from radarsim.addons.recording.call_converter import (
+    CLOCK,
+    TO_CLIENT,
+    TO_SERVER,
+    CallConverter,
+)
 from radarsim.addons.recording.host_recorder import DESCRIBED, RunEvent
-from radarsim.addons.recording.messages import TopicMessage
+from radarsim.addons.recording.messages import TopicMessage, clock
 from radarsim.addons.recording.robot_topics import MapSnapshot, topic_name
 from radarsim.addons.recording.wire_recorder import WireRecorder
 from radarsim.autonomy.proxy.traffic_mapper import TrafficMapper
@@ -24,6 +29,7 @@ from radarsim.errors import ClientError
 from radarsim.protocol.dialect import COMPAT, DriveUnit
 from radarsim.protocol.line_template import printable_name
 from radarsim.protocol.reports import (
+    ClockTick,
     CommandError,
     Report,
     RobotJoined,
@@ -31,7 +37,9 @@ from radarsim.protocol.reports import (
     WatchedLine,
 )
 
-WIRE: Final = frozenset({TO_CLIENT, TO_SERVER})
+# The bytes of the wire are for recordings, as nobody else can repeat a run; the server
+# tells the time even in ticks without other news.
+UNPUBLISHED: Final = frozenset({TO_CLIENT, TO_SERVER, CLOCK})
 TWIST: Final = "geometry_msgs/msg/Twist"  # of ``cmd_vel``
 MAP_INTERVAL: Final = 1.0  # s of simulated time between messages of a map
 MAP_RESOLUTION: Final = 0.05  # m, side of a cell
@@ -61,16 +69,23 @@ class LiveTopics:
     """The topics of all robots of a server, the same as those of a recording."""
 
     def __init__(
-        self, publish: Callable[[TopicMessage], None], drive_unit: DriveUnit
+        self,
+        publish: Callable[[TopicMessage], None],
+        drive_unit: DriveUnit,
+        *,
+        own_localization: bool = False,
     ) -> None:
         """Begin with no robots.
 
         Args:
             publish: Called with each message.
             drive_unit: Unit of the commands to drive.
+            own_localization: Whether the pose of ``odom`` in ``map`` is left out.
         """
         self._publish = publish
-        self._converter = CallConverter(COMPAT, drive_unit)
+        self._converter = CallConverter(
+            COMPAT, drive_unit, own_localization=own_localization
+        )
         self._wire = WireRecorder(self._convert)
         self._numbers: dict[str, int] = {}  # of robots, by their names
         self._last_number = 0
@@ -84,6 +99,8 @@ class LiveTopics:
                     asked += self._join(robot)
                 case RobotLeft(robot=robot):
                     self._leave(robot)
+                case ClockTick(time=time):
+                    self._publish(TopicMessage(CLOCK, clock(time)))
                 case WatchedLine(robot=robot, line=line):
                     if robot not in self._numbers:  # not every news has come
                         asked += self._join(robot)
@@ -112,8 +129,7 @@ class LiveTopics:
 
     def _convert(self, event: RunEvent) -> None:
         for _, message in self._converter.convert(event):
-            # The bytes of the wire are for recordings: nobody else can repeat a run.
-            if message.topic not in WIRE:
+            if message.topic not in UNPUBLISHED:
                 self._publish(message)
 
 
@@ -228,6 +244,7 @@ async def run_bridge(
     start: str | None = None,
     echoes: bool = False,
     mapped: str | None = None,
+    own_localization: bool = False,
     drive_unit: DriveUnit = "rad_per_s",
 ) -> None:
     """Bridge until the connection to the server is lost.
@@ -240,6 +257,7 @@ async def run_bridge(
         start: Name of its start pose; None for the first free one.
         echoes: Whether scanners list their echoes.
         mapped: Name of the robot to publish a map of; None for no map.
+        own_localization: Whether the pose of ``odom`` in ``map`` is left out.
         drive_unit: Unit in which the server takes wheel speeds.
 
     Raises:
@@ -250,7 +268,7 @@ async def run_bridge(
         await stack.enter_async_context(watcher)
         await watcher.greeting()
         # Echoes take several times as many bytes as scans: only if somebody wants them.
-        await watcher.watch(echoes=echoes)
+        await watcher.watch(echoes=echoes, clock=True)
         driving = []
         if robot_class is not None:
             client = await AsyncClient.connect(*server)
@@ -263,7 +281,7 @@ async def run_bridge(
             driver = Driver(client, info)
             side.subscribe(f"/{topic_name(robot_name)}/cmd_vel", driver.take)
             driving.append(driver.run())
-        topics = LiveTopics(side.publish, drive_unit)
+        topics = LiveTopics(side.publish, drive_unit, own_localization=own_localization)
         working = [side.run(), _watch(watcher, topics), *driving]
         if mapped is not None:
             working.append(publish_map(server, mapped, side.publish, echoes=echoes))

@@ -54,6 +54,7 @@ def ros(
     map_: Annotated[str | None, Option(metavar="ROBOT")] = None,
     name: Annotated[str, RARE] = "R1",
     echoes: Annotated[bool, RARE] = False,
+    own_localization: bool = False,
     drive_unit: Annotated[DriveUnit, RARE] = "rad_per_s",
 ) -> int:
     """Publish what the robots of a server sense as topics of ROS 2, and drive one.
@@ -66,6 +67,8 @@ def ros(
         map_: Map this robot, and publish the map each second.
         name: Name of that robot.
         echoes: Publish the echoes and targets of all scanners as well.
+        own_localization: Leave the transform from map to odom to a program of yours,
+            such as AMCL or slam_toolbox; otherwise it is the truth.
         drive_unit: Unit in which the server takes wheel speeds.
 
     Returns:
@@ -88,6 +91,7 @@ def ros(
                 start=start,
                 echoes=echoes,
                 mapped=map_,
+                own_localization=own_localization,
                 drive_unit=drive_unit,
             )
             running = asyncio.ensure_future(bridge)

@@ -288,6 +288,7 @@ class Host:
         # commanded before it.
         if self.has_begun:
             self.simulation.step()
+            self._watchers.tell_time(self.simulation.time)
             self._queue_outputs(self.simulation.collect_reports())
             # Those of robots that reported are sent already, within the write of their
             # tick.

@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING, Final
 
 from radarsim.protocol.line_template import printable_name
 from radarsim.protocol.reports import Report, to_bytes
-from radarsim.protocol.watch import RobotJoined, RobotLeft, Watch, Watching, see_head
+from radarsim.protocol.watch import (
+    ClockTick,
+    RobotJoined,
+    RobotLeft,
+    Watch,
+    Watching,
+    see_head,
+)
 from radarsim.server.host.connection import Client
 
 if TYPE_CHECKING:
@@ -101,6 +108,15 @@ class Watchers:
         line = to_bytes([report.encode(self._dialect)])
         client.watch_queue.put(line, keep=True)
         self._unsent.add(client.number)
+
+    def tell_time(self, time: float) -> None:
+        """Tell the time to those who asked for it in every tick."""
+        clocks = [client for client, watch in self._watches.values() if watch.clock]
+        if clocks:
+            line = to_bytes([ClockTick(time).encode(self._dialect)])
+            for client in clocks:
+                client.watch_queue.put(line, keep=False)
+                self._unsent.add(client.number)
 
     def copy(
         self,

@@ -65,8 +65,9 @@ def test_robot_is_described_once(foliage_room: Scene) -> None:
     (text,) = described(events_of(foliage_room, INIT, b"DRIVE {Left 1}\r\n"))
     name, *lines = text.split("\r\n")
     assert name == "R1"
-    assert [line.split()[0] for line in lines if line] == ["GEO", "CONF"] * 2
+    assert [line.split()[0] for line in lines if line] == ["GEO", "CONF"] * 3
     assert "{Name lms200}" in text
+    assert "{Name InsTest" in text
 
 
 @pytest.mark.parametrize("change", [SETTING, INIT.replace(b"R1", b"R2")])

@@ -131,6 +131,7 @@ def test_scanner_with_new_beams_goes_on_under_another_name(tmp_path: Path) -> No
             resolution=1 / (count - 1),
             min_range=0.0,
             max_range=8.0,
+            scan_time=0.1,
         )
         writer.write("/R1/laser/scan", encode(message), tick * 10_000_000)
     writer.close()

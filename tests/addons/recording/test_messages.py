@@ -72,6 +72,7 @@ def test_scan_has_its_ranges_and_misses_are_infinite(
         resolution=0.1,
         min_range=0.5,
         max_range=80.0,
+        scan_time=0.25,
     )
     found = decoded(scan)
     # JSON has the same numbers as CDR.
@@ -79,6 +80,7 @@ def test_scan_has_its_ranges_and_misses_are_infinite(
         found.angle_min,
         found.angle_increment,
     )
+    assert found.scan_time == 0.25
     assert found.header.frame_id == frame
     assert stamp_of(found.header) == divmod(round(time * 100) * 10**7, 10**9)
     expected = [np.inf if each >= 80 else each for each in ranges]
@@ -113,10 +115,13 @@ def test_poses_are_positions_and_unit_quaternions(time: float, pose: Pose3) -> N
 
 def test_odometry_has_both_frames() -> None:
     pose = Pose3(1.0, 2.0, 0.0, yaw=0.5)
-    found = decoded(messages.odometry(1.5, "R1/odom", "R1/base_link", pose))
-    assert (found.header.frame_id, found.child_frame_id) == ("R1/odom", "R1/base_link")
+    frames = "R1/odom", "R1/base_link"
+    found = decoded(messages.odometry(1.5, *frames, pose, 0.5, -0.25))
+    assert (found.header.frame_id, found.child_frame_id) == frames
     assert found.pose.pose.position.y == 2.0
-    assert len(found.pose.covariance) == len(found.twist.covariance) == 36
+    assert (found.twist.twist.linear.x, found.twist.twist.angular.z) == (0.5, -0.25)
+    for covariance in (found.pose.covariance, found.twist.covariance):
+        assert (np.linalg.eigvalsh(covariance.reshape(6, 6)) > 0).all()
 
 
 def test_motion_is_ahead_and_counter_clockwise() -> None:
@@ -151,7 +156,7 @@ def test_targets_of_a_turn_are_one_cloud(count: int) -> None:
     mount = Pose3(0.2, 0.0, 0.2)
     scanner = ScannerInfo("Navtech", mount, 2.5, 165.0, 0.0157, 2 * math.pi * 0.9, 361)
     topics = RobotTopics("R1", Legend())
-    topics.describe(None, [scanner], 0.0)
+    topics.describe(None, [scanner], {}, 0.0)
     beams, ranges = np.arange(count), np.linspace(3.0, 90.0, count)
     lines = target_lines(4.0, "Navtech", beams, ranges, -60.0 - ranges)
     told = [message for line in lines for message in topics.of_report(line)]

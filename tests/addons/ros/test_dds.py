@@ -21,17 +21,18 @@ from radarsim.errors import MissingPackage, ServerError
 from radarsim.protocol.reports import GroundTruth, WatchedLine
 
 TIMEOUT = 240  # s that a busy machine may need
-LISTENER = Path(__file__).parents[2] / "support" / "dds_drive.py"
+SUPPORT = Path(__file__).parents[2] / "support"
 DOMAIN = 1 + os.getpid() % 100  # tests beside each other have their own
 foliage_server = pytest.mark.usarsim(map="foliage_room")
 
 
 @contextmanager
-def bridge(server: UsarsimServer, domain: int) -> Iterator[int]:
+def bridge(server: UsarsimServer, domain: int, *options: str) -> Iterator[int]:
     """Run a bridge with a robot of its own; yield its process number."""
-    words = ("ros", "--bridge", "dds", "--connect", f"127.0.0.1:{server.port}")
-    robot = ("--robot", "P3AT_Compare", "--start", "RobotStart1", "--map", "R1")
-    with start_radarsim(*words, *robot, "--domain", str(domain)) as process:
+    words = ["ros", "--bridge", "dds", "--connect", f"127.0.0.1:{server.port}"]
+    words += ["--robot", "P3AT_Compare", "--start", "RobotStart1", "--map", "R1"]
+    words += ["--domain", str(domain), *options]
+    with start_radarsim(*words) as process:
         assert process.stdout is not None
         try:
             assert b"DDS domain" in process.stdout.readline()
@@ -43,7 +44,7 @@ def bridge(server: UsarsimServer, domain: int) -> Iterator[int]:
 
 def start_listener(domain: int, count: int) -> "subprocess.Popen[bytes]":
     """Start a participant that drives, until it has heard so many scans and a map."""
-    command = [sys.executable, str(LISTENER), str(domain), str(count)]
+    command = [sys.executable, str(SUPPORT / "dds_drive.py"), str(domain), str(count)]
     pipe = subprocess.PIPE
     return subprocess.Popen(command, stdin=pipe, stdout=pipe)
 
@@ -108,6 +109,28 @@ def watch_until_it_stands(watcher: Client) -> list[GroundTruth]:
             if isinstance(each, WatchedLine) and isinstance(each.report, GroundTruth)
         ]
     return poses
+
+
+@foliage_server
+@pytest.mark.parametrize("localised_by", ["the bridge", "another program"])
+def test_each_frame_has_one_parent(
+    localised_by: str, usarsim_server: UsarsimServer
+) -> None:
+    pytest.importorskip("cyclonedds")
+    by_other = localised_by == "another program"
+    options = ("--own-localization",) if by_other else ()
+    command = [sys.executable, str(SUPPORT / "dds_frames.py"), str(DOMAIN)]
+    command += ["map"] if by_other else []
+    with bridge(usarsim_server, DOMAIN, *options):
+        told = json.loads(subprocess.check_output(command, timeout=TIMEOUT))
+    parents = {child: parent for parent, child in told}
+    assert len(parents) == len(told)
+    assert parents == {
+        "R1/odom": "map",
+        "R1/base_link": "R1/odom",
+        "R1/lms200": "R1/base_link",
+        "R1/Hokuyo": "R1/base_link",
+    }
 
 
 def test_unknown_interface_is_refused() -> None:
