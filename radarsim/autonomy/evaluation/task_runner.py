@@ -43,6 +43,7 @@ from radarsim.processes import worker_pool
 from radarsim.rng import generator_for
 
 AHEAD: Final = 2  # batches for each worker that wait to be run
+CHECK_INTERVAL: Final = 1.0  # s between two looks at whether there are workers
 LOST: Final = "its process was killed or crashed, expected a result"
 
 Result: TypeAlias = Mapping[str, Any]
@@ -211,6 +212,7 @@ def run_tasks_in(
     *,
     workers: int,
     batch: int = 1,
+    check_workers: Callable[[], object] = lambda: None,
 ) -> Generator[TaskResult[Value], None, None]:
     """Run tasks in an executor, and yield each result as soon as there is one.
 
@@ -220,10 +222,14 @@ def run_tasks_in(
         tasks: The tasks.
         workers: Number of its processes.
         batch: Number of tasks that a process is given at once.
+        check_workers: Called again and again while results are awaited; raises if none
+            can be expected any more.
     """
     suspects: list[Batch[Task]] = []
     left = iter(_batches(tasks, batch))
-    yield from _run_batches(executor, function, left, workers * AHEAD, suspects)
+    yield from _run_batches(
+        executor, function, left, workers * AHEAD, suspects, check_workers
+    )
     for number, _ in (one for each in suspects for one in each):
         yield TaskResult(number, None, LOST)
 
@@ -234,6 +240,7 @@ def _run_batches(
     left: Iterator[Batch[Task]],
     at_once: int,
     suspects: list[Batch[Task]],
+    check_workers: Callable[[], object] = lambda: None,
 ) -> Iterator[TaskResult[Value]]:
     """Run batches of tasks in an executor; end early if one of its processes crashes.
 
@@ -243,6 +250,7 @@ def _run_batches(
         left: The batches; those that are begun are taken from it.
         at_once: Number of batches that are submitted at any time.
         suspects: Gets the batches that were begun when a process crashed.
+        check_workers: As in ``run_tasks_in``.
     """
     # Few batches wait at any time: all that have begun when a process crashes are run
     # again, each alone.
@@ -256,13 +264,20 @@ def _run_batches(
                 break
         if not running:
             return
-        done, _ = wait(running, return_when=FIRST_COMPLETED)
+        done, _ = wait(running, CHECK_INTERVAL, return_when=FIRST_COMPLETED)
+        if not done:
+            check_workers()
         for future in done:
             batch = running.pop(future)
             try:
                 results = future.result()
             except BrokenExecutor:
                 suspects.append(batch)
+            # What a task raises is its result: this is what a cluster raises that has
+            # given a batch up, as its workers have died of it.
+            except Exception as error:  # noqa: BLE001
+                for number, _ in batch:
+                    yield TaskResult(number, None, f"{LOST}: {error}")
             else:
                 yield from results
     # A process that crashes breaks the whole pool, and nobody knows which task it was:

@@ -115,7 +115,7 @@ def _running(
     """Run tasks in processes of this machine, or on a cluster."""
     from radarsim.autonomy.evaluation.task_runner import run_tasks, run_tasks_in
     from radarsim.lab.sweep.tasks import (
-        cluster_executor,
+        connect_cluster,
         prepare_worker,
         run_sweep_task,
     )
@@ -123,11 +123,17 @@ def _running(
     todo = [task.parameters for task in tasks]
     with raise_on_signals():
         if scheduler is not None:
-            with cluster_executor(scheduler, scenes) as (executor, threads):
+            with connect_cluster(scheduler, scenes, print_message) as cluster:
+                threads = cluster.wait_for_workers()
                 batch = max(batch, len(todo) // (_MESSAGES * threads))
                 with closing(
                     run_tasks_in(
-                        executor, run_sweep_task, todo, workers=threads, batch=batch
+                        cluster.executor,
+                        run_sweep_task,
+                        todo,
+                        workers=threads,
+                        batch=batch,
+                        check_workers=cluster.count_threads,
                     )
                 ) as running:
                     yield running

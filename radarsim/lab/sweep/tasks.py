@@ -6,7 +6,8 @@ On a dask cluster that runs already, here or elsewhere, the workers are prepared
 import base64
 import hashlib
 import math
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import asdict, replace
@@ -16,7 +17,7 @@ from typing import Any, Final
 import numpy as np
 
 from radarsim import __version__
-from radarsim.autonomy.evaluation.task_runner import task_generator
+from radarsim.autonomy.evaluation.task_runner import CHECK_INTERVAL, task_generator
 from radarsim.autonomy.evaluation.trials import SCANNER, run_plan, shortest_for
 from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
 from radarsim.autonomy.navigation.algorithms import Algorithm
@@ -57,6 +58,10 @@ Row = dict[str, Any]
 _scenes: dict[str, Scene] = {}  # of this process, by their digests
 EXTRA: Final = "cluster"
 _CONNECTING: Final = 30  # s
+_WITHOUT_WORKERS: Final = 120.0  # s that a cluster may have no workers
+_REGISTRATIONS: Final = 5  # attempts to tell all workers what to prepare
+# An adaptive cluster starts workers for tasks that wait: it has to see some of them.
+_LEAST_THREADS: Final = 8
 
 
 def load_scenes(path: Path, sweep: SweepFile) -> dict[str, Scene]:
@@ -186,10 +191,67 @@ def _host(task: Parameters, scene: Scene) -> Host:
     return Host(scene, config=config, seed=task["seed"])
 
 
+class Cluster:
+    """The workers of a cluster, which may come, go and restart.
+
+    Attributes:
+        executor: Runs tasks on them.
+    """
+
+    def __init__(
+        self, address: str, client: Any, report: Callable[[str], None]
+    ) -> None:
+        """Take a cluster; arguments are those of ``connect_cluster``.
+
+        Args:
+            address: Address of its scheduler.
+            client: The client of distributed.
+            report: Called with what a user should know.
+        """
+        # Not pure: dask would give equal tasks the result of an earlier run.
+        self.executor: Executor = client.get_executor(pure=False)
+        self._address = address
+        self._client = client
+        self._report = report
+        self._deadline: float | None = None  # while there are no workers
+
+    def count_threads(self) -> int:
+        """Return how many threads its workers have; none if there are no workers now.
+
+        Raises:
+            SweepError: If there have been none for too long.
+        """
+        threads: int = sum(self._client.nthreads().values())
+        if threads:
+            self._deadline = None
+        elif self._deadline is None:
+            self._deadline = time.monotonic() + _WITHOUT_WORKERS
+            limit = f"up to {_WITHOUT_WORKERS:g} s"
+            self._report(f"{self._address} has no workers; waiting {limit} for one")
+        elif time.monotonic() > self._deadline:
+            raise SweepError(
+                f"--scheduler {self._address}: no workers for {_WITHOUT_WORKERS:g} s,"
+                " expected some; results so far are kept for --resume"
+            )
+        return threads
+
+    def wait_for_workers(self) -> int:
+        """Return how many threads there are as soon as there is a worker.
+
+        Raises:
+            SweepError: If there is none for too long.
+        """
+        waker = self._client.submit(int, pure=False)
+        while not (threads := self.count_threads()):
+            time.sleep(CHECK_INTERVAL)
+        waker.release()
+        return max(threads, _LEAST_THREADS)
+
+
 @contextmanager
-def cluster_executor(
-    address: str, scenes: Mapping[str, Scene]
-) -> Iterator[tuple[Executor, int]]:
+def connect_cluster(
+    address: str, scenes: Mapping[str, Scene], report: Callable[[str], None]
+) -> Iterator[Cluster]:
     """Connect to a cluster, and give its workers the maps of a sweep.
 
     Workers that join later get them as well.
@@ -197,14 +259,12 @@ def cluster_executor(
     Args:
         address: Address of its scheduler, such as ``tcp://10.0.0.1:8786``.
         scenes: From ``load_scenes``.
-
-    Yields:
-        An executor, and the number of threads of all workers.
+        report: Called with what a user should know while it is waited for.
 
     Raises:
         MissingPackage: If distributed is not installed.
-        SweepError: If there is no such cluster, or it has no workers, or one of them
-            has another version of radarsim, or none at all.
+        SweepError: If there is no such cluster, or one of its workers has another
+            version of radarsim, or none at all.
     """
     distributed = import_optional("distributed", EXTRA)
     try:
@@ -212,12 +272,8 @@ def cluster_executor(
     except (OSError, ValueError, TimeoutError) as error:
         raise SweepError(f"--scheduler {address}: {error}") from error
     with client:
-        threads = sum(client.nthreads().values())
-        if not threads:
-            raise SweepError(f"--scheduler {address}: no workers, expected some")
         _prepare(distributed, client, scenes)
-        # Not pure: dask would give equal tasks the result of an earlier run.
-        yield client.get_executor(pure=False), threads
+        yield Cluster(address, client, report)
 
 
 def _prepare(distributed: Any, client: Any, scenes: Mapping[str, Scene]) -> None:
@@ -230,11 +286,18 @@ def _prepare(distributed: Any, client: Any, scenes: Mapping[str, Scene]) -> None
             del worker
             prepare_worker(__version__, scenes)
 
-    try:
-        client.register_plugin(Preparation())
-    # distributed passes on what its plugin raises, here that of another version.
-    except SweepError:
-        raise
-    except Exception as error:  # whatever keeps a worker from importing radarsim
-        text = f"a worker cannot run radarsim: {error}"
-        raise SweepError(text) from error
+    for attempt in reversed(range(_REGISTRATIONS)):
+        try:
+            client.register_plugin(Preparation())
+        # distributed passes on what its plugin raises, here that of another version.
+        except SweepError:
+            raise
+        except Exception as error:
+            # A worker that has died meanwhile is none that cannot run it.
+            if isinstance(error, OSError) and attempt:
+                time.sleep(CHECK_INTERVAL)
+                continue
+            # whatever keeps a worker from importing radarsim
+            text = f"a worker cannot run radarsim: {error}"
+            raise SweepError(text) from error
+        return

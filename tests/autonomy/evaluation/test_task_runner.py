@@ -1,11 +1,14 @@
 """Tasks run in any number of processes, fail alone, and draw by their parameters."""
 
 import os
-from concurrent.futures import ThreadPoolExecutor
+import threading
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from typing import Any
 
 import pytest
 
+from radarsim.autonomy.evaluation import task_runner
 from radarsim.autonomy.evaluation.task_runner import (
     TaskResult,
     in_order,
@@ -45,6 +48,44 @@ def test_executor_gives_the_same_results(batch: int) -> None:
     with ThreadPoolExecutor(2) as pool:
         done = run_tasks_in(pool, square, range(5), workers=2, batch=batch)
         assert list(in_order(done)) == alone
+
+
+class GivingUp(Executor):
+    """Runs nothing, as a cluster whose workers die of each task but the first."""
+
+    def submit(
+        self, function: Callable[..., Any], /, *args: Any, **_: Any
+    ) -> Future[Any]:
+        future: Future[Any] = Future()
+        if args[-1][0][0] == 0:
+            future.set_result(function(*args))
+        else:
+            future.set_exception(ValueError("four workers have died"))
+        return future
+
+
+def test_task_that_a_cluster_gives_up_is_lost_alone() -> None:
+    done = list(run_tasks_in(GivingUp(), square, range(2), workers=1))
+    assert done[0] == TaskResult(0, -3)
+    assert done[1].value is None
+    assert done[1].error.endswith("expected a result: four workers have died")
+
+
+def test_workers_are_looked_at_while_results_are_awaited(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def check() -> None:
+        raise RadarsimError("no workers")
+
+    monkeypatch.setattr(task_runner, "CHECK_INTERVAL", 0.01)
+    waiting = threading.Event()
+    with ThreadPoolExecutor(1) as pool:
+        running = run_tasks_in(
+            pool, waiting.wait, [9.0], workers=1, check_workers=check
+        )
+        with pytest.raises(RadarsimError, match="no workers"):
+            next(running)
+        waiting.set()
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +20,13 @@ from commands import Run, run_in_process
 import radarsim
 from radarsim.autonomy.evaluation.task_runner import as_line
 from radarsim.errors import SweepError
+from radarsim.lab.sweep import tasks
 from radarsim.lab.sweep.file import read_sweep, shipped_sweeps
 from radarsim.lab.sweep.folder import ABOUT, LOG, TABLE, with_checksum
 from radarsim.lab.sweep.tasks import prepare_worker
 
 parquet = pytest.importorskip("pyarrow.parquet")
+distributed = pytest.importorskip("distributed")
 
 SMALL = """\
 version: 1
@@ -304,15 +306,16 @@ def test_trials_and_maps_are_judged(tmp_path: Path, kind: str) -> None:
         assert 0.5 < row["reachable_coverage"] <= 1
 
 
-@pytest.fixture(name="cluster")
-def dask_cluster() -> Iterator[str]:
-    """Start a scheduler with two worker processes, and return its address."""
-    pytest.importorskip("distributed")
+@contextmanager
+def dask_cluster(workers: int, prepare: str = "pass") -> Iterator[str]:
+    """Start a scheduler with worker processes; ``prepare`` is done before its use."""
     script = (
+        "import threading, time\n"
         "from distributed import LocalCluster\n"
         "if __name__ == '__main__':\n"
-        "    with LocalCluster(2, threads_per_worker=1, dashboard_address=None,\n"
-        "                      host='127.0.0.1') as cluster:\n"
+        f"    with LocalCluster({workers}, threads_per_worker=1,\n"
+        "                      dashboard_address=None, host='127.0.0.1') as cluster:\n"
+        f"        {prepare}\n"
         "        print(cluster.scheduler_address, flush=True)\n"
         "        input()\n"
     )
@@ -325,6 +328,81 @@ def dask_cluster() -> Iterator[str]:
         assert process.stdout is not None
         yield process.stdout.readline().strip()
         process.communicate("\n")
+
+
+@pytest.fixture(name="cluster")
+def cluster_of_two() -> Iterator[str]:
+    with dask_cluster(2) as address:
+        yield address
+
+
+@pytest.mark.slow
+def test_cluster_that_starts_empty_is_waited_for(small: Path) -> None:
+    one, adaptive = small.parent / "one", small.parent / "adaptive"
+    sweep(small, "-o", one, "--workers", 1)
+    # A local cluster cannot be made without workers.
+    empty = "cluster.scale(0); time.sleep(3); cluster.adapt(minimum=0, maximum=2)"
+    with dask_cluster(1, empty) as address:
+        run = sweep(small, "-o", adaptive, "--scheduler", address)
+    assert run.code == 0
+    assert (
+        run.err == f"radarsim: {address} has no workers; waiting up to 120 s for one\n"
+    )
+    assert files_of(adaptive) == files_of(one)
+
+
+@pytest.mark.slow
+def test_sweep_goes_on_when_all_workers_have_restarted(small: Path) -> None:
+    small.write_text(TRIALS)
+    one, restarted = small.parent / "one", small.parent / "restarted"
+    sweep(small, "-o", one, "--workers", 2)
+    restart = (
+        "threading.Timer(6, lambda: (cluster.scale(0), time.sleep(4),"
+        " cluster.scale(2))).start()"
+    )
+    with dask_cluster(2, restart) as address:
+        run = sweep(small, "-o", restarted, "--scheduler", address)
+    assert run.code == 0
+    assert files_of(restarted) == files_of(one)
+
+
+def test_cluster_without_workers_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Client:
+        def nthreads(self) -> dict[str, int]:
+            return {}
+
+        def get_executor(self, *, pure: bool) -> None:
+            assert not pure
+
+    monkeypatch.setattr(tasks, "_WITHOUT_WORKERS", 0.05)
+    told: list[str] = []
+    cluster = tasks.Cluster("tcp://10.0.0.1:8786", Client(), told.append)
+    assert cluster.count_threads() == 0
+    time.sleep(0.06)
+    with pytest.raises(SweepError, match=r"10\.0\.0\.1:8786: no workers for 0\.05 s"):
+        cluster.count_threads()
+    assert len(told) == 1
+
+
+class Registering:
+    """A client of distributed with workers that die while they are told what to do."""
+
+    def __init__(self, deaths: int) -> None:
+        self.deaths = deaths
+
+    def register_plugin(self, _: object) -> None:
+        self.deaths -= 1
+        if self.deaths >= 0:
+            raise distributed.comm.CommClosedError("it has died")
+
+
+def test_worker_that_dies_while_it_registers_ends_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(tasks, "CHECK_INTERVAL", 0.0)
+    tasks._prepare(distributed, Registering(2), {})
+    with pytest.raises(SweepError, match="cannot run radarsim: it has died"):
+        tasks._prepare(distributed, Registering(99), {})
 
 
 @pytest.mark.slow
