@@ -1,9 +1,7 @@
 """Messages of ROS 2 as bytes: CDR, as rosbags encodes and decodes it."""
 
 import struct
-from collections.abc import Mapping
 from functools import cache
-from types import SimpleNamespace
 from typing import ClassVar, NamedTuple, Protocol, TypeVar, cast
 
 from rosbags.serde import SerdeError
@@ -54,9 +52,7 @@ def typestore() -> Typestore:
 
 def encode(message: RosMessage) -> EncodedMessage:
     """Encode a message, little-endian."""
-    # Messages are plain mappings, so that JSON for rosbridge needs no package for ROS.
-    fields = _with_attributes(message.fields)
-    data = typestore().serialize_cdr(fields, message.type, little_endian=True)
+    data = typestore().serialize_cdr(message.fields, message.type, little_endian=True)
     return EncodedMessage(message.type, bytes(data))
 
 
@@ -75,14 +71,3 @@ def decode(message: EncodedMessage, expected: type[_Message]) -> _Message:
     except (SerdeError, ValueError, struct.error) as error:
         raise ValueError(f"{message.type} {error}, expected a whole message") from error
     return cast(_Message, decoded)
-
-
-def _with_attributes(value: object) -> object:
-    """Return fields as rosbags reads them: as attributes."""
-    if isinstance(value, Mapping):
-        return SimpleNamespace(
-            **{name: _with_attributes(each) for name, each in value.items()}
-        )
-    if isinstance(value, list):
-        return [_with_attributes(each) for each in value]
-    return value

@@ -9,6 +9,7 @@ import json
 import math
 from collections import deque
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -24,8 +25,8 @@ def message_json(message: RosMessage) -> str:
 
     def plain(value: object) -> object:
         match value:
-            case dict():
-                return {key: plain(each) for key, each in value.items()}
+            case SimpleNamespace():
+                return {key: plain(each) for key, each in vars(value).items()}
             case list():
                 return [plain(each) for each in value]
             case float():

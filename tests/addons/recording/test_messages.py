@@ -1,7 +1,7 @@
 """Messages have the values that they were made of, and all fields of their types."""
 
 import math
-from collections.abc import Mapping
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -32,10 +32,10 @@ def decoded(message: RosMessage) -> Any:
 
 def check_fields(type_: str, fields: Fields) -> None:
     defined = typestore().fielddefs[type_][1]
-    assert list(fields) == [name for name, _ in defined]
+    assert list(vars(fields)) == [name for name, _ in defined]
     for name, (_, described) in defined:
-        value = fields[name]
-        if isinstance(value, Mapping):
+        value = getattr(fields, name)
+        if isinstance(value, SimpleNamespace):
             check_fields(str(described), value)
         elif isinstance(value, list):
             for each in value:
@@ -76,7 +76,7 @@ def test_scan_has_its_ranges_and_misses_are_infinite(
     )
     found = decoded(scan)
     # JSON has the same numbers as CDR.
-    assert (scan.fields["angle_min"], scan.fields["angle_increment"]) == (
+    assert (scan.fields.angle_min, scan.fields.angle_increment) == (
         found.angle_min,
         found.angle_increment,
     )

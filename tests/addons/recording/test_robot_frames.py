@@ -1,5 +1,6 @@
 """Odometry and frames are those of REP-105: what a subscriber computes is the truth."""
 
+import json
 import math
 from collections import defaultdict
 from collections.abc import Sequence
@@ -16,6 +17,7 @@ from radarsim.addons.recording.cdr import decode
 from radarsim.addons.recording.host_recorder import HostRecorder, RunEvent
 from radarsim.addons.recording.messages import TopicMessage
 from radarsim.addons.recording.run_recording import RecordOptions
+from radarsim.addons.ros.rosbridge import message_json
 from radarsim.cli.server_options import ServedMap, ServerOptions
 from radarsim.client.session import Session
 from radarsim.geometry import Floats, Pose3
@@ -73,7 +75,7 @@ class Run:
                 self._add(message)
 
     def _add(self, message: TopicMessage) -> None:
-        self.topics[message.topic].append(message.message.fields)
+        self.topics[message.topic].append(json.loads(message_json(message.message)))
 
     def frames(self, parent: str, child: str) -> dict[float, Floats]:
         """Return matrices of a transform by their time stamps."""
