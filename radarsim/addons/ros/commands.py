@@ -25,7 +25,7 @@ class BridgeOptions:
     """How programs of ROS reach the bridge.
 
     Attributes:
-        bridge: JSON over a WebSocket, for roslibpy, roslibjs and Foxglove; or DDS, for
+        bridge: JSON over a WebSocket, for roslibpy and roslib (JavaScript); or DDS, for
             ROS 2 itself, which needs the extra 'dds'.
         web: Port of rosbridge; 0 takes a free one.
         web_host: Address on which rosbridge listens.
@@ -63,7 +63,7 @@ def ros(
         server: The server.
         options: How programs of ROS reach the bridge.
         robot: Spawn a robot of this class, which follows cmd_vel.
-        start: Name of its start pose.
+        start: Name of its start; by default the first free one.
         map_: Map this robot, and publish the map each second.
         name: Name of that robot.
         echoes: Publish the echoes and targets of all scanners as well.

@@ -1,7 +1,7 @@
 """The protocol of rosbridge, version 2: one client of a bridge, without I/O.
 
 Source: ROSBRIDGE_PROTOCOL.md of rosbridge_suite; of the services those of rosapi that
-roslibpy and roslibjs call. Messages of ROS are JSON as rosbridge writes it.
+roslibpy and roslib call. Messages of ROS are JSON as rosbridge writes it.
 """
 
 import base64
@@ -14,8 +14,15 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
+from radarsim.addons.recording.call_converter import CLOCK
 from radarsim.addons.recording.messages import RosMessage, TopicMessage
 from radarsim.addons.ros.bridge import TWIST, DriveCallback
+from radarsim.addons.ros.message_types import (
+    full_name,
+    full_text,
+    type_definition,
+    types_within,
+)
 
 Json: TypeAlias = dict[str, Any]  # an object of a client
 
@@ -70,16 +77,20 @@ class TopicBoard:
     Attributes:
         types: Types of topics, by name; also of those that are only listened to.
         drivers: Where velocity commands go, by topic.
+        time: Simulated time, as a message of ROS; 0 before the first ``/clock``.
     """
 
     def __init__(self) -> None:
         self.types: dict[str, str] = {}
         self.drivers: dict[str, DriveCallback] = {}
+        self.time: object = {"sec": 0, "nanosec": 0}
         self._latched: dict[str, str] = {}
 
     def add(self, message: TopicMessage, wanted: bool) -> str:
         """Note a message; return its JSON, empty if nobody wants it."""
         self.types[message.topic] = message.message.type
+        if message.topic == CLOCK:
+            self.time = message.message.fields["clock"]
         if not (wanted or message.latched):
             return ""
         # Once for all clients, as arrays of scans take long to write.
@@ -119,6 +130,24 @@ class RosbridgeClient:
             "call_service": self._call,
             # Topics need no announcement here.
             **dict.fromkeys(("advertise", "unadvertise", "set_level"), lambda _: None),
+        }
+
+        # Some clients put a slash in front.
+        self._services: dict[str, Callable[[Json], Json]] = {
+            "rosapi/topics": self._topics,
+            "rosapi/topics_and_raw_types": self._topics_and_raw_types,
+            "rosapi/topics_for_type": self._topics_for_type,
+            "rosapi/topic_type": lambda arguments: {
+                "type": board.types.get(str(arguments.get("topic")), "")
+            },
+            "rosapi/message_details": self._message_details,
+            "rosapi/nodes": lambda _: {"nodes": ["/radarsim"]},
+            "rosapi/services": lambda _: {"services": []},
+            "rosapi/get_param_names": lambda _: {"names": []},
+            # By two names, as in the versions of rosapi.
+            **dict.fromkeys(
+                ("rosapi/time", "rosapi/get_time"), lambda _: {"time": board.time}
+            ),
         }
 
     def wants(self, topic: str) -> bool:
@@ -190,33 +219,33 @@ class RosbridgeClient:
     def _call(self, message: Json) -> None:
         service = str(message["service"])
         arguments = message.get("args") or {}
-        values = self._answer(service, arguments if isinstance(arguments, dict) else {})
+        serve = self._services.get(service.removeprefix("/"))
+        values = serve and serve(arguments if isinstance(arguments, dict) else {})
         answer = {
             "op": "service_response",
             "service": service,
-            "values": {} if values is None else values,
-            "result": values is not None,
+            "values": values or {},
+            "result": serve is not None,
         }
         if "id" in message:
             answer["id"] = message["id"]
         self.waiting.append(json.dumps(answer))
 
-    def _answer(self, service: str, arguments: Json) -> Json | None:
+    def _topics(self, _: Json) -> Json:
         types = self._board.types
-        match service:
-            case "/rosapi/topics":
-                return {"topics": list(types), "types": list(types.values())}
-            case "/rosapi/topic_type":
-                return {"type": types.get(str(arguments.get("topic")), "")}
-            case "/rosapi/topics_for_type":
-                wanted = arguments.get("type")
-                return {"topics": [name for name in types if types[name] == wanted]}
-            case "/rosapi/nodes":
-                return {"nodes": ["/radarsim"]}
-            case "/rosapi/services":
-                return {"services": []}
-            case _:
-                return None
+        return {"topics": list(types), "types": list(types.values())}
+
+    def _topics_and_raw_types(self, arguments: Json) -> Json:
+        texts = [full_text(each) for each in self._board.types.values()]
+        return {**self._topics(arguments), "typedefs_full_text": texts}
+
+    def _topics_for_type(self, arguments: Json) -> Json:
+        types, wanted = self._board.types, full_name(str(arguments.get("type")))
+        return {"topics": [name for name in types if types[name] == wanted]}
+
+    def _message_details(self, arguments: Json) -> Json:
+        wanted = types_within(full_name(str(arguments.get("type"))))
+        return {"typedefs": [type_definition(each) for each in wanted]}
 
     def _complain(self, text: str) -> None:
         self.waiting.append(json.dumps({"op": "status", "level": "error", "msg": text}))

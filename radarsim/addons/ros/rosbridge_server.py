@@ -18,7 +18,7 @@ MOST_ANSWERS: Final = 1000  # that wait for a client which does not read
 
 
 class RosbridgeServer:
-    """Serves topics to clients of rosbridge, such as roslibpy and Foxglove."""
+    """Serves topics to clients of rosbridge, such as roslibpy and roslib."""
 
     def __init__(
         self,

@@ -1,16 +1,13 @@
-"""The readers of @mcap/core, which Foxglove uses, under node.
-
-The packages come from npm; where it, or its registry, is missing, tests are skipped.
-"""
+"""The readers of @mcap/core, which Foxglove uses, under node."""
 
 import json
-import shutil
 import subprocess
 from collections import Counter
 from pathlib import Path
 
 import pytest
 import recorded_runs
+from node_packages import install_packages
 
 from radarsim.addons.recording.bag import BagReader
 from radarsim.addons.recording.bag_folder import file_name
@@ -23,16 +20,8 @@ PACKAGES = ("@mcap/core@2.2.2", "@foxglove/wasm-zstd@1.0.1")
 @pytest.fixture(scope="module")
 def packages(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Install the packages; return the folder that has them."""
-    npm = shutil.which("npm")
-    if npm is None or shutil.which("node") is None:
-        pytest.skip("node or npm is not installed")
     folder = tmp_path_factory.mktemp("node")
-    words = ("install", "--silent", "--no-audit", "--no-fund", *PACKAGES)
-    done = subprocess.run(
-        [npm, *words], cwd=folder, capture_output=True, timeout=240, check=False
-    )
-    if done.returncode:
-        pytest.skip("npm cannot install @mcap/core")
+    install_packages(folder, *PACKAGES)
     return folder
 
 

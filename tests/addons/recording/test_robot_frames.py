@@ -3,12 +3,12 @@
 import json
 import math
 from collections import defaultdict
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from odometry import integral_of, place_of, stamp_of
 from rosbags.typesys.stores.ros2_jazzy import tf2_msgs__msg__TFMessage as TFMessage
 
 from radarsim.addons.recording.bag import BagReader
@@ -87,11 +87,6 @@ class Run:
         }
 
 
-def stamp_of(message: Any) -> float:
-    stamp = message["header"]["stamp"]
-    return round(float(stamp["sec"] + stamp["nanosec"] / 1e9), 2)
-
-
 def matrix_of(translation: Any, rotation: Any) -> Floats:
     """Return the matrix, (4, 4), of a transform, from its unit quaternion."""
     x, y, z, w = (rotation[axis] for axis in "xyzw")
@@ -102,31 +97,6 @@ def matrix_of(translation: Any, rotation: Any) -> Floats:
     matrix[:3, :3] += 2 * (np.outer(vector, vector) + w * cross)
     matrix[:3, 3] = [translation[axis] for axis in "xyz"]
     return matrix
-
-
-def place_of(message: Any) -> tuple[Floats, float]:
-    """Return x and y, and the heading, of the pose of odometry."""
-    pose = message["pose"]["pose"]
-    heading = 2 * math.atan2(pose["orientation"]["z"], pose["orientation"]["w"])
-    return np.array([pose["position"][axis] for axis in "xy"]), heading
-
-
-def integral_of(odometry: Sequence[Any]) -> tuple[Floats, float, float]:
-    """Return x and y, the heading, and the way, after all twists but the first.
-
-    They are summed in small steps, each straight ahead.
-    """
-    (at, heading), before, way = place_of(odometry[0]), stamp_of(odometry[0]), 0.0
-    for message in odometry[1:]:
-        twist, time = message["twist"]["twist"], stamp_of(message)
-        step = (time - before) / 10
-        for _ in range(10):
-            heading += twist["angular"]["z"] * step
-            ahead = np.array([math.cos(heading), math.sin(heading)])
-            at = at + twist["linear"]["x"] * step * ahead
-            way += abs(twist["linear"]["x"]) * step
-        before = time
-    return at, heading, way
 
 
 def test_integrated_twist_is_the_pose(empty_room: Scene) -> None:

@@ -2,6 +2,7 @@
 
 import base64
 import json
+import math
 import subprocess
 import sys
 import time
@@ -12,6 +13,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from commands import run_in_process
+from node_packages import install_packages
+from odometry import integral_of, place_of, stamp_of
 from processes import start_radarsim
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
@@ -24,7 +28,8 @@ from radarsim.client import Client
 from radarsim.protocol.reports import GroundTruth, RangeScan
 
 TIMEOUT = 240  # s that a busy machine may need
-DRIVER = Path(__file__).parents[2] / "support" / "rosbridge_drive.py"
+SUPPORT = Path(__file__).parents[2] / "support"
+DRIVER = SUPPORT / "rosbridge_drive.py"
 foliage_server = pytest.mark.usarsim(map="foliage_room")
 
 
@@ -119,6 +124,74 @@ def test_robots_of_others_are_topics(usarsim_server: UsarsimServer) -> None:
             for p, o in ((pose.x + 1.0, x), (pose.y, y))
         )
         assert map_["data"][row * map_["info"]["width"] + column] == 0  # ahead of it
+
+
+@pytest.mark.usarsim(map="empty_room", speed=5)
+def test_twist_of_a_robot_at_its_free_start_adds_up_to_its_pose(
+    usarsim_server: UsarsimServer,
+) -> None:
+    with (
+        bridge(usarsim_server, "--robot", "P3AT") as port,
+        connect(f"ws://127.0.0.1:{port}") as connection,
+    ):
+        side = Side(connection)
+        for topic in ("/R1/odom", "/R1/ground_truth", "/clock"):
+            side.wait_for_topic(topic)
+            side.send(op="subscribe", topic=topic)
+        truth = side.wait_for(topic="/R1/ground_truth")["msg"]["pose"]["position"]
+        # The first start of the map, as none was wanted.
+        assert (truth["x"], truth["y"]) == pytest.approx((-8.0, 0.0), abs=1e-3)
+        circle = {"linear": {"x": 0.6}, "angular": {"z": 0.5}}
+        odometry: list[Any] = []
+        times: list[float] = []
+        while len(odometry) < 190:
+            message = json.loads(connection.recv(TIMEOUT))
+            if message["topic"] == "/clock":
+                now = message["msg"]["clock"]
+                times.append(now["sec"] + now["nanosec"] / 1e9)
+            elif message["topic"] == "/R1/odom":
+                odometry.append(message["msg"])
+                side.send(op="publish", topic="/R1/cmd_vel", msg=circle)
+    at, heading, way = integral_of(odometry)
+    assert way > 10
+    end, turned = place_of(odometry[-1])
+    assert np.linalg.norm(end - at) < 0.02 * way
+    assert math.remainder(turned - heading, 2 * math.pi) == pytest.approx(0, abs=0.02)
+    # Who reads too slowly loses some.
+    assert np.median(np.diff(times)) == pytest.approx(0.01)
+    assert times[0] <= stamp_of(odometry[-1]) <= times[-1]
+
+
+@foliage_server
+def test_roslib_is_told_what_there_is(
+    usarsim_server: UsarsimServer, tmp_path: Path
+) -> None:
+    install_packages(tmp_path, "roslib@2.1")
+    program = SUPPORT / "roslib_questions.mjs"
+    with bridge(usarsim_server, "--robot", "P3AT") as port:
+        with connect(f"ws://127.0.0.1:{port}") as connection:
+            Side(connection).wait_for_topic("/R1/odom")
+        command = ["node", str(program), str(tmp_path), str(port)]
+        told = json.loads(subprocess.check_output(command, timeout=TIMEOUT))
+    types = dict(zip(told["topics"]["topics"], told["topics"]["types"], strict=True))
+    assert types["/R1/odom"] == "nav_msgs/msg/Odometry"
+    assert types["/R1/cmd_vel"] == "geometry_msgs/msg/Twist"
+    assert (told["nodes"], told["params"]) == (["/radarsim"], [])
+    assert told["scanners"] == ["/R1/lms200/scan"]
+    assert told["raw"]["topics"] == told["topics"]["topics"]
+    assert all(told["raw"]["typedefs_full_text"])
+    assert told["odometry"]["header"]["stamp"] == {"sec": "int32", "nanosec": "uint32"}
+    assert told["odometry"]["twist"]["covariance"] == ["float64"]
+    assert told["unknown"] == []
+    assert told["time"]["time"]["sec"] + told["time"]["time"]["nanosec"] > 0
+    assert told["beams"] == 181
+
+
+def test_help_names_only_programs_that_connect() -> None:
+    text = run_in_process("ros", "--help-all").text
+    assert "roslib" in text.replace("roslibpy", "")
+    assert "roslibpy" in text
+    assert "Foxglove" not in text  # it wants messages in CBOR
 
 
 def test_wrong_messages_are_answered() -> None:
