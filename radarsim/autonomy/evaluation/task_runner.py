@@ -25,13 +25,14 @@ from collections.abc import (
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
+    CancelledError,
     Executor,
     Future,
     wait,
 )
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any, Final, Generic, TypeAlias, TypeVar
 
@@ -273,11 +274,18 @@ def _run_batches(
                 results = future.result()
             except BrokenExecutor:
                 suspects.append(batch)
+            except CancelledError:
+                # The cluster has been restarted, and forgets what was submitted, or it
+                # is gone.
+                check_workers()
+                left = chain([batch], left)
             # What a task raises is its result: this is what a cluster raises that has
             # given a batch up, as its workers have died of it.
             except Exception as error:  # noqa: BLE001
-                for number, _ in batch:
-                    yield TaskResult(number, None, f"{LOST}: {error}")
+                if len(batch) > 1:
+                    left = chain(([one] for one in batch), left)
+                else:
+                    yield TaskResult(batch[0][0], None, f"{LOST}: {error}")
             else:
                 yield from results
     # A process that crashes breaks the whole pool, and nobody knows which task it was:

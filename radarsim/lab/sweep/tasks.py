@@ -219,9 +219,15 @@ class Cluster:
         """Return how many threads its workers have; none if there are no workers now.
 
         Raises:
-            SweepError: If there have been none for too long.
+            SweepError: If there have been none for too long, or the scheduler is gone.
         """
-        threads: int = sum(self._client.nthreads().values())
+        try:
+            threads: int = sum(self._client.nthreads().values())
+        except (OSError, RuntimeError) as error:
+            raise SweepError(
+                f"--scheduler {self._address}: it is gone: {error}; results so far are"
+                " kept for --resume"
+            ) from error
         if threads:
             self._deadline = None
         elif self._deadline is None:

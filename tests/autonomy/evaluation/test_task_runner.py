@@ -65,10 +65,53 @@ class GivingUp(Executor):
 
 
 def test_task_that_a_cluster_gives_up_is_lost_alone() -> None:
-    done = list(run_tasks_in(GivingUp(), square, range(2), workers=1))
+    done = list(in_order(run_tasks_in(GivingUp(), square, range(2), workers=1)))
     assert done[0] == TaskResult(0, -3)
     assert done[1].value is None
     assert done[1].error.endswith("expected a result: four workers have died")
+
+
+def test_of_a_batch_that_a_cluster_gives_up_one_task_is_lost() -> None:
+    class Deadly(ThreadPoolExecutor):
+        def submit(self, function: Any, /, *args: Any, **_: Any) -> Future[Any]:
+            if 4 in [number for number, _ in args[-1]]:
+                function = GivingUp().submit(function, args[-1]).result
+                return super().submit(function)
+            return super().submit(function, *args)
+
+    with Deadly(2) as pool:
+        done = list(in_order(run_tasks_in(pool, square, range(9), workers=2, batch=3)))
+    alone = list(run_tasks(square, range(9), workers=1))
+    assert done[:4] + done[5:] == alone[:4] + alone[5:]
+    assert done[4].error.endswith("four workers have died")
+
+
+def test_what_a_cluster_has_forgotten_is_run_again() -> None:
+    class Restarted(ThreadPoolExecutor):
+        forgets = 3
+
+        def submit(self, function: Any, /, *args: Any, **_: Any) -> Future[Any]:
+            future = super().submit(function, *args)
+            if self.forgets:
+                self.forgets -= 1
+                future = Future()
+                future.cancel()
+                future.set_running_or_notify_cancel()
+            return future
+
+    checked: list[int] = []
+    with Restarted(2) as pool:
+        running = run_tasks_in(
+            pool,
+            square,
+            range(9),
+            workers=2,
+            batch=2,
+            check_workers=lambda: checked.append(1),
+        )
+        done = list(in_order(running))
+    assert done == list(run_tasks(square, range(9), workers=1))
+    assert len(checked) == 3
 
 
 def test_workers_are_looked_at_while_results_are_awaited(

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -364,6 +365,41 @@ def test_sweep_goes_on_when_all_workers_have_restarted(small: Path) -> None:
         run = sweep(small, "-o", restarted, "--scheduler", address)
     assert run.code == 0
     assert files_of(restarted) == files_of(one)
+
+
+@pytest.mark.slow
+def test_sweep_goes_on_when_somebody_restarts_the_cluster(
+    small: Path, cluster: str
+) -> None:
+    small.write_text(TRIALS)
+    one, restarted = small.parent / "one", small.parent / "restarted"
+    sweep(small, "-o", one, "--workers", 2)
+
+    def restart() -> None:
+        while not logged(restarted):
+            time.sleep(0.01)
+        with distributed.Client(cluster) as client:
+            client.restart()
+
+    with ThreadPoolExecutor(1) as thread:
+        restarting = thread.submit(restart)
+        run = sweep(small, "-o", restarted, "--scheduler", cluster)
+        restarting.result()
+    assert run.code == 0
+    assert files_of(restarted) == files_of(one)
+
+
+def test_cluster_that_is_gone_ends_the_sweep() -> None:
+    class Client:
+        def nthreads(self) -> dict[str, int]:
+            raise distributed.comm.CommClosedError("no connection")
+
+        def get_executor(self, *, pure: bool) -> None:
+            assert not pure
+
+    cluster = tasks.Cluster("tcp://10.0.0.1:8786", Client(), print)
+    with pytest.raises(SweepError, match=r"1:8786: it is gone: no connection; results"):
+        cluster.count_threads()
 
 
 def test_cluster_without_workers_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
