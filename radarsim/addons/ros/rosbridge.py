@@ -90,7 +90,7 @@ class TopicBoard:
         """Note a message; return its JSON, empty if nobody wants it."""
         self.types[message.topic] = message.message.type
         if message.topic == CLOCK:
-            self.time = message.message.fields["clock"]
+            self.time = vars(message.message.fields.clock)
         if not (wanted or message.latched):
             return ""
         # Once for all clients, as arrays of scans take long to write.
