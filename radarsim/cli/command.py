@@ -365,6 +365,7 @@ def _help_all(*, is_listed: bool) -> click.Option:
 
     return click.Option(
         ["--help-all"],
+        allow_from_autoenv=False,
         hidden=not is_listed,
         is_flag=True,
         is_eager=True,

@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -149,8 +150,10 @@ def test_program_exits_on_a_signal_while_viewers_wait_for_pictures(
             process.send_signal(number)
             _, errors = process.communicate(timeout=240)
         assert process.returncode == code
-        lines = [line for line in errors.splitlines() if "too slow" not in line]
-        assert lines == []  # busy machines are slow
+        # Busy machines are slow, and empty caches are filled.
+        ignored = re.compile("too slow|compil")
+        lines = [line for line in errors.splitlines() if not ignored.search(line)]
+        assert lines == []
     finally:
         process.kill()
         process.wait()

@@ -240,9 +240,18 @@ def test_invalid_command_gives_a_diagnostic_and_no_effect(
         pytest.param(
             b"GETCONF {Type Enc} {Name W1}",
             "item type",
-            "GETCONF of type 'Enc', expected one of ['GroundTruth', 'INS', 'Odometry', "
-            "'Tachometer', 'Encoder', 'Touch', 'Battery', 'RangeScanner']",
+            "GETCONF of type 'Enc', expected one of ['Robot', 'GroundTruth', 'INS', "
+            "'Odometry', 'Tachometer', 'Encoder', 'Touch', 'Battery', 'RangeScanner', "
+            "'Echoes', 'RadarTargets']",
             id="type that does not match",
+        ),
+        pytest.param(
+            b"GETGEO {Type Robt}",
+            "item type",
+            "GETGEO of type 'Robt', expected one of ['Robot', 'GroundTruth', 'INS', "
+            "'Odometry', 'Tachometer', 'Encoder', 'Touch', 'Battery', 'RangeScanner', "
+            "'Echoes', 'RadarTargets']; did you mean 'Robot'?",
+            id="misspelt robot",
         ),
         pytest.param(
             b"GETCONF {Type actuator}",
