@@ -428,9 +428,9 @@ def _describe_missing(
         expected = expected_one_of(name, [item.name for item in of_type])
         text = f"{command.verb} of {of_type[0].type} {expected}"
         return Diagnostic("item name", text)
-    types = dict.fromkeys(item.type for item in model.items)
+    types: list[str] = [*dict.fromkeys(item.type for item in model.items)]
     if not isinstance(command, SetItem):
-        types = dict.fromkeys(("Robot", *types, "Echoes", "RadarTargets"))
+        types = ["Robot", *types, "Echoes", "RadarTargets"]
     text = f"{command.verb} of type {expected_one_of(item_type, types)}"
     return Diagnostic("item type", text)
 
