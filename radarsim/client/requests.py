@@ -498,6 +498,9 @@ def reading_of(report: Report) -> tuple[Hashable, float] | None:
 
 def is_older(report: Report, other: Report) -> bool:
     """Return whether both are readings of one sensor, and the other is newer."""
+    # Most have other names, and up to a thousand are compared in each call.
+    if getattr(report, "name", None) != getattr(other, "name", None):
+        return False
     one, two = reading_of(report), reading_of(other)
     if one is None or two is None:
         return False
