@@ -236,9 +236,9 @@ class GoToTask:
         """
         if not self._is_placed.all():
             raise ResetNeeded("step before reset, expected reset first")
-        actions = np.clip(np.asarray(actions, np.float64), -1.0, 1.0)
         if not np.isfinite(actions).all():
             raise ValueError(f"actions {actions.tolist()}, expected finite numbers")
+        actions = np.clip(np.asarray(actions, np.float64), -1.0, 1.0)
         before, poses = self.distances, self.arena.poses
         touched = self.arena.drive(actions)
         self.steps += 1

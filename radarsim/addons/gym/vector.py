@@ -174,6 +174,8 @@ class VectorEnv(GymnasiumVectorEnv[Observations, NDArray[np.float32], NDArray[An
         """Return the observations of all, of which those in a mask are new."""
         for task, rows in zip(self._tasks, self._rows, strict=False):
             chosen = mask[rows]
+            if not chosen.any():  # none of those of this map
+                continue
             seen = task.observe([self._rngs[row] for row in rows], chosen)
             for name, values in seen.items():
                 shape = (self.num_envs, *values.shape[1:])

@@ -164,6 +164,17 @@ def test_some_of_many_robots_are_reset(beam_values: tuple[str, ...]) -> None:
     np.testing.assert_equal(found, alone.reset(seed=[7, 8, 9]))
 
 
+def test_robots_of_one_map_are_reset_alone() -> None:
+    envs = VectorEnv(3, map=["empty_room", "foliage_room"], **FAST)
+    before, _ = envs.reset(seed=1)
+    mask = np.array([False, True, False])
+    after, infos = envs.reset(options={"reset_mask": mask})
+    np.testing.assert_array_equal(infos["_pose"], mask)
+    for name, values in after.items():
+        np.testing.assert_array_equal(values[~mask], before[name][~mask])
+    assert not np.array_equal(after["ranges"][1], before["ranges"][1])
+
+
 @pytest.mark.parametrize(
     "mask", [[True], np.ones(2), np.zeros(2, bool), np.ones((2, 1), bool), None]
 )
@@ -325,8 +336,9 @@ def test_wrong_options_and_actions_are_told() -> None:
     with pytest.raises(ValueError, match="x and y"):
         env.reset(options={"goal": (1.0, 1.0, 0.0)})
     env.reset()
-    with pytest.raises(ValueError, match="finite"):
-        env.step(np.array([math.nan, 0.0], np.float32))
+    for wrong in (math.nan, math.inf):
+        with pytest.raises(ValueError, match="finite"):
+            env.step(np.array([wrong, 0.0], np.float32))
     with pytest.raises(TypeError, match="colour"):
         GoToEnv(colour="red")
 
