@@ -82,6 +82,10 @@ def _read(content: bytes, collada: Any) -> tuple[list[tuple[str, Mesh]], list[st
     for child in list(root):
         if child.tag.removeprefix(namespace) not in _READ:
             root.remove(child)
+    unread = [f"{namespace}instance_{each}" for each in ("camera", "light")]
+    for node in root.iter(f"{namespace}node"):
+        for child in [each for each in node if each.tag in unread]:
+            node.remove(child)  # nothing of a mesh is missing without it
     for instance in root.iter(f"{namespace}instance_geometry"):
         del instance[:]  # its materials, which would have to be there
     for mesh in root.iter(f"{namespace}mesh"):

@@ -92,11 +92,21 @@ class MeshCopies:
         import trimesh  # noqa: PLC0415 - slow, and not every world has meshes
 
         scene: Any = trimesh.Scene()
+        has_area = False
         for vertices, faces in meshes:
-            x, y, z = ((vertices - origin) * scale).T
+            with np.errstate(all="ignore"):
+                placed = ((vertices - origin) * scale).astype(np.float32)
+            if not np.isfinite(placed).all():
+                raise MeshError("a vertex is not finite")
+            x, y, z = placed.T
+            corners = placed[faces]
+            differ = (corners != np.roll(corners, 1, axis=1)).any(axis=2)
+            has_area |= bool(differ.all(axis=1).any())
             turned = faces if np.prod(scale) > 0 else faces[:, ::-1]
             scaled = np.column_stack([x, z, -y])  # y is up in GLB
             scene.add_geometry(trimesh.Trimesh(scaled, turned, process=False))
+        if not has_area:
+            raise MeshError("no triangle has an area")
         content: bytes = scene.export(file_type="glb")
         self._budget.take(len(content), "bytes")
         stem = re.sub(r"[^\w-]", "_", file.stem, flags=re.ASCII)[:80]

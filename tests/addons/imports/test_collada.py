@@ -106,6 +106,14 @@ def test_normals_do_not_matter(wrong: tuple[str, str]) -> None:
     np.testing.assert_array_equal(bounds(text.replace(*wrong)), bounds(text))
 
 
+def test_cameras_and_lights_are_not_missed() -> None:
+    text = box_file((2, 3, 4))
+    seen = '<node><instance_camera url="#c"/></node><node><instance_light url="#l"/>'
+    np.testing.assert_array_equal(
+        bounds(text.replace("<node id", f"{seen}</node><node id")), bounds(text)
+    )
+
+
 def test_parts_that_cannot_be_read_are_told_and_others_are_read() -> None:
     broken = box_geometry("h", (1, 1, 1)).replace("<param", "<other")
     text = box_file((2, 3, 4)).replace("</library_geo", f"{broken}</library_geo")

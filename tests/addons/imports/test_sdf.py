@@ -309,6 +309,29 @@ def test_summary_gives_the_reasons_and_how_to_read_collada(
     assert "22 of 64 models left out: 22 not found" in whole.err
 
 
+def test_mesh_that_no_map_can_have_is_left_out_alone(
+    import_file: Import, tmp_path: Path
+) -> None:
+    write(tmp_path / "good.dae", DAE)
+    write(tmp_path / "nan.dae", DAE.replace("<scale>1 1 1<", "<scale>nan 1 1<"))
+    write(tmp_path / "flat.dae", DAE.replace("<scale>1 1 1<", "<scale>0 0 0<"))
+    world = "".join(
+        f"<model name='{name}'><static>1</static><link name='l'><collision name='c'>"
+        f"<geometry><mesh><uri>{name}.dae</uri><scale>{scale}</scale></mesh></geometry>"
+        "</collision></link></model>"
+        for name, scale in (
+            *(("good", "1 1 1"), ("good", "2 1 1"), ("good", "1 2 1")),
+            *(("nan", "1 1 1"), ("flat", "1 1 1"), ("good", "1e99 1 1")),
+        )
+    )
+    done = import_file(write(tmp_path / "w.sdf", WORLD.format(world)))
+    assert done.code == 0
+    assert "3 of 6 models left out: 3 .dae that cannot be used" in done.err
+    assert done.text.count("a vertex is not finite") == 2
+    assert done.text.count("no triangle has an area") == 1
+    assert len(radarsim.load_map(tmp_path / "map.yaml").parts) == 3
+
+
 def test_meshes_of_other_formats_are_copied(
     import_file: Import, tmp_path: Path
 ) -> None:
