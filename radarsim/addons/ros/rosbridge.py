@@ -191,7 +191,7 @@ class RosbridgeClient:
                 handler(message)
             except KeyError as error:
                 self._complain(f"{operation}: nothing for {error}, expected a value")
-            except (ValueError, TypeError) as error:
+            except (ValueError, TypeError, OverflowError) as error:
                 self._complain(f"{operation}: {error}")
 
     def _subscribe(self, message: Json) -> None:

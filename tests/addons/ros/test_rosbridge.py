@@ -199,6 +199,7 @@ def test_wrong_messages_are_answered() -> None:
     wrong = [
         *("{", "[]", "7", '{"op": "no_such"}', '{"op": "subscribe"}', "[" * 60_000),
         '{"op": "subscribe", "topic": "/a", "throttle_rate": "x"}',
+        f'{{"op": "subscribe", "topic": "/a", "throttle_rate": {10**400}}}',
         '{"op": "publish", "topic": "/R1/cmd_vel", "msg": {"linear": 3}}',
     ]
     for text in wrong:
@@ -213,7 +214,10 @@ def test_wrong_messages_are_answered() -> None:
     assert not client.waiting
 
 
-@pytest.mark.parametrize("message", [None, 3, {"linear": 3}, {"linear": {"x": "a"}}])
+@pytest.mark.parametrize(
+    "message",
+    [None, 3, {"linear": 3}, {"linear": {"x": "a"}}, {"linear": {"x": 10**400}}],
+)
 def test_wrong_velocities_do_not_drive(message: object) -> None:
     board, driven = TopicBoard(), list[tuple[float, float]]()
     board.listen("/R1/cmd_vel", lambda *speeds: driven.append(speeds))
