@@ -100,8 +100,8 @@ def _intact(line: bytes) -> dict[str, Any] | None:
         result: dict[str, Any] = json.loads(line)
         others = {key: result[key] for key in result if key != "checksum"}
         return result if with_checksum(others) == result else None
-    except (ValueError, TypeError):
-        return None  # no JSON, or no object
+    except (ValueError, TypeError, RecursionError):
+        return None  # no JSON, or no object, or one of thousands in each other
 
 
 @dataclass(frozen=True, slots=True)

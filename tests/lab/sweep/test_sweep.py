@@ -173,6 +173,10 @@ def test_each_damaged_line_is_named_and_its_task_run_again(small: Path) -> None:
             number = before[LOG][:place].count(b"\n") + 1
             assert f"{out / LOG}:{number}: damaged, its task is run again" in again.err
         assert files_of(out) == before
+    (out / LOG).write_bytes(b"[" * 100_000 + b"\n" + before[LOG])
+    again = sweep(small, "-o", out, "--resume")
+    assert (again.code, f"{LOG}:1: damaged" in again.err) == (0, True)
+    assert files_of(out) == before
 
 
 def test_another_sweep_does_not_replace_a_table(small: Path) -> None:
