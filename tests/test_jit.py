@@ -43,7 +43,7 @@ def call(pointer):
     pass
 """
 
-MODULES = ("jit", "kernel_cache", "files", "errors")
+MODULES = ("jit", "kernel_cache", "files", "processes", "errors")
 
 
 @pytest.fixture

@@ -17,6 +17,7 @@ from radarsim.listening import (
     listen,
     peer_name,
 )
+from radarsim.processes import TERMINATED
 from radarsim.server.engine_loader import EngineLoader
 from radarsim.server.host import Diagnostic, Host
 from radarsim.server.peer_connections import ReadAllowance, ReadTurns, RefusalLog
@@ -118,6 +119,11 @@ class Server:
         if not self._host.has_begun:
             self._host.begin(await self._loader.load())
         return self._host.simulation
+
+    @property
+    def is_listening(self) -> bool:
+        """Whether it has begun to listen."""
+        return self._listener is not None
 
     @property
     def is_loading(self) -> bool:
@@ -403,7 +409,8 @@ async def serve(
         companions: Started and stopped with the server.
 
     Returns:
-        The exit code: 130 after an interrupt, 0 after a request to terminate.
+        The exit code: 130 after an interrupt; after a request to terminate 0, or 143
+        if it did not listen yet.
 
     Raises:
         ServerError: If it cannot listen.
@@ -417,7 +424,9 @@ async def serve(
             await asyncio.wait(pending, return_when=asyncio.FIRST_COMPLETED)
             if running.done():
                 running.result()  # raises the error that ended it
-            return await exit_code
+            code = await exit_code
+            # Nothing was served while the engine was read.
+            return code if code or server.is_listening else TERMINATED
         finally:
             running.cancel()
             for companion in companions:

@@ -24,7 +24,7 @@ from radarsim.autonomy.mapping.trajectory import tum_text
 from radarsim.autonomy.plotting.maps import draw_map_view
 from radarsim.cli.files import check_writable
 from radarsim.errors import describe_os_error
-from radarsim.files import write_atomically
+from radarsim.files import is_by_radarsim, write_atomically
 
 DEFAULT_STEM: Final = "map"  # of the names of files in a folder
 FILE_SUFFIXES: Final = (".png", ".pgm", ".yaml", ".tum")
@@ -138,10 +138,11 @@ class MapFiles:
 
 
 def _may_be_replaced(path: Path, served: str | None) -> bool:
-    """Return whether a file is a map that radarsim wrote, and not the simulated one."""
+    """Return whether a file is of radarsim's, and not the simulated map."""
     try:
         with path.open("rb") as file:
-            return is_radarsim_map(file.read(HEAD)) and not _is_same(path, served)
+            is_ours = is_radarsim_map(file.read(HEAD)) or is_by_radarsim(path)
+            return is_ours and not _is_same(path, served)
     except OSError:
         return True
 
