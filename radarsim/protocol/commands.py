@@ -372,6 +372,12 @@ def parse_command(line: str, dialect: Dialect) -> ParsedCommand:
     if verb not in COMMANDS:
         expected = expected_one_of(message.verb, sorted(COMMANDS))
         raise MalformedMessage(f"verb {expected}")
+    if verb == SetItem.verb and message.get("Opcode") is None:
+        wanted = (message.get("Type") or "").casefold()
+        for kind in UNSUPPORTED_TYPES:
+            # They have fields of their own instead, such as Viewport1.
+            if kind.casefold() == wanted:
+                return ParsedCommand(Unsupported(kind))
     command = COMMANDS[verb].decode(message, dialect)
     known = {key.lower() for key in (*command.keys, *_NEEDLESS_KEYS.get(verb, ()))}
     of_others = {key.lower() for key in _UNSUPPORTED_KEYS.get(verb, ())}

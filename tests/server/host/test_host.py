@@ -266,6 +266,12 @@ def test_invalid_command_gives_a_diagnostic_and_no_effect(
             id="order to an item of other servers",
         ),
         pytest.param(
+            b"SET {Type Viewports} {Config QuadView} {Viewport1 Camera1}",
+            "not supported Viewports",
+            "not supported: Viewports",
+            id="order with fields of other servers",
+        ),
+        pytest.param(
             b"DRIVE {Speed 1} {FrontSteer .2} {rearsteer 0}",
             "not supported DRIVE",
             "not supported: DRIVE with ['FrontSteer', 'rearsteer']",
