@@ -206,13 +206,18 @@ class Requests:
         )
         # Even if no report comes: the server may spawn it late, and closing should stop
         # it.
-        self.has_robot = True
+        had_robot, self.has_robot = self.has_robot, True
+        self._diagnostics.clear()
+        yield from self.send(question.data)
+        if had_robot and not self._leaves_unanswered:
+            # Commands are executed in their order: what comes before the answer is of
+            # the robot before.
+            with suppress(ClientTimeout):
+                yield from self.start_poses(limit)
         # A report from before would pass for the first one of this robot.
         self._passed.clear()
         self._pending.clear()
         self.session.scans.clear()  # another robot's
-        self._diagnostics.clear()
-        yield from self.send(question.data)
         first = yield from self._wait_for_robot(
             question, Wait(question.what, limit, until), may_compile=timeout is None
         )

@@ -10,6 +10,7 @@ from radarsim.client import Client, ClientError, ClientTimeout
 from radarsim.geometry import Pose3
 from radarsim.protocol.reports import (
     Greeting,
+    GroundTruth,
     Ins,
     Odometry,
     RangeScan,
@@ -253,11 +254,23 @@ def test_first_reports_of_a_robot_can_be_read_after_spawn() -> None:
 def test_first_start_of_the_map_is_the_default() -> None:
     poses = "NFO {StartPoses 2} {A 1,2,0 0,0,0 B 3,4,0 0,0,0}"
     init = INIT.replace(" {Free", " {Start A} {Free")
-    server = ScriptedServer({"GETSTARTPOSES": poses, init: STATUS}, [])
+    server = ScriptedServer({"GETSTARTPOSES": poses}, [STATUS])
     client = Client(server)
     client.spawn("P3AT")
     client.spawn("P3AT")
-    assert server.heard == ["GETSTARTPOSES", init, init]
+    assert server.heard == ["GETSTARTPOSES", init, init, "GETSTARTPOSES"]
+
+
+def test_what_is_unread_of_the_robot_before_is_not_of_the_next_one() -> None:
+    truth = "SEN {Type GroundTruth} {Name G} {Location %d,0,0} {Orientation 0,0,0}"
+    init = INIT.replace(" {Free", " {Start A} {Free")
+    poses = "NFO {StartPoses 1} {A 1,2,0 0,0,0}"
+    answers = {"GETSTARTPOSES": poses, init: truth % 1}
+    server = ScriptedServer(answers, [truth % 3])
+    client = Client(server)
+    client.spawn("P3AT")
+    client.spawn("P3AT")  # after which lines of the first still come
+    assert client.wait_for(GroundTruth).pose.x == 3
 
 
 def test_spawn_clears_the_scans_of_the_previous_robot() -> None:
