@@ -694,6 +694,7 @@ def test_repeated_init_waits_for_the_cooldown(host: Host) -> None:
     number = connected(host)
     host.receive(number, INIT * 3 + b"DRIVE {Left 1} {Right 1}\r\n")
     assert host.is_busy(number)
+    assert host.waits_to_spawn(number)
     seen = set()
     for _ in range(2 * SPAWN_COOLDOWN):
         seen.add(host.simulation.vehicles[0].number)
@@ -701,6 +702,7 @@ def test_repeated_init_waits_for_the_cooldown(host: Host) -> None:
     assert host.is_busy(number)
     host.step()
     assert not host.is_busy(number)
+    assert not host.waits_to_spawn(number)
     seen.add(host.simulation.vehicles[0].number)
     assert seen == {1, 2, 3}
     assert host.simulation.vehicles[0].robot.pose.x > -8
