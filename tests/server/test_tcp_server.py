@@ -20,6 +20,7 @@ from radarsim.kernel_cache import compilation
 from radarsim.listening import raise_file_limit
 from radarsim.presets.robots import load_robot
 from radarsim.scene.scene import Scene, StartPose
+from radarsim.server.engine_loader import EngineLoader
 from radarsim.server.host import Diagnostic, Host
 from radarsim.server.peer_connections import ReadTurns
 from radarsim.server.tcp_server import (
@@ -691,7 +692,12 @@ def test_refused_connection_ignores_all_events(empty_room: Scene) -> None:
 async def test_compiled_engine_is_read_before_clients_can_connect(
     empty_room: Scene, monkeypatch: pytest.MonkeyPatch, is_compiled: bool
 ) -> None:
+    async def compile_for_ever(_: EngineLoader) -> None:
+        await asyncio.Event().wait()
+
     monkeypatch.setattr("radarsim.server.tcp_server.is_complete", lambda: is_compiled)
+    if not is_compiled:
+        monkeypatch.setattr(EngineLoader, "load", compile_for_ever)
     host = Host(empty_room, begins=False)
 
     class Announced(Exception):
