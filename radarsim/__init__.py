@@ -12,8 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from radarsim.addons.recording.recording import Recording, load_recording
+    from radarsim.autonomy.evaluation.own_controllers import Evaluation as Evaluation
+    from radarsim.autonomy.evaluation.own_controllers import evaluate
     from radarsim.errors import MapError, PresetError, RadarsimError
     from radarsim.geometry import Pose2, Pose3
+    from radarsim.local import LocalRobot, LocalScan, LocalSimulation, simulate
     from radarsim.plotting.plan import plot_scene as plot_scene
     from radarsim.plotting.scans import as_svg as as_svg
     from radarsim.plotting.scans import compare
@@ -36,6 +39,9 @@ _MODULES = {
     "Echoes": "radarsim.sensors.scan",
     "EventKind": "radarsim.raycast.attenuation",
     "Host": "radarsim.server.host",
+    "LocalRobot": "radarsim.local",
+    "LocalScan": "radarsim.local",
+    "LocalSimulation": "radarsim.local",
     "MapError": "radarsim.errors",
     "Material": "radarsim.scene.material",
     "Part": "radarsim.scene.scene",
@@ -59,12 +65,19 @@ _MODULES = {
     "plot_scan": "radarsim.plotting.scans",
     "plot_scene": "radarsim.plotting.plan",
     "shipped_maps": "radarsim.scene.map_file",
+    "simulate": "radarsim.local",
 }
+
+# Of other parts than the core, found through its door.
+_PLUGINS = {"evaluate": "radarsim.local"}
 
 __all__ = [
     "Echoes",
     "EventKind",
     "Host",
+    "LocalRobot",
+    "LocalScan",
+    "LocalSimulation",
     "MapError",
     "Material",
     "Part",
@@ -81,15 +94,19 @@ __all__ = [
     "Target",
     "__version__",
     "compare",
+    "evaluate",
     "generator_for",
     "load_map",
     "load_recording",
     "load_sensor",
     "shipped_maps",
+    "simulate",
 ]
 
 
 def __getattr__(name: str) -> Any:
+    if name in _PLUGINS:
+        return importlib.import_module("radarsim.plugins").load(_PLUGINS[name], name)
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(importlib.import_module(_MODULES[name]), name)

@@ -11,12 +11,14 @@ numba does not read annotations: it infers the types of a kernel from the argume
 its first call. They are there for readers and for mypy.
 """
 
+import functools
+import gc
 import hashlib
 import pickle
 import sys
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from pathlib import Path
-from typing import NewType, Protocol, TypeAlias, TypeVar
+from typing import Any, Final, NewType, Protocol, TypeAlias, TypeVar
 
 import numba
 import numpy as np
@@ -24,7 +26,9 @@ from numba import types
 from numba.core import event, serialize
 from numba.core.base import BaseContext
 from numba.core.ccallback import CFunc
-from numba.core.compiler import CompileResult
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler, CompileResult
+from numba.core.registry import CPUDispatcher
 from numba.core.typing import Signature
 
 from radarsim.kernel_cache import (
@@ -142,15 +146,32 @@ def cache_of(function: Callable[..., object]) -> KernelCache | None:
 
 
 class _CompileListener(event.Listener):  # type: ignore[misc] # numba has no types
-    """Notes when a function of this package is compiled instead of read."""
+    """Notes when a function of this package is compiled instead of read.
+
+    Garbage is not collected meanwhile: numba makes and keeps so many objects that to
+    look through them takes a sixth of the time.
+    """
+
+    def __init__(self) -> None:
+        self._depth = 0
+        self._was_enabled = False
 
     def on_start(self, event: event.Event) -> None:
-        if _is_ours(event):
-            compilation.begin(subject_of(_module_of(event)))
+        if not _is_ours(event):
+            return
+        if not self._depth:
+            self._was_enabled = gc.isenabled()
+            gc.disable()
+        self._depth += 1
+        compilation.begin(subject_of(_module_of(event)))
 
     def on_end(self, event: event.Event) -> None:
-        if _is_ours(event):
-            compilation.end()
+        if not _is_ours(event):
+            return
+        compilation.end()
+        self._depth -= 1
+        if not self._depth and self._was_enabled:
+            gc.enable()
 
 
 def _module_of(event: event.Event) -> str:
@@ -164,26 +185,93 @@ def _is_ours(event: event.Event) -> bool:
 event.register("numba:compile", _CompileListener())
 
 
+_OPTIONS: Final[dict[str, Any]] = {"error_model": "numpy", "nogil": True}
+
+
 def njit_cached(function: Function) -> Function:
-    """Compile a function when it is first called; division by zero gives inf or nan."""
-    return _compile(function)
+    """Compile a function when it is first called; division by zero gives inf or nan.
+
+    It should not assign an array to a part of another: for the message of the error
+    that this can raise, numba compiles two to three seconds of text formatting.
+    """
+    kernel: Function = numba.njit(**_OPTIONS)(function)
+    _keep(kernel, function)
+    return kernel
 
 
 def njit_inline(function: Function) -> Function:
     """Compile a function into its callers.
 
-    It must not create arrays: it is compiled without reference counting.
+    It must not create arrays: it is compiled without reference counting. Called from
+    Python, it is compiled once more, on its own.
     """
     # Both options are for row a of ``radarsim bench``. With reference counting a scan
     # takes twenty times as long: each access to an array in a named tuple counts. Where
     # LLVM decides what to inline it takes two to four times as long.
-    return _compile(function, forceinline=True, _nrt=False)
+    options = {"forceinline": True, "_nrt": False}
+    wrappers = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    inlined: Function = _InlinedFunction(
+        function,
+        targetoptions=_OPTIONS | {"nopython": True} | options | wrappers,
+        pipeline_class=_InlinedCompiler,
+    )
+    return inlined
 
 
-def _compile(function: Function, **options: bool) -> Function:
-    kernel: Function = numba.njit(error_model="numpy", nogil=True, **options)(function)
-    _keep(kernel, function)
-    return kernel
+class _InlinedFunction(CPUDispatcher):  # type: ignore[misc] # numba has no types
+    """A function without machine code of its own, of which numba makes some for each.
+
+    Half of the time to compile the ray engine would be spent on machine code that
+    nothing calls.
+    """
+
+    @functools.cached_property
+    def on_its_own(self) -> Callable[..., object]:
+        """The same function with machine code."""
+        return njit_cached(self.py_func)  # type: ignore[no-any-return]
+
+    def __call__(self, *args: object) -> object:
+        return self.on_its_own(*args)
+
+    def get_call_template(
+        self, args: Sequence[types.Type], kws: Mapping[str, types.Type]
+    ) -> tuple[object, ...]:
+        # numba would compile it once for each constant that is passed to it.
+        plain = [types.unliteral(each) for each in args]
+        named = {name: types.unliteral(each) for name, each in kws.items()}
+        template: tuple[object, ...] = super().get_call_template(plain, named)
+        return template
+
+    def add_overload(self, compiled: CompileResult) -> None:
+        # Not for calls from Python, as there is nothing to call.
+        self.overloads[tuple(compiled.signature.args)] = compiled
+
+
+class _InlinedCompiler(Compiler):  # type: ignore[misc] # numba has no types
+    """Compiles up to what LLVM links into callers."""
+
+    def compile_extra(self, function: Callable[..., object]) -> CompileResult:
+        state = self.state
+        state.flags.no_compile = True
+        codegen = state.targetctx.codegen()
+        state.library = _InlinedLibrary(codegen, function.__qualname__)
+        compiled = super().compile_extra(function)
+        # Callers look the function up by its entry point, of which it has none.
+        entry_point = object()
+        libraries = [state.library]
+        state.targetctx.insert_user_function(entry_point, compiled.fndesc, libraries)
+        return compiled._replace(entry_point=entry_point)
+
+
+class _InlinedLibrary(JITCodeLibrary):  # type: ignore[misc] # numba has no types
+    """Code that is optimised and made machine code with that of a caller only."""
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
 
 
 class Callback(Protocol):

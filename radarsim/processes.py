@@ -141,12 +141,13 @@ class BackgroundThread:
     """Runs functions one after the other, beside the thread that asks for them.
 
     The thread is there from the first function on. It ends when nobody needs it any
-    more, or with the process.
+    more, or with the process. A fork of the process gets a thread of its own.
     """
 
     def __init__(self) -> None:
         """Start nothing yet."""
         self._pool: ThreadPoolExecutor | None = None
+        self._process = os.getpid()
 
     def submit(
         self, function: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
@@ -156,7 +157,8 @@ class BackgroundThread:
         Returns:
             Waits for what the function returns, or raises.
         """
-        if self._pool is None:
+        if self._pool is None or self._process != os.getpid():
+            self._process = os.getpid()
             self._pool = ThreadPoolExecutor(1, "radarsim-background")
         return self._pool.submit(function, *args, **kwargs)
 

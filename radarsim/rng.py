@@ -36,6 +36,15 @@ def generator_for(seed: int, *names: str) -> np.random.Generator:
     )
 
 
+def as_generator(
+    rng: np.random.Generator | int | None, *names: str
+) -> np.random.Generator | None:
+    """Return a generator, or that of a seed and names; None stays None."""
+    if rng is None or isinstance(rng, np.random.Generator):
+        return rng
+    return generator_for(rng, *names)
+
+
 class NumberedStreams:
     """Streams of random numbers by number, which can be drawn in any order.
 

@@ -40,6 +40,9 @@ for wanted in (
     lambda: radarsim.load_sensor("navtech_cts350x", detector="ca"),
     lambda: SimulationConfig().check_scanners(load_robot("P3AT_Navtech")),
     lambda: radarsim.load_sensor("navtech_cts350x").fmcw,
+    lambda: radarsim.evaluate,
+    lambda: radarsim.simulate("empty_room").record("run"),
+    lambda: radarsim.simulate("empty_room").spawn().request_spectra(),
 ):
     try:
         wanted()
@@ -49,7 +52,7 @@ for wanted in (
 FIXTURES = ("usarsim_server", "usarsim_client", "usarsim_map")  # of an add-on
 FOLDERS = (
     *("protocol", "scene", "presets", "raycast", "sensors", "robots", "simulation"),
-    *("server", "plotting", "client"),
+    *("server", "local", "plotting", "client"),
 )
 
 
@@ -152,6 +155,9 @@ def test_missing_add_on_is_named_where_it_is_needed(core: Path) -> None:
         "[] radar",
         f"{needs} not installed",
         f"{needs} not installed",
+        "radarsim.addons.fmcw is not installed",
+        "radarsim.autonomy.evaluation is not installed",
+        "radarsim.addons.recording is not installed",
         "radarsim.addons.fmcw is not installed",
     ]
 

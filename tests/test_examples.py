@@ -10,6 +10,7 @@ from radarsim.addons.testing import UsarsimServer
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 EXPECTED = {
+    "follow_walls.py": "m off, 0 touches",
     "plain_socket.py": "181 ranges, the nearest",
     "see_through_bushes.py": "laser: 0 of 181",
     "stop_before_obstacles.py": "stopped at x",

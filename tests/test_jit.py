@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from numba.core import event
 
 from radarsim import jit, kernel_cache
 from radarsim.jit import cache_of, njit_cached, njit_inline
@@ -280,6 +281,30 @@ def test_only_functions_of_the_package_use_its_cache() -> None:
     assert cache_of(cache_of) is not None
 
 
+def test_inlined_function_is_compiled_once_for_all_constants() -> None:
+    compiled: list[str] = []
+
+    class Listener(event.Listener):  # type: ignore[misc] # numba has no types
+        def on_start(self, event: event.Event) -> None:
+            compiled.append(event.data["dispatcher"].py_func.__name__)
+
+        def on_end(self, event: event.Event) -> None:
+            pass
+
+    @njit_inline
+    def scale(x: float, factor: int) -> float:
+        return x * factor
+
+    @njit_cached
+    def add_up(x: float) -> float:
+        return scale(x, 2) + scale(x, factor=3) + scale(x, 5)
+
+    with event.install_listener("numba:compile", Listener()):
+        assert add_up(1.5) == 15.0
+    assert compiled == ["add_up", "scale"]
+    assert scale(1.5, 4) == 6.0  # from Python as well
+
+
 def test_code_that_cannot_be_kept_is_used_and_reported_once(package: Path) -> None:
     cache = package.parent / "cache"
     folder = Path(run(package, NUMBA_CACHE_DIR=str(cache))[2])
@@ -294,7 +319,7 @@ def test_code_that_cannot_be_kept_is_used_and_reported_once(package: Path) -> No
 
 def test_damaged_files_are_compiled_again(package: Path) -> None:
     files = [*Path(run(package)[2]).rglob(f"*{kernel_cache.SUFFIX}")]
-    assert len(files) == 2
+    assert len(files) == 1  # an inlined function has no code of its own
     for path in files:
         path.write_bytes(path.read_bytes()[:100])
     assert run(package)[:2] == (2, False)

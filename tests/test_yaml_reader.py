@@ -328,7 +328,8 @@ def test_all_problems_are_found_and_reading_continues() -> None:
             id="keys of keys",
         ),
         pytest.param(
-            "{" * 3000 + "a: 1" + "}: 1" * 2999 + "}",
+            # libyaml of PyYAML 6.0.4 looks ahead, and refuses more than 1000 itself
+            "{" * 900 + "a: 1" + "}: 1" * 899 + "}",
             (1, MAX_DEPTH + 2),
             "more than 32 levels",
             id="maps as keys of maps",

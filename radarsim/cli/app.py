@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import click
+from click.core import ParameterSource
 
 from radarsim import __version__, plugins
 from radarsim.cli.command import PlanCommand, shown_name
@@ -47,9 +48,21 @@ def describe_usage_error(error: click.UsageError) -> str:
         return f"'{extra[1]}', expected no more arguments{_see_help(ctx)}"
     if not isinstance(error, click.BadParameter):
         return error.message
-    hint = error.param_hint or (shown_name(error.param) if error.param else "")
+    hint = error.param_hint or _name_source(error)
     text = f"{hint}: {error.message}" if hint else error.message
     return describe_place(error) or text
+
+
+def _name_source(error: click.BadParameter) -> str:
+    """Return the name of the parameter, or of the variable that gave its value."""
+    param, ctx = error.param, error.ctx
+    if param is None:
+        return ""
+    if ctx is not None and param.name is not None:
+        source = ctx.get_parameter_source(param.name)
+        if source is ParameterSource.ENVIRONMENT:
+            return f"{ctx.auto_envvar_prefix}_{param.name.upper()}"
+    return shown_name(param)
 
 
 def _see_help(ctx: click.Context | None) -> str:

@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
+from radarsim import plugins
 from radarsim.cli.output import log_line_contexts, print_message
 from radarsim.errors import escape_unprintable
 from radarsim.kernel_cache import ENGINE, compilation, describe, is_cold
@@ -142,21 +143,16 @@ def compile_progress(*, at_start: bool = False) -> Iterator[None]:
             observer(None)
 
 
-def compile_now(*warm_ups: Callable[[], None]) -> None:
+def compile_now(*parts: str) -> None:
     """Compile what is not cached, before worker processes or another display start.
 
     Workers would compile the same, each for itself and in silence.
 
     Args:
-        warm_ups: Called as well; each compiles what a part of the program needs.
+        parts: Entries of ``radarsim.kernels`` in ``plugins`` besides the server's.
     """
-    from radarsim.scene.map_file import load_map
-    from radarsim.server.host import Host
-
-    # The smallest map will do: creating a host compiles all that a simulation runs.
-    Host(load_map("empty_room"))
-    for warm_up in warm_ups:
-        warm_up()
+    for part in ("server", *parts):
+        plugins.load(plugins.KERNELS, part)()
 
 
 class _SignalGuard:

@@ -1,16 +1,17 @@
 """A client for an event loop."""
 
 import asyncio
-from collections.abc import Iterable
+from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Iterable
 from contextlib import closing, suppress
-from typing import Any, Self, TypeVar
+from typing import Any, Generic, Self, TypeVar
 
 from radarsim.client import session as questions
 from radarsim.client.requests import Exchange, Requests
 from radarsim.client.robot_info import RobotInfo
-from radarsim.client.session import SETTING, Session, check_timeout
+from radarsim.client.session import SETTING, PoseLike, Session, check_timeout
 from radarsim.client.transport import (
     CHUNK,
+    CLOSED,
     SHORTEST_WAIT,
     STUCK,
     log_wait,
@@ -18,12 +19,32 @@ from radarsim.client.transport import (
     no_server,
 )
 from radarsim.errors import ClientError
-from radarsim.geometry import Pose2, Pose3
+from radarsim.geometry import Pose3
 from radarsim.protocol.dialect import DriveUnit
 from radarsim.protocol.reports import Greeting, Report
 
 Value = TypeVar("Value")
 AnyReport = TypeVar("AnyReport", bound=Report)
+AnyClient = TypeVar("AnyClient", bound="AsyncClient")
+
+
+class Connecting(Generic[AnyClient]):
+    """A connection that is opened when it is awaited or entered."""
+
+    def __init__(self, connect: Callable[[], Awaitable[AnyClient]]) -> None:
+        self._connect = connect
+        self._client: AnyClient | None = None
+
+    def __await__(self) -> Generator[Any, None, AnyClient]:
+        return self._connect().__await__()
+
+    async def __aenter__(self) -> AnyClient:
+        self._client = await self._connect()
+        return self._client
+
+    async def __aexit__(self, *_: object) -> None:
+        assert self._client is not None
+        await self._client.close()
 
 
 class AsyncClient:
@@ -58,14 +79,17 @@ class AsyncClient:
         self._reading: asyncio.Event | None = None  # set when a read has ended
 
     @classmethod
-    async def connect(
-        cls,
-        host: str = "127.0.0.1",
-        port: int = 3000,
-        *,
-        timeout: float = 5.0,  # noqa: ASYNC109
-    ) -> Self:
-        """Connect over TCP; arguments and errors as in ``Client.connect``."""
+    def connect(
+        cls, host: str = "127.0.0.1", port: int = 3000, *, timeout: float = 5.0
+    ) -> "Connecting[Self]":
+        """Connect over TCP; arguments and errors as in ``Client.connect``.
+
+        The client is what ``await`` returns, and what ``async with`` enters.
+        """
+        return Connecting(lambda: cls._open(host, port, timeout))
+
+    @classmethod
+    async def _open(cls, host: str, port: int, timeout: float) -> Self:  # noqa: ASYNC109
         check_timeout(timeout)
         try:
             async with asyncio.timeout(timeout):
@@ -99,7 +123,7 @@ class AsyncClient:
         *,
         name: str | None = None,
         start: str | None = None,
-        pose: Pose2 | Pose3 | None = None,
+        pose: PoseLike | None = None,
         timeout: float | None = None,  # noqa: ASYNC109
     ) -> None:
         """See ``Client.spawn``."""
@@ -177,6 +201,22 @@ class AsyncClient:
         """See ``Client.read``."""
         return await self._run(self._requests.read(timeout))
 
+    async def __aiter__(self) -> AsyncIterator[Report]:
+        """See ``Client.__iter__``."""
+        while not self._writer.is_closing():
+            try:
+                report = await self._run(self._requests.next_report())
+            except ClientError:
+                if self._writer.is_closing():  # by another task
+                    return
+                raise
+            yield report
+
+    def newest(self, kind: type[AnyReport]) -> AnyReport | None:
+        """See ``Client.newest``."""
+        report = self.session.newest.get(kind)
+        return report if isinstance(report, kind) else None
+
     async def wait_for(
         self,
         kind: type[AnyReport],
@@ -224,7 +264,7 @@ class AsyncClient:
     async def _send(self, data: bytes) -> None:
         # A stream that closes drops what is written, without an error.
         if self._writer.is_closing():
-            raise ConnectionError("the connection is closed")
+            raise ConnectionError(CLOSED)
         self._writer.write(data)
         try:
             async with asyncio.timeout(self._requests.timeout):

@@ -16,23 +16,25 @@ that come before an answer are not kept, unless another exchange waits as well: 
 is asked for after them shall not be older than the answer.
 """
 
+from collections import deque
 from collections.abc import Callable, Generator, Hashable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Final, TypeAlias, TypeVar
 
 from radarsim.client import session as questions
-from radarsim.client.robot_info import RobotInfo, ScannerDescriptions
+from radarsim.client.robot_info import RobotInfo, ScannerDescriptions, same_name
 from radarsim.client.session import (
     RANGE_SCANNER,
     ROBOT,
     SETTING,
+    PoseLike,
     Question,
     Session,
     check_timeout,
 )
 from radarsim.errors import ClientError, ClientTimeout, expected_one_of
-from radarsim.geometry import Pose2, Pose3
+from radarsim.geometry import Pose3
 from radarsim.protocol.dialect import DriveUnit
 from radarsim.protocol.reports import (
     ClockTick,
@@ -93,12 +95,16 @@ class Waiter:
     Attributes:
         wanted: Returns whether it waits for a report.
         asked: Whether it has sent a question.
+        asks_poses: Whether the question, or its end, is one about start poses.
+        is_left: Whether it waits no more, though the answer may still come.
         ends: Returns whether a report is the last one that it waits for.
         report: That report; None before it has come.
     """
 
     wanted: Callable[[Report], bool]
     asked: bool = False
+    asks_poses: bool = False
+    is_left: bool = False
     ends: Callable[[Report], bool] = lambda _: True
     report: Report | None = None
 
@@ -137,9 +143,11 @@ class Requests:
         self.timeout = timeout
         self.has_robot = False
         self._clock = clock
+        self._class_name = ""  # of the robot that the client has
         self._notify = notify
         self._diagnostics = [] if diagnostics is None else diagnostics
-        self._leaves_unanswered = False  # a question about start poses
+        # Unanswered questions about start poses, in order: some servers know none.
+        self._poses_asked: deque[Waiter] = deque(maxlen=MOST_PASSED)
         self._starts: dict[str, Pose3] | None = None
         self._waiters: list[Waiter] = []  # in the order in which they asked
         # Reports that no call has returned: those that a call has passed over while it
@@ -153,22 +161,31 @@ class Requests:
         The others are kept. A greeting is in the session.
         """
         for report in self.session.receive(data):
-            waiting = [each for each in self._waiters if each.report is None]
-            takers = [each for each in waiting if each.wanted(report)]
-            # What answers a question is for nobody else.
-            if asking := [each for each in takers if each.asked]:
-                takers = asking[:1]
-            for waiter in takers:
-                if waiter.ends(report):
-                    waiter.report = report
-            if takers or isinstance(report, Greeting):
-                continue
-            if not waiting:
-                self._pending.append(report)
-            elif not (reading_of(report) and all(w.asked for w in self._waiters)):
-                self._passed.append(report)
+            first = self._poses_asked[0] if self._poses_asked else None
+            if isinstance(report, StartPoses) and first is not None:
+                self._poses_asked.popleft()
+            # The answer to a call that was cancelled or timed out is for nobody.
+            if first is None or not (first.is_left and first.wanted(report)):
+                self._give(report)
         if len(self._passed) > MOST_PASSED:
             self._passed = without_outdated(self._passed, [])[-MOST_PASSED:]
+
+    def _give(self, report: Report) -> None:
+        """Give a report to those who wait for it, or keep it."""
+        waiting = [each for each in self._waiters if each.report is None]
+        takers = [each for each in waiting if each.wanted(report)]
+        # What answers a question is for nobody else.
+        if asking := [each for each in takers if each.asked]:
+            takers = asking[:1]
+        for waiter in takers:
+            if waiter.ends(report):
+                waiter.report = report
+        if takers or isinstance(report, Greeting):
+            return
+        if not waiting:
+            self._pending.append(report)
+        elif not (reading_of(report) and all(w.asked for w in self._waiters)):
+            self._passed.append(report)
 
     def greeting(self) -> Exchange[Greeting]:
         """Return the greeting; wait for it if it has not come yet."""
@@ -180,10 +197,11 @@ class Requests:
 
     def start_poses(self, timeout: float | None = None) -> Exchange[dict[str, Pose3]]:
         """Request the start poses of the map."""
-        # Until the answer comes: some servers know no start poses.
-        self._leaves_unanswered = True
-        answer = yield from self._ask(questions.start_poses(), StartPoses, timeout)
-        self._leaves_unanswered = False
+        question = questions.start_poses()
+        waiter = Waiter(question.accepts, asked=True, asks_poses=True)
+        wait = self._wait(question.what, timeout)
+        answer = yield from self._await(waiter, wait, question.data)
+        assert isinstance(answer, StartPoses)
         self._starts = dict(answer.poses)
         return self._starts.copy()
 
@@ -192,7 +210,7 @@ class Requests:
         class_name: str,
         name: str | None,
         start: str | None,
-        pose: Pose2 | Pose3 | None,
+        pose: PoseLike | None,
         timeout: float | None,
     ) -> Exchange[None]:
         """Request a robot and wait for its first report, which can still be read."""
@@ -209,19 +227,41 @@ class Requests:
         had_robot, self.has_robot = self.has_robot, True
         self._diagnostics.clear()
         yield from self.send(question.data)
-        if had_robot and not self._leaves_unanswered:
+        if had_robot and not self._poses_asked:
             # Commands are executed in their order: what comes before the answer is of
             # the robot before.
             with suppress(ClientTimeout):
                 yield from self.start_poses(limit)
+        if had_robot:
+            yield from self._check_class(class_name)
         # A report from before would pass for the first one of this robot.
         self._passed.clear()
         self._pending.clear()
         self.session.scans.clear()  # another robot's
+        self.session.newest.clear()
         first = yield from self._wait_for_robot(
             question, Wait(question.what, limit, until), may_compile=timeout is None
         )
         self._pending.insert(0, first)
+        self._class_name = class_name
+
+    def _check_class(self, wanted: str) -> Exchange[None]:
+        """Check, after INIT, that the robot before is not there any more.
+
+        A server that refuses INIT leaves the client its robot.
+
+        Raises:
+            ClientError: If the robot is still of the class before.
+        """
+        if not self._class_name or same_name(*map(_bare, (wanted, self._class_name))):
+            return
+        with suppress(ClientTimeout):
+            question = questions.configuration(ROBOT)
+            conf = yield from self._ask(question, RobotConf, SILENCE_LIMIT)
+            if same_name(conf.name, _bare(self._class_name)):
+                reason = "; ".join(self._diagnostics) or REFUSED
+                text = f"the robot is still a {conf.name!r}, expected {wanted!r}"
+                raise ClientError(f"{text}: {reason}")
 
     def _choose_start(self, wanted: str | None, limit: float) -> Exchange[str | None]:
         """Return the start that is wanted, or the first one of the map.
@@ -231,7 +271,7 @@ class Requests:
         Raises:
             ClientError: If the map has no such start.
         """
-        if self._starts is None and not self._leaves_unanswered:
+        if self._starts is None and not self._poses_asked:
             with suppress(ClientTimeout):
                 yield from self.start_poses(min(SILENCE_LIMIT, limit / 2))
         if self._starts is None:
@@ -271,22 +311,27 @@ class Requests:
         def is_news(report: Report) -> bool:
             return question.accepts(report) or isinstance(report, StartPoses)
 
-        yield from self.send(questions.start_poses().data)
+        has_answered = not self._poses_asked
+        waiter = Waiter(is_news, asks_poses=True)
+        data = questions.start_poses().data
         try:
-            report = yield from self._skip(is_news, replace(wait, hint=LATE))
+            report = yield from self._await(waiter, replace(wait, hint=LATE), data)
         except ClientTimeout:
             # One that has greeted, and answered all before INIT, is at work on INIT.
-            answers = self.session.greeting is not None and not self._leaves_unanswered
+            answers = self.session.greeting is not None and has_answered
             if not (may_compile and answers and wait.timeout < COMPILING_LIMIT):
                 raise
             self._notify(COMPILING.format(COMPILING_LIMIT, question.what))
             until = wait.until + COMPILING_LIMIT - wait.timeout
             longer = Wait(question.what, COMPILING_LIMIT, until, LATE)
-            report = yield from self._skip(is_news, longer)
-            wait = self._wait(question.what, None)  # it has just begun
+            report = yield from self._await(waiter, longer)
+            wait = longer
         if question.accepts(report):
             return report
-        # INIT is done, and there are still no reports of a robot.
+        # INIT is done, and there are still no reports of a robot: if it is there, they
+        # come soon, however long the caller would wait for a server that compiles.
+        last = self._wait(question.what, None)
+        wait = min(wait, last, key=lambda each: each.until)
         return (yield from self._skip(question.accepts, replace(wait, hint=REFUSED)))
 
     def ask(self, question: Question, timeout: float | None = None) -> Exchange[Report]:
@@ -366,7 +411,7 @@ class Requests:
 
         # Only errors are told. But commands are executed in their order: the answer to
         # a question after them tells that the settings hold.
-        waiter = Waiter(accepts, asked=True, ends=ends)
+        waiter = Waiter(accepts, asked=True, asks_poses=True, ends=ends)
         wait = self._wait("answer after SET SETTING", None)
         yield from self._await(waiter, wait, data + questions.start_poses().data)
         if refusals:
@@ -382,10 +427,20 @@ class Requests:
         self._passed, self._pending = [], []
         return reports
 
+    def next_report(self) -> Exchange[Report]:
+        """Return the next report; the others of a ``read`` are kept."""
+        report, *others = yield from self.read(None)
+        self._pending[:0] = others
+        return report
+
     def wait_for(
         self, kind: type[AnyReport], name: str | None, timeout: float | None
     ) -> Exchange[AnyReport]:
         """Return the first report of a kind and, if given, of a name."""
+        if not isinstance(kind, type):
+            raise TypeError(
+                f"kind {kind!r}, expected a class of reports such as RangeScan"
+            )
 
         def accepts(report: Report) -> bool:
             if not isinstance(report, kind):
@@ -451,6 +506,9 @@ class Requests:
         if waiter.asked and not self._waiters:
             self._passed = [each for each in self._passed if not reading_of(each)]
         self._waiters.append(waiter)
+        waiter.is_left = False
+        if waiter.asks_poses and data:
+            self._poses_asked.append(waiter)
         try:
             if data:
                 yield from self.send(data)
@@ -472,6 +530,7 @@ class Requests:
             raise
         finally:
             self._waiters.remove(waiter)
+            waiter.is_left = True
         return waiter.report
 
     def _wait(self, expected: str, timeout: float | None) -> Wait:
@@ -489,6 +548,11 @@ class Requests:
             return "no whole line came"
         unread = f"; {session.unread} lines were of no known kind"
         return f"the last line was {session.last[:80]!r}{unread * bool(session.unread)}"
+
+
+def _bare(class_name: str) -> str:
+    """Return the name of a class without its package."""
+    return class_name.rpartition(".")[2]
 
 
 def reading_of(report: Report) -> tuple[Hashable, float] | None:

@@ -200,12 +200,8 @@ def is_plausible(scan: RangeScan) -> bool:
 
 
 def beam_angles(scan: RangeScan) -> Floats:
-    """Compute the angles of a scan's beams, (N,) rad; 0 is ahead of the scanner.
-
-    They follow from the field of view and the number of ranges: the resolution has few
-    digits, and over half a circle its error would add up to half a degree.
-    """
-    return np.linspace(-scan.fov / 2, scan.fov / 2, len(scan.ranges))
+    """Return the angles of a scan's beams, ``scan.angles``."""
+    return scan.angles
 
 
 def no_return(max_range: float) -> float:

@@ -5,7 +5,8 @@ A server may send anything: a line that is not a known report is counted and ski
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, Final, TypeAlias
 
@@ -54,6 +55,8 @@ SETTING = "SETTING"  # the opcode that changes settings
 _TIMED: Final = (SensorReport, Status)  # have a time stamp, if the server sends one
 MOST_WATCHED = 2000  # robots whose latest readings are kept; a server has 1024
 
+# Three or two numbers are those of a Pose2, six those of a Pose3.
+PoseLike: TypeAlias = Pose2 | Pose3 | Sequence[float]
 ItemConf: TypeAlias = ScannerConf | SonarConf | IntervalConf | EncoderConf | TouchConf
 
 
@@ -105,6 +108,8 @@ class Session(Readings):
         time: Latest time stamp of the server, s; NaN before the first.
         scans: Latest scan of each scanner of the client's robot, by name.
         greeting: Greeting of the server; None before it has come.
+        newest: Latest report of each type; those of robots that are watched are not
+            among them.
         watched: Latest readings of robots that are watched, by name; at most
             ``MOST_WATCHED``.
         unread: Number of skipped lines.
@@ -114,6 +119,7 @@ class Session(Readings):
     def __init__(self) -> None:
         super().__init__()
         self.greeting: Greeting | None = None
+        self.newest: dict[type, Report] = {}
         self.watched: dict[str, Readings] = {}
         self.unread = 0
         self.last = ""
@@ -141,6 +147,7 @@ class Session(Readings):
                 if report is None:
                     self.unread += 1
                 else:
+                    self.newest[type(report)] = report
                     reports.append(report)
             if self._lines.overflow is not None:
                 # The rest of that line is another unknown line.
@@ -251,7 +258,7 @@ def spawn(
     *,
     name: str | None = None,
     start: str | None = None,
-    pose: Pose2 | Pose3 | None = None,
+    pose: PoseLike | None = None,
     takes_free: bool = False,
 ) -> Question:
     """Return the request for a robot; its answer is the robot's first report.
@@ -265,14 +272,14 @@ def spawn(
             has room, if there is one.
 
     Raises:
-        ValueError: If both are given, or a text cannot be written on a line.
+        ValueError: If both are given, the pose is none, or a text cannot be written on
+            a line.
     """
     if start is not None and pose is not None:
         raise ValueError(f"start {start!r} and a pose, expected only one of them")
-    if isinstance(pose, Pose2):
-        pose = Pose3(pose.x, pose.y, 0.0, yaw=pose.yaw)
     pose_fields = {}
     if pose is not None:
+        pose = _to_pose3(pose)
         pose_fields["position"] = (pose.x, pose.y, pose.z)
         pose_fields["rotation"] = (pose.roll, pose.pitch, pose.yaw)
     return Question(
@@ -280,6 +287,24 @@ def spawn(
         f"reading of the robot {class_name!r}",
         lambda report: isinstance(report, SensorReport | Status),
     )
+
+
+def _to_pose3(pose: PoseLike) -> Pose3:
+    """Return a pose in space.
+
+    Raises:
+        ValueError: If it is none.
+    """
+    if isinstance(pose, Pose3):
+        return pose
+    numbers = (pose.x, pose.y, pose.yaw) if isinstance(pose, Pose2) else pose
+    with suppress(TypeError, ValueError):
+        if len(numbers) in (2, 3):
+            x, y, *yaw = numbers
+            numbers = (x, y, 0.0, 0.0, 0.0, *(yaw or [0.0]))
+        return Pose3.from_numbers(numbers)
+    expected = "expected a Pose2, a Pose3, x, y or x, y, yaw, or six numbers of a Pose3"
+    raise ValueError(f"pose {pose!r}, {expected}")
 
 
 def drive(left: float, right: float) -> bytes:

@@ -1,14 +1,14 @@
 """A client that blocks the calling thread."""
 
 import threading
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import closing
 from typing import Any, Self, TypeVar
 
 from radarsim.client import session as questions
 from radarsim.client.requests import Exchange, Requests
 from radarsim.client.robot_info import RobotInfo
-from radarsim.client.session import SETTING, Session
+from radarsim.client.session import SETTING, PoseLike, Session
 from radarsim.client.transport import (
     DiagnosingTransport,
     SocketTransport,
@@ -16,7 +16,7 @@ from radarsim.client.transport import (
     log_wait,
 )
 from radarsim.errors import ClientError
-from radarsim.geometry import Pose2, Pose3
+from radarsim.geometry import Pose3
 from radarsim.protocol.dialect import DriveUnit
 from radarsim.protocol.reports import Greeting, Report
 
@@ -63,6 +63,7 @@ class Client:
         )
         self._condition = threading.Condition()
         self._is_receiving = False
+        self._closed = threading.Event()
 
     @classmethod
     def connect(
@@ -106,7 +107,7 @@ class Client:
         *,
         name: str | None = None,
         start: str | None = None,
-        pose: Pose2 | Pose3 | None = None,
+        pose: PoseLike | None = None,
         timeout: float | None = None,
     ) -> None:
         """Spawn a robot and wait for its first report.
@@ -120,16 +121,18 @@ class Client:
             class_name: Class of the robot, such as ``P3AT``.
             name: Name of the robot; None lets the server choose.
             start: Name of a start pose, in any case.
-            pose: Pose of the robot if ``start`` is None. Without both, it takes the
+            pose: Pose of the robot if ``start`` is None; also as numbers, ``(x, y)``,
+                ``(x, y, yaw)`` or the six of a ``Pose3``. Without both, it takes the
                 first start of the map at which radarsim has room for it, or the first
                 one of another server.
             timeout: Longest time to wait, s, also for a server that compiles; None for
                 the default.
 
         Raises:
-            ClientError: If no report comes, or the map has no such start.
-            ValueError: If both ``start`` and ``pose`` are given, or a text cannot be
-                written on a line.
+            ClientError: If no report comes, the map has no such start, or the robot is
+                still that of a class before.
+            ValueError: If both ``start`` and ``pose`` are given, the pose is none, or a
+                text cannot be written on a line.
         """
         self._run(self._requests.spawn(class_name, name, start, pose, timeout))
 
@@ -266,6 +269,33 @@ class Client:
         """
         return self._run(self._requests.read(timeout))
 
+    def __iter__(self) -> Iterator[Report]:
+        """Yield the reports one after the other, until the client is closed.
+
+        Those that are left when a loop ends can be read by other calls.
+
+        Raises:
+            ClientError: If the connection is lost, or no report comes within the
+                default timeout.
+        """
+        while not self._closed.is_set():
+            try:
+                report = self._run(self._requests.next_report())
+            except ClientError:
+                if self._closed.is_set():  # by another thread
+                    return
+                raise
+            yield report
+
+    def newest(self, kind: type[AnyReport]) -> AnyReport | None:
+        """Return the newest report of a class that has come, read or not.
+
+        It waits for nothing: call it beside a loop over the client or other calls that
+        wait. None before the first one, and after a spawn.
+        """
+        report = self.session.newest.get(kind)
+        return report if isinstance(report, kind) else None
+
     def wait_for(
         self,
         kind: type[AnyReport],
@@ -282,11 +312,18 @@ class Client:
             kind: Class of the report, such as ``RangeScan``.
             name: Name of the item; None accepts any.
             timeout: Timeout, s; None for the default.
+
+        Raises:
+            TypeError: If the kind is no class.
         """
         return self._run(self._requests.wait_for(kind, name, timeout))
 
     def close(self) -> None:
-        """Stop the robot if possible and close the connection; never raise."""
+        """Stop the robot if possible and close the connection; never raise.
+
+        Calls of other threads that wait raise ``ClientError``.
+        """
+        self._closed.set()
         if self._requests.has_robot:
             self.stop()
             self._requests.has_robot = False

@@ -8,6 +8,7 @@ import errno
 import logging
 import selectors
 import socket
+import threading
 import time
 from contextlib import suppress
 from typing import Final, Protocol, runtime_checkable
@@ -22,6 +23,7 @@ CHUNK = 65536  # bytes
 CLOSE_GRACE = 0.2  # s in which a server can read what was sent last
 LOCAL_HOSTS = ("", "localhost", "0.0.0.0", "::", "::1")
 DEFAULT_PORT = 3000  # of USARSim
+CLOSED = "the connection is closed"
 STUCK = "the server takes nothing any more"
 
 
@@ -79,7 +81,10 @@ class Transport(Protocol):
         """Return the time of the clock for timeouts, s since any moment."""
 
     def close(self) -> None:
-        """Close the connection; further calls have no effect."""
+        """Close the connection, upon which ``receive`` in another thread raises.
+
+        Further calls have no effect.
+        """
 
 
 @runtime_checkable
@@ -111,6 +116,8 @@ class SocketTransport:
         check_timeout(timeout)
         self._timeout = timeout
         self._stuck = False
+        self._closed = threading.Event()
+        self._receiving = threading.Lock()
         try:
             # A host that is no possible name raises UnicodeError, from its encoding for
             # DNS.
@@ -138,16 +145,19 @@ class SocketTransport:
 
     def receive(self, timeout: float) -> bytes:
         """See ``Transport.receive``."""
-        if self._socket.fileno() < 0:
-            raise ConnectionError("the connection is closed")
-        if not self._selector.select(max(timeout, SHORTEST_WAIT)):
-            raise TimeoutError
-        try:
-            data = self._socket.recv(CHUNK)
-        except OSError as error:
-            raise lost(error) from None
+        with self._receiving:
+            if self._closed.is_set():
+                raise ConnectionError(CLOSED)
+            if not self._selector.select(max(timeout, SHORTEST_WAIT)):
+                raise TimeoutError
+            try:
+                data = self._socket.recv(CHUNK)
+            except OSError as error:
+                text = CLOSED if self._closed.is_set() else str(lost(error))
+                raise ConnectionError(text) from None
         if not data:
-            raise ConnectionError("the server closed the connection")
+            text = "the server closed the connection"
+            raise ConnectionError(CLOSED if self._closed.is_set() else text)
         return data
 
     def time(self) -> float:
@@ -161,8 +171,9 @@ class SocketTransport:
         unread data resets the connection, and the server may lose the last commands,
         such as the one that stops the robot.
         """
-        if self._socket.fileno() < 0:
+        if self._closed.is_set():
             return
+        self._closed.set()
         until = time.monotonic() + CLOSE_GRACE
         with suppress(OSError):
             self._socket.shutdown(socket.SHUT_WR)
@@ -170,5 +181,8 @@ class SocketTransport:
                 self._socket.settimeout(left)
                 if not self._socket.recv(CHUNK):
                     break
-        self._selector.close()
-        self._socket.close()
+        with suppress(OSError):  # which wakes a thread that receives
+            self._socket.shutdown(socket.SHUT_RDWR)
+        with self._receiving:
+            self._selector.close()
+            self._socket.close()

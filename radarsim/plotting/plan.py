@@ -27,7 +27,7 @@ from radarsim.plotting.style import (
     write_at,
     write_title,
 )
-from radarsim.presets.robots import load_robot
+from radarsim.presets.robots import RobotModel, load_robot
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import slice_mesh
 from radarsim.scene.material import Material
@@ -57,20 +57,22 @@ _SIZE: Final = (10.5, 7.2)  # inches
 
 
 def draw_robot(
-    axes: Axes, class_name: str, pose: Pose2, *, zorder: float = 5
+    axes: Axes, robot_class: str | RobotModel, pose: Pose2, *, zorder: float = 5
 ) -> list[Polygon]:
     """Draw a robot from above: hull, wheels and a wedge that points ahead.
 
     Args:
         axes: Axes in m, map frame.
-        class_name: Name of the robot class.
+        robot_class: The robot class, or the name of a shipped one.
         pose: Pose of the robot.
         zorder: Z-order of the hull; wheels and wedge are drawn a little above it.
 
     Returns:
         What was drawn.
     """
-    model = load_robot(class_name)
+    model = robot_class
+    if isinstance(model, str):
+        model = load_robot(model)
     hull = Footprint(model.length, model.width)
     tyre = Footprint(2 * model.wheel_radius, _TYRE)
     ahead, aside = model.wheel_base / 2, model.wheel_separation / 2

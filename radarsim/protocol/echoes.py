@@ -39,7 +39,7 @@ from radarsim.protocol.line_template import (
     reduce_text,
     series_marks,
 )
-from radarsim.protocol.message import Message, parse_list, parse_number, parse_words
+from radarsim.protocol.message import Message, parse_list, parse_number
 
 # A line has at most 4095 bytes. An echo takes up to 37 of them (six digits of the beam,
 # nine of the range), two names twice the longest, and everything else less than 300.
@@ -214,8 +214,8 @@ class RadarTargets(SensorReport):
 
     @classmethod
     def _read(cls, message: Message) -> list[Any]:
-        words = (message.get("Targets") or "").split()
-        numbers = np.array([_parse_target(word) for word in words]).reshape(-1, 3)
+        parts = _split_parts("target", message.get("Targets") or "", 3, "three numbers")
+        numbers = (_parse_parts(parts) if parts else np.zeros(0)).reshape(-1, 3)
         name, line, lines = (field.read(message) for _, field in fields_of(cls))
         return [name, line, lines, numbers[:, 0].astype(np.int64), *numbers[:, 1:].T]
 
@@ -259,25 +259,29 @@ def _parse_echoes(text: str) -> tuple[tuple[str, ...], Floats]:
     Returns:
         Kinds, and (E, 4) beams, ranges, powers and strengths.
     """
+    parts = _split_parts("echo", text, 5, "five parts")
+    kinds = tuple([kind.lower() for kind in parts[2::5]])
+    del parts[2::5]
+    return kinds, _parse_parts(parts).reshape(-1, 4)
+
+
+def _split_parts(what: str, text: str, count: int, expected: str) -> list[str]:
+    """Return the parts of all words of a text, of which each has so many."""
     words = text.split()
     # All words are checked before they are joined: a part too few in one and too many
     # in the next would shift everything between them unnoticed.
     for word in words:
-        if word.count(",") != 4:
-            raise MalformedMessage(f"echo {word[:80]!r}, expected five parts")
-    parts = ",".join(words).split(",")
-    kinds = tuple([kind.lower() for kind in parts[2::5]])
-    del parts[2::5]
-    numbers = parse_words(parts, ",".join(parts))
-    return kinds, np.array(numbers).reshape(-1, 4)
+        if word.count(",") != count - 1:
+            raise MalformedMessage(f"{what} {word[:80]!r}, expected {expected}")
+    return ",".join(words).split(",") if words else []
+
+
+def _parse_parts(parts: Sequence[str]) -> Floats:
+    text = ",".join(parts)
+    if not all(parts):  # of which a list would have one number less
+        raise MalformedMessage(f"{text[:80]!r}, expected numbers")
+    return parse_list(text)
 
 
 def _parse_density(text: str) -> float:
     return math.inf if text.lower() == OPAQUE.lower() else parse_number(text)
-
-
-def _parse_target(word: str) -> list[float]:
-    numbers = parse_list(word)
-    if len(numbers) != 3:
-        raise MalformedMessage(f"target {word[:80]!r}, expected three numbers")
-    return numbers

@@ -27,8 +27,6 @@ from typing import (
     get_type_hints,
 )
 
-import numpy as np
-
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.protocol.dialect import Dialect, NumberFormat
 from radarsim.protocol.line_template import (
@@ -168,7 +166,7 @@ class Numbers(FormattedField[tuple[float, ...]]):
     """Numbers of any count."""
 
     def read(self, message: Message) -> tuple[float, ...]:
-        return tuple(message.parse(self.key, parse_list))
+        return tuple(message.parse(self.key, parse_list).tolist())
 
     def write(self, value: tuple[float, ...], dialect: Dialect) -> Sequence[Segment]:
         return (Segment(self.key, marks(self.format(dialect), len(value)), value),)
@@ -178,7 +176,7 @@ class Series(FormattedField[Floats]):
     """Numbers of any count as an array; a line has only one."""
 
     def read(self, message: Message) -> Floats:
-        return np.array(message.parse(self.key, parse_list))
+        return message.parse(self.key, parse_list)
 
     def write(self, value: Floats, dialect: Dialect) -> Sequence[Segment]:
         text = series_marks(self.format(dialect), len(value))

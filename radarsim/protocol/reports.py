@@ -13,6 +13,8 @@ from itertools import accumulate
 from math import isnan, nan
 from typing import Annotated, ClassVar, Final, Self, TypeAlias, get_args
 
+import numpy as np
+
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.protocol.dialect import Dialect, NumberFormat
@@ -236,6 +238,15 @@ class RangeScan(SensorReport):
     resolution: Annotated[float, Number("Resolution", "angle")]
     fov: Annotated[float, Number("FOV", "angle")]
     ranges: Annotated[Floats, Series("Range", "ranges")]
+
+    @property
+    def angles(self) -> Floats:
+        """Angles of the beams, (N,) rad; 0 is ahead of the scanner.
+
+        They follow from the field of view and the number of ranges: the resolution has
+        few digits, and over half a circle its error would add up to half a degree.
+        """
+        return np.linspace(-self.fov / 2, self.fov / 2, len(self.ranges))
 
     def split(self, dialect: Dialect) -> Split:
         if isnan(self.time):

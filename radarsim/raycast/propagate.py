@@ -47,7 +47,7 @@ from radarsim.raycast.intersect import (
     select_scene,
 )
 from radarsim.raycast.rays import is_valid_ray
-from radarsim.raycast.robot_boxes import BoxIndex, box_incidence, intersect_boxes
+from radarsim.raycast.robot_boxes import BoxGrid, box_incidence, intersect_boxes
 from radarsim.raycast.traced_scene import MaterialTable, TracedScene
 
 UNKNOWN: Final = -2  # instead of a part: the ray goes on where the window ends
@@ -85,7 +85,7 @@ class Workspace(NamedTuple):
         state: The state of the ray.
         origin: (3,) m, the start of the segment.
         direction: (3,) the unit vector of the segment.
-        box_index: The boxes by direction.
+        box_grid: The boxes by the cells of a grid.
         near_volumes: The volumes around the last ray's start.
     """
 
@@ -93,7 +93,7 @@ class Workspace(NamedTuple):
     state: RayState
     origin: Floats
     direction: Floats
-    box_index: BoxIndex
+    box_grid: BoxGrid
     near_volumes: NearVolumes
 
 
@@ -454,7 +454,7 @@ def _trace_segment(
         if needed > state.crossings.size:
             return progress, SegmentEnd(0, 0.0, -1), needed
     t, box = intersect_boxes(
-        work.box_index,
+        work.box_grid,
         scene.boxes,
         ray.carrier_id,
         work.origin,

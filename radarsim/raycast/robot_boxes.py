@@ -1,21 +1,17 @@
 """Upright boxes that stop every ray: robots, which move while the scene is fixed.
 
-For a scan they are sorted by the direction in which they are seen from its sensor.
-
 Theory of operation
 ===================
-Rays start in groups: those of a scan within centimetres of each other, those of all
-sonars of a robot within decimetres. Seen from the middle of such a group, a box covers
-an interval of directions; widened by the radius of the group, it is the same from
-everywhere in it. So the directions of the plane are divided into sectors, and for each
-sector the boxes are listed that a ray in it may meet. Of a hundred robots in a hall a
-ray then has to try one or two: row j of ``radarsim bench`` has a hundred and more.
+Seen from above, a grid of square cells covers all boxes. Each cell lists the boxes
+whose bounding circles reach into its square. A ray visits the cells on its way one
+after the other, and tries the boxes that they list, until it has met one before the end
+of a cell. Among a thousand robots in a hall it tries a dozen: row j of ``radarsim
+bench``.
 
 Which boxes are tried cannot change what a ray meets, as long as none of those it meets
-is missing: intervals are wider than rounding errors by the width of a sector.
-
-A direction is measured by the diamond angle, which runs around a square instead of
-around a circle: it is as monotone as the angle, and needs one division.
+is missing: circles are wider than rounding errors by far. Where coordinates are so
+large that this would not hold, and where there are too few boxes or rays for a grid to
+pay off, all boxes are tried.
 """
 
 from dataclasses import dataclass, field
@@ -32,16 +28,13 @@ from radarsim.jit import Int, njit_cached, njit_inline
 # footprint.
 X, Y, Z, COS, SIN, LENGTH, WIDTH, HEIGHT, FOOTPRINT_RADIUS, BOX_ID = range(10)
 NO_BOXES: Final = np.zeros((0, 10))
-SECTORS: Final = 256
-# A box that covers more sectors is listed once, as one that any ray may meet.
-MAX_SPAN: Final = SECTORS // 8
-MIN_BOXES: Final = 8  # fewer are tried one by one
-MIN_RAYS: Final = 8  # of a group, likewise
-GROUP_RADIUS: Final = 0.5  # m
-# m by which a group is larger than it has to be: rays go on behind mirrors.
-SLACK: Final = 1e-6
-MAX_SQUARE: Final = 1e30  # m2, of a distance
-MIN_HORIZONTAL: Final = 1e-6  # of a direction; steeper rays may meet any box
+MIN_BOXES: Final = 8  # fewer are in one cell
+MIN_RAYS: Final = 16  # of a call, likewise
+SLACK: Final = 1e-6  # m by which boxes are listed in cells beside them
+# For each box on average; it follows from the size of the cells.
+MAX_LINKS: Final = 9
+MAX_COORDINATE: Final = 1e5  # m; farther away, rounding errors approach the slack
+MIN_SLOPE: Final = 1e-200  # along one axis; a ray with less stays in its cell
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,17 +120,6 @@ def intersect_box(boxes: Floats, i: Int, origin: Floats, direction: Floats) -> f
 
 
 @njit_inline
-def is_box_near(boxes: Floats, carrier_id: Int, point: Floats, radius: float) -> bool:
-    """Return whether a box other than the carrier's may be within ``radius`` m."""
-    for i in range(len(boxes)):
-        dx, dy = point[0] - boxes[i, X], point[1] - boxes[i, Y]
-        reach = radius + boxes[i, FOOTPRINT_RADIUS]
-        if dx * dx + dy * dy <= reach * reach and boxes[i, BOX_ID] != carrier_id:
-            return True
-    return False
-
-
-@njit_inline
 def box_incidence(
     boxes: Floats, box_id: Int, origin: Floats, direction: Floats, t: float
 ) -> float:
@@ -171,132 +153,174 @@ def box_incidence(
     return cosine
 
 
-class BoxIndex(NamedTuple):
-    """Boxes by direction.
+class BoxGrid(NamedTuple):
+    """Boxes by the cells of a grid over the x-y plane.
 
     Attributes:
-        place: (3,) x and y of the middle of the group of rays, m, and the square of its
-            radius; negative while there is none.
-        heads: (SECTORS + 1,) int32, the first link of each sector's list, and that of
-            the list of boxes that any ray may meet; -1 for an empty list.
-        links: (L, 2) int32, the index of a box, and the next link; -1 for none.
+        x: Of the lower corner, m.
+        y: Likewise.
+        per_metre: Cells per metre, along both axes.
+        columns: The number of cells along x.
+        rows: The number of cells along y.
+        heads: (columns * rows + 1,) int32, where the list of each cell begins, row by
+            row; the last is where the last list ends.
+        links: (L,) int32, the lists: indices of boxes; there is more room than needed.
     """
 
-    place: Floats
+    x: float
+    y: float
+    per_metre: float
+    columns: int
+    rows: int
     heads: NDArray[np.int32]
     links: NDArray[np.int32]
 
 
 @njit_cached
-def new_box_index(count: int) -> BoxIndex:
-    """Allocate an empty index for a number of boxes."""
-    links = np.zeros((count * MAX_SPAN, 2), np.int32)
-    return BoxIndex(np.full(3, -1.0), np.zeros(SECTORS + 1, np.int32), links)
-
-
-@njit_inline
-def _sector(x: float, y: float) -> Int:
-    """Return the sector of a direction; x and y must not both be 0."""
-    slope = x / (abs(x) + abs(y))
-    turn = 1.0 - slope if y >= 0.0 else 3.0 + slope
-    return min(np.int64(turn * (SECTORS / 4)), np.int64(SECTORS - 1))
-
-
-@njit_inline
-def _span(dx: float, dy: float, radius: float) -> tuple[Int, Int]:
-    """Return the first sector that a circle covers, seen from the origin, and how many.
-
-    One that covers too many is in the list after those of the sectors.
-    """
-    square = dx * dx + dy * dy - radius * radius
-    # Not from within, or nearly so; and not where numbers overflow.
-    if not 0.01 * radius * radius < square < MAX_SQUARE:
-        return SECTORS, 1
-    # Both tangents to the circle, and one sector more on either side.
-    tangent = np.sqrt(square)
-    first = _sector(dx * tangent + dy * radius, dy * tangent - dx * radius) - 1
-    last = _sector(dx * tangent - dy * radius, dy * tangent + dx * radius) + 1
-    count = last - first + 1
-    if count <= 0:
-        count += SECTORS
-    return (first, count) if count <= MAX_SPAN else (SECTORS, 1)
-
-
-@njit_inline
-def index_boxes(
-    index: BoxIndex, boxes: Floats, x: float, y: float, spread: float, rays: Int
-) -> None:
-    """Sort the boxes for rays that start around a place, if that pays off.
+def new_box_grid(boxes: Floats, rays: int) -> BoxGrid:
+    """Sort boxes into the cells of a grid; into a single cell if more do not pay off.
 
     Args:
-        index: From ``new_box_index``.
         boxes: (B, 10), from ``Boxes.table``.
-        x: Of the place, m, relative to the scene's centre.
-        y: Likewise.
-        spread: How far from there the rays start at most, m.
-        rays: Their number.
+        rays: The number of rays that are going to be traced.
     """
-    index.place[2] = -1.0
-    if len(boxes) >= MIN_BOXES and rays >= MIN_RAYS:
-        index.place[0], index.place[1] = x, y
-        radius = spread + SLACK
-        index.place[2] = radius * radius
-        # Rounding errors of coordinates are less than the slack by far.
-        radius += SLACK
-        heads, links, link = index.heads, index.links, 0
-        # Links are written over from the first on: no memory is allocated for a scan.
-        for sector in range(SECTORS + 1):
-            heads[sector] = -1
+    left, right, low, high, size = _bound(boxes)
+    if len(boxes) < MIN_BOXES or rays < MIN_RAYS or size == np.inf:
+        left = right = low = high = 0.0
+        size = np.inf
+    columns, rows = int((right - left) / size) + 1, int((high - low) / size) + 1
+    heads = np.zeros(columns * rows + 1, np.int32)
+    links = np.zeros(MAX_LINKS * len(boxes), np.int32)
+    grid = BoxGrid(left, low, 1.0 / size, columns, rows, heads, links)
+    _list_boxes(grid, boxes)
+    return grid
+
+
+@njit_inline
+def _bound(boxes: Floats) -> tuple[float, float, float, float, float]:
+    """Return the bounds of all boxes along x and y, and the size of the cells, m.
+
+    The size is infinite where coordinates are too large.
+    """
+    squares = 0.0
+    left = low = np.inf
+    right = high = -np.inf
+    for i in range(len(boxes)):
+        # Twice the slack: a ray that misses the grid misses its boxes by one.
+        x, y, radius = (
+            boxes[i, X],
+            boxes[i, Y],
+            boxes[i, FOOTPRINT_RADIUS] + 2.0 * SLACK,
+        )
+        left, right = min(left, x - radius), max(right, x + radius)
+        low, high = min(low, y - radius), max(high, y + radius)
+        squares += radius * radius
+    size = np.inf
+    if max(-left, right, -low, high) <= MAX_COORDINATE:
+        # As many cells as boxes, and none shorter than the boxes in the mean: in both
+        # axes, a circle of radius r reaches into 2 r / size + 2 cells at most.
+        area, longest = (right - left) * (high - low), max(right - left, high - low)
+        count = len(boxes)
+        size = max(np.sqrt(max(area, 4.0 * squares) / count), longest / count)
+    return left, right, low, high, size
+
+
+@njit_inline
+def _cell(offset: float, cells: int) -> int:
+    """Return the cell, along one axis, at an offset from the corner, in cells."""
+    return int(min(max(0.0, offset), cells - 1.0))
+
+
+@njit_inline
+def _cells_around(
+    grid: BoxGrid, x: float, y: float, radius: float
+) -> tuple[int, int, int, int]:
+    """Return the first and last column, and row, into which a circle may reach."""
+    x, y = (x - grid.x) * grid.per_metre, (y - grid.y) * grid.per_metre
+    radius *= grid.per_metre
+    return (
+        _cell(x - radius, grid.columns),
+        _cell(x + radius, grid.columns),
+        _cell(y - radius, grid.rows),
+        _cell(y + radius, grid.rows),
+    )
+
+
+@njit_inline
+def _list_boxes(grid: BoxGrid, boxes: Floats) -> None:
+    """Fill ``heads`` and ``links``."""
+    heads = grid.heads
+    # First, heads count the boxes of cells; then, lists are filled from their ends.
+    for is_filling in (False, True):
         for i in range(len(boxes)):
-            dx, dy = boxes[i, X] - x, boxes[i, Y] - y
-            first, count = _span(dx, dy, boxes[i, FOOTPRINT_RADIUS] + radius)
-            for k in range(first, first + count):
-                sector = k if first == SECTORS else k & (SECTORS - 1)
-                links[link, 0], links[link, 1] = i, heads[sector]
-                heads[sector] = link
-                link += 1
+            x, y, radius = boxes[i, X], boxes[i, Y], boxes[i, FOOTPRINT_RADIUS] + SLACK
+            left, right, low, high = _cells_around(grid, x, y, radius)
+            for row in range(low, high + 1):
+                for column in range(left, right + 1):
+                    cell = row * grid.columns + column
+                    heads[cell] += -1 if is_filling else 1
+                    if is_filling:
+                        grid.links[heads[cell]] = i
+        if not is_filling:
+            for cell in range(1, len(heads)):
+                heads[cell] += heads[cell - 1]
 
 
 @njit_inline
-def index_boxes_around(
-    index: BoxIndex, boxes: Floats, origins: Floats, centre: Floats, first: Int
-) -> Int:
-    """Sort the boxes for the rays from one row on that start close together.
+def is_box_near(
+    grid: BoxGrid, boxes: Floats, carrier_id: Int, point: Floats, radius: float
+) -> bool:
+    """Return whether a box other than the carrier's may be within ``radius`` m."""
+    left, right, low, high = _cells_around(grid, point[0], point[1], radius)
+    for row in range(low, high + 1):
+        first = grid.heads[row * grid.columns + left]
+        for k in range(first, grid.heads[row * grid.columns + right + 1]):
+            i = grid.links[k]
+            dx, dy = point[0] - boxes[i, X], point[1] - boxes[i, Y]
+            reach = radius + boxes[i, FOOTPRINT_RADIUS]
+            if dx * dx + dy * dy <= reach * reach and boxes[i, BOX_ID] != carrier_id:
+                return True
+    return False
+
+
+@njit_inline
+def _enter_grid(grid: BoxGrid, x: float, y: float, ex: float, ey: float) -> float:
+    """Return where a ray enters the grid, m; inf if it does not.
 
     Args:
-        index: From ``new_box_index``.
-        boxes: (B, 10), from ``Boxes.table``.
-        origins: (N, 3) m, map frame, where the rays start.
-        centre: (3,) m, the scene's centre.
-        first: The first row.
+        grid: The boxes' grid.
+        x: Where the ray starts, cells from the corner.
+        y: Likewise.
+        ex: Of its direction, cells per metre.
+        ey: Likewise.
+    """
+    half_x, half_y = 0.5 * grid.columns, 0.5 * grid.rows
+    if abs(x - half_x) <= half_x and abs(y - half_y) <= half_y:
+        return 0.0
+    ahead = _intersect_slab(x - half_x, ex, half_x)
+    beside = _intersect_slab(y - half_y, ey, half_y)
+    enter = max(ahead[0], beside[0], 0.0)
+    return enter if enter <= min(ahead[1], beside[1]) else np.inf
+
+
+@njit_inline
+def _first_border(start: float, slope: float, cell: int) -> tuple[float, float, int]:
+    """Return how a ray leaves cells along one axis; arguments as in ``_enter_grid``.
 
     Returns:
-        The row after the last of these rays.
+        Where the ray crosses the first border, m; the distance from there to the next,
+        m; and the step from one cell to the next.
     """
-    x, y = origins[first, 0], origins[first, 1]
-    end, widest = first + 1, 0.0
-    while end < len(origins):
-        square = (origins[end, 0] - x) ** 2 + (origins[end, 1] - y) ** 2
-        if not square <= GROUP_RADIUS * GROUP_RADIUS:
-            break
-        widest = max(widest, square)
-        end += 1
-    x, y = x - centre[0], y - centre[1]
-    index_boxes(index, boxes, x, y, np.sqrt(widest), end - first)
-    return end
-
-
-@njit_inline
-def _is_indexed(index: BoxIndex, origin: Floats, direction: Floats) -> bool:
-    """Return whether the index holds for a ray."""
-    dx, dy = origin[0] - index.place[0], origin[1] - index.place[1]
-    is_level = abs(direction[0]) + abs(direction[1]) > MIN_HORIZONTAL
-    return bool(is_level and dx * dx + dy * dy <= index.place[2])
+    if abs(slope) < MIN_SLOPE:
+        return np.inf, np.inf, 0
+    inverse, is_forward = 1.0 / slope, slope > 0.0
+    step = 1 if is_forward else -1
+    return (cell + is_forward - start) * inverse, abs(inverse), step
 
 
 @njit_inline
 def intersect_boxes(
-    index: BoxIndex,
+    grid: BoxGrid,
     boxes: Floats,
     carrier_id: Int,
     origin: Floats,
@@ -308,7 +332,7 @@ def intersect_boxes(
     Where boxes touch, the one listed last in the table is met.
 
     Args:
-        index: The boxes' index; it is not used for a ray for which it does not hold.
+        grid: The boxes' grid.
         boxes: (B, 10), from ``Boxes.table``.
         carrier_id: Id of the box that does not count; -1 for none.
         origin: (3,) m.
@@ -318,26 +342,44 @@ def intersect_boxes(
     Returns:
         The distance, m, at most ``max_range``; and the box's id, -1 for none.
     """
-    is_indexed = index.place[2] >= 0.0 and _is_indexed(index, origin, direction)
-    # Follow the list of the ray's sector, and then that of boxes in all directions; or
-    # count down all boxes.
-    is_last = not is_indexed
-    k: Int = len(boxes) - 1
-    if is_indexed:
-        k = np.int64(index.heads[_sector(direction[0], direction[1])])
     nearest = max_range
     found: Int = -1
-    while k >= 0 or not is_last:
-        if k < 0:
-            is_last, k = True, np.int64(index.heads[SECTORS])
-            continue
-        i: Int = k
-        k -= 1
-        if is_indexed:
-            k, i = np.int64(index.links[i, 1]), np.int64(index.links[i, 0])
-        if boxes[i, BOX_ID] == carrier_id:
-            continue
-        t = intersect_box(boxes, i, origin, direction)
-        if t >= 0.0 and (t < nearest or (t == nearest and i > found)):
-            nearest, found = t, i
+    # Without a way through the grid, one step goes through the lists of all cells.
+    cell = column = row = step_x = step_y = 0
+    end = len(grid.heads) - 1
+    next_x = next_y = apart_x = apart_y = np.inf
+    if end > 1 and max(abs(origin[0]), abs(origin[1])) <= MAX_COORDINATE:
+        each = grid.per_metre
+        x, y = (origin[0] - grid.x) * each, (origin[1] - grid.y) * each
+        ex, ey = direction[0] * each, direction[1] * each
+        enter = _enter_grid(grid, x, y, ex, ey)
+        if enter > max_range:
+            return max_range, -1
+        column = _cell(x + enter * ex, grid.columns)
+        row = _cell(y + enter * ey, grid.rows)
+        next_x, apart_x, step_x = _first_border(x, ex, column)
+        next_y, apart_y, step_y = _first_border(y, ey, row)
+        cell = row * grid.columns + column
+        end = cell + 1
+    while True:
+        for k in range(grid.heads[cell], grid.heads[end]):
+            i = np.int64(grid.links[k])
+            if boxes[i, BOX_ID] == carrier_id:
+                continue
+            t = intersect_box(boxes, i, origin, direction)
+            if t >= 0.0 and (t < nearest or (t == nearest and i > found)):
+                nearest, found = t, i
+        # The boxes of the cells beyond are farther than where this one ends.
+        if nearest <= min(next_x, next_y):
+            break
+        if next_x < next_y:
+            column += step_x
+            next_x += apart_x
+        else:
+            row += step_y
+            next_y += apart_y
+        if not (0 <= column < grid.columns and 0 <= row < grid.rows):
+            break
+        cell = row * grid.columns + column
+        end = cell + 1
     return nearest, int(boxes[found, BOX_ID]) if found >= 0 else -1

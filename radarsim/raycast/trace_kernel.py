@@ -37,12 +37,7 @@ from radarsim.raycast.propagate import (
     Workspace,
     trace_ray,
 )
-from radarsim.raycast.robot_boxes import (
-    index_boxes,
-    index_boxes_around,
-    is_box_near,
-    new_box_index,
-)
+from radarsim.raycast.robot_boxes import BoxGrid, is_box_near, new_box_grid
 from radarsim.raycast.traced_scene import TracedScene, Words, unpack_scene
 
 CLEARANCE_CLASS: Final = 1  # index of the class for which something may hide a ray
@@ -80,6 +75,7 @@ NO_SCANS: Final = ScanColumns(
 @njit_inline
 def _is_clear(
     scene: TracedScene,
+    grid: BoxGrid,
     point: Floats,
     radius: float,
     carrier_id: Int,
@@ -89,6 +85,7 @@ def _is_clear(
 
     Args:
         scene: The scene.
+        grid: The boxes' grid.
         point: (3,) m, relative to the scene's centre.
         radius: m.
         carrier_id: Id of the box that does not count; -1 for none.
@@ -98,7 +95,7 @@ def _is_clear(
         False also where something is only a little farther away.
     """
     reach = radius + scene.handle.margin
-    if is_box_near(scene.boxes, carrier_id, point, reach):
+    if is_box_near(grid, scene.boxes, carrier_id, point, reach):
         return False
     roles = scene.materials.forward_roles[CLEARANCE_CLASS]
     return not is_opaque_nearby(scene.handle, roles, point, reach, query)
@@ -125,7 +122,6 @@ def _trace_all(
     rays_per_scan = count // max(len(scans.places), 1)
     rays_per_beam = rays_per_scan // max(table.directions.shape[1], 1)
     i: Int = 0
-    # Rays that start together, of one scan or near each other, begin and end here.
     first: Int = 0
     end: Int = 0
     scan, crowded = -1, 0
@@ -135,19 +131,14 @@ def _trace_all(
             fill_frame(scans.places, scan, frame)
             for axis in range(3):
                 origin[axis] = frame.position[axis] - scene.centre[axis]
-            index_boxes(
-                work.box_index, scene.boxes, origin[0], origin[1], radius, rays_per_scan
-            )
             own_id = scans.places[scan, CARRIER]
-            is_traced = radius == 0.0 or _is_clear(scene, origin, radius, own_id, query)
+            is_traced = radius == 0.0 or _is_clear(
+                scene, work.box_grid, origin, radius, own_id, query
+            )
             scans.clear[scan] = is_traced
             if not is_traced:
                 i, crowded = end, crowded + 1
                 continue
-        elif i == end:
-            end = index_boxes_around(
-                work.box_index, scene.boxes, rays.origins, scene.centre, i
-            )
         row: Int = i
         if are_scans:
             row, carrier_id = 0, int(scans.places[scan, CARRIER])
@@ -206,10 +197,10 @@ def trace_rays(
     crossings = np.zeros(max_crossings, CROSSING)
     state = new_ray_state(scene.materials.density.shape[1], crossings, events)
     buffer = new_ray_buffer(scene.handle, crossings)
-    index = new_box_index(len(boxes))
+    grid = new_box_grid(boxes, len(traces.ranges))
     volumes = np.zeros(scene.materials.volume.size, np.int64)
     near_volumes = NearVolumes(np.full(3, np.inf), np.zeros(1, np.int64), volumes)
-    work = Workspace(buffer, state, np.zeros(3), np.zeros(3), index, near_volumes)
+    work = Workspace(buffer, state, np.zeros(3), np.zeros(3), grid, near_volumes)
     frame = Frame(np.zeros(3), np.zeros((3, 3)))
     code, crowded = _trace_all(
         source, scans, frame, new_query_buffer(), scene, work, traces

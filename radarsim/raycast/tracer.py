@@ -55,7 +55,7 @@ from radarsim.raycast.traced_scene import (
     scattering_of,
 )
 from radarsim.scene.material import Material
-from radarsim.scene.scene import Part, Scene
+from radarsim.scene.scene import Part, Scene, expected_scene
 from radarsim.scene.shapes import box
 
 INITIAL_CAPACITY: Final = 512  # crossings of a segment; events of a call
@@ -315,7 +315,10 @@ def tracer_of(scene: Scene) -> Tracer:
 
     Raises:
         EngineError: If Embree cannot be used, or cannot use a part of the scene.
+        TypeError: If it is not a scene.
     """
+    if not isinstance(scene, Scene):
+        raise expected_scene(scene)
     tracer = _tracers.get(scene)
     if tracer is None:
         _check_engine()

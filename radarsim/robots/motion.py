@@ -97,7 +97,7 @@ def _wrap(angle: float) -> float:
     return math.pi if wrapped <= -math.pi else wrapped
 
 
-@njit_inline
+@njit_cached
 def sweep_rate(left: float, right: float, track: float, radius: float) -> float:
     """Return an upper bound of the speed of a robot's fastest point, m/s.
 

@@ -33,7 +33,15 @@ from radarsim.scene.mesh_files import (
 )
 from radarsim.scene.reflectors import POINT_EDGE, REFLECTOR, Reflector
 from radarsim.scene.scene import Part
-from radarsim.scene.shapes import Mesh, Surface, box, cylinder, octahedron, sphere
+from radarsim.scene.shapes import (
+    Faces,
+    Mesh,
+    Surface,
+    box,
+    cylinder,
+    octahedron,
+    sphere,
+)
 from radarsim.validation import short_repr
 
 LIMITS: Final = {
@@ -81,15 +89,22 @@ _PLAIN_KEYS: Final = {
 }
 
 
-def make_material(name: str, entry: MaterialEntry) -> Material:
+def make_material(
+    name: str, entry: MaterialEntry, base: Material | None = None
+) -> Material:
     """Create a material from an entry and the library material that it is based on.
+
+    Args:
+        name: Its name.
+        entry: The entry.
+        base: What it is based on, if the entry names nothing; None for the defaults.
 
     If an entry has any key of radar attenuation, these keys replace all radar
     attenuation of the base; the same holds for light. A material that beams enter has
     no mirror, and its surface absorbs nothing. To a radar that counts in decibels,
     those of the base remain, unless the entry has its own.
     """
-    base = Material(name)
+    base = base or Material(name)
     if entry.based_on is not None:
         library = library_material(
             entry.based_on, g_per_m3=entry.g_per_m3, mm_per_h=entry.mm_per_h
@@ -299,6 +314,18 @@ def _join(material: Material, surfaces: list[Surface]) -> Mesh:
     if not len(faces):
         raise MeshError(f"no triangle of {material.name!r} has an area")
     return vertices, faces
+
+
+def orient_for(material: Material, vertices: Floats, faces: Faces) -> Mesh:
+    """Return a mesh as a volume that beams enter needs it, if the material is such.
+
+    Raises:
+        BuildError: If it is not closed then.
+    """
+    try:
+        return _join(material, [Surface(None, vertices, faces)])
+    except MeshError as error:
+        raise BuildError([((), str(error))]) from error
 
 
 def _group_by_material(

@@ -412,3 +412,10 @@ def _measure(
             square += normal * normal
         sizes.volumes[label] += volume / 6.0
         sizes.areas[label] += np.sqrt(square) / 2.0
+
+
+def warm_up() -> None:
+    """Compile what maps with mesh files need, or read it from the cache."""
+    vertices, faces = weld_vertices(np.eye(3), np.arange(3, dtype=np.int32)[None])
+    labels = connect_faces(faces).labels
+    measure_components(vertices, faces, labels, np.zeros((1, 3)))

@@ -4,7 +4,8 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Final
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -170,6 +171,64 @@ class Scene:
         """The number of triangles of all parts."""
         return sum(len(part.faces) for part in self.parts)
 
+    def with_material(self, name: str, /, **keys: Any) -> "Scene":
+        """Return this scene with a material changed, or with one more.
+
+        Args:
+            name: Name of a material of the scene, of which what is not given stays; of
+                the library; or of a new one.
+            **keys: Keys of materials in map files, such as ``density=2.0`` or
+                ``based_on="foliage"``.
+
+        Raises:
+            MapError: If a key or a value is wrong, or an object of this material is not
+                closed, which beams are to enter.
+        """
+        from radarsim.scene import edits  # noqa: PLC0415 - pydantic is slow
+
+        return edits.with_material(self, name, keys)
+
+    def with_object(self, name: str, /, **keys: Any) -> "Scene":
+        """Return this scene with one more object, or with its copies.
+
+        Args:
+            name: Its name.
+            **keys: Keys of objects in map files, such as ``cylinder=[0.5, 2.0]``,
+                ``material="foliage"`` and ``position=[1.0, 0.0, 1.0]``, which is that
+                of its centre, m. A mesh is a file in the current folder.
+
+        Raises:
+            MapError: If a key or a value is wrong, or the name is taken.
+        """
+        from radarsim.scene import edits  # noqa: PLC0415
+
+        return edits.with_object(self, name, keys)
+
+    def without(self, name: str) -> "Scene":
+        """Return this scene without an object, or without all copies of one.
+
+        Raises:
+            MapError: If there is no such object.
+        """
+        from radarsim.scene import edits  # noqa: PLC0415
+
+        return edits.without(self, name)
+
+    def to_yaml(self, path: "str | Path") -> None:
+        """Write a map file, and its meshes into a folder beside it.
+
+        ``load_map`` reads the same scene from it.
+
+        Args:
+            path: The map file; ``NAME_meshes`` is the folder of ``NAME.yaml``.
+
+        Raises:
+            OSError: If a file cannot be written.
+        """
+        from radarsim.scene.map_writer import write_map  # noqa: PLC0415
+
+        write_map(self, Path(path))
+
     def floor_at(self, x: float, y: float) -> float:
         """Return the floor's height at the nearest start, m; 0 without starts."""
         if not self.starts:
@@ -184,6 +243,14 @@ class Scene:
         wanted = name.casefold()
         matches = (start for start in self.starts if start.name.casefold() == wanted)
         return next(matches, None)
+
+
+def expected_scene(given: object) -> TypeError:
+    """Return the error for something that is not a scene."""
+    text = f"scene {given!r:.80}, expected a Scene"
+    if isinstance(given, str | Path):
+        text += f" from radarsim.load_map({str(given)[:80]!r})"
+    return TypeError(text)
 
 
 def bounds_of(parts: Iterable[Part]) -> Floats:

@@ -203,7 +203,8 @@ def _find_cells(
     full = limits.full_power
     enclosing = rain.around_start.copy()
     for beam in range(len(beams.rows)):
-        enclosing[:] = rain.around_start
+        for part in range(len(enclosing)):
+            enclosing[part] = rain.around_start[part]
         budget, t, i = beams.random[0, beam], limits.nearest, beams.first_event[beam]
         before, power = 0.0, full  # distance and power after the previous event
         while i < len(events) and events[i].ray == beams.rows[beam] and budget > 0.0:

@@ -1,9 +1,9 @@
 """Range scanners: radars and lasers, which differ only in their settings."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
@@ -15,7 +15,8 @@ from radarsim.raycast.aimed_rays import Sides
 from radarsim.raycast.rays import LASER, RADAR, Rays
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer, tracer_of
-from radarsim.scene.scene import Scene
+from radarsim.rng import as_generator
+from radarsim.scene.scene import Scene, expected_scene
 from radarsim.sensors.beams import EMPTY, pattern_of
 from radarsim.sensors.measurement import Draws, PlannedScan, ScanBuilder
 from radarsim.sensors.scan import Scan
@@ -28,6 +29,9 @@ from radarsim.sensors.scan_batch import (
     scan_poses,
     stack_scans,
 )
+
+# Takes ranges, (N,) m, and a generator; returns ranges.
+Noise: TypeAlias = Callable[[Floats, np.random.Generator], Floats]
 
 NO_RAIN: Final = np.zeros((2, 0))
 SENSOR_HEIGHT: Final = 0.346  # m; height of a P3AT's scanner above the floor
@@ -50,6 +54,7 @@ class RangeScanner:
         name: str,
         settings: SensorSettings,
         fmcw: Mapping[str, Any] | None = None,
+        noise: Noise | None = None,
     ) -> None:
         """Create a scanner.
 
@@ -57,10 +62,12 @@ class RangeScanner:
             name: Name of its preset.
             settings: All its settings.
             fmcw: Changed settings of its FMCW radar.
+            noise: See ``with_noise``.
         """
         self.name = name
         self.settings = settings
         self._fmcw = dict(fmcw or {})
+        self._noise = noise
         self.pattern = pattern_of(settings)
         self.angles = self.pattern.angles
         self.medium = RADAR if settings.medium == "radar" else LASER
@@ -97,7 +104,48 @@ class RangeScanner:
             "ray_choice": "together" if together else "drawn",
         }
         settings = self.settings.model_copy(update=update)
-        return RangeScanner(self.name, settings, self._fmcw)
+        return RangeScanner(self.name, settings, self._fmcw, self._noise)
+
+    def with_settings(self, **settings: Any) -> "RangeScanner":
+        """Return this scanner with some settings changed, as of ``load_sensor``.
+
+        Raises:
+            PresetError: If there is no such setting, or a value is invalid.
+        """
+        fmcw = self._fmcw | settings.pop("fmcw", {})
+        if fmcw:
+            load_fmcw_settings(self.name, **fmcw)
+        changed = load_settings(self.name, **{**self.settings.model_dump(), **settings})
+        return RangeScanner(self.name, changed, fmcw, self._noise)
+
+    def with_noise(self, noise: "Noise") -> "RangeScanner":
+        """Return this scanner with a noise of one's own, after all of its own.
+
+        It changes the ranges of ``scan`` and ``scan_many``, not the echoes.
+
+        Args:
+            noise: Called with the ranges of a scan, (N,) m, inf where nothing came
+                back, and a generator; returns the ranges, (N,) m.
+        """
+        return RangeScanner(self.name, self.settings, self._fmcw, noise)
+
+    def _add_noise(self, ranges: Floats, rng: np.random.Generator | None) -> Floats:
+        """Return the ranges of a scan with the noise of one's own.
+
+        Raises:
+            ValueError: If an rng is missing, or the noise returns other than N ranges.
+        """
+        if self._noise is None:
+            return ranges
+        if rng is None:
+            raise ValueError(f"no rng, expected a Generator for the noise of {self!r}")
+        # A child, so that many scans have the same noise as one after the other.
+        (child,) = rng.spawn(1)
+        noisy = np.asarray(self._noise(ranges.copy(), child), np.float64)
+        if noisy.shape != ranges.shape:
+            expected = f"expected {ranges.shape}"
+            raise ValueError(f"noise gives ranges of shape {noisy.shape}, {expected}")
+        return noisy
 
     @cached_property
     def fmcw(self) -> Any:
@@ -115,7 +163,7 @@ class RangeScanner:
         self,
         scene: Scene,
         pose: Pose3 | Sequence[float],
-        rng: np.random.Generator,
+        rng: np.random.Generator | int,
     ) -> Any:
         """Record a turn as an FMCW radar: the power in each direction and range bin.
 
@@ -123,7 +171,7 @@ class RangeScanner:
             scene: From ``load_map``.
             pose: As in ``scan``.
             rng: Source of speckle and noise, for which it spawns a child: what scans
-                draw from it stays the same.
+                draw from it stays the same. A whole number is the seed of one.
 
         Returns:
             A ``radarsim.addons.fmcw.spectrum.Spectrum``.
@@ -133,13 +181,14 @@ class RangeScanner:
             MissingPackage: If the add-on is not there.
             ValueError: If the pose is invalid.
         """
-        return self.fmcw.spectrum(scene, sensor_pose(scene, pose), rng)
+        placed, generator = sensor_pose(scene, pose), as_generator(rng, self.name)
+        return self.fmcw.spectrum(scene, placed, generator)
 
     def scan(
         self,
         scene: Scene,
         pose: Pose3 | Sequence[float],
-        rng: np.random.Generator | None = None,
+        rng: np.random.Generator | int | None = None,
     ) -> Scan:
         """Scan a scene.
 
@@ -147,28 +196,36 @@ class RangeScanner:
             scene: From ``load_map``.
             pose: Pose of the sensor in the map frame, m and rad: x, y, z, roll, pitch,
                 yaw; or x, y, yaw at a height of 0.346 m above the floor.
-            rng: Source of random rays and noise; None for a sensor without either.
+            rng: Source of random rays and noise, or the seed of one; None for a sensor
+                without either.
 
         Raises:
+            TypeError: If the scene is not one, such as the name of a map.
             ValueError: If the pose is invalid, or an rng is needed and missing.
         """
+        placed, rng = sensor_pose(scene, pose), as_generator(rng, self.name)
         if self._has_detector:
-            return self._scan_by_detector(scene, sensor_pose(scene, pose), rng)
-        request = ScanRequest(self, sensor_pose(scene, pose), rng)
-        return scan_batch(tracer_of(scene), [request], scene=scene)[0]
+            scan = self._scan_by_detector(scene, placed, rng)
+        else:
+            request = ScanRequest(self, placed, rng)
+            (scan,) = scan_batch(tracer_of(scene), [request], scene=scene)
+        if self._noise is not None:
+            scan.ranges = self._add_noise(scan.ranges, rng)
+        return scan
 
     def scan_many(
         self,
         scene: Scene,
         poses: Sequence[Pose3 | Sequence[float]] | Floats,
-        rng: np.random.Generator | None = None,
+        rng: np.random.Generator | int | None = None,
     ) -> ScanArrays:
         """Scan a scene from many poses, on all processors.
 
         Args:
             scene: From ``load_map``.
             poses: M poses as in ``scan``, for example an array (M, 3) or (M, 6).
-            rng: Source of random rays and noise; None for a sensor without either.
+            rng: Source of random rays and noise, or the seed of one; None for a sensor
+                without either.
 
         Returns:
             The same values as M calls of ``scan`` in this order.
@@ -176,7 +233,7 @@ class RangeScanner:
         Raises:
             ValueError: If a pose is invalid, or an rng is needed and missing.
         """
-        placed = []
+        placed, rng = [], as_generator(rng, self.name)
         for i, pose in enumerate(poses):
             try:
                 placed.append(sensor_pose(scene, pose))
@@ -184,8 +241,13 @@ class RangeScanner:
                 raise ValueError(f"poses[{i}]: {error}") from None
         if self.settings.has_detector:
             scans = [self._scan_by_detector(scene, pose, rng) for pose in placed]
-            return stack_scans(self, placed, scans)
-        return scan_poses(self, tracer_of(scene), placed, rng)
+            many = stack_scans(self, placed, scans)
+        else:
+            many = scan_poses(self, tracer_of(scene), placed, rng)
+        if self._noise is None:
+            return many
+        noisy = [self._add_noise(ranges, rng) for ranges in many.ranges]
+        return many._replace(ranges=np.array(noisy).reshape(many.ranges.shape))
 
     def _scan_by_detector(
         self, scene: Scene, pose: Pose3, rng: np.random.Generator | None
@@ -285,6 +347,8 @@ def sensor_pose(scene: Scene, pose: Pose3 | Sequence[float]) -> Pose3:
     Raises:
         ValueError: If it is neither three nor six finite numbers.
     """
+    if not isinstance(scene, Scene):
+        raise expected_scene(scene)
     if isinstance(pose, Pose3):
         return pose
     numbers = given = list(map(float, pose))

@@ -4,7 +4,7 @@ Theory of operation
 ===================
 Random numbers are drawn scan by scan, so that each generator is used as if the scans
 were taken one after the other. Everything else is done for all scans of equal sensors
-in a few compiled calls, and in several threads where there are many poses.
+in a few compiled calls, and in several threads where there are many poses or scans.
 
 Rays are aimed by the kernel that traces them. Only where something opaque is so near a
 sensor that side rays may start behind it, its rays are aimed first: from there it
@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose3
-from radarsim.processes import process_cpu_count
-from radarsim.raycast.aimed_rays import AimedRays, Nodes, Sides
+from radarsim.processes import BackgroundThread, process_cpu_count
+from radarsim.raycast.aimed_rays import AimedRays, Nodes, Sides, UnaimedScans
 from radarsim.raycast.attenuation import Outcome
 from radarsim.raycast.rays import Rays, Traces
 from radarsim.raycast.robot_boxes import Boxes
@@ -36,7 +36,11 @@ if TYPE_CHECKING:
     from radarsim.sensors.range_scanner import RangeScanner
 
 CHUNK_RAYS: Final = 20_000  # traced in one piece, in some 10 ms
+THREAD_RAYS: Final = 4_000  # from as many on, two threads trace the scans of a tick
 MIDDLE_NODE: Final = 1  # of three
+
+
+_thread: Final = BackgroundThread()
 
 
 class ScanRequest(NamedTuple):
@@ -285,18 +289,43 @@ def _trace_ranges(tracer: Tracer, group: ScanGroup, boxes: Boxes | None) -> Floa
     """Return the ranges, (J, N), of scans of equal sensors that read ends of rays."""
     pattern, builder = group.scanner.pattern, group.scanner.builder
     unaimed = pattern.unaimed([draws.beams for draws in group.draws], group.places())
-    traced = tracer.trace_scans(unaimed, boxes)
-    readings = traced.traces.ranges
-    builder.read_ends(readings, traced.traces.outcomes, group.range_errors())
+    first, *others = _split_for_threads(unaimed)
+    pending = [_thread.submit(tracer.trace_scans, each, boxes) for each in others]
+    traced = [tracer.trace_scans(first, boxes), *(each.result() for each in pending)]
+    readings = np.concatenate([each.traces.ranges for each in traced])
+    outcomes = np.concatenate([each.traces.outcomes for each in traced])
+    builder.read_ends(readings, outcomes, group.range_errors())
     ranges = readings.reshape(len(group.indices), -1)
-    if traced.crowded:
-        crowded = np.flatnonzero(~traced.clear)
+    crowded = np.flatnonzero(~np.concatenate([each.clear for each in traced]))
+    if crowded.size:
         some = group.take(crowded.tolist())
         plans = aim_scans_apart(tracer, some, boxes)
         traces = tracer.trace(Rays.concatenate([plan.rays for plan in plans]), boxes)
         builder.read_ends(traces.ranges, traces.outcomes, some.range_errors())
         ranges[crowded] = traces.ranges.reshape(len(crowded), -1)
     return ranges
+
+
+def _split_for_threads(scans: UnaimedScans) -> list[UnaimedScans]:
+    """Return scans in two halves if they are worth a second thread, else as they are.
+
+    Their random numbers are drawn already: how they are split changes no reading.
+    """
+    count = len(scans.places)
+    if (
+        count < 2
+        or count * scans.sensor.rays_per_scan < THREAD_RAYS
+        or process_cpu_count() < 2
+    ):
+        return [scans]
+    return [
+        UnaimedScans(
+            scans.sensor,
+            scans.chances[part] if scans.chances.size else scans.chances,
+            scans.places[part],
+        )
+        for part in (slice(count // 2), slice(count // 2, count))
+    ]
 
 
 def aim_scans_apart(

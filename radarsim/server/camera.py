@@ -19,7 +19,7 @@ from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 from PIL import Image
 
-from radarsim.geometry import Floats
+from radarsim.geometry import Floats, Pose3
 from radarsim.jit import njit_cached, njit_inline
 from radarsim.plotting.palette import FAMILY_COLOURS, Family, family_of
 from radarsim.protocol.images import (
@@ -31,6 +31,7 @@ from radarsim.protocol.images import (
 )
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.rays import LASER, RayClass, Rays
+from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import tracer_of
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Scene
@@ -122,19 +123,37 @@ def shade(
 class Renderer:
     """Draws pictures of one scene."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        width: int = WIDTH,
+        height: int = HEIGHT,
+        field_of_view: float = FIELD_OF_VIEW,
+    ) -> None:
         """Create a renderer.
+
+        Args:
+            scene: The scene.
+            width: Pixels from left to right.
+            height: Pixels from top to bottom.
+            field_of_view: Angle from left to right, rad.
 
         Raises:
             EngineError: If Embree cannot be used, or cannot use a part of the scene.
+            ValueError: If there are no pixels, or the angle is not below pi.
         """
+        if not (width > 0 and height > 0 and 0 < field_of_view < math.pi):
+            degrees = math.degrees(field_of_view)
+            came = f"{width} x {height} pixels of {degrees:g} degrees"
+            raise ValueError(f"picture {came}, expected some of less than 180 degrees")
         self._tracer = tracer_of(scene)
         materials = [*(part.material for part in self._tracer.parts), ROBOT]
         self._colours = np.array([_colour_of(material) for material in materials])
-        self._directions = _pixel_directions()
+        self._shape = height, width, 3
+        self._directions = _pixel_directions(width, height, field_of_view)
 
     def render(self, view: View) -> Pixels:
-        """Return a picture: RGB, (120, 160, 3), from the top, rows from the left."""
+        """Return a picture: RGB, (H, W, 3), from the top, rows from the left."""
         directions = _rotate(self._directions, view.camera.rotation())
         n = len(directions)
         # Picture by picture only the camera moves: the directions are turned, not
@@ -158,19 +177,19 @@ class Renderer:
             pixels,
         )
         bytes_ = np.floor(255 * pixels + 0.5).clip(0, 255).astype(np.uint8)
-        return bytes_.reshape(HEIGHT, WIDTH, 3)
+        return bytes_.reshape(self._shape)
 
 
 def _colour_of(material: Material) -> tuple[float, float, float]:
     return to_rgb(FAMILY_COLOURS[family_of(material)])
 
 
-def _pixel_directions() -> Floats:
+def _pixel_directions(width: int, height: int, field_of_view: float) -> Floats:
     """Return unit vectors to the pixels' middles in the camera's frame, (N, 3)."""
-    focal_length = WIDTH / 2 / math.tan(FIELD_OF_VIEW / 2)  # pixels
-    left = (WIDTH - 1) / 2 - np.arange(WIDTH)
-    up = (HEIGHT - 1) / 2 - np.arange(HEIGHT)
-    vectors = np.full((HEIGHT, WIDTH, 3), focal_length)
+    focal_length = width / 2 / math.tan(field_of_view / 2)  # pixels
+    left = (width - 1) / 2 - np.arange(width)
+    up = (height - 1) / 2 - np.arange(height)
+    vectors = np.full((height, width, 3), focal_length)
     vectors[..., 1] = left
     vectors[..., 2] = up[:, None]
     vectors /= np.sqrt((vectors**2).sum(axis=2, keepdims=True))
@@ -218,3 +237,10 @@ def _as_jpeg(pixels: Pixels, quality: int) -> bytes:
     file = io.BytesIO()
     Image.fromarray(pixels).save(file, "JPEG", quality=quality)
     return file.getvalue()
+
+
+def warm_up() -> None:
+    """Compile what a camera needs, or read it from the cache."""
+    place = Pose3(0.0, 0.0, 0.0)
+    nothing = Boxes(np.zeros((0, 8)))
+    Renderer(Scene("empty", "Empty")).render(View(place, nothing))

@@ -104,14 +104,24 @@ def main() -> None:
     compilation.observers.append(_tell)
     compilation.on_unsaved = _fail
     try:
-        # Only now: numba comes with it, and the observer has to be there before.
-        from radarsim.scene.map_file import load_map  # noqa: PLC0415
-        from radarsim.server.host import Host  # noqa: PLC0415
-
-        Host(load_map("empty_room"))
+        warm_up_scanners(warm_up())
     except (OSError, MemoryError) as error:
         _fail(error)
     mark_complete()
+
+
+def warm_up() -> Simulation:
+    """Compile all that a server needs, but what only some scanners do."""
+    from radarsim.scene.map_file import load_map  # noqa: PLC0415
+
+    # The smallest map will do.
+    return Host(load_map("empty_room")).simulation
+
+
+def warm_up_scanners(simulation: Simulation) -> None:
+    """Load or compile what the scanners of all add-ons need."""
+    for items in simulation.scanner_items.values():
+        items.warm_up()
 
 
 def _end_with_parent() -> None:
@@ -185,10 +195,13 @@ class EngineLoader:
                 answer()
 
         answer: Callable[[], None]
+        simulation = None
         try:
             if not is_complete() and cache_folder() is not None:
                 self._compile()
             simulation = self._host.make_simulation()
+            if not is_complete():  # it has to be compiled here
+                warm_up_scanners(simulation)
             # What is there now stays. To look through it takes the garbage collector
             # some 90 ms, by which scans would be late.
             gc.collect()
@@ -201,6 +214,9 @@ class EngineLoader:
         # share.
         with suppress(RuntimeError):  # the loop is closed
             loop.call_soon_threadsafe(settle)
+        if simulation is not None:
+            # From the cache this takes a moment, and few robots need it.
+            warm_up_scanners(simulation)
 
     def _compile(self) -> None:
         """Let the process compile what is not cached.

@@ -50,6 +50,7 @@ class Server:
         *,
         speed: float = 1.0,
         max_clients: int = MAX_CLIENTS,
+        after_tick: Callable[[], None] = lambda: None,
     ) -> None:
         """Create a server that does not listen yet.
 
@@ -57,12 +58,14 @@ class Server:
             host: The simulation and its clients.
             speed: Simulated seconds in one second of the wall clock.
             max_clients: Number of clients beyond which others are refused.
+            after_tick: Called after each tick, when its clients are sent what is due.
         """
         self.address = ("", 0)
         self._host = host
         self._loader = EngineLoader(host)
         self._period = TICK / speed
         self._max_clients = max_clients
+        self._after_tick = after_tick
         self._connections = ConnectionTable()
         self._turns = ReadTurns()
         self._listener: asyncio.Server | None = None
@@ -179,6 +182,7 @@ class Server:
         # Those that are not read get no callback: they are looked at in each tick.
         for connection in list(self._connections.held):
             connection.flush()
+        self._after_tick()
 
 
 @dataclass(slots=True)

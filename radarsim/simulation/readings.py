@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.jit import njit_cached, njit_inline
+from radarsim.jit import Int, njit_cached, njit_inline
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.motion import POSE_X
 from radarsim.robots.robot import (
@@ -73,6 +73,12 @@ class Job(NamedTuple):
     wheels: int = 0
 
 
+@njit_inline
+def _copy(numbers: Floats, start: int, out: Floats, at: Int, size: int) -> None:
+    for k in range(size):
+        out[at + k] = numbers[start + k]
+
+
 @njit_cached
 def fill_readings(
     due: NDArray[np.int64],
@@ -119,13 +125,13 @@ def fill_readings(
                 out[at] = robots[slot, TOUCHED]
                 at += 1
             elif kind == BODY_POSE:
-                out[at : at + 6] = body
+                _copy(body, 0, out, at, 6)
                 at += 6
             elif kind == INS_POSE:
                 read_ins(mine, place, body, out, at)
                 at += 6
             elif kind == WHEEL_POSE:
-                out[at : at + 3] = odometry[int(mine[place]), POSE_X : POSE_X + 3]
+                _copy(odometry[int(mine[place])], POSE_X, out, at, 3)
                 at += 3
             elif kind == DRIFT:
                 move_ins(mine, place, body)

@@ -87,10 +87,16 @@ class ScannerItems(Protocol):
     """
 
     def warm_up(self) -> None:
-        """Load and compile all that is needed, so that no client waits for it."""
+        """Load or compile what these scanners need, if that is not done yet.
+
+        A server calls it at its start, in a thread, so that no client waits for it.
+        """
 
     def add(self, vehicle: Vehicle) -> None:
-        """Read those scanners of a robot from now on that are of this kind."""
+        """Read those scanners of a robot from now on that are of this kind.
+
+        What they need is loaded or compiled first.
+        """
 
     def remove(self, vehicle: Vehicle) -> None:
         """Read those of a robot no more."""

@@ -220,14 +220,15 @@ def test_the_command_counts_before_the_environment_and_that_before_the_file(
 @pytest.mark.parametrize(
     ("name", "value", "words", "told"),
     [
-        ("RADARSIM_SERVE_PORT", "99999", ("serve", "empty_room"), "--port: '99999'"),
+        ("RADARSIM_SERVE_PORT", "99999", ("serve", "empty_room"), "PORT: '99999'"),
+        ("RADARSIM_SERVE_PORT", "abc", ("serve", "empty_room"), "RADARSIM_SERVE_PORT:"),
         ("RADARSIM_SCAN_SENSOR", "radar", ("scan", "empty_room", *HERE), '"radar"'),
         ("RADARSIM_SCAN_SET", "fov_deg=2 max_range=3", (*SCAN, *HERE), '_max": 3'),
         ("RADARSIM_SCAN_POSE", "-7,0,0", SCAN, "[-7.0, 0.0,"),
-        ("RADARSIM_SCAN_COUNT", "0", (*SCAN, *HERE), "--count: '0'"),
+        ("RADARSIM_SCAN_COUNT", "0", (*SCAN, *HERE), "RADARSIM_SCAN_COUNT: '0'"),
         ("RADARSIM_SCAN_COUNT", "0", (*SCAN, *HERE, "--count", "1"), "laser"),
-        ("RADARSIM_NAVIGATE_GOAL", "1,a", (*GO,), "--goal: '1,a', expected X,Y"),
-        ("RADARSIM_NAVIGATE_SPEED", "0", (*GO,), "--speed: '0'"),
+        ("RADARSIM_NAVIGATE_GOAL", "1,a", (*GO,), "_GOAL: '1,a', expected X,Y"),
+        ("RADARSIM_NAVIGATE_SPEED", "0", (*GO,), "NAVIGATE_SPEED: '0'"),
     ],
 )
 def test_options_come_from_the_environment(

@@ -67,7 +67,7 @@ def test_options_come_from_the_environment(
     radarsim: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RADARSIM_SERVE_PORT", "99999")
-    assert "--port: '99999'" in radarsim("serve", "empty_room").err
+    assert "SERVE_PORT: '99999'" in radarsim("serve", "empty_room").err
 
 
 def test_names_are_completed(tmp_path: Path) -> None:

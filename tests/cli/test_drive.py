@@ -14,9 +14,9 @@ from typing import Any
 
 import pytest
 
-from radarsim.addons.testing.server_thread import ServerThread
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
+from radarsim.server.server_thread import ServerThread
 
 Command = Callable[..., Any]
 

@@ -664,7 +664,7 @@ def test_film_that_cannot_be_written_does_not_spoil_the_map(
     def fail(*_: Any) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("radarsim.autonomy.plotting.film.open_encoder", fail)
+    monkeypatch.setattr("radarsim.plotting.film.open_encoder", fail)
     film = tmp_path / "x.gif"
     run = radarsim("map", "-o", str(tmp_path), *SEEN, "--film", str(film))
     assert run.code == 2

@@ -98,6 +98,10 @@ class BlockingClient:
         return lambda *args, **kwargs: self.runner.run(call(*args, **kwargs))
 
 
+async def open_client(port: int, timeout: float) -> AsyncClient:  # noqa: ASYNC109
+    return await AsyncClient.connect(port=port, timeout=timeout)
+
+
 @pytest.fixture(params=["blocking", "asynchronous"])
 def connect(request: pytest.FixtureRequest) -> Iterator[Callable[..., Client]]:
     """Return a function that connects a client, which is closed at the end."""
@@ -109,7 +113,7 @@ def connect(request: pytest.FixtureRequest) -> Iterator[Callable[..., Client]]:
             if request.param == "blocking":
                 client = Client.connect(port=port, timeout=timeout)
             else:
-                opened = runner.run(AsyncClient.connect(port=port, timeout=timeout))
+                opened = runner.run(open_client(port, timeout))
                 client = cast("Client", BlockingClient(runner, opened))
             cleanup.callback(client.close)
             return client

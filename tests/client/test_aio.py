@@ -15,6 +15,7 @@ from radarsim.protocol.reports import (
     ItemGeo,
     Odometry,
     RangeScan,
+    Report,
     RobotLeft,
     ScannerConf,
     SensorReading,
@@ -132,6 +133,60 @@ async def test_cancelled_read_loses_no_report(
                 pass
         assert times == sorted(times)
         assert client.session.unread == 0
+
+
+@pytest.mark.usarsim(speed=5)
+async def test_loop_over_a_client_ends_when_it_is_closed(
+    usarsim_server: UsarsimServer,
+) -> None:
+    async with AsyncClient.connect(
+        port=usarsim_server.port, timeout=DEADLINE
+    ) as client:
+        await client.spawn("P3AT", start="RobotStart1")
+        scans = []
+        async for report in client:
+            if isinstance(report, RangeScan):
+                assert client.newest(RangeScan) is not None
+                scans.append(report.time)
+            if len(scans) == 5:
+                await client.close()
+        with pytest.raises(ClientError, match="the connection is closed"):
+            await client.drive(0.0, 0.0)
+    assert np.diff(scans) == pytest.approx(0.1, abs=0.011)
+
+
+async def test_client_is_closed_at_the_end_of_its_block(
+    usarsim_server: UsarsimServer,
+) -> None:
+    with pytest.raises(ValueError, match="timeout 0, expected more than 0 s"):
+        await AsyncClient.connect(port=usarsim_server.port, timeout=0)
+    async with AsyncClient.connect(
+        port=usarsim_server.port, timeout=DEADLINE
+    ) as client:
+
+        async def collect() -> list[Report]:
+            return [report async for report in client]
+
+        collecting = asyncio.ensure_future(collect())
+        greeting = await client.greeting()
+    assert await collecting == [greeting]
+    with pytest.raises(ClientError, match="the connection is closed"):
+        await client.start_poses()
+
+
+async def test_answer_of_a_cancelled_change_is_not_that_of_the_next_one(
+    usarsim_server: UsarsimServer,
+) -> None:
+    async with await AsyncClient.connect(
+        port=usarsim_server.port, timeout=DEADLINE
+    ) as client:
+        await client.spawn("P3AT", start="RobotStart1")
+        refused = asyncio.ensure_future(client.change_settings(max_range=-1))
+        await asyncio.sleep(0)  # until it is sent
+        refused.cancel()
+        await client.change_settings(max_range=7)
+        with pytest.raises(ClientError, match="max_range: -2, expected"):
+            await client.change_settings(max_range=-2)
 
 
 async def test_many_clients_share_a_loop(usarsim_server: UsarsimServer) -> None:

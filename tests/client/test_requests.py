@@ -1,8 +1,10 @@
 """Requests to scripted servers that reply little, in simulated time."""
 
 import logging
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from math import inf
+from typing import Any
 
 import pytest
 
@@ -232,6 +234,119 @@ def test_errors_of_settings_are_raised_by_the_call_that_caused_them() -> None:
     assert [type(report) for report in client.read()] == [RangeScan]
 
 
+class LateServer(ScriptedServer):
+    """A server that holds its answers back until it is told to send them."""
+
+    def __init__(self, answers: dict[str, str]) -> None:
+        super().__init__(answers, [SCAN])
+        self.is_late = True
+        self._held = ""
+
+    def receive(self, timeout: float) -> bytes:
+        if self.is_late:
+            self._held, self._waiting = self._held + self._waiting, ""
+        else:
+            self._held, self._waiting = "", self._held + self._waiting
+        return super().receive(timeout)
+
+
+@pytest.mark.parametrize("call", ["settings", "start poses"])
+def test_late_answer_of_a_call_that_timed_out_is_not_that_of_the_next_one(
+    call: str,
+) -> None:
+    set_it = "SET {Type RangeScanner} {Name S} {Opcode SETTING} {Params %s=1}"
+    error = "NFO {Error SET SETTING: %s: 1, expected no such thing}"
+    answers = {set_it % key: error % key for key in ("odd", "strange")}
+    answers["GETSTARTPOSES"] = "NFO {StartPoses 1} {S 0,0,0 0,0,0}"
+    server = LateServer(answers)
+    client = Client(server)
+    with pytest.raises(ClientTimeout):
+        client.change_settings(
+            "S", odd=1
+        ) if call == "settings" else client.start_poses()
+    server.is_late = False
+    client.change_settings("S", even=1)
+    with pytest.raises(ClientError, match=r"^SET SETTING: strange: 1, exp"):
+        client.change_settings("S", strange=1)
+    assert [type(report) for report in client.read()] == [RangeScan]
+
+
+@pytest.mark.parametrize(
+    ("pose", "place"),
+    [
+        ((1, 2), "1.0,-2.0,0.0} {Rotation 0.0,0.0,0.0}"),
+        ([1, 2, 0.5], "1.0,-2.0,0.0} {Rotation 0.0,0.0,-0.5}"),
+        ((1, 2, 3, 0.1, 0.2, 0.3), "1.0,-2.0,-3.0} {Rotation 0.1,-0.2,-0.3}"),
+    ],
+)
+def test_pose_can_be_numbers(pose: Sequence[float], place: str) -> None:
+    init = f"INIT {{ClassName USARBot.P3AT}} {{Location {place}"
+    server = ScriptedServer({init: STATUS}, [])
+    Client(server).spawn("P3AT", pose=pose)
+    assert server.heard == [init]
+
+
+@pytest.mark.parametrize(
+    ("pose", "told"),
+    [
+        (
+            (1,),
+            r"^pose \(1,\), expected a Pose2, a Pose3, x, y or x, y, yaw, or six num",
+        ),
+        ("1,2", r"^pose '1,2', expected a Pose2"),
+        ((1, "a"), r"^pose \(1, 'a'\), expected a Pose2"),
+        ((1, math.nan), r"^pose \(1, nan\), expected a Pose2"),
+        (7, r"^pose 7, expected a Pose2"),
+    ],
+)
+def test_what_is_no_pose_is_told(pose: Any, told: str) -> None:
+    server = ScriptedServer({}, [])
+    with pytest.raises(ValueError, match=told):
+        Client(server).spawn("P3AT", pose=pose)
+    assert server.heard == []
+
+
+@pytest.mark.parametrize("kind", ["RangeScan", RangeScan.__name__.encode(), 3])
+def test_what_is_no_class_of_reports_is_told(kind: Any) -> None:
+    with pytest.raises(TypeError, match=r"^kind .*, expected a class of reports such"):
+        Client(ScriptedServer({}, [])).wait_for(kind)
+
+
+def test_loop_over_a_client_yields_all_reports_until_it_is_closed() -> None:
+    client = Client(TellingServer(_odometry(1) + _scan(1) + _odometry(2), _scan(2)))
+    kinds = []
+    for report in client:
+        kinds.append(type(report))
+        if len(kinds) == 2:
+            break  # the rest is still there
+    assert kinds == [Odometry, RangeScan]
+    assert client.wait_for(Odometry).time == 2
+    for report in client:
+        assert isinstance(report, RangeScan)
+        assert report.time == 2
+        client.close()
+    assert list(client) == []
+
+
+def test_loop_over_a_silent_client_times_out() -> None:
+    server = ScriptedServer({}, [])
+    with pytest.raises(ClientTimeout, match="no report within 5 s"):
+        next(iter(Client(server)))
+
+
+def test_newest_report_of_a_type_has_been_read_or_not() -> None:
+    client = Client(TellingServer(_odometry(1) + _scan(1), _scan(2)))
+    assert client.newest(RangeScan) is None
+    assert client.wait_for(Odometry).time == 1
+    newest = client.newest(RangeScan)
+    assert newest is not None
+    assert newest.time == 1
+    assert client.wait_for(RangeScan) is newest
+    client.read()
+    assert client.newest(RangeScan) is not newest
+    assert client.newest(Ins) is None
+
+
 def test_refused_watch_raises() -> None:
     watch = "WATCH {Robots All}"
     refusal = "NFO {Error WATCH of one watcher more, expected at most 16}"
@@ -279,6 +394,7 @@ def test_spawn_clears_the_scans_of_the_previous_robot() -> None:
     assert [*client.session.scans] == ["S"]
     client.spawn("P3AT")
     assert not client.session.scans
+    assert client.newest(RangeScan) is None
 
 
 @pytest.mark.parametrize(
@@ -388,6 +504,13 @@ def test_robot_without_a_place_is_not_waited_for(begins: float, ends: float) -> 
     with pytest.raises(ClientTimeout, match=r"within 5 s.* no free place"):
         Client(server).spawn("P3AT")
     assert server.time() == pytest.approx(ends, abs=0.5)
+
+
+def test_robot_without_a_place_is_not_waited_for_longer_than_others() -> None:
+    server = CompilingServer(begins=0.0, has_place=False)
+    with pytest.raises(ClientTimeout, match=r"within 5 s.* no such class"):
+        Client(server).spawn("P3ATT", timeout=120.0)
+    assert server.time() == pytest.approx(7, abs=0.5)
 
 
 def test_server_that_answers_no_question_is_not_waited_for() -> None:

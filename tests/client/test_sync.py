@@ -1,5 +1,8 @@
 """``Client`` with a host in simulated time; its numbers are those of the presets."""
 
+import socket
+import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
@@ -26,6 +29,8 @@ from radarsim.protocol.reports import (
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
 from radarsim.simulation.config import SimulationConfig
+
+from .conftest import DEADLINE, Serve
 
 LinkTo = Callable[[Host], Transport]
 
@@ -127,6 +132,28 @@ def test_threads_get_each_what_they_wait_for(usarsim_server: UsarsimServer) -> N
         assert client.session.unread == 0
 
 
+@pytest.mark.parametrize("threads", [1, 3])
+def test_close_ends_the_calls_of_other_threads(serve: Serve, threads: int) -> None:
+    is_over = threading.Event()
+
+    def be_silent(_: socket.socket) -> None:
+        is_over.wait(DEADLINE)  # and leave the connection open
+
+    client = Client.connect(port=serve(be_silent), timeout=2 * DEADLINE)
+    with ThreadPoolExecutor() as pool:
+        waiting = [pool.submit(client.wait_for, RobotLeft) for _ in range(threads)]
+        looping = pool.submit(list, client)
+        time.sleep(0.2)  # until they wait
+        client.close()
+        for each in waiting:
+            with pytest.raises(
+                ClientError, match=r"^the connection is closed, expected"
+            ):
+                each.result(DEADLINE)
+        assert looping.result(DEADLINE) == []
+        is_over.set()
+
+
 def test_spawn_of_an_unknown_class_times_out_in_simulated_time(
     empty_room: Scene, link_to: LinkTo
 ) -> None:
@@ -176,6 +203,19 @@ def test_second_spawn_replaces_the_robot(empty_room: Scene, link_to: LinkTo) -> 
         assert client.robot_info().name == "P3AT_Radar360"
         pose = client.wait_for(GroundTruth).pose
         assert (pose.x, pose.y, pose.yaw) == pytest.approx((3, -2, pi / 2), abs=1e-3)
+
+
+def test_refused_spawn_of_a_client_with_a_robot_raises(
+    empty_room: Scene, link_to: LinkTo
+) -> None:
+    with Client(link_to(Host(empty_room))) as client:
+        client.spawn("P3AT", pose=Pose2(1, 2))
+        expected = r"^the robot is still a 'P3AT', expected 'Tank': .*no such class"
+        with pytest.raises(ClientError, match=expected):
+            client.spawn("Tank")
+        assert isinstance(client.wait_for(GroundTruth), GroundTruth)
+        client.spawn("USARBot.P2AT", pose=Pose2(1, 2))
+        assert client.robot_info().name == "P2AT"
 
 
 def test_calls_on_a_closed_client_raise_an_error(

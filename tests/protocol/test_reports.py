@@ -69,6 +69,11 @@ def test_start_poses_fit_into_one_read_and_their_count_is_right(
     assert len(names) == count or spare < len(line) / len(names) + 5
 
 
+def test_angles_of_a_scan_are_even_steps_around_the_front() -> None:
+    scan = RangeScan(1.0, "lms200", 0.0, pi / 2, np.zeros(3))
+    assert scan.angles.tolist() == [-pi / 4, 0.0, pi / 4]
+
+
 @pytest.mark.parametrize("beams", [181, 192])
 def test_a_full_scan_of_a_p3at_fits_into_one_read(beams: int) -> None:
     scan = RangeScan(99999.99, "lms200", radians(1), pi, np.full(beams, 80.0))

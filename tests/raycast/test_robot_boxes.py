@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from radarsim.errors import EngineError
-from radarsim.raycast.robot_boxes import Boxes, intersect_boxes, new_box_index
+from radarsim.raycast.robot_boxes import Boxes, intersect_boxes, new_box_grid
 
 # x, y, yaw, low, high, half length, half width, number
 ROW = [5.0, 0.0, 0.0, 0.0, 1.0, 0.5, 0.25, 3.0]
@@ -21,9 +21,9 @@ def first_hit(
     table = Boxes(np.array(rows)).table(np.zeros(3))
     direction = np.array(ray_direction, float)
     direction /= np.linalg.norm(direction)
-    index = new_box_index(len(rows))
+    grid = new_box_grid(table, 1)
     t, name = intersect_boxes(
-        index, table, carrier_id, np.array(origin, float), direction, max_range
+        grid, table, carrier_id, np.array(origin, float), direction, max_range
     )
     return t, name
 

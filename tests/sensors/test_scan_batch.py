@@ -1,5 +1,6 @@
 """Scans from many poses have the values of single scans in the same order."""
 
+import threading
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,9 +10,10 @@ import pytest
 import radarsim
 from radarsim.geometry import Pose3
 from radarsim.raycast.robot_boxes import Boxes
-from radarsim.raycast.tracer import tracer_of
+from radarsim.raycast.tracer import Tracer, tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene
+from radarsim.sensors import scan_batch as scan_batch_module
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor
 from radarsim.sensors.scan_batch import ScanRequest, scan_batch, scan_poses, scan_ranges
 
@@ -175,3 +177,45 @@ def test_ranges_without_scans_are_those_of_scans(
         if i in found.scans:
             assert found.scans[i].to_dict() == scan.to_dict()
     assert bool(found.scans) == (settings.get("return_mode") == "all")
+
+
+@pytest.mark.parametrize(
+    ("processors", "least_rays", "used"),
+    [
+        pytest.param(2, 0, 2, id="two threads"),
+        pytest.param(1, 0, 1, id="one processor"),
+        pytest.param(2, 10**9, 1, id="few rays"),
+    ],
+)
+@pytest.mark.parametrize("settings", LASTS.values(), ids=LASTS)
+def test_ranges_are_the_same_in_one_thread_and_in_two(
+    settings: dict[str, Any],
+    processors: int,
+    least_rays: int,
+    used: int,
+    foliage_room: Scene,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    tracer, (poses, boxes) = tracer_of(foliage_room), crowd(13)
+    sensor, threads = load_sensor("radar", **settings), set[int]()
+
+    def requests() -> list[ScanRequest]:
+        return [
+            ScanRequest(sensor, pose, generator_for(i), i)
+            for i, pose in enumerate(poses)
+        ]
+
+    class NotingTracer(Tracer):
+        def trace_scans(self, *args: Any, **options: Any) -> Any:
+            threads.add(threading.get_ident())
+            return tracer.trace_scans(*args, **options)
+
+    noting = NotingTracer(foliage_room.parts)
+    alone = [scan_ranges(tracer, [each], boxes).ranges[0] for each in requests()]
+    monkeypatch.setattr(scan_batch_module, "THREAD_RAYS", least_rays)
+    monkeypatch.setattr(scan_batch_module, "process_cpu_count", lambda: processors)
+    together = scan_ranges(noting, requests(), boxes).ranges
+    assert [each.tobytes() for each in together] == [each.tobytes() for each in alone]
+    # Scans whose echoes are listed are traced together.
+    lists = settings.get("return_mode") == "all"
+    assert len(threads) == (1 if lists else used)

@@ -228,13 +228,14 @@ class Antennas:
         self._antennas: dict[int, list[Antenna]] = {}
 
     def warm_up(self) -> None:
-        """Load or compile what antennas need, so that no client waits for it."""
-        _warm_up()
+        """Load or compile what antennas need, if that is not done yet."""
+        warm_up()
 
     def add(self, vehicle: Vehicle) -> None:
         """Add the antennas of a robot."""
         carried = [Antenna(vehicle, each) for each in vehicle.scanners if each.has_fmcw]
         if carried:
+            warm_up()
             self._antennas[vehicle.number] = carried
 
     def remove(self, vehicle: Vehicle) -> None:
@@ -279,7 +280,8 @@ def antennas_of(simulation: Simulation) -> Antennas:
 
 
 @cache
-def _warm_up() -> None:
+def warm_up() -> None:
+    """Load or compile what FMCW radars need, if that is not done yet."""
     from radarsim.addons.fmcw.beat_signal import NO_TONES  # noqa: PLC0415
     from radarsim.addons.fmcw.detection import DETECTORS  # noqa: PLC0415
     from radarsim.addons.fmcw.rotation import Rotation  # noqa: PLC0415

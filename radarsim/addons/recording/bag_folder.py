@@ -54,29 +54,38 @@ class RecordingInfo(BaseModel):
 
     @classmethod
     def of_host(
-        cls, map_: str, host: "Host", seed: int, *, own_localization: bool = False
+        cls,
+        map_: str | None,
+        host: "Host",
+        seed: int,
+        *,
+        own_localization: bool = False,
     ) -> Self:
         """Return the conditions of a run.
 
         Args:
-            map_: Name of the map, or path of its file; @VARIANT may follow.
+            map_: Name of the map, or path of its file; @VARIANT may follow. None for a
+                scene that is of no file.
             host: The host.
             seed: Its seed.
             own_localization: Whether the poses of ``odom`` in ``map`` are left out.
         """
         from radarsim.scene.map_file import find_map  # noqa: PLC0415 - imports much
 
-        path, variant = find_map(map_)
-        name = map_.removesuffix(f"@{variant}")
-        if Path(name).exists():  # the run may be repeated from another folder
-            name = str(path.resolve())
+        name = digest = ""
+        if map_ is not None:
+            path, variant = find_map(map_)
+            name, digest = map_.removesuffix(f"@{variant}"), digest_of(path)
+            if Path(name).exists():  # the run may be repeated from another folder
+                name = str(path.resolve())
+            name += "" if variant is None else f"@{variant}"
         config = host.config
         return cls.model_validate(
             {
                 "version": __version__,
                 "level": host.scene.level,
-                "map": name if variant is None else f"{name}@{variant}",
-                "map_digest": digest_of(path),
+                "map": name,
+                "map_digest": digest,
                 "seed": seed,
                 "dialect": config.dialect.name,
                 "drive_unit": config.drive_unit or config.dialect.drive_unit,

@@ -176,7 +176,8 @@ def usarsim_server(
 ) -> Iterator[UsarsimServer]:
     """A USARSim server that runs while the test does, on a free port of 127.0.0.1."""
     # Imported here, so that pytest starts fast where no test uses a server.
-    from radarsim.addons.testing.server_thread import ServerThread, make_host  # noqa: PLC0415
+    from radarsim.addons.testing.hosts import make_host  # noqa: PLC0415
+    from radarsim.server.server_thread import ServerThread  # noqa: PLC0415
 
     options = _options(request.node, usarsim_map)
     try:

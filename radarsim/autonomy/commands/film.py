@@ -14,7 +14,7 @@ from radarsim.cli.output import print_message
 from radarsim.errors import PresetError, expected_one_of
 
 if TYPE_CHECKING:
-    from radarsim.autonomy.plotting.film import Pixels
+    from radarsim.plotting.film import Pixels
     from radarsim.presets.robots import RobotModel
     from radarsim.scene.scene import Scene
 
@@ -52,7 +52,7 @@ def check_film(path: Path | None) -> None:
     """
     if path is None:
         return
-    from radarsim.autonomy.plotting.film import film_format
+    from radarsim.plotting.film import film_format
 
     check_writable(path, HINT)
     if path.exists() and not path.is_file():
@@ -83,7 +83,7 @@ def filmed(
     if path is None:
         yield lambda _: None
         return
-    from radarsim.autonomy.plotting.film import Film
+    from radarsim.plotting.film import Film
 
     film = Film(path, draw, speed=speed)
     try:

@@ -14,11 +14,11 @@ from radarsim.autonomy.evaluation.mapping_run import MappingResult
 from radarsim.autonomy.exploration.exploration import Exploration
 from radarsim.autonomy.exploration.multi_robot import MultiRobotExploration
 from radarsim.autonomy.mapping.mapper import Mapper
-from radarsim.autonomy.plotting.film import Pixels
 from radarsim.autonomy.plotting.frames import MapFrames, first_map_extent
 from radarsim.autonomy.plotting.maps import MapView, joined
 from radarsim.autonomy.plotting.outlines import Outline, outlines_of
 from radarsim.autonomy.proxy.traffic_mapper import TrafficMapper
+from radarsim.plotting.film import Pixels
 
 TITLE_ENDINGS: Final = {
     "incomplete": "until nothing was left to try",

@@ -13,13 +13,13 @@ from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED, NavigationR
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.controller import Activity
 from radarsim.autonomy.navigation.run_log import Row, RunLog
-from radarsim.autonomy.plotting.film import Pixels
 from radarsim.autonomy.plotting.frames import RunFrames, first_run_extent
 from radarsim.autonomy.plotting.outlines import Outline, outlines_of
 from radarsim.autonomy.plotting.runs import NO_PATH, RunView, SteeringSensor
 from radarsim.cli.compile_progress import live_status
 from radarsim.errors import PresetError
 from radarsim.geometry import Floats, Point
+from radarsim.plotting.film import Pixels
 from radarsim.presets.robots import load_robot
 from radarsim.presets.sensors import load_settings
 from radarsim.simulation.map_warnings import plan_height

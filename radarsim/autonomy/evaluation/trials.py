@@ -230,7 +230,7 @@ def run_trial(spec: TrialSpec) -> TrialResult:
         MapError: If the map is wrong, or defines no trial.
         PresetError: If there is no such sensor.
     """
-    scene, trial, shortest = _prepare(spec.map)
+    scene, trial, shortest = prepare_trial(spec.map)
     host = Host(scene, config=config_with_sensor(spec.sensor), seed=spec.seed)
     mission = Mission(
         algorithm=Algorithm(spec.algorithm),
@@ -255,7 +255,7 @@ def shortest_for(scene: Scene, trial: Trial) -> float | None:
 
 
 @cache
-def _prepare(map_: str) -> tuple[Scene, Trial, float | None]:
+def prepare_trial(map_: str) -> tuple[Scene, Trial, float | None]:
     """Load a map and compute its shortest path, once in a process."""
     scene, trial = load_trial(map_)
     return scene, trial, shortest_for(scene, trial)

@@ -127,7 +127,9 @@ def _copy_table(table: Table, other: Table) -> None:
             # The row of a cell depends on the length of the table.
             row = _find(other.keys, table.keys[i])
             other.keys[row] = table.keys[i]
-            other.moments[row] = table.moments[i]
+            for axis in range(3):
+                for column in range(6):
+                    other.moments[row, axis, column] = table.moments[i, axis, column]
 
 
 @njit_cached

@@ -372,7 +372,9 @@ def _fit(
         # robot back, or drag it on, by a share of each step.
         if ratio < LEAST_RATIO:
             keep_only(normal, gradient, nx, ny)
-        information[:] = normal  # before the prior is added: by the points alone
+        for j in range(3):  # before the prior is added: by the points alone
+            for k in range(3):
+                information[j, k] = normal[j, k]
         # Yaws need no wrapping: starts are always on the same turn as predictions.
         for k in range(3):
             normal[k, k] += known[k]

@@ -36,15 +36,23 @@ class SpawnedRobot:
     speed_limits: SpeedLimits
 
 
-def spawn_robot(client: Client, plan: DrivePlan) -> SpawnedRobot:
+def spawn_robot(
+    client: Client, plan: DrivePlan, info: RobotInfo | None = None
+) -> SpawnedRobot:
     """Spawn the robot of a plan, and ask for its properties.
+
+    Args:
+        client: The connection.
+        plan: The plan.
+        info: Properties of the robot that the client has; None to spawn one.
 
     Raises:
         ClientError: If the server does not send what is needed.
         NavigationError: If the robot cannot do what the plan asks for.
     """
-    client.spawn(plan.robot_class, start=plan.start, pose=plan.pose)
-    info = client.robot_info(drive_unit=plan.drive_unit)
+    if info is None:
+        client.spawn(plan.robot_class, start=plan.start, pose=plan.pose)
+        info = client.robot_info(drive_unit=plan.drive_unit)
     return SpawnedRobot(
         info,
         info.scanner(plan.scanner),
@@ -57,19 +65,23 @@ def run_mission(
     client: Client,
     mission: Mission,
     observe: Callable[[NavigationStep], None] = lambda _: None,
+    *,
+    info: RobotInfo | None = None,
 ) -> Result:
     """Spawn a robot and drive it to its goals; it stands at the end.
 
     Args:
-        client: A connection without a robot.
+        client: A connection without a robot, unless ``info`` is given.
         mission: The mission.
         observe: Called at every scan.
+        info: Properties of the robot that the client has, such as of
+            ``LocalRobot.as_client``; None to spawn that of the mission.
 
     Raises:
         ClientError: If the server does not send what is needed.
         NavigationError: If the robot cannot do what the mission asks for.
     """
-    robot = spawn_robot(client, mission)
+    robot = spawn_robot(client, mission, info)
     bumpers = Bumpers(
         safety_distance=robot.safety_distance,
         count=mission.bumpers,

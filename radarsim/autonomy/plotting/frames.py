@@ -12,7 +12,6 @@ from radarsim.autonomy.mapping.export import sensed_window
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.autonomy.navigation.run_log import RunLog
 from radarsim.autonomy.plotting import maps, runs
-from radarsim.autonomy.plotting.film import FrameCanvas, Pixels
 from radarsim.autonomy.plotting.outlines import (
     Outline,
     area_rows,
@@ -22,6 +21,7 @@ from radarsim.autonomy.plotting.outlines import (
 from radarsim.autonomy.plotting.panels import Extent, Panels
 from radarsim.autonomy.plotting.run_markers import HIT, LEAVE, marker_rows
 from radarsim.geometry import Floats, Point
+from radarsim.plotting.film import FrameCanvas, Pixels
 
 _LARGEST_SCENE: Final = 40.0  # m of a side of a scene that is shown whole
 _AROUND: Final = 2.0  # m around start and goals that are shown at first

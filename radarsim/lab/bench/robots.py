@@ -1,10 +1,11 @@
-"""Benchmarks of many robots in one process: group j of the table.
+"""Benchmarks of robots and their clients in one process: groups j and q of the table.
 
 What is measured is a tenth of a second of simulated time: ten times ``Host.step``, and
 ``take`` for the clients that are to be sent something, in which each robot sends one
 scan and all its other readings.
 
-They drive in a hall that holds a thousand of them.
+They drive in a hall that holds a thousand of them. Of one robot, also the time is
+measured in which its client decodes what it is sent.
 """
 
 import math
@@ -16,6 +17,7 @@ from typing import Final
 
 import numpy as np
 
+from radarsim.client import Session
 from radarsim.geometry import Floats
 from radarsim.lab.bench.timing import BenchmarkRow, compare
 from radarsim.raycast.embree import FirstHits, Mesh
@@ -37,6 +39,8 @@ ROBOTS: Final = 100
 LIMITS: Final = {POLES: 4.0, 0: 8.0}
 # Upper limits of what a robot costs among so many others, by what it costs among 100.
 GROWTH_LIMITS: Final = {1: None, 400: 1.3, 1000: None}
+DECODING_LIMIT: Final = 2.5  # of the ratio to float() of the ranges alone
+TENTHS: Final = 50  # of a second of which the lines are decoded
 SETTLE_TICKS: Final = 30  # until robots drive and their scans are spread over the ticks
 
 
@@ -169,9 +173,45 @@ def growth_of_robots(seconds: float, robots: int = ROBOTS) -> Iterator[Benchmark
     for count, limit in GROWTH_LIMITS.items():
         many = DrivingRobots(scene, count)
         result = compare(
-            many.tenth, some.tenth, seconds=seconds, clock=time.thread_time
+            many.tenth, some.tenth, seconds=seconds, clock=time.process_time
         )
         each, reference = result.subject / count * 1e6, result.reference / robots * 1e6
         name = f"0.1 s simulated of a robot among {count}, by one among {robots}"
         note = f"{each:.0f} us against {reference:.0f}"
         yield BenchmarkRow("j", name, each / reference, "x", limit, note)
+
+
+def decoding(seconds: float) -> Iterator[BenchmarkRow]:
+    """Measure how long a client decodes a scan and the other lines of 0.1 s."""
+    with tempfile.TemporaryDirectory() as folder:
+        host = Host(load_map(write_hall(Path(folder))))
+    number = host.connect()
+    host.receive(number, init_line(0).replace(b"P3AT", b"P3AT_Radar360"))
+    host.receive(number, drive_line(0))
+    for _ in range(SETTLE_TICKS):
+        host.step()
+    host.take(number)
+    received: list[bytes] = []
+    while len(received) < TENTHS:
+        host.step()
+        if data := host.take(number):
+            received.append(data)
+    scans = [data.split(b"{Range ") for data in received]
+    lists = [scan.partition(b"}")[0] for _, *rest in scans for scan in rest]
+
+    def decode() -> None:
+        session = Session()
+        for data in received:
+            session.receive(data)
+
+    def parse_ranges() -> None:
+        for text in lists:
+            np.array([float(word) for word in text.split(b",")])
+
+    result = compare(decode, parse_ranges, seconds=seconds, clock=time.thread_time)
+    each, reference = (
+        total / len(lists) * 1e6 for total in (result.subject, result.reference)
+    )
+    note = f"{each:.0f} us against {reference:.0f}"
+    name = "lines of 0.1 s of a robot with a radar of 360 beams, decoded"
+    yield BenchmarkRow("q", name, result.ratio, "x", DECODING_LIMIT, note)

@@ -21,7 +21,7 @@ from radarsim.lab.bench.engine import (
     scans_against_first_hits,
     throughput,
 )
-from radarsim.lab.bench.robots import driving_robots, growth_of_robots
+from radarsim.lab.bench.robots import decoding, driving_robots, growth_of_robots
 from radarsim.lab.bench.server import (
     FLOODS,
     ROBOTS,
@@ -47,6 +47,7 @@ STEPS: Final[dict[str, tuple[Callable[[], Iterator[BenchmarkRow]], int]]] = {
     "turns": (lambda: turns_of_a_radar(4.0), 1),
     "robots": (lambda: driving_robots(2.0), 2),
     "more robots": (lambda: growth_of_robots(2.0), 3),
+    "clients": (lambda: decoding(2.0), 1),
     "server": (lambda: lateness(ROBOTS, 10.0), 6),
     "capacity": (lambda: capacity(2.0), len(SWARMS)),
     "floods": (lambda: floods(200), len(FLOODS)),

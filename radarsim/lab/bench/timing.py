@@ -130,4 +130,5 @@ GROUPS = {
     "n": "environments for reinforcement learning, processor time",
     "o": "a radar that turns, beside plain robots of other clients",
     "p": "a turn of an FMCW radar, against tracing its rays and an FFT per direction",
+    "q": "what a client receives, against float() of each range in it",
 }

@@ -39,7 +39,6 @@ def figures(
     """
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from radarsim.autonomy.exploration.exploration import warm_up
     from radarsim.lab.figures.catalogue import FIGURES, render_all, select_figures
     from radarsim.lab.figures.page import FILE, figure_block, render_page, split_page
 
@@ -61,7 +60,7 @@ def figures(
         text = f"cannot write to {out}: {describe_os_error(error)}"
         raise click.BadParameter(text, param_hint="OUT") from None
     maps_are_drawn = any(entry.number == "15" for entry in wanted)
-    compile_now(*([warm_up] if maps_are_drawn else []))
+    compile_now(*(["mapping"] if maps_are_drawn else []))
     weight = sum(entry.weight for entry in wanted)
     workers = 1 if weight <= _SMALL_WEIGHT else min(len(wanted), process_cpu_count())
     columns = (TextColumn("{task.description:14}"), BarColumn(), TimeElapsedColumn())

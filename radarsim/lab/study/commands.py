@@ -78,12 +78,11 @@ def _run(
 ) -> dict[StudyTask, dict[str, Any]]:
     """Run tasks, and write each row as soon as there is one; a signal keeps these."""
     from radarsim.autonomy.evaluation.task_runner import opened_log, run_tasks
-    from radarsim.autonomy.exploration.exploration import warm_up
     from radarsim.lab.study.maps import run_study_task
     from radarsim.lab.study.page import LOG
 
     # Before the workers start, each of which would compile the same in silence.
-    compile_now(warm_up)
+    compile_now("mapping")
     rows: dict[StudyTask, dict[str, Any]] = {}
     workers = min(workers, len(tasks))
     try:

@@ -10,11 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from radarsim.autonomy.evaluation.estimates import Estimate
 from radarsim.lab.study.maps import RADAR, SENSORS
 from radarsim.lab.study.results import (
     MEASURES,
     TITLES,
-    Estimate,
     Summaries,
     Summary,
     bare_title,

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from radarsim import __version__
+from radarsim.autonomy.evaluation.estimates import Estimate
 from radarsim.autonomy.evaluation.task_runner import read_log
 from radarsim.autonomy.evaluation.trials import GOAL_TOLERANCE
 from radarsim.autonomy.mapping.occupancy_grid import RESOLUTION
@@ -37,7 +38,6 @@ from radarsim.lab.study.maps import (
 )
 from radarsim.lab.study.results import (
     TITLES,
-    Estimate,
     Summaries,
     Summary,
     bare_title,

@@ -52,7 +52,6 @@ def sweep(
         workers: Number of processes; one for each core by default.
         scheduler: Scheduler of a dask cluster that runs already.
     """
-    from radarsim.autonomy.exploration.exploration import warm_up
     from radarsim.errors import import_optional
     from radarsim.lab.sweep.file import read_sweep
     from radarsim.lab.sweep.folder import (
@@ -64,6 +63,7 @@ def sweep(
         sweep_tasks,
     )
     from radarsim.lab.sweep.tasks import load_scenes
+    from radarsim.presets.sensors import has_fmcw
 
     path, wanted = read_sweep(file)
     if workers is not None and scheduler is not None:
@@ -83,7 +83,9 @@ def sweep(
     left = [task for task in tasks if not folder.has(task)]
     began = time.perf_counter()
     if left:
-        compile_now(*([warm_up] if wanted.kind == "map" else []))
+        has_radar = any(has_fmcw(name) for name in wanted.sensor["name"])
+        parts = {"mapping": wanted.kind == "map", "fmcw": has_radar}
+        compile_now(*(part for part, is_needed in parts.items() if is_needed))
         batch = _BATCHES[wanted.kind]
         with _running(left, scenes, scheduler, workers, batch) as running:
             _collect(folder, left, running)

@@ -86,7 +86,9 @@ def sort_into_lines(
         places[group] += 1
         # Insertion: echoes come sorted by beam already, and a beam has few of one part.
         while place > starts[group] and _follows(numbers[place - 1], beam, ranges[row]):
-            numbers[place], order[place] = numbers[place - 1], order[place - 1]
+            for column in range(4):
+                numbers[place, column] = numbers[place - 1, column]
+            order[place] = order[place - 1]
             place -= 1
         order[place] = row
         numbers[place, 0], numbers[place, 1] = beam, ranges[row]

@@ -160,17 +160,18 @@ class Host:
         return self._commands.simulation
 
     def make_simulation(self) -> Simulation:
-        """Load or compile the engine, and create a simulation; in any thread."""
+        """Load or compile the engine, and create a simulation; in any thread.
+
+        What only some robots need is loaded when the first of them is spawned, or
+        before by ``ScannerItems.warm_up``.
+        """
         from radarsim.protocol import line_writer
         from radarsim.server.host import echo_lines
         from radarsim.simulation.simulation import Simulation
 
         line_writer.warm_up()
         echo_lines.warm_up()
-        simulation = Simulation(self._scene, config=self._config, seed=self._seed)
-        for items in simulation.scanner_items.values():
-            items.warm_up()
-        return simulation
+        return Simulation(self._scene, config=self._config, seed=self._seed)
 
     def begin(self, simulation: Simulation) -> None:
         """Begin a simulation that ``make_simulation`` has made."""

@@ -11,8 +11,9 @@ from contextlib import contextmanager, suppress
 import pytest
 
 from radarsim.addons.testing import DEFAULTS, UsarsimClient, UsarsimServer
-from radarsim.addons.testing.server_thread import ServerThread, make_host
+from radarsim.addons.testing.hosts import make_host
 from radarsim.kernel_cache import cache_folder
+from radarsim.server.server_thread import ServerThread
 
 pytest_plugins = ["pytester"]
 

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from radarsim.addons.testing.server_thread import ServerThread
 from radarsim.addons.web.program import CommanderSettings, serve_page
 from radarsim.addons.web.scene_message import SceneMessages
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
+from radarsim.server.server_thread import ServerThread
 from radarsim.simulation.config import SimulationConfig
 
 TOKEN = "a-token-of-tests-0123456789"

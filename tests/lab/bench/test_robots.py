@@ -6,6 +6,7 @@ import pytest
 from radarsim.lab.bench import robots
 from radarsim.lab.bench.robots import (
     DrivingRobots,
+    decoding,
     driving_robots,
     growth_of_robots,
     write_hall,
@@ -49,3 +50,11 @@ def test_growth_is_that_of_one_robot(monkeypatch: pytest.MonkeyPatch) -> None:
     assert row.name == "0.1 s simulated of a robot among 4, by one among 4"
     assert row.limit == 1.3
     assert 0.3 < row.value < 3
+
+
+@pytest.mark.slow
+def test_lines_of_a_client_are_decoded() -> None:
+    (row,) = decoding(0.1)
+    assert row.group == "q"
+    assert row.value > 0.0
+    assert "us against" in row.note

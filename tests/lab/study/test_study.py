@@ -13,6 +13,7 @@ from commands import Run, run_in_process
 from scipy import stats
 
 from radarsim import __version__
+from radarsim.autonomy.evaluation.estimates import mean, share
 from radarsim.autonomy.evaluation.shortest_path import shortest_path
 from radarsim.autonomy.navigation.algorithms import ROBOT_RADIUS, Algorithm
 from radarsim.lab.study.findings import find_losses, headline, summary_sentences
@@ -25,7 +26,7 @@ from radarsim.lab.study.maps import (
     study_tasks,
 )
 from radarsim.lab.study.page import LOG, PAGE, TABLE, write_study
-from radarsim.lab.study.results import mean, share, summarise
+from radarsim.lab.study.results import summarise
 from radarsim.presets.sensors import load_settings
 
 Row = dict[str, Any]

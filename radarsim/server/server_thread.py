@@ -1,88 +1,54 @@
-"""A server in a thread of its own.
-
-Apart from the fixtures, because it imports the engine: numba, Embree, shapely.
-"""
+"""A server in a thread of its own."""
 
 import asyncio
-import math
+import concurrent.futures
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-from pathlib import Path
-from types import UnionType
-from typing import Any
+from typing import Any, Final, TypeVar
 
-from radarsim.protocol.dialect import get_dialect
-from radarsim.scene.map_file import load_map
 from radarsim.server.host import Host
 from radarsim.server.tcp_server import Server
-from radarsim.simulation.config import SimulationConfig
 
-STOP_TIMEOUT = 30.0  # s; it takes some milliseconds
+Value = TypeVar("Value")
 
-
-def make_host(options: dict[str, Any]) -> Host:
-    """Create the host for the options of a test.
-
-    Raises:
-        RadarsimError: If the map or the settings are wrong.
-        ValueError: If another option is, or is of another type.
-    """
-    _check_types(options)
-    seed, speed = options["seed"], options["speed"]
-    if seed < 0:
-        raise ValueError(f"seed {seed}, expected at least 0")
-    if not 0 < speed < math.inf:
-        raise ValueError(f"speed {speed}, expected above 0")
-    dialect = get_dialect(options["dialect"])
-    scene = load_map(options["map"])
-    config = SimulationConfig(dialect, item_settings=options["settings"])
-    return Host(scene, config=config, seed=seed)
-
-
-def _check_types(options: dict[str, Any]) -> None:
-    """Check that the options of a mark have the types that they should have.
-
-    Raises:
-        ValueError: If one does not.
-    """
-    settings = options["settings"]
-    by_item = settings.values() if isinstance(settings, Mapping) else [None]
-    are_known = {
-        "map": (isinstance(options["map"], str | Path), "a name or a path"),
-        "seed": (_is_number(options["seed"], int), "an integer"),
-        "dialect": (isinstance(options["dialect"], str), "'compat' or 'udk'"),
-        "speed": (_is_number(options["speed"], int | float), "a number above 0"),
-        "settings": (
-            all(isinstance(each, Mapping) for each in by_item),
-            "settings by item, as {'lms200': {'max_range': 20}}",
-        ),
-    }
-    for name, (is_known, expected) in are_known.items():
-        if not is_known:
-            came = repr(options[name])[:80]
-            raise ValueError(f"{name} {came}, expected {expected}")
-
-
-def _is_number(value: object, kind: type | UnionType) -> bool:
-    return isinstance(value, kind) and not isinstance(value, bool)
+STOP_TIMEOUT: Final = 30.0  # s; it takes some milliseconds
+POLL: Final = 0.5  # s between two looks whether the thread is still there
 
 
 class ServerThread(threading.Thread):
     """Runs a server in an event loop of its own, and collects its errors."""
 
-    def __init__(self, host: Host, *, speed: float) -> None:
+    def __init__(
+        self,
+        host: Host,
+        *,
+        speed: float,
+        after_tick: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Prepare a server.
+
+        Args:
+            host: What it serves; from now on only this thread may use it.
+            speed: Simulated seconds in one second of the wall clock.
+            after_tick: Called in the thread after each tick.
+        """
         super().__init__(name="usarsim_server", daemon=True)
-        self._host = host
-        self._speed = speed
+        self._server = Server(host, speed=speed, after_tick=after_tick)
+        self._listens_on = ("127.0.0.1", 0)
         self._address = ("", 0)
         self._errors: list[Exception] = []
         self._up = threading.Event()
         self._end: Callable[[], object] = lambda: None
+        self._call_soon: Callable[[Callable[[], None]], object]
 
-    def begin(self) -> tuple[str, int]:
+    def begin(self, address: str = "127.0.0.1", port: int = 0) -> tuple[str, int]:
         """Start, and wait until clients can connect.
+
+        Args:
+            address: Address to listen on.
+            port: Port to listen on; 0 for a free one.
 
         Returns:
             The address that it listens on.
@@ -90,6 +56,7 @@ class ServerThread(threading.Thread):
         Raises:
             ExceptionGroup: If the server cannot start.
         """
+        self._listens_on = address, port
         self.start()
         self._up.wait()
         if self._errors:
@@ -111,6 +78,27 @@ class ServerThread(threading.Thread):
         if self._errors:
             raise ExceptionGroup("usarsim_server failed", self._errors)
 
+    def call(self, function: Callable[[], Value]) -> Value:
+        """Call a function in the thread, between two ticks, and return its value.
+
+        Raises:
+            ExceptionGroup: If the server has failed.
+        """
+        called: concurrent.futures.Future[Value] = concurrent.futures.Future()
+
+        def run() -> None:
+            try:
+                called.set_result(function())
+            except BaseException as error:  # noqa: BLE001 - the caller gets it
+                called.set_exception(error)
+
+        with suppress(RuntimeError):  # its loop is closed if it has failed
+            self._call_soon(run)
+        while not concurrent.futures.wait([called], timeout=POLL).done:
+            if not self.is_alive():
+                self.finish()
+        return called.result()
+
     def run(self) -> None:
         """Serve until ``finish`` is called or an error happens."""
         try:
@@ -127,10 +115,11 @@ class ServerThread(threading.Thread):
         loop.set_exception_handler(self._add_error)
         task = asyncio.current_task()
         assert task is not None
-        self._end = partial(loop.call_soon_threadsafe, task.cancel)
-        server = Server(self._host, speed=self._speed)
+        self._call_soon = loop.call_soon_threadsafe
+        self._end = partial(self._call_soon, task.cancel)
+        server = self._server
         try:
-            await server.start(port=0)
+            await server.start(*self._listens_on)
             self._address = server.address
             self._up.set()
             await server.wait_failed()

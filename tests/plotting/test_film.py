@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image, ImageSequence
 
-from radarsim.autonomy.plotting.film import FRAME_RATE, HOLD, Film, Pixels, film_format
+from radarsim.plotting.film import FRAME_RATE, HOLD, Film, Pixels, film_format
 
 SIZE = 48, 64  # rows and columns
 
@@ -182,4 +182,4 @@ def test_missing_ffmpeg_is_an_error_that_tells_the_cure(
     with pytest.raises(ValueError, match="MP4") as error:
         film_format(Path("out/run.mp4"))
     assert "pip install 'radarsim[film]'" in str(error.value)
-    assert "--film out/run.gif" in str(error.value)
+    assert "or a film out/run.gif" in str(error.value)

@@ -67,7 +67,7 @@ def film_format(path: Path) -> str:
         except (ImportError, RuntimeError):
             cure = "pip install 'radarsim[film]'"
             name = path.with_suffix(".gif")
-            text = f"MP4 films need ffmpeg, expected {cure}, or --film {name}"
+            text = f"MP4 films need ffmpeg, expected {cure}, or a film {name}"
             raise ValueError(text) from None
     return suffix
 

@@ -1,0 +1,220 @@
+"""Trials of a controller of one's own, which drives a robot of a local simulation.
+
+It is judged as the navigators of the package are: by the truth, on the same maps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Final, TypeAlias
+
+from radarsim.autonomy.evaluation.estimates import Estimate, mean, share
+from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
+from radarsim.autonomy.evaluation.task_runner import in_order, run_tasks
+from radarsim.autonomy.evaluation.trials import (
+    GOAL_TOLERANCE,
+    MAPS,
+    TrialResult,
+    TrialSpec,
+    config_with_sensor,
+    load_trial,
+    prepare_trial,
+)
+from radarsim.autonomy.navigation.algorithms import ROBOT
+from radarsim.errors import ClientError, NavigationError
+from radarsim.geometry import Point
+from radarsim.local import LocalRobot, LocalSimulation
+from radarsim.scene.scene import Scene
+from radarsim.server.host import HostObserver
+
+OwnController: TypeAlias = Callable[[LocalRobot, Point], object]
+
+ALL: Final = "all"  # all maps together
+TIME_LIMIT: Final = 600.0  # s
+
+
+class _TimeIsUp(Exception):
+    """The time limit of a trial has come."""
+
+
+class _TrialSimulation(LocalSimulation):
+    """A simulation that ends at a time."""
+
+    def __init__(self, scene: Scene, spec: TrialSpec, end: float) -> None:
+        config = config_with_sensor(spec.sensor)
+        super().__init__(scene, seed=spec.seed, config=config)
+        self._end = end
+
+    def step(self, duration: float) -> None:
+        """See ``LocalSimulation.step``.
+
+        Raises:
+            _TimeIsUp: If the end has come.
+        """
+        super().step(min(duration, max(self._end - self.time, 0.0)))
+        if self.time >= self._end:
+            raise _TimeIsUp
+
+
+class _Judge(HostObserver):
+    """Watches the true robots after each tick, when the next one begins."""
+
+    def __init__(self, monitor: GroundTruthMonitor) -> None:
+        self._monitor = monitor
+
+    def step(self) -> None:
+        """See ``HostObserver.step``."""
+        self._monitor.watch()
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """How a controller did.
+
+    Attributes:
+        rows: A result of each run, map by map and seed by seed.
+    """
+
+    rows: tuple[TrialResult, ...]
+
+    @property
+    def success(self) -> Mapping[str, Estimate]:
+        """Share of the runs that ended rightly and touched nothing, by map.
+
+        ``all`` is that of all maps. Intervals are Wilson's of 95 %.
+        """
+        return {
+            name: share(sum(row.is_correct for row in rows), len(rows))
+            for name, rows in self._by_map()
+        }
+
+    @property
+    def detour(self) -> Mapping[str, Estimate]:
+        """Path divided by the shortest one, by map, of runs that ended at the goal.
+
+        Maps on which none did are missing. Intervals are Student's of 95 %.
+        """
+        detours = {
+            name: [
+                row.path_length / row.shortest_path
+                for row in rows
+                if row.outcome == "reached" and row.shortest_path
+            ]
+            for name, rows in self._by_map()
+        }
+        return {name: mean(values) for name, values in detours.items() if values}
+
+    def __str__(self) -> str:
+        lines = []
+        for name, estimate in self.success.items():
+            interval = f"({estimate.low:.0%} to {estimate.high:.0%})"
+            text = f"{name}: {estimate.value:.0%} {interval} of {estimate.count} right"
+            if name in self.detour:
+                text += f", path / shortest {self.detour[name].value:.2f}"
+            lines.append(text)
+        return "\n".join(lines)
+
+    def _by_map(self) -> Iterator[tuple[str, list[TrialResult]]]:
+        for name in dict.fromkeys(row.map for row in self.rows):
+            yield name, [row for row in self.rows if row.map == name]
+        yield ALL, list(self.rows)
+
+
+def evaluate(
+    controller: OwnController,
+    *,
+    maps: Sequence[str] = MAPS,
+    seeds: int | Sequence[int] = 10,
+    sensor: str = "radar",
+    time_limit: float = TIME_LIMIT,
+    pictures: str | Path | None = None,
+    workers: int = 1,
+) -> Evaluation:
+    """Let a controller drive to the goals of maps, and judge it by the truth.
+
+    The controller is called with a robot, a P3AT whose scanner ``lms200`` sees a full
+    circle, and its goal, x and y in m. It drives in a loop of its own and returns when
+    the robot is there, or False if it finds that there is no path::
+
+        def straight_ahead(robot, goal):
+            while math.dist((robot.ins.pose.x, robot.ins.pose.y), goal) > 0.2:
+                robot.drive(0.3)
+                robot.simulation.step(0.1)
+
+    The robot has reported before the call. A ``ClientError`` or ``NavigationError`` of
+    the controller fails the run; any other error ends the evaluation.
+
+    Args:
+        controller: The controller; with several workers a function of a module.
+        maps: Names or paths of maps that have a ``trial``.
+        seeds: Seeds of the simulations, or how many from 0.
+        sensor: Name of the preset of the scanner.
+        time_limit: Simulated time after which a run has failed, s.
+        pictures: Folder for a picture of each run, ``map-seed.png``; None for none.
+        workers: Number of processes.
+
+    Raises:
+        MapError: If a map is wrong, or defines no trial.
+        PresetError: If there is no such sensor.
+        ValueError: If there are no maps, or no seeds.
+    """
+    numbers = range(seeds) if isinstance(seeds, int) else seeds
+    if not maps or not len(numbers):
+        raise ValueError("no runs, expected at least one map and one seed")
+    # Before any trial, so that a wrong name is not found after minutes.
+    for map_ in maps:
+        load_trial(map_)
+    config_with_sensor(sensor)
+    name = getattr(controller, "__name__", type(controller).__name__)
+    specs = [TrialSpec(map_, name, sensor, seed) for map_ in maps for seed in numbers]
+    folder = None if pictures is None else Path(pictures)
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+    run = partial(run_own_trial, controller, time_limit, folder)
+    if workers == 1:  # errors of the controller come as they are
+        return Evaluation(tuple(map(run, specs)))
+    with closing(run_tasks(run, specs, workers=workers)) as running:
+        return Evaluation(tuple(result.unwrap() for result in in_order(running)))
+
+
+def run_own_trial(
+    controller: OwnController, time_limit: float, folder: Path | None, spec: TrialSpec
+) -> TrialResult:
+    """Run one trial; arguments as of ``evaluate``."""
+    scene, trial, shortest = prepare_trial(spec.map)
+    sim = _TrialSimulation(scene, spec, time_limit)
+    monitor = GroundTruthMonitor(sim.host)
+    robot = sim.spawn(ROBOT, start=trial.start)
+    sim.host.add_observer(_Judge(monitor))
+    outcome, note = "failed", ""
+    try:
+        sim.step(0.1)
+        ended = controller(robot, trial.goal)
+        outcome = "no_path" if ended is False else "reached"
+    except _TimeIsUp:
+        note = f"not there after {time_limit:g} s"
+    except (ClientError, NavigationError) as error:
+        note = str(error)
+    except Exception as error:
+        error.add_note(f"on map {spec.map}, seed {spec.seed}, at {sim.time:.2f} s")
+        raise
+    monitor.watch()
+    off = monitor.distance(trial.goal)
+    if outcome == "reached" and off > GOAL_TOLERANCE:
+        outcome, note = "failed", f"says reached, {off:.2f} m from the goal"
+    if folder is not None:
+        sim.render(folder / f"{Path(spec.map).stem}-{spec.seed}.png")
+    return TrialResult(
+        **asdict(spec),
+        outcome=outcome,
+        collisions=monitor.collisions,
+        path_length=monitor.path_length,
+        shortest_path=shortest,
+        time=sim.time,
+        off=off,
+        note=note,
+    )

@@ -1,0 +1,168 @@
+"""Pictures and films of a simulation: true paths and newest scans over the plan."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from radarsim.errors import expected_one_of
+from radarsim.files import write_atomically
+from radarsim.geometry import Pose2
+from radarsim.local.history import Moment
+from radarsim.plotting.film import FILM_FORMATS, Film, FrameCanvas, Pixels
+from radarsim.plotting.palette import TRUE_PATH, sensor_colour
+from radarsim.plotting.plan import (
+    HEIGHT,
+    draw_plan,
+    draw_robot,
+    name_objects,
+    show_extent,
+)
+from radarsim.plotting.style import FORMS, HALO, Legend, render, write_title
+from radarsim.scene.scene import Scene
+
+_SIZE: Final = (10.5, 7.2)  # inches
+_DPI: Final = 100  # so that the sides of a film are even, as MP4 needs them
+_NAMES: Final = 20  # of objects; with more of them robots could not be seen
+
+
+class RunPicture:
+    """A figure of one moment of a run, which can show another one.
+
+    Attributes:
+        axes: The plan, m, map frame.
+    """
+
+    def __init__(
+        self, scene: Scene, moments: Sequence[Moment], axes: Axes | None = None
+    ) -> None:
+        """Draw what does not move.
+
+        Args:
+            scene: The map.
+            moments: All moments of the run, at least one.
+            axes: Axes in m to draw in; None for a figure of its own, with a legend.
+        """
+        figure = None
+        if axes is None:
+            figure = Figure(figsize=_SIZE, dpi=_DPI, layout="compressed")
+            axes = figure.add_subplot()
+        self.axes, self._moments = axes, moments
+        names = dict.fromkeys(name for moment in moments for name in moment.robots)
+        # A robot that is not there has no pose: its line is broken there.
+        self._paths = np.full((len(names), len(moments), 2), np.nan)
+        for row, name in enumerate(names):
+            for column, moment in enumerate(moments):
+                if name in moment.robots:
+                    pose = moment.robots[name][1]
+                    self._paths[row, column] = pose.x, pose.y
+        self._moving: list[Artist] = []
+        height = scene.floor_at(0.0, 0.0) + HEIGHT
+        plan = draw_plan(axes, scene, height)
+        places = self._paths[np.isfinite(self._paths)].reshape(-1, 2)
+        show_extent(axes, np.concatenate([plan.corners, places]))
+        name_objects(axes, scene.parts, height, _NAMES)
+        robots = f"{len(names)} robot{'s' * (len(names) != 1)}"
+        write_title(axes, f"{scene.name}, {robots}")
+        self._clock = axes.set_title("", loc="right")
+        if figure is not None:
+            legend = Legend()
+            legend.add_heading("Robots")
+            legend.add_line("true path", color=TRUE_PATH, linewidth=1.5)
+            for medium in sorted({s.medium for m in moments for s in m.seen}):
+                colour = sensor_colour(medium)
+                text = f"what the {medium} reads"
+                legend.add_marker(text, "o", color=colour, markersize=3)
+            legend.add_heading("Materials")
+            legend.add_materials(plan.materials)
+            legend.draw(figure)
+
+    def show(self, number: int) -> None:
+        """Show one of the moments, and the paths until then."""
+        for artist in self._moving:
+            artist.remove()
+        axes, moment = self.axes, self._moments[number]
+        self._moving = []
+        for path in self._paths[:, : number + 1]:
+            self._moving += axes.plot(*path.T, color=TRUE_PATH, linewidth=1.5, zorder=4)
+        for medium, points in moment.seen:
+            colour = sensor_colour(medium)
+            self._moving += axes.plot(*points.T, "o", color=colour, ms=3, zorder=5)
+        for name, (model, pose) in moment.robots.items():
+            self._moving += draw_robot(axes, model, pose, zorder=6)
+            if len(self._paths) > 1:
+                self._moving.append(self._write(name, pose))
+        self._clock.set_text(f"{moment.time:.1f} s")
+
+    def _write(self, name: str, pose: Pose2) -> Artist:
+        return self.axes.annotate(
+            name,
+            (pose.x, pose.y),
+            (0, 14),
+            textcoords="offset points",
+            ha="center",
+            fontsize=8,
+            path_effects=[HALO],
+            parse_math=False,
+            zorder=7,
+        )
+
+    def film(self, path: Path, speed: float) -> None:
+        """Write a film of all moments.
+
+        Args:
+            path: A ``.gif`` or ``.mp4`` file.
+            speed: Simulated seconds in one second of film.
+
+        Raises:
+            OSError: If it cannot be written.
+            ValueError: If the format needs a package that is not installed.
+        """
+        shown = 0
+
+        def draw() -> Pixels:
+            self.show(shown)
+            return canvas.render([*self._moving, self._clock])
+
+        figure = self.axes.get_figure(root=True)
+        assert figure is not None
+        canvas = FrameCanvas(figure)
+        with Film(path, draw, speed=speed) as film:
+            for shown, moment in enumerate(self._moments):  # noqa: B007 - draw uses it
+                film.update(moment.time)
+        if film.error is not None:
+            raise film.error
+
+
+def draw_run(scene: Scene, moments: Sequence[Moment], form: str = "png") -> bytes:
+    """Return a picture of the last moment as a file of one of ``FORMS``."""
+    picture = RunPicture(scene, moments)
+    picture.show(len(moments) - 1)
+    figure = picture.axes.get_figure(root=True)
+    assert figure is not None
+    return render(figure, form)
+
+
+def write_run(
+    scene: Scene, moments: Sequence[Moment], path: Path, *, speed: float
+) -> None:
+    """Write a picture of the last moment, or a film; arguments as above.
+
+    Raises:
+        OSError: If it cannot be written.
+        ValueError: If the ending of the name is of no format.
+    """
+    form = path.suffix.lower().lstrip(".")
+    if form in FILM_FORMATS:
+        RunPicture(scene, moments).film(path, speed)
+    elif form in FORMS:
+        write_atomically({path: draw_run(scene, moments, form)})
+    else:
+        known = [f".{each}" for each in (*FORMS, *FILM_FORMATS)]
+        raise ValueError(f"ending {expected_one_of(path.suffix, known)}")

@@ -1,0 +1,371 @@
+"""A robot that calls drive, and whose newest readings they return.
+
+It is a client of a host as those of a server are: its commands are written as lines,
+and its readings are read from the lines that it is sent. So both have the same values.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
+
+import numpy as np
+
+from radarsim import plugins
+from radarsim.client import Client, RobotInfo
+from radarsim.client import session as requests
+from radarsim.client.robot_info import ScannerDescriptions
+from radarsim.client.robot_state import EchoCollector
+from radarsim.client.session import RANGE_SCANNER, ROBOT, Session
+from radarsim.errors import ClientError
+from radarsim.geometry import Pose2
+from radarsim.local.scan import CENTRE, LocalScan
+from radarsim.local.transport import LocalTransport
+from radarsim.protocol.reports import (
+    EchoLine,
+    GroundTruth,
+    Ins,
+    Odometry,
+    RadarTargets,
+    RangeScan,
+    Report,
+    RobotConf,
+    RobotGeo,
+    Touch,
+    decode_report,
+)
+from radarsim.server.host.replies import configuration, geometry
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from radarsim.local.simulation import LocalSimulation
+    from radarsim.simulation.config import SimulationConfig
+    from radarsim.simulation.vehicle import Vehicle
+
+AnyReport = TypeVar("AnyReport", bound=Report)
+
+GROUP: Final = "radarsim.local"  # of plugins
+MOST_REPORTS: Final = 10_000
+
+
+class LocalRobot:
+    """A robot of a simulation in this process.
+
+    ``LocalSimulation.spawn`` creates it. Its readings are reports of the client
+    library, ``radarsim.protocol.reports``, rounded as on the wire: metres, radians and
+    seconds, x forward, y left, yaw counter-clockwise.
+
+    Attributes:
+        simulation: The simulation that it is in.
+        reports: What it reported in the last call of ``step``, in order; at most the
+            last ``MOST_REPORTS``.
+    """
+
+    def __init__(
+        self, simulation: LocalSimulation, client: int, vehicle: Vehicle
+    ) -> None:
+        """Use a robot that has been spawned.
+
+        Args:
+            simulation: The simulation that it is in.
+            client: The number of its client at the host.
+            vehicle: The robot.
+        """
+        self.simulation = simulation
+        self.reports: list[Report] = []
+        self._client, self._vehicle = client, vehicle
+        self._session = Session()
+        self._info: tuple[SimulationConfig, RobotInfo] | None = None
+        self._came: list[Report] = []
+        self._newest: dict[type, dict[str, Report]] = {}
+        self._echoes: dict[str, EchoCollector] = {}
+        self._targets: dict[str, list[RadarTargets]] = {}
+        self._turns: dict[str | None, Any] = {}
+        self._transport: LocalTransport | None = None
+
+    def __repr__(self) -> str:
+        pose = self.pose
+        place = f"({pose.x:.2f}, {pose.y:.2f}, {pose.yaw:.2f})"
+        return f"<LocalRobot {self.name}: {self._vehicle.model.name} at {place}>"
+
+    @property
+    def name(self) -> str:
+        """Its name, which no other robot of the simulation has."""
+        return self._vehicle.robot.name
+
+    @property
+    def number(self) -> int:
+        """Its number in the simulation, which no other robot has."""
+        return self._vehicle.number
+
+    @property
+    def pose(self) -> Pose2:
+        """Its true pose, map frame, not rounded."""
+        return self._vehicle.robot.pose
+
+    @property
+    def info(self) -> RobotInfo:
+        """Its dimensions, limits and scanners, as a server describes them."""
+        model, config = self._vehicle.model, self._vehicle.config
+        if self._info is not None and self._info[0] is config:
+            return self._info[1]
+        descriptions = ScannerDescriptions()
+        answers = []
+        for kind in (ROBOT, RANGE_SCANNER):
+            for report in (
+                geometry(model, kind, None),
+                configuration(model, config, kind, None),
+            ):
+                # Read from a line, so that the numbers are rounded as on the wire.
+                line = "" if report is None else report.encode(self._vehicle.dialect)
+                answer = decode_report(line) if line else None
+                if answer is not None:
+                    descriptions.add(answer)
+                    answers.append(answer)
+        geo, conf = answers[:2]
+        assert isinstance(geo, RobotGeo)
+        assert isinstance(conf, RobotConf)
+        unit = config.wheel_drive().unit
+        info = RobotInfo.from_reports(geo, conf, descriptions.scanners({}), unit)
+        self._info = config, info
+        return info
+
+    @property
+    def truth(self) -> GroundTruth:
+        """The newest ground truth: the true pose."""
+        return self.newest(GroundTruth)
+
+    @property
+    def ins(self) -> Ins:
+        """The newest pose of the inertial navigation system, which drifts."""
+        return self.newest(Ins)
+
+    @property
+    def odometry(self) -> Odometry:
+        """The newest pose by the wheels, relative to the spawn pose."""
+        return self.newest(Odometry)
+
+    @property
+    def touch(self) -> Touch:
+        """Whether something touched the robot at the newest reading: ``touched``."""
+        return self.newest(Touch)
+
+    @property
+    def scans(self) -> list[LocalScan]:
+        """The newest scan of each of its scanners; those without one are missing."""
+        return cast(list[LocalScan], list(self._newest.get(LocalScan, {}).values()))
+
+    def scan(self, scanner: str | None = None) -> LocalScan:
+        """Return the newest scan of a scanner.
+
+        Args:
+            scanner: Its name, in any case; None for the robot's first scanner.
+
+        Raises:
+            ClientError: If the robot has no such scanner, or it has not scanned yet.
+        """
+        return self.newest(LocalScan, self.info.scanner(scanner).name)
+
+    def newest(self, kind: type[AnyReport], name: str | None = None) -> AnyReport:
+        """Return the newest report of a kind, such as ``Tachometer``.
+
+        Args:
+            kind: A class of ``radarsim.protocol.reports``.
+            name: Name of the item, in any case; None for any.
+
+        Raises:
+            ClientError: If no such report has come yet.
+        """
+        # A copy: in the background readings come meanwhile.
+        known = dict(self._newest.get(LocalScan if kind is RangeScan else kind, {}))
+        if name is not None:
+            known = {k: v for k, v in known.items() if k.casefold() == name.casefold()}
+        if not known:
+            wanted = kind.__name__ if name is None else f"{kind.__name__} of {name!r}"
+            came = sorted({each.__name__ for each in self._newest} - {"LocalScan"})
+            text = f"robot {self.name!r} has reported no {wanted} yet"
+            when = f"until {self.simulation.time:.2f} s, only {came}"
+            raise ClientError(f"{text} {when}")
+        return cast(AnyReport, list(known.values())[-1])
+
+    def drive(self, speed: float, turn: float = 0.0) -> None:
+        """Drive so until the next call.
+
+        If a wheel would exceed its maximum speed, both are slowed down by one factor.
+
+        Args:
+            speed: Forward speed, m/s.
+            turn: Counter-clockwise turn rate, rad/s.
+
+        Raises:
+            ValueError: If one is not finite.
+        """
+        self.send(requests.drive(*self.info.wheel_speeds(speed, turn)))
+
+    def drive_wheels(self, left: float, right: float) -> None:
+        """Turn the wheels of both sides so until the next call.
+
+        Args:
+            left: Speed of the left wheels, rad/s; forward is positive.
+            right: Speed of the right wheels, rad/s.
+
+        Raises:
+            ValueError: If one is not finite.
+        """
+        scale = self.info.drive_scale
+        self.send(requests.drive(left * scale, right * scale))
+
+    def stop(self) -> None:
+        """Stop the wheels."""
+        self.drive_wheels(0.0, 0.0)
+
+    def request_echoes(self, scanner: str | None = None, on: bool = True) -> None:
+        """Let a scanner list all that its beams meet: ``scan().echoes`` from now on.
+
+        Raises:
+            ClientError: If the robot has no such scanner.
+        """
+        self.send(requests.echoes(self.info.scanner(scanner).name, on))
+
+    def request_targets(self, scanner: str | None = None, on: bool = True) -> None:
+        """Let a detector list what it finds: ``scan().targets`` from now on.
+
+        Raises:
+            ClientError: If the robot has no such scanner.
+        """
+        self.send(requests.targets(self.info.scanner(scanner).name, on))
+
+    def request_spectra(self, scanner: str | None = None) -> None:
+        """Let an FMCW radar record what it receives: ``spectrum`` from now on.
+
+        Of all radars of a simulation one turns, that of the robot spawned first.
+
+        Args:
+            scanner: Name of the radar, in any case; None for the robot's first one.
+
+        Raises:
+            ClientError: If the robot has no such radar.
+            MissingPackage: If the part of radarsim is missing that has these radars.
+        """
+        collect = plugins.load(GROUP, "spectra")
+        self._turns[scanner and scanner.casefold()] = self.simulation.call(
+            lambda simulation: collect(simulation, self._vehicle, scanner)
+        )
+
+    def spectrum(self, scanner: str | None = None) -> Any:
+        """Return the newest whole turn of an FMCW radar.
+
+        Args:
+            scanner: Its name, as in ``request_spectra``.
+
+        Returns:
+            A spectrum as of ``load_sensor(...).fmcw.spectrum``: ``angles``, ``ranges``
+            and ``decibels``.
+
+        Raises:
+            ClientError: If it was not requested, or has not made a whole turn yet.
+        """
+        turns = self._turns.get(scanner and scanner.casefold())
+        if turns is None or turns.newest is None:
+            text = f"robot {self.name!r} has no turn of {scanner or 'a radar'!r} yet"
+            raise ClientError(f"{text}, expected request_spectra, and 0.5 s after it")
+        return turns.newest
+
+    def camera(
+        self, *, width: int = 640, height: int = 480, fov_deg: float = 80.0
+    ) -> NDArray[np.uint8]:
+        """Take a picture by the camera that viewers see by, in any size.
+
+        Args:
+            width: Pixels from left to right.
+            height: Pixels from top to bottom.
+            fov_deg: Angle from left to right, degrees.
+
+        Returns:
+            RGB, (height, width, 3).
+
+        Raises:
+            ValueError: If there are no pixels, or the angle is not below 180 degrees.
+        """
+        from radarsim.server.image_server import MOUNT  # noqa: PLC0415
+
+        pose = self._vehicle.robot.body.compose(MOUNT)
+        size = {"width": width, "height": height}
+        return self.simulation.camera(pose, **size, fov_deg=fov_deg, carrier=self)
+
+    def as_client(self) -> Client:
+        """Return a client of the library that drives this robot.
+
+        Navigators take it. It gets what the robot reports from now on, and simulated
+        time passes while it waits. An earlier one gets nothing more.
+        """
+        self._transport = LocalTransport(self)
+        return Client(self._transport)
+
+    def remove(self) -> None:
+        """Take the robot out of the simulation."""
+        self.simulation.remove(self)
+
+    def send(self, data: bytes) -> None:
+        """Send whole lines of the protocol as they are.
+
+        Raises:
+            ClientError: If a line has no effect; it says why.
+        """
+        texts = self.simulation.receive(self._client, data)
+        if texts:
+            raise ClientError("; ".join(texts))
+
+    def add(self, data: bytes) -> None:
+        """Read what the robot's client was sent; the simulation calls it."""
+        if self._transport is not None:
+            self._transport.unread.put_readings(data)
+        for report in self._session.receive(data):
+            self._add(report)
+            self._came.append(report)
+        del self._came[:-MOST_REPORTS]
+
+    def collect(self) -> None:
+        """Begin a new list of reports; the simulation calls it after each step."""
+        self.reports, self._came = self._came, []
+
+    def _add(self, report: Report) -> None:
+        name = getattr(report, "name", "")
+        match report:
+            case EchoLine():
+                self._echoes.setdefault(name, EchoCollector()).take(report)
+            case RadarTargets():
+                turn = self._targets.setdefault(name, [])
+                if turn and turn[0].time != report.time:
+                    turn.clear()
+                turn.append(report)
+            case RangeScan():
+                report = self._locate(report)
+            case _:
+                pass
+        self._newest.setdefault(type(report), {})[name] = report
+
+    def _locate(self, scan: RangeScan) -> LocalScan:
+        """Return a scan that has just been taken with the poses of the robot."""
+        (mounted,) = (m for m in self._vehicle.scanners if m.item.name == scan.name)
+        mount, echoes = mounted.item.mount, self._echoes.get(scan.name)
+        targets = self._targets.get(scan.name)
+        poses = {"robot": CENTRE, "map": self.pose}
+        for frame, kind in (("ins", Ins), ("odometry", Odometry)):
+            for report in self._newest.get(kind, {}).values():
+                assert isinstance(report, Ins | Odometry)
+                reported = report.pose
+                poses[frame] = Pose2(reported.x, reported.y, reported.yaw)
+        return LocalScan(
+            time=scan.time,
+            name=scan.name,
+            resolution=scan.resolution,
+            fov=scan.fov,
+            ranges=scan.ranges,
+            medium=mounted.scanner.settings.medium,
+            max_range=mounted.scanner.settings.max_range,
+            mount=Pose2(mount.x, mount.y, mount.yaw),
+            poses=poses,
+            echoes=None if echoes is None else echoes.of(scan),
+            targets=tuple(targets) if targets else None,
+        )

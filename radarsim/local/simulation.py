@@ -1,0 +1,435 @@
+"""A simulation in this process: a loop of one's own, without sockets.
+
+Theory of operation
+===================
+Robots are clients of a ``Host``, which is a server without its sockets: what they are
+sent is passed on to them after each tick. So the same seed and commands give the same
+bytes as over TCP. Simulated time passes in ``step`` only, until the simulation is
+served: then a thread lets it pass by the wall clock, and ``step`` waits for it. That
+thread is then the only one that uses the host; all calls of the host go through
+``_call``.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Final, Self, TypeVar
+
+from radarsim import plugins
+from radarsim.client import session as requests
+from radarsim.errors import ClientError, RecordingError, expected_one_of
+from radarsim.geometry import Pose2, Pose3
+from radarsim.local.history import History, Moment
+from radarsim.local.robot import GROUP, LocalRobot
+from radarsim.scene.map_file import load_map
+from radarsim.scene.scene import Scene
+from radarsim.server.host import Host
+from radarsim.server.server_thread import ServerThread
+from radarsim.simulation.clock import seconds, ticks_of
+from radarsim.simulation.config import SimulationConfig
+
+if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+    from radarsim.server.host import Diagnostic
+    from radarsim.simulation.simulation import Simulation
+
+Value = TypeVar("Value")
+
+logger: Final = logging.getLogger(__name__)
+
+POLL: Final = 1.0  # s between two looks whether the server's thread is still there
+
+
+class LocalSimulation:
+    """A scene with robots that the program drives.
+
+    Attributes:
+        host: The server without sockets that it is; while it is served, only the
+            server's thread may use it.
+        robots: The robots that it has spawned, by name.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        seed: int = 0,
+        config: SimulationConfig | None = None,
+        map_: str | None = None,
+    ) -> None:
+        """Begin at 0 s, without robots; ``simulate`` loads a map.
+
+        Args:
+            scene: The map.
+            seed: Seed of all random numbers.
+            config: As of ``simulate``.
+            map_: Name of the map, or path of its file, for recordings.
+        """
+        self._map = map_
+        self._complete_recording: Callable[[], None] | None = None
+        self.host = Host(scene, config=config, seed=seed)
+        self.robots: dict[str, LocalRobot] = {}
+        self.seed = seed
+        self._numbers: dict[str, int] = {}  # of the robots' clients at the host
+        self._late_texts: dict[int, list[str]] = {}  # of those that wait to spawn
+        self._history = History()
+        self._thread: ServerThread | None = None
+        self._ticked = threading.Condition()
+
+    def __repr__(self) -> str:
+        robots = ", ".join(self.robots) or "no robots"
+        return f"<LocalSimulation {self.scene.name} at {self.time:.2f} s: {robots}>"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    @property
+    def scene(self) -> Scene:
+        """The map."""
+        return self.host.scene
+
+    @property
+    def time(self) -> float:
+        """Simulated time, s."""
+        return self.host.simulation.time
+
+    def spawn(
+        self,
+        class_name: str = "P3AT",
+        *,
+        name: str | None = None,
+        start: str | None = None,
+        pose: Pose2 | Pose3 | Sequence[float] | None = None,
+    ) -> LocalRobot:
+        """Create a robot at a start pose of the map, or at any other pose.
+
+        It stands at the nearest free place within 1 m. As on a server, no more than
+        four robots are spawned in a tick, and a search for a free place delays the next
+        one: time passes until then.
+
+        Args:
+            class_name: Class of the robot, such as ``P3AT``, in any case.
+            name: Name of the robot; None chooses one. Random numbers depend on it.
+            start: Name of a start pose, in any case.
+            pose: Pose in the map frame if ``start`` is None, or x, y and yaw, m and
+                rad. Without both, it takes the first start at which it has room.
+
+        Raises:
+            PresetError: If there is no such class.
+            ClientError: If there is no such start, or no free place.
+            ValueError: If both ``start`` and ``pose`` are given, or a number is not
+                finite, or the name cannot be written on a line.
+        """
+        config = self.host.config
+        model = config.robot(class_name.rpartition(".")[2])
+        config.check_scanners(model)
+        starts = [each.name for each in self.scene.starts]
+        if start is not None and self.scene.start(start) is None:
+            raise ClientError(f"start {expected_one_of(start, starts)}")
+        takes_free = start is None and pose is None
+        if takes_free and starts:
+            start = starts[0]
+        if pose is not None and not isinstance(pose, Pose2 | Pose3):
+            pose = Pose2(*pose)
+        request = requests.spawn(
+            model.name, name=name, start=start, pose=pose, takes_free=takes_free
+        )
+        number = self._call(self.host.connect)
+        texts = self._late_texts[number] = self.receive(number, request.data)
+        while self._call(lambda: self.host.is_busy(number)):
+            self.step(seconds(1))
+        robot = self._call(lambda: self._find_robot(number))
+        del self._late_texts[number]
+        if robot is None:
+            self._call(lambda: self.host.disconnect(number))
+            raise ClientError("; ".join(texts) or f"no free place for {class_name!r}")
+        for text in texts:  # such as that it stands elsewhere
+            logger.warning("%s: %s", robot.name, text)
+        return robot
+
+    def remove(self, robot: LocalRobot) -> None:
+        """Take a robot out of the simulation."""
+
+        def disconnect() -> None:
+            del self.robots[robot.name]
+            self.host.disconnect(self._numbers.pop(robot.name))
+
+        self._call(disconnect)
+
+    def step(self, duration: float) -> None:
+        """Let simulated time pass.
+
+        Args:
+            duration: s, rounded to ticks of 10 ms, at least one of them.
+
+        Raises:
+            ExceptionGroup: If it is served, and the server has failed.
+        """
+        ticks = ticks_of(duration)
+        if self._thread is None:
+            for _ in range(ticks):
+                for number, diagnostic in self.host.step():
+                    self._log(number, diagnostic)
+                self._pass_on()
+        else:
+            self._wait_until(self.host.simulation.ticks + ticks)
+        self._call(self._collect)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the robots, their true paths and what they see over the plan.
+
+        Args:
+            ax: Axes of matplotlib, in m; None for a figure of its own, with a legend.
+
+        Returns:
+            The axes.
+        """
+        from radarsim.local.pictures import RunPicture  # noqa: PLC0415 - matplotlib
+
+        moments = self._moments()
+        picture = RunPicture(self.scene, moments, ax)
+        picture.show(len(moments) - 1)
+        return picture.axes
+
+    def render(self, path: str | Path, *, speed: float = 1.0) -> None:
+        """Write a picture of the simulation as it is, or a film of it so far.
+
+        Args:
+            path: The file: ``.png``, ``.svg``, ``.pdf``, or ``.gif`` and ``.mp4`` for a
+                film; MP4 needs the extra ``film``.
+            speed: Simulated seconds in one second of a film.
+
+        Raises:
+            OSError: If the file cannot be written.
+            ValueError: If its ending is another one, or a package is not installed.
+        """
+        from radarsim.local.pictures import write_run  # noqa: PLC0415 - matplotlib
+
+        write_run(self.scene, self._moments(), Path(path), speed=speed)
+
+    def _repr_png_(self) -> bytes:
+        """Return the simulation as it is, for notebooks."""
+        from radarsim.local.pictures import draw_run  # noqa: PLC0415 - matplotlib
+
+        return draw_run(self.scene, self._moments())
+
+    def camera(
+        self,
+        pose: Pose3 | Sequence[float],
+        *,
+        width: int = 640,
+        height: int = 480,
+        fov_deg: float = 80.0,
+        carrier: LocalRobot | None = None,
+    ) -> NDArray[np.uint8]:
+        """Take a picture; see also ``LocalRobot.camera``.
+
+        Args:
+            pose: Pose of the camera, which looks along its x axis: x, y, z, roll,
+                pitch, yaw, m and rad, map frame.
+            width: Pixels from left to right.
+            height: Pixels from top to bottom.
+            fov_deg: Angle from left to right, degrees.
+            carrier: Robot that is not in the picture; None for none.
+
+        Returns:
+            RGB, (height, width, 3).
+
+        Raises:
+            ValueError: If the pose has other than six finite numbers, there are no
+                pixels, or the angle is not below 180 degrees.
+        """
+        from radarsim.server.camera import Renderer  # noqa: PLC0415 - matplotlib
+        from radarsim.server.image_server import View  # noqa: PLC0415
+
+        if not isinstance(pose, Pose3):
+            pose = Pose3.from_numbers(pose)
+        renderer = Renderer(self.scene, width, height, math.radians(fov_deg))
+        boxes = self._call(self.host.simulation.boxes)
+        return renderer.render(View(pose, boxes, carrier.number if carrier else -1))
+
+    def record(self, folder: str | Path, *, spectra: bool = False) -> None:
+        """Record all that follows, until ``close``, as a bag of ROS 2.
+
+        ``radarsim.load_recording`` reads it, and ``radarsim replay`` repeats a run on a
+        map that was loaded by its name. It needs the extra ``record``.
+
+        Args:
+            folder: Folder to create.
+            spectra: Whether to record what FMCW radars receive as well, some 180 MB a
+                minute.
+
+        Raises:
+            RecordingError: If the simulation has begun already, or the folder exists.
+            MissingPackage: If the part of radarsim is missing that records.
+        """
+        record = plugins.load(GROUP, "record")
+        if self.robots or self.host.simulation.ticks or self._complete_recording:
+            text = "the simulation has begun, expected record() before the first robot"
+            raise RecordingError(text)
+        self._complete_recording = self._call(
+            lambda: record(
+                self.host, self._map, self.seed, Path(folder), spectra=spectra
+            )
+        )
+
+    def serve(
+        self, port: int = 3000, address: str = "127.0.0.1", *, speed: float = 1.0
+    ) -> tuple[str, int]:
+        """Let clients connect over TCP as well, until ``close``.
+
+        From now on simulated time passes by the wall clock, in the background, and
+        ``step`` waits until it has.
+
+        Args:
+            port: Port to listen on; 0 for a free one.
+            address: Address to listen on.
+            speed: Simulated seconds in one second of the wall clock.
+
+        Returns:
+            The address and the port that it listens on.
+
+        Raises:
+            ServerError: If the port is taken, or the address is not one of this
+                machine.
+            ValueError: If it is served already.
+        """
+        if self._thread is not None:
+            raise ValueError("it is served already, expected close() before")
+        thread = ServerThread(self.host, speed=speed, after_tick=self._pass_on)
+        try:
+            listening = thread.begin(address, port)
+        except ExceptionGroup as errors:
+            raise errors.exceptions[0] from None
+        self._thread = thread
+        return listening
+
+    def close(self) -> None:
+        """End the recording and the server; in the process the simulation can go on.
+
+        Raises:
+            ExceptionGroup: If the server has failed.
+            RecordingError: If not all of the recording could be written.
+        """
+        complete, self._complete_recording = self._complete_recording, None
+        if complete is not None:
+            self._call(complete)
+        thread, self._thread = self._thread, None
+        if thread is not None:
+            thread.finish()
+
+    def call(self, function: Callable[[Simulation], Value]) -> Value:
+        """Call a function with the simulation underneath, between two ticks.
+
+        It may read all of it; what it changes is in no recording.
+        """
+        return self._call(lambda: function(self.host.simulation))
+
+    def receive(self, number: int, data: bytes) -> list[str]:
+        """Execute lines of a client, and return why some had no effect."""
+        return [
+            each.text for each in self._call(lambda: self.host.receive(number, data))
+        ]
+
+    def _call(self, function: Callable[[], Value]) -> Value:
+        """Call what uses the host, in the thread that may."""
+        return function() if self._thread is None else self._thread.call(function)
+
+    def _find_robot(self, number: int) -> LocalRobot | None:
+        """Return the robot that a client has spawned; None if it has none."""
+        if not self.host.has_robot(number):
+            return None
+        vehicle = self.host.simulation.vehicles[-1]
+        robot = LocalRobot(self, number, vehicle)
+        self.robots[robot.name], self._numbers[robot.name] = robot, number
+        return robot
+
+    def _pass_on(self) -> None:
+        """Pass on to the robots what they were sent in a tick."""
+        for name, number in self._numbers.items():
+            if data := self.host.take(number):
+                self.robots[name].add(data)
+        self._history.add(self.host.simulation, self.robots.values())
+        with self._ticked:
+            self._ticked.notify_all()
+
+    def _moments(self) -> list[Moment]:
+        """Return the moments that were noted, and the present one."""
+        simulation, robots = self.host.simulation, self.robots.values()
+        now = self._call(lambda: Moment.of(simulation, robots))
+        return [*(m for m in self._history.moments if m.time < now.time), now]
+
+    def _collect(self) -> None:
+        for robot in self.robots.values():
+            robot.collect()
+
+    def _wait_until(self, ticks: int) -> None:
+        """Wait until the server's thread has come to a tick."""
+        thread = self._thread
+        assert thread is not None
+        with self._ticked:
+            while self.host.simulation.ticks < ticks:
+                if not self._ticked.wait(POLL) and not thread.is_alive():
+                    thread.finish()
+
+    def _log(self, number: int, diagnostic: Diagnostic) -> None:
+        """Tell why a command that had waited had no effect."""
+        if number in self._late_texts:
+            self._late_texts[number].append(diagnostic.text)
+        for name, each in self._numbers.items():
+            if each == number:
+                logger.warning("%s: %s", name, diagnostic.text)
+
+
+def simulate(
+    map_: str | Path | Scene,
+    *,
+    seed: int = 0,
+    config: SimulationConfig | None = None,
+) -> LocalSimulation:
+    """Begin a simulation in this process, without a server.
+
+    A loop spawns robots, drives them, lets time pass and reads their sensors::
+
+        sim = radarsim.simulate("foliage_room", seed=0)
+        robot = sim.spawn("P3AT", start="RobotStart1")
+        while sim.time < 10:
+            robot.drive(0.4, turn=0.1)  # m/s, rad/s
+            sim.step(0.1)  # s
+            scan = robot.scan("lms200")  # scan.ranges, scan.angles, scan.points("map")
+        print(robot.truth.pose, robot.ins.pose, robot.odometry.pose, robot.touch)
+
+    ``radarsim.shipped_maps()`` lists the maps that come with radarsim, and
+    ``radarsim.load_map(name).starts`` the start poses of one. The same seed, map and
+    commands give the same numbers as a server sends. The first call on a machine
+    compiles the engine, which takes up to a minute.
+
+    Args:
+        map_: The name of a shipped map, the path of a map file, or a scene.
+        seed: Seed of all random numbers.
+        config: Dialect, drive unit, settings of items and classes of robots; None for
+            the defaults.
+
+    Raises:
+        MapError: If there is no such map, or it is wrong.
+        PresetError: If the configuration does not fit the robot classes.
+    """
+    if isinstance(map_, Scene):
+        return LocalSimulation(map_, seed=seed, config=config)
+    return LocalSimulation(load_map(map_), seed=seed, config=config, map_=str(map_))

@@ -1,0 +1,166 @@
+"""Write scenes as map files with their meshes beside them.
+
+Reading such a map gives the same scene: numbers are written so that they are read as
+they were. Primitives, copies and variants are written as what was built of them.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import yaml
+
+from radarsim.files import write_atomically
+from radarsim.presets.sensor_settings import BANDS_GHZ
+from radarsim.scene.material import Losses, Material, library_material
+from radarsim.scene.reflectors import REFLECTOR
+from radarsim.scene.scene import Part, Scene, Trial
+
+_DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+# Attributes of materials that are keys of a map file under the same names.
+_PLAIN: Final = (
+    "solid",
+    "sheet_loss",
+    "backscatter_db",
+    "albedo",
+    "constant_gamma",
+    "specular_db",
+    "slope_deg",
+)
+_BANDS: Final = {
+    "radar_db": "db_per_m",
+    "attenuation_db": "attenuation_db",
+    "sheet_attenuation_db": "sheet_attenuation_db",
+    "transmission_db": "transmission_db",
+}
+
+
+def material_keys(material: Material) -> dict[str, Any]:
+    """Return the keys of a map file that describe a material.
+
+    >>> material_keys(Material("leaf", density=0.5, solid=False))
+    {'density': 0.5, 'laser_density': 'opaque', 'solid': False}
+    """
+    keys: dict[str, Any] = {}
+    base = Material(material.name)
+    if material.rain:  # which only the library has
+        keys = {"based_on": "rain", "mm_per_h": material.rain}
+        base = library_material("rain", mm_per_h=material.rain)
+    for name in ("density", "laser_density"):
+        density = getattr(material, name)
+        keys[name] = density if math.isfinite(density) else "opaque"
+    if math.isfinite(material.laser_density) and material.laser_db != 0:
+        keys["laser_db_per_m"] = material.laser_db
+    for attribute, key in _BANDS.items():
+        losses: Losses | None = getattr(material, attribute)
+        # A density replaces the losses of a base.
+        if losses is not None and (any(losses) or material.rain):
+            keys[key] = dict(zip(map(str, BANDS_GHZ), losses, strict=True))
+    for key in ("absorption_db", "laser_absorption_db"):
+        absorbed = getattr(material, key)
+        if absorbed:
+            keys[key] = absorbed if math.isfinite(absorbed) else "all"
+    for key in _PLAIN:
+        value = getattr(material, key)
+        is_given = value != getattr(base, key)
+        if key == "backscatter_db":  # else it is less what is absorbed
+            is_given |= material.absorption_db != 0
+        if is_given and value != -math.inf:  # which follows from what is absorbed
+            keys[key] = value
+    if material.radar_mirror or material.laser_mirror:
+        is_both = material.radar_mirror and material.laser_mirror
+        one = "radar" if material.radar_mirror else "laser"
+        keys["mirror"] = "both" if is_both else one
+    return keys
+
+
+def write_map(scene: Scene, path: Path) -> None:
+    """Write a map file, and its meshes into a folder beside it.
+
+    Args:
+        scene: The scene.
+        path: The map file; the folder has its stem and ``_meshes`` as its name.
+
+    Raises:
+        OSError: If a file cannot be written.
+    """
+    folder = path.parent / f"{path.stem}_meshes"
+    reflectors = {each.name: each for each in scene.reflectors}
+    objects: list[dict[str, Any]] = []
+    files: dict[Path, bytes] = {}
+    for number, (name, parts) in enumerate(_objects(scene)):
+        if name in reflectors:
+            it = reflectors[name]
+            kind = {"trihedral": it.trihedral, "rcs_dbsm": it.rcs_dbsm}
+            given = {key: value for key, value in kind.items() if value is not None}
+            position = list(it.position)
+            objects.append({"name": name, "reflector": given, "position": position})
+            continue
+        mesh = folder / f"{number}.obj"
+        files[mesh] = _obj(parts)
+        materials = {f"m{k}": part.material.name for k, part in enumerate(parts)}
+        relative = f"{folder.name}/{mesh.name}"
+        objects.append({"name": name, "mesh": relative, "materials": materials})
+    own = [each for each in scene.materials.values() if each != REFLECTOR]
+    content: dict[str, Any] = {
+        "version": 1,
+        "level": scene.level,
+        "gps_origin_deg": list(scene.gps_origin),
+        "materials": {each.name: material_keys(each) for each in own},
+        "air": scene.air and scene.air.name,
+        "objects": objects,
+        "starts": [
+            {
+                "name": start.name,
+                "position": list(start.pose.numbers()[:3]),
+                "yaw_deg": _degrees(start.pose.yaw),
+            }
+            for start in scene.starts
+        ],
+        "trial": _trial_keys(scene.trial),
+    }
+    content = {key: value for key, value in content.items() if value is not None}
+    text = yaml.dump(content, Dumper=_DUMPER, sort_keys=False, allow_unicode=True)
+    if files:
+        folder.mkdir(parents=True, exist_ok=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    # The map last: there is none that refers to meshes which are not there.
+    write_atomically({**files, path: text.encode()})
+
+
+def _objects(scene: Scene) -> Iterator[tuple[str, list[Part]]]:
+    names = dict.fromkeys(part.object_name for part in scene.parts)
+    for name in names:
+        yield name, [part for part in scene.parts if part.object_name == name]
+
+
+def _obj(parts: Sequence[Part]) -> bytes:
+    """Return an OBJ file with a piece for each part."""
+    lines: list[str] = []
+    first = 1
+    # Readers take the piece that begins last for the first.
+    for number, part in reversed(list(enumerate(parts))):
+        lines.append(f"usemtl m{number}\n")
+        lines += [f"v {x!r} {y!r} {z!r}\n" for x, y, z in part.vertices.tolist()]
+        corners = np.asarray(part.faces) + first
+        lines += [f"f {a} {b} {c}\n" for a, b, c in corners.tolist()]
+        first += len(part.vertices)
+    return "".join(lines).encode()
+
+
+def _degrees(yaw: float) -> float:
+    """Return the degrees that are read as an angle in rad, to the last digit."""
+    degrees = math.degrees(yaw)
+    near = (math.nextafter(degrees, -math.inf), math.nextafter(degrees, math.inf))
+    candidates = (round(degrees, 9), degrees, *near)
+    exact = (each for each in candidates if math.radians(each) == yaw)
+    return next(exact, degrees)
+
+
+def _trial_keys(trial: Trial | None) -> dict[str, Any] | None:
+    if trial is None:
+        return None
+    goal, distance = list(trial.goal), trial.safety_distance
+    return {"start": trial.start, "goal": goal, "safety_distance": distance}
