@@ -114,6 +114,11 @@ def test_keys_match_in_any_case_and_the_first_is_used() -> None:
     assert message.get("Light") is None
 
 
+def test_a_line_that_only_repeats_its_type_has_no_items() -> None:
+    message = decode_message("SEN {Type A} {Time 1} {Type B}")
+    assert list(message.items()) == []
+
+
 ANGLES = st.floats(-3, 3)
 
 
