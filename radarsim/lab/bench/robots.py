@@ -39,7 +39,7 @@ ROBOTS: Final = 100
 LIMITS: Final = {POLES: 4.0, 0: 8.0}
 # Upper limits of what a robot costs among so many others, by what it costs among 100.
 GROWTH_LIMITS: Final = {1: None, 400: 1.3, 1000: None}
-DECODING_LIMIT: Final = 2.5  # of the ratio to float() of the ranges alone
+DECODING_LIMIT: Final = 4.0  # of the ratio to float() of the ranges alone
 TENTHS: Final = 50  # of a second of which the lines are decoded
 SETTLE_TICKS: Final = 30  # until robots drive and their scans are spread over the ticks
 
