@@ -7,6 +7,8 @@ from pathlib import Path
 
 from PIL import Image
 
+import radarsim
+
 FOLDER = Path(__file__).parent
 WIDTH = 1200  # pixels
 COLOURS = 256
@@ -25,6 +27,7 @@ PICTURES = {
     "radar": "figures/figure_08.png",
     "demo": "demo.png",
     "scan": "scan.png",
+    "orchard": "orchard.png",
     "navigate": "navigate.png",
     "map": "map/map_view.png",
     "sweep": "sweep/figure.png",
@@ -51,6 +54,8 @@ def main() -> None:
             words = (sys.executable, "-m", *command.split())
             subprocess.run(words, cwd=folder, check=True)
         subprocess.run((sys.executable, FOLDER / "commander.py", folder), check=True)
+        figure = radarsim.compare("orchard", "physical", "navtech_cir204h")
+        figure.savefig(Path(folder, "orchard.png"))
         for name, picture in PICTURES.items():
             shrink(Path(folder, picture), FOLDER / f"{name}.png")
 

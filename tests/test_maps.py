@@ -2,13 +2,17 @@
 
 import math
 import time
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from radarsim import generator_for, load_sensor
 from radarsim.geometry import Floats
+from radarsim.plotting.sight import BeamEnd, find_sight
 from radarsim.scene.map_file import load_map, shipped_maps
+from radarsim.scene.material import library_material
 from radarsim.scene.scene import Part, Scene
 
 SENSOR = np.array([-8 + 0.2085, 0.0, 0.346])  # on a P3AT at RobotStart1
@@ -103,7 +107,7 @@ def test_shipped_map_is_a_room_with_three_starts(name: str) -> None:
 def test_every_map_in_the_folder_is_tested() -> None:
     rooms = {"empty_room", "foliage_room", "smoke_room"}
     bugs = {"bug_box", "bug_u_trap", "bug_spiral", "bug_closed_box", "bug_maze"}
-    others = {"forest_edge", "marulan_trial", "hedge_garden"}
+    others = {"forest_edge", "marulan_trial", "hedge_garden", "orchard"}
     assert set(shipped_maps()) == rooms | bugs | others
 
 
@@ -207,3 +211,63 @@ def test_foliage_and_smoke_room_are_the_same_room() -> None:
         }
 
     assert things("foliage_room") == things("smoke_room")
+
+
+REAL_RADARS = ("k2pi", "navtech_cir204h", "hss94_marulan")
+TREES = (-0.15, 6.4)  # m; from where to where they stand along y, at x = 0
+SMOKE = (-6.4, -0.13)  # m; likewise, at x = -2
+
+
+def seen_through(map_: str, sensor: str, **settings: object) -> tuple[float, float]:
+    """Return the shares of beams that see through the trees, and through the smoke.
+
+    Of the beams that lead there; for each, the least of three seeds.
+    """
+    scene, scanner = load_map(map_), load_sensor(sensor, **settings)
+    shares = []
+    for seed in range(3):
+        scan = scanner.scan(scene, (SENSOR[0], 0, 0), generator_for(seed, sensor))
+        through = find_sight(scene, scan).ends == BeamEnd.THROUGH
+        row = []
+        for x, (low, high) in ((0.0, TREES), (-2.0, SMOKE)):
+            ahead = x - SENSOR[0]
+            there = (scan.angles > math.atan2(low, ahead)) & (
+                scan.angles < math.atan2(high, ahead)
+            )
+            row.append(float(through[there].mean()))
+        shares.append(row)
+    trees, smoke = np.min(shares, axis=0).tolist()
+    return trees, smoke
+
+
+@pytest.mark.parametrize("radar", REAL_RADARS)
+def test_real_radar_sees_through_the_orchard_but_not_through_dense_bushes(
+    radar: str,
+) -> None:
+    trees, smoke = seen_through("orchard", radar)
+    assert trees > 0.6
+    assert smoke > 0.6
+    assert seen_through("orchard@thick_smoke", radar) == (trees, smoke)
+    in_leaf, _ = seen_through("orchard@in_leaf", radar)
+    assert in_leaf < 0.1
+    scene = load_map("foliage_room")
+    scan = load_sensor(radar).scan(scene, (SENSOR[0], 0, 0), generator_for(0, radar))
+    assert (find_sight(scene, scan).ends != BeamEnd.THROUGH).all()
+
+
+def test_laser_sees_through_smoke_by_its_last_echo_alone_and_never_through_leaves() -> (
+    None
+):
+    assert seen_through("orchard", "physical") == (0, 0)
+    trees, smoke = seen_through("orchard", "physical", return_mode="last")
+    assert trees == 0
+    assert smoke > 0.6
+    assert seen_through("orchard@thick_smoke", "physical", return_mode="last") == (0, 0)
+
+
+def test_orchard_has_the_numbers_of_the_library_alone() -> None:
+    parts = load_map("orchard").parts
+    materials = {part.material.name: part.material for part in parts}
+    assert materials.keys() == {"concrete", "wood", "leaves", "smoke"}
+    for name, of_library in (("leaves", "sparse_foliage"), ("smoke", "smoke")):
+        assert materials[name] == replace(library_material(of_library), name=name)

@@ -59,6 +59,7 @@ _LARGEST: Final = (9.4, 6.6)  # inches of a plan
 _LEGEND: Final = 2.6  # inches beside it
 _PANEL: Final = (6.6, 5.0)  # inches of one of several panels
 _PANEL_LEGEND: Final = 2.4  # inches beside them
+_PANEL_TITLE: Final = 62  # characters of the title of a panel, which go on in a next line
 _TITLE: Final = 0.9  # inches above and below it
 _NAMES: Final = 20  # of objects; with more of them rays could not be seen
 _NARROWEST: Final = 4.0  # inches that a plan has, for the title above it
@@ -323,6 +324,7 @@ def compare(
     for axes, scan in zip(panels, scans, strict=True):
         draw_scan(axes, scene, [scan], legend, robot=robot, include=include)
         words = title_scans([scan], [find_sight(scene, scan)])
+        words = textwrap.fill(words, _PANEL_TITLE)
         axes.set_title(words, loc="left", fontsize=11, fontweight="bold")
         axes.set_xlabel("")
     figure.suptitle(

@@ -3,6 +3,7 @@
 It is told in sentences, and drawn as a dot with its interval for each sensor and map.
 """
 
+import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Final
 
@@ -22,11 +23,16 @@ from radarsim.lab.study.results import (
 )
 from radarsim.plotting import palette
 
-LASERS: Final = tuple(sensor for sensor in SENSORS if sensor != RADAR)
+LASERS: Final = tuple(
+    name for name, sensor in SENSORS.items() if sensor.preset != SENSORS[RADAR].preset
+)
 _ROUNDING: Final = 1e-9  # errors of shares
-_STEP: Final = 0.19  # rows between two sensors
-_COLOURS: Final = dict(zip(SENSORS, (palette.RADAR, *palette.LASERS), strict=True))
-_MARKERS: Final = {"radar": "D", "physical": "o", "hokuyo": "s", "sick": "^"}
+_STEP: Final = 0.14  # rows between two sensors
+_TITLE_WIDTH: Final = 105  # characters
+# By preset; a variant of a preset has hollow markers.
+_PRESETS: Final = tuple(dict.fromkeys(each.preset for each in SENSORS.values()))
+_COLOURS: Final = dict(zip(_PRESETS, (palette.RADAR, *palette.LASERS), strict=True))
+_MARKERS: Final = dict(zip(_PRESETS, "Dos^", strict=True))
 # Shares of the floor that the figure shows: the map, the estimate, and its label.
 _FLOOR: Final = (
     ("hidden_room", "hidden", "hidden\nbehind bushes"),
@@ -76,7 +82,7 @@ def summary_sentences(summaries: Summaries) -> list[str]:
 
 
 def headline(summaries: Summaries) -> str:
-    """Return what the figure shows first, names in backquotes, in one line or two."""
+    """Return what the figure shows first, in a sentence without a full stop."""
     # Who arrives how often through smoke, most often first.
     groups: dict[str, list[str]] = {}
     drives = {sensor: summaries["smoke_corridor", sensor].success for sensor in SENSORS}
@@ -94,17 +100,9 @@ def headline(summaries: Summaries) -> str:
     radar, laser = (_most_hidden(summaries, each) for each in ((RADAR,), LASERS))
     if radar is None or laser is None:
         return f"T{through}"
-    if laser.value == 0 < radar.value:
-        behind = (
-            f"Only the radar maps the floor behind bushes ({percent(radar)},"
-            f" lasers {percent(laser)})"
-        )
-    else:
-        behind = (
-            f"Behind bushes the radar maps {percent(radar)} of the floor, the best"
-            f" laser {percent(laser)}"
-        )
-    return f"{behind};\nt{through}"
+    best = f"the best laser {percent(laser)}" if laser.value else "no laser any"
+    mapped = f"Behind bushes the radar maps {percent(radar)} of the floor, {best}"
+    return f"{mapped}; t{through}"
 
 
 def _against_lasers(summaries: Summaries) -> str:
@@ -127,8 +125,8 @@ def _against_lasers(summaries: Summaries) -> str:
 
 
 def named(sensors: Sequence[str]) -> str:
-    """Return names in backquotes as ``a``, ``b`` and ``c``."""
-    *others, last = (f"`{sensor}`" for sensor in sensors)
+    """Return names as ``a, b and c``."""
+    *others, last = sensors
     return f"{', '.join(others)} and {last}" if others else last
 
 
@@ -139,7 +137,7 @@ def _listed(summaries: Summaries, map_: str, tell: Callable[[Summary], str]) -> 
         for sensor in SENSORS
         if (map_, sensor) in summaries
     )
-    return ", ".join(f"`{sensor}` {text}" for sensor, text in texts if text)
+    return ", ".join(f"{sensor} {text}" for sensor, text in texts if text)
 
 
 def _arrivals(summary: Summary) -> str:
@@ -259,7 +257,7 @@ def draw_study(summaries: Summaries) -> Figure:
     """
     figure = Figure((11.0, 6.6), layout="constrained")
     figure.suptitle(
-        headline(summaries).replace("`", ""),
+        textwrap.fill(headline(summaries), _TITLE_WIDTH),
         x=0.01,
         ha="left",
         fontsize=14,
@@ -326,7 +324,7 @@ def _draw_rows(
                 y = _height(row, sensor)
                 ends = [max(estimate.low, 0.0), min(estimate.high, 1.0)]
                 width = 2.2 if sensor == RADAR else 1.6
-                axes.plot(ends, [y, y], color=_COLOURS[sensor], lw=width)
+                axes.plot(ends, [y, y], color=_colour(sensor), lw=width)
                 axes.plot([estimate.value], [y], clip_on=False, **_style(sensor))
     axes.set_yticks(range(len(labels)), labels)
     axes.set_ylim(len(labels) - 0.5, -0.5)
@@ -338,13 +336,21 @@ def _draw_rows(
 
 
 def _height(row: int, sensor: str) -> float:
-    return row + (SENSORS.index(sensor) - (len(SENSORS) - 1) / 2) * _STEP
+    return row + (list(SENSORS).index(sensor) - (len(SENSORS) - 1) / 2) * _STEP
 
 
-def _style(sensor: str) -> dict[str, Any]:
+def _style(name: str) -> dict[str, Any]:
+    sensor = SENSORS[name]
+    is_variant = bool(sensor.settings or sensor.plan)
+    colour = _colour(name)
     return {
-        "marker": _MARKERS[sensor],
-        "markersize": 9 if sensor == "radar" else 7,
-        "color": _COLOURS[sensor],
+        "marker": _MARKERS[sensor.preset],
+        "markersize": 8 if name == RADAR else 6.5,
+        "color": colour,
+        "markerfacecolor": palette.PAPER if is_variant else colour,
         "linestyle": "none",
     }
+
+
+def _colour(name: str) -> str:
+    return _COLOURS[SENSORS[name].preset]

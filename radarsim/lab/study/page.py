@@ -56,7 +56,7 @@ _TABLE_STYLE: Final = """
   th:first-child { text-align: left; }
   h2 { margin-top: 2rem; }
   code { padding: 0 .2rem; background: var(--code); border-radius: .2rem; }
-  p.answer { font-weight: bold; }
+  p.answer, dt { font-weight: bold; }
   td small { color: var(--quiet); }
   div.wide { overflow-x: auto; }
 """
@@ -70,14 +70,10 @@ _QUESTION: Final = (
     " than a laser?"
 )
 _MODELS: Final = (
-    "`physical`, `hokuyo` and `sick` are lasers. `hokuyo` reaches 4 m, all others 80 m."
-    " Foliage stops every laser at the first leaf; the radar goes on until its power is"
-    " spent, which denser foliage does sooner. Smoke is nothing to the radar and to"
-    " `sick`. `physical` loses light in it, 2.3 dB for each metre, and reads the edge"
-    " of the cloud. In `hokuyo` smoke uses up a small power budget; its beams then read"
-    " 0.00 m, as if something touched the sensor. Without smoke, `physical` and `sick`"
-    " measure the same. All this is assumed by the simulator, not measured: what the"
-    " page tells of smoke and bushes follows from these models."
+    "What smoke and bushes do to each sensor is assumed by the simulator, not measured,"
+    " and what the page tells of them follows from that. Foliage stops every laser at"
+    " the first leaf; the last echo of a real one may come through a gap between leaves"
+    " and from behind. All but the Hokuyo reach 80 m."
 )
 _ALGORITHMS: Final = {
     "planned": "draws what it sees into a grid and takes the cheapest path over it to"
@@ -126,6 +122,10 @@ def _how(kinds: Sequence[str], algorithm: str, seeds: int) -> str:
     if algorithm in _ALGORITHMS:
         drives += f", which {_ALGORITHMS[algorithm]}"
     explores = shares = ""
+    sensors = "".join(
+        f"<dt>{name}</dt><dd>{_marked(sensor.about)}</dd>\n"
+        for name, sensor in SENSORS.items()
+    )
     if mapped := [kind for kind in kinds if kind in MAPPED]:
         where = " and ".join(f"in the {bare_title(kind)}" for kind in mapped)
         explores = f". I{where[1:]} it also explores, for {MAPPING_TIME:g} s"
@@ -139,12 +139,14 @@ def _how(kinds: Sequence[str], algorithm: str, seeds: int) -> str:
     return f"""<p>Maps of {_counted(len(kinds), "kind")}, each drawn anew for
 {_counted(seeds, "seed")}; every sensor runs on the same maps.
 All sensors look all the way round, with a beam every {BEAMS["resolution_deg"]}°.</p>
-<p>{_marked(_MODELS)}</p>
+<dl>
+{sensors}</dl>
+<p>{_MODELS}</p>
 <p>The robot, a P3AT, drives to a goal with {drives}, for at most
-{DRIVING_TIME:g} s{explores}. It asks its scanner for echoes: not only how far
-each beam gets, but everything that it meets on the way. What blocks a robot therefore
-counts where a beam first meets it, even if the beam goes on, and 0.5 m from the robot's
-centre is a safe distance with each of the four.</p>
+{DRIVING_TIME:g} s{explores}. Unless it is told otherwise above, it asks its scanner for
+echoes: not only how far each beam gets, but everything that it meets on the way. What
+blocks a robot then counts where a beam first meets it, even if the beam goes on. The
+robot keeps 0.5 m from its centre to what it senses, with every sensor.</p>
 <p>A verdict is right if the robot reaches the goal, or tells that there is no path
 where there is none for a disc of {ROBOT_RADIUS:g} m radius, half the robot's diagonal.
 A passage that is wide enough for the disc, but not for the safety distance, therefore
@@ -184,7 +186,7 @@ def _section(summaries: Summaries, map_: str) -> str:
     return (
         f'<h2 id="{map_}">{title[0].upper()}{title[1:]}</h2>\n<p>{_ABOUT[map_]}</p>\n'
         f'<div class="wide"><table>\n<tr><th>sensor</th>{head}</tr>\n{rows}</table>'
-        f"</div>\n" + f"<p>{_marked(notes)}</p>\n" * bool(notes)
+        f"</div>\n" + f"<p>{escape(notes)}</p>\n" * bool(notes)
     )
 
 
@@ -215,7 +217,7 @@ def _columns(summaries: Sequence[Summary], map_: str) -> dict[str, list[str]]:
 def _notes(summaries: Sequence[Summary]) -> Iterator[str]:
     """Yield what the table of a kind of maps does not tell: how runs ended."""
     failed = [
-        f"`{each.sensor}` "
+        f"{each.sensor} "
         + " and ".join(
             f"{reason} in {_counted(count, 'drive')}"
             for reason, count in sorted(each.failures.items())
@@ -226,7 +228,7 @@ def _notes(summaries: Sequence[Summary]) -> Iterator[str]:
     if failed:
         yield f"No verdict: {', '.join(failed)}."
     late = [
-        f"`{each.sensor}` {each.timed_out} of {each.explorations}"
+        f"{each.sensor} {each.timed_out} of {each.explorations}"
         for each in summaries
         if each.timed_out
     ]
@@ -315,9 +317,8 @@ def write_study(
     writer.writeheader()
     writer.writerows(rows)
     kinds = kinds_of(summaries)
-    answer = " ".join(headline(summaries).split())
-    said = escape(answer.replace("`", ""))
-    items = "".join(f"<li>{_marked(text)}</li>\n" for text in sentences)
+    answer = escape(headline(summaries))
+    items = "".join(f"<li>{escape(text)}</li>\n" for text in sentences)
     tables = "".join(_section(summaries, map_) for map_ in kinds)
     page = f"""<!DOCTYPE html>
 <html lang="en">
@@ -332,10 +333,10 @@ def write_study(
 <main>
 <h1>{TITLE}</h1>
 <p>{_QUESTION}</p>
-<p class="answer">{_marked(answer)}.</p>
+<p class="answer">{answer}.</p>
 <ul>
 {items}</ul>
-<p class="picture"><img src="{FIGURE}" alt="{said}"></p>
+<p class="picture"><img src="{FIGURE}" alt="{answer}"></p>
 <h2>How</h2>
 {_how(kinds, algorithm.value, seeds)}{tables}<p>Made by radarsim {__version__}.
 Runs are rows of <code>{TABLE}</code>.</p>

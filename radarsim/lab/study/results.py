@@ -30,7 +30,7 @@ class Summary:
 
     Attributes:
         map: Kind of the map.
-        sensor: Sensor preset.
+        sensor: Name of the sensor.
         success: Share of the drives that ended rightly and touched nothing.
         false_no_path: Number of drives that told there is no path where there is one.
         failures: How many drives ended without a verdict, by the reason in words.

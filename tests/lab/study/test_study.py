@@ -20,6 +20,7 @@ from radarsim.lab.study.findings import find_losses, headline, summary_sentences
 from radarsim.lab.study.maps import (
     MAPPING,
     QUICK,
+    SENSORS,
     StudyTask,
     make_study_map,
     run_study_task,
@@ -28,6 +29,8 @@ from radarsim.lab.study.maps import (
 from radarsim.lab.study.page import LOG, PAGE, TABLE, write_study
 from radarsim.lab.study.results import summarise
 from radarsim.presets.sensors import load_settings
+from radarsim.rng import generator_for
+from radarsim.sensors.range_scanner import load_sensor
 
 Row = dict[str, Any]
 
@@ -105,13 +108,13 @@ def lose_in_the_office(task: StudyTask, row: Row) -> None:
 def test_findings_tell_where_the_radar_wins_and_loses() -> None:
     summaries = summarise(made_up_rows(lose_in_the_office))
     assert summaries["office", "radar"].false_no_path == 4
-    assert summaries["office", "sick"].success.value == 1.0
+    assert summaries["office", "USARSim SICK"].success.value == 1.0
     ((is_clear, text),) = find_losses(summaries)
     assert is_clear
     assert "office" in text
     hidden = next(s for s in summary_sentences(summaries) if "bushes" in s)
-    assert "`radar` 90 %" in hidden
-    assert "`sick` 0 %" in hidden
+    assert "radar 90 %" in hidden
+    assert "USARSim SICK 0 %" in hidden
     assert "with every laser" in text
 
 
@@ -119,13 +122,14 @@ def test_paths_are_compared_on_the_same_maps() -> None:
     def change(task: StudyTask, row: Row) -> None:
         if task.map != "forest":
             return
-        row["path_length"] += 2.0 * task.seed + 0.5 * (task.sensor == "sick")
+        row["path_length"] += 2.0 * task.seed + 0.5 * (task.sensor == "USARSim SICK")
         row["time"] += task.seed
-        if task.sensor == "sick" and task.seed == 3:
+        if task.sensor == "USARSim SICK" and task.seed == 3:
             row["outcome"] = "no_path"
 
     summaries = summarise(made_up_rows(change))
-    radar, sick = summaries["forest", "radar"], summaries["forest", "sick"]
+    radar = summaries["forest", "radar"]
+    sick = summaries["forest", "USARSim SICK"]
     assert radar.detour is not None
     assert sick.detour is not None
     assert sick.detour.value < radar.detour.value  # the longest drive is missing
@@ -142,9 +146,9 @@ def lose_in_smoke(task: StudyTask, row: Row) -> None:
     """Let two lasers fail in smoke, one of them without a verdict."""
     if task.map != "smoke_corridor":
         return
-    if task.sensor == "physical":
+    if task.sensor == "first-echo laser":
         row["outcome"] = "no_path"
-    if task.sensor == "hokuyo":
+    if task.sensor == "USARSim Hokuyo":
         row["outcome"] = "too_near" if task.seed else "failed"
         row["note"] = "" if task.seed else "the robot stays at 0 0"
 
@@ -157,12 +161,12 @@ def hide_the_floor(task: StudyTask, row: Row) -> None:
 
 def test_headline_names_the_lasers_that_arrive_too() -> None:
     smoke = (
-        "hrough smoke `radar` and `sick` arrive in 4 of 4, `physical` and `hokuyo` in"
-        " none"
+        "hrough smoke radar, range-only radar, last-echo laser and USARSim SICK arrive"
+        " in 4 of 4, first-echo laser and USARSim Hokuyo in none"
     )
     summaries = summarise(made_up_rows(hide_the_floor))
     assert headline(summaries) == (
-        "Only the radar maps the floor behind bushes (99.8 %, lasers 0 %);\nt" + smoke
+        "Behind bushes the radar maps 99.8 % of the floor, no laser any; t" + smoke
     )
     only_smoke = {key: each for key, each in summaries.items() if key[0] in QUICK}
     assert headline(only_smoke) == "T" + smoke
@@ -170,7 +174,9 @@ def test_headline_names_the_lasers_that_arrive_too() -> None:
 
 def test_headline_makes_no_win_of_what_a_laser_maps_too() -> None:
     def see_with_a_laser(task: StudyTask, row: Row) -> None:
-        row["hidden_coverage"] = {"radar": 0.9, "sick": 0.5}.get(task.sensor, 0.0)
+        row["hidden_coverage"] = {"radar": 0.9, "USARSim SICK": 0.5}.get(
+            task.sensor, 0.0
+        )
 
     told = headline(summarise(made_up_rows(see_with_a_laser)))
     assert told.startswith(
@@ -180,13 +186,13 @@ def test_headline_makes_no_win_of_what_a_laser_maps_too() -> None:
 
 def test_path_of_the_radar_is_compared_with_each_laser() -> None:
     def go_round(task: StudyTask, row: Row) -> None:
-        if task.sensor == "hokuyo":
+        if task.sensor == "USARSim Hokuyo":
             row["path_length"] = 15.0
 
     sentences = summary_sentences(summarise(made_up_rows(go_round)))
     (hedge,) = (text for text in sentences if "hedge" in text)
-    assert "as good as with `physical` and `sick`" in hedge
-    assert "shorter than with `hokuyo`;" in hedge
+    same = "first-echo laser, last-echo laser and USARSim SICK"
+    assert f"as good as with {same}, and shorter than with USARSim Hokuyo;" in hedge
 
 
 def shut_in(task: StudyTask, row: Row) -> None:
@@ -204,9 +210,9 @@ def test_page_tells_how_runs_ended(tmp_path: Path) -> None:
     rows = made_up_rows(shut_in)
     write_study(tmp_path, rows, algorithm=Algorithm.PLANNED, seeds=4)
     page = (tmp_path / PAGE).read_text()
-    hokuyo = "<code>hokuyo</code>"
-    assert f"No verdict: {hokuyo} got stuck in 1 drive and would not start in" in page
-    assert "time limit: <code>radar</code> 3 of 4," in page
+    ended = "USARSim Hokuyo got stuck in 1 drive and would not start in"
+    assert f"No verdict: {ended}" in page
+    assert "time limit: radar 3 of 4," in page
     assert "In the map of seed 2 no robot leaves" in page
     assert " 25 % of the floor" in page
     assert "1.20 <small>[n = 3]</small>" in page
@@ -230,12 +236,27 @@ def test_page_leaves_out_columns_without_values(tmp_path: Path) -> None:
 
 def test_page_tells_the_sensors_as_they_are(tmp_path: Path) -> None:
     page = quick_page(tmp_path, seeds=1)
-    for sensor in ("radar", "physical", "sick"):
-        assert load_settings(sensor).max_range == 80
-    assert load_settings("hokuyo").max_range == 4
-    assert "reaches 4 m, all others 80 m" in page
+    for name, sensor in SENSORS.items():
+        settings = load_settings(sensor.preset, **sensor.settings)
+        assert settings.max_range == (4 if "Hokuyo" in name else 80)
+    assert "All but the Hokuyo reach 80 m" in page
     assert "laser_db_per_m: 2.3," in make_study_map("smoke_corridor", 0).text
     assert "2.3 dB" in page
+    last = load_settings("physical", return_mode="last")
+    assert last.margin_db == 40
+    assert f"after {last.penetration_power / 2.3:.1f} m" in page
+
+
+def test_lasers_of_one_preset_differ_by_the_echo_that_they_read() -> None:
+    scene = make_study_map("smoke_corridor", 0).load()
+    readings = {}
+    for name in ("first-echo laser", "last-echo laser"):
+        sensor = SENSORS[name]
+        laser = load_sensor(sensor.preset, **sensor.settings)
+        scan = laser.scan(scene, (-6, 0, 0), generator_for(0, "test"))
+        readings[name] = scan.ranges[len(scan.ranges) // 2]
+    assert readings["first-echo laser"] < 6
+    assert math.isclose(readings["last-echo laser"], 13, abs_tol=0.01)
 
 
 def test_same_runs_give_the_same_files(tmp_path: Path) -> None:
@@ -253,8 +274,22 @@ def test_same_runs_give_the_same_files(tmp_path: Path) -> None:
     assert "radar_vs_laser.png" in one[PAGE].decode()
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("sensor", "outcome"),
+    [("range-only radar", "failed"), ("radar", "no_path")],
+)
+def test_radar_without_echoes_drives_into_what_it_sees_through(
+    sensor: str, outcome: str
+) -> None:
+    row = run_study_task(StudyTask(0, "hidden_room", sensor, "planned"))
+    assert row["expected"] == "no_path"
+    assert row["outcome"] == outcome
+    assert bool(row["collisions"]) is (outcome == "failed")
+
+
 def test_laser_takes_smoke_for_a_wall() -> None:
-    row = run_study_task(StudyTask(0, "smoke_corridor", "physical", "planned"))
+    row = run_study_task(StudyTask(0, "smoke_corridor", "first-echo laser", "planned"))
     assert (row["expected"], row["outcome"]) == ("reached", "no_path")
     assert math.isclose(row["shortest_path"], 12.0, abs_tol=0.1)
 
