@@ -29,7 +29,7 @@ START: Final = "RobotStart1"
 TITLE: Final = "To a laser the bushes are a wall; a radar sees through them"
 _NEXT: Final = f"""\
 Try next:
-  {{0}} explain {MAP} --sensor radar --start {START} --beam 92
+  {{0}} explain {MAP} --sensor radar --start {START} --beam 95
   {{0}} navigate bug_u_trap --algorithm bug2 --plot run.png
   {{0}} serve {MAP} --web 0
 """
