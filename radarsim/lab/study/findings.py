@@ -28,7 +28,7 @@ LASERS: Final = tuple(
 )
 _ROUNDING: Final = 1e-9  # errors of shares
 _STEP: Final = 0.14  # rows between two sensors
-_TITLE_WIDTH: Final = 105  # characters
+_TITLE_WIDTH: Final = 92  # characters
 # By preset; a variant of a preset has hollow markers.
 _PRESETS: Final = tuple(dict.fromkeys(each.preset for each in SENSORS.values()))
 _COLOURS: Final = dict(zip(_PRESETS, (palette.RADAR, *palette.LASERS), strict=True))
@@ -63,6 +63,11 @@ def summary_sentences(summaries: Summaries) -> list[str]:
             "Where the nearer gap in a hedge leads nowhere, "
             + (f"the radar's path is {compared}; " if compared else "")
             + f"path / shortest path: {detours}."
+        )
+    if len(kinds := kinds_of(summaries)) > 1:
+        sentences.append(
+            "Of all drives, these end with a right verdict and no touch:"
+            f" {_right_verdicts(summaries, kinds)}."
         )
     losses = list(find_losses(summaries))
     # With one seed nothing can be told from chance, so no intervals are claimed.
@@ -138,6 +143,16 @@ def _listed(summaries: Summaries, map_: str, tell: Callable[[Summary], str]) -> 
         if (map_, sensor) in summaries
     )
     return ", ".join(f"{sensor} {text}" for sensor, text in texts if text)
+
+
+def _right_verdicts(summaries: Summaries, kinds: Sequence[str]) -> str:
+    """Return how many drives on all kinds of maps end rightly, for each sensor."""
+    totals = {}
+    for sensor in SENSORS:
+        drives = [summaries[map_, sensor].success for map_ in kinds]
+        right = sum(round(each.value * each.count) for each in drives)
+        totals[sensor] = f"{right} of {sum(each.count for each in drives)}"
+    return ", ".join(f"{sensor} {total}" for sensor, total in totals.items())
 
 
 def _arrivals(summary: Summary) -> str:

@@ -116,6 +116,8 @@ def test_findings_tell_where_the_radar_wins_and_loses() -> None:
     assert "radar 90 %" in hidden
     assert "USARSim SICK 0 %" in hidden
     assert "with every laser" in text
+    verdicts = next(s for s in summary_sentences(summaries) if "all drives" in s)
+    assert "radar 20 of 24, range-only radar 24 of 24," in verdicts
 
 
 def test_paths_are_compared_on_the_same_maps() -> None:
