@@ -16,7 +16,7 @@ from radarsim.files import write_atomically
 from radarsim.geometry import Pose2
 from radarsim.local.history import Moment
 from radarsim.plotting.film import FILM_FORMATS, Film, FrameCanvas, Pixels
-from radarsim.plotting.palette import TRUE_PATH, sensor_colour
+from radarsim.plotting.palette import TRUTH, sensor_colour
 from radarsim.plotting.plan import (
     HEIGHT,
     draw_plan,
@@ -74,7 +74,7 @@ class RunPicture:
         if figure is not None:
             legend = Legend()
             legend.add_heading("Robots")
-            legend.add_line("true path", color=TRUE_PATH, linewidth=1.5)
+            legend.add_line("true path", color=TRUTH, linewidth=1.5)
             for medium in sorted({s.medium for m in moments for s in m.seen}):
                 colour = sensor_colour(medium)
                 text = f"what the {medium} reads"
@@ -90,7 +90,7 @@ class RunPicture:
         axes, moment = self.axes, self._moments[number]
         self._moving = []
         for path in self._paths[:, : number + 1]:
-            self._moving += axes.plot(*path.T, color=TRUE_PATH, linewidth=1.5, zorder=4)
+            self._moving += axes.plot(*path.T, color=TRUTH, linewidth=1.5, zorder=4)
         for medium, points in moment.seen:
             colour = sensor_colour(medium)
             self._moving += axes.plot(*points.T, "o", color=colour, ms=3, zorder=5)

@@ -1,16 +1,20 @@
 """Colours of all pictures of the program; each colour has one meaning.
 
+This is the only table of colours: plots take theirs from here, and the web page gets
+``PAGE_COLOURS`` as a style sheet.
+
 Materials have the colour of their family: foliage is green, wood brown, concrete and
 brick grey, smoke and dust a pale sand that is drawn translucent. All radars are violet
-and all lasers orange, in every picture; several lasers differ in lightness, from brown
-to yellow. Only where left and right rays of a radar are told apart they are coloured as
-in the thesis: left red, right blue.
+and all lasers orange, in every picture; several of them differ in lightness. The path
+of a robot is blue, and red is what is truly there. Only where left and right rays of a
+radar are told apart they are coloured as in the thesis: left red, right blue.
 
 All colours that one picture shows together differ for normal sight, deuteranopia and
 protanopia; ``SHOWN_TOGETHER`` lists these groups.
 """
 
 import re
+from collections.abc import Mapping
 from enum import StrEnum
 from typing import Final
 
@@ -52,30 +56,58 @@ RIGHT_RAY: Final = "#1563be"
 
 RADAR: Final = "#6a4aeb"
 LASER: Final = "#ff5704"
-LASERS: Final = ("#7a2500", "#e04a00", "#ffb000")  # that are compared in one picture
+# Sensors of one medium that are compared in one picture.
+RADARS: Final = (RADAR, "#2b1780", "#b3a2f7")
+LASERS: Final = (LASER, "#8f2d00", "#ffa875")
+# Shades that presets keep in all comparisons; others take what is left.
+_KEPT: Final = {
+    "radar": RADARS[0],
+    "physical": LASERS[0],
+    "hokuyo": LASERS[1],
+    "sick": LASERS[2],
+}
+# Of one radar with several values of a setting, from the smallest to the largest.
+RADAR_SHADES: Final = ("#cfc6fb", "#a795f5", "#8068ef", "#5636d8", "#36208f")
 
 # Power that comes back of a radar beam.
 RETURNED: Final = "#047e7d"
 
 # Parts of navigation and mapping runs; what is sensed has the colour of the sensor.
-GOING: Final = "#06a8fe"  # path towards the goal
-FOLLOWING: Final = "#ffc800"  # path along a boundary
+TRUTH: Final = "#cc1400"  # what is truly there, and where a robot truly drove
+GOING: Final = "#06a8fe"  # path of a robot, or its path towards the goal
+FOLLOWING: Final = "#ffc800"  # path along a boundary, and the hit point it begins at
 RETURNING: Final = "#0b6b57"  # path back to the leave point
 TARGET: Final = "#e11dbb"  # goals
-TRUE_PATH: Final = INK
 UNKNOWN_SENSOR: Final = LASER
-MAPPED_PATH: Final = LEFT_RAY  # path of a robot over the map that it makes
-ROBOT_PATHS: Final = (MAPPED_PATH, RADAR, FOLLOWING)  # of robots that map together
+ROBOT_PATHS: Final = (GOING, RETURNING, FOLLOWING)  # of robots that map together
 NOT_SENSED: Final = "#9aa3ad"  # cells of a map that no beam has crossed
-TRUE_OUTLINE: Final = RIGHT_RAY  # over a map: what is truly there
 MARKER: Final = INK  # markers, and their edges
 ROBOT: Final = PAPER  # hull of the robot, outlined in ``MARKER``
+
+# Of charts.
+GRID: Final = "#dddddd"  # lines of a grid
+BAND: Final = "#f4f4f6"  # every other row
+
+# On the web page, by light and by dark.
+PAGE_COLOURS: Final[Mapping[str, tuple[str, str]]] = {
+    "paper": (PAPER, "#1b1e23"),
+    "ink": (INK, "#eceef1"),
+    "radar": (RADAR, "#7c5cff"),
+    "laser": (LASER, "#ff6414"),
+    "true": (TRUTH, "#d40000"),
+    "path": (GOING, GOING),
+    "hit": (FOLLOWING, FOLLOWING),
+    "leave": (GOING, GOING),
+    "goal": (TARGET, "#c031bc"),
+    "robot": (ROBOT, "#3b414b"),
+}
 
 _ON_MATERIALS = (PAPER, INK, *FAMILY_COLOURS.values())
 _OUTLINES = (Family.STONE, Family.FOLIAGE, Family.SMOKE)  # of runs
 _RUN = (
     PAPER,
-    TRUE_PATH,
+    INK,
+    TRUTH,
     GOING,
     FOLLOWING,
     RETURNING,
@@ -88,13 +120,21 @@ _CELLS = (
     INK,
     *(FAMILY_COLOURS[family] for family in (Family.FOLIAGE, Family.SMOKE)),
 )
+_PAGE_MARKS: Final = ("radar", "laser", "true", "path", "hit", "goal")
 SHOWN_TOGETHER: Final = {
     "left and right rays": (*_ON_MATERIALS, LEFT_RAY, RIGHT_RAY),
     "beam and what comes back": (*_ON_MATERIALS, RADAR, RETURNED),
     "sensors over a plan": (*_ON_MATERIALS, RADAR, LASER),
-    "a radar and several lasers": (PAPER, INK, RADAR, *LASERS),
+    "radars and lasers": (PAPER, INK, *RADARS, *LASERS),
     **{f"run with {sensor}": (*_RUN, sensor) for sensor in (RADAR, LASER)},
-    "map": (*_CELLS, *ROBOT_PATHS, TRUE_OUTLINE),
+    "map": (*_CELLS, *ROBOT_PATHS, TRUTH),
+    **{
+        f"map on the page, {scheme}": (
+            *_CELLS,
+            *(PAGE_COLOURS[name][dark] for name in _PAGE_MARKS),
+        )
+        for dark, scheme in enumerate(("light", "dark"))
+    },
 }
 
 # The last word of a name that is found decides: a "wood_floor" is ground.
@@ -139,6 +179,21 @@ def colour_of(material: Material) -> str:
 def sensor_colour(medium: str) -> str:
     """Return the colour of sensors of a medium, ``radar`` or ``laser``."""
     return RADAR if medium == "radar" else LASER
+
+
+def sensor_colours(media: Mapping[str, str]) -> dict[str, str]:
+    """Return the colours of sensors that one picture compares, by their names.
+
+    Args:
+        media: The medium of each sensor, ``radar`` or ``laser``, by its name.
+    """
+    colours = {name: _KEPT[name] for name in media if name in _KEPT}
+    for name, medium in media.items():
+        if name not in colours:
+            shades = RADARS if medium == "radar" else LASERS
+            left = [shade for shade in shades if shade not in colours.values()]
+            colours[name] = left[0] if left else shades[-1]
+    return colours
 
 
 def paler(colour: str) -> str:

@@ -18,7 +18,7 @@ from matplotlib.path import Path
 from shapely import Geometry
 
 from radarsim.geometry import Floats, Pose2
-from radarsim.plotting.palette import MARKER, ROBOT, Family, family_of
+from radarsim.plotting.palette import MARKER, ROBOT, TARGET, Family, family_of
 from radarsim.plotting.style import (
     Legend,
     area_style,
@@ -202,7 +202,7 @@ def plot_scene(scene: Scene, axes: Axes | None = None) -> Axes:
         draw_robot(axes, ROBOT_CLASS, pose, zorder=4)
         _write(axes, start.name, (pose.x, pose.y), "below")
     if scene.trial is not None:
-        axes.plot(*scene.trial.goal, "*", color="black", markersize=10, zorder=5)
+        axes.plot(*scene.trial.goal, "*", color=TARGET, markersize=12, zorder=5)
         _write(axes, "goal of the trial", scene.trial.goal, "above")
     objects = len({part.object_name for part in scene.parts})
     starts = len(scene.starts)

@@ -11,7 +11,7 @@ from PIL import Image
 
 from radarsim.local import LocalSimulation, history, simulate
 from radarsim.plotting.film import FRAME_RATE, HOLD
-from radarsim.plotting.palette import LASER, RADAR, TRUE_PATH
+from radarsim.plotting.palette import LASER, RADAR, TRUTH
 from radarsim.scene.scene import Scene
 from radarsim.server.camera import Renderer
 from radarsim.server.image_server import View
@@ -39,7 +39,7 @@ def drawn_in(axes: Axes, colour: str) -> list[np.ndarray]:
 def test_picture_shows_true_paths_and_newest_scans(driven: LocalSimulation) -> None:
     axes = Figure().add_subplot()
     assert driven.plot(axes) is axes
-    one, two = drawn_in(axes, TRUE_PATH)
+    one, two = drawn_in(axes, TRUTH)
     assert one[0].tolist() == pytest.approx([-7.95, 0.0], abs=0.02)
     pose = driven.robots["one"].pose
     assert one[-1].tolist() == [pose.x, pose.y]
@@ -144,7 +144,7 @@ def test_long_runs_are_noted_less_often(
     robot.drive(0.2)
     sim.step(6.0)
     axes = sim.plot(Figure().add_subplot())
-    (path,) = drawn_in(axes, TRUE_PATH)
+    (path,) = drawn_in(axes, TRUTH)
     assert 5 <= len(path) <= 12
     gaps = np.diff(path[:, 0])[:-1]
     assert gaps.max() - gaps.min() < 0.01  # evenly

@@ -1,11 +1,16 @@
 """Colours that one picture shows differ, also for the colour-blind."""
 
+import ast
 import itertools
+import re
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_rgb, to_rgba
+from matplotlib.colors import is_color_like, to_rgb, to_rgba
 
+import radarsim
 from radarsim.geometry import Floats
 from radarsim.plotting.palette import (
     FAMILY_COLOURS,
@@ -14,6 +19,7 @@ from radarsim.plotting.palette import (
     family_of,
     paler,
     sensor_colour,
+    sensor_colours,
 )
 from radarsim.plotting.style import area_style
 from radarsim.scene.material import Material, library_material
@@ -126,3 +132,62 @@ def test_areas_look_on_paper_like_the_colour_of_their_family(family: Family) -> 
     on_paper = [opacity * part + 1 - opacity for part in paint]
     assert on_paper == pytest.approx(to_rgb(FAMILY_COLOURS[family]))
     assert (opacity < 1) == (family is Family.SMOKE)
+
+
+PACKAGE = Path(radarsim.__file__).parent
+# The table, the sky that cameras see, and the style sheets of pages of text.
+OTHERS = ("plotting/palette.py", "server/camera.py", "lab/figures/page.py")
+HEX = re.compile(r"#[0-9a-fA-F]{6}\b")
+SHADES = re.compile(r"0?\.\d+|none|white|inherit")  # of grey
+
+
+def colours_of_its_own(source: str) -> Iterator[str]:
+    """Yield the colours that a module has beside the table, greys excepted."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield from HEX.findall(node.value)
+        elif isinstance(node, ast.keyword) and "color" in str(node.arg):
+            named = node.value
+            if (
+                isinstance(named, ast.Constant)
+                and is_color_like(named.value)
+                and not SHADES.fullmatch(str(named.value))
+            ):
+                yield str(named.value)
+
+
+def test_a_colour_beside_the_table_is_found() -> None:
+    source = 'plot(color="#123456"); plot(color="0.5"); plot(facecolor="tab:blue")'
+    assert set(colours_of_its_own(source)) == {"#123456", "tab:blue"}
+
+
+def test_all_plots_take_their_colours_from_the_table() -> None:
+    found = {
+        name: own
+        for path in sorted(PACKAGE.rglob("*.py"))
+        if (name := path.relative_to(PACKAGE).as_posix()) not in OTHERS
+        and (own := [*colours_of_its_own(path.read_text(encoding="utf-8"))])
+    }
+    assert found == {}
+
+
+def test_scripts_of_the_page_have_no_colours_of_their_own() -> None:
+    scripts = sorted((PACKAGE / "addons/web/page").glob("*.js"))
+    lines = [
+        f"{path.name}: {line.strip()}"
+        for path in scripts
+        if path.name != "three.bundle.js"
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if HEX.search(line) and "Light(" not in line  # of a lamp
+    ]
+    assert len(scripts) > 10
+    assert lines == []
+
+
+def test_presets_keep_their_colours_whatever_they_are_compared_with() -> None:
+    media = {"radar": "radar", "physical": "laser", "hokuyo": "laser", "sick": "laser"}
+    all_of_them = sensor_colours(media)
+    assert len(set(all_of_them.values())) == len(media)
+    two = sensor_colours({"sick": "laser", "mine": "laser", "physical": "laser"})
+    assert all(two[name] == all_of_them[name] for name in ("sick", "physical"))
+    assert two["mine"] not in (two["sick"], two["physical"])

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
+from radarsim.plotting.palette import INK, RADAR, RADARS
 
 if TYPE_CHECKING:
     from radarsim.addons.fmcw.detection import Detections
@@ -26,7 +27,7 @@ _MARK: Final[dict[str, Any]] = {
     "marker": "o",
     "linestyle": "none",
     "markerfacecolor": "none",
-    "color": "#ff7f0e",
+    "color": RADARS[2],  # which shows on black
 }
 _GREY: Final[dict[str, Any]] = {
     "cmap": "gray",
@@ -172,13 +173,13 @@ def _draw_ascope(
     ranges = spectrum.ranges[shown]
     axes.plot(ranges, spectrum.decibels[azimuth, shown], linewidth=0.8, color="0.35")
     mean = 10 * np.log10(spectrum.mean[azimuth, shown]) + 30
-    axes.plot(ranges, mean, linewidth=1.2, color="#1f77b4", label="mean of many turns")
+    axes.plot(ranges, mean, linewidth=1.2, color=RADAR, label="mean of many turns")
     floor = 10 * np.log10(spectrum.noise_floor[shown]) + 30
     axes.plot(ranges, floor, linewidth=1, linestyle="--", color="0.5", label="noise")
     if detections is not None:
         own = (detections.rows == azimuth) & (detections.ranges <= reach)
         ranges, dbm = detections.ranges[own], detections.dbm[own]
-        axes.plot(ranges, dbm, **_MARK, label="detected")
+        axes.plot(ranges, dbm, **{**_MARK, "color": INK}, label="detected")
     axes.set_xlabel("range, m")
     axes.set_ylabel("dBm")
     axes.set_xlim(0, reach)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from radarsim.addons.gym.environment import GoToTask, as_actions
 from radarsim.addons.gym.settings import GoToSettings, Transition
 from radarsim.geometry import Pose2
+from radarsim.plotting.palette import TARGET
 from radarsim.plotting.plan import HEIGHT, draw_plan, draw_robot, show_extent
 
 _SIZE = (6.0, 6.0)  # inches
@@ -59,7 +60,7 @@ class Picture:
             for artist in draw_robot(axes, robot, Pose2(*pose.tolist()))
         ]
         x, y = self._task.goals[rows].T
-        stars = axes.plot(x, y, "*", color="black", markersize=14, zorder=4)
+        stars = axes.plot(x, y, "*", color=TARGET, markersize=14, zorder=4)
         data, (width, height) = self._canvas.print_to_buffer()  # type: ignore[no-untyped-call]
         # Copied: the next picture is drawn into the same buffer.
         image = np.frombuffer(data, np.uint8).reshape(height, width, 4)[..., :3].copy()

@@ -25,7 +25,11 @@ from radarsim.autonomy.exploration.exploration import (
     Outcome,
 )
 from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
-from radarsim.autonomy.mapping.export import commander_pixels, sensed_window
+from radarsim.autonomy.mapping.export import (
+    COMMANDER_CELLS,
+    commander_pixels,
+    sensed_window,
+)
 from radarsim.autonomy.mapping.mapper import Mapper, MapperSettings
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.autonomy.mapping.slam import SlamSettings
@@ -34,7 +38,7 @@ from radarsim.autonomy.navigation.mission import run_mission
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.run_log import RunLog
 from radarsim.autonomy.navigation.runner import NavigationStep
-from radarsim.autonomy.plotting.maps import CELL_COLOURS
+from radarsim.autonomy.plotting.maps import CELL_COLOURS, CELL_TEXTS
 from radarsim.client import ScannerInfo
 from radarsim.client.robot_info import same_name
 from radarsim.errors import RadarsimError, expected_one_of
@@ -186,7 +190,7 @@ def describe_map(robot: str, grid: OccupancyGrid, colours: Colours) -> dict[str,
     """Return the message ``map``: a picture of what is sensed, and where it belongs.
 
     The first row of the picture is the northernmost; ``origin`` is the south-western
-    corner, m, map frame.
+    corner, m, map frame. ``legend`` has each colour of it with what it means.
 
     Args:
         robot: Name of the robot that it is a map of.
@@ -198,8 +202,10 @@ def describe_map(robot: str, grid: OccupancyGrid, colours: Colours) -> dict[str,
     size = grid.frame.resolution
     if colours == "usarcommander":
         pixels = commander_pixels(grid)[rows, columns]
+        legend = [[f"#{bytes(c).hex()}", text] for text, c in COMMANDER_CELLS.items()]
     else:
         pixels = _SHADES[grid.classes()[rows, columns]]
+        legend = [[CELL_COLOURS[each], CELL_TEXTS[each]] for each in CellClass]
     data = io.BytesIO()
     # Rows of pictures go down, those of maps north.
     Image.fromarray(np.flip(pixels, axis=0)).save(data, "png")
@@ -212,6 +218,7 @@ def describe_map(robot: str, grid: OccupancyGrid, colours: Colours) -> dict[str,
         "width": width,
         "height": height,
         "colours": colours,
+        "legend": legend,
         "png": base64.b64encode(data.getvalue()).decode(),
     }
 

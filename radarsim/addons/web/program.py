@@ -35,6 +35,7 @@ from radarsim.addons.web.requests import (
 from radarsim.addons.web.viewers import SlowViewer
 from radarsim.errors import RadarsimError
 from radarsim.listening import bind, exit_code_of_signal
+from radarsim.plotting.palette import PAGE_COLOURS
 from radarsim.server.web_server import AllowedHosts, HostCheck, WebServer, is_token
 from radarsim.simulation.config import SimulationConfig
 
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
 
 FIRST_LOOK: Final = 3.0  # s in which nothing takes time from the first browser
 PAGE: Final = Path(__file__).parent / "page"
+PALETTE: Final = "palette.css"  # which is made of the table of colours
 HELLO_TIMEOUT: Final = 5.0  # s
 # Why a WebSocket was closed, beside the codes of the protocol.
 WRONG_TOKEN, NO_HELLO, SLOW, TOO_FAST = 4401, 4408, 4409, 4429
@@ -227,7 +229,10 @@ def create_app(commander: Commander, allowed: AllowedHosts, token: str) -> Starl
     }
 
     async def send_file(request: Request) -> Response:
-        path = files.get(request.path_params.get("name", "index.html"))
+        name = request.path_params.get("name", "index.html")
+        if name == PALETTE:
+            return Response(palette_style(), media_type=MEDIA_TYPES[".css"])
+        path = files.get(name)
         if path is None:
             return PlainTextResponse("no such file\n", 404)
         # Files of another version would not understand this program.
@@ -249,6 +254,17 @@ def create_app(commander: Commander, allowed: AllowedHosts, token: str) -> Starl
         WebSocketRoute("/ws", talk),
     ]
     return Starlette(routes=routes, middleware=[Middleware(HostCheck, allowed=allowed)])
+
+
+def palette_style() -> str:
+    """Return the colours of pictures as a style sheet, by light and by dark."""
+    light, dark = (
+        "".join(f"--{name}:{both[scheme]};" for name, both in PAGE_COLOURS.items())
+        for scheme in (0, 1)
+    )
+    return (
+        f":root{{{light}}}\n@media (prefers-color-scheme: dark) {{:root{{{dark}}}}}\n"
+    )
 
 
 class RateLimit:

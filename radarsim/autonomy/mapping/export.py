@@ -19,7 +19,14 @@ from radarsim.autonomy.mapping.occupancy_grid import (
 NavMode: TypeAlias = Literal["trinary", "scale"]
 
 BLUE, WHITE, GREY, BLACK = (0, 0, 255), (255, 255, 255), (160, 160, 160), (0, 0, 0)
-_COMMANDER_COLOURS: Final = np.array([BLUE, WHITE, GREY, BLACK], np.uint8)
+# What the colours of UsarCommander mean.
+COMMANDER_CELLS: Final = {
+    "unknown": BLUE,
+    "sensed": WHITE,
+    "free, near": GREY,
+    "beams end": BLACK,
+}
+_COMMANDER_COLOURS: Final = np.array([*COMMANDER_CELLS.values()], np.uint8)
 MARGIN: Final = 0.5  # m of unknown cells around the sensed ones
 OCCUPIED_LEVEL, UNKNOWN_LEVEL, FREE_LEVEL = 0, 205, 254
 OCCUPIED_FROM: Final = 0.65

@@ -29,7 +29,7 @@ from radarsim.plotting.palette import (
     NOT_SENSED,
     PAPER,
     ROBOT_PATHS,
-    TRUE_OUTLINE,
+    TRUTH,
     Family,
 )
 from radarsim.plotting.plan import draw_robot, name_objects
@@ -59,7 +59,7 @@ _SHADES: Final = np.array(
     np.uint8,
 )
 _DASHES: Final = ("-", "--", "-.", ":")  # of robots whose paths share a colour
-_TRUTH: Final[dict[str, Any]] = {"color": TRUE_OUTLINE, "linewidth": 0.9}
+_TRUTH: Final[dict[str, Any]] = {"color": TRUTH, "linewidth": 0.9}
 _WIDEST, _TALLEST = 900, 760  # pixels of a panel, at most
 _LARGEST_CELL: Final = 6  # pixels
 _MUCH: Final = 4.0  # times the sensed area that a scene may have to be shown whole

@@ -59,7 +59,7 @@ _GOAL_LINE: Final[dict[str, Any]] = {
     "linewidth": 1.0,
 }
 _TRUE_PATH: Final[dict[str, Any]] = {
-    "color": palette.TRUE_PATH,
+    "color": palette.TRUTH,
     "linestyle": (0, (1.0, 1.6)),
     "linewidth": 1.1,
 }

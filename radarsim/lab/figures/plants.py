@@ -126,7 +126,7 @@ def _draw_plan(axes: Axes, shape: Comparison) -> None:
     axes.plot(ends[~wall], offsets[~wall], ".", color=END, markersize=4, zorder=3)
     axes.plot(ends[wall], offsets[wall], ".", color=WALL_END, markersize=4, zorder=3)
     side = float(np.abs(offsets).max()) + MARGIN
-    axes.plot([WALL - BEFORE] * 2, [-side, side], color="black", linewidth=2)
+    axes.plot([WALL - BEFORE] * 2, [-side, side], color=MARKER, linewidth=2)
     axes.set_xlim(-2, WALL - BEFORE + MARGIN)
     axes.set_ylim(-side, side)
     axes.set_aspect("equal")

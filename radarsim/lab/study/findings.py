@@ -333,7 +333,7 @@ def _draw_rows(
     """Draw a row for each label, and in it a dot for each sensor."""
     for row, _ in enumerate(labels):
         if row % 2 == 0:
-            axes.axhspan(row - 0.5, row + 0.5, color="#f4f4f6", lw=0)
+            axes.axhspan(row - 0.5, row + 0.5, color=palette.BAND, lw=0)
         for sensor in SENSORS:
             if (estimate := find(row, sensor)) is not None:
                 y = _height(row, sensor)
@@ -346,7 +346,7 @@ def _draw_rows(
     axes.set_xlim(-0.03, 1.03)
     axes.set_xticks([0, 0.5, 1], ["0", "50 %", "100 %"])
     axes.tick_params(axis="y", length=0)
-    axes.grid(axis="x", color="#dddddd", lw=0.6)
+    axes.grid(axis="x", color=palette.GRID, lw=0.6)
     axes.spines[["top", "right", "left"]].set_visible(False)
 
 

@@ -30,7 +30,7 @@ from radarsim.files import write_atomically, written_atomically
 from radarsim.geometry import Floats
 from radarsim.lab.sweep.file import FigureEntry, Parameters, SweepFile
 from radarsim.lab.sweep.tasks import MAP_VALUES, digest, unpacked
-from radarsim.plotting.palette import LASER, RADAR
+from radarsim.plotting.palette import GRID, RADAR_SHADES, sensor_colours
 from radarsim.plotting.style import render
 from radarsim.presets.sensors import load_settings
 from radarsim.scene.scene import Scene
@@ -44,9 +44,10 @@ LOG: Final = "tasks.jsonl"
 TABLE: Final = "rows.parquet"
 ABOUT: Final = "sweep.json"
 FIGURE: Final = "figure.png"
-_SHADES: Final = ("#cfc6fb", "#a795f5", "#8068ef", "#5636d8", "#36208f")
 _LENGTH: Final = re.compile(r"([0-9]+)(mm|cm|m)")
-_DASHES: Final = ("-", "--", ":")  # lines may lie on each other
+# Lines may lie on each other.
+_DASHES: Final = ("-", "--", ":")
+_MARKERS: Final = "os^Dv"
 
 
 def flat_parameters(task: Parameters) -> Row:
@@ -305,16 +306,15 @@ def draw_sweep(sweep: SweepFile, entry: FigureEntry, table: Path) -> Figure:
     figure = Figure((8.0, 4.6), layout="constrained")
     axes = figure.subplots()
     axes.set_title(entry.title, loc="left", fontsize=12, fontweight="bold")
+    colours = _line_colours([*points], entry)
     for number, (name, line) in enumerate(points.items()):
-        # the colour of its sensor, or a shade of the radar's
-        colour = _SHADES[number * (len(_SHADES) - 1) // max(len(points) - 1, 1)]
-        if entry.lines == "sensor.name":
-            colour = RADAR if load_settings(name).medium == "radar" else LASER
+        colour = colours[name]
         places = sorted(line)
         means = [float(np.mean(line[place])) for place in places]
         dashes = _DASHES[number % len(_DASHES)]
         label = f"{name}"
-        axes.plot(places, means, dashes, color=colour, marker="o", ms=4, label=label)
+        mark = _MARKERS[number % len(_MARKERS)]
+        axes.plot(places, means, dashes, color=colour, marker=mark, ms=5, label=label)
         low, high = (
             [float(np.quantile(line[place], share)) for place in places]
             for share in (0.25, 0.75)
@@ -325,9 +325,17 @@ def draw_sweep(sweep: SweepFile, entry: FigureEntry, table: Path) -> Figure:
     axes.set_ylabel(f"beams that end beyond x = {entry.beyond_x:g} m")
     axes.set_xlabel(entry.x_label or entry.x)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(color="#e4e4e4", lw=0.6)
+    axes.grid(color=GRID, lw=0.6)
     axes.legend(title=entry.lines_label or entry.lines, frameon=False)
     return figure
+
+
+def _line_colours(lines: Sequence[Any], entry: FigureEntry) -> dict[Any, str]:
+    """Return the colour of each line: of its sensor, or a shade of the radar's."""
+    if entry.lines == "sensor.name":
+        return sensor_colours({name: load_settings(name).medium for name in lines})
+    step = (len(RADAR_SHADES) - 1) / max(len(lines) - 1, 1)
+    return {line: RADAR_SHADES[int(n * step)] for n, line in enumerate(lines)}
 
 
 def _points(

@@ -8,6 +8,9 @@ import websockets
 from web_pages import open_page
 from websockets.typing import Origin
 
+from radarsim.addons.web.program import PAGE
+from radarsim.plotting.palette import PAGE_COLOURS
+
 
 def get(web: str, path: str = "/", **headers: str) -> httpx.Response:
     return httpx.get(f"http://{web}{path}", headers=headers, timeout=240)
@@ -39,6 +42,19 @@ def test_nothing_else_is_sent(commander: Any) -> None:
     paths = ["/program.py", "/ws", *(f"/static/{name}" for name in names)]
     codes = {path: get(commander.web, path).status_code for path in paths}
     assert codes == dict.fromkeys(paths, 404)
+
+
+def test_page_has_the_colours_of_the_pictures(commander: Any) -> None:
+    response = get(commander.web, "/static/palette.css")
+    assert response.headers["content-type"].startswith("text/css")
+    assert '/static/palette.css"' in get(commander.web).text
+    light, dark = response.text.splitlines()
+    assert "(prefers-color-scheme: dark)" in dark
+    for name, colours in PAGE_COLOURS.items():
+        for line, colour in zip((light, dark), colours, strict=True):
+            assert f"--{name}:{colour};" in line
+    style = (PAGE / "style.css").read_text()
+    assert not [name for name in PAGE_COLOURS if f"--{name}:" in style]
 
 
 def test_no_other_method_is_known(commander: Any) -> None:

@@ -8,6 +8,8 @@ import pytest
 from PIL import Image
 from web_pages import Page, open_page
 
+from radarsim.plotting.palette import FAMILY_COLOURS, Family
+
 FAST = pytest.mark.parametrize("server", [5.0], indirect=True)
 
 
@@ -139,6 +141,8 @@ async def test_map_can_have_the_colours_of_materials(commander: Any) -> None:
     async with open_page(commander.web, commander.token) as page:
         name = await spawn(page, "P3AT", -8.0, 0.0, 0.0)
         await page.send("map", robot=name, on=True, colours="material")
-        assert (await page.hear("map"))["colours"] == "material"
+        told = await page.hear("map")
+        assert told["colours"] == "material"
+        assert [FAMILY_COLOURS[Family.FOLIAGE], "foliage"] in told["legend"]
         await page.send("map", robot="x", on=True)
         assert "'x'" in (await page.hear("error"))["text"]

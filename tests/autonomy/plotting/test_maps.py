@@ -37,7 +37,7 @@ from radarsim.autonomy.plotting.outlines import Outline
 from radarsim.autonomy.plotting.panels import Extent
 from radarsim.geometry import Pose2
 from radarsim.lab.figures.figure import load_scene
-from radarsim.plotting.palette import MAPPED_PATH
+from radarsim.plotting.palette import GOING
 from radarsim.protocol.reports import RangeScan, TargetEchoes
 
 PATH = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [1.0, 0.2, 0.4]])
@@ -196,8 +196,8 @@ def test_film_shows_more_when_the_map_outgrows_it() -> None:
     small, large = (frames.draw(each, path, "2 s") for each in (grid, grid_of(15.0)))
     assert small.shape == large.shape
     assert all(side % 2 == 0 for side in small.shape[:2])
-    red = [round(255 * part) for part in to_rgb(MAPPED_PATH)]
-    long = [np.ptp(np.nonzero((f == red).all(axis=2))[1]) for f in (small, large)]
+    blue = [round(255 * part) for part in to_rgb(GOING)]
+    long = [np.ptp(np.nonzero((f == blue).all(axis=2))[1]) for f in (small, large)]
     assert 0 < long[1] < 0.8 * long[0]
 
 

@@ -38,9 +38,8 @@ from radarsim.geometry import Floats, Point, Pose2
 from radarsim.plotting.palette import (
     FAMILY_COLOURS,
     LASER,
-    MARKER,
     RADAR,
-    TRUE_PATH,
+    TRUTH,
     UNKNOWN_SENSOR,
     Family,
 )
@@ -254,7 +253,7 @@ def test_runs_beside_each_other_have_one_scale() -> None:
 
 def test_true_path_is_drawn_beside_the_estimated_one() -> None:
     (axes,) = figure_of(record_of(*BUG1), true_path=TRUE).axes
-    true = [line for line in axes.lines if line.get_color() == TRUE_PATH != MARKER]
+    true = [line for line in axes.lines if line.get_color() == TRUTH]
     paths = [np.asarray(line.get_xydata()) for line in true or axes.lines]
     assert any(path.shape == TRUE.shape and (path == TRUE).all() for path in paths)
 

@@ -18,23 +18,13 @@ const RUN = [
   ["goal", "goal"],
 ];
 
-const CELLS = {
-  material: [
-    ["#9aa3ad", "not sensed"], ["#ffffff", "free"], ["#191818", "solid"],
-    ["#a5c262", "foliage"], ["#ebd3b0", "smoke, dust, rain"],
-  ],
-  usarcommander: [
-    ["#0000ff", "unknown"], ["#ffffff", "sensed"], ["#a0a0a0", "free, near"], ["#000000", "beams end"],
-  ],
-};
-
 let shown = ""; // what the legend lists
 
 /** List the marks of the view that can be there, and the materials of the scene. */
 export function updateLegend(world, view) {
   const map = world.maps.get(world.chosen);
   const marks = marksOf(world, view).map(([mark, text]) => ["mark", mark, text]);
-  const patches = view === "map" ? cellsOf(map) : materialsOf(world);
+  const patches = view === "map" ? (map?.legend ?? []) : materialsOf(world);
   const rows = [...marks, ...patches.map(([colour, text]) => ["patch", colour, text])];
   const key = JSON.stringify([rows, theme.dark]);
   if (key === shown) return;
@@ -61,8 +51,6 @@ function materialsOf(world) {
   }
   return [...materials].map(([name, colour]) => [colour, name]);
 }
-
-const cellsOf = (map) => (map ? CELLS[map.colours] : []);
 
 /** Say what the selected robot's sensors see through, or what is missing. */
 export function writeFinding(world, view) {

@@ -44,7 +44,7 @@ function drawHull(pen, half, side, touches) {
   }
   pen.beginPath();
   pen.rect(-half, -side * 0.62, 2 * half, side * 1.24);
-  pen.fillStyle = touches ? theme.hit : theme.robot;
+  pen.fillStyle = touches ? theme.alarm : theme.robot;
   pen.strokeStyle = theme.ink;
   pen.lineWidth = 1.5;
   pen.fill();

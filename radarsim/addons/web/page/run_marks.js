@@ -19,7 +19,7 @@ export function drawRuns(pen, viewport, world) {
 /** Draw a goal by how the drive to it goes: a cancelled one is no goal any more. */
 function drawEndedGoal(pen, viewport, goal, state) {
   if (state === "cancelled") return;
-  drawGoal(pen, viewport, goal, state === "failed" ? theme.hit : theme.goal);
+  drawGoal(pen, viewport, goal, state === "failed" ? theme.alarm : theme.goal);
   if (state === "running") return;
   const [left, top] = viewport.toScreen(...goal);
   pen.font = "600 11px system-ui, sans-serif";
@@ -37,15 +37,15 @@ function drawPath(pen, viewport, path, width) {
   }
 }
 
-/** Mark hit points by filled and leave points by open circles, with H1, L1 and so on. */
+/** Mark hit and leave points, with H1, L1 and so on. */
 function drawPoints(pen, viewport, points, colour, letter) {
   points.forEach(([x, y], number) => {
     const [left, top] = viewport.toScreen(x, y);
     pen.beginPath();
     pen.arc(left, top, 5, 0, 2 * Math.PI);
-    pen.lineWidth = 2;
-    pen.strokeStyle = letter === "H" ? theme.paper : theme[colour];
-    pen.fillStyle = letter === "H" ? theme[colour] : theme.paper;
+    pen.lineWidth = 1;
+    pen.strokeStyle = theme.ink;
+    pen.fillStyle = theme[colour];
     pen.fill();
     pen.stroke();
     pen.font = "600 11px system-ui, sans-serif";

@@ -112,7 +112,7 @@ export class Space extends EventTarget {
       const model = this.robots.get(robot.name);
       model.position.set(robot.x, robot.y, 0);
       model.rotation.z = robot.yaw;
-      model.hull.color.set(robot.touch ? theme.hit : robot.name === this.world.chosen ? theme.radar : "#8a8f98");
+      model.hull.color.set(robot.touch ? theme.alarm : robot.name === this.world.chosen ? theme.radar : theme.quiet);
     }
     for (const [name, model] of this.robots) {
       if (present.has(name)) continue;
@@ -127,7 +127,7 @@ export class Space extends EventTarget {
     const [length, width] = robot.size ?? [0.6, 0.5];
     const group = new T.Group();
     group.hull = new T.MeshLambertMaterial();
-    const dark = new T.MeshLambertMaterial({ color: "#222222" });
+    const dark = new T.MeshLambertMaterial({ color: theme.ink });
     const add = (shape, material, x, y, z) => {
       const mesh = new T.Mesh(shape, material);
       mesh.position.set(x, y, z);

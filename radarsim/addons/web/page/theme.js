@@ -2,7 +2,7 @@
 
 const NAMES = [
   "paper", "ink", "quiet", "line", "faint", "radar", "laser", "goal", "path", "true",
-  "hit", "leave", "robot",
+  "hit", "leave", "robot", "alarm",
 ];
 
 export const theme = {};
