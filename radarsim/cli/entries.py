@@ -142,6 +142,12 @@ COMMANDS: Final = (
         MAPS,
     ),
     CommandEntry(
+        "robots",
+        "radarsim.cli.presets:robots",
+        "List the robot classes: their items, sizes and sources.",
+        MAPS,
+    ),
+    CommandEntry(
         "materials",
         "radarsim.cli.presets:materials",
         "List the library of materials: their numbers, sources and confidence.",

@@ -1,4 +1,4 @@
-"""``radarsim sensors`` and ``radarsim materials``: presets with their sources."""
+"""``radarsim sensors``, ``robots`` and ``materials``: presets with their sources."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from radarsim.plans import Option
 
 if TYPE_CHECKING:
     from radarsim.presets.preset_files import SourcedValue
+    from radarsim.presets.robots import RobotModel
     from radarsim.presets.sensors import SensorPreset
     from radarsim.scene.material import LibraryEntry
 
@@ -54,6 +55,27 @@ def sensors(names: _Names = (), *, as_json: Json = False) -> None:
         if each.fmcw:
             title = f"{name}: its FMCW radar, for spectra"
             console.print(_details(title, "setting", each.fmcw))
+
+
+def robots(names: _Names = (), *, as_json: Json = False) -> None:
+    """List the robot classes: their items, sizes and sources.
+
+    Args:
+        names: Names to list; all by default.
+        as_json: Print JSON, for programs.
+    """
+    from radarsim.presets.robots import load_robot, robot_names
+
+    chosen = _choose("robot class", names, {n: load_robot(n) for n in robot_names()})
+    if as_json:
+        plain = {name: model.model_dump() for name, model in chosen.items()}
+        click.echo(json.dumps(plain, indent=2, allow_nan=False))
+        return
+    console = _console()
+    if not names:
+        console.print(_robot_overview(chosen), "")
+    for name, model in chosen.items():
+        console.print(_robot_details(name, model))
 
 
 def materials(names: _Names = (), *, as_json: Json = False) -> None:
@@ -135,6 +157,48 @@ def _material_overview(entries: Mapping[str, LibraryEntry]) -> Table:
             amount = f"{entry.numbers[entry.amount].value:g} {_UNITS[entry.amount]}"
         table.add_row(name, *radar, laser, amount, entry.about)
     return table
+
+
+def _robot_overview(models: Mapping[str, RobotModel]) -> Table:
+    """Return a row for each robot class, with what it carries."""
+    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    table.add_column("name", no_wrap=True)
+    table.add_column("steering")
+    table.add_column("size m", no_wrap=True)
+    table.add_column("items")
+    table.add_column("about")
+    for name, model in models.items():
+        types = list(dict.fromkeys(item.type for item in model.items))
+        size = " x ".join(f"{length:g}" for length in model.dimensions)
+        steering = "skid" if model.steering is None else "Ackermann"
+        sentence = model.about.partition(". ")[0].rstrip(".")
+        table.add_row(name, steering, size, ", ".join(types), sentence)
+    return table
+
+
+def _robot_details(name: str, model: RobotModel) -> Table:
+    """Return a row for each key of a robot class, with its source."""
+    table = Table(title=f"{name}: {model.about}", title_justify="left")
+    for column in ("key", "value", "confidence", "source"):
+        table.add_column(column, overflow="fold")
+    sources = {key: source for source in model.sources for key in source.of}
+    keys = model.model_dump(exclude_unset=True, exclude={"name", "about", "sources"})
+    for key, value in keys.items():
+        source = sources.get(key)
+        origin = (source.confidence, source.source) if source else ("", "")
+        table.add_row(key, _value_text(value), *origin)
+    return table
+
+
+def _value_text(value: Any) -> str:
+    """Return a value of a robot class as a text; of an item, its type and name."""
+    if isinstance(value, dict):
+        if "type" in value:
+            return f"{value['type']} {value['name']}"
+        return ", ".join(f"{key} {number}" for key, number in value.items())
+    if isinstance(value, tuple):
+        return ", ".join(map(_value_text, value))
+    return str(value)
 
 
 def _loss_text(density: float, decibels: float, mirror: bool) -> str:

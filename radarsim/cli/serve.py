@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from radarsim.server.host import Host
     from radarsim.server.image_server import ImageServer
     from radarsim.server.tcp_server import Companion
+    from radarsim.server.truth_server import TruthServer
 
 log = logging.getLogger("radarsim.server")
 
@@ -80,6 +81,7 @@ def serve(
     seed: Seed = 0,
     speed: Annotated[float, Gt(0)] = 1.0,
     image_port: Annotated[Port | None, RARE] = None,
+    truth_port: Annotated[Port | None, RARE] = None,
     max_clients: Annotated[int, Ge(1), RARE] = DEFAULT_MAX_CLIENTS,
     config: Annotated[Path | None, Option(is_config_file=True)] = None,  # noqa: ARG001 - read while words are parsed
     log_options: LogOptions,
@@ -95,6 +97,8 @@ def serve(
         speed: Simulated seconds per second of real time.
         image_port: Serve pictures of the first robot's camera on this port as well; the
             original's is 5003.
+        truth_port: Tell where all robots are on this port as well (USARTruth); the
+            original's is 3989.
         max_clients: Refuse clients when this many are connected.
         config: YAML file with values of options that are not given, and the map.
         log_options: The log.
@@ -107,7 +111,11 @@ def serve(
     served = ServedMap(map_, options, seed)
     planned = [each.extension(served) for each in extensions]
     beside = [each for each in planned if each is not None]
-    own_ports = {"--port": port, "--image-port": image_port or 0}
+    own_ports = {
+        "--port": port,
+        "--image-port": image_port or 0,
+        "--truth-port": truth_port or 0,
+    }
     _check_ports(host, own_ports, beside)  # before imports that take long
     with ExitStack() as until_end:
         for each in beside:
@@ -123,24 +131,20 @@ def serve(
         from radarsim.server.tcp_server import Server
         from radarsim.server.tcp_server import serve as serve_until_signal
 
-        images = make_image_server(simulated, image_port)
+        own = _own_servers(simulated, image_port, truth_port)
         most = _permitted_clients(max_clients)
         server = Server(simulated, speed=speed, max_clients=most)
 
         def announce_all(address: tuple[str, int]) -> None:
             announce(address)
-            if images is not None:
-                print_now(
-                    f"radarsim: images on {images.address[0]}:{images.address[1]}"
-                )
-            for each in beside:
-                each.announce(address)
+            for name, each in own.items():
+                print_now(f"radarsim: {name} on {each.address[0]}:{each.address[1]}")
+            for extension in beside:
+                extension.announce(address)
             if not simulated.has_begun:
                 print_message(WAIT_FOR_ENGINE)
 
-        companions: list[Companion] = [*beside]
-        if images is not None:
-            companions.insert(0, images)
+        companions: list[Companion] = [*own.values(), *beside]
         serving = serve_until_signal(server, host, port, announce_all, companions)
         ports = own_ports | {k: v for each in beside for k, v in each.ports.items()}
         with cure_of_port(ports), compile_progress():
@@ -214,3 +218,24 @@ def make_image_server(host: Host, port: int | None) -> ImageServer | None:
 
     pictures = PictureProcess(host.scene, host.config.dialect.image_type)
     return ImageServer(pictures, port=port)
+
+
+def _own_servers(
+    host: Host, image_port: int | None, truth_port: int | None
+) -> dict[str, ImageServer | TruthServer]:
+    """Create the servers of pictures and of true poses, by what they serve.
+
+    Args:
+        host: The host whose simulation they show.
+        image_port: Port of the pictures; 0 for a free one, None for no pictures.
+        truth_port: Port of the poses, likewise.
+    """
+    servers: dict[str, ImageServer | TruthServer] = {}
+    images = make_image_server(host, image_port)
+    if images is not None:
+        servers["images"] = images
+    if truth_port is not None:
+        from radarsim.server.truth_server import TruthServer
+
+        servers["truth"] = TruthServer(host.config.dialect, port=truth_port)
+    return servers

@@ -125,7 +125,7 @@ class LocalRobot:
         geo, conf = answers[:2]
         assert isinstance(geo, RobotGeo)
         assert isinstance(conf, RobotConf)
-        unit = config.wheel_drive().unit
+        unit = config.wheel_unit
         info = RobotInfo.from_reports(geo, conf, descriptions.scanners({}), unit)
         self._info = config, info
         return info

@@ -1,7 +1,7 @@
 """The YAML files of the shipped presets.
 
 The folders ``sensors``, ``items``, ``materials`` and ``robots`` hold one file for each
-preset, named after it. Every number outside ``robots`` states its source.
+preset, named after it. Every number states its source.
 """
 
 from functools import cache
@@ -14,6 +14,7 @@ from radarsim.errors import PresetError, expected_one_of
 from radarsim.yaml_reader import parse_plain
 
 Folder: TypeAlias = Literal["sensors", "items", "materials", "robots"]
+Confidence: TypeAlias = Literal["verified", "nominal", "estimate", "choice"]
 
 _PACKAGE: Final = Path(__file__).parent
 
@@ -33,7 +34,7 @@ class SourcedValue(BaseModel):
 
     value: Any
     source: str
-    confidence: Literal["verified", "nominal", "estimate", "choice"]
+    confidence: Confidence
 
 
 @cache

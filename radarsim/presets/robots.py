@@ -8,13 +8,14 @@ further items follow the inherited ones.
 import math
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeAlias
+from typing import Annotated, Any, Final, Literal, Self, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from radarsim.errors import PresetError
+from radarsim.errors import PresetError, expected_one_of
 from radarsim.geometry import Pose3
 from radarsim.presets.preset_files import (
+    Confidence,
     preset_names,
     preset_path,
     unknown_preset,
@@ -31,6 +32,9 @@ ItemType: TypeAlias = Literal[
     "Touch",
     "Sonar",
     "GPS",
+    "IMU",
+    "Accel",
+    "AcceleroMeter",
     "Battery",
 ]
 DialectName: TypeAlias = Literal["compat", "udk"]
@@ -38,6 +42,23 @@ Generation: TypeAlias = Literal["ut2004", "udk"]
 Side: TypeAlias = Literal["left", "right"]
 Vector: TypeAlias = tuple[float, float, float]
 Length: TypeAlias = Annotated[float, Field(gt=0)]
+_NOT_INHERITED: Final = {"about"}  # by classes that are based on another one
+
+
+class Source(BaseModel):
+    """Where some keys of a class come from.
+
+    Attributes:
+        of: The keys.
+        source: Where they come from, in words.
+        confidence: See ``SourcedValue``.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    of: tuple[str, ...]
+    source: str
+    confidence: Confidence
 
 
 class Item(BaseModel):
@@ -80,6 +101,23 @@ class Item(BaseModel):
         return Pose3(*self.position, *(math.radians(a) for a in self.rotation_deg))
 
 
+class Steering(BaseModel):
+    """The axles of a robot that steers as a car does (Ackermann).
+
+    Attributes:
+        max_front_deg: Largest angle of the front wheels to either side.
+        max_rear_deg: Largest angle of the rear wheels; 0 if they cannot be steered.
+        rear_axle: x of the rear axle in the body frame, m; None for half the wheel base
+            behind the origin.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    max_front_deg: Annotated[float, Field(ge=0, lt=90)]
+    max_rear_deg: Annotated[float, Field(ge=0, lt=90)] = 0.0
+    rear_axle: float | None = None
+
+
 class RobotModel(BaseModel):
     """A robot class.
 
@@ -88,6 +126,8 @@ class RobotModel(BaseModel):
 
     Attributes:
         name: Name of the class, as clients use it.
+        about: What it is, in a few sentences.
+        sources: Where its keys come from.
         generation: Generation of servers whose clients ask for the class: in the
             dialect ``compat`` it reports as those servers did.
         length: Length of the hull with its bumpers, centred on the origin, m.
@@ -100,6 +140,9 @@ class RobotModel(BaseModel):
         track: Effective separation of the wheels in turns, m; more than
             ``wheel_separation`` makes the robot turn less than its wheels suggest.
         wheels: Side of each wheel, in wire order.
+        steering: Its axles if it steers as a car does; None for skid steering.
+        max_rev_per_s: Highest speed of a wheel, turns a second; None for that of the
+            dialect.
         mass: Mass, kg.
         max_torque: Torque as reported to clients, in the units of the original.
         cog: Centre of gravity in the body frame, m.
@@ -111,6 +154,8 @@ class RobotModel(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+    about: str = ""
+    sources: tuple[Source, ...] = ()
     generation: Generation = "udk"
     length: Length
     width: Length
@@ -121,6 +166,8 @@ class RobotModel(BaseModel):
     wheel_base: Length
     track: Length
     wheels: Annotated[tuple[Side, ...], Field(min_length=2)]
+    steering: Steering | None = None
+    max_rev_per_s: Length | None = None
     mass: Length
     max_torque: Length
     cog: Vector = (0.0, 0.0, 0.0)
@@ -135,6 +182,15 @@ class RobotModel(BaseModel):
                 raise ValueError(
                     f"two items have the name {name!r}, expected unique names"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _sources_are_of_keys(self) -> Self:
+        for source in self.sources:
+            for key in source.of:
+                if key not in type(self).model_fields:
+                    known = list(type(self).model_fields)
+                    raise ValueError(f"source of {expected_one_of(key, known)}")
         return self
 
     @property
@@ -221,7 +277,7 @@ def _with_base(data: object, path: Path, seen: tuple[Path, ...]) -> object:
         model = read_robot(beside, (path, *seen))
     else:
         model = load_robot(name)
-    base = model.model_dump(exclude_unset=True)
+    base = model.model_dump(exclude_unset=True, exclude=_NOT_INHERITED)
     added = changed.get("items", [])
     if not isinstance(added, list) or not all(
         isinstance(item, dict) and "name" in item for item in added

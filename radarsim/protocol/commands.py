@@ -38,6 +38,11 @@ PACKAGE: Final = "USARBot."  # of robot classes
 _parse_number = partial(parse_number, largest=LARGEST_COMMANDED)
 _parse_flipped = partial(parse_flipped, largest=LARGEST_COMMANDED)
 
+
+def _parse_angle(text: str) -> float:
+    return 0.0 - _parse_number(text)
+
+
 Values: TypeAlias = tuple[str | None, ...]  # one for each key; None leaves it out
 
 
@@ -113,16 +118,25 @@ class Drive:
         normalized: Whether speeds are percentages from this command on.
         light: Whether the headlight is on.
         flip: Whether to turn over a robot that lies on its back.
+        speed: Wheel speed of a robot that steers as a car does, as ``left``.
+        front_steer: Angle of its front wheels, rad, left positive.
+        rear_steer: Angle of its rear wheels, likewise.
     """
 
     verb: ClassVar[str] = "DRIVE"
-    keys: ClassVar[Sequence[str]] = ("Left", "Right", "Normalized", "Light", "Flip")
+    keys: ClassVar[Sequence[str]] = [
+        *("Left", "Right", "Normalized", "Light", "Flip"),
+        *("Speed", "FrontSteer", "RearSteer"),
+    ]
 
     left: float | None = None
     right: float | None = None
     normalized: bool | None = None
     light: bool | None = None
     flip: bool | None = None
+    speed: float | None = None
+    front_steer: float | None = None
+    rear_steer: float | None = None
 
     @classmethod
     def decode(cls, message: Message, dialect: Dialect) -> Self:
@@ -131,6 +145,9 @@ class Drive:
         return cls(
             left=message.parse_optional("Left", _parse_number),
             right=message.parse_optional("Right", _parse_number),
+            speed=message.parse_optional("Speed", _parse_number),
+            front_steer=message.parse_optional("FrontSteer", _parse_angle),
+            rear_steer=message.parse_optional("RearSteer", _parse_angle),
             normalized=message.parse_optional("Normalized", flag),
             light=message.parse_optional("Light", flag),
             flip=message.parse_optional("Flip", flag),
@@ -138,11 +155,16 @@ class Drive:
 
     def values(self) -> Values:
         """Return the text for each of ``keys``."""
-        speeds = (self.left, self.right)
         flags = (self.normalized, self.light, self.flip)
+        steers = (self.front_steer, self.rear_steer)
+        # On the wire the right is positive.
+        angles = [None if angle is None else -angle for angle in steers]
         return (
-            *(None if speed is None else _format_number(speed) for speed in speeds),
+            _number_text(self.left),
+            _number_text(self.right),
             *(None if flag is None else str(flag).lower() for flag in flags),
+            _number_text(self.speed),
+            *map(_number_text, angles),
         )
 
 
@@ -280,12 +302,11 @@ COMMANDS: Final = {
     for command in (Init, Drive, GetStartPoses, GetGeo, GetConf, SetItem, Watch)
 }
 
-# Fields that common clients send along: the speeds of robots with a steering axle and
-# of those that fly, with which one of them stops any robot, and the robot's name.
+# Fields that common clients send along: the speeds of robots that fly, with which one
+# of them stops any robot, and the robot's name.
 _NEEDLESS_KEYS: Final = {
     Drive.verb: [
         "Name",
-        "Speed",
         "AltitudeVelocity",
         "LinearVelocity",
         "LateralVelocity",
@@ -293,11 +314,9 @@ _NEEDLESS_KEYS: Final = {
     ]
 }
 
-# Fields for vehicles with a steering axle, for boats, and for single wheels and joints.
+# Fields for boats, and for single wheels and joints.
 _UNSUPPORTED_KEYS: Final = {
     Drive.verb: [
-        "FrontSteer",
-        "RearSteer",
         "Propeller",
         "Rudder",
         "SternPlane",
@@ -322,7 +341,6 @@ UNSUPPORTED_TYPES: Final = frozenset(
         "Effecter",
         "Gripper",
         "HumanMotion",
-        "IMU",
         "Joint",
         "MisPkg",
         "ObjectSensor",
@@ -433,6 +451,10 @@ def _checked(text: str) -> str:
 
 def _format_vector(values: Iterable[float]) -> str:
     return ",".join([_format_number(value) for value in values])
+
+
+def _number_text(value: float | None) -> str | None:
+    return None if value is None else _format_number(value)
 
 
 def _format_number(value: float) -> str:

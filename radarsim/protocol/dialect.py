@@ -122,6 +122,7 @@ class Dialect:
         robot: Format of the robot's dimensions, of range limits, and of the ranges of
             sonars.
         mass: Format of the robot's mass.
+        no_steering: The angle of a steering axle that a robot does not have.
         dimensions_are_wheels: Whether the robot's dimensions are wheel base and
             separation instead of the hull's.
         joins_mounts: Whether the mount of an item is in the segment of its name.
@@ -160,6 +161,7 @@ class Dialect:
     mount: NumberFormat
     robot: NumberFormat
     mass: NumberFormat
+    no_steering: str
     dimensions_are_wheels: bool
     joins_mounts: bool
     joins_touch: bool
@@ -186,6 +188,20 @@ class Dialect:
         """Return the dialect in which robots of a generation of servers report."""
         return COMPAT_UT2004 if self is COMPAT and generation == "ut2004" else self
 
+    def steering_limits(self, front: float, rear: float) -> tuple[float, float]:
+        """Return how far wheels turn as a dialect tells it, rad.
+
+        Args:
+            front: Largest angle of the front wheels to either side.
+            rear: Largest angle of the rear wheels.
+        """
+        if self is not UDK:
+            return front, rear
+        # The original subtracts the lower limit of a joint from the upper one, and has
+        # a turn of 6.28 where there is no joint.
+        ranges = [2 * limit or 6.28 for limit in (front, rear)]
+        return ranges[0], ranges[1]
+
     def scan_interval_of(self, sensor: str) -> float:
         """Return the interval of a scanner preset, s."""
         return self.hokuyo_scan_interval if sensor == "hokuyo" else self.scan_interval
@@ -203,6 +219,7 @@ COMPAT = Dialect(
     mount=NumberFormat(4),
     robot=NumberFormat(4),
     mass=NumberFormat(4),
+    no_steering="0.0000",
     dimensions_are_wheels=False,
     joins_mounts=True,
     joins_touch=True,  # one client stops reading at a segment of its own
@@ -244,6 +261,7 @@ UDK = Dialect(
     mount=NumberFormat(2, Rounding.FLOAT32),
     robot=NumberFormat(4, Rounding.TRUNCATED),
     mass=NumberFormat(4, Rounding.FLOAT32),  # a sum of parts, just above these decimals
+    no_steering="0",
     dimensions_are_wheels=True,
     joins_mounts=False,
     joins_touch=False,

@@ -223,6 +223,14 @@ class Point(FormattedField[Triple]):
         return (Segment(self.key, vector_marks(self.format(dialect)), value),)
 
 
+class BodyAngles(Point):
+    """Roll, pitch and yaw of a body, converted as the angles of poses are."""
+
+    def write(self, value: Triple, dialect: Dialect) -> Sequence[Segment]:
+        text = vector_marks(self.format(dialect), WRAPPED)
+        return (Segment(self.key, text, value),)
+
+
 class WheelPose(FormattedField[Pose2]):
     """x, y and a yaw that counts turns."""
 

@@ -25,13 +25,15 @@ from radarsim.protocol.fields import (
     Text,
     join_items,
 )
-from radarsim.protocol.line_template import reduce_text, vector_marks
-from radarsim.protocol.message import Message, Triple, parse_flipped
+from radarsim.protocol.line_template import marks, reduce_text, vector_marks
+from radarsim.protocol.message import Message, Triple, parse_flipped, parse_number
 
 _VEHICLES: Final = frozenset(
     ("groundvehicle", "leggedrobot", "nauticvehicle", "aerialvehicle")
 )
 _RIGID: Final = "HARD"  # a kind of mount, where other servers name the carrier
+_ACKERMANN: Final = "AckermanSteered"  # as servers and clients spell it
+_MAX_STEERING: Final = ("MaxFrontSteer", "MaxRearSteer")
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +122,27 @@ class ItemGeo(LineReport):
         return [Segment("Type", reduce_text(self.type)), *segments]
 
 
+class Steering(Field[tuple[float, float] | None]):
+    """Type of the steering, and how far wheels turn; None for skid steering."""
+
+    def read(self, message: Message) -> tuple[float, float] | None:
+        if (message.get(self.key) or "").lower() != _ACKERMANN.lower():
+            return None
+        front, rear = (message.parse(key, parse_number) for key in _MAX_STEERING)
+        return front, rear
+
+    def write(
+        self, value: tuple[float, float] | None, dialect: Dialect
+    ) -> Sequence[Segment]:
+        if value is None:
+            none = [Segment(key, dialect.no_steering) for key in _MAX_STEERING]
+            return [Segment(self.key, "SkidSteered"), *none]
+        text = marks(dialect.robot)
+        limits = zip(_MAX_STEERING, value, strict=True)
+        angles = [Segment(key, text, (limit,)) for key, limit in limits]
+        return [Segment(self.key, _ACKERMANN), *angles]
+
+
 @dataclass(frozen=True, slots=True)
 class RobotConf(LineReport):
     """The performance of the robot.
@@ -129,20 +152,24 @@ class RobotConf(LineReport):
         mass: Mass, kg.
         max_speed: Maximum speed of a wheel in the dialect's drive unit.
         max_torque: Maximum torque of a wheel, N m.
+        max_steering: How far the front and the rear wheels turn, rad, in the words of
+            the dialect: to either side, or from one side to the other; None if the
+            robot is skid-steered.
     """
 
     verb: ClassVar[str] = "CONF"
     layouts: ClassVar[Layouts] = {
-        "compat": "{Type GroundVehicle} {Name} {SteeringType SkidSteered} {Mass}"
-        " {MaxSpeed} {MaxTorque} {MaxFrontSteer 0.0000} {MaxRearSteer 0.0000}",
-        "udk": "{Name} {Type GroundVehicle} {SteeringType SkidSteered} {Mass}"
-        " {MaxSpeed} {MaxTorque} {MaxFrontSteer 0} {MaxRearSteer 0}",
+        "compat": "{Type GroundVehicle} {Name} {SteeringType} {Mass}"
+        " {MaxSpeed} {MaxTorque} {MaxFrontSteer} {MaxRearSteer}",
+        "udk": "{Name} {Type GroundVehicle} {SteeringType} {Mass}"
+        " {MaxSpeed} {MaxTorque} {MaxFrontSteer} {MaxRearSteer}",
     }
 
     name: Annotated[str, Text("Name")]
     mass: Annotated[float, Number("Mass", "mass", default=nan)]
     max_speed: Annotated[float, Number("MaxSpeed", "robot")]
     max_torque: Annotated[float, Number("MaxTorque", "robot", default=nan)]
+    max_steering: Annotated[tuple[float, float] | None, Steering("SteeringType")] = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,12 +20,15 @@ from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.protocol.dialect import Dialect, NumberFormat
 from radarsim.protocol.echoes import EchoLine, RadarTargets, TargetEchoes
 from radarsim.protocol.fields import (
+    BodyAngles,
     Field,
     Flag,
+    FormattedField,
     Layouts,
     LineReport,
     Number,
     Numbers,
+    Point,
     Pose,
     Rows,
     Segment,
@@ -51,9 +54,10 @@ from radarsim.protocol.geo_conf import (
     decode_conf,
     decode_geo,
 )
-from radarsim.protocol.line_template import NO_SERIES, WHOLE, marks
+from radarsim.protocol.line_template import FLIPPED, NO_SERIES, WHOLE, marks
 from radarsim.protocol.message import (
     Message,
+    Triple,
     decode_message,
     parse_flag,
     parse_flipped,
@@ -74,6 +78,7 @@ from radarsim.protocol.watch import (
 )
 
 __all__ = [
+    "Acceleration",
     "ClockTick",
     "CommandError",
     "EchoLine",
@@ -82,11 +87,13 @@ __all__ = [
     "Gps",
     "Greeting",
     "GroundTruth",
+    "Imu",
     "Ins",
     "IntervalConf",
     "ItemGeo",
     "NameConf",
     "Odometry",
+    "ProperAcceleration",
     "RadarTargets",
     "RangeScan",
     "Report",
@@ -186,6 +193,34 @@ class BatteryLife(Field[int]):
         return (Segment(self.key, WHOLE, (max(value, least),)),)
 
 
+class SteeringAngles(FormattedField[tuple[float, float] | None]):
+    """The angles of front and rear wheels; None if there is no steering axle.
+
+    On the wire the right is positive, and of skid-steered robots both are 0.
+    """
+
+    def __init__(self, key: str, other_key: str) -> None:
+        super().__init__(key, "robot")
+        self._other_key = other_key
+
+    def read(self, message: Message) -> tuple[float, float] | None:
+        front = message.parse_optional(self.key, parse_number) or 0.0
+        rear = message.parse_optional(self._other_key, parse_number) or 0.0
+        return (0.0 - front, 0.0 - rear) if front or rear else None
+
+    def write(
+        self, value: tuple[float, float] | None, dialect: Dialect
+    ) -> Sequence[Segment]:
+        keys = (self.key, self._other_key)
+        if value is None:
+            return [Segment(key, dialect.no_steering) for key in keys]
+        # The angles are flipped as y of a vector is.
+        text = FLIPPED + marks(self.format(dialect))
+        return [
+            Segment(k, text, (angle,)) for k, angle in zip(keys, value, strict=True)
+        ]
+
+
 class Headlight(Field[bool]):
     """The headlight, in two keys; text, so that each line with the light on is one."""
 
@@ -205,19 +240,24 @@ class Status(LineReport):
         time: Simulated time, s.
         battery: Time that the battery lasts, s.
         light: Whether the headlight is on.
+        steering: Angles of the front and the rear wheels, rad, left positive; None
+            without a steering axle.
     """
 
     verb: ClassVar[str] = "STA"
     layouts: ClassVar[Layouts] = {
-        "compat": "{Type GroundVehicle} {Time} {FrontSteer 0.0000} {RearSteer 0.0000}"
+        "compat": "{Type GroundVehicle} {Time} {FrontSteer} {RearSteer}"
         " {LightToggle} {LightIntensity} {Battery} {View -1}",
         "udk": "{Time} {Battery} {Type GroundVehicle} {LightToggle}"
-        " {LightIntensity 100} {FrontSteer 0} {RearSteer 0}",
+        " {LightIntensity 100} {FrontSteer} {RearSteer}",
     }
 
     time: Annotated[float, Number("Time", "time", default=nan)]
     battery: Annotated[int, BatteryLife("Battery")]
     light: Annotated[bool, Headlight("LightToggle")]
+    steering: Annotated[
+        tuple[float, float] | None, SteeringAngles("FrontSteer", "RearSteer")
+    ] = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -341,6 +381,47 @@ class Touch(SensorReport):
 
 
 @dataclass(frozen=True, slots=True)
+class Acceleration(SensorReport):
+    """How the velocity changes, m/s2, along the axes of the sensor."""
+
+    sensor_type: ClassVar[str] = "Accel"
+
+    name: Annotated[str, Text("Name")]
+    acceleration: Annotated[Triple, Point("Acceleration", "robot")]
+
+
+@dataclass(frozen=True, slots=True)
+class ProperAcceleration(SensorReport):
+    """How the velocity changes, with gravity, m/s2, along the axes of the sensor."""
+
+    sensor_type: ClassVar[str] = "AcceleroMeter"
+
+    name: Annotated[str, Text("Name")]
+    acceleration: Annotated[Triple, Point("ProperAcceleration", "robot")]
+
+
+@dataclass(frozen=True, slots=True)
+class Imu(SensorReport):
+    """What an inertial measurement unit reads.
+
+    Attributes:
+        name: Name of the unit.
+        acceleration: How the velocity changes, m/s2, along the axes of the sensor.
+        rates: Rates of roll, pitch and yaw, rad/s.
+        rate_changes: How these change, rad/s2.
+        angles: Roll, pitch and yaw of the body, rad.
+    """
+
+    sensor_type: ClassVar[str] = "IMU"
+
+    name: Annotated[str, Text("Name")]
+    acceleration: Annotated[Triple, Point("XYZAcceleration", "robot")]
+    rates: Annotated[Triple, Point("AngularVel", "robot")]
+    rate_changes: Annotated[Triple, Point("AngularAccel", "robot")]
+    angles: Annotated[Triple, BodyAngles("Rotation", "robot")]
+
+
+@dataclass(frozen=True, slots=True)
 class Sonar(SensorReport):
     """The ranges of sonars.
 
@@ -461,6 +542,9 @@ SensorReading: TypeAlias = (
     | Tachometer
     | Encoder
     | Touch
+    | Acceleration
+    | ProperAcceleration
+    | Imu
     | Sonar
     | Gps
 )

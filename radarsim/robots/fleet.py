@@ -241,11 +241,7 @@ class Fleet:
         model, row = robot.model, self.columns[robot.slot]
         row[:] = new_columns(1)
         radius, floor = robot.footprint.radius, obstacles.floor
-        fastest = robot.wheel_drive.max_spin_rad_s * model.wheel_radius
-        top_speed = MAX_DISPLACEMENT_RATIO * max(
-            sweep_rate(left, fastest, model.track, radius)
-            for left in (fastest, -fastest)
-        )
+        top_speed = MAX_DISPLACEMENT_RATIO * _fastest_sweep(robot)
         row[[X, Y, YAW]] = pose.x, pose.y, pose.yaw
         row[[BOTTOM, TOP]] = floor, floor + model.height
         row[BODY_Z] = floor + model.origin_height
@@ -279,6 +275,25 @@ class Fleet:
         # A robot that came may be close to any other, and one that left was.
         self.columns[:, ROBOT_GAP] = 0.0
         self.columns[:, TOUCHED] = UNKNOWN
+
+
+def _fastest_sweep(robot: Robot) -> float:
+    """Return an upper bound of the speed of a robot's fastest point, m/s."""
+    model, spin = robot.model, robot.wheel_drive.max_spin_rad_s
+    if robot.bicycle is None:
+        motions = [(spin, spin, 0.0), (-spin, spin, 0.0)]
+    else:
+        motions = robot.bicycle.extremes(spin)
+    return max(
+        sweep_rate(
+            left * model.wheel_radius,
+            right * model.wheel_radius,
+            model.track,
+            robot.footprint.radius,
+            sideslip,
+        )
+        for left, right, sideslip in motions
+    )
 
 
 def _surroundings(columns: Floats, walls: WallTable) -> Surroundings:

@@ -3,7 +3,8 @@
 Robots move one after the other, in the order of spawning, so that a robot meets those
 before it where they have gone and those after it where they still are.
 
-The kinematics are those of skid steering, from the speeds of the left and right wheels.
+The kinematics are those of skid steering, from the speeds of the left and right wheels,
+and an angle between heading and motion that robots with a steering axle have.
 
 Wheels reach their set-points at once: the set-point of a tick is the speed during that
 tick. Collisions are not modelled here.
@@ -35,13 +36,17 @@ from radarsim.robots.robot import (
     RIGHT_ANGLE,
     RIGHT_SPIN,
     ROBOT_GAP,
+    SIDESLIP,
     TOUCHED,
     TRACK,
     UNKNOWN,
+    VELOCITY_X,
+    VELOCITY_Y,
     WALL_GAP,
     WHEEL_RADIUS,
     Place,
     X,
+    Y,
 )
 
 if TYPE_CHECKING:
@@ -52,7 +57,9 @@ _MAX_SWEEP: Final = 0.05  # m; a longer step is split, not to jump over obstacle
 
 
 @njit_inline
-def advance(pose: Place, left: float, right: float, track: float, dt: float) -> Place:
+def advance(
+    pose: Place, left: float, right: float, track: float, sideslip: float, dt: float
+) -> Place:
     """Return the pose after one time step along the exact circular arc.
 
     Args:
@@ -61,6 +68,8 @@ def advance(pose: Place, left: float, right: float, track: float, dt: float) -> 
         right: Ground speed of the right wheels, m/s.
         track: Effective distance between the wheel pairs, m; wider than the real one
             if the wheels slip sideways in a turn.
+        sideslip: Angle from the heading to the motion of the centre, rad; the mean of
+            the ground speeds is the part of its speed along the heading.
         dt: Time step, s; two half steps give the same pose as one whole step.
 
     Returns:
@@ -74,9 +83,13 @@ def advance(pose: Place, left: float, right: float, track: float, dt: float) -> 
     turn = (right - left) / track * dt
     half = turn / 2
     chord = (left + right) / 2 * dt * (math.sin(half) / half if half != 0.0 else 1.0)
+    direction = yaw + half
+    if sideslip != 0.0:
+        chord /= math.cos(sideslip)
+        direction += sideslip
     return (
-        x + chord * math.cos(yaw + half),
-        y + chord * math.sin(yaw + half),
+        x + chord * math.cos(direction),
+        y + chord * math.sin(direction),
         _wrap(yaw + turn),
     )
 
@@ -98,7 +111,9 @@ def _wrap(angle: float) -> float:
 
 
 @njit_cached
-def sweep_rate(left: float, right: float, track: float, radius: float) -> float:
+def sweep_rate(
+    left: float, right: float, track: float, radius: float, sideslip: float = 0.0
+) -> float:
     """Return an upper bound of the speed of a robot's fastest point, m/s.
 
     Args:
@@ -106,9 +121,13 @@ def sweep_rate(left: float, right: float, track: float, radius: float) -> float:
         right: Ground speed of the right wheels, m/s.
         track: Effective distance between the wheel pairs, m.
         radius: Distance of the farthest point from the centre, m.
+        sideslip: As of ``advance``.
     """
     turn = abs(right - left) / track
-    return abs(left + right) / 2 + turn * radius
+    speed = abs(left + right) / 2
+    if sideslip != 0.0:
+        speed /= math.cos(sideslip)
+    return speed + turn * radius
 
 
 @njit_cached
@@ -132,6 +151,7 @@ def drive_robots(
         if left == 0.0 and right == 0.0:
             # Others may approach meanwhile: the next move measures the gap anew.
             robots[slot, ROBOT_GAP] = 0.0
+            robots[slot, VELOCITY_X] = robots[slot, VELOCITY_Y] = 0.0
             continue
         # Also while something blocks the robot: its motors are stronger than its grip,
         # so that wheel odometry drifts there as it does on the original.
@@ -140,13 +160,18 @@ def drive_robots(
         left *= robots[slot, WHEEL_RADIUS]
         right *= robots[slot, WHEEL_RADIUS]
         track, radius = robots[slot, TRACK], robots[slot, RADIUS]
-        sweep = sweep_rate(left, right, track, radius) * dt
+        slip = robots[slot, SIDESLIP]
+        sweep = sweep_rate(left, right, track, radius, slip) * dt
         # In ticks of 10 ms that is one part, unless a point of the robot is
         # faster than 5 m/s. Splitting changes nothing, as arcs are exact.
         parts = max(1, math.ceil(sweep / _MAX_SWEEP))
+        x, y = robots[slot, X], robots[slot, Y]
         for _ in range(parts):
-            wanted = advance(pose_of(robots, slot), left, right, track, dt / parts)
+            pose = pose_of(robots, slot)
+            wanted = advance(pose, left, right, track, slip, dt / parts)
             _move(around, slot, wanted, sweep / parts, dt / parts)
+        robots[slot, VELOCITY_X] = (robots[slot, X] - x) / dt
+        robots[slot, VELOCITY_Y] = (robots[slot, Y] - y) / dt
     integrate_odometry(odometry, robots)
 
 

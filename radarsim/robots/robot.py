@@ -15,6 +15,7 @@ from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.presets.robots import RobotModel
 from radarsim.protocol.dialect import WheelDrive
 from radarsim.robots.footprint import Footprint
+from radarsim.robots.steering import Bicycle
 
 if TYPE_CHECKING:
     from radarsim.robots.fleet import Fleet
@@ -37,7 +38,12 @@ FLOOR, NUMBER = range(24, 26)
 # Whether the robot was blocked or touches something, UNKNOWN until that is asked for.
 TOUCHED: Final = 26
 BODY_Z: Final = 27  # z of the body frame, m
-COLUMNS: Final = 28
+# Angle between the heading and the motion of the centre, and of the front and the rear
+# wheels, rad; 0 of a robot without a steering axle.
+SIDESLIP, FRONT_STEER, REAR_STEER = range(28, 31)
+# Velocity of the centre in the last step, pushes included, m/s, map frame.
+VELOCITY_X, VELOCITY_Y = range(31, 33)
+COLUMNS: Final = 33
 
 UNKNOWN: Final = -1.0
 
@@ -92,6 +98,7 @@ class Robot:
         wheel_drive: Conversion of drive commands to wheel speeds.
         light: Whether its headlight is on.
         footprint: Rectangle that it occupies on the floor.
+        bicycle: How it moves if it steers as a car does; None for skid steering.
         fleet: The fleet that drives it; one of its own once it is removed.
         slot: Its row in the columns of the fleet.
     """
@@ -119,6 +126,7 @@ class Robot:
         self.wheel_drive = wheel_drive
         self.light = False
         self.footprint = Footprint(model.length, model.width)
+        self.bicycle = Bicycle.of(model)
         self.fleet = fleet
         self.slot = slot
         self._normalized = False
@@ -193,12 +201,41 @@ class Robot:
         self._normalized = self._normalized if normalized is None else normalized
         self.light = self.light if light is None else light
         # As the original, which needs both: a student's client sends one of them.
-        if left is None or right is None:
+        if left is None or right is None or self.bicycle is not None:
             return
         spin = self.wheel_drive.spin
         row = self.fleet.columns[self.slot]
         row[LEFT_SPIN] = spin(left, normalized=self._normalized)
         row[RIGHT_SPIN] = spin(right, normalized=self._normalized)
+
+    def steer(
+        self, speed: float, front: float | None = None, rear: float | None = None
+    ) -> None:
+        """Apply a drive command to a robot that steers as a car does.
+
+        Args:
+            speed: Speed of its wheels, as of ``drive``.
+            front: Angle of the front wheels, rad, left positive; limited to what they
+                can turn. None leaves them as they are.
+            rear: Angle of the rear wheels, likewise.
+
+        Raises:
+            ValueError: If a number is not finite, or the robot is skid-steered.
+        """
+        if self.bicycle is None:
+            raise ValueError(f"{self.model.name} is skid-steered, expected drive()")
+        row = self.fleet.columns[self.slot]
+        front = row.item(FRONT_STEER) if front is None else front
+        rear = row.item(REAR_STEER) if rear is None else rear
+        if not all(map(math.isfinite, (speed, front, rear))):
+            text = f"speed {speed!r} and angles {front!r}, {rear!r}"
+            raise ValueError(f"{text}, expected finite numbers")
+        front, rear = self.bicycle.limit(front, rear)
+        spin = self.wheel_drive.spin(speed, normalized=self._normalized)
+        row[FRONT_STEER], row[REAR_STEER] = front, rear
+        row[LEFT_SPIN], row[RIGHT_SPIN], row[SIDESLIP] = self.bicycle.motion(
+            spin, front, rear
+        )
 
     def halt(self) -> None:
         """Stop the wheels."""

@@ -10,6 +10,7 @@ starts the simulation may configure more; that much is then allowed as well.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
@@ -32,6 +33,7 @@ from radarsim.presets.sensors import (
 from radarsim.protocol.dialect import (
     COMPAT,
     MAX_WHEEL_SPEEDS,
+    RAD_PER_S,
     Dialect,
     DriveUnit,
     WheelDrive,
@@ -123,10 +125,17 @@ class SimulationConfig:
         elif self.settings(item):
             raise PresetError(f"item {item.name!r}: type {item.type} has no settings")
 
-    def wheel_drive(self) -> WheelDrive:
-        """Return the unit and the limit of wheel speeds in DRIVE."""
-        unit = self.drive_unit or self.dialect.drive_unit
-        return WheelDrive(MAX_WHEEL_SPEEDS[unit], unit)
+    @property
+    def wheel_unit(self) -> DriveUnit:
+        """The unit of wheel speeds in DRIVE."""
+        return self.drive_unit or self.dialect.drive_unit
+
+    def wheel_drive(self, model: RobotModel) -> WheelDrive:
+        """Return the unit and the limit of wheel speeds in DRIVE to a robot."""
+        unit = self.wheel_unit
+        if model.max_rev_per_s is None:
+            return WheelDrive(MAX_WHEEL_SPEEDS[unit], unit)
+        return WheelDrive(model.max_rev_per_s * 2 * math.pi / RAD_PER_S[unit], unit)
 
     def settings(self, item: Item) -> dict[str, Any]:
         """Return the settings of an item: the class's, the dialect's, then these.

@@ -7,7 +7,7 @@ receivers that are due in a tick are traced together.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from radarsim.protocol.reports import (
 )
 from radarsim.raycast.rays import Rays, Traces
 from radarsim.robots.robot import Robot
+from radarsim.sensors.acceleration import new_acceleration
 from radarsim.sensors.gps import Gps
 from radarsim.sensors.motion_readings import (
     ANGLE_ZERO,
@@ -45,10 +46,13 @@ from radarsim.sensors.motion_readings import (
 from radarsim.sensors.sonar import SonarArray
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.readings import (
+    ACCELERATION,
     BODY_POSE,
     DRIFT,
+    INERTIA,
     INS_POSE,
     IS_TOUCHED,
+    PROPER_ACCELERATION,
     TIME,
     WHEEL_ANGLES,
     WHEEL_POSE,
@@ -230,6 +234,32 @@ class EncoderItem(SensorItem):
             draw_errors(encoder, self._rng)
 
 
+class AccelerationItem(SensorItem):
+    """Reads accelerations: an accelerometer, or an inertial measurement unit."""
+
+    def __init__(self, mounting: Mounting) -> None:
+        super().__init__(mounting)
+        item, yaw = mounting.item, self.robot.pose.yaw
+        start = new_acceleration(item.mount, mounting.time, yaw)
+        kind, report, others = _ACCELERATIONS[item.type]
+        job = Job(kind, self._numbers.add(start).start)
+        zeros = [(0.0, 0.0, 0.0)] * (1 + len(others))
+        sample = report(0.0, self.name, *zeros)
+        # The job of the first attribute writes the numbers of all of them.
+        rest: dict[str, tuple[Job, ...]] = dict.fromkeys(others, ())
+        jobs = {"time": (Job(TIME),), "acceleration": (job,), **rest}
+        self.source = Source(sample, jobs)
+
+
+# By item type: kind of the job, the report, its attributes besides the acceleration.
+_Reading: TypeAlias = tuple[int, Callable[..., SensorReport], Sequence[str]]
+_ACCELERATIONS: Final[dict[str, _Reading]] = {
+    "Accel": (ACCELERATION, reports.Acceleration, ()),
+    "AcceleroMeter": (PROPER_ACCELERATION, reports.ProperAcceleration, ()),
+    "IMU": (INERTIA, reports.Imu, ("rates", "rate_changes", "angles")),
+}
+
+
 def _add_wheels(numbers: NumberRow, wheels: Sequence[tuple[str, int]]) -> int:
     """Add the numbers of wheels, of which sides and signs are given."""
     added = [float(len(wheels))]
@@ -264,6 +294,7 @@ SENSOR_ITEMS: dict[str, Callable[[Mounting], SensorItem]] = {
     "Tachometer": TachometerItem,
     "Encoder": EncoderItem,
     "Touch": TouchItem,
+    **dict.fromkeys(_ACCELERATIONS, AccelerationItem),
 }
 
 

@@ -20,12 +20,21 @@ from radarsim.robots.fleet import Fleet
 from radarsim.robots.motion import POSE_X
 from radarsim.robots.robot import (
     BODY_Z,
+    FRONT_STEER,
     LEFT_ANGLE,
+    REAR_STEER,
     RIGHT_ANGLE,
     TOUCHED,
+    VELOCITY_X,
+    VELOCITY_Y,
     YAW,
     X,
     Y,
+)
+from radarsim.sensors.acceleration import (
+    GRAVITY,
+    read_acceleration,
+    read_rotation,
 )
 from radarsim.sensors.motion_readings import (
     ANGLE_ZERO,
@@ -47,8 +56,11 @@ TIME, CHARGE, IS_TOUCHED = range(3)
 WHEEL_SPEEDS, WHEEL_ANGLES, WHEEL_TICKS = range(3, 6)
 # A pose: of the body; that which an INS estimates; x, y, yaw that the wheels imply.
 BODY_POSE, INS_POSE, WHEEL_POSE = range(6, 9)
-# Nothing: the drift of an INS goes on.
-DRIFT: Final = 9
+# Nothing: the drift of an INS goes on. Angles of the front and the rear wheels.
+DRIFT, STEERING = range(9, 11)
+# Three numbers: accelerations, and those of a mass that rests on the sensor. Twelve: of
+# an inertial measurement unit.
+ACCELERATION, PROPER_ACCELERATION, INERTIA = range(11, 14)
 
 SPENT: Final = 0  # place in the numbers of a robot: 1 if random numbers are used up
 # Numbers of a battery: time that it lasts, s; what it holds at least, s; tick of the
@@ -133,6 +145,8 @@ def fill_readings(
             elif kind == WHEEL_POSE:
                 _copy(odometry[int(mine[place])], POSE_X, out, at, 3)
                 at += 3
+            elif kind >= STEERING:
+                at = _read_motion(kind, mine, place, robots[slot], ticks, out, at)
             elif kind == DRIFT:
                 move_ins(mine, place, body)
                 if mine[place + INS_USED] == INS_NUMBERS - INS_DRAWS:
@@ -143,6 +157,29 @@ def fill_readings(
                 )
         spent += mine[SPENT] != 0.0
     return spent
+
+
+@njit_inline
+def _read_motion(
+    kind: int,
+    numbers: Floats,
+    place: int,
+    robot: Floats,
+    ticks: int,
+    out: Floats,
+    at: int,
+) -> int:
+    """Write steering angles, or what follows from accelerations; return the place."""
+    if kind == STEERING:
+        out[at], out[at + 1] = robot[FRONT_STEER], robot[REAR_STEER]
+        return at + 2
+    motion = robot[VELOCITY_X], robot[VELOCITY_Y], robot[YAW]
+    gravity = GRAVITY if kind == PROPER_ACCELERATION else 0.0
+    elapsed = read_acceleration(numbers, place, ticks / 100, motion, gravity, out, at)
+    if kind != INERTIA:
+        return at + 3
+    read_rotation(numbers, place, elapsed, robot[YAW], out, at + 3)
+    return at + 12
 
 
 @njit_inline

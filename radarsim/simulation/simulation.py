@@ -140,7 +140,7 @@ class Simulation:
             model,
             free,
             obstacles=obstacles,
-            wheel_drive=self.config.wheel_drive(),
+            wheel_drive=self.config.wheel_drive(model),
         )
         vehicle = Vehicle(
             robot,

@@ -38,6 +38,7 @@ from radarsim.simulation.items import (
 )
 from radarsim.simulation.readings import (
     CHARGE,
+    STEERING,
     TIME,
     Job,
     NumberRow,
@@ -164,6 +165,7 @@ class Vehicle:
         self._status_jobs = {
             "time": [Job(TIME)],
             "battery": [Job(CHARGE, charge.start)],
+            "steering": [Job(STEERING)],
         }
         self._changed: set[str] = set()  # scanners that are to be replaced
         self._mount_items(seed, gps_origin)
@@ -328,9 +330,10 @@ class Vehicle:
         if self.dialect.joins_encoders:
             sources = join_encoders(sources)
         lit = sources
+        steering = None if self.robot.bicycle is None else (0.0, 0.0)
         if STATUS_TICKS in intervals:
             sources, lit = (
-                [Source(Status(0.0, 0, light), self._status_jobs), *sources]
+                [Source(Status(0.0, 0, light, steering), self._status_jobs), *sources]
                 for light in (False, True)
             )
         # Jobs are in the order in which the lines have their numbers.

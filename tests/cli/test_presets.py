@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
+from radarsim.presets.robots import robot_names
 from radarsim.scene.material import library_names
 
 Command = Callable[..., Any]
@@ -54,6 +55,29 @@ def test_named_sensors_as_json(radarsim: Command) -> None:
     every = json.loads(radarsim("sensors", "--json").text)
     told = json.loads(radarsim("sensors", "laser", "thesis", "--json").text)
     assert told == {name: every[name] for name in ("laser", "thesis")}
+
+
+def test_robots_start_with_an_overview_of_their_items(radarsim: Command) -> None:
+    lines = radarsim("robots").text.splitlines()
+    overview = lines[: lines.index("")]
+    rows = {line.split()[0]: line for line in overview}
+    assert list(rows)[1:] == list(robot_names())
+    for words in ("Ackermann", "4.57 x 2.16 x 2.1", "GPS, RangeScanner", "HMMWV"):
+        assert words in rows["Hummer"]
+    assert "skid" in rows["Talon"]
+
+
+def test_named_robots_are_listed_alone_with_their_sources(radarsim: Command) -> None:
+    text = radarsim("robots", "Kenaf", "FrontAckerman").text
+    assert text.startswith("Kenaf: ")
+    for words in ("Kenaf.uc", "verified", "max_front_deg 28.6", "Hokuyo"):
+        assert words in text
+
+
+def test_robots_as_json(radarsim: Command) -> None:
+    told = json.loads(radarsim("robots", "Sedan", "P3AT", "--json").text)
+    assert told["Sedan"]["steering"]["max_front_deg"] == 33
+    assert told["P3AT"]["items"][-1]["name"] == "lms200"
 
 
 def test_materials_start_with_an_overview(radarsim: Command) -> None:

@@ -16,6 +16,12 @@ from radarsim.presets.robots import (
 )
 
 NAMES = (
+    "ATRVJr",
+    "BasicAckermanRobot",
+    "FrontAckerman",
+    "Hummer",
+    "Kenaf",
+    "Kurt2D",
     "P2AT",
     "P2DX",
     "P3AT",
@@ -25,7 +31,14 @@ NAMES = (
     "P3AT_Navtech",
     "P3AT_Radar360",
     "P3AT_SICK",
+    "Rugbot",
+    "Sedan",
+    "Talon",
+    "TeleMax",
+    "pioneer3at_with_sensors",
+    "pioneer3at_with_sensors_r",
 )
+NOT_SOURCED = {"name", "about", "sources", "generation"}
 BODY = """\
 name: Toy
 length: 0.4
@@ -75,6 +88,28 @@ def test_every_class_has_pose_sensors_bumper_battery_and_scanner(name: str) -> N
     assert model.items_of("rangescanner")
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_every_class_says_what_it_is_and_where_its_keys_come_from(name: str) -> None:
+    model = load_robot(name)
+    assert model.about.endswith(".")
+    sourced = {key for source in model.sources for key in source.of}
+    assert model.model_fields_set - NOT_SOURCED - {"wheels"} <= sourced
+
+
+def test_names_of_other_servers_mean_a_p3at() -> None:
+    plain = load_robot("P3AT")
+    for name in ("pioneer3at_with_sensors", "pioneer3at_with_sensors_r"):
+        same = {"name": "P3AT", "about": plain.about}
+        assert load_robot(name).model_copy(update=same) == plain
+
+
+def test_kenaf_has_the_wheels_of_the_original() -> None:
+    model = load_robot("Kenaf")
+    assert (model.wheel_base, model.wheel_separation) == (2 * 0.145, 2 * 0.076)
+    parts = 1.0 + 4 * 0.1 + 4 * (0.1 + 0.1 + 0.1)  # body, wheels, flippers
+    assert model.mass == pytest.approx(parts)
+
+
 def test_unknown_class_is_rejected_with_the_known_names() -> None:
     with pytest.raises(PresetError) as caught:
         load_robot("KR6" * 50)
@@ -122,10 +157,8 @@ def test_p3at_variants_differ_only_in_their_scanners() -> None:
             variant = load_robot(name)
             rest = [item for item in variant.items if item.type != "RangeScanner"]
             assert rest == list(plain.items[:-1])
-            assert (
-                variant.model_copy(update={"name": "P3AT", "items": plain.items})
-                == plain
-            )
+            same = {"name": "P3AT", "about": plain.about, "items": plain.items}
+            assert variant.model_copy(update=same) == plain
 
 
 def test_mount_is_converted_to_radians() -> None:
@@ -187,6 +220,12 @@ def test_based_on_can_add_items_to_a_class_without_items(tmp_path: Path) -> None
             id="twice",
         ),
         pytest.param("mass: 2\n", ":13:1: mass: ", id="a key twice"),
+        pytest.param(
+            "sources: [{of: [masss], source: me, confidence: choice}]\n",
+            ":1:1: source of 'masss', expected",
+            id="source of no key",
+        ),
+        pytest.param("steering: {max_front_deg: 90}\n", ":13:27: ", id="wheels across"),
     ],
 )
 def test_invalid_file_is_reported_with_its_place(

@@ -139,8 +139,18 @@ ZERO = (0.0, 0.0, 0.0)
         ),
         pytest.param(
             b"DRIVE {Speed 1} {FrontSteer 0.2} {Normalized True}\r\n",
-            [Drive(normalized=True)],
-            id="MATLAB toolbox: car of another",
+            [Drive(normalized=True, speed=1.0, front_steer=-0.2)],
+            id="MATLAB toolbox: car",
+        ),
+        pytest.param(
+            b"DRIVE {Speed 1.50} {FrontSteer 0.10} {RearSteer -0.25}\r\n",
+            [Drive(speed=1.5, front_steer=-0.1, rear_steer=0.25)],
+            id="Iridium: car",
+        ),
+        pytest.param(
+            b"DRIVE {Speed 2.000000} {FrontSteer 0.300000} {RearSteer 0.300000}\n\r",
+            [Drive(speed=2.0, front_steer=-0.3, rear_steer=-0.3)],
+            id="Player: car",
         ),
         pytest.param(
             b"MISPKG {Name CameraPanTilt} {Link 1} {Value 0.1} {Order 0} {Link 2} "

@@ -258,6 +258,11 @@ def test_encoded_command_parses_to_the_same_command(
             id="no exponent",
         ),
         pytest.param(Drive(-0.0, 0), "DRIVE {Left 0.0} {Right 0.0}", id="no minus"),
+        pytest.param(
+            Drive(speed=2, front_steer=0.25, rear_steer=0.0),
+            "DRIVE {Speed 2.0} {FrontSteer -0.25} {RearSteer 0.0}",
+            id="a car that turns left",
+        ),
     ],
 )
 def test_encode_command_writes_usarsim_lines(command: Command, line: str) -> None:

@@ -7,6 +7,7 @@ import pytest
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.dialect import COMPAT, UDK
 from radarsim.protocol.reports import (
+    Acceleration,
     ClockTick,
     CommandError,
     EchoLine,
@@ -15,11 +16,13 @@ from radarsim.protocol.reports import (
     Gps,
     Greeting,
     GroundTruth,
+    Imu,
     Ins,
     IntervalConf,
     ItemGeo,
     NameConf,
     Odometry,
+    ProperAcceleration,
     RadarTargets,
     RangeScan,
     Report,
@@ -70,6 +73,31 @@ COMPAT_LINES: list[tuple[str, Report, str]] = [
         Status(10.2, 3590, light=False),
         "STA {Type GroundVehicle} {Time 10.20} {FrontSteer 0.0000} "
         "{RearSteer 0.0000} {LightToggle False} {LightIntensity 0} {Battery 3590} "
+        "{View -1}",
+    ),
+    (
+        "inertial measurement unit",
+        Imu(1.5, "IMU", (0.25, -1.5, 0), (0, 0, 0.5), (0, 0, -0.125), (0, 0, 3.5)),
+        "SEN {Time 1.50} {Type IMU} {Name IMU} {XYZAcceleration 0.2500,1.5000,0.0000} "
+        "{AngularVel 0.0000,0.0000,-0.5000} {AngularAccel 0.0000,0.0000,0.1250} "
+        "{Rotation 0.0000,0.0000,2.7832}",
+    ),
+    (
+        "accelerations",
+        Acceleration(1.5, "A", (0.29999, -1.5, 0)),
+        "SEN {Time 1.50} {Type Accel} {Name A} {Acceleration 0.3000,1.5000,0.0000}",
+    ),
+    (
+        "accelerations with gravity",
+        ProperAcceleration(1.5, "Accelerometer", (0, 0, -9.81)),
+        "SEN {Time 1.50} {Type AcceleroMeter} {Name Accelerometer} "
+        "{ProperAcceleration 0.0000,0.0000,9.8100}",
+    ),
+    (
+        "status of a car",
+        Status(10.2, 3590, light=False, steering=(0.25, -0.1)),
+        "STA {Type GroundVehicle} {Time 10.20} {FrontSteer -0.2500} "
+        "{RearSteer 0.1000} {LightToggle False} {LightIntensity 0} {Battery 3590} "
         "{View -1}",
     ),
     (
@@ -224,6 +252,13 @@ COMPAT_LINES: list[tuple[str, Report, str]] = [
         "CONF {Type GroundVehicle} {Name P3AT} {SteeringType SkidSteered} "
         "{Mass 11.9000} {MaxSpeed 8.1700} {MaxTorque 50000.0000} "
         "{MaxFrontSteer 0.0000} {MaxRearSteer 0.0000}",
+    ),
+    (
+        "abilities of a car",
+        RobotConf("Hummer", 2360, 14.7655, 50000, (0.4363, 0)),
+        "CONF {Type GroundVehicle} {Name Hummer} {SteeringType AckermanSteered} "
+        "{Mass 2360.0000} {MaxSpeed 14.7655} {MaxTorque 50000.0000} "
+        "{MaxFrontSteer 0.4363} {MaxRearSteer 0.0000}",
     ),
     (
         "mount, type as the client spelt it",

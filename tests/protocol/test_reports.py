@@ -14,17 +14,20 @@ from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.echoes import target_lines
 from radarsim.protocol.message import Message, decode_message
 from radarsim.protocol.reports import (
+    Acceleration,
     EchoLine,
     Encoder,
     EncoderConf,
     Gps,
     Greeting,
     GroundTruth,
+    Imu,
     Ins,
     IntervalConf,
     ItemGeo,
     NameConf,
     Odometry,
+    ProperAcceleration,
     RadarTargets,
     RangeScan,
     Report,
@@ -149,7 +152,11 @@ SEEN = st.integers(1, 4).flatmap(
 REPORTS = st.one_of(
     st.builds(Greeting, NAMES),
     st.builds(StartPoses, st.lists(st.tuples(NAMES, POSES), max_size=3).map(tuple)),
-    st.builds(Status, TIMES, st.integers(-5, 99999), st.booleans()),
+    st.builds(
+        Status,
+        *(TIMES, st.integers(-5, 99999), st.booleans()),
+        st.none() | st.tuples(st.floats(0.01, 1.5), NUMBERS),
+    ),
     st.builds(RangeScan, TIMES, NAMES, NUMBERS, NUMBERS, VECTORS.map(np.array)),
     st.builds(EchoLine, TIMES, NAMES, *[st.integers(0, 999_999)] * 2, st.none() | SEEN),
     st.integers(0, 3).flatmap(
@@ -172,6 +179,11 @@ REPORTS = st.one_of(
         st.lists(st.tuples(NAMES, st.integers(-360, 360)), min_size=1).map(tuple),
     ),
     st.builds(Touch, TIMES, NAMES, st.booleans()),
+    st.builds(Acceleration, TIMES, NAMES, TRIPLES),
+    st.builds(ProperAcceleration, TIMES, NAMES, TRIPLES),
+    st.builds(
+        Imu, TIMES, NAMES, *[TRIPLES] * 3, st.tuples(*[st.floats(-3.1, 3.1)] * 3)
+    ),
     st.builds(Sonar, TIMES, NAMED),
     st.builds(
         Gps,
@@ -181,7 +193,11 @@ REPORTS = st.one_of(
         st.integers(0, 31),
     ),
     st.builds(RobotGeo, NAMES, TRIPLES, TRIPLES, NUMBERS, NUMBERS, NUMBERS),
-    st.builds(RobotConf, NAMES, NUMBERS, NUMBERS, NUMBERS),
+    st.builds(
+        RobotConf,
+        *(NAMES, NUMBERS, NUMBERS, NUMBERS),
+        st.none() | st.tuples(NUMBERS, NUMBERS),
+    ),
     st.builds(
         ItemGeo, NAMES, st.lists(st.tuples(NAMES, POSES), max_size=3).map(tuple), NAMES
     ),

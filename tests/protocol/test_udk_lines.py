@@ -6,16 +6,19 @@ import pytest
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.dialect import UDK
 from radarsim.protocol.reports import (
+    Acceleration,
     EchoLine,
     Encoder,
     EncoderConf,
     Gps,
     Greeting,
     GroundTruth,
+    Imu,
     Ins,
     IntervalConf,
     ItemGeo,
     Odometry,
+    ProperAcceleration,
     RadarTargets,
     RangeScan,
     Report,
@@ -69,6 +72,31 @@ UDK_LINES: list[tuple[str, Report, str]] = [
         Status(31.1, 0, light=True),
         "STA {Time 31.1000} {Battery 0} {Type GroundVehicle} {LightToggle True} "
         "{LightIntensity 100} {FrontSteer 0} {RearSteer 0}",
+    ),
+    (
+        "inertial measurement unit",
+        Imu(1.5, "IMU", (0.25, -1.5, 0), (0, 0, 0.5), (0, 0, -0.125), (0, 0, 3.5)),
+        "SEN {Time 1.5000} {Type IMU} {Name IMU} "
+        "{XYZAcceleration 0.2500,1.5000,0.0000} "
+        "{AngularVel 0.0000,0.0000,-0.5000} {AngularAccel 0.0000,0.0000,0.1250} "
+        "{Rotation 0.0000,0.0000,2.7831}",
+    ),
+    (
+        "accelerations",
+        Acceleration(1.5, "A", (0.29999, -1.5, 0)),
+        "SEN {Time 1.5000} {Type Accel} {Name A} {Acceleration 0.2999,1.5000,0.0000}",
+    ),
+    (
+        "accelerations with gravity",
+        ProperAcceleration(1.5, "Accelerometer", (0, 0, -9.81)),
+        "SEN {Time 1.5000} {Type AcceleroMeter} {Name Accelerometer} "
+        "{ProperAcceleration 0.0000,0.0000,9.8100}",
+    ),
+    (
+        "status of a car",
+        Status(31.1, 1199, light=False, steering=(0.25, -0.1)),
+        "STA {Time 31.1000} {Battery 1199} {Type GroundVehicle} {LightToggle False} "
+        "{LightIntensity 100} {FrontSteer -0.2500} {RearSteer 0.1000}",
     ),
     (
         "scan",
@@ -195,6 +223,13 @@ UDK_LINES: list[tuple[str, Report, str]] = [
         "CONF {Name P3AT} {Type GroundVehicle} {SteeringType SkidSteered} "
         "{Mass 11.9000} {MaxSpeed 1.2999} {MaxTorque 50000.0000} {MaxFrontSteer 0} "
         "{MaxRearSteer 0}",
+    ),
+    (
+        "abilities of a car",
+        RobotConf("FrontAckerman", 147, 0.56, 50000, (1.0, 6.28)),
+        "CONF {Name FrontAckerman} {Type GroundVehicle} {SteeringType AckermanSteered} "
+        "{Mass 147.0000} {MaxSpeed 0.5600} {MaxTorque 50000.0000} "
+        "{MaxFrontSteer 1.0000} {MaxRearSteer 6.2800}",
     ),
     (
         "mount, no blank before its last group",

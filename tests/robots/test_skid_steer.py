@@ -16,7 +16,7 @@ def advance(
     pose: Pose2, left: float, right: float, *, track: float, dt: float
 ) -> Pose2:
     start = (float(pose.x), float(pose.y), float(pose.yaw))
-    speeds = (float(left), float(right), track, float(dt))
+    speeds = (float(left), float(right), track, 0.0, float(dt))
     return Pose2(*skid_steer.advance(start, *speeds))
 
 

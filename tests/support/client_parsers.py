@@ -15,7 +15,8 @@ from typing import Any, Protocol
 READ_BUFFER = 4096  # bytes; of a line with its end
 VEHICLES = ("GroundVehicle", "LeggedRobot", "NauticVehicle", "AerialVehicle")
 SONARS = tuple(f"{end}{i}" for end in "FR" for i in range(1, 9))
-PIONEERS = ("P2AT", "P2DX")  # robots of which the scanner is called otherwise
+HOKUYOS = ("Kenaf", "AirRobot")  # robots of which UsarCommander expects a Hokuyo
+STEERING_TYPES = ("SkidSteered", "AckermanSteered", "OmniDrive")
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,10 @@ class Parser(Protocol):
 
 def scanner_of(class_name: str) -> str:
     """Return the name under which clients look for the scanner of a robot."""
-    return "Scanner1" if class_name in PIONEERS else "lms200"
+    if class_name in HOKUYOS:
+        return "Hokuyo"
+    is_own = class_name.startswith(("P3AT", "ATRV"))
+    return "lms200" if is_own else "Scanner1"
 
 
 def numbers(text: str, count: int | None = None) -> list[float]:
@@ -107,7 +111,7 @@ class RosParser:
     ) -> Reading | None:
         """Parse geometry or configuration."""
         if kind in VEHICLES:
-            assert head == "GEO" or values["SteeringType"] == "SkidSteered"
+            assert head == "GEO" or values["SteeringType"] in STEERING_TYPES
             sizes = ["WheelRadius", "WheelSeparation"]
             wanted = sizes if head == "GEO" else ["MaxSpeed"]
             found = {key: float(values[key]) for key in wanted}

@@ -65,11 +65,15 @@ class Arena:
 
         Raises:
             RadarsimError: If the map, the class or a sensor setting is wrong.
-            ValueError: If the class has no such scanner, or the period is too short.
+            ValueError: If the class has no such scanner or is a car, or the period is
+                too short.
         """
         config, map_ = SimulationConfig(), settings.map
         self.scene = map_ if isinstance(map_, Scene) else load_map(map_)
         self.model = load_robot(settings.robot).in_dialect(config.dialect.name)
+        if self.model.steering is not None:
+            text = f"robot {self.model.name!r} steers as a car does"
+            raise ValueError(f"{text}, expected one that is skid-steered")
         period = settings.decision_period
         # Less than half a tick would be rounded to a period of none.
         if not TICK / 2 < period < math.inf:
@@ -82,7 +86,7 @@ class Arena:
         self._mount = item.mount
         self._tracer = tracer_of(self.scene)
         self._obstacles: dict[float, Obstacles] = {}
-        self._fleet, drive = Fleet(), config.wheel_drive()
+        self._fleet, drive = Fleet(), config.wheel_drive(self.model)
         self._max_spin = drive.max_spin_rad_s
         self.max_speed = self._max_spin * self.model.wheel_radius
         self.max_turn_rate = 2 * self.max_speed / self.model.track

@@ -40,6 +40,9 @@ ITEMS: Final = {
     "sonarsensor": ("Sonar", None),
     "gps": ("GPS", None),
     "gpssensor": ("GPS", None),
+    "imu": ("IMU", None),
+    "acceleration": ("Accel", None),
+    "accelerometer": ("AcceleroMeter", None),
     "battery": ("Battery", None),
 }
 _UNCOMMENTED: Final = re.compile(r'(?:[^;"]|"[^"]*(?:"|$))*')

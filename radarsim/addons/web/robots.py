@@ -181,7 +181,7 @@ class Robots:
             viewer.send({"op": "notice", "text": f"{text} still compiles"})
 
         start, pose = request.start, request.pose and Pose2(*request.pose)
-        class_name, drive_unit = request.class_name, self._config.wheel_drive().unit
+        class_name, drive_unit = request.class_name, self._config.wheel_unit
         waiting = asyncio.get_running_loop().call_later(LONG_WAIT, tell_wait)
         try:
             client = await AsyncClient.connect(*self._address, timeout=ANSWER)

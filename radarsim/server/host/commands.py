@@ -231,17 +231,7 @@ class CommandHandler:
             return Diagnostic("battery", text)
         match command:
             case Drive():
-                vehicle.robot.drive(
-                    command.left,
-                    command.right,
-                    normalized=command.normalized,
-                    light=command.light,
-                )
-                if (command.left is None) != (command.right is None):
-                    missing = "Left" if command.left is None else "Right"
-                    text = f"DRIVE without {missing}, expected Left and Right"
-                    return Diagnostic("one side", f"{text}, or none of them")
-                return None
+                return _drive(vehicle, command)
             case SetItem():
                 return self._set_items(vehicle, command)
             case _:
@@ -433,6 +423,31 @@ def _describe_missing(
         types = ["Robot", *types, "Echoes", "RadarTargets"]
     text = f"{command.verb} of type {expected_one_of(item_type, types)}"
     return Diagnostic("item type", text)
+
+
+def _drive(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
+    """Drive a robot, as far as the command has what its drive needs."""
+    robot, is_car = vehicle.robot, vehicle.robot.bicycle is not None
+    left, right = command.left, command.right
+    normalized, light = command.normalized, command.light
+    robot.drive(left, right, normalized=normalized, light=light)
+    if is_car and command.speed is not None:
+        robot.steer(command.speed, command.front_steer, command.rear_steer)
+        return None
+    steers = (command.front_steer, command.rear_steer) != (None, None)
+    sides = (left is not None) + (right is not None)
+    if is_car and (steers or sides):
+        text = f"DRIVE of {vehicle.model.name} without Speed, expected Speed"
+        return Diagnostic("no speed", f"{text}, FrontSteer and RearSteer")
+    if sides == 1:
+        missing = "Left" if left is None else "Right"
+        text = f"DRIVE without {missing}, expected Left and Right"
+        return Diagnostic("one side", f"{text}, or none of them")
+    # A client stops any robot with all speeds of all vehicles, but without angles.
+    if steers:
+        text = f"DRIVE with FrontSteer of {vehicle.model.name}, which is skid-steered"
+        return Diagnostic("steering", f"{text}, expected Left and Right")
+    return None
 
 
 def _apply_opcode(

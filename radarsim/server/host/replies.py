@@ -51,8 +51,7 @@ def configuration(
 ) -> reports.Report | None:
     """Return settings; arguments and None are those of ``geometry``."""
     if item_type.casefold() == ROBOT:
-        max_spin = config.wheel_drive().max_spin
-        return reports.RobotConf(model.name, model.mass, max_spin, model.max_torque)
+        return _performance(model, config)
     # Asked of every robot by some clients: an empty list, as no class carries any.
     if item_type.casefold() == NO_ITEMS:
         return reports.NameConf(item_type, ())
@@ -60,6 +59,16 @@ def configuration(
     if not items:
         return None
     return _settings_of(items, item_type, config)
+
+
+def _performance(model: RobotModel, config: SimulationConfig) -> reports.RobotConf:
+    """Return the performance of a robot."""
+    angles = None
+    if model.steering is not None:
+        limits = model.steering.max_front_deg, model.steering.max_rear_deg
+        angles = config.dialect.steering_limits(*map(math.radians, limits))
+    max_spin = config.wheel_drive(model).max_spin
+    return reports.RobotConf(model.name, model.mass, max_spin, model.max_torque, angles)
 
 
 def find_items(model: RobotModel, item_type: str, name: str | None) -> tuple[Item, ...]:

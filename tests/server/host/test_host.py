@@ -11,7 +11,7 @@ import pytest
 
 from radarsim.errors import PresetError
 from radarsim.geometry import Pose2, Pose3
-from radarsim.presets.robots import load_robot
+from radarsim.presets.robots import load_robot, robot_names
 from radarsim.protocol.reports import GroundTruth, Ins, decode_report
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene, StartPose
@@ -170,9 +170,7 @@ def test_time_is_above_zero_and_never_goes_back(host: Host) -> None:
         pytest.param(
             b"INIT {ClassName USARBot.KR6} {Location .4, .4, 1.8}",
             "class",
-            "robot class 'KR6', expected one of ['P2AT', 'P2DX', 'P3AT', "
-            "'P3AT_Compare', 'P3AT_Compare360', 'P3AT_Hokuyo', 'P3AT_Navtech', "
-            "'P3AT_Radar360', 'P3AT_SICK']",
+            f"robot class 'KR6', expected one of {list(robot_names())}",
             id="unknown class",
         ),
         pytest.param(
@@ -273,9 +271,15 @@ def test_invalid_command_gives_a_diagnostic_and_no_effect(
         ),
         pytest.param(
             b"DRIVE {Speed 1} {FrontSteer .2} {rearsteer 0}",
-            "not supported DRIVE",
-            "not supported: DRIVE with ['FrontSteer', 'rearsteer']",
+            "steering",
+            "DRIVE with FrontSteer of P3AT, which is skid-steered, expected Left",
             id="steering axle",
+        ),
+        pytest.param(
+            b"DRIVE {Propeller 1} {Rudder .2}",
+            "not supported DRIVE",
+            "not supported: DRIVE with ['Propeller', 'Rudder']",
+            id="boat",
         ),
         pytest.param(
             b"SET {Type INS} {Opcode ZOOM}",
