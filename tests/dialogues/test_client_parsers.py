@@ -41,7 +41,6 @@ from radarsim.simulation.config import SimulationConfig
 HALF_LENGTH, HALF_WIDTH = 10.4, 6.4  # m; between the walls of the empty room
 # Of classes that UsarCommander does not know, nobody mounts a scanner for it.
 UNKNOWN_MODELS = ("Kurt2D", "Sedan", "FrontAckerman", "BasicAckermanRobot")
-EXACT = {name: {"side_offset_uu": 0} for name in ("lms200", "Scanner1")}
 ASKED = (
     *("Robot", "RangeScanner", "GroundTruth", "INS", "Odometry", "Tachometer"),
     *("Encoder", "Touch", "Sonar", "GPS"),
@@ -96,7 +95,13 @@ class Robot:
     """A robot that drives a circle, and all that its server sends."""
 
     def __init__(self, scene: Scene, class_name: str, dialect: Dialect) -> None:
-        self.config = SimulationConfig(dialect, item_settings=EXACT)
+        model = load_robot(class_name)
+        exact = {
+            item.name: {"side_offset_uu": 0}
+            for item in model.items
+            if item.sensor == "radar"
+        }
+        self.config = SimulationConfig(dialect, item_settings=exact)
         self.host = Host(scene, config=self.config)
         self.number = self.host.connect()
         self.checked: set[str] = set()  # kinds that were compared with the truth
@@ -105,7 +110,7 @@ class Robot:
         left, right = LEFT * factor, RIGHT * factor
         sides = f"{{Left {left:f}}} {{Right {right:f}}}"
         car = f"{{Speed {left:.2f}}} {{FrontSteer 0.20}} {{RearSteer -0.20}}"  # Iridium
-        is_car = load_robot(class_name).steering is not None
+        is_car = model.steering is not None
         lines = (
             f"INIT {{ClassName USARBot.{class_name}}} {{Start RobotStart1}}",
             "GETSTARTPOSES",
@@ -239,7 +244,9 @@ def check_lines(
     assert own.unread == 0
     assert robot.checked >= {"RangeScanner", "GroundTruth"}
     for kind in ("Sonar", "GPS"):
-        assert (kind in robot.checked) is bool(load_robot(class_name).items_of(kind))
+        is_read = any(kind in parser.sensors for parser in parsers.values())
+        is_carried = bool(load_robot(class_name).items_of(kind))
+        assert (kind in robot.checked) is (is_read and is_carried)
     for client, parser in parsers.items():
         wanted = Counter(
             kind

@@ -55,8 +55,8 @@ def test_valid_settings_pass_the_check(
             {"lms": {"max_range": 3}},
             "item 'lms', expected one of ['Bumper', 'ECLeft', 'ECRight', 'F1', 'F2', "
             "'F3', 'F4', 'F5', 'F6', 'F7', 'F8', 'GPS', 'GndTruth', 'GroundTruth', "
-            "'Hokuyo', 'INS', 'InsTest', 'Navtech', 'Odometer', 'Odometry', 'R1', "
-            "'R2', 'R3', 'R4', 'R5', 'R6', 'R7', 'R8', 'SICK', 'Scanner1', "
+            "'Hokuyo', 'IMU', 'INS', 'InsTest', 'Navtech', 'Odometer', 'Odometry', "
+            "'R1', 'R2', 'R3', 'R4', 'R5', 'R6', 'R7', 'R8', 'SICK', 'Scanner1', "
             "'TachTest', 'W1', 'W2', 'battery', 'lms200']; did you mean 'lms200'?",
             id="unknown item",
         ),

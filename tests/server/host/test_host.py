@@ -219,7 +219,8 @@ def test_invalid_command_gives_a_diagnostic_and_no_effect(
             b"DRIVE {Left 1} {Rigth 1}",
             "DRIVE fields, one side",
             "DRIVE field 'Rigth', expected one of "
-            "['Left', 'Right', 'Normalized', 'Light', 'Flip']"
+            "['Left', 'Right', 'Normalized', 'Light', 'Flip', 'Speed', 'FrontSteer', "
+            "'RearSteer']"
             "; did you mean 'Right'?; DRIVE without Right, expected Left and Right",
             id="misspelt wheel",
         ),
