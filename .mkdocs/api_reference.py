@@ -1,7 +1,13 @@
-"""A page for each public module, made from the names in its ``__all__``."""
+"""A page for each public module, made from the names in its ``__all__``.
+
+Pictures of the README are on the site as well. Links from the manual to other files of
+the repository are plain text there.
+"""
 
 import ast
+import re
 from pathlib import Path
+from typing import Any
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
@@ -12,10 +18,16 @@ PAGES = {
     "radarsim.client": PACKAGE / "client" / "__init__.py",
     "radarsim.gym": PACKAGE / "addons" / "gym" / "__init__.py",
 }
+PICTURES = PACKAGE.parent / ".readme"
+_PICTURE = re.compile(r"\]\(../../.readme/(\w+\.png)\)")
+_LINK_TO_FILE = re.compile(r"\[([^\]]+)\]\((?:\.\./[^)]*|\w+\.ipynb)\)")
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages to those of the manual."""
+    """Add the pages and the pictures to those of the manual."""
+    for picture in PICTURES.glob("*.png"):
+        path = f"pictures/{picture.name}"
+        files.append(File.generated(config, path, abs_src_path=str(picture)))
     for module, source in PAGES.items():
         content = f"# {module}\n\n" + "\n\n".join(
             f"::: {module}.{name}" for name in _public_names(source)
@@ -23,6 +35,11 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         path = f"reference/{module.removeprefix('radarsim.')}.md"
         files.append(File.generated(config, path, content=content))
     return files
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Lead links to what is on the site."""
+    return _LINK_TO_FILE.sub(r"\1", _PICTURE.sub(r"](/pictures/\1)", markdown))
 
 
 def _public_names(source: Path) -> list[str]:

@@ -274,6 +274,13 @@ def _points(scans: Sequence[Scan]) -> list[Floats]:
     return [place, *(scan_points(s)[np.isfinite(s.ranges)] for s in scans)]
 
 
+class _ShownFigure(Figure):
+    """A figure that a notebook shows; of others it shows those of pyplot alone."""
+
+    def _repr_png_(self) -> bytes:
+        return render(self)
+
+
 def compare(
     map_: str | Path | Scene,
     *sensors: str | RangeScanner,
@@ -289,7 +296,7 @@ def compare(
         seed: Seed of all random numbers.
 
     Returns:
-        A figure; ``figure.savefig("sensors.png")`` writes it.
+        A figure; ``figure.savefig("sensors.png")`` writes it, and a notebook shows it.
 
     Raises:
         MapError: If the map is wrong.
@@ -316,7 +323,7 @@ def compare(
         for scanner in scanners
     ]
     size = (_PANEL[0] * len(scans) + _PANEL_LEGEND, _PANEL[1])
-    figure = Figure(figsize=size, dpi=110, layout="constrained")
+    figure = _ShownFigure(figsize=size, dpi=110, layout="constrained")
     legend, robot = Legend(QUIET), Pose2(place.pose.x, place.pose.y, place.pose.yaw)
     # The readings of all sensors, so that all panels have the same limits and scale.
     include = np.concatenate([scan_points(s)[np.isfinite(s.ranges)] for s in scans])

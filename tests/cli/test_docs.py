@@ -1,3 +1,4 @@
+import re
 import sys
 from collections.abc import Callable
 from typing import Any
@@ -41,3 +42,22 @@ def test_page_is_rendered_on_a_terminal(
     assert "<!--" not in text
     assert ".readme/" not in text  # a terminal shows no pictures
     assert "radarsim docs navigation" in text  # what a link means here
+
+
+@pytest.mark.parametrize("page", sorted(page.stem for page in FOLDER.glob("*.md")))
+def test_terminal_shows_no_links_to_files_and_no_long_lines(
+    page: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    monkeypatch.setattr("pydoc.pager", print)
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("NO_COLOR", "1")
+    module.docs(page)
+    text = capsys.readouterr().out
+    assert not re.search(r"\((#|[\w./]*\.(md|ipynb|py))", text)
+    assert not re.search(r"\x1b\[(\d+;)*[349][0-8][;m]", text)  # colours
+    assert max(len(line) for line in without_styles(text).splitlines()) <= 100
+
+
+def without_styles(text: str) -> str:
+    return re.sub(r"\x1b\[[0-9;]*m", "", text)
