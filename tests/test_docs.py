@@ -15,11 +15,11 @@ import yaml
 from commands import Run, run_in_process
 from documents import MANUAL, PAGES, ROOT, Snippet, anchors_of, links_of, snippets_of
 
+# Imported before suites run, which forget the modules that they have imported: what is
+# replaced below would be that of another copy, and antennas those of another class.
+from radarsim.addons.fmcw import antennas as _antennas  # noqa: F401
 from radarsim.cli.app import app
 from radarsim.scene.map_file import load_variants
-
-# Imported before suites run, which forget the modules that they have imported: what is
-# replaced below would be that of another copy.
 from radarsim.server import tcp_server
 from radarsim.simulation.map_warnings import occupied_starts, trial_warnings
 
