@@ -45,6 +45,18 @@ def as_generator(
     return generator_for(rng, *names)
 
 
+def fixed_number(rng: np.random.Generator) -> int:
+    """Return a number of 64 bits of a generator's seed, whatever was drawn from it.
+
+    Args:
+        rng: It is not drawn from.
+    """
+    seed: Any = rng.bit_generator.seed_seq
+    # Children have the numbers from 0 on: none is ever as large as this.
+    own = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, 2**32 - 1))
+    return int(own.generate_state(1, np.uint64)[0])
+
+
 class NumberedStreams:
     """Streams of random numbers by number, which can be drawn in any order.
 

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from radarsim.rng import NumberedStreams, generator_for
+from radarsim.rng import NumberedStreams, fixed_number, generator_for
 
 
 def numbers(*key: int | str) -> list[float]:
@@ -24,6 +24,16 @@ def test_other_seed_or_name_gives_other_numbers() -> None:
 
 def test_boundaries_of_names_matter() -> None:
     assert numbers(0, "ab", "c") != numbers(0, "a", "bc")
+
+
+def test_fixed_number_is_that_of_the_seed_whatever_is_drawn() -> None:
+    drawn_from, fresh = generator_for(0, "a"), generator_for(0, "a")
+    drawn_from.random(3)
+    drawn_from.spawn(2)
+    assert fixed_number(drawn_from) == fixed_number(fresh) < 2**64
+    assert drawn_from.random() == fresh.random(4)[3]
+    others = [generator_for(1, "a"), generator_for(0, "b"), *fresh.spawn(2)]
+    assert len({fixed_number(each) for each in (fresh, *others)}) == 5
 
 
 def drawn(streams: NumberedStreams, number: int, count: int) -> np.ndarray:

@@ -85,6 +85,7 @@ _PLAIN_KEYS: Final = {
     "constant_gamma",
     "specular_db",
     "slope_deg",
+    "sway_m_per_s",
     "transmission_db",
 }
 

@@ -46,6 +46,7 @@ MAX_AMOUNT = 1000.0  # mm/h, g/m^3
 MAX_LEVEL = 200.0  # dB, of what returns to a radar
 MIN_SLOPE = 0.2  # degrees, of facets
 MAX_SLOPE = 30.0
+MAX_SWAY = 10.0  # m/s
 
 START_NAME = r"(Robot|Player|ComSt)[A-Za-z]*[0-9]*(_[0-9])?"
 _BAND_KEYS = [str(band) for band in BANDS_GHZ]
@@ -259,6 +260,7 @@ class MaterialEntry(Entry):
         specular_db: What facets of an opaque surface reflect to a radar that they face,
             dB.
         slope_deg: Rms slope of these facets, degrees.
+        sway_m_per_s: Rms speed at which the wind moves leaves along a radar wave, m/s.
         transmission_db: What a radar wave loses on its way through a pane, dB.
     """
 
@@ -281,6 +283,7 @@ class MaterialEntry(Entry):
     constant_gamma: Annotated[bool, Strict()] | None = None
     specular_db: Annotated[Real, Ge(-MAX_LEVEL), Le(0)] | None = None
     slope_deg: Annotated[Real, Ge(MIN_SLOPE), Le(MAX_SLOPE)] | None = None
+    sway_m_per_s: Annotated[Real, Ge(0), Le(MAX_SWAY)] | None = None
     transmission_db: BandDecibels | None = None
 
 

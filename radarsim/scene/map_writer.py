@@ -28,6 +28,7 @@ _PLAIN: Final = (
     "constant_gamma",
     "specular_db",
     "slope_deg",
+    "sway_m_per_s",
 )
 _BANDS: Final = {
     "radar_db": "db_per_m",

@@ -89,6 +89,8 @@ class Material:
         albedo: The share of what a volume or a sheet takes from a radar wave that it
             scatters to all sides; the rest turns into heat. The drops of ``rain`` come
             on top.
+        sway_m_per_s: Rms speed at which the wind moves the scatterers of a volume or a
+            sheet along a radar wave, m/s; only the speckle of a spectrum shows it.
     """
 
     name: str
@@ -107,6 +109,7 @@ class Material:
     sheet_attenuation_db: Losses | None = None
     backscatter_db: float = BACKSCATTER_DB
     albedo: float = ALBEDO
+    sway_m_per_s: float = 0.0
     constant_gamma: bool = False
     specular_db: float | None = None
     slope_deg: float = SLOPE_DEG

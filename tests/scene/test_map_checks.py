@@ -65,7 +65,7 @@ def test_problem_of_the_top_level_has_place_and_expectation(
             " 'db_per_m', 'density', 'g_per_m3', 'laser_absorption_db',"
             " 'laser_db_per_m', 'laser_density', 'mirror', 'mm_per_h',"
             " 'sheet_attenuation_db', 'sheet_loss', 'slope_deg', 'solid',"
-            " 'specular_db', 'transmission_db']",
+            " 'specular_db', 'sway_m_per_s', 'transmission_db']",
         ),
     ],
 )

@@ -90,6 +90,11 @@ def problems(text: str) -> list[str]:
             id="dB beside a density",
         ),
         pytest.param(
+            "{density: 0.7, sway_m_per_s: 0.1}",
+            {"density": 0.7, "sway_m_per_s": 0.1},
+            id="in a wind",
+        ),
+        pytest.param(
             "{sheet_loss: 0.4, sheet_attenuation_db: 0.2}",
             {
                 "density": 0.0,

@@ -10,11 +10,14 @@ from radarsim.addons.fmcw.beat_signal import Tones, beat_rows
 from radarsim.addons.fmcw.radar import FmcwRadar
 from radarsim.addons.fmcw.radar_equation import noise_power
 from radarsim.addons.fmcw.range_lines import Power
+from radarsim.addons.fmcw.speckle import Speckle
+from radarsim.addons.fmcw.turn_echoes import Echoes, TurnEchoes
+from radarsim.addons.fmcw.viewpoints import Viewpoints, fixed_viewpoints
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.presets.sensors import load_settings
 from radarsim.raycast.tracer import tracer_of
-from radarsim.rng import NumberedStreams
+from radarsim.rng import NumberedStreams, generator_for
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import box, cylinder
@@ -74,16 +77,28 @@ def pole_at(distance: float, azimuth_deg: float, radius: float, height: float) -
 
 def echo_power(which: FmcwRadar, scene: Scene, pose: Pose3 = EYE) -> Floats:
     """Return the mean power of each direction and bin, W."""
-    turn = which.trace(scene, pose)
-    mean = which.mean_power(tracer_of(scene), turn)
+    mean = echoes_of(which, scene, fixed_viewpoints(pose, which.times(0))).power
     return np.asarray(mean, np.float64) * noise_power(which.settings)
 
 
+def echoes_of(
+    which: FmcwRadar, scene: Scene, view: Viewpoints, seed: int = 0
+) -> Echoes:
+    """Return the echoes of all directions, in units of the noise."""
+    rows, tracer = range(which.settings.azimuths), tracer_of(scene)
+    speckle = Speckle(which.settings, generator_for(seed))
+    turn = TurnEchoes(which.settings, sways=which.sways(tracer))
+    which.add_echoes(turn, tracer, which.trace(scene, view, rows), speckle)
+    found = turn.rows(0, rows.stop, turn, turn)
+    which.add_sidelobes(found, turn, rows, view, speckle)
+    return found
+
+
 def beat_spectrum(
-    settings: FmcwSettings, mean: Power, tones: Tones, rng: np.random.Generator
+    settings: FmcwSettings, field: Power, tones: Tones, rng: np.random.Generator
 ) -> Power:
     """Return the power in each bin of a turn, (A, B), in units of the noise."""
-    return beat_rows(settings, 0, mean, tones, NumberedStreams(rng))
+    return beat_rows(settings, 0, field, tones, NumberedStreams(rng))
 
 
 def db(ratio: Any) -> Any:
@@ -95,7 +110,8 @@ def dbm(power: Any) -> Any:
 
 
 def no_echoes(settings: FmcwSettings) -> Power:
-    return np.zeros((settings.azimuths, settings.bins), np.float32)
+    """Return the amplitudes of a turn without any."""
+    return np.zeros((settings.azimuths, 2 * settings.bins), np.float32)
 
 
 def correlation(first: NDArray[Any], second: NDArray[Any]) -> float:

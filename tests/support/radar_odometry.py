@@ -169,8 +169,9 @@ def turns_along(
     for tick in range(1, round(seconds / TICK)):
         pose = path(tick * TICK)
         x, y, z = ((pose.position() - before.position()) / TICK).tolist()
+        looked = rotation.advance(pose, rate, start=before, velocity=(x, y, z))
         before = pose
-        for sector in rotation.advance(pose, rate, velocity=(x, y, z)):
+        for sector in looked:
             images.append(sector.spectrum.counts)
             found = sector.spectrum.detections("k", count=TARGETS)
             share = (sector.first + found.rows) / settings.azimuths

@@ -2,8 +2,8 @@
 
 Theory of operation
 ===================
-In each tick an antenna turns by the directions that it passes in that time, seen from
-where the robot is by then. A thread computes what it receives in every
+In each tick an antenna turns by the directions that it passes in that time, each seen
+from where the robot was then. A thread computes what it receives in every
 ``RECEPTION_TICKS`` together, while time goes on: that is there ``LATENCY`` ticks later,
 always, so that nothing depends on how fast the machine is. When a turn is complete,
 what its detector found becomes a scan. The first turn after a spawn is not read.
@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 import numpy as np
 
 from radarsim.addons.fmcw.targets import read_ranges
-from radarsim.geometry import Floats, Pose3
+from radarsim.geometry import Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.processes import BackgroundThread
 from radarsim.protocol.echoes import target_lines
@@ -46,7 +46,6 @@ if TYPE_CHECKING:
     )
     from radarsim.simulation.simulation import Simulation
 
-STANDING: Final = (0.0, 0.0, 0.0)  # m/s
 # In a tick no more antennas turn: each takes a good part of a processor.
 MOST_TURNING: Final = 1
 LATENCY: Final = 5  # ticks until what is received is there
@@ -103,7 +102,7 @@ class Antenna:
         observers: Called likewise, but it does not turn for them.
         since: Tick in which it began to turn.
         turned: Tick in which it last turned.
-        place: (3,) m, where it was then; None at first.
+        pose: Where it was then; None at first.
         computed: What is computed, or waits until its tick has come.
     """
 
@@ -114,7 +113,7 @@ class Antenna:
     observers: list[Listener] = field(default_factory=list)
     since: int = 0
     turned: int = 0
-    place: Floats | None = None
+    pose: Pose3 | None = None
     computed: deque[_Computed] = field(default_factory=deque)
 
     @property
@@ -138,19 +137,18 @@ class Antenna:
         if self.receiver is None or self.turned != ticks - 1:
             radar, rng = self.mounted.scanner.fmcw, self.mounted.rng
             self.receiver = rotation.TurnReceiver(radar, scene, rng)
-            self.since, self.place = ticks, None
+            self.since, self.pose = ticks, None
         settings, age = self.receiver.radar.settings, ticks - self.since
         rate = TICK * settings.rotation_hz * settings.azimuths
         passed = int((age + 1) * rate + ROUNDING) - int(age * rate + ROUNDING)
         pose = self.vehicle.sensor_pose(self.mounted.item)
-        place, before, velocity = pose.position(), self.place, STANDING
-        if before is not None:
-            vx, vy, vz = ((place - before) / TICK).tolist()
-            velocity = vx, vy, vz
+        before = self.pose or pose
+        vx, vy, vz = ((pose.position() - before.position()) / TICK).tolist()
         look = rotation.Look(
             passed,
+            before,
             pose,
-            velocity,
+            (vx, vy, vz),
             boxes,
             self.vehicle.number,
             self.mounted.scanner.settings,
@@ -160,7 +158,7 @@ class Antenna:
         # A look holds all that it needs of this tick: the thread reads no simulation.
         result = worker.submit(self.receiver.advance, look)
         self.computed.append(_Computed(ticks, self.since, result))
-        self.turned, self.place = ticks, place
+        self.turned, self.pose = ticks, pose
 
     def receive(self, ticks: int) -> list[DueScan]:
         """Tell listeners what is received, and return the scans of whole turns."""
@@ -285,14 +283,15 @@ def warm_up() -> None:
     from radarsim.addons.fmcw.beat_signal import NO_TONES  # noqa: PLC0415
     from radarsim.addons.fmcw.detection import DETECTORS  # noqa: PLC0415
     from radarsim.addons.fmcw.rotation import Rotation  # noqa: PLC0415
+    from radarsim.addons.fmcw.turn_echoes import Echoes  # noqa: PLC0415
 
     small = {"azimuths": 8, "bins": 400, "rays_across": 1, "rays_up": 1}
     radar = load_sensor("navtech_cts350x", fmcw=small).fmcw
     pose, rng = Pose3(0.0, 0.0, 0.0), generator_for(0, "warm-up")
     nothing = Boxes(np.zeros((0, 8)))
     Rotation(radar, Scene("empty", "Empty"), rng).advance(pose, 1, boxes=nothing)
-    mean = np.ones((8, 400), np.float32)
+    echoes = Echoes(np.ones((8, 400), np.float32), np.ones((8, 800), np.float32))
     streams = NumberedStreams(rng)
-    spectrum = radar.receive(pose, range(8), mean, NO_TONES, streams)
+    spectrum = radar.receive(pose, range(8), echoes, NO_TONES, streams)
     for detector in DETECTORS:
         spectrum.detections(detector)

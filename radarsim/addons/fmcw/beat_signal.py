@@ -3,14 +3,12 @@
 Theory of operation
 ===================
 A sweep mixed with its echoes is a sum of tones, one for each range. What is rough or
-dense returns from many points with random phases: each bin has a complex amplitude of
-Gaussian distribution, and neighbouring directions see the same points through their
-overlapping beams, so that the amplitudes are correlated by the pattern of the antenna.
-Points, such as corner reflectors, have their own phase, 4 pi R / lambda. To these tones
-come the leakage of the transmitter and white noise; what is beyond the range of the
-converter is clipped. Window and FFT then make the spectrum. So speckle, sidelobes in
-range, the colour of the noise, and what saturation does to a whole direction follow by
-themselves, and nothing is drawn for a bin of the result.
+dense has a complex amplitude in each bin, by the scatterers that are there. Points,
+such as corner reflectors, have their own phase, 4 pi R / lambda. To these tones come
+the leakage of the transmitter and white noise, which is new in each sweep; what is
+beyond the range of the converter is clipped. Window and FFT then make the spectrum. So
+speckle, sidelobes in range, the colour of the noise, and what saturation does to a
+whole direction follow by themselves, and nothing is drawn for a bin of the result.
 
 Amplitudes are in units of the noise in a bin.
 """
@@ -36,7 +34,8 @@ from radarsim.addons.fmcw.radar_equation import (
     watts,
     window_of,
 )
-from radarsim.geometry import Floats, Pose3
+from radarsim.addons.fmcw.viewpoints import Viewpoints
+from radarsim.geometry import Floats
 from radarsim.jit import njit_cached
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.raycast.attenuation import EventKind
@@ -91,51 +90,49 @@ class Points(NamedTuple):
 
 def point_tones(
     settings: FmcwSettings,
-    pose: Pose3,
+    view: Viewpoints,
+    rows: range,
     points: Points,
     loss_db: Floats,
-    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> Tones:
     """Return the tones of points in the directions whose beams they are in.
 
     Args:
         settings: The radar.
-        pose: Pose of its antenna, map frame.
+        view: From where its antenna looks into the directions.
+        rows: The directions.
         points: N points.
         loss_db: (N,) loss on the way to each, dB one way; inf if it is hidden.
-        velocity: Of the antenna, m/s, map frame.
     """
-    seen = (points.positions - pose.position()) @ pose.rotation()
-    distance = np.linalg.norm(seen, axis=1)
-    visible = np.isfinite(loss_db) & (distance > 0)
-    seen, distance = seen[visible], distance[visible]
-    azimuth = -np.arctan2(seen[:, 1], seen[:, 0])
-    elevation = np.arcsin(np.clip(seen[:, 2] / distance, -1, 1))
-    half = rows_in_beam(settings)
+    offsets = points.positions[None, :, :] - view.positions[:, None, :]
+    distance = np.linalg.norm(offsets, axis=2)
+    seen = np.einsum("rni,rij->rnj", offsets, view.rotations)
+    ahead = settings.step * np.array(rows)[:, None]
+    across = ahead + np.arctan2(seen[..., 1], seen[..., 0])
+    across = np.remainder(across + math.pi, 2 * math.pi) - math.pi
     # Every direction whose main lobe reaches the point receives it, by the pattern.
-    rows = np.rint(azimuth / settings.step)[:, None] + np.arange(-half, half + 1)
-    across = gaussian(
-        rows * settings.step - azimuth[:, None], math.radians(settings.beamwidth_az_deg)
-    )
-    pattern = across * elevation_pattern(settings, elevation)[:, None]
-    power = received_power(settings, points.rcs[visible], distance)
-    power *= 10 ** (-loss_db[visible] / 5) / noise_power(settings)
-    speeds = (seen @ (pose.rotation().T @ np.array(velocity))) / distance
-    ranges = distance + doppler_shift(settings, speeds)
+    within = np.abs(across) <= (rows_in_beam(settings) + 0.5) * settings.step
+    row, point = np.nonzero(within & np.isfinite(loss_db) & (distance > 0))
+    distance = distance[row, point]
+    elevation = np.arcsin(np.clip(seen[row, point, 2] / distance, -1, 1))
+    width = math.radians(settings.beamwidth_az_deg)
+    pattern = gaussian(across[row, point], width)
+    pattern *= elevation_pattern(settings, elevation)
+    power = received_power(settings, points.rcs[point], distance)
+    power *= 10 ** (-loss_db[point] / 5) / noise_power(settings)
+    approach = np.einsum("ki,ki->k", offsets[row, point], view.velocities[row])
     # The phase follows the true distance, the tone what Doppler makes of it.
-    wide = np.ones_like(rows)
-    phases = -4 * math.pi * distance / settings.wavelength
     return Tones(
-        (rows.astype(np.int64) % settings.azimuths).ravel(),
-        (ranges[:, None] * wide).ravel(),
-        (phases[:, None] * wide).ravel(),
-        (power[:, None] * pattern**2).ravel(),
+        row + rows.start,
+        distance + doppler_shift(settings, approach / distance),
+        -4 * math.pi * distance / settings.wavelength,
+        power * pattern**2,
     )
 
 
 def losses_to(
     tracer: Tracer,
-    pose: Pose3,
+    origin: Floats,
     points: Points,
     ray_class: RayClass,
     power: float,
@@ -146,21 +143,21 @@ def losses_to(
 
     Args:
         tracer: Tracer of the scene.
-        pose: Pose of the antenna, map frame.
+        origin: (3,) m, place of the antenna, map frame.
         points: The points.
         ray_class: Class of the radar's rays.
         power: The power with which they start.
         boxes: The robots.
         carrier_id: The robot that carries the radar; -1 for none.
     """
-    offsets = points.positions - pose.position()
+    offsets = points.positions - origin
     distance = np.linalg.norm(offsets, axis=1)
     loss = np.full(len(distance), np.inf)
     rows = np.flatnonzero(distance > CLEARANCE)
     if not len(rows):
         return loss
     rays = Rays(
-        np.broadcast_to(pose.position(), (len(rows), 3)).copy(),
+        np.tile(origin, (len(rows), 1)),
         offsets[rows] / distance[rows, None],
         distance[rows] - CLEARANCE,
         np.full(len(rows), power),
@@ -179,7 +176,7 @@ def losses_to(
 def beat_rows(
     settings: FmcwSettings,
     first: int,
-    mean: Power,
+    field: Power,
     tones: Tones,
     streams: NumberedStreams,
 ) -> Power:
@@ -190,9 +187,10 @@ def beat_rows(
     Args:
         settings: The radar.
         first: The first of N neighbouring directions.
-        mean: (N, B) mean power of these, in units of the noise.
+        field: (N, 2 B) their amplitudes, real and imaginary parts, in units of the
+            noise.
         tones: Echoes of points, in any directions.
-        streams: Source of speckle and noise: two streams for each direction.
+        streams: Source of noise: a stream for each direction.
     """
     samples, shape, window = (
         sample_count(settings),
@@ -203,11 +201,13 @@ def beat_rows(
     amplitude = np.float32(1 / math.sqrt(2 * float((window**2).sum())))
     full_scale = watts(settings.full_scale_dbm) / noise_power(settings)
     limit = np.float32(math.sqrt(float(full_scale)))
-    power = np.zeros(mean.shape, np.float32)
-    for start in range(0, len(mean), ROWS_AT_ONCE):
+    per_noise = 1 / np.sqrt(shape)
+    power = np.zeros((len(field), settings.bins), np.float32)
+    for start in range(0, len(field), ROWS_AT_ONCE):
         rows, row = slice(start, start + ROWS_AT_ONCE), first + start
-        sweeps: Signal = np.zeros((len(mean[rows]), fft_length(settings)), np.complex64)
-        _fill_speckle(settings, row, mean[rows], streams, sweeps)
+        amplitudes: Signal = field[rows].view(np.complex64)
+        sweeps: Signal = np.zeros((len(amplitudes), fft_length(settings)), np.complex64)
+        np.multiply(amplitudes, per_noise, out=sweeps[:, : settings.bins])
         sweeps = fft.ifft(sweeps, axis=1, norm="forward", overwrite_x=True)
         sweeps[:, samples:] = 0  # a sweep has no more samples; the rest is padding
         signal = sweeps[:, :samples]
@@ -215,7 +215,7 @@ def beat_rows(
         signal += _leakage(settings)
         noise = np.zeros((len(signal), 2 * samples), np.float32)
         for number, line in enumerate(noise, row):
-            streams.fill_normal(2 * number + 1, line)
+            streams.fill_normal(number, line)
         noise *= amplitude
         signal += noise.view(np.complex64)
         # The converter clips both of its channels: that spreads over the whole sweep.
@@ -233,60 +233,6 @@ def _square(spectra: Signal, shape: Power, power: Power) -> None:
         for b in range(len(shape)):
             field = spectra[row, b]
             power[row, b] = shape[b] * (field.real**2 + field.imag**2)
-
-
-def _fill_speckle(
-    settings: FmcwSettings,
-    first: int,
-    mean: Power,
-    streams: NumberedStreams,
-    lines: Signal,
-) -> None:
-    """Fill the amplitudes of what is rough into the first bins of ``lines``."""
-    occupied = np.flatnonzero(mean.any(axis=0))
-    if not len(occupied):
-        return
-    depth, half = int(occupied[-1]) + 1, rows_in_beam(settings)
-    # The directions beside these share points with them. Each has a stream of its own,
-    # by its number in the turn, so that any part of a turn is computed as the whole.
-    white = np.zeros((len(mean) + 2 * half, 2 * depth), np.float32)
-    for k, row in enumerate(white):
-        streams.fill_normal(2 * ((first - half + k) % settings.azimuths), row)
-    rough = mean[:, :depth] / noise_shape(settings)[:depth]
-    _correlate(white.view(np.complex64), rough, _taps(settings), lines)
-
-
-@lru_cache(maxsize=16)
-def _taps(settings: FmcwSettings) -> Power:
-    """Return by how much the points of one direction count in the next, (2 n + 1,).
-
-    That is the two-way pattern of the field; the factor makes the power of Gaussian
-    amplitudes of variance 2 come out as 1.
-    """
-    half = rows_in_beam(settings)
-    steps = np.arange(-half, half + 1) * settings.step
-    taps = gaussian(steps, math.radians(settings.beamwidth_az_deg))
-    return (taps / math.sqrt(2 * float((taps**2).sum()))).astype(np.float32)
-
-
-@njit_cached
-def _correlate(white: Signal, mean: Power, taps: Power, lines: Signal) -> None:
-    """Fill correlated amplitudes of a mean power from white ones.
-
-    Args:
-        white: (R + 2 n, D), n more directions on each side.
-        mean: (R, B) mean power.
-        taps: (2 n + 1,).
-        lines: (R, L) filled up to bin D.
-    """
-    for row in range(len(lines)):
-        line = lines[row]
-        for k in range(len(taps)):
-            tap, source = taps[k], white[row + k]
-            for b in range(len(source)):
-                line[b] += tap * source[b]
-        for b in range(white.shape[1]):
-            line[b] *= np.sqrt(mean[row, b])
 
 
 def _add_tones(

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from functools import cached_property
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -10,13 +10,11 @@ import numpy as np
 from radarsim.addons.fmcw.beat_signal import (
     NO_TONES,
     Points,
-    Power,
     Tones,
     beat_rows,
     losses_to,
     point_tones,
 )
-from radarsim.addons.fmcw.mean_power import TurnPower
 from radarsim.addons.fmcw.radar_equation import (
     doppler_shift,
     noise_power,
@@ -31,8 +29,16 @@ from radarsim.addons.fmcw.ray_fan import (
 )
 from radarsim.addons.fmcw.ray_power import FanRays
 from radarsim.addons.fmcw.scattering import scene_scattering
+from radarsim.addons.fmcw.speckle import Scatterers, Speckle, add_amplitudes
 from radarsim.addons.fmcw.spectrum import Spectrum
 from radarsim.addons.fmcw.targets import find_targets, scan_of
+from radarsim.addons.fmcw.turn_echoes import Echoes, TurnEchoes
+from radarsim.addons.fmcw.viewpoints import (
+    STANDING,
+    Velocity,
+    Viewpoints,
+    fixed_viewpoints,
+)
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
@@ -47,7 +53,9 @@ from radarsim.sensors.scan import Scan
 _bounds: WeakKeyDictionary[Scene, Floats] = WeakKeyDictionary()
 
 MAX_LOSS_DB: Final = 75.0  # one way, at which a ray ends: 150 dB, far below the noise
-STANDING: Final = (0.0, 0.0, 0.0)  # m/s
+# Sets of scatterers of the speckle.
+_IN_BEAMS: Final = 0
+_IN_SIDELOBES: Final = 1
 
 
 class TracedTurn(NamedTuple):
@@ -55,12 +63,14 @@ class TracedTurn(NamedTuple):
 
     Attributes:
         rows: The directions of the radar whose rays they are.
+        view: From where the antenna looked into these.
         fan: The rays.
         directions: (M, 3) unit vectors, map frame.
         traces: How they ended, with events and incidence.
     """
 
     rows: range
+    view: Viewpoints
     fan: RayFan
     directions: Floats
     traces: Traces
@@ -137,31 +147,46 @@ class FmcwRadar:
         *,
         boxes: Boxes | None = None,
         carrier_id: int = -1,
-        velocity: tuple[float, float, float] = STANDING,
+        velocity: Velocity = STANDING,
     ) -> Spectrum:
         """Record a turn.
 
         Args:
             scene: The map.
             pose: Pose of the antenna, map frame.
-            rng: Source of speckle and noise. It is not drawn from, but has a child
-                that is: what others draw from it stays the same.
+            rng: Source of speckle and noise. It is not drawn from, but has a child for
+                each turn that is: what others draw from it stays the same. Speckle is
+                that of its seed, the same in all turns.
             boxes: The robots.
             carrier_id: The robot that carries the radar; -1 for none.
             velocity: Of the antenna, m/s, map frame.
         """
-        turn = self.trace(scene, pose, boxes, carrier_id)
-        mean = self.mean_power(tracer_of(scene), turn, velocity)
-        tones = self.tones(scene, pose, boxes, carrier_id, velocity)
-        streams = NumberedStreams(rng)
-        spectrum = self.receive(pose, turn.rows, mean, tones, streams)
+        rows = range(self.settings.azimuths)
+        view = fixed_viewpoints(pose, self.times(_count_children(rng)), velocity)
+        turn = self.trace(scene, view, rows, boxes, carrier_id)
+        speckle, tracer = Speckle(self.settings, rng), tracer_of(scene)
+        echoes = TurnEchoes(self.settings, sways=self.sways(tracer))
+        self.add_echoes(echoes, tracer, turn, speckle)
+        whole = echoes.rows(0, rows.stop, echoes, echoes)
+        self.add_sidelobes(whole, echoes, rows, view, speckle)
+        tones = self.tones(scene, view, rows, boxes, carrier_id)
+        spectrum = self.receive(pose, rows, whole, tones, NumberedStreams(rng))
         return spectrum if boxes is not None else replace(spectrum, scene=scene)
+
+    def times(self, turn: int) -> Floats:
+        """Return when a turn looks into its directions, (A,) s; turns count from 0."""
+        rows = np.arange(self.settings.azimuths) + turn * self.settings.azimuths
+        return np.asarray(self.settings.sweep_time * rows)
+
+    def sways(self, tracer: Tracer) -> bool:
+        """Return whether the wind moves anything in a scene."""
+        return bool(scene_scattering(tracer, self.ray_class).sway.any())
 
     def receive(
         self,
         pose: Pose3,
         rows: range,
-        mean: Power,
+        echoes: Echoes,
         tones: Tones,
         streams: NumberedStreams,
     ) -> Spectrum:
@@ -170,13 +195,12 @@ class FmcwRadar:
         Args:
             pose: Pose of the antenna, map frame.
             rows: The directions.
-            mean: (N, B) their mean power, in units of the noise in a bin; becomes the
-                ``echo_power`` of the spectrum.
+            echoes: Theirs; the power becomes the ``echo_power`` of the spectrum.
             tones: The echoes of points.
-            streams: Source of speckle and noise.
+            streams: Source of noise.
         """
-        settings = self.settings
-        power = beat_rows(settings, rows.start, mean, tones, streams)
+        settings, mean = self.settings, echoes.power
+        power = beat_rows(settings, rows.start, echoes.field, tones, streams)
         # Points are in the signal, not in its mean; here the echo power of each is that
         # of its nearest bin.
         bins = np.rint(tones.ranges / settings.bin_size).astype(np.int64)
@@ -201,38 +225,39 @@ class FmcwRadar:
     def trace(
         self,
         scene: Scene,
-        pose: Pose3,
+        view: Viewpoints,
+        rows: range,
         boxes: Boxes | None = None,
         carrier_id: int = -1,
-        rows: range | None = None,
     ) -> TracedTurn:
-        """Trace the rays of a turn.
+        """Trace the rays of directions.
 
         Args:
             scene: The map.
-            pose: Pose of the antenna, map frame.
+            view: From where the antenna looks into each direction.
+            rows: The directions.
             boxes: The robots.
             carrier_id: The robot that carries the radar; -1 for none.
-            rows: The directions whose rays are traced; None for all.
         """
-        rows = range(self.settings.azimuths) if rows is None else rows
-        fan, rays = self.aim(scene, pose, carrier_id, rows)
+        fan, rays = self.aim(scene, view, carrier_id, rows)
         traces = tracer_of(scene).trace(rays, boxes, events=True, incidence=True)
-        return TracedTurn(rows, fan, rays.directions, traces)
+        return TracedTurn(rows, view, fan, rays.directions, traces)
 
     def aim(
-        self, scene: Scene, pose: Pose3, carrier_id: int, rows: range
+        self, scene: Scene, view: Viewpoints, carrier_id: int, rows: range
     ) -> tuple[RayFan, Rays]:
         """Return the rays of directions, as a fan and in the map; see ``trace``."""
         bounds = _bounds.get(scene)
         if bounds is None:
             boxes = [part.bounds for part in scene.parts if part.faces.size]
             bounds = _bounds[scene] = np.array(boxes, np.float64).reshape(-1, 2, 3)
-        fan = refined_fan(self.settings, extents_from(pose, bounds), rows)
-        directions = turned_directions(fan.directions, pose.rotation())
+        extents = extents_from(view.positions[0], view.rotations[0], bounds)
+        fan = refined_fan(self.settings, extents, rows)
+        row = fan.column // self.settings.rays_across - rows.start
+        directions = turned_directions(fan.directions, view.rotations, row)
         count = len(directions)
         rays = Rays(
-            np.broadcast_to(pose.position(), directions.shape).copy(),
+            view.positions[row],
             directions,
             np.full(count, self.settings.max_range),
             np.full(count, self.full_power),
@@ -242,69 +267,90 @@ class FmcwRadar:
         )
         return fan, rays
 
-    def mean_power(
+    def add_echoes(
         self,
+        echoes: TurnEchoes,
         tracer: Tracer,
         turn: TracedTurn,
-        velocity: tuple[float, float, float] = STANDING,
-    ) -> Power:
-        """Return the mean power of a turn, (A, B), in units of the noise in a bin.
-
-        Args:
-            tracer: Tracer of the scene.
-            turn: The traced rays.
-            velocity: Of the antenna, m/s, map frame.
-        """
-        power = TurnPower(self.settings)
-        self.add_power(power, tracer, turn, velocity)
-        rows = power.rows(0, self.settings.azimuths, power, power)
-        return np.asarray(rows + power.sidelobes())
-
-    def add_power(
-        self,
-        power: TurnPower,
-        tracer: Tracer,
-        turn: TracedTurn,
-        velocity: tuple[float, float, float] = STANDING,
+        speckle: Speckle,
     ) -> None:
-        """Add the mean power that comes back to rays.
+        """Add what comes back to rays.
 
         Args:
-            power: Added to.
+            echoes: Added to.
             tracer: Tracer of the scene.
             turn: The traced rays.
-            velocity: Of the antenna, m/s, map frame.
+            speckle: Amplitudes of what is rough.
         """
-        fan, traces = turn.fan, turn.traces
-        constant = radar_constant(self.settings) / noise_power(self.settings)
+        settings, fan, traces = self.settings, turn.fan, turn.traces
+        constant = radar_constant(settings) / noise_power(settings)
+        row = fan.column // settings.rays_across - turn.rows.start
+        approach = np.einsum("mi,mi->m", turn.directions, turn.view.velocities[row])
         rays = FanRays(
             fan.column,
             fan.across,
             fan.weights * constant,
             fan.spread,
             turn.directions,
-            doppler_shift(self.settings, turn.directions @ np.array(velocity)),
+            doppler_shift(settings, approach),
             traces.ranges,
             traces.incidence,
         )
-        power.add(
+        echoes.add(
             turn.rows,
             rays,
             traces.events,
             scene_scattering(tracer, self.ray_class),
+            self._scatterers(turn, speckle),
             self.full_power,
             1.0 / self.ray_class.power_per_db,
         )
 
+    def _scatterers(self, turn: TracedTurn, speckle: Speckle) -> Scatterers:
+        """Return the scatterers of columns, and of the one after the last."""
+        settings, rows = self.settings, turn.rows
+        parts = settings.rays_across
+        columns = np.arange(rows.start * parts, rows.stop * parts + 1)
+        azimuths = np.asarray(columns * (settings.step / parts), np.float64)
+        row = np.minimum(columns // parts - rows.start, len(rows) - 1)
+        found = speckle.scatterers(azimuths, turn.view.of(row), _IN_BEAMS)
+        # After the last column of a turn the first one follows. What both add is power,
+        # so that the scatterers are others.
+        found.keys[-1] ^= ~np.uint64(0)
+        return found
+
+    def add_sidelobes(
+        self,
+        echoes: Echoes,
+        turn: TurnEchoes,
+        rows: range,
+        view: Viewpoints,
+        speckle: Speckle,
+    ) -> None:
+        """Add what the sidelobes of directions receive.
+
+        Args:
+            echoes: Of the directions; added to.
+            turn: The turn whose echoes the sidelobes receive.
+            rows: The directions.
+            view: From where the antenna looks into these.
+            speckle: Amplitudes of what is rough.
+        """
+        power = turn.sidelobes()
+        azimuths = self.settings.step * np.array(rows)
+        found = speckle.scatterers(azimuths, view, _IN_SIDELOBES)
+        np.add(echoes.power, power, out=echoes.power)
+        add_amplitudes(found, power, echoes.field)
+
     def tones(
         self,
         scene: Scene,
-        pose: Pose3,
+        view: Viewpoints,
+        rows: range,
         boxes: Boxes | None = None,
         carrier_id: int = -1,
-        velocity: tuple[float, float, float] = STANDING,
     ) -> Tones:
-        """Return the echoes of points; arguments as of ``spectrum``."""
+        """Return the echoes of points; arguments as of ``trace``."""
         if not scene.reflectors:
             return NO_TONES
         sections = [each.rcs(self.settings.wavelength) for each in scene.reflectors]
@@ -314,11 +360,17 @@ class FmcwRadar:
         )
         loss = losses_to(
             tracer_of(scene),
-            pose,
+            view.positions[0],
             points,
             self.ray_class,
             self.full_power,
             boxes,
             carrier_id,
         )
-        return point_tones(self.settings, pose, points, loss, velocity)
+        return point_tones(self.settings, view, rows, points, loss)
+
+
+def _count_children(rng: np.random.Generator) -> int:
+    """Return how many children a generator has spawned: one for each turn."""
+    seed: Any = rng.bit_generator.seed_seq
+    return int(seed.n_children_spawned)

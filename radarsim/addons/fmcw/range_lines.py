@@ -46,10 +46,13 @@ class Lines(NamedTuple):
 
     Attributes:
         power: (2, B) float32.
+        sway: (2, 2, B) float32, the part of it that comes from what the wind moves, and
+            that times its rms speed, m/s; (2, 2, 0) if nothing does.
         spans: (2, 2) int64, the first and the last bin with power in each.
     """
 
     power: Power
+    sway: Power
     spans: NDArray[np.int64]
 
 
@@ -61,12 +64,14 @@ class Place(NamedTuple):
         across: Share of the next column.
         weight: Power at 1 m from a gamma of 1.
         shift: m, added to ranges.
+        sway: Rms speed at which the wind moves what returns it, m/s.
     """
 
     here: int
     across: float
     weight: float
     shift: float
+    sway: float
 
 
 @njit_inline
@@ -263,6 +268,10 @@ def add_to_bin(lines: Lines, place: Place, b: int, power: float) -> None:
     here, beside = place.here, 1 - place.here
     lines.power[here, b] += power * (1.0 - place.across)
     lines.power[beside, b] += power * place.across
+    if place.sway > 0.0:
+        for row, share in ((here, 1.0 - place.across), (beside, place.across)):
+            lines.sway[row, 0, b] += power * share
+            lines.sway[row, 1, b] += power * share * place.sway
 
 
 @njit_inline

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.addons.fmcw.radar_equation import elevation_limits, elevation_pattern
-from radarsim.geometry import Floats, Pose3
+from radarsim.geometry import Floats
 from radarsim.jit import njit_cached
 from radarsim.presets.fmcw_settings import FmcwSettings
 
@@ -49,16 +49,21 @@ class Extents(NamedTuple):
     distance: Floats
 
 
-def extents_from(pose: Pose3, bounds: Floats) -> Extents:
+def extents_from(position: Floats, rotation: Floats, bounds: Floats) -> Extents:
     """Return what directions bounding boxes take up.
 
     Args:
-        pose: Pose of the sensor, map frame.
+        position: (3,) m, of the sensor, map frame.
+        rotation: (3, 3) of the sensor.
         bounds: (N, 2, 3) m, lower and upper corners, map frame.
     """
     extents = Extents._make(np.zeros((5, len(bounds))))
-    rotation = np.ascontiguousarray(pose.rotation())
-    _measure(np.ascontiguousarray(bounds), pose.position(), rotation, extents)
+    _measure(
+        np.ascontiguousarray(bounds),
+        np.ascontiguousarray(position),
+        np.ascontiguousarray(rotation),
+        extents,
+    )
     return extents
 
 
@@ -90,23 +95,29 @@ def _measure(
         extents.distance[i] = np.sqrt(x * x + y * y + z * z)
 
 
-def turned_directions(directions: Floats, rotation: Floats) -> Floats:
+def turned_directions(
+    directions: Floats, rotations: Floats, which: NDArray[np.int64]
+) -> Floats:
     """Return the directions of rays in the map frame, (M, 3) unit vectors.
 
     Args:
         directions: (M, 3) sensor frame.
-        rotation: (3, 3) of the sensor.
+        rotations: (N, 3, 3) of the sensor.
+        which: (M,) which of these rotations each has.
     """
     turned = np.empty_like(directions)
-    _turn(directions, np.ascontiguousarray(rotation), turned)
+    _turn(directions, np.ascontiguousarray(rotations), which, turned)
     return turned
 
 
 @njit_cached
-def _turn(directions: Floats, rotation: Floats, turned: Floats) -> None:
+def _turn(
+    directions: Floats, rotations: Floats, which: NDArray[np.int64], turned: Floats
+) -> None:
     # Not a product of matrices, which rounds by how many rows there are.
     for ray in range(len(directions)):
         ahead, left, up = directions[ray]
+        rotation = rotations[which[ray]]
         square = 0.0
         for axis in range(3):
             part = ahead * rotation[axis, 0] + left * rotation[axis, 1]

@@ -92,7 +92,7 @@ def add_ray(
         event: Its first event.
     """
     rays, events, bins = fan.rays, fan.events, fan.bins
-    place = Place(here, rays.across[ray], rays.weights[ray], rays.shift[ray])
+    place = Place(here, rays.across[ray], rays.weights[ray], rays.shift[ray], 0.0)
     per_power, first, count = bins.db_per_power, event, 0
     t, power, is_turned = 0.0, bins.full, False
     while event < len(events) and events[event].ray == ray:
@@ -100,13 +100,14 @@ def add_ray(
         # Power can only fall; rounding must not make a volume return less than nothing.
         left = min(e.power, power)
         # The cross section of a cubic metre of all that is around the ray here.
-        volume = fan.scattering.air
+        volume, sway = fan.scattering.air, 0.0
         for k in range(count):
             volume += fan.scattering.volume[inside[k]]
+            sway = max(sway, fan.scattering.sway[inside[k]])
         if volume > 0.0 and e.t > t:
             loss = (bins.full - power) * per_power
             slope = (power - left) / (e.t - t) * per_power
-            add_volume(lines, place, bins, t, e.t, volume, loss, slope)
+            add_volume(lines, _swaying(place, sway), bins, t, e.t, volume, loss, slope)
         # In dB one way; the wave comes back, so that it loses twice as many.
         through = 10.0 ** (-0.2 * (bins.full - left) * per_power)
         if e.kind == _HIT:
@@ -121,8 +122,10 @@ def add_ray(
         elif e.kind == _SHEET:
             # It has no depth: what it scatters is a share of what it takes.
             taken = 1.0 - 10.0 ** (-0.1 * e.absorbed * per_power)
-            gamma = fan.scattering.albedo[_row(fan.scattering, e.part)] * taken
-            add_surface(lines, place, bins, e.t, gamma * through, 0.0)
+            row = _row(fan.scattering, e.part)
+            gamma = fan.scattering.albedo[row] * taken
+            leaves = _swaying(place, fan.scattering.sway[row])
+            add_surface(lines, leaves, bins, e.t, gamma * through, 0.0)
         elif e.kind == _MIRRORED:
             cosine = _mirror_cosine(fan, ray, first, event)
             gamma = _surface_gamma(fan.scattering, e.part, cosine)
@@ -133,6 +136,12 @@ def add_ray(
         t, power = e.t, left - e.absorbed
         event += 1
     return event
+
+
+@njit_inline
+def _swaying(place: Place, sway: float) -> Place:
+    """Return the place of what the wind moves at an rms speed, m/s."""
+    return Place(place.here, place.across, place.weight, place.shift, sway)
 
 
 @njit_inline

@@ -3,8 +3,8 @@
 Theory of operation
 ===================
 The antenna turns without a pause. Whenever time has advanced, the directions that it
-has passed meanwhile are traced from where the radar is by then, and added to the mean
-power of the turn. A direction is received when all others that its main lobe reaches
+has passed meanwhile are traced, each from where the radar was then, and added to the
+echoes of the turn. A direction is received when all others that its main lobe reaches
 have been traced, a few sweeps later. So each direction costs its share of a turn, at
 the time at which the radar looks there, and the image of a turn is smeared by motion as
 that of a real radar is.
@@ -24,11 +24,19 @@ from typing import NamedTuple
 import numpy as np
 
 from radarsim.addons.fmcw.beat_signal import Tones
-from radarsim.addons.fmcw.mean_power import TurnPower
-from radarsim.addons.fmcw.radar import STANDING, FmcwRadar
+from radarsim.addons.fmcw.radar import FmcwRadar
 from radarsim.addons.fmcw.radar_equation import rows_in_beam
+from radarsim.addons.fmcw.speckle import Speckle
 from radarsim.addons.fmcw.spectrum import Spectrum
 from radarsim.addons.fmcw.targets import find_targets, join_targets
+from radarsim.addons.fmcw.turn_echoes import TurnEchoes
+from radarsim.addons.fmcw.viewpoints import (
+    STANDING,
+    Velocity,
+    Viewpoints,
+    join_viewpoints,
+    moving_viewpoints,
+)
 from radarsim.geometry import Pose3
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.raycast.robot_boxes import Boxes
@@ -68,6 +76,7 @@ class _TracedLook(NamedTuple):
 
     rows: range
     pose: Pose3
+    view: Viewpoints
     tones: Tones
 
 
@@ -92,9 +101,10 @@ class Rotation:
         self.radar = radar
         self._scene = scene
         self._rng = rng
+        self._speckle = Speckle(radar.settings, rng)
         self._traced = 0  # directions since the start
         self._received = radar.settings.azimuths  # those of the first turn are not
-        self._power: dict[int, TurnPower] = {}  # of turns that are needed
+        self._echoes: dict[int, TurnEchoes] = {}  # of turns that are needed
         self._looks: deque[_TracedLook] = deque()
         self._streams: NumberedStreams | None = None  # of the turn that is received
 
@@ -103,36 +113,38 @@ class Rotation:
         pose: Pose3,
         count: int,
         *,
+        start: Pose3 | None = None,
         boxes: Boxes | None = None,
         carrier_id: int = -1,
-        velocity: tuple[float, float, float] = STANDING,
+        velocity: Velocity = STANDING,
         receives: bool = True,
     ) -> list[Sector]:
         """Turn the antenna, and return what has been received meanwhile.
 
         Args:
-            pose: Pose of the antenna, map frame.
+            pose: Pose of the antenna after it, map frame.
             count: By how many directions it turns.
+            start: Its pose as it looks into the first of them; it moves evenly to
+                ``pose``. None for that pose.
             boxes: The robots.
             carrier_id: The robot that carries the radar; -1 for none.
             velocity: Of the antenna, m/s, map frame.
             receives: Whether to return that now; else the next call does. It takes less
                 time to receive more directions at once.
         """
-        azimuths = self.radar.settings.azimuths
-        end = self._traced + count
+        azimuths, begin = self.radar.settings.azimuths, self._traced
+        # The turn before the first that is received has the number -1.
+        numbers = np.arange(begin, begin + count) - azimuths
+        times = np.asarray(self.radar.settings.sweep_time * numbers, np.float64)
+        view = moving_viewpoints(start or pose, pose, times, velocity)
+        end = begin + count
         while self._traced < end:
             turn, first = divmod(self._traced, azimuths)
             rows = range(first, min(first + end - self._traced, azimuths))
-            if turn not in self._power:
-                self._power[turn] = TurnPower(self.radar.settings)
-            power = self._power[turn]
-            traced = self.radar.trace(self._scene, pose, boxes, carrier_id, rows)
-            tracer = tracer_of(self._scene)
-            self.radar.add_power(power, tracer, traced, velocity)
-            tones = self.radar.tones(self._scene, pose, boxes, carrier_id, velocity)
             looked = range(self._traced, self._traced + len(rows))
-            self._looks.append(_TracedLook(looked, pose, tones.of_rows(rows)))
+            seen = view.of(slice(looked.start - begin, looked.stop - begin))
+            tones = self._trace(turn, rows, seen, boxes, carrier_id)
+            self._looks.append(_TracedLook(looked, pose, seen, tones))
             self._traced = looked.stop
         if not receives:
             return []
@@ -149,22 +161,43 @@ class Rotation:
             self._looks.popleft()
         return sectors
 
+    def _trace(
+        self,
+        turn: int,
+        rows: range,
+        view: Viewpoints,
+        boxes: Boxes | None,
+        carrier_id: int,
+    ) -> Tones:
+        """Add the echoes of directions to a turn; return those of points."""
+        tracer = tracer_of(self._scene)
+        if turn not in self._echoes:
+            sways = self.radar.sways(tracer)
+            self._echoes[turn] = TurnEchoes(self.radar.settings, sways=sways)
+        traced = self.radar.trace(self._scene, view, rows, boxes, carrier_id)
+        self.radar.add_echoes(self._echoes[turn], tracer, traced, self._speckle)
+        return self.radar.tones(self._scene, view, rows, boxes, carrier_id)
+
     def _receive(self, turn: int, rows: range) -> Spectrum:
         if rows.start == 0 or self._streams is None:
             self._streams = NumberedStreams(self._rng)
-            self._power.pop(turn - 2, None)
-        power, before = self._power[turn], self._power[turn - 1]
+            self._echoes.pop(turn - 2, None)
+        own, before = self._echoes[turn], self._echoes[turn - 1]
         # Where the turn after this one is needed, it has begun.
-        after = self._power.get(turn + 1, power)
-        mean = power.rows(rows.start, rows.stop, before, after) + before.sidelobes()
+        after = self._echoes.get(turn + 1, own)
+        echoes = own.rows(rows.start, rows.stop, before, after)
         # The looks into these directions: of several ticks, if they are received late.
         start, end = self._received, self._received + len(rows)
         looks = [k for k in self._looks if k.rows.start < end and k.rows.stop > start]
+        offset = start - looks[0].rows.start
+        view = join_viewpoints(look.view for look in looks)
+        view = view.of(slice(offset, offset + len(rows)))
+        self.radar.add_sidelobes(echoes, before, rows, view, self._speckle)
         tones = Tones._make(
             np.concatenate(column)
             for column in zip(*(look.tones for look in looks), strict=True)
         )
-        return self.radar.receive(looks[0].pose, rows, mean, tones, self._streams)
+        return self.radar.receive(looks[0].pose, rows, echoes, tones, self._streams)
 
 
 class Look(NamedTuple):
@@ -172,7 +205,8 @@ class Look(NamedTuple):
 
     Attributes:
         directions: Their number.
-        pose: Pose of the antenna, map frame.
+        start: Pose of the antenna as it looks into the first, map frame.
+        pose: Its pose after the last.
         velocity: Of the antenna, m/s, map frame.
         boxes: The robots.
         carrier_id: The robot that carries it.
@@ -182,8 +216,9 @@ class Look(NamedTuple):
     """
 
     directions: int
+    start: Pose3
     pose: Pose3
-    velocity: tuple[float, float, float]
+    velocity: Velocity
     boxes: Boxes
     carrier_id: int
     settings: SensorSettings
@@ -241,6 +276,7 @@ class TurnReceiver:
         sectors = self._rotation.advance(
             look.pose,
             look.directions,
+            start=look.start,
             boxes=look.boxes,
             carrier_id=look.carrier_id,
             velocity=look.velocity,

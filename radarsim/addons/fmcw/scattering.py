@@ -151,6 +151,7 @@ class Scattering(NamedTuple):  # compiled into kernels
         narrowness: (P + 1,) 1 / (2 s^2) likewise.
         volume: (P + 1,) radar cross section of a cubic metre inside, m^2/m^3.
         albedo: (P + 1,) share of what a sheet takes that comes back.
+        sway: (P + 1,) rms speed at which the wind moves volumes and sheets, m/s.
         air: Cross section of a cubic metre of the air, m^2/m^3.
         ground: Which parts are level, and where they end.
     """
@@ -161,6 +162,7 @@ class Scattering(NamedTuple):  # compiled into kernels
     narrowness: Floats
     volume: Floats
     albedo: Floats
+    sway: Floats
     air: float
     ground: Ground
 
@@ -196,6 +198,7 @@ def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Scattering:
         np.append(lobes[:, 1], 0.0),
         np.append(volume, 0.0),
         np.append(albedo, 0.0),
+        np.append([each.sway_m_per_s for each in materials], 0.0),
         float(air),
         find_ground(tracer),
     )

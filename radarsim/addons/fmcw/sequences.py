@@ -13,7 +13,7 @@ from radarsim.addons.fmcw.spectrum import Spectrum
 from radarsim.geometry import Floats, Pose3
 from radarsim.scene.scene import Scene
 
-STEPS_IN_TURN = 25  # poses at which the antenna looks around
+STEPS_IN_TURN = 25  # of even motion, in which the antenna looks around
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +132,7 @@ def turns_along(
         time = path.times[0] + looked * settings.sweep_time
         pose, after = path.poses_at(np.array([time, time + seconds]))
         dx, dy, dz = ((after.position() - pose.position()) / seconds).tolist()
-        sectors += rotation.advance(pose, step, velocity=(dx, dy, dz))
+        sectors += rotation.advance(after, step, start=pose, velocity=(dx, dy, dz))
         looked += step
         # A turn is complete some looks after its last direction, by when the next has
         # begun.

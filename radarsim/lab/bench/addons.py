@@ -34,6 +34,7 @@ from websockets.sync import client as websocket_client
 from websockets.typing import Origin
 
 from radarsim.addons.fmcw.radar_equation import fft_length
+from radarsim.addons.fmcw.viewpoints import fixed_viewpoints
 from radarsim.geometry import Floats
 from radarsim.lab.bench.clients import connect, init_line
 from radarsim.lab.bench.server import (
@@ -64,7 +65,8 @@ def turns_of_a_radar(seconds: float) -> Iterator[BenchmarkRow]:
     scene, radar = load_map(MAP), load_sensor("navtech_cts350x").fmcw
     pose, rng = sensor_pose(scene, PLACE), generator_for(0, "bench")
     settings, tracer = radar.settings, tracer_of(scene)
-    _, rays = radar.aim(scene, pose, -1, range(settings.azimuths))
+    view = fixed_viewpoints(pose, radar.times(0))
+    _, rays = radar.aim(scene, view, -1, range(settings.azimuths))
     signal = np.ones((settings.azimuths, fft_length(settings)), np.complex64)
 
     def trace_and_transform() -> None:

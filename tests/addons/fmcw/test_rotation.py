@@ -8,6 +8,7 @@ import radarsim
 from radarsim.addons.fmcw.radar import FmcwRadar
 from radarsim.addons.fmcw.rotation import Rotation, Sector
 from radarsim.addons.fmcw.spectrum import Spectrum
+from radarsim.addons.fmcw.viewpoints import fixed_viewpoints
 from radarsim.geometry import Pose3
 from radarsim.scene.reflectors import Reflector
 from radarsim.scene.scene import Scene
@@ -70,6 +71,40 @@ def test_turn_of_a_moving_radar_is_smeared(radar: FmcwRadar) -> None:
     assert _range(first, 45) == pytest.approx(20 + 1.5, abs=0.15)
 
 
+def test_each_direction_is_seen_from_where_the_radar_is_then() -> None:
+    """A mast 10 m ahead of a radar that turns by 60 degrees a second.
+
+    In a rigid body's frame the mast is at the angle by which the robot has turned when
+    the antenna looks there, whatever number of directions are looked into at once.
+    """
+    radar = radarsim.load_sensor("navtech_cts350x", fmcw={"sidelobe_db": -300}).fmcw
+    settings = radar.settings
+    mast = Reflector("mast", (0.0, -10.0, 1.0), rcs_dbsm=10.0)
+    scene = Scene("mast", "Mast", reflectors=(mast,))
+    rate = np.radians(60.0)
+
+    def yaw_at(row: float) -> float:
+        return float(rate * row * settings.sweep_time)
+
+    for count in (16, 100):
+        rotation = Rotation(radar, scene, radarsim.generator_for(0))
+        echoes: dict[int, float] = {}
+        for first in range(0, 2 * settings.azimuths, count):
+            start, end = (
+                Pose3(0.0, 0.0, 1.0, 0.0, 0.0, yaw_at(first + more))
+                for more in (0, count)
+            )
+            for sector in rotation.advance(end, count, start=start):
+                power = sector.spectrum.echo_power.sum(axis=1)
+                echoes |= dict(zip(sector.rows, power.tolist(), strict=True))
+        rows = np.array(list(echoes))
+        weights = np.array(list(echoes.values()))
+        seen = float((rows * weights).sum() / weights.sum())
+        # Clockwise from ahead: a quarter of a turn, and what the robot has turned by.
+        angle = np.pi / 2 + yaw_at(settings.azimuths + seen)
+        assert seen * settings.step == pytest.approx(angle, abs=np.radians(0.03))
+
+
 def _range(parts: list[Spectrum], row: int) -> float:
     echoes = np.concatenate([each.echo_power for each in parts])[row]
     return float(parts[0].ranges[np.argmax(echoes)])
@@ -80,9 +115,9 @@ def test_approached_reflector_seems_nearer() -> None:
     sphere = Reflector("sphere", (20.0, 0.0, 1.0), rcs_dbsm=10.0)
     scene = Scene("sphere", "Sphere", reflectors=(sphere,))
     radar = radarsim.load_sensor("navtech_cts350x").fmcw
-    pose = Pose3(0.0, 0.0, 1.0)
-    still, moving = (
-        radar.tones(scene, pose, velocity=(speed, 0.0, 0.0)).ranges[0]
+    views = [
+        fixed_viewpoints(Pose3(0.0, 0.0, 1.0), np.zeros(1), (speed, 0.0, 0.0))
         for speed in (0.0, 10.0)
-    )
+    ]
+    still, moving = (radar.tones(scene, each, range(1)).ranges[0] for each in views)
     assert still - moving == pytest.approx(0.554, rel=0.02)
