@@ -76,7 +76,7 @@ class Spectrum:
 
     @cached_property
     def mean(self) -> NDArray[np.float32]:
-        """The power that is expected over many turns, (A, B) W: no speckle, but noise.
+        """The power that is expected over many seeds, (A, B) W: no speckle, but noise.
 
         Each echo is spread over the bins as the window does it.
         """

@@ -36,10 +36,9 @@ def test_spectrum_in_between_changes_no_range(foliage_room: Scene) -> None:
         assert (radar_.scan(foliage_room, PLACE, asked).ranges == expected.ranges).all()
 
 
-def test_mean_is_what_many_turns_average_to() -> None:
-    which, rng = radar(azimuths=40, bins=600, leakage_db=-300), generator_for(0)
-    scene = wall_at(10)
-    turns = [which.spectrum(scene, EYE, rng) for _ in range(200)]
+def test_mean_is_what_turns_of_many_seeds_average_to() -> None:
+    which, scene = radar(azimuths=40, bins=600, leakage_db=-300), wall_at(10)
+    turns = [which.spectrum(scene, EYE, generator_for(seed)) for seed in range(200)]
     average = np.mean([turn.power[0] for turn in turns], axis=0)
     strong = turns[0].mean[0] > 0.1 * turns[0].mean[0].max()
     found = db(average[strong] / turns[0].mean[0][strong])
