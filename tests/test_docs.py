@@ -75,6 +75,7 @@ def test_python_runs(
 
 
 @pytest.mark.slow("sampled")
+@pytest.mark.timeout(1200)  # a busy machine takes minutes
 def test_programs_of_the_tutorial_print_what_it_says(tmp_path: Path) -> None:
     """In an empty folder, one after the other, as a reader runs them."""
     environment = {**os.environ, "MPLBACKEND": "agg"}
