@@ -35,6 +35,7 @@ ItemType: TypeAlias = Literal[
     "IMU",
     "Accel",
     "AcceleroMeter",
+    "MisPkg",
     "Battery",
 ]
 DialectName: TypeAlias = Literal["compat", "udk"]
@@ -61,8 +62,38 @@ class Source(BaseModel):
     confidence: Confidence
 
 
+class Link(BaseModel):
+    """A link of a mission package, which turns about a joint.
+
+    Attributes:
+        name: Name under which MULTIDRIVE moves it; empty for none.
+        min_angle: Smallest angle, rad; one above ``max_angle`` means no limits.
+        max_angle: Largest angle, rad.
+        max_speed: How fast it turns, rad/s.
+        max_torque: Torque as reported to clients.
+        position: Place of its joint in the frame of the link before, m.
+        rotation_deg: Roll, pitch and yaw of its joint there.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    name: str = ""
+    min_angle: float = 1.0
+    max_angle: float = 0.0
+    max_speed: Length = 1.571
+    max_torque: Length = 20.0
+    position: Vector = (0.0, 0.0, 0.0)
+    rotation_deg: Vector = (0.0, 0.0, 0.0)
+
+    def limit(self, angle: float) -> float:
+        """Return the angle nearest to one that is wanted, rad."""
+        if self.min_angle > self.max_angle:
+            return angle
+        return max(self.min_angle, min(self.max_angle, angle))
+
+
 class Item(BaseModel):
-    """An item mounted on a robot: a sensor or the battery.
+    """An item mounted on a robot: a sensor, a mission package or the battery.
 
     Attributes:
         type: Type of the item on the wire, in its usual spelling.
@@ -70,6 +101,7 @@ class Item(BaseModel):
         position: Position of its origin in the body frame, m.
         rotation_deg: Roll, pitch and yaw in the body frame.
         sensor: Name of the sensor preset; range scanners have one, no others do.
+        links: Links of a mission package, from the robot outwards.
         settings: Settings that differ from the preset of the sensor, or from the
             defaults of the item's type.
         interval: Time between two readings, s; None for the interval of the dialect.
@@ -83,6 +115,7 @@ class Item(BaseModel):
     position: Vector = (0.0, 0.0, 0.0)
     rotation_deg: Vector = (0.0, 0.0, 0.0)
     sensor: str | None = None
+    links: tuple[Link, ...] = ()
     settings: dict[str, Any] = {}
     interval: Length | None = None
     dialect: DialectName | None = None
@@ -93,6 +126,12 @@ class Item(BaseModel):
             raise ValueError(
                 "expected a sensor for a range scanner, and for no other item"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _packages_have_links(self) -> Self:
+        if (self.type == "MisPkg") != bool(self.links):
+            raise ValueError("expected links for a MisPkg, and for no other item")
         return self
 
     @cached_property

@@ -31,6 +31,7 @@ from radarsim.protocol.message import (
     parse_numbers,
     pose_from_wire,
 )
+from radarsim.protocol.packages import ABSOLUTE, LinkOrder
 from radarsim.protocol.watch import Watch
 
 PACKAGE: Final = "USARBot."  # of robot classes
@@ -108,6 +109,110 @@ class Init:
         )
 
 
+MOST_LINKS: Final = 32  # in a command, so that none takes long
+
+
+def _few(orders: Sequence[LinkOrder]) -> tuple[LinkOrder, ...]:
+    """Return orders that are not too many.
+
+    Raises:
+        MalformedMessage: If they are.
+    """
+    if len(orders) > MOST_LINKS:
+        raise MalformedMessage(f"{len(orders)} links, expected at most {MOST_LINKS}")
+    return tuple(orders)
+
+
+@dataclass(frozen=True, slots=True)
+class MovePackage:
+    """Move links of a mission package.
+
+    Attributes:
+        name: Name of the package.
+        orders: What its links are told, in order.
+    """
+
+    verb: ClassVar[str] = "MISPKG"
+
+    name: str
+    orders: tuple[LinkOrder, ...]
+
+    @classmethod
+    def decode(cls, message: Message, _: Dialect) -> Self:
+        """Read the command from its message, whose fields are in order.
+
+        Raises:
+            MalformedMessage: If a number is not readable, or stands before its link.
+        """
+        name = message.require("Name")
+        orders: list[LinkOrder] = []
+        for key, text in message.segments:
+            if key.lower() == "link":
+                orders.append(LinkOrder(name, int(_parse_number(text)), 0.0))
+            elif key.lower() in ("value", "order"):
+                if not orders:
+                    raise MalformedMessage(f"{key} before a Link, expected it after")
+                number, last = _parse_number(text), orders.pop()
+                if key.lower() == "value":
+                    orders.append(last._replace(value=number))
+                else:
+                    orders.append(last._replace(order=int(number)))
+        return cls(name, _few(orders))
+
+    @property
+    def keys(self) -> Sequence[str]:
+        """The keys of its fields."""
+        return ["Name", *("Link", "Value", "Order") * len(self.orders)]
+
+    def values(self) -> Values:
+        """Return the text for each of ``keys``."""
+        texts = [self.name]
+        for order in self.orders:
+            texts += [str(order.link), _format_number(order.value), str(order.order)]
+        return tuple(texts)
+
+
+@dataclass(frozen=True, slots=True)
+class Act(MovePackage):
+    """The same on servers for UDK."""
+
+    verb: ClassVar[str] = "ACT"
+
+
+@dataclass(frozen=True, slots=True)
+class MultiDrive:
+    """Turn several links to angles.
+
+    Attributes:
+        orders: What links are told, each by its own name.
+    """
+
+    verb: ClassVar[str] = "MULTIDRIVE"
+
+    orders: tuple[LinkOrder, ...]
+
+    @classmethod
+    def decode(cls, message: Message, _: Dialect) -> Self:
+        """Read the command from its message, whose keys are names of links."""
+        return cls(
+            _few(
+                [
+                    LinkOrder(key, None, _parse_number(text))
+                    for key, text in message.segments
+                ]
+            )
+        )
+
+    @property
+    def keys(self) -> Sequence[str]:
+        """The names of the links."""
+        return [order.name for order in self.orders]
+
+    def values(self) -> Values:
+        """Return the text for each of ``keys``."""
+        return tuple(_format_number(order.value) for order in self.orders)
+
+
 @dataclass(frozen=True, slots=True)
 class Drive:
     """Set wheel speeds and lamps; None leaves them as they are.
@@ -121,12 +226,15 @@ class Drive:
         speed: Wheel speed of a robot that steers as a car does, as ``left``.
         front_steer: Angle of its front wheels, rad, left positive.
         rear_steer: Angle of its rear wheels, likewise.
+        joint: Name of a link to move; clients also send the robot's name there.
+        value: What the link is told, as of ``LinkOrder``; None if no link is meant.
+        order: How the value is meant.
     """
 
     verb: ClassVar[str] = "DRIVE"
     keys: ClassVar[Sequence[str]] = [
         *("Left", "Right", "Normalized", "Light", "Flip"),
-        *("Speed", "FrontSteer", "RearSteer"),
+        *("Speed", "FrontSteer", "RearSteer", "Name", "Value", "Order"),
     ]
 
     left: float | None = None
@@ -137,6 +245,9 @@ class Drive:
     speed: float | None = None
     front_steer: float | None = None
     rear_steer: float | None = None
+    joint: str | None = None
+    value: float | None = None
+    order: int = ABSOLUTE
 
     @classmethod
     def decode(cls, message: Message, dialect: Dialect) -> Self:
@@ -148,6 +259,9 @@ class Drive:
             speed=message.parse_optional("Speed", _parse_number),
             front_steer=message.parse_optional("FrontSteer", _parse_angle),
             rear_steer=message.parse_optional("RearSteer", _parse_angle),
+            joint=message.get("Name") or None,
+            value=message.parse_optional("Value", _parse_number),
+            order=int(message.parse_optional("Order", _parse_number) or ABSOLUTE),
             normalized=message.parse_optional("Normalized", flag),
             light=message.parse_optional("Light", flag),
             flip=message.parse_optional("Flip", flag),
@@ -165,6 +279,9 @@ class Drive:
             *(None if flag is None else str(flag).lower() for flag in flags),
             _number_text(self.speed),
             *map(_number_text, angles),
+            self.joint,
+            _number_text(self.value),
+            str(self.order) if self.order else None,
         )
 
 
@@ -276,7 +393,16 @@ class Unsupported:
 
 
 Command: TypeAlias = (
-    Init | Drive | GetStartPoses | GetGeo | GetConf | SetItem | Watch | Unsupported
+    Init
+    | Drive
+    | MovePackage
+    | MultiDrive
+    | GetStartPoses
+    | GetGeo
+    | GetConf
+    | SetItem
+    | Watch
+    | Unsupported
 )
 
 
@@ -299,14 +425,16 @@ class ParsedCommand:
 
 COMMANDS: Final = {
     command.verb: command
-    for command in (Init, Drive, GetStartPoses, GetGeo, GetConf, SetItem, Watch)
+    for command in (
+        *(Init, Drive, MovePackage, Act, MultiDrive),
+        *(GetStartPoses, GetGeo, GetConf, SetItem, Watch),
+    )
 }
 
 # Fields that common clients send along: the speeds of robots that fly, with which one
-# of them stops any robot, and the robot's name.
+# of them stops any robot.
 _NEEDLESS_KEYS: Final = {
     Drive.verb: [
-        "Name",
         "AltitudeVelocity",
         "LinearVelocity",
         "LateralVelocity",
@@ -324,8 +452,6 @@ _UNSUPPORTED_KEYS: Final = {
         "WheelSpeed",
         "WheelSteer",
         "Steer",
-        "Order",
-        "Value",
         "Bone",
         "Axis",
     ]
@@ -356,16 +482,13 @@ UNSUPPORTED_TYPES: Final = frozenset(
 # Verbs of the servers of all generations that do nothing to a wheeled robot here.
 _UNSUPPORTED: Final = frozenset(
     [
-        "ACT",
         "CAMERA",
         "CONTROL",
         "GETCLOSESTPATHNODE",
         "GETNFO",
         "GETPATHNODES",
         "GOTO",
-        "MISPKG",
         "MOVE",
-        "MULTIDRIVE",
         "PAUSE",
         "PING",
         "TEST",

@@ -135,6 +135,7 @@ class Dialect:
         odometry_has_time: Whether odometry lines have a time stamp.
         ins_has_time: Whether INS lines have a time stamp.
         ins_angles_positive: Whether INS angles are in [0, 2 pi), not (-pi, pi].
+        has_actuators: Whether mission packages are reported as actuators.
         accepts_any_case_true: Whether ``True`` is true, and not only ``true``.
         image_type: Type of the image server's pictures.
         drive_unit: Unit of Left and Right in DRIVE and of MaxSpeed in CONF.
@@ -171,6 +172,7 @@ class Dialect:
     odometry_has_time: bool
     ins_has_time: bool
     ins_angles_positive: bool
+    has_actuators: bool
     accepts_any_case_true: bool
     image_type: ImageType
     drive_unit: DriveUnit
@@ -229,6 +231,7 @@ COMPAT = Dialect(
     odometry_has_time=True,
     ins_has_time=True,
     ins_angles_positive=False,
+    has_actuators=False,
     accepts_any_case_true=True,
     image_type=ImageType.JPEG_GOOD,
     drive_unit="rad_per_s",
@@ -271,6 +274,7 @@ UDK = Dialect(
     odometry_has_time=True,
     ins_has_time=False,
     ins_angles_positive=True,
+    has_actuators=True,
     accepts_any_case_true=False,
     image_type=ImageType.RAW,
     drive_unit="rev_per_s",

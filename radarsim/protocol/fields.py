@@ -387,6 +387,10 @@ class LineReport:
         ]
         return lay_out(segments, self.layouts.get(dialect.name))
 
+    def head(self, _: Dialect) -> str:
+        """Return the first word of the line."""
+        return self.verb
+
     def split(self, dialect: Dialect) -> Split:
         """Return the template of the line, its numbers, and its series.
 
@@ -400,7 +404,7 @@ class LineReport:
             numbers += its_numbers
             if its_series is not NO_SERIES:
                 series = its_series
-        line = encode_segments(self.verb, groups)
+        line = encode_segments(self.head(dialect), groups)
         return f"{line}{LINE_END}".encode("latin-1"), numbers, series
 
     def encode(self, dialect: Dialect) -> str:

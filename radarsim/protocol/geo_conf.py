@@ -27,6 +27,7 @@ from radarsim.protocol.fields import (
 )
 from radarsim.protocol.line_template import marks, reduce_text, vector_marks
 from radarsim.protocol.message import Message, Triple, parse_flipped, parse_number
+from radarsim.protocol.packages import PackageConf, PackageGeo
 
 _VEHICLES: Final = frozenset(
     ("groundvehicle", "leggedrobot", "nauticvehicle", "aerialvehicle")
@@ -288,7 +289,7 @@ class NameConf(LineReport):
     names: Annotated[tuple[str, ...], ItemNames("Name")]
 
 
-Geo: TypeAlias = RobotGeo | ItemGeo
+Geo: TypeAlias = RobotGeo | ItemGeo | PackageGeo
 Conf: TypeAlias = (
     RobotConf
     | ScannerConf
@@ -296,11 +297,13 @@ Conf: TypeAlias = (
     | IntervalConf
     | TouchConf
     | EncoderConf
+    | PackageConf
     | NameConf
 )
 
 # By a key that no report after it has.
 _CONFS: Final[Sequence[tuple[str, type[Conf]]]] = (
+    ("JointType", PackageConf),
     ("BeamAngle", SonarConf),
     ("MaxRange", ScannerConf),
     ("ScanInterval", IntervalConf),
@@ -315,7 +318,10 @@ def decode_geo(message: Message) -> Geo:
     Raises:
         MalformedMessage: If a field is missing or not readable.
     """
-    return (RobotGeo if _is_of_robot(message) else ItemGeo).decode(message)
+    if _is_of_robot(message):
+        return RobotGeo.decode(message)
+    is_package = message.get("Link") is not None
+    return (PackageGeo if is_package else ItemGeo).decode(message)
 
 
 def decode_conf(message: Message) -> Conf:

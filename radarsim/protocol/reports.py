@@ -66,6 +66,7 @@ from radarsim.protocol.message import (
     wrapped_pose,
     wrapped_pose_on_wire,
 )
+from radarsim.protocol.packages import PackageConf, PackageGeo, PackageState
 from radarsim.protocol.watch import (
     ClockTick,
     CommandError,
@@ -93,6 +94,9 @@ __all__ = [
     "ItemGeo",
     "NameConf",
     "Odometry",
+    "PackageConf",
+    "PackageGeo",
+    "PackageState",
     "ProperAcceleration",
     "RadarTargets",
     "RangeScan",
@@ -555,6 +559,7 @@ Report: TypeAlias = (
     | Greeting
     | StartPoses
     | Status
+    | PackageState
     | RobotJoined
     | RobotLeft
     | ClockTick
@@ -657,6 +662,8 @@ def _parse_degrees(text: str) -> float:
 _DECODERS: Final[dict[str, Callable[[Message], Report | None]]] = {
     "NFO": _decode_info,
     "STA": Status.decode,
+    "MISSTA": PackageState.decode,
+    "ASTA": PackageState.decode,
     "SEN": _decode_reading,
     "GEO": decode_geo,
     "CONF": decode_conf,

@@ -5,6 +5,7 @@ jobs for that, and numbers in the row of its robot. The rays of all sonars and G
 receivers that are due in a tick are traced together.
 """
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple, Protocol, TypeAlias
@@ -14,13 +15,15 @@ import numpy as np
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.presets.robots import Item
 from radarsim.presets.sensor_settings import InsNoise
-from radarsim.protocol import reports
+from radarsim.protocol import packages, reports
 from radarsim.protocol.fields import LineReport, SensorReport
+from radarsim.protocol.packages import LinkOrder
 from radarsim.protocol.reports import (
     Encoder,
     GroundTruth,
     Ins,
     Odometry,
+    PackageState,
     Tachometer,
     Touch,
 )
@@ -49,18 +52,27 @@ from radarsim.simulation.readings import (
     ACCELERATION,
     BODY_POSE,
     DRIFT,
+    FROM_ANGLE,
+    FROM_TICK,
     INERTIA,
     INS_POSE,
     IS_TOUCHED,
+    LINK_ANGLES,
+    LINK_NUMBERS,
+    LINK_SPEED,
     PROPER_ACCELERATION,
     TIME,
+    TO_ANGLE,
     WHEEL_ANGLES,
     WHEEL_POSE,
     WHEEL_SPEEDS,
     WHEEL_TICKS,
     Job,
     NumberRow,
+    link_angle,
 )
+
+FAR: Final = 1e6  # rad; where a link without limits turns to that is told a speed
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,6 +272,53 @@ _ACCELERATIONS: Final[dict[str, _Reading]] = {
 }
 
 
+class PackageItem(SensorItem):
+    """A mission package: links that turn at their speeds to where they are told.
+
+    Attributes:
+        links: The links of the item.
+    """
+
+    def __init__(self, mounting: Mounting) -> None:
+        super().__init__(mounting)
+        self.links = mounting.item.links
+        start = [float(len(self.links)), *[0.0] * (LINK_NUMBERS * len(self.links))]
+        for number, link in enumerate(self.links):
+            angle = link.limit(0.0)
+            start[FROM_ANGLE + LINK_NUMBERS * number] = angle
+            start[TO_ANGLE + LINK_NUMBERS * number] = angle
+        self._places = self._numbers.add(start)
+        states = tuple((link.limit(0.0), -link.max_torque) for link in self.links)
+        sample = PackageState(0.0, self.name, states)
+        job = Job(LINK_ANGLES, self._places.start)
+        self.source = Source(sample, {"time": (Job(TIME),), "links": (job,)})
+
+    def move(self, number: int, order: LinkOrder, ticks: int) -> None:
+        """Tell a link to move from now on; an order that is not known does nothing.
+
+        Args:
+            number: Number of the link, from 0 on.
+            order: What it is told.
+            ticks: Simulated time in ticks.
+        """
+        link, first = self.links[number], LINK_NUMBERS * number
+        numbers = self._numbers[self._places]
+        angle = link_angle(numbers, first, ticks)
+        speed = link.max_speed
+        if order.order in (packages.ABSOLUTE, packages.BANG_BANG):
+            target = order.value
+        elif order.order == packages.RELATIVE:
+            target = angle + order.value
+        elif order.order == packages.RATE:
+            target = math.copysign(FAR, order.value)
+            speed = min(abs(order.value), speed)
+        else:
+            return
+        numbers[first + FROM_ANGLE], numbers[first + FROM_TICK] = angle, ticks
+        numbers[first + TO_ANGLE] = link.limit(target)
+        numbers[first + LINK_SPEED] = speed
+
+
 def _add_wheels(numbers: NumberRow, wheels: Sequence[tuple[str, int]]) -> int:
     """Add the numbers of wheels, of which sides and signs are given."""
     added = [float(len(wheels))]
@@ -295,6 +354,7 @@ SENSOR_ITEMS: dict[str, Callable[[Mounting], SensorItem]] = {
     "Encoder": EncoderItem,
     "Touch": TouchItem,
     **dict.fromkeys(_ACCELERATIONS, AccelerationItem),
+    "MisPkg": PackageItem,
 }
 
 

@@ -61,6 +61,7 @@ DRIFT, STEERING = range(9, 11)
 # Three numbers: accelerations, and those of a mass that rests on the sensor. Twelve: of
 # an inertial measurement unit.
 ACCELERATION, PROPER_ACCELERATION, INERTIA = range(11, 14)
+LINK_ANGLES: Final = 14  # of each link of a mission package
 
 SPENT: Final = 0  # place in the numbers of a robot: 1 if random numbers are used up
 # Numbers of a battery: time that it lasts, s; what it holds at least, s; tick of the
@@ -69,6 +70,10 @@ LIFE, LEAST, SPAWN_TICK = range(3)
 # Numbers of the wheels of a job: how many; of each its side, 0 for left and 1 for
 # right, and the sign of its ticks.
 WHEEL_COUNT, WHEEL_SIDE, WHEEL_SIGN = range(3)
+# Numbers of a mission package: how many links; of each: angle when it was told to move,
+# and the tick; angle to which it turns, rad; its speed, rad/s.
+LINK_COUNT, FROM_ANGLE, FROM_TICK, TO_ANGLE, LINK_SPEED = range(5)
+LINK_NUMBERS: Final = 4
 
 
 class Job(NamedTuple):
@@ -159,6 +164,21 @@ def fill_readings(
     return spent
 
 
+@njit_cached
+def link_angle(numbers: Floats, link: int, ticks: int) -> float:
+    """Return the angle of a link, rad.
+
+    Args:
+        numbers: Numbers of the robot.
+        link: Place of the numbers of the package, and of those of the links before.
+        ticks: Simulated time in ticks.
+    """
+    start = numbers[link + FROM_ANGLE]
+    reach = numbers[link + LINK_SPEED] * (ticks - numbers[link + FROM_TICK]) / 100
+    way = numbers[link + TO_ANGLE] - start
+    return float(start + max(-reach, min(reach, way)))
+
+
 @njit_inline
 def _read_motion(
     kind: int,
@@ -169,7 +189,12 @@ def _read_motion(
     out: Floats,
     at: int,
 ) -> int:
-    """Write steering angles, or what follows from accelerations; return the place."""
+    """Write angles of axles or links, or accelerations; return the place after."""
+    if kind == LINK_ANGLES:
+        count = int(numbers[place + LINK_COUNT])
+        for link in range(count):
+            out[at + link] = link_angle(numbers, place + LINK_NUMBERS * link, ticks)
+        return at + count
     if kind == STEERING:
         out[at], out[at + 1] = robot[FRONT_STEER], robot[REAR_STEER]
         return at + 2

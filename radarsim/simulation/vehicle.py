@@ -12,6 +12,7 @@ from radarsim.geometry import Pose3
 from radarsim.presets.robots import Item, RobotModel
 from radarsim.presets.sensors import has_fmcw
 from radarsim.protocol.fields import ReportGroup
+from radarsim.protocol.packages import LinkOrder
 from radarsim.protocol.reports import Status
 from radarsim.rng import generator_for
 from radarsim.robots.robot import Battery, Robot
@@ -29,6 +30,7 @@ from radarsim.simulation.items import (
     GpsItem,
     InsItem,
     Mounting,
+    PackageItem,
     RayItem,
     SensorItem,
     SonarItems,
@@ -280,6 +282,19 @@ class Vehicle:
         """Let an item count from zero again, if it counts."""
         if item.name in self._sensor_items:
             self._sensor_items[item.name].reset()
+
+    def move_link(self, order: LinkOrder) -> bool:
+        """Tell a link of a mission package to move; return whether it is there."""
+        wanted, number = order.name.casefold(), order.link
+        for item in self._sensor_items.values():
+            if not isinstance(item, PackageItem):
+                continue
+            for k, link in enumerate(item.links):
+                is_named = number is None and link.name.casefold() == wanted
+                if is_named or (number == k + 1 and item.name.casefold() == wanted):
+                    item.move(k, order, self._clock.ticks)
+                    return True
+        return False
 
     def set_ins(self, item: Item, pose: Pose3) -> None:
         """Replace the pose of an INS; do nothing if the item is not one."""

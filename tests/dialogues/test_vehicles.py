@@ -146,6 +146,79 @@ def test_classes_are_spelt_as_clients_spell_them(
     assert wire.news == []
 
 
+def last_angles(lines: list[str], package: str) -> list[float]:
+    """Return the angles of links that were reported last."""
+    lines = [x for x in lines if f"{{Name {package}}}" in x and "STA {Time" in x]
+    return [float(text) for text in re.findall(r"{Value ([-0-9.]+)}", lines[-1])]
+
+
+@pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=["compat", "udk"])
+def test_flippers_turn_at_their_speed_and_do_not_drive(
+    empty_room: Scene, dialect: Dialect
+) -> None:
+    wire = Wire(empty_room, dialect)
+    wire.send("INIT {ClassName USARBot.Kenaf} {Location 0,0,0}")
+    # UsarCommander, the MATLAB toolbox, a client from Rome, and the original's own.
+    wire.send(
+        "MULTIDRIVE {FRFlipper -0.5} {FLFlipper -0.5} {RRFlipper 3} {RLFlipper 0}"
+    )
+    wire.send("SET {Type Joint} {Name RLFlipper} {Opcode Angle} {Params 0.25}")
+    lines = wire.wait(0.98)
+    moved = last_angles(lines, "Flippers")
+    assert moved == pytest.approx([-0.5, -0.5, 1.571 * 0.99, 0.25], abs=0.02)
+    wire.send("DRIVE {Name FLFlipper}{Order 1}{Value -0.2}")
+    wire.send("DRIVE {Name FRFlipper} {Value 0.5}", "MISPKG {Name Flippers} {Link 9}")
+    moved = last_angles(wire.wait(1.98), "Flippers")
+    assert moved == pytest.approx([0.5, -0.9, 2.086, 0.25], abs=0.01)
+    head = "ASTA" if dialect is UDK else "MISSTA"
+    assert any(line.startswith(f"{head} {{Time ") for line in wire.wait(0.1))
+    assert wire.pose == Pose2(0, 0)
+    known = "['Flippers 1 to 4', 'CameraPanTilt 1 to 2', 'FRFlipper', 'FLFlipper', "
+    assert wire.news == [
+        "MISPKG of ['Flippers 9'], which Kenaf does not have, expected one of "
+        f"{known}'RRFlipper', 'RLFlipper']"
+    ]
+
+
+def test_camera_turns_as_usarcommander_and_the_toolbox_ask(empty_room: Scene) -> None:
+    wire = Wire(empty_room)
+    conf, geo = wire.send(
+        "INIT {ClassName USARBot.Talon}",
+        "GETCONF {Type MisPkg} {Name CameraPanTilt}",
+        "GETGEO {Type MisPkg}",
+    )
+    assert conf == (
+        "CONF {Type MisPkg} {Name CameraPanTilt} {Link 1} {JointType Revolute} "
+        "{MaxSpeed 0.1700} {MaxTorque 20.0000} {MinRange 1.0000} {MaxRange 0.0000} "
+        "{Link 2} {JointType Revolute} {MaxSpeed 0.1700} {MaxTorque 20.0000} "
+        "{MinRange -0.1600} {MaxRange 0.4000}"
+    )
+    assert "{Link 1} {ParentLink -1} {Location 0.1239,0.0000,-0.2036} " in geo
+    assert "{Link 2} {ParentLink 1} {Location 0.0000,0.0000,0.0599} " in geo
+    wire.send("MISPKG {Name CameraPanTilt} {Link 1} {Value 9} {Link 2} {Value 1}")
+    assert last_angles(wire.wait(3), "CameraPanTilt") == pytest.approx(
+        [3 * 0.17, 0.4], abs=0.02
+    )
+    wire.send(
+        "ACT {Name CameraPanTilt} {Link 1} {Value -0.1} {Order 10} {Link 2} {Value -1}"
+        " {Order 2}"
+    )
+    turned = last_angles(wire.wait(2), "CameraPanTilt")
+    assert turned == pytest.approx([3 * 0.17 - 0.1, 0.4], abs=0.02)
+    assert wire.news == []
+
+
+def test_actuators_of_the_original_are_mission_packages(empty_room: Scene) -> None:
+    wire = Wire(empty_room, UDK)
+    init = "INIT {ClassName USARBot.Kenaf}"
+    (conf, geo) = wire.send(init, "GETCONF {Type Actuator}", "GETGEO {Type Actuator}")
+    assert conf.startswith(
+        "CONF {Type Actuator} {Name Flippers} {Link 1} {JointType Revolute} "
+        "{MaxTorque 4.0000} {MinValue -2.0860} {MaxValue 2.0860} {Link 2}"
+    )
+    assert "{Name CameraPanTilt} {Location 0.12,0.00,-0.20}" in geo
+
+
 def test_a_new_vehicle_is_one_file(empty_room: Scene, tmp_path: Path) -> None:
     file = tmp_path / "truck.yaml"
     file.write_text("""\

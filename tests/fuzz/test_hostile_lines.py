@@ -32,11 +32,19 @@ MAX_LOG_TEXT = 1000  # characters of a diagnostic
 CELL = (40.0, 40.0)  # x, y of a closed box outside the room, m
 
 LINE = re.compile(
-    rb"(SEE \{Robot [^{}]+\} )?(NFO|STA|SEN|CONF|GEO)( ?\{[ -z|~]+\})+\r\n"
+    rb"(SEE \{Robot [^{}]+\} )?(NFO|STA|MISSTA|SEN|CONF|GEO)( ?\{[ -z|~]+\})+\r\n"
 )
 VALID = (
     b"INIT {ClassName USARBot.P3AT} {Name R1} {Start RobotStart1}",
     b"INIT {ClassName USARBot.P2AT} {Location 0,2,0} {Rotation 0,0,1.5}",
+    b"INIT {ClassName USARBot.Hummer} {Name Car} {Location 5,2,0}",
+    b"INIT {ClassName USARBot.Kenaf} {Name K} {Location 5,-3,0}",
+    *(b"DRIVE {Speed 3} {FrontSteer 0.2} {RearSteer -0,1}", b"DRIVE {Speed 1}"),
+    *(b"MULTIDRIVE {FRFlipper 0.5} {RLFlipper -9}", b"ACT {Name Flippers} {Link 2}"),
+    *(b"DRIVE {Name FLFlipper} {Order 1} {Value -0.5}", b"GETGEO {Type Actuator}"),
+    b"MISPKG {Name CameraPanTilt} {Link 1} {Value 0.1} {Order 10} {Link 2} {Value 1}",
+    *(b"GETGEO {Type MisPkg}", b"GETCONF {Type Actuator}", b"GETCONF {Type IMU}"),
+    b"SET {Type Joint} {Name FRFlipper} {Opcode Angle} {Params 0.3}",
     b"INIT {ClassName P3AT_Compare} {Name Compare} {Location -6.5 -3 0}",
     *(b"GETSTARTPOSES", b"PING", b"MISPKG {Name CameraPanTilt} {Link 1} {Value 0.5}"),
     *(b"DRIVE {Left 3} {Right 2,5}", b"DRIVE {Left -8.17} {Right 8.17} {Light true}"),

@@ -9,14 +9,23 @@ from radarsim.protocol.commands import (
     GetGeo,
     GetStartPoses,
     Init,
+    MovePackage,
+    MultiDrive,
     SetItem,
-    Unsupported,
     parse_command,
 )
 from radarsim.protocol.dialect import COMPAT
 from radarsim.protocol.message import LineBuffer
+from radarsim.protocol.packages import LinkOrder
 
 ZERO = (0.0, 0.0, 0.0)
+
+
+def camera(*angles: float) -> MovePackage:
+    """Return the command that turns the camera."""
+    name = "CameraPanTilt"
+    orders = [LinkOrder(name, link, angle) for link, angle in enumerate(angles, 1)]
+    return MovePackage(name, tuple(orders))
 
 
 @pytest.mark.parametrize(
@@ -43,7 +52,7 @@ ZERO = (0.0, 0.0, 0.0)
         ),
         pytest.param(
             b"MISPKG {Name CameraPanTilt} {Link 1} {Value 0} {Link 2} {Value 0.3}\r\n",
-            [Unsupported("MISPKG")],
+            [camera(0.0, 0.3)],
             id="UsarCommander: camera tilt",
         ),
         pytest.param(
@@ -53,7 +62,14 @@ ZERO = (0.0, 0.0, 0.0)
         ),
         pytest.param(
             b"MULTIDRIVE {FRFlipper 0.1} {FLFlipper 0.1}\r\n",
-            [Unsupported("MULTIDRIVE")],
+            [
+                MultiDrive(
+                    (
+                        LinkOrder("FRFlipper", None, 0.1),
+                        LinkOrder("FLFlipper", None, 0.1),
+                    )
+                )
+            ],
             id="UsarCommander: flippers",
         ),
         pytest.param(
@@ -134,7 +150,7 @@ ZERO = (0.0, 0.0, 0.0)
         ),
         pytest.param(
             b"DRIVE {Name FRFlipper} {Value 0.5}\r\n",
-            [Drive()],
+            [Drive(joint="FRFlipper", value=0.5)],
             id="MATLAB toolbox: joint of another",
         ),
         pytest.param(
@@ -155,7 +171,7 @@ ZERO = (0.0, 0.0, 0.0)
         pytest.param(
             b"MISPKG {Name CameraPanTilt} {Link 1} {Value 0.1} {Order 0} {Link 2} "
             b"{Value 0.1} {Order 0}\r\n",
-            [Unsupported("MISPKG")],
+            [camera(0.1, 0.1)],
             id="MATLAB toolbox: camera",
         ),
         pytest.param(

@@ -6,6 +6,12 @@ import pytest
 
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.dialect import COMPAT, UDK
+from radarsim.protocol.packages import (
+    LinkLimits,
+    PackageConf,
+    PackageGeo,
+    PackageState,
+)
 from radarsim.protocol.reports import (
     Acceleration,
     ClockTick,
@@ -92,6 +98,26 @@ COMPAT_LINES: list[tuple[str, Report, str]] = [
         ProperAcceleration(1.5, "Accelerometer", (0, 0, -9.81)),
         "SEN {Time 1.50} {Type AcceleroMeter} {Name Accelerometer} "
         "{ProperAcceleration 0.0000,0.0000,9.8100}",
+    ),
+    (
+        "links of a camera, as recorded",
+        PackageState(45.14, "CameraPanTilt", ((0.0, -20.0), (-0.16, -20.0))),
+        "MISSTA {Time 45.14} {Name CameraPanTilt} {Link 1} {Value 0.0000} "
+        "{Torque -20.00} {Link 2} {Value -0.1600} {Torque -20.00}",
+    ),
+    (
+        "what links can do",
+        PackageConf("MisPkg", (("Cam", (LinkLimits(0.17, 20, -0.16, 0.4),)),)),
+        "CONF {Type MisPkg} {Name Cam} {Link 1} {JointType Revolute} "
+        "{MaxSpeed 0.1700} {MaxTorque 20.0000} {MinRange -0.1600} {MaxRange 0.4000}",
+    ),
+    (
+        "where links are",
+        PackageGeo("MisPkg", (("Cam", (LASER, LASER)),), ""),
+        "GEO {Type MisPkg} {Name Cam} {Link 1} {ParentLink -1} "
+        "{Location 0.2085,0.0000,-0.2000} {Orientation 0.0000,0.0000,0.0000} "
+        "{Link 2} {ParentLink 1} {Location 0.2085,0.0000,-0.2000} "
+        "{Orientation 0.0000,0.0000,0.0000}",
     ),
     (
         "status of a car",

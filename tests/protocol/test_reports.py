@@ -13,6 +13,12 @@ from radarsim.geometry import Pose2, Pose3, wrap_angle
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.echoes import target_lines
 from radarsim.protocol.message import Message, decode_message
+from radarsim.protocol.packages import (
+    LinkLimits,
+    PackageConf,
+    PackageGeo,
+    PackageState,
+)
 from radarsim.protocol.reports import (
     Acceleration,
     EchoLine,
@@ -157,6 +163,33 @@ REPORTS = st.one_of(
         *(TIMES, st.integers(-5, 99999), st.booleans()),
         st.none() | st.tuples(st.floats(0.01, 1.5), NUMBERS),
     ),
+    st.builds(
+        PackageState,
+        *(TIMES, NAMES),
+        st.lists(st.tuples(NUMBERS, st.just(-20.0)), max_size=3).map(tuple),
+    ),
+    st.builds(
+        PackageConf,
+        st.sampled_from(["MisPkg", "mispkg", "Actuator"]),
+        st.lists(
+            st.tuples(
+                NAMES,
+                st.lists(st.builds(LinkLimits, *[NUMBERS] * 4), min_size=1).map(tuple),
+            ),
+            min_size=1,
+            max_size=3,
+        ).map(tuple),
+    ),
+    st.builds(
+        PackageGeo,
+        st.sampled_from(["MisPkg", "Actuator"]),
+        st.lists(
+            st.tuples(NAMES, st.lists(POSES, min_size=1, max_size=3).map(tuple)),
+            min_size=1,
+            max_size=3,
+        ).map(tuple),
+        NAMES,
+    ),
     st.builds(RangeScan, TIMES, NAMES, NUMBERS, NUMBERS, VECTORS.map(np.array)),
     st.builds(EchoLine, TIMES, NAMES, *[st.integers(0, 999_999)] * 2, st.none() | SEEN),
     st.integers(0, 3).flatmap(
@@ -219,7 +252,7 @@ REPORTS = st.one_of(
 VALUE = r"[A-Za-z0-9_]+|-?[0-9]+(\.[0-9]+)?(,-?[0-9]+\.[0-9]+)*"
 VALUE += r"|[0-9]+,[0-9]+\.[0-9]+,[NSEW]"
 VALUE += r"|[0-9]+,[0-9]+\.[0-9]+,[A-Z][a-z]+(,[01]\.[0-9]+){2}"
-LINE = re.compile(rf"(NFO|STA|SEN|GEO|CONF)( \{{[A-Za-z0-9_]+( ({VALUE}))+\}})+")
+LINE = re.compile(rf"(NFO|STA|MISSTA|SEN|GEO|CONF)( \{{[A-Za-z0-9_]+( ({VALUE}))+\}})+")
 
 
 @given(report=REPORTS)
@@ -311,6 +344,15 @@ def _transmitted(report: Report, dialect: Dialect) -> Report:
     match report:
         case Status():
             changes["battery"] = max(report.battery, dialect is not UDK)
+        case PackageState(links=links) if dialect is UDK:
+            changes["links"] = tuple((angle, nan) for angle, _ in links)
+        case PackageConf(type=kind, packages=packages) if kind == "Actuator":
+            changes["packages"] = tuple(
+                (name, tuple(link._replace(max_speed=nan) for link in links))
+                for name, links in packages
+            )
+        case PackageGeo(type=kind) if kind != "Actuator":
+            changes["robot"] = ""
         case RobotGeo() if dialect is UDK:
             changes["dimensions"] = (report.wheel_base, report.wheel_separation, 0.0)
         case ItemGeo(mounts=mounts) if dialect is not UDK or not mounts:

@@ -1,10 +1,16 @@
-from math import pi, radians
+from math import nan, pi, radians
 
 import numpy as np
 import pytest
 
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.dialect import UDK
+from radarsim.protocol.packages import (
+    LinkLimits,
+    PackageConf,
+    PackageGeo,
+    PackageState,
+)
 from radarsim.protocol.reports import (
     Acceleration,
     EchoLine,
@@ -91,6 +97,39 @@ UDK_LINES: list[tuple[str, Report, str]] = [
         ProperAcceleration(1.5, "Accelerometer", (0, 0, -9.81)),
         "SEN {Time 1.5000} {Type AcceleroMeter} {Name Accelerometer} "
         "{ProperAcceleration 0.0000,0.0000,9.8100}",
+    ),
+    (
+        "links of an actuator",
+        PackageState(45.14, "CameraPanTilt", ((0.0, -20.0), (-0.16, -20.0))),
+        "ASTA {Time 45.1400} {Name CameraPanTilt} {Link 1} {Value 0.0000} "
+        "{Link 2} {Value -0.1600}",
+    ),
+    (
+        "what links can do",
+        PackageConf("MisPkg", (("Cam", (LinkLimits(1.571, 20, -0.16, 0.4),)),)),
+        "CONF {Type MisPkg} {Name Cam} {Link 1} {JointType Revolute} "
+        "{MaxRotationSpeed 1.5710} {MaxTorque 20.0000} {MinRange -0.1600} "
+        "{MaxRange 0.4000}",
+    ),
+    (
+        "what links of actuators can do",
+        PackageConf(
+            "Actuator",
+            (
+                ("Cam", (LinkLimits(nan, 20, -0.16, 0.4),)),
+                ("Arm", (LinkLimits(nan, 4, -2.086, 2.086),)),
+            ),
+        ),
+        "CONF {Type Actuator} {Name Cam} {Link 1} {JointType Revolute} "
+        "{MaxTorque 20.0000} {MinValue -0.1600} {MaxValue 0.4000} {Name Arm} {Link 1} "
+        "{JointType Revolute} {MaxTorque 4.0000} {MinValue -2.0860} {MaxValue 2.0860}",
+    ),
+    (
+        "where links of an actuator are",
+        PackageGeo("Actuator", (("Cam", (Pose3(1, 2, 3),)),), "Kenaf"),
+        "GEO {Type Actuator} {Name Cam} {Location 1.00,-2.00,-3.00} "
+        "{Orientation 0.00,0.00,0.00} {Mount Kenaf} {Link 1} {Parent -1} "
+        "{Location 1.00,-2.00,-3.00} {Orientation 0.00,0.00,0.00}",
     ),
     (
         "status of a car",

@@ -3,11 +3,15 @@ from typing import Any
 import pytest
 
 from radarsim.errors import PresetError
-from radarsim.presets.robots import Item, load_robot
+from radarsim.presets.robots import Item, load_robot, robot_names
 from radarsim.presets.sensors import load_settings
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.simulation.clock import TICK, seconds, ticks_of
 from radarsim.simulation.config import SimulationConfig
+
+ITEM_NAMES = sorted(
+    {item.name for name in robot_names() for item in load_robot(name).items}
+)
 
 
 def item(name: str, class_name: str = "P3AT") -> Item:
@@ -53,11 +57,7 @@ def test_valid_settings_pass_the_check(
     [
         pytest.param(
             {"lms": {"max_range": 3}},
-            "item 'lms', expected one of ['Bumper', 'ECLeft', 'ECRight', 'F1', 'F2', "
-            "'F3', 'F4', 'F5', 'F6', 'F7', 'F8', 'GPS', 'GndTruth', 'GroundTruth', "
-            "'Hokuyo', 'IMU', 'INS', 'InsTest', 'Navtech', 'Odometer', 'Odometry', "
-            "'R1', 'R2', 'R3', 'R4', 'R5', 'R6', 'R7', 'R8', 'SICK', 'Scanner1', "
-            "'TachTest', 'W1', 'W2', 'battery', 'lms200']; did you mean 'lms200'?",
+            f"item 'lms', expected one of {ITEM_NAMES}; did you mean 'lms200'?",
             id="unknown item",
         ),
         pytest.param(

@@ -163,9 +163,9 @@ class PlayerParser:
     def parse(self, line: str) -> Reading | None:
         """Parse a line."""
         assert len(line) + 2 < READ_BUFFER
-        if "{Name " not in line:
-            return None
         head = line.split(" ", maxsplit=1)[0]
+        if "{Name " not in line or head == "MISSTA":  # which is that of its camera
+            return None
         kind = re.findall(r"\{Type (\w+)\}", line)[0]
         fields = dict(re.findall(r"\{(\w+) ([^}]*)\}", line))
         if kind in VEHICLES:

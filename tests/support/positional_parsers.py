@@ -156,6 +156,8 @@ class IridiumParser:
         if head == "NFO":
             assert "Level" in fields or "StartPoses" in fields
             return Reading(head, "", fields)
+        if head in ("MISSTA", "ASTA"):
+            return None  # its rule is not known
         kind = fields["Type"] if head == "SEN" else f"{head} {fields['Type']}"
         values: dict[str, Any] = dict(fields)
         for key in ("Range", "Location", "Orientation", "Pose"):

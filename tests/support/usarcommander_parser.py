@@ -13,7 +13,8 @@ class UsarCommanderParser:
         class_name: Class of the robot, which decides on the names of its sensors.
     """
 
-    HEADS = ("SEN", "NFO", "STA", "MISSTA", "GEO", "CONF", "RES")
+    # It prints others, such as the last of these.
+    HEADS = ("SEN", "NFO", "STA", "MISSTA", "GEO", "CONF", "RES", "ASTA")
 
     def __init__(self, class_name: str) -> None:
         self.scanner = scanner_of(class_name)
@@ -51,7 +52,7 @@ class UsarCommanderParser:
             return Reading(f"{head} {kind}", fields.get("name", ""), values)
         if head == "NFO":
             return Reading(head, "", fields)
-        parse = self.parsers.get(fields["type"])
+        parse = self.parsers.get(fields.get("type", ""))
         if parse is None:
             return None  # not mounted
         name = fields.get("name", "")

@@ -15,6 +15,8 @@ from radarsim.protocol.commands import (
     GetGeo,
     GetStartPoses,
     Init,
+    MovePackage,
+    MultiDrive,
     SetItem,
     Unsupported,
     parse_command,
@@ -22,6 +24,8 @@ from radarsim.protocol.commands import (
     parse_switch,
 )
 from radarsim.protocol.line_template import printable_name
+from radarsim.protocol.message import LARGEST_COMMANDED, parse_number
+from radarsim.protocol.packages import LinkOrder
 from radarsim.protocol.reports import Report, StartPoses, WatchedLine, to_bytes
 from radarsim.protocol.watch import CommandError, Watch
 from radarsim.scene.scene import Scene
@@ -42,7 +46,7 @@ if TYPE_CHECKING:
     from radarsim.simulation.simulation import Simulation
     from radarsim.simulation.vehicle import Vehicle
 
-RobotCommand: TypeAlias = Drive | GetGeo | GetConf | SetItem
+RobotCommand: TypeAlias = Drive | MovePackage | MultiDrive | GetGeo | GetConf | SetItem
 Question: TypeAlias = GetStartPoses | GetGeo | GetConf
 ReplyKey: TypeAlias = tuple[str | None, ...] | None
 
@@ -173,7 +177,7 @@ class CommandHandler:
         match command:
             case SetItem() if command.opcode.upper() == SETTING:
                 return SETTING_WORK
-            case Init() | SetItem():
+            case Init() | SetItem() | MovePackage() | MultiDrive():
                 return HEAVY_WORK
             case Watch():
                 return HEAVY_WORK + len(self.clients_by_robot) // ROBOTS_A_UNIT
@@ -232,6 +236,8 @@ class CommandHandler:
         match command:
             case Drive():
                 return _drive(vehicle, command)
+            case MovePackage() | MultiDrive():
+                return _move_links(vehicle, command.verb, command.orders)
             case SetItem():
                 return self._set_items(vehicle, command)
             case _:
@@ -239,6 +245,8 @@ class CommandHandler:
 
     def _set_items(self, vehicle: Vehicle, command: SetItem) -> Diagnostic | None:
         """Apply an opcode to items, which have the same type."""
+        if command.type == "Joint":  # as the original, in this case only
+            return _set_joint(vehicle, command)
         items = find_items(vehicle.model, command.type, command.name)
         if not items:
             of_type = vehicle.model.items_of(command.type)
@@ -425,8 +433,45 @@ def _describe_missing(
     return Diagnostic("item type", text)
 
 
+def _move_links(
+    vehicle: Vehicle, verb: str, orders: Sequence[LinkOrder]
+) -> Diagnostic | None:
+    """Move those links that the robot has."""
+    missing = [
+        order.name if order.link is None else f"{order.name} {order.link}"
+        for order in orders
+        if not vehicle.move_link(order)
+    ]
+    if not missing:
+        return None
+    model = vehicle.model
+    packages = model.items_of("MisPkg")
+    if not packages:
+        return Diagnostic.of_unsupported(verb)
+    known = [f"{item.name} 1 to {len(item.links)}" for item in packages]
+    known += [link.name for item in packages for link in item.links if link.name]
+    text = f"{verb} of {list_names(missing)[:80]}, which {model.name} does not have"
+    return Diagnostic("link", f"{text}, expected one of {known}")
+
+
+def _set_joint(vehicle: Vehicle, command: SetItem) -> Diagnostic | None:
+    """Turn a link to an angle."""
+    if command.opcode not in ("Angle", "Target"):
+        text = f"opcode {expected_one_of(command.opcode, ['Angle', 'Target'])}"
+        return Diagnostic("opcode", text)
+    try:
+        angle = parse_number(command.params, largest=LARGEST_COMMANDED)
+    except MalformedMessage as error:
+        return Diagnostic("malformed Angle", f"SET {command.opcode}: {error}")
+    order = LinkOrder(command.name or "", None, angle)
+    return _move_links(vehicle, SetItem.verb, [order])
+
+
 def _drive(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
     """Drive a robot, as far as the command has what its drive needs."""
+    if command.value is not None and command.joint is not None:
+        order = LinkOrder(command.joint, None, command.value, command.order)
+        return _move_links(vehicle, command.verb, [order])
     robot, is_car = vehicle.robot, vehicle.robot.bicycle is not None
     left, right = command.left, command.right
     normalized, light = command.normalized, command.light

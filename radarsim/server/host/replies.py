@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from radarsim.geometry import Pose3
 from radarsim.presets.robots import Item, RobotModel
 from radarsim.presets.sensor_settings import ENCODER_RESOLUTION
 from radarsim.protocol import reports
+from radarsim.protocol.packages import ACTUATOR, LinkLimits
 from radarsim.simulation.config import SimulationConfig
 
 TOUCH_DIAMETER = 0.01  # m; the original server's number, meaningless for a bumper
 ROBOT = "robot"
 SCANNER_REPORTS = ("echoes", "radartargets")  # types of reports, not of items
-NO_ITEMS = "mispkg"  # mission packages: clients ask for them, no robot carries any
+PACKAGE = "mispkg"
 
 
 def geometry(
@@ -42,6 +44,9 @@ def geometry(
     items = items_reporting(model, item_type, name)
     if not items:
         return None
+    if items[0].links:
+        packages = tuple((item.name, _link_poses(item)) for item in items)
+        return reports.PackageGeo(item_type, packages, model.name)
     mounts = tuple((item.name, item.mount) for item in items)
     return reports.ItemGeo(item_type, mounts, model.name)
 
@@ -52,12 +57,15 @@ def configuration(
     """Return settings; arguments and None are those of ``geometry``."""
     if item_type.casefold() == ROBOT:
         return _performance(model, config)
-    # Asked of every robot by some clients: an empty list, as no class carries any.
-    if item_type.casefold() == NO_ITEMS:
-        return reports.NameConf(item_type, ())
     items = items_reporting(model, item_type, name)
+    # Asked of every robot by some clients, also of those that carry none.
+    if item_type.casefold() == PACKAGE and not items:
+        return reports.NameConf(item_type, ())
     if not items:
         return None
+    if items[0].links:
+        packages = tuple((item.name, _link_limits(item)) for item in items)
+        return reports.PackageConf(item_type, packages)
     return _settings_of(items, item_type, config)
 
 
@@ -87,7 +95,25 @@ def items_reporting(
     # reading, and waits for the answer.
     is_scanner = report_type.casefold() in SCANNER_REPORTS
     item_type = "RangeScanner" if is_scanner else report_type
+    if report_type.casefold() == ACTUATOR:  # what servers for UDK call them
+        item_type = "MisPkg"
     return find_items(model, item_type, name)
+
+
+def _link_poses(item: Item) -> tuple[Pose3, ...]:
+    """Return the pose of each link in the frame of the one before."""
+    poses = [
+        Pose3(*link.position, *map(math.radians, link.rotation_deg))
+        for link in item.links
+    ]
+    return (item.mount.compose(poses[0]), *poses[1:])
+
+
+def _link_limits(item: Item) -> tuple[LinkLimits, ...]:
+    return tuple(
+        LinkLimits(link.max_speed, link.max_torque, link.min_angle, link.max_angle)
+        for link in item.links
+    )
 
 
 def _settings_of(

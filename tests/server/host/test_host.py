@@ -163,8 +163,9 @@ def test_time_is_above_zero_and_never_goes_back(host: Host) -> None:
         pytest.param(
             b"DRVE {Left 1} {Right 1}",
             "malformed line",
-            "verb 'DRVE', expected one of ['DRIVE', 'GETCONF', 'GETGEO', "
-            "'GETSTARTPOSES', 'INIT', 'SET', 'WATCH']; did you mean 'DRIVE'?",
+            "verb 'DRVE', expected one of ['ACT', 'DRIVE', 'GETCONF', 'GETGEO', "
+            "'GETSTARTPOSES', 'INIT', 'MISPKG', 'MULTIDRIVE', 'SET', 'WATCH']; did you "
+            "mean 'DRIVE'?",
             id="misspelt verb",
         ),
         pytest.param(
@@ -180,9 +181,9 @@ def test_time_is_above_zero_and_never_goes_back(host: Host) -> None:
             id="drive before init",
         ),
         pytest.param(
-            b"MULTIDRIVE {FRFlipper 1}",
-            "not supported MULTIDRIVE",
-            "not supported: MULTIDRIVE",
+            b"PAUSE {FRFlipper 1}",
+            "not supported PAUSE",
+            "not supported: PAUSE",
             id="verb of other servers",
         ),
         pytest.param(
@@ -220,7 +221,7 @@ def test_invalid_command_gives_a_diagnostic_and_no_effect(
             "DRIVE fields, one side",
             "DRIVE field 'Rigth', expected one of "
             "['Left', 'Right', 'Normalized', 'Light', 'Flip', 'Speed', 'FrontSteer', "
-            "'RearSteer']"
+            "'RearSteer', 'Name', 'Value', 'Order']"
             "; did you mean 'Right'?; DRIVE without Right, expected Left and Right",
             id="misspelt wheel",
         ),
@@ -257,6 +258,24 @@ def test_invalid_command_gives_a_diagnostic_and_no_effect(
             "not supported Actuator",
             "not supported: Actuator",
             id="type of other servers",
+        ),
+        pytest.param(
+            b"MULTIDRIVE {FRFlipper 1}",
+            "not supported MULTIDRIVE",
+            "not supported: MULTIDRIVE",
+            id="links of other robots",
+        ),
+        pytest.param(
+            b"SET {Type Joint} {Name FRFlipper} {Opcode Stiffness} {Params 1}",
+            "opcode",
+            "opcode 'Stiffness', expected one of ['Angle', 'Target']",
+            id="what a link cannot do",
+        ),
+        pytest.param(
+            b"SET {Type Joint} {Name FRFlipper} {Opcode Angle} {Params up}",
+            "malformed Angle",
+            "SET Angle: 'up', expected a number",
+            id="no angle",
         ),
         pytest.param(
             b"SET {Type Camera} {Opcode ZOOM} {Params 1}",

@@ -1,0 +1,226 @@
+"""Mission packages: orders for their links, their state, and GEO and CONF lines.
+
+Servers for UT2004 call them mission packages and report them by MISSTA; those for UDK
+call them actuators and report them by ASTA. Both write their links one after the other,
+each from the key ``Link`` on.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import nan
+from typing import Annotated, ClassVar, Final, NamedTuple, Self
+
+from radarsim.geometry import Pose3
+from radarsim.protocol.dialect import Dialect, NumberFormat
+from radarsim.protocol.fields import Field, LineReport, Number, Segment, Text
+from radarsim.protocol.line_template import marks, reduce_text, vector_marks
+from radarsim.protocol.message import Message, parse_flipped, parse_number
+
+ABSOLUTE, RATE = 0, 1  # orders of links: an angle, rad; a speed, rad/s
+BANG_BANG, RELATIVE = 3, 10  # also an angle; how much farther to turn, rad
+
+
+class LinkOrder(NamedTuple):
+    """What a link of a mission package is told.
+
+    Attributes:
+        name: Name of the package, or of the link.
+        link: Number of the link in the package, from 1 on; None if the name is its own.
+        value: An angle or a speed.
+        order: Which of them: ``ABSOLUTE`` and so on. Torques, 2, do nothing.
+    """
+
+    name: str
+    link: int | None
+    value: float
+    order: int = ABSOLUTE
+
+
+ACTUATOR: Final = "actuator"  # the type of packages on servers for UDK
+_TORQUE: Final = NumberFormat(2)
+
+
+def _links_of(message: Message) -> Iterator[Message]:
+    """Yield the segments of each link, from its number on."""
+    link: list[tuple[str, str]] = []
+    for key, value in message.segments:
+        if key.lower() == "link" or (link and key.lower() == "name"):
+            if link:
+                yield Message(message.verb, tuple(link))
+            link = []
+        if key.lower() == "link" or link:
+            link.append((key, value))
+    if link:
+        yield Message(message.verb, tuple(link))
+
+
+class LinkStates(Field[tuple[tuple[float, float], ...]]):
+    """Angle and torque of each link; servers for UDK tell no torque."""
+
+    def read(self, message: Message) -> tuple[tuple[float, float], ...]:
+        return tuple(
+            (link.parse("Value", parse_number), link.number_or_nan("Torque"))
+            for link in _links_of(message)
+        )
+
+    def write(
+        self, value: tuple[tuple[float, float], ...], dialect: Dialect
+    ) -> Sequence[Segment]:
+        segments = []
+        for number, (angle, torque) in enumerate(value, 1):
+            segments.append(Segment(self.key, str(number)))
+            segments.append(Segment("Value", marks(dialect.plain), (angle,)))
+            if not dialect.has_actuators:
+                segments.append(Segment("Torque", _TORQUE.format(torque)))
+        return segments
+
+
+@dataclass(frozen=True, slots=True)
+class PackageState(LineReport):
+    """The state of a mission package.
+
+    Attributes:
+        time: Simulated time, s; NaN if the line has none.
+        name: Name of the package.
+        links: Angle, rad, and torque of each link; NaN if the line has no torque.
+    """
+
+    verb: ClassVar[str] = "MISSTA"
+
+    time: Annotated[float, Number("Time", "time", default=nan)]
+    name: Annotated[str, Text("Name")]
+    links: Annotated[tuple[tuple[float, float], ...], LinkStates("Link")]
+
+    def head(self, dialect: Dialect) -> str:
+        return "ASTA" if dialect.has_actuators else self.verb
+
+
+class LinkLimits(NamedTuple):
+    """What a link can do; a smallest angle above the largest means no limits.
+
+    Attributes:
+        max_speed: rad/s; NaN if it is not reported.
+        max_torque: As reported to clients.
+        min_angle: rad.
+        max_angle: rad.
+    """
+
+    max_speed: float
+    max_torque: float
+    min_angle: float
+    max_angle: float
+
+
+@dataclass(frozen=True, slots=True)
+class PackageConf(LineReport):
+    """What the links of mission packages can do.
+
+    Attributes:
+        type: Type of the packages in the spelling of the request.
+        packages: Name and links of each package.
+    """
+
+    verb: ClassVar[str] = "CONF"
+
+    type: str
+    packages: tuple[tuple[str, tuple[LinkLimits, ...]], ...]
+
+    @classmethod
+    def decode(cls, message: Message) -> Self:
+        packages = tuple(
+            (name, tuple(map(_read_limits, links)))
+            for name, links in _packages_of(message)
+        )
+        return cls(message.require("Type"), packages)
+
+    def segments(self, dialect: Dialect) -> Sequence[Segment]:
+        is_actuator = self.type.lower() == ACTUATOR
+        number = marks(dialect.plain)
+        # The keys of three generations, by their sources and their clients' comments.
+        speed = "MaxRotationSpeed" if dialect.has_actuators else "MaxSpeed"
+        low, high = "MinRange", "MaxRange"
+        if is_actuator:
+            low, high = "MinValue", "MaxValue"
+        segments = [Segment("Type", reduce_text(self.type))]
+        for name, links in self.packages:
+            segments.append(Segment("Name", reduce_text(name)))
+            for count, link in enumerate(links, 1):
+                segments.append(Segment("Link", str(count)))
+                segments.append(Segment("JointType", "Revolute"))
+                if not is_actuator:
+                    segments.append(Segment(speed, number, (link.max_speed,)))
+                limits = (link.max_torque, link.min_angle, link.max_angle)
+                for key, value in zip(("MaxTorque", low, high), limits, strict=True):
+                    segments.append(Segment(key, number, (value,)))
+        return segments
+
+
+def _packages_of(message: Message) -> Iterator[tuple[str, list[Message]]]:
+    """Yield the name and the links of each package."""
+    starts = [k for k, (key, _) in enumerate(message.segments) if key.lower() == "name"]
+    for start, end in zip(starts, [*starts[1:], None], strict=True):
+        part = Message(message.verb, message.segments[start:end])
+        yield part.require("Name"), list(_links_of(part))
+
+
+def _read_limits(link: Message) -> LinkLimits:
+    """Read what a link can do, in the keys of any generation."""
+    speed = link.get("MaxSpeed") or link.get("MaxRotationSpeed")
+    low = "MinRange" if link.get("MinRange") else "MinValue"
+    return LinkLimits(
+        parse_number(speed) if speed else nan,
+        link.parse("MaxTorque", parse_number),
+        link.parse(low, parse_number),
+        link.parse(low.replace("Min", "Max"), parse_number),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class PackageGeo(LineReport):
+    """Where the links of mission packages are.
+
+    Attributes:
+        type: Type of the packages in the spelling of the request.
+        packages: Name and links of each package: the pose of each in the frame of the
+            link before; that of the first on the robot.
+        robot: Class of the robot that carries them; empty if it is not reported.
+    """
+
+    verb: ClassVar[str] = "GEO"
+
+    type: str
+    packages: tuple[tuple[str, tuple[Pose3, ...]], ...]
+    robot: str
+
+    @classmethod
+    def decode(cls, message: Message) -> Self:
+        packages = tuple(
+            (name, tuple(map(_read_pose, links)))
+            for name, links in _packages_of(message)
+        )
+        return cls(message.require("Type"), packages, message.get("Mount") or "")
+
+    def segments(self, dialect: Dialect) -> Sequence[Segment]:
+        place = vector_marks(dialect.mount)
+        is_actuator = self.type.lower() == ACTUATOR
+        parent = "Parent" if is_actuator else "ParentLink"
+        segments = [Segment("Type", reduce_text(self.type))]
+        for name, links in self.packages:
+            segments.append(Segment("Name", reduce_text(name)))
+            if is_actuator:  # the package itself, which is where its first link is
+                numbers = links[0].numbers()
+                segments.append(Segment("Location", place, numbers[:3]))
+                segments.append(Segment("Orientation", place, numbers[3:]))
+                segments.append(Segment("Mount", reduce_text(self.robot)))
+            for count, link in enumerate(links):
+                numbers = link.numbers()
+                segments.append(Segment("Link", str(count + 1)))
+                segments.append(Segment(parent, str(count or -1)))
+                segments.append(Segment("Location", place, numbers[:3]))
+                segments.append(Segment("Orientation", place, numbers[3:]))
+        return segments
+
+
+def _read_pose(link: Message) -> Pose3:
+    place = link.parse("Location", parse_flipped)
+    return Pose3(*place, *link.parse("Orientation", parse_flipped))
