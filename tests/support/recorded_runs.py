@@ -44,6 +44,7 @@ def run_two_clients(
     ticks: int = 100,
     config: SimulationConfig | None = None,
     starts: Sequence[str] = STARTS,
+    camera_interval: int = 0,
 ) -> RecordedRun:
     """Run two clients; one spawns before simulated time begins, and leaves first."""
     first_spawn, second_spawn = (
@@ -52,7 +53,7 @@ def run_two_clients(
     )
     config = config or SimulationConfig()
     events: list[RunEvent] = []
-    recorder = HostRecorder(events.append)
+    recorder = HostRecorder(events.append, camera_interval=camera_interval)
     host = Host(scene, config=config, seed=1, begins=False, observers=[recorder])
     first = host.connect()
     sent = {first: host.take(first)}

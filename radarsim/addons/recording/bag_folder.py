@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any, Final, Literal, Self
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from radarsim import __version__
-from radarsim.errors import RecordingError, did_you_mean, list_names
+from radarsim.errors import MapError, RecordingError, did_you_mean, list_names
 from radarsim.presets.robots import RobotModel
 from radarsim.protocol.dialect import DriveUnit
 
 if TYPE_CHECKING:
+    from radarsim.scene.scene import Scene
     from radarsim.server.host import Host
 
 
@@ -37,6 +38,8 @@ class RecordingInfo(BaseModel):
         settings: Settings of items that were changed, by item and key.
         robots: Robot classes besides those that are shipped.
         own_localization: Whether the poses of ``odom`` in ``map`` are left out.
+        no_namespace: Name of the robot whose topics and frames begin with no name.
+        robots_map: Whether ``/map`` is that which a robot makes, and not the truth.
     """
 
     model_config = ConfigDict(extra="ignore", frozen=True)
@@ -51,6 +54,8 @@ class RecordingInfo(BaseModel):
     settings: dict[str, dict[str, Any]] = {}  # pydantic copies it
     robots: tuple[RobotModel, ...] = ()
     own_localization: bool = False
+    no_namespace: str = ""
+    robots_map: bool = False
 
     @classmethod
     def of_host(
@@ -60,6 +65,8 @@ class RecordingInfo(BaseModel):
         seed: int,
         *,
         own_localization: bool = False,
+        no_namespace: str = "",
+        robots_map: bool = False,
     ) -> Self:
         """Return the conditions of a run.
 
@@ -69,6 +76,8 @@ class RecordingInfo(BaseModel):
             host: The host.
             seed: Its seed.
             own_localization: Whether the poses of ``odom`` in ``map`` are left out.
+            no_namespace: Name of the robot whose topics and frames begin with no name.
+            robots_map: Whether ``/map`` is that which a robot makes.
         """
         from radarsim.scene.map_file import find_map  # noqa: PLC0415 - imports much
 
@@ -92,6 +101,8 @@ class RecordingInfo(BaseModel):
                 "settings": {i: dict(keys) for i, keys in config.item_settings.items()},
                 "robots": config.robots,
                 "own_localization": own_localization,
+                "no_namespace": no_namespace,
+                "robots_map": robots_map,
             }
         )
 
@@ -119,6 +130,19 @@ class RecordingInfo(BaseModel):
         except (ValidationError, ValueError) as error:
             text = f"metadata {sorted(record)} of the recording"
             raise RecordingError(f"{text}, expected those of radarsim") from error
+
+
+def recorded_scene(info: RecordingInfo) -> "Scene | None":
+    """Load the map of a recording; None if it has none, or that is not as it was."""
+    from radarsim.scene.map_file import find_map, load_map  # noqa: PLC0415
+
+    if not info.map:
+        return None
+    with suppress(MapError, OSError):
+        path, _ = find_map(info.map)
+        if digest_of(path) == info.map_digest:
+            return load_map(info.map)
+    return None
 
 
 def digest_of(path: Path) -> str:

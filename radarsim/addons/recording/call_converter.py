@@ -5,7 +5,7 @@ wire, so that a run can be repeated. Their times are simulated: that of the tick
 nanosecond more for each call in it, so that no two are equal and their order is kept.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from typing import Final
 
@@ -17,6 +17,7 @@ from radarsim.addons.recording.messages import (
     octets,
     transforms,
 )
+from radarsim.addons.recording.robot_model import RobotBody
 from radarsim.addons.recording.robot_topics import (
     Legend,
     MapSnapshot,
@@ -27,6 +28,7 @@ from radarsim.client.robot_info import RobotInfo, ScannerDescriptions, same_name
 from radarsim.client.session import Session
 from radarsim.errors import ClientError, MalformedMessage
 from radarsim.geometry import Pose3
+from radarsim.presets.robots import RobotModel
 from radarsim.protocol.commands import Drive, parse_command
 from radarsim.protocol.dialect import Dialect, DriveUnit
 from radarsim.protocol.message import LineBuffer
@@ -54,7 +56,13 @@ class CallConverter:
     """Converts calls, one after the other."""
 
     def __init__(
-        self, dialect: Dialect, drive_unit: DriveUnit, *, own_localization: bool = False
+        self,
+        dialect: Dialect,
+        drive_unit: DriveUnit,
+        *,
+        own_localization: bool = False,
+        no_namespace: str = "",
+        classes: Iterable[RobotModel] = (),
     ) -> None:
         """Begin with no clients.
 
@@ -62,14 +70,19 @@ class CallConverter:
             dialect: Dialect of the server.
             drive_unit: Unit of the commands to drive.
             own_localization: Whether the pose of ``odom`` in ``map`` is left out.
+            no_namespace: Name of the robot whose topics and frames begin with no name;
+                empty for none.
+            classes: Robot classes besides those that are shipped.
         """
         self._dialect = dialect
         self._drive_unit = drive_unit
         self._own_localization = own_localization
+        self._no_namespace = no_namespace
+        self._classes = tuple(classes)
         self._legend = Legend()
         self._connections: dict[int, _Connection] = {}
         self._names: dict[str, str] = {}  # of topics, by names of robots
-        self._scanner_frames: dict[str, Transform] = {}
+        self._mounts: dict[str, Transform] = {}
         self._time = -1
         self._clock = 0  # tick that it shows next
 
@@ -101,10 +114,12 @@ class CallConverter:
         connection = self._connections.setdefault(client, _Connection())
         match type_:
             case EventType.ROBOT:
-                yield self._describe(connection, data.decode(), time)
+                yield from self._describe(connection, data.decode(), time)
             case EventType.TURN:
                 assert connection.topics is not None  # it is described before
                 yield from connection.topics.of_turn(RecordedTurn.from_bytes(data))
+            case EventType.PICTURE:
+                yield from self._picture(connection, data, time)
             case EventType.DISCONNECT:
                 # Numbers are never given twice; what is kept would only grow.
                 del self._connections[client]
@@ -123,7 +138,7 @@ class CallConverter:
 
     def _describe(
         self, connection: _Connection, text: str, time: float
-    ) -> TopicMessage:
+    ) -> Iterator[TopicMessage]:
         """Begin the topics of a robot, or go on with what has changed of it."""
         name, *lines = text.split("\r\n")
         # Another setting of the same robot keeps what its topics already know.
@@ -154,16 +169,34 @@ class CallConverter:
             # Without what a robot needs to drive, all but its commands is converted.
             with suppress(ClientError):
                 robot = RobotInfo.from_reports(geo, conf, scanners, self._drive_unit)
-        for each in connection.topics.describe(robot, scanners, ins_mounts, time):
-            self._scanner_frames[each.child] = each
+        mounts = connection.topics.describe(robot, scanners, ins_mounts, time)
+        yield self._mounted(mounts)
+        if robot and geo:
+            body = RobotBody.of(robot, geo, self._classes)
+            yield from connection.topics.description(name, body)
+
+    def _mounted(self, mounts: Iterable[Transform]) -> TopicMessage:
+        """Return where all items are, of which some are new."""
+        self._mounts.update({each.child: each for each in mounts})
         # All of them: who subscribes later gets only the last message.
-        message = transforms(list(self._scanner_frames.values()))
+        message = transforms(list(self._mounts.values()))
         return TopicMessage("/tf_static", message, latched=True)
+
+    def _picture(
+        self, connection: _Connection, jpeg: bytes, time: float
+    ) -> Iterator[TopicMessage]:
+        """Yield a picture of a robot's camera, after where the camera is."""
+        if connection.topics is not None:
+            mount, *messages = connection.topics.of_picture(time, jpeg)
+            if mount.child not in self._mounts:
+                yield self._mounted([mount])
+            yield from messages
 
     def _topic_name(self, robot: str) -> str:
         """Return the name of a robot in topics, which no other robot has."""
         if robot not in self._names:
-            wanted = name = topic_name(robot)
+            has_none = same_name(robot, self._no_namespace)
+            wanted = name = "" if has_none else topic_name(robot)
             count = 1
             while name in self._names.values():
                 count += 1

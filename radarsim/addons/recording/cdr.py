@@ -19,6 +19,7 @@ Odometry = ros2_jazzy.nav_msgs__msg__Odometry
 PointCloud2 = ros2_jazzy.sensor_msgs__msg__PointCloud2
 Pose = ros2_jazzy.geometry_msgs__msg__Pose
 PoseStamped = ros2_jazzy.geometry_msgs__msg__PoseStamped
+Twist = ros2_jazzy.geometry_msgs__msg__Twist
 String = ros2_jazzy.std_msgs__msg__String
 UInt8MultiArray = ros2_jazzy.std_msgs__msg__UInt8MultiArray
 

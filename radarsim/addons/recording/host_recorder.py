@@ -18,9 +18,12 @@ from numpy.typing import NDArray
 
 from radarsim.addons.fmcw.antennas import antennas_of
 from radarsim.addons.fmcw.image_files import encoder_counts, put_metadata
+from radarsim.geometry import Pose3
 from radarsim.protocol.reports import to_bytes
+from radarsim.raycast.robot_boxes import Boxes
 from radarsim.server.host import HostObserver
 from radarsim.server.host.replies import configuration, geometry
+from radarsim.server.image_server import View
 
 if TYPE_CHECKING:
     from radarsim.addons.fmcw.antennas import SeenSector
@@ -46,6 +49,8 @@ class EventType(IntEnum):
     ROBOT = 100  # a robot is new, or has changed: its name, and answers about it
     TURN = 101  # a turn of a radar on the robot of a client: a ``RecordedTurn``
     MAP = 102  # a map that is made in the run: a ``MapSnapshot``
+    VIEW = 103  # what the camera on the robot of a client looks at; see ``view_bytes``
+    PICTURE = 104  # a picture of that camera, as JPEG
 
 
 class RunEvent(NamedTuple):
@@ -133,19 +138,40 @@ class TurnCollector:
             self._tell(RecordedTurn(self._scanner, self._began, size, turn))
 
 
+def view_bytes(view: View) -> bytes:
+    """Return a view as the data of an event."""
+    head = (view.camera.numbers(), view.carrier_id)
+    return json.dumps(head).encode() + b"\n" + view.boxes.rows.tobytes()
+
+
+def view_from_bytes(data: bytes) -> View:
+    """Read what ``view_bytes`` has returned."""
+    head, _, rows = data.partition(b"\n")
+    camera, carrier = json.loads(head)
+    boxes = Boxes(np.frombuffer(rows).reshape(-1, 8))
+    return View(Pose3(*camera), boxes, carrier)
+
+
 class HostRecorder(HostObserver):
     """Reports the calls of a host, and describes its robots."""
 
     def __init__(
-        self, record: Callable[[RunEvent], None], *, spectra: bool = False
+        self,
+        record: Callable[[RunEvent], None],
+        *,
+        spectra: bool = False,
+        camera_interval: int = 0,
     ) -> None:
         """Report to a function.
 
         Args:
             record: Called with each event; it must not raise.
             spectra: Whether turns of FMCW radars are reported as well.
+            camera_interval: Ticks between two views of the first robot's camera; 0 for
+                none.
         """
         self._record = record
+        self._camera_interval = camera_interval
         self._spectra = spectra
         self._tick = 0
         self._idle_ticks = 0
@@ -195,10 +221,12 @@ class HostRecorder(HostObserver):
 
     def step(self) -> None:
         """See ``HostObserver.step``."""
-        if self._simulation is not None:
-            self._tick += 1
-        else:
+        if self._simulation is None:
             self._idle_ticks += 1
+            return
+        if self._camera_interval and self._tick % self._camera_interval == 0:
+            self._report_view(self._simulation)
+        self._tick += 1
 
     def take(self, client: int, data: bytes) -> None:
         """See ``HostObserver.take``."""
@@ -219,6 +247,13 @@ class HostRecorder(HostObserver):
             idle, self._idle_ticks = self._idle_ticks, 0
             self._record(RunEvent(EventType.WAIT, self._tick, idle))
         self._record(RunEvent(type_, self._tick, client, data))
+
+    def _report_view(self, simulation: Simulation) -> None:
+        first = simulation.vehicles[0] if simulation.vehicles else None
+        for client, (vehicle, _) in self._described.items():
+            if vehicle is first:
+                data = view_bytes(View.of(simulation))
+                self._report(EventType.VIEW, client, data)
 
     def _observe_antennas(self, client: int, vehicle: Vehicle) -> None:
         """Report the turns of the radars on a robot."""

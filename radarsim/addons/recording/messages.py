@@ -114,14 +114,14 @@ def laser_scan(
     return RosMessage(
         "sensor_msgs/msg/LaserScan",
         Fields(
-            header=_header(time, frame),
-            angle_min=_float32(first),
-            angle_max=_float32(first + resolution * (len(ranges) - 1)),
-            angle_increment=_float32(resolution),
+            header=header_of(time, frame),
+            angle_min=float32(first),
+            angle_max=float32(first + resolution * (len(ranges) - 1)),
+            angle_increment=float32(resolution),
             time_increment=0.0,
-            scan_time=_float32(scan_time),
-            range_min=_float32(min_range),
-            range_max=_float32(max_range),
+            scan_time=float32(scan_time),
+            range_min=float32(min_range),
+            range_max=float32(max_range),
             ranges=np.where(ranges >= max_range, np.inf, ranges).astype("<f4"),
             intensities=np.zeros(0, "<f4"),
         ),
@@ -135,7 +135,7 @@ def point_cloud(time: float, frame: str, points: Points) -> RosMessage:
     return RosMessage(
         "sensor_msgs/msg/PointCloud2",
         Fields(
-            header=_header(time, frame),
+            header=header_of(time, frame),
             height=1,
             width=len(points),
             fields=[
@@ -162,7 +162,7 @@ def grey_image(time: float, frame: str, pixels: NDArray[np.uint8]) -> RosMessage
     return RosMessage(
         "sensor_msgs/msg/Image",
         Fields(
-            header=_header(time, frame),
+            header=header_of(time, frame),
             height=height,
             width=width,
             encoding="mono8",
@@ -189,9 +189,9 @@ def odometry(
     return RosMessage(
         "nav_msgs/msg/Odometry",
         Fields(
-            header=_header(time, frame),
+            header=header_of(time, frame),
             child_frame_id=child,
-            pose=Fields(pose=_pose(pose), covariance=ODOMETRY_COVARIANCE),
+            pose=Fields(pose=pose_fields(pose), covariance=ODOMETRY_COVARIANCE),
             twist=Fields(twist=_twist(speed, turn), covariance=ODOMETRY_COVARIANCE),
         ),
     )
@@ -199,13 +199,13 @@ def odometry(
 
 def pose_stamped(time: float, frame: str, pose: Pose3) -> RosMessage:
     """Return a pose in a frame."""
-    fields = Fields(header=_header(time, frame), pose=_pose(pose))
+    fields = Fields(header=header_of(time, frame), pose=pose_fields(pose))
     return RosMessage("geometry_msgs/msg/PoseStamped", fields)
 
 
 def twist_stamped(time: float, frame: str, speed: float, turn: float) -> RosMessage:
     """Return a forward speed, m/s, and a counter-clockwise turn rate, rad/s."""
-    fields = Fields(header=_header(time, frame), twist=_twist(speed, turn))
+    fields = Fields(header=header_of(time, frame), twist=_twist(speed, turn))
     return RosMessage("geometry_msgs/msg/TwistStamped", fields)
 
 
@@ -216,11 +216,11 @@ def transforms(each: Sequence[Transform]) -> RosMessage:
         Fields(
             transforms=[
                 Fields(
-                    header=_header(time, parent),
+                    header=header_of(time, parent),
                     child_frame_id=child,
                     transform=Fields(
-                        translation=_vector(pose.x, pose.y, pose.z),
-                        rotation=_quaternion(pose),
+                        translation=vector(pose.x, pose.y, pose.z),
+                        rotation=quaternion(pose),
                     ),
                 )
                 for time, parent, child, pose in each
@@ -246,13 +246,13 @@ def occupancy_grid(
     return RosMessage(
         "nav_msgs/msg/OccupancyGrid",
         Fields(
-            header=_header(time, frame),
+            header=header_of(time, frame),
             info=Fields(
                 map_load_time=_stamp(time),
-                resolution=_float32(resolution),
+                resolution=float32(resolution),
                 width=columns,
                 height=rows,
-                origin=_pose(corner),
+                origin=pose_fields(corner),
             ),
             data=cells.ravel(),
         ),
@@ -302,7 +302,8 @@ def make_points(
     return points
 
 
-def _header(time: float, frame: str) -> Fields:
+def header_of(time: float, frame: str) -> Fields:
+    """Return a header."""
     return Fields(stamp=_stamp(time), frame_id=frame)
 
 
@@ -313,22 +314,25 @@ def _stamp(time: float) -> Fields:
     return Fields(sec=seconds, nanosec=nanoseconds)
 
 
-def _pose(pose: Pose3) -> Fields:
+def pose_fields(pose: Pose3) -> Fields:
+    """Return a pose."""
     return Fields(
-        position=_vector(pose.x, pose.y, pose.z),
-        orientation=_quaternion(pose),
+        position=vector(pose.x, pose.y, pose.z),
+        orientation=quaternion(pose),
     )
 
 
 def _twist(speed: float, turn: float) -> Fields:
-    return Fields(linear=_vector(speed, 0.0, 0.0), angular=_vector(0.0, 0.0, turn))
+    return Fields(linear=vector(speed, 0.0, 0.0), angular=vector(0.0, 0.0, turn))
 
 
-def _vector(x: float, y: float, z: float) -> Fields:
+def vector(x: float, y: float, z: float) -> Fields:
+    """Return a vector, or a point."""
     return Fields(x=x, y=y, z=z)
 
 
-def _quaternion(pose: Pose3) -> Fields:
+def quaternion(pose: Pose3) -> Fields:
+    """Return the rotation of a pose."""
     cr, sr = math.cos(pose.roll / 2), math.sin(pose.roll / 2)
     cp, sp = math.cos(pose.pitch / 2), math.sin(pose.pitch / 2)
     cy, sy = math.cos(pose.yaw / 2), math.sin(pose.yaw / 2)
@@ -340,6 +344,7 @@ def _quaternion(pose: Pose3) -> Fields:
     )
 
 
-def _float32(value: float) -> float:
+def float32(value: float) -> float:
+    """Round a number to 32 bits."""
     # JSON has 64 bits; it tells what a subscriber with 32 bits gets as well.
     return float(np.float32(value))

@@ -6,6 +6,8 @@ other end converts and writes it. It outlives a server that is killed: at the en
 pipe it completes the recording.
 """
 
+from __future__ import annotations
+
 import json
 import logging
 import os
@@ -18,12 +20,15 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import IO, BinaryIO, Final
+from typing import IO, TYPE_CHECKING, BinaryIO, Final
 
-from radarsim.addons.recording.bag_folder import RecordingInfo
+from radarsim.addons.recording.bag_folder import RecordingInfo, recorded_scene
 from radarsim.addons.recording.host_recorder import EventType, RunEvent
 from radarsim.errors import RecordingError, describe_os_error
 from radarsim.protocol.dialect import get_dialect
+
+if TYPE_CHECKING:
+    from radarsim.scene.scene import Scene
 
 log = logging.getLogger("radarsim.addons.recording")
 
@@ -165,7 +170,10 @@ def _read_events(pipe: BinaryIO) -> Iterator[RunEvent]:
 
 
 def write_recording(
-    folder: Path, info: RecordingInfo, events: Iterable[RunEvent]
+    folder: Path,
+    info: RecordingInfo,
+    events: Iterable[RunEvent],
+    scene: Scene | None = None,
 ) -> None:
     """Write the bag of a run.
 
@@ -173,6 +181,7 @@ def write_recording(
         folder: Folder of the recording, which exists; see ``create_folder``.
         info: The conditions of the run.
         events: What is recorded, in order.
+        scene: The map, to be shown; None for none.
 
     Raises:
         OSError: If a file cannot be written.
@@ -186,8 +195,23 @@ def write_recording(
         get_dialect(info.dialect),
         info.drive_unit,
         own_localization=info.own_localization,
+        no_namespace=info.no_namespace,
+        classes=info.robots,
     )
     writer = BagWriter(folder, info.to_text())
+    if scene is not None:
+        from radarsim.addons.recording.camera_topics import (  # noqa: PLC0415
+            draw_views,
+        )
+        from radarsim.addons.recording.scene_topics import (  # noqa: PLC0415
+            scene_topics,
+        )
+
+        events = draw_views(scene, events)
+        for topic, message, latched in scene_topics(
+            scene, with_map=not info.robots_map
+        ):
+            writer.write(topic, encode(message), 0, latched=latched)
     for event in events:
         for time_, (topic, message, latched) in converter.convert(event):
             writer.write(topic, encode(message), time_, latched=latched)
@@ -205,7 +229,7 @@ def write_run() -> None:
     folder = Path(conditions["folder"])
     try:
         info = RecordingInfo.from_text(conditions["info"])
-        write_recording(folder, info, _read_events(pipe))
+        write_recording(folder, info, _read_events(pipe), recorded_scene(info))
     except OSError as error:
         text = f"recording to {folder} ends: {describe_os_error(error)}"
         sys.stderr.write(f"radarsim: {text}; the server goes on\n")

@@ -33,11 +33,13 @@ class RobotFrames:
         """Begin with a robot that has sensed nothing.
 
         Args:
-            name: Name of the robot, which its frames and topics begin with.
+            name: Name of the robot, which its frames and topics begin with; empty for
+                none.
             own_localization: Whether the pose of ``odom`` in ``map`` is left out.
         """
-        self._topic = f"/{name}/odom"
-        self._odom, self._base = f"{name}/odom", f"{name}/base_link"
+        odom = below(name, "odom")
+        self._topic = f"/{odom}"
+        self._odom, self._base = odom, below(name, "base_link")
         self._own_localization = own_localization
         self._readings: dict[type, tuple[float, Pose3]] = {}
         self._knows_all = False
@@ -74,6 +76,15 @@ class RobotFrames:
             place = self._readings[reference][1].compose(pose.inverse())
             frames.append(Transform(time, MAP, self._odom, place))
         yield TopicMessage("/tf", transforms(frames))
+
+
+def below(robot: str, *names: str) -> str:
+    """Return a frame, or a topic without its first slash, of a robot.
+
+    >>> below("R1", "lms200", "scan"), below("", "odom")
+    ('R1/lms200/scan', 'odom')
+    """
+    return "/".join((robot, *names) if robot else names)
 
 
 def _motion(

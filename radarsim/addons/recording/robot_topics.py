@@ -13,6 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.addons.fmcw.image_files import METADATA_BYTES
+from radarsim.addons.recording.camera_topics import (
+    OPTICAL_FRAME,
+    OPTICAL_MOUNT,
+    camera_info,
+    compressed_image,
+    size_of,
+)
 from radarsim.addons.recording.host_recorder import RecordedTurn
 from radarsim.addons.recording.messages import (
     ECHO,
@@ -29,7 +36,8 @@ from radarsim.addons.recording.messages import (
     string,
     twist_stamped,
 )
-from radarsim.addons.recording.robot_frames import MAP, RobotFrames
+from radarsim.addons.recording.robot_frames import MAP, RobotFrames, below
+from radarsim.addons.recording.robot_model import RobotBody, robot_description
 from radarsim.autonomy.mapping.export import sensed_window
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.client.robot_info import RobotInfo, ScannerInfo, same_name
@@ -43,6 +51,8 @@ from radarsim.protocol.reports import (
     RangeScan,
     Report,
 )
+
+DESCRIPTION = "robot_description"
 
 
 class Legend:
@@ -91,7 +101,8 @@ class RobotTopics:
         """Begin with a robot of which nothing else is known.
 
         Args:
-            name: Name of the robot as part of topics; see ``topic_name``.
+            name: Name of the robot as part of topics; see ``topic_name``. Empty for
+                topics and frames that begin with no name.
             legend: The names of what echoes come from, for all robots.
             own_localization: Whether the pose of ``odom`` in ``map`` is left out.
         """
@@ -104,6 +115,7 @@ class RobotTopics:
         self._scan_times: dict[str, float] = {}  # of the latest, by scanner
         self._lines: dict[tuple[type[Report], str], list[Any]] = {}
         self._told_spectra: set[str] = set()  # scanners
+        self._description = ""
 
     def describe(
         self,
@@ -120,6 +132,18 @@ class RobotTopics:
             Transform(time, base, self._frame(each.name), each.mount)
             for each in scanners
         ]
+
+    def description(self, name: str, body: RobotBody) -> Iterator[TopicMessage]:
+        """Yield the model of the robot for viewers, if it has changed.
+
+        Args:
+            name: Name of the robot.
+            body: Its dimensions.
+        """
+        text = robot_description(name, body, self._scanners, self._frame)
+        if text != self._description:
+            self._description = text
+            yield TopicMessage(self._topic(DESCRIPTION), string(text), latched=True)
 
     def of_report(self, report: Report) -> Iterator[TopicMessage]:
         """Yield the messages that a report of the robot becomes; many become none."""
@@ -175,6 +199,27 @@ class RobotTopics:
             yield TopicMessage(topic, string(json.dumps(layout)), latched=True)
         picture = grey_image(turn.time, self._frame(turn.scanner), turn.rows)
         yield TopicMessage(self._topic(*names), picture)
+
+    def of_picture(
+        self, time: float, jpeg: bytes
+    ) -> tuple[Transform, TopicMessage, TopicMessage]:
+        """Return where the camera is, its picture, and its intrinsics.
+
+        Args:
+            time: Simulated time, s.
+            jpeg: The picture.
+
+        Raises:
+            OSError: If it is no picture.
+        """
+        frame, base = self._frame(OPTICAL_FRAME), self._frame("base_link")
+        info = camera_info(time, frame, *size_of(jpeg))
+        image = compressed_image(time, frame, jpeg)
+        return (
+            Transform(time, base, frame, OPTICAL_MOUNT),
+            TopicMessage(self._topic("camera", "image", "compressed"), image),
+            TopicMessage(self._topic("camera", "camera_info"), info),
+        )
 
     def _scan(self, scan: RangeScan) -> TopicMessage:
         known = self._scanner(scan.name)
@@ -251,10 +296,10 @@ class RobotTopics:
         return found[0] if found else None
 
     def _topic(self, *names: str) -> str:
-        return "/" + "/".join((self._name, *names))
+        return "/" + below(self._name, *names)
 
     def _frame(self, name: str) -> str:
-        return f"{self._name}/{name}"
+        return below(self._name, name)
 
 
 def _angles(scanner: ScannerInfo, beams: NDArray[np.int64]) -> Floats:

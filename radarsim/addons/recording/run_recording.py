@@ -10,6 +10,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self, TypeAlias
 
+from annotated_types import Interval
+
 from radarsim import __version__
 from radarsim.cli.output import print_message
 from radarsim.cli.server_options import ServedMap, ServeExtension
@@ -42,6 +44,10 @@ class RecordOptions:
         record_spectra: Record what FMCW radars receive as well, some 180 MB a minute.
         record_own_localization: Leave the transform from map to odom out, for programs
             that localise the robot when the bag is played.
+        record_no_namespace: Leave the name of this robot out of its topics and frames,
+            as in /odom and base_link.
+        record_camera: Record so many pictures of the first robot's camera in a second
+            of simulated time.
     """
 
     option_group: ClassVar = "Beside the server"
@@ -51,30 +57,30 @@ class RecordOptions:
     record_own_localization: Annotated[
         bool, Option(is_rare=True, needs=("record",))
     ] = False
+    record_no_namespace: Annotated[
+        str | None, Option(metavar="ROBOT", is_rare=True, needs=("record",))
+    ] = None
+    record_camera: Annotated[
+        float | None,
+        Interval(gt=0, le=50),
+        Option(metavar="HZ", is_rare=True, needs=("record",)),
+    ] = None
 
     def extension(self, served: ServedMap) -> ServeRecording | None:
         """See ``ExtensionOptions.extension``."""
         if self.record is None:
             return None
-        return ServeRecording(
-            self.record,
-            served,
-            spectra=self.record_spectra,
-            own_localization=self.record_own_localization,
-        )
+        return ServeRecording(self, self.record, served)
 
 
 class ServeRecording(ServeExtension):
     """The recording of what is done to a server's host."""
 
-    def __init__(
-        self, folder: Path, served: ServedMap, *, spectra: bool, own_localization: bool
-    ) -> None:
+    def __init__(self, options: RecordOptions, folder: Path, served: ServedMap) -> None:
         """Plan a recording; see ``RecordOptions``."""
+        self._options = options
         self._folder = folder
         self._served = served
-        self._spectra = spectra
-        self._own_localization = own_localization
         self._has_folder = False
         self._recorder: HostRecorder | None = None
         self._process: RecordingProcess | None = None
@@ -93,14 +99,21 @@ class ServeRecording(ServeExtension):
         from radarsim.addons.recording.host_recorder import HostRecorder
         from radarsim.addons.recording.recording_process import RecordingProcess
 
+        options = self._options
         info = RecordingInfo.of_host(
             self._served.map,
             host,
             self._served.seed,
-            own_localization=self._own_localization,
+            own_localization=options.record_own_localization,
+            no_namespace=options.record_no_namespace or "",
         )
         self._process = RecordingProcess(self._folder, info)
-        self._recorder = HostRecorder(self._process.add, spectra=self._spectra)
+        rate = options.record_camera
+        self._recorder = HostRecorder(
+            self._process.add,
+            spectra=options.record_spectra,
+            camera_interval=0 if rate is None else max(1, round(100 / rate)),
+        )
         host.add_observer(self._recorder)
 
     def close(self) -> None:
@@ -124,18 +137,22 @@ class RunRecording:
     folder is created when it is entered, and the recording is complete when it is left.
     """
 
-    def __init__(self, folder: Path | None, drive_unit: DriveUnit) -> None:
+    def __init__(
+        self, folder: Path | None, drive_unit: DriveUnit, *, robots_map: bool = False
+    ) -> None:
         """Check that it can be recorded.
 
         Args:
             folder: Folder to create; None for no recording.
             drive_unit: Unit of the commands to drive.
+            robots_map: Whether robots make a map, which ``add_map`` records.
 
         Raises:
             RecordingError: If the folder exists, or a package is missing.
         """
         self.folder = folder
         self._drive_unit = drive_unit
+        self._robots_map = robots_map
         self._host: Host | None = None
         self._info: RecordingInfo | None = None
         self._process: RecordingProcess | None = None
@@ -170,7 +187,9 @@ class RunRecording:
             from radarsim.addons.recording.bag_folder import RecordingInfo
 
             self._host = host
-            self._info = RecordingInfo.of_host(map_, host, seed or 0)
+            self._info = RecordingInfo.of_host(
+                map_, host, seed or 0, robots_map=self._robots_map
+            )
         return host
 
     def connect(self, host: str, port: int) -> Client:

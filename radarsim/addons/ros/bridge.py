@@ -18,13 +18,17 @@ from radarsim.addons.recording.call_converter import (
     TO_SERVER,
     CallConverter,
 )
-from radarsim.addons.recording.host_recorder import DESCRIBED, RunEvent
+from radarsim.addons.recording.host_recorder import DESCRIBED, EventType, RunEvent
 from radarsim.addons.recording.messages import TopicMessage, clock
+from radarsim.addons.recording.robot_frames import below
 from radarsim.addons.recording.robot_topics import MapSnapshot, topic_name
 from radarsim.addons.recording.wire_recorder import WireRecorder
+from radarsim.addons.ros.pictures import read_pictures
+from radarsim.addons.ros.topic_options import TopicOptions
 from radarsim.autonomy.proxy.traffic_mapper import TrafficMapper
 from radarsim.client import AsyncClient, ClientTimeout, RobotInfo
 from radarsim.client import session as questions
+from radarsim.client.robot_info import same_name
 from radarsim.errors import ClientError
 from radarsim.protocol.dialect import COMPAT, DriveUnit
 from radarsim.protocol.line_template import printable_name
@@ -72,19 +76,21 @@ class LiveTopics:
         self,
         publish: Callable[[TopicMessage], None],
         drive_unit: DriveUnit,
-        *,
-        own_localization: bool = False,
+        options: TopicOptions,
     ) -> None:
         """Begin with no robots.
 
         Args:
             publish: Called with each message.
             drive_unit: Unit of the commands to drive.
-            own_localization: Whether the pose of ``odom`` in ``map`` is left out.
+            options: Which topics there are.
         """
         self._publish = publish
         self._converter = CallConverter(
-            COMPAT, drive_unit, own_localization=own_localization
+            COMPAT,
+            drive_unit,
+            own_localization=options.own_localization,
+            no_namespace=options.no_namespace or "",
         )
         self._wire = WireRecorder(self._convert)
         self._numbers: dict[str, int] = {}  # of robots, by their names
@@ -109,6 +115,12 @@ class LiveTopics:
                 case _:
                     pass
         return b"".join(asked)
+
+    def take_picture(self, jpeg: bytes) -> None:
+        """Publish what the camera on the first robot sees now."""
+        first = next(iter(self._numbers.values()), None)
+        if first is not None and self._wire.tick:
+            self._convert(RunEvent(EventType.PICTURE, self._wire.tick, first, jpeg))
 
     def _join(self, robot: str) -> list[bytes]:
         self._leave(robot)  # one of the same name, whose leaving was not told
@@ -235,16 +247,29 @@ class Driver:
                 await self._client.read()
 
 
+def load_shown(options: TopicOptions) -> list[TopicMessage]:
+    """Return what tells of the map that is to be drawn.
+
+    Raises:
+        MapError: If the map is wrong.
+    """
+    if options.draw is None:
+        return []
+    # They import much, which others do not need.
+    from radarsim.addons.recording.scene_topics import scene_topics  # noqa: PLC0415
+    from radarsim.scene.map_file import load_map  # noqa: PLC0415
+
+    return list(scene_topics(load_map(options.draw), with_map=options.true_map))
+
+
 async def run_bridge(
     server: tuple[str, int],
     side: RosSide,
     *,
+    options: TopicOptions,
     robot_class: str | None = None,
     robot_name: str = "R1",
     start: str | None = None,
-    echoes: bool = False,
-    mapped: str | None = None,
-    own_localization: bool = False,
     drive_unit: DriveUnit = "rad_per_s",
 ) -> None:
     """Bridge until the connection to the server is lost.
@@ -252,23 +277,23 @@ async def run_bridge(
     Args:
         server: Host and port of the server.
         side: Where topics go, and commands come from.
+        options: Which topics there are.
         robot_class: Class of the robot to spawn; None for none, which only watches.
         robot_name: Its name.
         start: Name of its start pose; None for the first free one.
-        echoes: Whether scanners list their echoes.
-        mapped: Name of the robot to publish a map of; None for no map.
-        own_localization: Whether the pose of ``odom`` in ``map`` is left out.
         drive_unit: Unit in which the server takes wheel speeds.
 
     Raises:
         ClientError: When it is lost, or the robot cannot be spawned.
+        MapError: If the map to draw is wrong.
     """
+    shown = load_shown(options)
     async with AsyncExitStack() as stack:
         watcher = await AsyncClient.connect(*server)
         await stack.enter_async_context(watcher)
         await watcher.greeting()
         # Echoes take several times as many bytes as scans: only if somebody wants them.
-        await watcher.watch(echoes=echoes, clock=True)
+        await watcher.watch(echoes=options.echoes, clock=True)
         driving = []
         if robot_class is not None:
             client = await AsyncClient.connect(*server)
@@ -279,12 +304,22 @@ async def run_bridge(
             )
             info = await client.robot_info(drive_unit=drive_unit)
             driver = Driver(client, info)
-            side.subscribe(f"/{topic_name(robot_name)}/cmd_vel", driver.take)
+            has_none = same_name(robot_name, options.no_namespace or "")
+            name = "" if has_none else topic_name(robot_name)
+            side.subscribe(f"/{below(name, 'cmd_vel')}", driver.take)
             driving.append(driver.run())
-        topics = LiveTopics(side.publish, drive_unit, own_localization=own_localization)
+        for message in shown:
+            side.publish(message)
+        topics = LiveTopics(side.publish, drive_unit, options)
         working = [side.run(), _watch(watcher, topics), *driving]
-        if mapped is not None:
-            working.append(publish_map(server, mapped, side.publish, echoes=echoes))
+        if options.map is not None:
+            working.append(
+                publish_map(server, options.map, side.publish, echoes=options.echoes)
+            )
+        if options.image_port is not None:
+            images = server[0], options.image_port
+            interval = 1 / options.image_rate
+            working.append(read_pictures(images, interval, topics.take_picture))
         tasks = [asyncio.ensure_future(each) for each in working]
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)

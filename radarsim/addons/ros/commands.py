@@ -5,10 +5,11 @@ from __future__ import annotations
 import asyncio
 import logging
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
 
 from annotated_types import Interval
 
+from radarsim.addons.ros.topic_options import TopicOptions
 from radarsim.cli.fields import Port, RobotName, Server
 from radarsim.cli.output import print_message, print_now, start_log
 from radarsim.cli.server_options import cure_of_port
@@ -18,6 +19,10 @@ from radarsim.protocol.dialect import DriveUnit
 
 if TYPE_CHECKING:
     from radarsim.addons.ros.bridge import RosSide
+    from radarsim.addons.ros.websocket_side import Board
+
+
+PORTS: Final = {"rosbridge": 9090, "foxglove": 8765}  # as their programs expect them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,20 +30,22 @@ class BridgeOptions:
     """How programs of ROS reach the bridge.
 
     Attributes:
-        bridge: JSON over a WebSocket, for roslibpy and roslib (JavaScript); or DDS, for
-            ROS 2 itself, which needs the extra 'dds'.
-        web: Port of rosbridge; 0 takes a free one.
-        web_host: Address on which rosbridge listens.
-        origin: Site whose pages may use rosbridge, such as http://localhost:8080;
-            repeat it for others.
+        bridge: JSON over a WebSocket, for roslibpy and roslib (JavaScript); the
+            protocol of Foxglove, which needs the extra 'record'; or DDS, for ROS 2
+            itself, which needs the extra 'dds'.
+        web: Port of rosbridge, 9090 by default, or for Foxglove, 8765; 0 takes a free
+            one.
+        web_host: Address on which rosbridge listens, or for Foxglove.
+        origin: Site whose pages may connect, such as http://localhost:8080; repeat it
+            for others. Foxglove's own may.
         domain: Domain of DDS, as ROS_DOMAIN_ID.
         interface: Network interface of DDS; lo stays on this machine.
     """
 
     option_group: ClassVar = "Bridge"
 
-    bridge: Literal["rosbridge", "dds"] = "rosbridge"
-    web: Port = 9090
+    bridge: Literal["rosbridge", "foxglove", "dds"] = "rosbridge"
+    web: Port | None = None
     web_host: Annotated[str, RARE] = "127.0.0.1"
     origin: Annotated[tuple[str, ...], Option(metavar="URL", is_rare=True)] = ()
     domain: Annotated[int, Interval(ge=0, le=232), RARE] = 0
@@ -48,13 +55,11 @@ class BridgeOptions:
 def ros(
     server: Server,
     options: BridgeOptions,
+    topics: TopicOptions,
     *,
     robot: RobotName | None = None,
     start: str | None = None,
-    map_: Annotated[str | None, Option(metavar="ROBOT")] = None,
     name: Annotated[str, RARE] = "R1",
-    echoes: Annotated[bool, RARE] = False,
-    own_localization: bool = False,
     drive_unit: Annotated[DriveUnit, RARE] = "rad_per_s",
 ) -> int:
     """Publish what the robots of a server sense as topics of ROS 2, and drive one.
@@ -62,13 +67,10 @@ def ros(
     Args:
         server: The server.
         options: How programs of ROS reach the bridge.
+        topics: Which topics there are.
         robot: Spawn a robot of this class, which follows cmd_vel.
         start: Name of its start; by default the first free one.
-        map_: Map this robot, and publish the map each second.
         name: Name of that robot.
-        echoes: Publish the echoes and targets of all scanners as well.
-        own_localization: Leave the transform from map to odom to a program of yours,
-            such as AMCL or slam_toolbox; otherwise it is the truth.
         drive_unit: Unit in which the server takes wheel speeds.
 
     Returns:
@@ -86,12 +88,10 @@ def ros(
             bridge = run_bridge(
                 server.connect,
                 side,
+                options=topics,
                 robot_class=robot,
                 robot_name=name,
                 start=start,
-                echoes=echoes,
-                mapped=map_,
-                own_localization=own_localization,
                 drive_unit=drive_unit,
             )
             running = asyncio.ensure_future(bridge)
@@ -106,7 +106,8 @@ def ros(
             await asyncio.wait({running})
             return exit_code.result()
 
-    with cure_of_port({"--web": options.web}):
+    port = PORTS.get(options.bridge) if options.web is None else options.web
+    with cure_of_port({"--web": port}):
         return asyncio.run(run())
 
 
@@ -126,13 +127,24 @@ def _make_side(options: BridgeOptions) -> RosSide:
         side = DdsParticipant(options.domain, options.interface)
         print_now(f"radarsim: DDS domain {options.domain} on {options.interface}")
         return side
-    from radarsim.addons.ros.rosbridge_server import RosbridgeServer
-
     if options.web_host not in ("127.0.0.1", "localhost", "::1"):
         print_message(f"whoever reaches {options.web_host} can drive the robot")
-    return RosbridgeServer(options.web_host, options.web, announce, options.origin)
+    from radarsim.addons.ros.websocket_side import WebSocketSide
+
+    port = PORTS[options.bridge] if options.web is None else options.web
+    board: Board
+    if options.bridge == "foxglove":
+        import_optional("rosbags.typesys", "record")
+        from radarsim.addons.ros.foxglove import FoxgloveBoard
+
+        board = FoxgloveBoard()
+    else:
+        from radarsim.addons.ros.rosbridge import TopicBoard
+
+        board = TopicBoard()
+    return WebSocketSide(board, options.web_host, port, announce, options.origin)
 
 
-def announce(address: tuple[str, int]) -> None:
-    """Tell programs on stdout that clients of rosbridge can connect."""
-    print_now(f"radarsim: rosbridge on ws://{address[0]}:{address[1]}")
+def announce(name: str, address: tuple[str, int]) -> None:
+    """Tell programs on stdout that clients of a protocol can connect."""
+    print_now(f"radarsim: {name} on ws://{address[0]}:{address[1]}")

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 # Types and names of the fields of each type, in their order.
 FIELDS: Final = {
+    "builtin_interfaces/msg/Duration": "int32 sec, uint32 nanosec",
     "builtin_interfaces/msg/Time": "int32 sec, uint32 nanosec",
     "geometry_msgs/msg/Point": "float64 x, float64 y, float64 z",
     "geometry_msgs/msg/Pose": "geometry_msgs/Point position,"
@@ -36,6 +37,12 @@ FIELDS: Final = {
     "nav_msgs/msg/Odometry": "std_msgs/Header header, string child_frame_id,"
     " geometry_msgs/PoseWithCovariance pose, geometry_msgs/TwistWithCovariance twist",
     "rosgraph_msgs/msg/Clock": "builtin_interfaces/Time clock",
+    "sensor_msgs/msg/CameraInfo": "std_msgs/Header header, uint32 height,"
+    " uint32 width, string distortion_model, float64[] d, float64[9] k, float64[9] r,"
+    " float64[12] p, uint32 binning_x, uint32 binning_y,"
+    " sensor_msgs/RegionOfInterest roi",
+    "sensor_msgs/msg/CompressedImage": "std_msgs/Header header, string format,"
+    " uint8[] data",
     "sensor_msgs/msg/LaserScan": "std_msgs/Header header, float32 angle_min,"
     " float32 angle_max, float32 angle_increment, float32 time_increment,"
     " float32 scan_time, float32 range_min, float32 range_max, float32[] ranges,"
@@ -45,9 +52,23 @@ FIELDS: Final = {
     " uint32 point_step, uint32 row_step, uint8[] data, bool is_dense",
     "sensor_msgs/msg/PointField": "string name, uint32 offset, uint8 datatype,"
     " uint32 count",
+    "sensor_msgs/msg/RegionOfInterest": "uint32 x_offset, uint32 y_offset,"
+    " uint32 height, uint32 width, bool do_rectify",
+    "std_msgs/msg/ColorRGBA": "float32 r, float32 g, float32 b, float32 a",
     "std_msgs/msg/Header": "builtin_interfaces/Time stamp, string frame_id",
     "std_msgs/msg/String": "string data",
     "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms",
+    "visualization_msgs/msg/Marker": "std_msgs/Header header, string ns, int32 id,"
+    " int32 type, int32 action, geometry_msgs/Pose pose, geometry_msgs/Vector3 scale,"
+    " std_msgs/ColorRGBA color, builtin_interfaces/Duration lifetime,"
+    " bool frame_locked, geometry_msgs/Point[] points, std_msgs/ColorRGBA[] colors,"
+    " string texture_resource, sensor_msgs/CompressedImage texture,"
+    " visualization_msgs/UVCoordinate[] uv_coordinates, string text,"
+    " string mesh_resource, visualization_msgs/MeshFile mesh_file,"
+    " bool mesh_use_embedded_materials",
+    "visualization_msgs/msg/MarkerArray": "visualization_msgs/Marker[] markers",
+    "visualization_msgs/msg/MeshFile": "string filename, uint8[] data",
+    "visualization_msgs/msg/UVCoordinate": "float32 u, float32 v",
 }
 _FIELD: Final = re.compile(r"([\w/]+)(\[(\d*)\])? (\w+)")
 

@@ -65,7 +65,6 @@ def velocity_of(message: object) -> tuple[float, float]:
         raise ValueError(f"{error}, expected a Twist") from error
 
 
-LONGEST_MESSAGE: Final = 65536  # bytes of what a client sends
 MOST_WAITING: Final = 20  # messages of a topic for a client; beyond it the oldest go
 MOST_SUBSCRIPTIONS: Final = 1000
 LONGEST_NAME: Final = 256  # characters
@@ -80,33 +79,45 @@ class TopicBoard:
         time: Simulated time, as a message of ROS; 0 before the first ``/clock``.
     """
 
+    name = "rosbridge"
+    subprotocols: tuple[str, ...] = ()
+
     def __init__(self) -> None:
         self.types: dict[str, str] = {}
         self.drivers: dict[str, DriveCallback] = {}
         self.time: object = {"sec": 0, "nanosec": 0}
-        self._latched: dict[str, str] = {}
+        self._latched: dict[str, RosMessage] = {}
+        self._texts: dict[str, str] = {}  # of latched messages, once they are wanted
 
     def add(self, message: TopicMessage, wanted: bool) -> str:
         """Note a message; return its JSON, empty if nobody wants it."""
         self.types[message.topic] = message.message.type
         if message.topic == CLOCK:
             self.time = vars(message.message.fields.clock)
-        if not (wanted or message.latched):
-            return ""
-        # Once for all clients, as arrays of scans take long to write.
-        text = message_json(message.message)
         if message.latched:
-            self._latched[message.topic] = text
-        return text
+            self._latched[message.topic] = message.message
+            self._texts.pop(message.topic, None)
+        # Once for all clients, as arrays of scans take long to write.
+        return message_json(message.message) if wanted else ""
 
     def latched(self, topic: str) -> str:
         """Return the last message of a latched topic; empty if there is none."""
-        return self._latched.get(topic, "")
+        if topic in self._latched and topic not in self._texts:
+            self._texts[topic] = message_json(self._latched[topic])
+        return self._texts.get(topic, "")
 
     def listen(self, topic: str, take: DriveCallback) -> None:
         """Pass the velocity commands on a topic to a function."""
         self.types[topic] = TWIST
         self.drivers[topic] = take
+
+    def new_client(self) -> "RosbridgeClient":
+        """Return a new client."""
+        return RosbridgeClient(self)
+
+    def trusts(self, _: str) -> bool:
+        """Return whether a program of an origin may connect: none beside its own."""
+        return False
 
 
 class RosbridgeClient:
@@ -117,7 +128,7 @@ class RosbridgeClient:
     """
 
     def __init__(self, board: TopicBoard) -> None:
-        self.waiting: deque[str] = deque()
+        self.waiting: deque[Any] = deque()
         self._board = board
         self._subscriptions: dict[str, float] = {}  # shortest interval, s, by topic
         self._last: dict[str, float] = {}  # times of messages, by topic
@@ -175,7 +186,10 @@ class RosbridgeClient:
         while len(self.waiting) > MOST_WAITING * max(1, len(self._subscriptions)):
             self.waiting.popleft()
 
-    def receive(self, text: str) -> None:
+    def announce(self, topic: str) -> None:
+        """Do nothing: clients ask which topics there are."""
+
+    def receive(self, text: str | bytes) -> None:
         """Do what a message asks for; what is wrong is answered with a status."""
         try:
             message = json.loads(text)

@@ -115,7 +115,7 @@ def map_(
     from radarsim.autonomy.exploration.exploration import warm_up
     from radarsim.autonomy.proxy.observer import ScannerDefaults
 
-    recording = RunRecording(files.record, plan.drive_unit)
+    recording = RunRecording(files.record, plan.drive_unit, robots_map=True)
     # Without the variant of a map, which follows an ``@``.
     out = files.output or Path((where.map or "map").partition("@")[0]).stem
     map_files = MapFiles(out, files.mode, robots)

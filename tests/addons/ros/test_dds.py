@@ -1,24 +1,39 @@
 """The robots of a server as topics of DDS, heard by another process."""
 
+import base64
+import io
 import json
+import math
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
+from PIL import Image
 from processes import start_radarsim
 
+from radarsim.addons.recording.bag import BagReader
+from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder
+from radarsim.addons.recording.cdr import typestore
+from radarsim.addons.recording.host_recorder import HostRecorder, RunEvent
+from radarsim.addons.recording.messages import RosMessage, TopicMessage
+from radarsim.addons.recording.recording_process import write_recording
 from radarsim.addons.ros.commands import BridgeOptions, ros
+from radarsim.addons.ros.topic_options import TopicOptions
 from radarsim.addons.testing import UsarsimServer
 from radarsim.cli.fields import Server
 from radarsim.client import Client
 from radarsim.errors import MissingPackage, ServerError
 from radarsim.protocol.reports import GroundTruth, WatchedLine
+from radarsim.scene.scene import Scene
+from radarsim.server.host import Host
 
 TIMEOUT = 240  # s that a busy machine may need
 SUPPORT = Path(__file__).parents[2] / "support"
@@ -111,6 +126,105 @@ def watch_until_it_stands(watcher: Client) -> list[GroundTruth]:
     return poses
 
 
+def start_viewer(domain: int) -> "subprocess.Popen[bytes]":
+    """Start a participant that ends when it has heard of all that viewers show."""
+    command = [sys.executable, str(SUPPORT / "dds_world.py"), str(domain), "R1"]
+    return subprocess.Popen(command, stdout=subprocess.PIPE)
+
+
+def check_world(told: dict[str, Any]) -> None:
+    """Check what a viewer has heard of a robot in the foliage room."""
+    alphas = {marker["ns"]: marker["alpha"] for marker in told["scene"]}
+    assert alphas["bush_1"] == pytest.approx(0.5)
+    assert alphas["north_wall"] == 1.0
+    assert all(marker["points"] % 3 == 0 for marker in told["scene"])
+    grid = told["map"]
+    assert (grid["frame"], {*grid["data"]}) == ("map", {0, 100})
+    cells = np.array(grid["data"]).reshape(grid["shape"])
+    for place, expected in (((-7.0, 0.0), 0), ((-10.5, 0.0), 100)):  # floor, a wall
+        column, row = ((np.array(place) - grid["origin"]) / grid["resolution"]).astype(
+            int
+        )
+        assert cells[row, column] == expected
+    links = ET.fromstring(told["robot_description"]).iter("link")
+    assert {"R1/base_link", "R1/lms200"} <= {link.get("name") for link in links}
+    picture = told["camera/image/compressed"]
+    assert picture["frame"] == "R1/camera_optical"
+    shown = Image.open(io.BytesIO(base64.b64decode(picture["jpeg"])))
+    info = told["camera/camera_info"]
+    assert info["size"] == list(shown.size)
+    assert info["k"][0] == pytest.approx(shown.size[0] / 2 / math.tan(math.radians(40)))
+
+
+def decoded(data: bytes, type_: str) -> Any:
+    return typestore().deserialize_cdr(data, type_)
+
+
+@pytest.mark.parametrize("dialect", ["compat", "udk"])  # JPEG, and raw pictures
+def test_participant_sees_the_world_of_a_live_run(dialect: str) -> None:
+    pytest.importorskip("cyclonedds")
+    words = ["serve", "foliage_room", "--port", "0", "--image-port", "0"]
+    with start_radarsim(*words, "--dialect", dialect) as server:
+        assert server.stdout is not None
+        ports: dict[bool, str] = {}  # that of images is True
+        try:
+            while len(ports) < 2:
+                line = server.stdout.readline().decode()
+                ports["images" in line] = line.rpartition(":")[2].strip()
+            options = ["--bridge", "dds", "--connect", f"127.0.0.1:{ports[False]}"]
+            options += ["--image-port", ports[True], "--robot", "P3AT"]
+            options += ["--draw", "foliage_room", "--true-map", "--domain", str(DOMAIN)]
+            with (
+                start_radarsim("ros", *options) as live,
+                start_viewer(DOMAIN) as viewer,
+            ):
+                try:
+                    out, _ = viewer.communicate(timeout=TIMEOUT)
+                finally:
+                    viewer.kill()
+                    live.terminate()
+                    live.communicate(timeout=TIMEOUT)
+        finally:
+            server.terminate()
+            server.communicate(timeout=TIMEOUT)
+    check_world(json.loads(out))
+
+
+def test_participant_sees_the_world_of_a_recorded_run(
+    foliage_room: Scene, tmp_path: Path
+) -> None:
+    pytest.importorskip("cyclonedds")
+    from radarsim.addons.ros.dds import DdsParticipant
+
+    events: list[RunEvent] = []
+    recorder = HostRecorder(events.append, camera_interval=20)
+    host = Host(foliage_room, observers=[recorder])
+    host.receive(host.connect(), b"INIT {ClassName P3AT_Compare} {Name R1}\r\n")
+    for _ in range(60):
+        host.step()
+        for number in host.clients_to_send():
+            host.take(number)
+    recorder.end()
+    create_folder(tmp_path / "run")
+    write_recording(tmp_path / "run", RecordingInfo(version="1"), events, foliage_room)
+    domain = 202 + os.getpid() % 30  # of its own, as it stays until this process ends
+    side = DdsParticipant(domain)
+    played = [
+        TopicMessage(topic, RosMessage(type_, fields), latched)
+        for topic, (type_, data), _, latched in BagReader(tmp_path / "run").messages()
+        for fields in (decoded(data, type_),)
+        if not topic.startswith("/radarsim")
+    ]
+    with start_viewer(domain) as viewer:
+        while viewer.poll() is None:  # it may come too late for what is not latched
+            for message in played:
+                side.publish(message)
+            played = [each for each in played if not each.latched]
+            time.sleep(0.5)
+        assert viewer.stdout is not None
+        check_world(json.loads(viewer.stdout.read()))
+
+
 @foliage_server
 @pytest.mark.parametrize("localised_by", ["the bridge", "another program"])
 def test_each_frame_has_one_parent(
@@ -146,4 +260,4 @@ def test_missing_package_is_named_with_its_extra(
 ) -> None:
     monkeypatch.setitem(sys.modules, "cyclonedds.domain", None)
     with pytest.raises(MissingPackage, match=r"cyclonedds.*radarsim\[dds\]"):
-        ros(Server(), BridgeOptions(bridge="dds"))
+        ros(Server(), BridgeOptions(bridge="dds"), TopicOptions())

@@ -1,0 +1,117 @@
+"""A map as topics: what stands in it, and the true occupancy grid."""
+
+import math
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+from matplotlib.colors import to_rgb
+
+from radarsim.addons.recording.messages import (
+    Fields,
+    RosMessage,
+    TopicMessage,
+    float32,
+    header_of,
+    pose_fields,
+    vector,
+)
+from radarsim.addons.recording.robot_frames import MAP
+from radarsim.addons.recording.robot_topics import FREE, OCCUPIED, MapSnapshot
+from radarsim.autonomy.evaluation.map_score import Truth
+from radarsim.autonomy.mapping.occupancy_grid import CellClass, GridFrame
+from radarsim.geometry import Floats, Pose3
+from radarsim.plotting.palette import colour_of
+from radarsim.presets.robots import load_robot
+from radarsim.scene.material import Material
+from radarsim.scene.scene import Part, Scene
+
+SCENE: Final = "/scene"
+# Twelve megabytes of a message; more than some viewers draw fluently.
+MOST_TRIANGLES: Final = 170_000
+SMALL_PART: Final = 1000  # triangles; such a part is never thinned
+RESOLUTION: Final = 0.05  # m, side of a cell
+MOST_CELLS: Final = 4_000_000  # of the true map; beyond it the cells are larger
+SEEN_THROUGH, SMOKE = 0.5, 0.3  # opacities of what beams enter, and robots as well
+_TRIANGLE_LIST: Final = 11  # of ``visualization_msgs/msg/Marker``
+
+
+def scene_topics(scene: Scene, *, with_map: bool = True) -> Iterator[TopicMessage]:
+    """Yield what tells of a map, for whoever subscribes at any time.
+
+    Args:
+        scene: The map.
+        with_map: Whether its true occupancy grid is told; not if a robot's map is.
+    """
+    yield TopicMessage(SCENE, scene_markers(scene), latched=True)
+    if with_map and scene.parts:
+        yield true_map(scene).message()
+
+
+def scene_markers(scene: Scene) -> RosMessage:
+    """Return the surfaces of a scene: a list of triangles for each part."""
+    every = math.ceil(scene.triangles / MOST_TRIANGLES)
+    markers = [_marker(number, part, every) for number, part in enumerate(scene.parts)]
+    return RosMessage("visualization_msgs/msg/MarkerArray", Fields(markers=markers))
+
+
+def opacity_of(material: Material) -> float:
+    """Return how much a material hides what is behind it, 0 to 1."""
+    if not material.solid:
+        return SMOKE
+    seen_through = material.penetrable or material.sheet_loss is not None
+    return SEEN_THROUGH if seen_through else 1.0
+
+
+def _marker(number: int, part: Part, every: int) -> Fields:
+    """Return the triangles of a part, or of a large one each so many-th of them."""
+    faces = part.faces if len(part.faces) <= SMALL_PART else part.faces[::every]
+    red, green, blue = (float32(each) for each in to_rgb(colour_of(part.material)))
+    corners: Floats = part.vertices[faces.ravel()]
+    nothing = np.zeros(0, np.uint8)
+    return Fields(
+        header=header_of(0.0, MAP),
+        ns=part.object_name,
+        id=number,
+        type=_TRIANGLE_LIST,
+        action=0,  # it is added
+        pose=pose_fields(Pose3(0.0, 0.0, 0.0)),
+        scale=vector(1.0, 1.0, 1.0),
+        color=Fields(r=red, g=green, b=blue, a=float32(opacity_of(part.material))),
+        lifetime=Fields(sec=0, nanosec=0),  # for ever
+        frame_locked=False,
+        points=[vector(*corner) for corner in corners.tolist()],
+        colors=[],
+        texture_resource="",
+        texture=Fields(header=header_of(0.0, ""), format="", data=nothing),
+        uv_coordinates=[],
+        text="",
+        mesh_resource="",
+        mesh_file=Fields(filename="", data=nothing),
+        mesh_use_embedded_materials=False,
+    )
+
+
+def true_map(scene: Scene) -> MapSnapshot:
+    """Return where robots cannot drive at the height of a P3AT's scanner.
+
+    Foliage is occupied, as on the maps that robots make, and smoke is free. No cell is
+    unknown.
+    """
+    low, high = scene.bounds[:, :2].tolist()
+    area, size = math.prod(np.subtract(high, low).tolist()), RESOLUTION
+    while area > MOST_CELLS * size**2:
+        size *= 2
+    # The cells of ``GridFrame`` come in steps of many; those beyond the scene are cut.
+    frame = GridFrame(size).extended_to((low[0], low[1]), (high[0], high[1]))
+    floor = Pose3(0.0, 0.0, scene.floor_at(0.0, 0.0))
+    truth = Truth(scene, frame, load_robot("P3AT").scanner_pose(floor).z)
+    solid = truth.kinds[CellClass.OBSTACLE] | truth.kinds[CellClass.FOLIAGE]
+    west, south = (math.floor(each / size) for each in low)
+    east, north = (math.floor(each / size) + 1 for each in high)
+    window = solid[
+        south - frame.row : north - frame.row,
+        west - frame.column : east - frame.column,
+    ]
+    cells = np.where(window, OCCUPIED, FREE).astype(np.int8)
+    return MapSnapshot(0.0, (west * size, south * size), size, cells)

@@ -1,0 +1,227 @@
+"""The protocol of Foxglove's WebSockets, version 1: clients of a bridge, without I/O.
+
+Messages of ROS 2 are CDR, as in recordings. A client may drive the robot of the bridge.
+Source: the specification ws-protocol of Foxglove. Its own package is not used: it lets
+pages of any site connect.
+"""
+
+import json
+import struct
+from collections import deque
+from collections.abc import Callable
+from typing import Any, Final, TypeAlias
+
+from radarsim.addons.recording.call_converter import CLOCK
+from radarsim.addons.recording.cdr import (
+    EncodedMessage,
+    Twist,
+    decode,
+    encode,
+    typestore,
+)
+from radarsim.addons.recording.messages import NANOSECONDS, RosMessage, TopicMessage
+from radarsim.addons.ros.bridge import TWIST, DriveCallback
+from radarsim.addons.ros.rosbridge import LONGEST_NAME, velocity_of
+
+Json: TypeAlias = dict[str, Any]  # an object of a client
+
+APP: Final = "https://app.foxglove.dev"
+MOST_WAITING: Final = 20  # messages of a topic for a client; beyond it the oldest go
+MOST_ENTRIES: Final = 1000  # subscriptions, or topics, of a client
+MESSAGE, TIME = 1, 2  # first bytes of what is binary
+_MESSAGE_HEAD: Final = struct.Struct("<BIQ")
+_TIME: Final = struct.Struct("<BQ")
+_CLIENT_HEAD: Final = struct.Struct("<BI")
+_INFO: Final = {
+    "op": "serverInfo",
+    "name": "radarsim",
+    "capabilities": ["clientPublish", "time"],
+    "supportedEncodings": ["cdr", "json"],
+    # Whoever does not know it takes messages to publish for those of no ROS.
+    "metadata": {"ROS_DISTRO": "jazzy"},
+}
+
+
+class FoxgloveBoard:
+    """The topics there are, for all clients; see ``Board``.
+
+    Attributes:
+        time: Simulated time, ns.
+        drivers: Where velocity commands go, by topic.
+    """
+
+    name = "Foxglove"
+    subprotocols: tuple[str, ...] = ("foxglove.sdk.v1", "foxglove.websocket.v1")
+
+    def __init__(self) -> None:
+        self.types: dict[str, str] = {}
+        self.drivers: dict[str, DriveCallback] = {}
+        self.time = 0
+        self._latched: dict[str, RosMessage] = {}
+
+    def add(self, message: TopicMessage, wanted: bool) -> bytes:
+        """See ``Board.add``."""
+        topic, content, latched = message
+        self.types[topic] = content.type
+        if topic == CLOCK:
+            now = content.fields.clock
+            self.time = now.sec * NANOSECONDS + now.nanosec
+        if latched:
+            self._latched[topic] = content
+        return encode(content).data if wanted else b""
+
+    def latched(self, topic: str) -> bytes:
+        """Return the last message of a latched topic; empty if there is none."""
+        message = self._latched.get(topic)
+        return b"" if message is None else encode(message).data
+
+    def listen(self, topic: str, take: DriveCallback) -> None:
+        """See ``Board.listen``."""
+        self.drivers[topic] = take
+
+    def new_client(self) -> "FoxgloveClient":
+        """See ``Board.new_client``."""
+        return FoxgloveClient(self)
+
+    def trusts(self, origin: str) -> bool:
+        """Return whether a program of an origin may connect: Foxglove, on any desktop.
+
+        Only pages of sites have http or https, and those that hide their site, null.
+        """
+        scheme, has_scheme, _ = origin.partition("://")
+        return origin == APP or bool(has_scheme and scheme not in ("http", "https"))
+
+    def channel(self, topic: str) -> Json:
+        """Return what clients are told of a topic; its number is its place."""
+        type_ = self.types[topic]
+        definition, _ = typestore().generate_msgdef(type_, ros_version=2)
+        return {
+            "id": 1 + list(self.types).index(topic),
+            "topic": topic,
+            "encoding": "cdr",
+            "schemaName": type_,
+            "schemaEncoding": "ros2msg",
+            "schema": definition,
+        }
+
+
+class FoxgloveClient:
+    """One client; see ``SideClient``."""
+
+    def __init__(self, board: FoxgloveBoard) -> None:
+        self.waiting: deque[Any] = deque([json.dumps(_INFO)])
+        self._board = board
+        self._subscriptions: dict[str, dict[int, None]] = {}  # their numbers, by topic
+        self._own: dict[int, tuple[str, str]] = {}  # topics that it writes, with codes
+        self._handlers: dict[str, Callable[[Json], object]] = {
+            "subscribe": self._subscribe,
+            "unsubscribe": self._unsubscribe,
+            "advertise": self._advertise,
+            "unadvertise": self._unadvertise,
+        }
+        self._tell(list(board.types))
+
+    def wants(self, topic: str) -> bool:
+        """See ``SideClient.wants``; the clock is told in any case."""
+        return topic == CLOCK or topic in self._subscriptions
+
+    def offer(self, topic: str, data: bytes, now: float) -> None:  # noqa: ARG002
+        """See ``SideClient.offer``."""
+        if topic == CLOCK:
+            self._queue(_TIME.pack(TIME, self._board.time))
+        for number in self._subscriptions.get(topic, ()):
+            self._queue(_MESSAGE_HEAD.pack(MESSAGE, number, self._board.time) + data)
+
+    def announce(self, topic: str) -> None:
+        """See ``SideClient.announce``."""
+        self._tell([topic])
+
+    def receive(self, data: str | bytes) -> None:
+        """See ``SideClient.receive``."""
+        try:
+            if isinstance(data, bytes):
+                self._take_message(data)
+            else:
+                message = json.loads(data)
+                self._handlers[message["op"]](message)
+        except KeyError as error:
+            self._complain(f"nothing for {error}, expected a value that is known")
+        # Thousands of brackets in each other are a RecursionError.
+        except (
+            ValueError,
+            TypeError,
+            OverflowError,
+            RecursionError,
+            struct.error,
+        ) as e:
+            self._complain(f"{data[:80]!r}: {e}, expected a message of Foxglove")
+
+    def _tell(self, topics: list[str]) -> None:
+        channels = [self._board.channel(topic) for topic in topics]
+        self.waiting.append(json.dumps({"op": "advertise", "channels": channels}))
+
+    def _queue(self, data: bytes) -> None:
+        """Queue binary data, which may be lost; texts may not."""
+        self.waiting.append(data)
+        if len(self.waiting) > MOST_WAITING * (1 + len(self._subscriptions)):
+            oldest = next(
+                i for i, each in enumerate(self.waiting) if isinstance(each, bytes)
+            )
+            del self.waiting[oldest]
+
+    def _subscribe(self, message: Json) -> None:
+        topics = list(self._board.types)
+        for each in message["subscriptions"]:
+            number, channel = int(each["id"]), int(each["channelId"])
+            if not 0 < channel <= len(topics):
+                raise ValueError(f"channel {channel}, expected 1 to {len(topics)}")
+            if sum(map(len, self._subscriptions.values())) >= MOST_ENTRIES:
+                raise ValueError(f"expected at most {MOST_ENTRIES} subscriptions")
+            topic = topics[channel - 1]
+            head = _MESSAGE_HEAD.pack(MESSAGE, number, self._board.time)
+            self._subscriptions.setdefault(topic, {})[number] = None
+            latched = self._board.latched(topic)
+            if latched:
+                self._queue(head + latched)
+
+    def _unsubscribe(self, message: Json) -> None:
+        gone = {int(each) for each in message["subscriptionIds"]}
+        kept = {
+            topic: {number: None for number in numbers if number not in gone}
+            for topic, numbers in self._subscriptions.items()
+        }
+        self._subscriptions = {topic: each for topic, each in kept.items() if each}
+
+    def _advertise(self, message: Json) -> None:
+        # Also topics that nobody listens to: panels announce what they may publish.
+        for each in message["channels"]:
+            if len(self._own) >= MOST_ENTRIES:
+                raise ValueError(f"expected at most {MOST_ENTRIES} topics")
+            number, topic = int(each["id"]), str(each["topic"])[:LONGEST_NAME]
+            self._own[number] = topic, str(each["encoding"])[:LONGEST_NAME]
+
+    def _unadvertise(self, message: Json) -> None:
+        for each in message["channelIds"]:
+            self._own.pop(int(each), None)
+
+    def _take_message(self, data: bytes) -> None:
+        """Drive as a message of the client asks for."""
+        operation, number = _CLIENT_HEAD.unpack_from(data)
+        if operation != MESSAGE:
+            raise ValueError(f"operation {operation}, expected {MESSAGE}")
+        topic, code = self._own[number]
+        drive = self._board.drivers.get(topic)
+        if drive is None:
+            known = ", ".join(self._board.drivers) or "none, see --robot"
+            raise ValueError(f"{topic[:80]!r}, expected a topic of: {known}")
+        content = data[_CLIENT_HEAD.size :]
+        if code == "json":
+            velocity = velocity_of(json.loads(content))
+        else:
+            twist = decode(EncodedMessage(TWIST, content), Twist)
+            velocity = twist.linear.x, twist.angular.z
+        drive(*velocity)
+
+    def _complain(self, text: str) -> None:
+        status = {"op": "status", "level": 2, "message": text}
+        self.waiting.append(json.dumps(status))

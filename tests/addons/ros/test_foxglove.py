@@ -1,0 +1,301 @@
+"""Topics for Foxglove, in its protocol, and who may connect."""
+
+import json
+import struct
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import foxglove
+import numpy as np
+import pytest
+from foxglove.websocket import Capability
+from node_packages import install_packages
+from processes import start_radarsim
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Origin, Subprotocol
+
+from radarsim.addons.recording import messages
+from radarsim.addons.recording.cdr import encode, typestore
+from radarsim.addons.recording.messages import Fields, RosMessage, TopicMessage
+from radarsim.addons.ros.foxglove import FoxgloveBoard, FoxgloveClient
+from radarsim.addons.testing import UsarsimServer
+from radarsim.geometry import Pose3
+
+TIMEOUT = 240  # s that a busy machine may need
+SUPPORT = Path(__file__).parents[2] / "support"
+SDK = Subprotocol("foxglove.sdk.v1")
+POSE = messages.pose_stamped(1.5, "map", Pose3(1.0, 2.0, 3.0))
+foliage_server = pytest.mark.usarsim(map="foliage_room")
+PACKAGES = (
+    *("@foxglove/ws-protocol@0.8.0", "@foxglove/rosmsg@5.0.5"),
+    *("@foxglove/rosmsg2-serialization@3.1.0", "ws@8.23.0"),
+)
+
+
+def subscribed(topic: str = "/a") -> tuple[FoxgloveBoard, FoxgloveClient]:
+    """Return a board with a topic, and a client that has subscribed to it as 7."""
+    board = FoxgloveBoard()
+    board.add(TopicMessage(topic, POSE), wanted=False)
+    client = board.new_client()
+    client.receive(subscription(7, 1))
+    client.waiting.clear()
+    return board, client
+
+
+def subscription(number: int, channel: int) -> str:
+    each = {"id": number, "channelId": channel}
+    return json.dumps({"op": "subscribe", "subscriptions": [each]})
+
+
+def statuses(client: FoxgloveClient) -> list[str]:
+    texts = [json.loads(each) for each in client.waiting if isinstance(each, str)]
+    assert all(each["level"] == 2 for each in texts if each["op"] == "status")
+    return [each["message"] for each in texts if each["op"] == "status"]
+
+
+def test_protocol_is_that_of_foxgloves_sdk() -> None:
+    definition, _ = typestore().generate_msgdef(POSE.type, ros_version=2)
+    context = foxglove.Context()
+    server = foxglove.start_server(
+        name="radarsim",
+        port=0,
+        context=context,
+        capabilities=[Capability.ClientPublish, Capability.Time],
+        supported_encodings=["cdr", "json"],
+    )
+    schema = foxglove.Schema(
+        name=POSE.type, encoding="ros2msg", data=definition.encode()
+    )
+    channel = foxglove.Channel(
+        "/a", schema=schema, message_encoding="cdr", context=context
+    )
+    try:
+        with connect(f"ws://127.0.0.1:{server.port}", subprotocols=[SDK]) as peer:
+            info, told = (json.loads(peer.recv(TIMEOUT)) for _ in range(2))
+            peer.send(subscription(7, told["channels"][0]["id"]))
+            while not channel.has_sinks():
+                time.sleep(0.01)
+            channel.log(encode(POSE).data, log_time=1_500_000_000)
+            expected = peer.recv(TIMEOUT)
+            server.broadcast_time(1_500_000_000)
+            expected_time = peer.recv(TIMEOUT)
+    finally:
+        server.stop()
+    board, client = subscribed()
+    first, second = (json.loads(each) for each in board.new_client().waiting)
+    kept = ("op", "name", "capabilities", "supportedEncodings")
+    assert {key: first[key] for key in kept} == {key: info[key] for key in kept}
+    for each in told["channels"]:
+        each["id"] = 1  # the sdk numbers all channels of a process
+    assert second == told
+    board.add(TopicMessage("/clock", messages.clock(1.5)), wanted=False)
+    client.offer("/a", board.add(TopicMessage("/a", POSE), wanted=True), 0.0)
+    client.offer("/clock", b"", 0.0)
+    assert list(client.waiting) == [expected, expected_time]
+
+
+def test_new_topics_and_latched_messages_are_told() -> None:
+    board, client = subscribed()
+    latched = TopicMessage("/b", messages.string("first"), latched=True)
+    board.add(latched, wanted=False)
+    board.add(latched._replace(message=messages.string("last")), wanted=False)
+    client.announce("/b")
+    (channel,) = json.loads(client.waiting.popleft())["channels"]
+    assert (channel["id"], channel["topic"]) == (2, "/b")
+    client.receive(subscription(8, 2))
+    (data,) = client.waiting
+    assert struct.unpack("<BIQ", data[:13]) == (1, 8, 0)
+    text = typestore().deserialize_cdr(data[13:], "std_msgs/msg/String")
+    assert text.data == "last"  # type: ignore[attr-defined]
+
+
+def test_nothing_comes_after_an_unsubscription() -> None:
+    _, client = subscribed()
+    assert client.wants("/a")
+    client.receive('{"op": "unsubscribe", "subscriptionIds": [7, 9]}')
+    assert not client.wants("/a")
+
+
+def test_slow_client_loses_the_oldest_messages_and_no_news() -> None:
+    _, client = subscribed()
+    client.announce("/a")
+    for number in range(100):
+        client.offer("/a", struct.pack("<I", number), 0.0)
+    news, *rest = client.waiting
+    assert json.loads(news)["op"] == "advertise"
+    numbers = [struct.unpack("<I", each[13:])[0] for each in rest]
+    assert len(numbers) < 100
+    assert numbers == list(range(100))[-len(numbers) :]
+
+
+def test_wrong_messages_are_answered() -> None:
+    board, client = subscribed()
+    board.listen("/R1/cmd_vel", lambda *_: pytest.fail("it drives"))
+    client.receive(advertisement(1, "/R1/cmd_vel", "cdr"))
+    client.receive(advertisement(2, "/goal_pose", "cdr"))
+    assert not client.waiting  # panels announce what they may publish
+    wrong: list[str | bytes] = [
+        *("{", "[]", "7", '{"op": "no_such"}', '{"op": "subscribe"}', "[" * 60_000),
+        *(subscription(1, 2), subscription(1, -1), b"", b"\x07", b"\x01\x01\0\0\0ab"),
+        '{"op": "subscribe", "subscriptions": [{"id": 1e400, "channelId": 1}]}',
+        '{"op": "subscribe", "subscriptions": 3}',
+        subscription(2**40, 1),
+        *(struct.pack("<BI", 1, 9), struct.pack("<BI", 1, 2) + b"abc"),
+    ]
+    for data in wrong:
+        client.waiting.clear()
+        client.receive(data)
+        assert len(statuses(client)) == 1, data
+    assert "/R1/cmd_vel" in statuses(client)[0]
+
+
+def advertisement(number: int, topic: str, encoding: str) -> str:
+    type_ = "geometry_msgs/msg/Twist"
+    each = {"id": number, "topic": topic, "encoding": encoding, "schemaName": type_}
+    return json.dumps({"op": "advertise", "channels": [each]})
+
+
+def twist(speed: float, turn: float) -> bytes:
+    vectors = [messages.vector(speed, 0, 0), messages.vector(0, 0, turn)]
+    fields = Fields(linear=vectors[0], angular=vectors[1])
+    return encode(RosMessage("geometry_msgs/msg/Twist", fields)).data
+
+
+def test_client_drives_in_both_encodings() -> None:
+    board, driven = FoxgloveBoard(), list[tuple[float, float]]()
+    board.listen("/cmd_vel", lambda *speeds: driven.append(speeds))
+    client = board.new_client()
+    client.receive(advertisement(3, "/cmd_vel", "cdr"))
+    client.receive(advertisement(4, "/cmd_vel", "json"))
+    client.receive(struct.pack("<BI", 1, 3) + twist(0.5, -1.0))
+    text = '{"linear": {"x": 0.25}, "angular": {"z": 2}}'
+    client.receive(struct.pack("<BI", 1, 4) + text.encode())
+    assert driven == [(0.5, -1.0), (0.25, 2.0)]
+    client.waiting.clear()
+    client.receive('{"op": "unadvertise", "channelIds": [3]}')
+    client.receive(struct.pack("<BI", 1, 3) + twist(1.0, 0.0))
+    assert len(driven) == 2
+    assert len(statuses(client)) == 1
+
+
+def test_entries_of_a_client_are_limited() -> None:
+    board, client = subscribed()
+    for number in range(1200):
+        client.receive(subscription(number, 1))
+        client.receive(advertisement(number, "/a", "cdr"))
+    assert len(statuses(client)) > 300
+    assert board.types.keys() == {"/a"}
+
+
+@pytest.mark.parametrize(
+    ("origin", "trusted"),
+    [
+        ("https://app.foxglove.dev", True),
+        *(("file://", True), ("foxglove://app", True)),  # programs on a desktop
+        *(("https://evil.example", False), ("http://app.foxglove.dev", False)),
+        *(("null", False), ("", False), ("https://app.foxglove.dev.evil.de", False)),
+    ],
+)
+def test_only_foxglove_is_trusted(origin: str, trusted: bool) -> None:
+    assert FoxgloveBoard().trusts(origin) is trusted
+
+
+@contextmanager
+def bridge(server: UsarsimServer, *options: str) -> Iterator[int]:
+    """Run a bridge with a robot of its own; yield its port."""
+    words = ["ros", "--bridge", "foxglove", "--web", "0", "--robot", "P3AT"]
+    words += ["--connect", f"127.0.0.1:{server.port}", *options]
+    with start_radarsim(*words) as process:
+        assert process.stdout is not None
+        try:
+            line = process.stdout.readline()
+            assert b"Foxglove on ws://127.0.0.1:" in line
+            yield int(line.rpartition(b":")[2])
+        finally:
+            process.terminate()
+            process.communicate(timeout=TIMEOUT)
+
+
+def await_topics(peer: ClientConnection, *wanted: str) -> dict[str, Any]:
+    """Return channels by topic as soon as those that are wanted are there."""
+    found: dict[str, Any] = {}
+    while not found.keys() >= set(wanted):
+        data = peer.recv(TIMEOUT)
+        if isinstance(data, str) and json.loads(data)["op"] == "advertise":
+            found |= {each["topic"]: each for each in json.loads(data)["channels"]}
+    return found
+
+
+@foliage_server
+def test_foxglove_sees_the_world_and_pages_of_others_do_not(
+    usarsim_server: UsarsimServer,
+) -> None:
+    shown = ("--draw", "foliage_room", "--true-map", "--no-namespace", "R1")
+    with bridge(usarsim_server, *shown) as port:
+        address = f"ws://127.0.0.1:{port}"
+        with (
+            pytest.raises(InvalidStatus),
+            connect(address, subprotocols=[SDK], origin=Origin("http://evil.example")),
+        ):
+            pass
+        app = Origin("https://app.foxglove.dev")
+        with connect(address, subprotocols=[SDK], origin=app, max_size=None) as peer:
+            assert peer.subprotocol == SDK
+            topics = ("/scene", "/map", "/robot_description", "/tf", "/lms200/scan")
+            found = await_topics(peer, *topics)
+            for topic in topics:
+                channel = found[topic]["id"]
+                peer.send(subscription(channel, channel))
+            heard: dict[str, Any] = {}
+            while not heard.keys() >= set(topics):
+                data = peer.recv(TIMEOUT)
+                if isinstance(data, bytes) and data[0] == 1:
+                    _, number, _ = struct.unpack("<BIQ", data[:13])
+                    topic = next(t for t in topics if found[t]["id"] == number)
+                    type_ = found[topic]["schemaName"]
+                    heard[topic] = typestore().deserialize_cdr(data[13:], type_)
+    assert len(heard["/scene"].markers) == 16
+    cells = heard["/map"].data.reshape(heard["/map"].info.height, -1)
+    assert {*np.unique(cells)} == {0, 100}
+    assert 'link name="base_link"' in heard["/robot_description"].data
+    assert heard["/lms200/scan"].header.frame_id == "lms200"
+
+
+@pytest.mark.slow
+@foliage_server
+def test_foxgloves_own_client_reads_every_topic_and_drives(
+    usarsim_server: UsarsimServer, tmp_path: Path
+) -> None:
+    install_packages(tmp_path, *PACKAGES)
+    wanted = ["/scene", "/map", "/R1/robot_description", "/R1/odom", "/tf"]
+    wanted += ["/tf_static", "/R1/lms200/scan", "/R1/lms200/echoes", "/clock"]
+    with bridge(
+        usarsim_server, "--draw", "foliage_room", "--true-map", "--echoes"
+    ) as port:
+        program = SUPPORT / "foxglove_questions.mjs"
+        words = ["node", str(program), str(tmp_path), str(port), "/R1/cmd_vel"]
+        told = json.loads(subprocess.check_output([*words, *wanted], timeout=TIMEOUT))
+        with connect(f"ws://127.0.0.1:{port}", subprotocols=[SDK]) as peer:
+            channel = await_topics(peer, "/R1/odom")["/R1/odom"]["id"]
+            peer.send(subscription(1, channel))
+            while (data := peer.recv(TIMEOUT))[:1] != b"\x01":
+                pass
+            assert isinstance(data, bytes)
+            odometry: Any = typestore().deserialize_cdr(
+                data[13:], "nav_msgs/msg/Odometry"
+            )
+    assert told["status"] == []
+    assert told["info"]["name"] == "radarsim"
+    assert told["times"] == sorted(told["times"])
+    assert len(told["messages"]["/scene"]["markers"]) == 16
+    assert told["messages"]["/map"]["info"]["resolution"] == pytest.approx(0.05)
+    assert told["messages"]["/R1/lms200/scan"]["ranges"] == 181
+    stamp = told["messages"]["/R1/odom"]["header"]["stamp"]
+    told_at = told["stamps"]["/R1/odom"] / 1e9
+    assert told_at - stamp["sec"] - stamp["nsec"] / 1e9 == pytest.approx(0, abs=0.05)
+    assert odometry.pose.pose.position.x > 0.01
