@@ -7,7 +7,6 @@ import math
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,21 +18,15 @@ import pytest
 from PIL import Image
 from processes import start_radarsim
 
-from radarsim.addons.recording.bag import BagReader
-from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder
-from radarsim.addons.recording.cdr import typestore
-from radarsim.addons.recording.host_recorder import HostRecorder, RunEvent
-from radarsim.addons.recording.messages import RosMessage, TopicMessage
-from radarsim.addons.recording.recording_process import write_recording
 from radarsim.addons.ros.commands import BridgeOptions, ros
+from radarsim.addons.ros.pictures import as_jpeg
 from radarsim.addons.ros.topic_options import TopicOptions
 from radarsim.addons.testing import UsarsimServer
 from radarsim.cli.fields import Server
 from radarsim.client import Client
 from radarsim.errors import MissingPackage, ServerError
+from radarsim.protocol.images import ImageType, encode_raw
 from radarsim.protocol.reports import GroundTruth, WatchedLine
-from radarsim.scene.scene import Scene
-from radarsim.server.host import Host
 
 TIMEOUT = 240  # s that a busy machine may need
 SUPPORT = Path(__file__).parents[2] / "support"
@@ -156,15 +149,21 @@ def check_world(told: dict[str, Any]) -> None:
     assert info["k"][0] == pytest.approx(shown.size[0] / 2 / math.tan(math.radians(40)))
 
 
-def decoded(data: bytes, type_: str) -> Any:
-    return typestore().deserialize_cdr(data, type_)
+def test_raw_pictures_become_jpeg() -> None:
+    rows = [bytes((0, 0, 250)) * 18] * 10  # blue, green, red
+    shown = Image.open(io.BytesIO(as_jpeg(ImageType.RAW, encode_raw(18, 10, rows))))
+    assert shown.size == (18, 10)
+    red, green, blue = np.asarray(shown).mean(axis=(0, 1))
+    assert red > 200
+    assert max(green, blue) < 50
+    with pytest.raises(ValueError, match="raw picture of 3 bytes"):
+        as_jpeg(ImageType.RAW, b"abc")
 
 
-@pytest.mark.parametrize("dialect", ["compat", "udk"])  # JPEG, and raw pictures
-def test_participant_sees_the_world_of_a_live_run(dialect: str) -> None:
+def test_participant_sees_the_world_of_a_live_run() -> None:
     pytest.importorskip("cyclonedds")
     words = ["serve", "foliage_room", "--port", "0", "--image-port", "0"]
-    with start_radarsim(*words, "--dialect", dialect) as server:
+    with start_radarsim(*words) as server:
         assert server.stdout is not None
         ports: dict[bool, str] = {}  # that of images is True
         try:
@@ -188,41 +187,6 @@ def test_participant_sees_the_world_of_a_live_run(dialect: str) -> None:
             server.terminate()
             server.communicate(timeout=TIMEOUT)
     check_world(json.loads(out))
-
-
-def test_participant_sees_the_world_of_a_recorded_run(
-    foliage_room: Scene, tmp_path: Path
-) -> None:
-    pytest.importorskip("cyclonedds")
-    from radarsim.addons.ros.dds import DdsParticipant
-
-    events: list[RunEvent] = []
-    recorder = HostRecorder(events.append, camera_interval=20)
-    host = Host(foliage_room, observers=[recorder])
-    host.receive(host.connect(), b"INIT {ClassName P3AT_Compare} {Name R1}\r\n")
-    for _ in range(60):
-        host.step()
-        for number in host.clients_to_send():
-            host.take(number)
-    recorder.end()
-    create_folder(tmp_path / "run")
-    write_recording(tmp_path / "run", RecordingInfo(version="1"), events, foliage_room)
-    domain = 202 + os.getpid() % 30  # of its own, as it stays until this process ends
-    side = DdsParticipant(domain)
-    played = [
-        TopicMessage(topic, RosMessage(type_, fields), latched)
-        for topic, (type_, data), _, latched in BagReader(tmp_path / "run").messages()
-        for fields in (decoded(data, type_),)
-        if not topic.startswith("/radarsim")
-    ]
-    with start_viewer(domain) as viewer:
-        while viewer.poll() is None:  # it may come too late for what is not latched
-            for message in played:
-                side.publish(message)
-            played = [each for each in played if not each.latched]
-            time.sleep(0.5)
-        assert viewer.stdout is not None
-        check_world(json.loads(viewer.stdout.read()))
 
 
 @foliage_server
