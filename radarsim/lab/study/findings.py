@@ -272,7 +272,7 @@ def draw_study(summaries: Summaries) -> Figure:
     """
     figure = Figure((11.0, 6.6), layout="constrained")
     figure.suptitle(
-        textwrap.fill(headline(summaries), _TITLE_WIDTH),
+        textwrap.fill(headline(summaries), _TITLE_WIDTH, break_on_hyphens=False),
         x=0.01,
         ha="left",
         fontsize=14,
