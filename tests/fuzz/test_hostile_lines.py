@@ -32,7 +32,7 @@ MAX_LOG_TEXT = 1000  # characters of a diagnostic
 CELL = (40.0, 40.0)  # x, y of a closed box outside the room, m
 
 LINE = re.compile(
-    rb"(SEE \{Robot [^{}]+\} )?(NFO|STA|MISSTA|SEN|CONF|GEO)( ?\{[ -z|~]+\})+\r\n"
+    rb"(SEE \{Robot [^{}]+\} )?(NFO|STA|MISSTA|ASTA|SEN|CONF|GEO)( ?\{[ -z|~]+\})+\r\n"
 )
 VALID = (
     b"INIT {ClassName USARBot.P3AT} {Name R1} {Start RobotStart1}",
