@@ -34,9 +34,14 @@ class FmcwSettings(BaseModel):
             cosecant, degrees; 0 for a beam that is symmetric.
         sidelobe_db: Mean two-way level of the sidelobes in azimuth, dB.
         leakage_db: What the transmitter leaks into the receiver, dB over the noise.
-        leakage_range: Range at which the leakage shows, m.
+        leakage_range: Range as far as which the leakage is even, m; it ends at twice
+            that range.
+        phase_noise_db: Noise in each bin by the transmitter's phase, dB over all power
+            that comes from the same direction.
         full_scale_dbm: Power of a tone that just fills the converter, dBm; what is
-            more is clipped.
+            more is clipped. The receiver has one channel: a harmonic beyond the last
+            bin folds back.
+        clip_skew: By which share of that the converter ends earlier below than above.
         count_db: Decibels in a count.
         floor_count: Count of the median of the noise.
         rays_across: Rays in each step of azimuth.
@@ -62,7 +67,9 @@ class FmcwSettings(BaseModel):
     sidelobe_db: Annotated[float, Field(ge=-300, le=-10)] = -50.0
     leakage_db: Decibels = -300.0
     leakage_range: Annotated[float, Field(ge=0, le=100)] = 0.0
+    phase_noise_db: Decibels = -300.0
     full_scale_dbm: Decibels = 100.0
+    clip_skew: Annotated[float, Field(ge=0, le=1)] = 0.0
     count_db: Annotated[float, Field(ge=0.01, le=10)] = 0.5
     floor_count: Annotated[float, Field(ge=0, le=255)] = 17.0
     rays_across: Annotated[int, Field(ge=1, le=64)] = 8

@@ -166,19 +166,49 @@ def test_turns_along_a_path_are_written_as_in_a_data_set(
     path, folder = tmp_path / "way.tum", tmp_path / "sequence"
     path.write_text("# a path\n5 -8 0 0 0 0 0 1\n6 -7 0 0 0 0 0 1\n")
     options = ["--path", str(path), "-o", str(folder)]
-    assert radarsim("spectrum", "foliage_room", *SMALL, *options).code == 0
-    names = [f"{5_000_000 + 250_000 * turn}.png" for turn in range(4)]
+    result = radarsim("spectrum", "foliage_room", *SMALL, *options)
+    assert result.code == 0
+    assert "readers of oxford assume bins of 0.0432 m, not 0.0438 m" in result.err
+    # Times of a few digits are counted from an epoch: readers sort names as text.
+    epoch = 1_600_000_000
+    start = 1_000_000 * epoch + 5_000_000
+    names = [f"{start + 250_000 * turn}.png" for turn in range(4)]
     assert sorted(each.name for each in (folder / "radar").iterdir()) == names
     listed = (folder / "radar.timestamps").read_text().splitlines()
     assert listed == [f"{name.removesuffix('.png')} 1" for name in names]
     poses = np.loadtxt(folder / "poses.tum")
-    assert poses[:, 0] == pytest.approx([5.125, 5.375, 5.625, 5.875])
+    times = poses[:, 0] - epoch
+    assert times == pytest.approx([5.125, 5.375, 5.625, 5.875], abs=1e-5)
+    notes = (folder / "README.md").read_text()
+    assert "bins of 0.0438 m" in notes
+    assert f"{epoch} s were added" in notes
     assert poses[:, 1] == pytest.approx([-7.875, -7.625, -7.375, -7.125])
     assert poses[:, 3] == pytest.approx(0.346)
     assert poses[:, 7] == pytest.approx(1)
     with Image.open(folder / "radar" / names[0]) as image:
         counts = np.asarray(image)[25, 11:]
     assert 0.0438 * counts[60:].argmax() + 2.6 == pytest.approx(6.4, abs=0.3)
+
+
+def test_kit_of_radiate_finds_images_from_above(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    """Its kit reads the times and images of Navtech_Cartesian, as words and numbers."""
+    path, folder = tmp_path / "way.tum", tmp_path / "sequence"
+    path.write_text("0 -8 0 0 0 0 0 1\n0.5 -8 0 0 0 0 0 1\n")
+    options = ["--path", str(path), "-o", str(folder), "--layout", "radiate"]
+    result = radarsim("spectrum", "foliage_room", *SMALL, *options)
+    assert result.code == 0
+    listed = (folder / "Navtech_Cartesian.txt").read_text().splitlines()
+    frames = [line.split()[1] for line in listed]
+    assert frames == ["000001", "000002"]
+    assert [float(line.split()[3]) for line in listed] == [1.6e9, 1.6e9 + 0.25]
+    with Image.open(folder / "Navtech_Cartesian" / "000001.png") as image:
+        counts = np.asarray(image).astype(int)
+    assert counts.shape == (1152, 1152)
+    # The south wall is 6.4 m to the right, which is 37 pixels of 0.1736 m.
+    right = counts[574:578, 576 + 15 :].mean(axis=0)
+    assert right.argmax() + 15 == pytest.approx(6.4 / 0.173611, abs=2)
 
 
 @pytest.mark.parametrize(

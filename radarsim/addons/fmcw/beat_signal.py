@@ -10,6 +10,14 @@ beyond the range of the converter is clipped. Window and FFT then make the spect
 speckle, sidelobes in range, the colour of the noise, and what saturation does to a
 whole direction follow by themselves, and nothing is drawn for a bin of the result.
 
+The receiver has one channel, a real signal. What is clipped has harmonics, so that a
+strong echo from R shows at 3 R as well, and at 2 R as far as the converter ends earlier
+on one side than on the other. What is beyond the end of the spectrum folds back.
+
+The leakage comes back by many short ways, of the antenna and its radome, whose phases
+are others in each sweep. The phase of the transmitter is not quite steady: in a
+direction with strong echoes the noise is higher at all ranges.
+
 Amplitudes are in units of the noise in a bin.
 """
 
@@ -192,39 +200,56 @@ def beat_rows(
         tones: Echoes of points, in any directions.
         streams: Source of noise: a stream for each direction.
     """
-    samples, shape, window = (
-        sample_count(settings),
-        noise_shape(settings),
-        window_of(settings),
-    )
-    # White noise of this amplitude has a mean power of 1 in a bin.
-    amplitude = np.float32(1 / math.sqrt(2 * float((window**2).sum())))
-    full_scale = watts(settings.full_scale_dbm) / noise_power(settings)
-    limit = np.float32(math.sqrt(float(full_scale)))
+    samples, length = sample_count(settings), fft_length(settings)
+    shape, window = noise_shape(settings), window_of(settings).astype(np.float32)
+    limits, leakage = _limits(settings), _leakage(settings)
     per_noise = 1 / np.sqrt(shape)
     power = np.zeros((len(field), settings.bins), np.float32)
     for start in range(0, len(field), ROWS_AT_ONCE):
         rows, row = slice(start, start + ROWS_AT_ONCE), first + start
         amplitudes: Signal = field[rows].view(np.complex64)
-        sweeps: Signal = np.zeros((len(amplitudes), fft_length(settings)), np.complex64)
+        sweeps: Signal = np.zeros((len(amplitudes), length // 2 + 1), np.complex64)
         np.multiply(amplitudes, per_noise, out=sweeps[:, : settings.bins])
-        sweeps = fft.ifft(sweeps, axis=1, norm="forward", overwrite_x=True)
-        sweeps[:, samples:] = 0  # a sweep has no more samples; the rest is padding
-        signal = sweeps[:, :samples]
-        _add_tones(settings, signal, row, tones)
-        signal += _leakage(settings)
-        noise = np.zeros((len(signal), 2 * samples), np.float32)
-        for number, line in enumerate(noise, row):
+        random = np.zeros((len(sweeps), samples + 2 * len(leakage)), np.float32)
+        for number, line in enumerate(random, row):
             streams.fill_normal(number, line)
-        noise *= amplitude
-        signal += noise.view(np.complex64)
-        # The converter clips both of its channels: that spreads over the whole sweep.
-        parts = signal.view(np.float32)
-        if parts.max(initial=0.0) > limit or parts.min(initial=0.0) < -limit:
-            np.clip(parts, -limit, limit, out=parts)
-        signal *= window.astype(np.float32)
-        _square(fft.fft(sweeps, axis=1, overwrite_x=True), shape, power[rows])
+        ways = np.ascontiguousarray(random[:, samples:]).view(np.complex64)
+        sweeps[:, : len(leakage)] += leakage * ways
+        # Twice the real part of the tones: the FFT finds their amplitudes again.
+        sweep = fft.irfft(sweeps, length, axis=1, norm="forward", overwrite_x=True)
+        sweep[:, samples:] = 0  # a sweep has no more samples; the rest is padding
+        signal = sweep[:, :samples]
+        _add_tones(settings, signal, row, tones)
+        _add_noise(settings, signal, random[:, :samples])
+        # What the converter clips spreads over the whole sweep.
+        if signal.max(initial=0.0) > limits[1] or signal.min(initial=0.0) < limits[0]:
+            np.clip(signal, *limits, out=signal)
+        signal *= window
+        _square(fft.rfft(sweep, axis=1, overwrite_x=True), shape, power[rows])
     return power
+
+
+def _limits(settings: FmcwSettings) -> tuple[np.float32, np.float32]:
+    """Return the least and the greatest sample that the converter knows."""
+    full_scale = watts(settings.full_scale_dbm) / noise_power(settings)
+    limit = 2 * math.sqrt(float(full_scale))
+    return np.float32((settings.clip_skew - 1) * limit), np.float32(limit)
+
+
+def _add_noise(settings: FmcwSettings, signal: Power, white: Power) -> None:
+    """Add thermal noise to sweeps, and that of the transmitter's phase.
+
+    Args:
+        settings: The radar.
+        signal: (N, S) the sweeps.
+        white: (N, S) standard normal numbers, overwritten.
+    """
+    # Of this amplitude it has a mean power of 1 in a bin.
+    thermal = 1 / math.sqrt(float((window_of(settings) ** 2).sum()))
+    received = np.einsum("ns,ns->n", signal, signal) / (2 * signal.shape[1])
+    share = 10 ** (settings.phase_noise_db / 10)
+    white *= (thermal * np.sqrt(1 + share * received)).astype(np.float32)[:, None]
+    signal += white
 
 
 @njit_cached
@@ -235,29 +260,30 @@ def _square(spectra: Signal, shape: Power, power: Power) -> None:
             power[row, b] = shape[b] * (field.real**2 + field.imag**2)
 
 
-def _add_tones(
-    settings: FmcwSettings, signal: Signal, first: int, tones: Tones
-) -> None:
+def _add_tones(settings: FmcwSettings, signal: Power, first: int, tones: Tones) -> None:
     """Add the tones of points to the directions from ``first`` on."""
-    shape, samples = noise_shape(settings), signal.shape[1]
+    shape, samples = noise_shape(settings), np.arange(signal.shape[1])
     own = tones.of_rows(range(first, first + len(signal)))
     for row, distance, phase, power in zip(*own, strict=True):
         place = distance / settings.bin_size
         level = np.interp(place, np.arange(len(shape)), shape)
-        amplitude = np.sqrt(power / level) * np.exp(1j * phase)
-        signal[row - first] += _tone(amplitude, place / fft_length(settings), samples)
+        turns = 2 * np.pi * place / fft_length(settings) * samples
+        tone = 2 * np.sqrt(power / level) * np.cos(turns + phase)
+        signal[row - first] += tone.astype(np.float32)
 
 
 @lru_cache(maxsize=16)
-def _leakage(settings: FmcwSettings) -> Signal:
-    """Return what the transmitter leaks: the same tone in all directions."""
-    turn = settings.leakage_range / settings.bin_size / fft_length(settings)
-    amplitude = 10 ** (settings.leakage_db / 20)
-    return _tone(amplitude, turn, sample_count(settings))
+def _leakage(settings: FmcwSettings) -> Power:
+    """Return the rms amplitudes of the leakage by bin, (L,), for normal numbers.
 
-
-def _tone(amplitude: complex, turn: float, samples: int) -> Signal:
-    """Return a tone that turns by ``turn`` from one sample to the next."""
-    phases = 2j * np.pi * turn * np.arange(samples)
-    tone: Signal = (amplitude * np.exp(phases)).astype(np.complex64)
-    return tone
+    Its level is even as far as ``leakage_range``; from there to twice that range its
+    decibels fall to those of the noise.
+    """
+    bins = math.ceil(2 * settings.leakage_range / settings.bin_size)
+    ranges = np.arange(min(bins, settings.bins)) * settings.bin_size
+    share = np.clip(2 - ranges / max(settings.leakage_range, 1e-9), 0, 1)
+    # The window adds up what is in the bins of one resolution.
+    window = window_of(settings)
+    spread = float((window**2).sum()) * fft_length(settings)
+    power = 10 ** (settings.leakage_db * share / 10) / spread
+    return np.asarray(np.sqrt(power / 2), np.float32)

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from radarsim.sensors.range_scanner import RangeScanner
 
 _ENDINGS: Final = ("png", "svg", "pdf", "npz", "csv")
+ALIKE: Final = 1e-3  # by which sizes of bins may differ without a warning
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -294,27 +295,53 @@ def _write_sequence(folder: Path, layout: str, turns: Iterable[DrivenTurn]) -> i
     """
     from radarsim.addons.fmcw.image_files import (
         LAYOUTS,
+        cartesian_image,
+        epoch_of,
         file_name,
         image_of,
         list_line,
+        sequence_notes,
     )
 
-    images_name, list_name = LAYOUTS[layout]
-    images = folder / images_name
+    images = folder / LAYOUTS[layout][0]
     try:
         images.mkdir(parents=True, exist_ok=True)
+        if layout == "radiate":
+            (folder / "Navtech_Cartesian").mkdir(exist_ok=True)
     except OSError as error:
         text = f"cannot make {images}: {describe_os_error(error)}"
         raise click.BadParameter(text, param_hint="-o") from None
     lines, poses = [], ["# time x y z qx qy qz qw, of the antenna in the middle\n"]
+    epoch_us, notes = 0, ""
     for number, turn in enumerate(turns, 1):
-        time_us = round(turn.time * 1e6)
+        settings, time_us = turn.spectrum.settings, round(turn.time * 1e6)
+        if number == 1:
+            epoch_us = epoch_of(layout, settings.bin_size, time_us)
+            start_us = time_us + epoch_us
+            _warn_of_bins(layout, settings.bin_size, start_us)
+            notes = sequence_notes(layout, turn.spectrum, start_us, epoch_us)
+        time_us += epoch_us
         name = file_name(turn.spectrum, layout, time_us=time_us, number=number)
         write_file(images / name, image_of(turn.spectrum, layout, time_us=time_us))
+        if layout == "radiate":
+            seen = cartesian_image(turn.spectrum)
+            write_file(folder / "Navtech_Cartesian" / name, seen)
         lines.append(list_line(layout, name, time_us))
-        poses.append(turn.tum_line())
+        poses.append(turn.tum_line(epoch_us / 1e6))
     # After the images, so that the list of a sequence that was interrupted names no
     # missing one.
-    write_file(folder / list_name, "".join(lines).encode())
+    for list_name in LAYOUTS[layout][1:]:
+        write_file(folder / list_name, "".join(lines).encode())
     write_file(folder / "poses.tum", "".join(poses).encode())
+    write_file(folder / "README.md", notes.encode())
     return len(lines)
+
+
+def _warn_of_bins(layout: str, bin_size: float, time_us: int) -> None:
+    """Tell on the terminal if readers of a data set assume bins of another size."""
+    from radarsim.addons.fmcw.image_files import assumed_bin
+
+    assumed = assumed_bin(layout, time_us)
+    if abs(bin_size / assumed - 1) > ALIKE:
+        text = f"readers of {layout} assume bins of {assumed:g} m, not {bin_size:g} m"
+        click.echo(f"warning: {text}: set that in them", err=True)

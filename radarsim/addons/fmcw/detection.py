@@ -10,9 +10,13 @@ factor above it is exact for noise of exponential power. With N independent bins
     OS   Pfa = product over i < k of (N - i) / (N - i + alpha)
 
 Neighbouring bins of a padded and windowed FFT are not independent. So training bins are
-some resolutions apart, and CA's factor is that of what correlation remains: the mean of
-N correlated bins is a sum of independent ones, weighted by the eigenvalues of their
-covariance, and Pfa = product of 1 / (1 + alpha lambda_i / N).
+some resolutions apart, and CA's factor is that of what correlation remains, among them
+and with the bin that is compared. With C the covariance of the fields of all of these,
+and D = diag(1, -alpha / N, ..., -alpha / N), a bin is over the threshold where a
+quadratic form of independent fields is above 0, whose weights are the eigenvalues of
+C D. One of these, u, is positive, the others are -v_i, and
+
+    Pfa = product of 1 / (1 + v_i / u)
 
 Sources: H. Rohling, "Radar CFAR thresholding in clutter and multiple target
 situations", IEEE Trans. AES 19, 1983. For the k strongest bins: D. Adolfsson and
@@ -26,7 +30,6 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigvalsh, toeplitz
 from scipy.optimize import brentq
 
 from radarsim.addons.fmcw.radar_equation import dbm_of, noise_correlation
@@ -162,36 +165,57 @@ def training_of(settings: FmcwSettings) -> Training:
 
 @lru_cache(maxsize=16)
 def training_correlation(settings: FmcwSettings, training: Training) -> Floats:
-    """Return the correlation of the noise's field between training bins, (N / 2,)."""
-    lags = np.arange(training.bins // 2, dtype=np.float64) * training.step
-    return noise_correlation(settings, lags)
+    """Return the correlation of the noise's field by the distance of bins, (L,)."""
+    half = training.bins // 2
+    farthest = training.guard + 1 + (half - 1) * training.step
+    return noise_correlation(settings, np.arange(2.0 * farthest + 1))
 
 
-def ca_factor(count: int, pfa: float, correlation: Floats | None = None) -> float:
+def ca_factor(count: int, pfa: float) -> float:
     """Return alpha of CA: by how much a bin must exceed the mean of its training bins.
 
     Args:
-        count: N.
+        count: N, of independent bins.
         pfa: Probability of a false alarm.
-        correlation: (N / 2,) of the field of the noise, by the distance between
-            training bins of one side; None for independent ones.
 
     >>> round(ca_factor(32, 1e-4), 3)
     10.673
     """
     _check_pfa(pfa)
-    if correlation is None:
-        return float(count * (pfa ** (-1 / count) - 1))
-    return _correlated_factor(count, pfa, tuple(correlation.tolist()))
+    return float(count * (pfa ** (-1 / count) - 1))
+
+
+def correlated_factor(
+    training: Training, sides: int, pfa: float, correlation: Floats
+) -> float:
+    """Return alpha of CA for bins that are not independent.
+
+    Args:
+        training: The training bins.
+        sides: On how many sides of a bin they are, 1 or 2.
+        pfa: Probability of a false alarm.
+        correlation: (L,) of the field of the noise, by the distance of bins.
+    """
+    _check_pfa(pfa)
+    return _correlated_factor(training, sides, pfa, tuple(correlation.tolist()))
 
 
 @lru_cache(maxsize=64)
-def _correlated_factor(count: int, pfa: float, correlation: tuple[float, ...]) -> float:
-    half = min(count, len(correlation))
-    # Bins of the two sides are so far apart that they are independent. Their power is
-    # the sum of two squares of the field, so that its eigenvalues count.
-    values = np.tile(eigvalsh(toeplitz(correlation[:half])), count // half)
-    return _root(lambda alpha: -float(np.log1p(alpha * values / count).sum()), pfa)
+def _correlated_factor(
+    training: Training, sides: int, pfa: float, correlation: tuple[float, ...]
+) -> float:
+    one = training.guard + 1 + np.arange(training.bins // 2) * training.step
+    places = np.concatenate([np.zeros(1, np.int64), one, -one][: 1 + sides])
+    covariance = np.array(correlation)[np.abs(np.subtract.outer(places, places))]
+    count = len(places) - 1
+
+    def log_pfa(alpha: float) -> float:
+        weights = np.full(count + 1, -alpha / count)
+        weights[0] = 1.0
+        values = np.sort(np.linalg.eigvals(covariance * weights).real)
+        return -float(np.log1p(np.maximum(-values[:-1], 0.0) / values[-1]).sum())
+
+    return _root(log_pfa, pfa)
 
 
 @lru_cache(maxsize=64)
@@ -242,12 +266,17 @@ def ca_mask(
         power: (A, B) power.
         training: Which bins a bin is compared with.
         pfa: Probability of a false alarm in a bin.
-        correlation: As in ``ca_factor``.
+        correlation: As in ``correlated_factor``; None for independent bins.
     """
     half = training.bins // 2
-    both = ca_factor(training.bins, pfa, correlation)
     # By how many sides have training bins.
-    factors = np.array([math.inf, ca_factor(half, pfa, correlation), both])
+    factors = np.full(3, math.inf)
+    for sides in (1, 2):
+        factors[sides] = (
+            ca_factor(sides * half, pfa)
+            if correlation is None
+            else correlated_factor(training, sides, pfa, correlation)
+        )
     found = np.zeros(power.shape, np.bool_)
     _find_ca(power, training.guard + 1, training.step, half, factors, found)
     return found

@@ -34,17 +34,19 @@ _COSINES: Final = {
 
 
 def fft_length(settings: FmcwSettings) -> int:
-    """Return the length of the FFT of a sweep.
+    """Return the length of the FFT of a sweep, an even number.
 
-    It is longer than the bins by so much that what is strong in the first of them does
-    not show in the last: its main lobe reaches below zero.
+    The receiver has one channel: of the spectrum of its real samples the first half
+    counts. That is longer than the bins, so that the main lobe of what is beyond the
+    last of them does not show in it.
     """
-    return int(next_fast_len(settings.bins + math.ceil(WRAPPED * settings.padding)))
+    half = settings.bins + math.ceil(WRAPPED * settings.padding)
+    return 2 * int(next_fast_len(half, real=True))
 
 
 def sample_count(settings: FmcwSettings) -> int:
     """Return the number of samples of a sweep; the rest of the FFT is padding."""
-    return max(round(fft_length(settings) / settings.padding), 2)
+    return max(round(fft_length(settings) / settings.padding), 4)
 
 
 @lru_cache(maxsize=16)

@@ -95,10 +95,14 @@ class DrivenTurn:
     time: float
     spectrum: Spectrum
 
-    def tum_line(self) -> str:
-        """Return its pose as a line of a path in the format of TUM's tools."""
+    def tum_line(self, epoch: float = 0.0) -> str:
+        """Return its pose as a line of a path in the format of TUM's tools.
+
+        Args:
+            epoch: Added to its time, s.
+        """
         pose, settings = self.spectrum.pose, self.spectrum.settings
-        middle = self.time + settings.azimuths * settings.sweep_time / 2
+        middle = epoch + self.time + settings.azimuths * settings.sweep_time / 2
         turned = Orientation.from_euler("ZYX", [pose.yaw, pose.pitch, pose.roll])
         numbers = [pose.x, pose.y, pose.z, *turned.as_quat()]
         return " ".join([f"{middle:.6f}", *(f"{each:.6f}" for each in numbers)]) + "\n"

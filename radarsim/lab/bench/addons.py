@@ -67,7 +67,7 @@ def turns_of_a_radar(seconds: float) -> Iterator[BenchmarkRow]:
     settings, tracer = radar.settings, tracer_of(scene)
     view = fixed_viewpoints(pose, radar.times(0))
     _, rays = radar.aim(scene, view, -1, range(settings.azimuths))
-    signal = np.ones((settings.azimuths, fft_length(settings)), np.complex64)
+    signal = np.ones((settings.azimuths, fft_length(settings) // 2), np.complex64)
 
     def trace_and_transform() -> None:
         tracer.trace(rays, events=True, incidence=True)

@@ -9,6 +9,7 @@ from radarsim.addons.fmcw.detection import (
     Training,
     ca_factor,
     ca_mask,
+    correlated_factor,
     os_factor,
     os_mask,
     peaks_of,
@@ -35,8 +36,9 @@ EDGE = 40  # bins that have fewer than all training bins
 )
 def test_factor_of_ca(count: int, pfa: float, factor: float) -> None:
     assert ca_factor(count, pfa) == pytest.approx(factor, abs=1e-3)
-    independent = np.eye(1, count // 2)[0]
-    assert ca_factor(count, pfa, independent) == pytest.approx(factor, abs=1e-3)
+    independent = np.eye(1, 200)[0]
+    found = correlated_factor(Training(count, 2, 3), 2, pfa, independent)
+    assert found == pytest.approx(factor, abs=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -118,6 +120,21 @@ def test_false_alarms_in_a_padded_spectrum(window: str, detector: str) -> None:
             found = os_mask(power, training, 1e-3, 24)
         shares.append(found.mean())
     assert np.mean(shares) == pytest.approx(1e-3, rel=0.15)
+
+
+@pytest.mark.parametrize("window", ["hann", "blackman"])
+def test_rare_false_alarms_in_a_windowed_spectrum(window: str) -> None:
+    """At 1e-4, over some 1e7 bins: within 10 %."""
+    settings = radar(window=window, bins=3768, bin_size=0.1736).settings
+    training = training_of(settings)
+    correlation = training_correlation(settings, training)
+    shares = []
+    for seed in range(7):
+        power = beat_spectrum(
+            settings, no_echoes(settings), NO_TONES, generator_for(seed)
+        )
+        shares.append(ca_mask(power, training, 1e-4, correlation).mean())
+    assert np.mean(shares) == pytest.approx(1e-4, rel=0.1)
 
 
 def test_detection_of_a_fluctuating_target() -> None:

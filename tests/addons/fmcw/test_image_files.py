@@ -7,7 +7,12 @@ import pytest
 from PIL import Image
 
 import radarsim
-from radarsim.addons.fmcw.image_files import file_name, image_of
+from radarsim.addons.fmcw.image_files import (
+    assumed_bin,
+    epoch_of,
+    file_name,
+    image_of,
+)
 from radarsim.addons.fmcw.spectrum import Spectrum
 from radarsim.scene.scene import Scene
 
@@ -63,3 +68,23 @@ def test_files_have_the_names_of_the_data_set(
 def test_unknown_layout_is_an_error(turn: Spectrum) -> None:
     with pytest.raises(ValueError, match="expected one of"):
         image_of(turn, "kitti")
+
+
+@pytest.mark.parametrize(
+    ("layout", "bin_size", "start", "epoch", "assumed"),
+    [
+        pytest.param("oxford", 0.0438, 0, 1.6e15, 0.0432, id="oxford"),
+        pytest.param("oxford", 0.0432, TIME, 0, 0.0432, id="times of today"),
+        pytest.param("boreas", 0.0596, 7, 1.6e15, 0.0596, id="boreas"),
+        pytest.param("boreas", 0.0438, 7, 1.65e15, 0.04381, id="boreas, fine bins"),
+        pytest.param("boreas", 0.0438, TIME, 0, 0.0596, id="boreas, an early time"),
+        pytest.param("radiate", 0.1736, 0, 1.6e15, 0.173611, id="radiate"),
+    ],
+)
+def test_epoch_is_one_for_which_readers_assume_the_bins_if_they_can(
+    layout: str, bin_size: float, start: int, epoch: float, assumed: float
+) -> None:
+    """By pyboreas bins are finer for names above 1632182400 s."""
+    assert epoch_of(layout, bin_size, start) == epoch
+    assert assumed_bin(layout, start + int(epoch)) == assumed
+    assert len(str(start + int(epoch))) == 16
