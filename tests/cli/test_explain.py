@@ -272,8 +272,8 @@ def test_ray_of_a_detectors_beam_loses_decibels_as_its_spectrum_does(
     loss = bush["power_before"] - bush["power_after"]
     assert loss == pytest.approx(3.31 * (bush["exit"] - bush["entry"]), rel=0.01)
     assert told["object"] == "cabinet"
-    last = told["targets"][-1]
-    assert last["range"] == pytest.approx(told["distance"], abs=0.2)
+    ranges = [target["range"] for target in told["targets"]]
+    assert any(abs(each - told["distance"]) < 0.2 for each in ranges)
     lines = radarsim("explain", *words).text.splitlines()
     assert lines[0].endswith("centre ray")  # and not one of 201
     assert lines[1] == "followed to a loss of 75.0 dB one way"
