@@ -54,7 +54,7 @@ from radarsim.sensors.range_scanner import load_sensor, sensor_pose
 
 MAP = "foliage_room"
 PLACE = (-8.0, 0.0, 0.0)
-LIMIT = 4.0
+LIMIT = 5.0
 PLAIN: Final = 20  # robots
 SETTLE_SECONDS: Final = 2.0  # until the radar has turned twice
 TURN: Final = re.compile(rb"\{Type RangeScanner\} \{Name Navtech\}")
