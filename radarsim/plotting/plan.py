@@ -18,20 +18,22 @@ from matplotlib.path import Path
 from shapely import Geometry
 
 from radarsim.geometry import Floats, Pose2
-from radarsim.plotting.palette import MARKER, ROBOT, TARGET, Family, family_of
+from radarsim.plotting.frame import fit_plan
+from radarsim.plotting.labels import Label, write_labels
+from radarsim.plotting.palette import GRID, MARKER, ROBOT, TARGET, Family, family_of
 from radarsim.plotting.style import (
+    SMALL_PRINT,
     Legend,
     area_style,
     as_words,
     draw_scale_bar,
-    write_at,
     write_title,
 )
 from radarsim.presets.robots import RobotModel, load_robot
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import slice_mesh
 from radarsim.scene.material import Material
-from radarsim.scene.scene import Part, Scene
+from radarsim.scene.scene import Part, Scene, StartPose
 
 _TYRE: Final = 0.09  # m, width of a wheel
 HEIGHT: Final = 0.346  # m above the floor; of a P3AT's scanner
@@ -39,21 +41,11 @@ MARGIN: Final = 0.8  # m around what is shown
 ROBOT_CLASS: Final = "P3AT"
 LEAF_OPACITY: Final = 0.35  # of the area around leaves
 _BAR_SPACE: Final = 0.06  # of the height, below what is shown, for the scale bar
-_NAME_SPACE: Final = 0.08  # of the width, on both sides, for names
 _DIGITS: Final = 6  # of rounded end points, so that lines that meet share them
 _WALLS: Final = ("wall", "fence")  # objects of these names need no label
-_SMALL: Final = 1.2  # m; names of smaller objects are written beside them
-_NAME_SHARE: Final = 0.12  # of the width, at most, that a name takes
+MANY: Final = 8  # objects alike; more of them have one name
 _DARK: Final = (Family.WOOD, Family.METAL)  # on which a name cannot be read
-# In points.
-_OFFSETS: Final = {
-    "center": (0, 0),
-    "right": (4, 0),
-    "left": (-4, 0),
-    "above": (0, 12),
-    "below": (0, -13),
-}
-_SIZE: Final = (10.5, 7.2)  # inches
+DPI: Final = 110
 
 
 def draw_robot(
@@ -158,27 +150,33 @@ def _area(part: Part, lines: Floats) -> Geometry:
     return shapely.build_area(shapely.node(segments))
 
 
-def show_extent(axes: Axes, points: Floats, aside: float = 0.0) -> None:
+def show_extent(axes: Axes, points: Floats, *, coordinates: bool = False) -> None:
     """Set the limits of axes to points and a margin; draw a scale bar.
 
     Args:
         axes: Axes in m.
         points: What is to be seen, (N, 2) m.
-        aside: More space on the left and the right, m.
+        coordinates: Whether a grid with coordinates is drawn, in place of the bar.
     """
     if not len(points):
         points = np.zeros((1, 2))
     (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)
-    axes.set_xlim(x0 - MARGIN - aside, x1 + MARGIN + aside)
-    space = _BAR_SPACE * (y1 - y0)
+    space = 0.0 if coordinates else _BAR_SPACE * (y1 - y0)
+    axes.set_xlim(x0 - MARGIN, x1 + MARGIN)
     axes.set_ylim(y0 - MARGIN - space, y1 + MARGIN)
-    draw_scale_bar(axes)
+    if not coordinates:
+        draw_scale_bar(axes)
+        return
+    axes.grid(color=GRID, linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.tick_params(labelsize=SMALL_PRINT, color=GRID)
+    axes.set_ylabel("y, m", fontsize=SMALL_PRINT)
 
 
 def plot_scene(scene: Scene, axes: Axes | None = None) -> Axes:
-    """Draw the plan of a scene with the names of its objects and starts.
+    """Draw the plan of a scene with its coordinates, and the names of its objects.
 
-    The section is at the height of a P3AT's scanner.
+    The section is at the height of a P3AT's scanner; starts are drawn as P3ATs.
 
     Args:
         scene: The map.
@@ -189,34 +187,49 @@ def plot_scene(scene: Scene, axes: Axes | None = None) -> Axes:
     """
     figure = None
     if axes is None:
-        figure = Figure(figsize=_SIZE, dpi=110, layout="compressed")
+        figure = Figure(dpi=DPI)
         axes = figure.add_subplot()
     height = scene.floor_at(0.0, 0.0) + HEIGHT
     plan = draw_plan(axes, scene, height)
     places = np.array([(start.pose.x, start.pose.y) for start in scene.starts])
-    shown = np.concatenate([plan.corners, places.reshape(-1, 2)])
-    show_extent(axes, shown, _NAME_SPACE * np.ptp(shown[:, 0]) if len(shown) else 0.0)
-    name_objects(axes, scene.parts, height)
-    for start in scene.starts:
-        pose = Pose2(start.pose.x, start.pose.y, start.pose.yaw)
-        draw_robot(axes, ROBOT_CLASS, pose, zorder=4)
-        _write(axes, start.name, (pose.x, pose.y), "below")
+    shown = [plan.corners, places.reshape(-1, 2)]
+    labels = [_draw_start(axes, start) for start in scene.starts]
     if scene.trial is not None:
-        axes.plot(*scene.trial.goal, "*", color=TARGET, markersize=12, zorder=5)
-        _write(axes, "goal of the trial", scene.trial.goal, "above")
+        x, y = scene.trial.goal
+        axes.plot(x, y, "*", color=TARGET, mec=MARKER, mew=0.7, ms=13, zorder=5)
+        shown.append(np.array([[x, y]]))
+        labels.append(Label("goal of the trial", x, y, x, y, is_bold=True, radius=5.0))
+    show_extent(axes, np.concatenate(shown), coordinates=True)
     objects = len({part.object_name for part in scene.parts})
     starts = len(scene.starts)
     words = (
         f"{scene.name}: {objects} object{'s' * (objects != 1)},"
         f" {starts} start{'s' * (starts != 1)}"
     )
-    write_title(axes, words, f"section at z {height:.2f} m, where a P3AT scans")
+    section = f"section at z {height:.2f} m, where a P3AT scans"
+    write_title(axes, words, f"x, m; {section}")
+    if figure is not None:
+        fit_plan(figure, axes, coordinates=True)
+    labels += label_objects(scene.parts, height)
+    numbers = write_labels(axes, labels, numbered=figure is not None)
     if figure is not None:
         legend = Legend()
         legend.add_heading("Materials")
         legend.add_materials(plan.materials)
+        legend.add_heading("Names")
+        legend.add_numbers(numbers)
         legend.draw(figure)
     return axes
+
+
+def _draw_start(axes: Axes, start: StartPose) -> Label:
+    """Draw a start as a P3AT; return its label."""
+    pose = Pose2(start.pose.x, start.pose.y, start.pose.yaw)
+    corners = np.concatenate(
+        [each.get_xy() for each in draw_robot(axes, ROBOT_CLASS, pose, zorder=4)]
+    )
+    west, south, east, north = _box_of(corners).bounds
+    return Label(start.name, west, south, east, north, is_bold=True)
 
 
 def name_objects(
@@ -224,14 +237,27 @@ def name_objects(
 ) -> None:
     """Write the name of each object that the section cuts, walls excepted.
 
-    Objects in a row, such as ``bush_1`` and ``bush_2``, have one name together. Names
-    stand in large pale objects, and beside all others.
-
     Args:
         axes: Axes in m, map frame, with their final limits.
         parts: The parts of the scene.
         height: Height of the section, m, map frame.
         most: No names are written if there were more; None for any number.
+    """
+    labels = label_objects(parts, height)
+    if most is None or len(labels) <= most:
+        write_labels(axes, labels)
+
+
+def label_objects(parts: Iterable[Part], height: float) -> list[Label]:
+    """Return the names of objects that a section cuts, walls excepted.
+
+    Objects in a row, such as ``bush_1`` and ``bush_2``, have one name together, and so
+    have many alike that stand apart. Names lie in large pale objects, and beside all
+    others.
+
+    Args:
+        parts: The parts of the scene.
+        height: Height of the section, m, map frame.
     """
     places: dict[str, list[Floats]] = {}
     fills: dict[str, Family] = {}
@@ -240,22 +266,13 @@ def name_objects(
         if len(lines) and not any(word in part.object_name for word in _WALLS):
             places.setdefault(part.object_name, []).append(lines.reshape(-1, 2))
             fills.setdefault(part.object_name, family_of(part.material))
-    first, end = axes.get_xlim()
-    last = end - _NAME_SHARE * (end - first)
     boxes = {name: _box_of(np.concatenate(each)) for name, each in places.items()}
-    names = _names(boxes)
-    if most is not None and len(names) > most:
-        return
-    for text, name in names.items():
+    labels = []
+    for text, name in _names(boxes).items():
         west, south, east, north = boxes[name].bounds
-        small = max(east - west, north - south) < _SMALL
-        y = (south + north) / 2
-        if not small and fills[name] not in _DARK:
-            _write(axes, text, ((west + east) / 2, y))
-        elif east < last:
-            _write(axes, text, (east, y), "right")
-        else:
-            _write(axes, text, (west, y), "left")
+        is_pale = fills[name] not in _DARK
+        labels.append(Label(text, west, south, east, north, is_inside=is_pale))
+    return labels
 
 
 def _box_of(corners: Floats) -> shapely.Polygon:
@@ -270,9 +287,11 @@ def _names(boxes: Mapping[str, shapely.Polygon]) -> dict[str, str]:
     names = {}
     for stem, members in rows.items():
         together = shapely.union_all([boxes[name] for name in members])
+        northmost = max(members, key=lambda name: boxes[name].bounds[3])
         if len(members) > 1 and together.geom_type == "Polygon":
-            northmost = max(members, key=lambda name: boxes[name].bounds[3])
             names[_plural(as_words(stem))] = northmost
+        elif len(members) > MANY:
+            names[f"{len(members)} {_plural(as_words(stem))}"] = northmost
         else:
             names |= {as_words(name): name for name in members}
     return names
@@ -285,22 +304,3 @@ def _plural(word: str) -> str:
     ('bushes', 'young trees')
     """
     return word + ("es" if word.endswith(("s", "x", "ch", "sh")) else "s")
-
-
-def _write(
-    axes: Axes, text: str, place: tuple[float, float], side: str = "center"
-) -> None:
-    """Write a text at a place, or on one side of it, such as ``above``."""
-    write_at(
-        axes,
-        text,
-        place,
-        offset=_OFFSETS[side],
-        ha={"right": "left", "left": "right"}.get(side, "center"),
-        va={"above": "bottom", "below": "top"}.get(side, "center"),
-        fontsize=7,
-        fontweight="bold" if side in ("above", "below") else "normal",
-        parse_math=False,
-        clip_on=True,
-        zorder=7,
-    )

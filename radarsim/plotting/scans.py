@@ -17,7 +17,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from radarsim.geometry import Floats, Pose2
+from radarsim.geometry import Pose2
+from radarsim.plotting.frame import fit_plan
 from radarsim.plotting.marks import (
     END_MARKS,
     add_echo_rows,
@@ -44,7 +45,6 @@ from radarsim.plotting.style import (
     Legend,
     as_words,
     render,
-    scan_points,
     write_title,
 )
 from radarsim.presets.robots import load_robot
@@ -54,17 +54,11 @@ from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor
 from radarsim.sensors.scan import Scan
 
-NOWHERE: Final[Floats] = np.zeros((0, 2))
-_LARGEST: Final = (9.4, 6.6)  # inches of a plan
-_LEGEND: Final = 2.6  # inches beside it
-_PANEL: Final = (6.6, 5.0)  # inches of one of several panels
-_PANEL_LEGEND: Final = 2.4  # inches beside them
-_PANEL_TITLE: Final = 62  # characters of a line of the title of a panel
-_TITLE: Final = 0.9  # inches above and below it
+_PANEL: Final = (5.0, 3.7)  # inches of one of several panels
+_PANEL_LEGEND: Final = 1.2  # inches of their legend and what stands above them
+_COLUMNS: Final = 4  # of their legend
+_PANEL_TITLE: Final = 50  # characters of a line of the title of a panel
 _NAMES: Final = 20  # of objects; with more of them rays could not be seen
-_NARROWEST: Final = 4.0  # inches that a plan has, for the title above it
-_LETTER: Final = 0.155  # inches of a title, on average
-_SMALL_LETTER: Final = 0.08  # inches, likewise, of the text below the plan
 # What a title counts, if there is any.
 _COUNTED: Final = (
     BeamEnd.THROUGH,
@@ -170,25 +164,13 @@ def plot_scans(
         scans: One or more scans of one sensor.
         robot: Pose of the P3AT that carries the sensor; None for the sensor alone.
     """
-    figure = Figure(dpi=120, layout="compressed")
+    figure = Figure(dpi=120)
     axes, legend = figure.add_subplot(), Legend()
     draw_scan(axes, scene, scans, legend, robot=robot)
-    _fit(figure, axes)
+    fit_plan(figure, axes)
+    name_objects(axes, scene.parts, scans[0].pose.z, _NAMES)
     legend.draw(figure)
     return figure
-
-
-def _fit(figure: Figure, axes: Axes) -> None:
-    """Give a figure the size of its plan and a legend; wrap a title that is longer."""
-    (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
-    aspect = (east - west) / (north - south)
-    wide = min(_LARGEST[0], _LARGEST[1] * aspect)
-    width = max(wide, _NARROWEST) + _LEGEND
-    figure.set_size_inches(width, wide / aspect + _TITLE)
-    # By the mean width of letters: the true one is known only when the figure is drawn.
-    title = textwrap.fill(axes.get_title(loc="left"), int(width / _LETTER))
-    small_print = textwrap.fill(axes.get_xlabel(), int(width / _SMALL_LETTER))
-    write_title(axes, title, small_print)
 
 
 def draw_scan(
@@ -198,9 +180,11 @@ def draw_scan(
     legend: Legend | None = None,
     *,
     robot: Pose2 | None = None,
-    include: Floats = NOWHERE,
 ) -> None:
     """Draw scans into axes; arguments as in ``plot_scans``.
+
+    The limits depend on the map and the sensor's place alone, so that all sensors have
+    the same; what mirrors show beyond them is cut off.
 
     Args:
         axes: Axes in m to draw in.
@@ -208,7 +192,6 @@ def draw_scan(
         scans: One or more scans of one sensor.
         legend: Gets rows for what is drawn; several panels may share it.
         robot: Pose of the P3AT that carries the sensor; None for the sensor alone.
-        include: Points, (N, 2) m, that the limits are to contain too.
     """
     legend = legend or Legend()
     plan = draw_plan(axes, scene, scans[0].pose.z)
@@ -228,8 +211,8 @@ def draw_scan(
     legend.add_heading("Materials")
     legend.add_materials(plan.materials)
     _draw_sensor(axes, scans[0], robot)
-    show_extent(axes, np.concatenate([plan.corners, include, *_points(scans)]))
-    name_objects(axes, scene.parts, scans[0].pose.z, _NAMES)
+    place = np.array([[scans[0].pose.x, scans[0].pose.y]])
+    show_extent(axes, np.concatenate([plan.corners, place]))
     words = describe_beams(scene.name, scans)
     write_title(axes, title_scans(scans, sights), words)
 
@@ -239,6 +222,7 @@ def plot_scan(scene: Scene, scan: Scan, axes: Axes | None = None) -> Axes:
     if axes is None:
         return plot_scans(scene, [scan]).axes[0]
     draw_scan(axes, scene, [scan])
+    name_objects(axes, scene.parts, scan.pose.z, _NAMES)
     return axes
 
 
@@ -265,13 +249,6 @@ def _draw_sensor(axes: Axes, scan: Scan, robot: Pose2 | None) -> None:
         draw_robot(axes, ROBOT_CLASS, robot, zorder=6)
     else:
         axes.plot(scan.pose.x, scan.pose.y, "o", color=MARKER, markersize=6, zorder=6)
-
-
-def _points(scans: Sequence[Scan]) -> list[Floats]:
-    """Return the places of the sensor and of all readings, (N, 2) m each."""
-    place = np.array([[scans[0].pose.x, scans[0].pose.y]])
-    # ghosts of mirrors lie outside the map
-    return [place, *(scan_points(s)[np.isfinite(s.ranges)] for s in scans)]
 
 
 class _ShownFigure(Figure):
@@ -322,14 +299,12 @@ def compare(
         scanner.scan(scene, pose, generator_for(seed, scanner.name))
         for scanner in scanners
     ]
-    size = (_PANEL[0] * len(scans) + _PANEL_LEGEND, _PANEL[1])
-    figure = _ShownFigure(figsize=size, dpi=110, layout="constrained")
+    size = (_PANEL[0] * max(len(scans), 2), _PANEL[1] + _PANEL_LEGEND)
+    figure = _ShownFigure(figsize=size, dpi=120, layout="constrained")
     legend, robot = Legend(QUIET), Pose2(place.pose.x, place.pose.y, place.pose.yaw)
-    # The readings of all sensors, so that all panels have the same limits and scale.
-    include = np.concatenate([scan_points(s)[np.isfinite(s.ranges)] for s in scans])
     panels = figure.subplots(1, len(scans), squeeze=False)[0]
     for axes, scan in zip(panels, scans, strict=True):
-        draw_scan(axes, scene, [scan], legend, robot=robot, include=include)
+        draw_scan(axes, scene, [scan], legend, robot=robot)
         words = title_scans([scan], [find_sight(scene, scan)])
         words = textwrap.fill(words, _PANEL_TITLE)
         axes.set_title(words, loc="left", fontsize=11, fontweight="bold")
@@ -337,5 +312,7 @@ def compare(
     figure.suptitle(
         f"{scene.name}, from {place.name}: what each sensor sees", parse_math=False
     )
-    legend.draw(figure)
+    legend.draw(figure, _COLUMNS)
+    for axes in panels:
+        name_objects(axes, scene.parts, pose.z, _NAMES)
     return figure

@@ -6,7 +6,7 @@
 import io
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from textwrap import fill
 from typing import Any, Final
 
@@ -41,6 +41,8 @@ FORMS: Final = ("png", "svg", "pdf")
 # Keys of the date or the version that matplotlib would write.
 _DATES: Final = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}
 MAX_NAMES: Final = 8  # materials of one colour that a legend names
+MAX_NUMBERS: Final = 15  # of labels that a legend explains
+MAX_LETTERS: Final = 50  # of what it says of one of them
 LINE_LENGTH: Final = 26  # characters in a row of a legend
 SMOKE_OPACITY: Final = 0.7
 OUTLINE_SHADE: Final = 0.7  # brightness of the outline of an area
@@ -206,17 +208,40 @@ class Legend:
             if family in names:
                 self.add_area(_listed(names[family]), **area_style(family))
 
-    def draw(self, figure: Figure) -> None:
-        """Place the legend on the right, outside of the axes; nothing without rows."""
+    def add_numbers(self, texts: Mapping[int, str]) -> None:
+        """Add a row for each number, up to ``MAX_NUMBERS``, with what it stands for."""
+        style = {"color": MARKER, "markersize": 7, "markeredgewidth": 0.0}
+        for number, text in list(texts.items())[:MAX_NUMBERS]:
+            self.add_marker(shorten(text, MAX_LETTERS), f"${number}$", **style)
+        if len(texts) > MAX_NUMBERS:
+            self.add_marker(f"and {len(texts) - MAX_NUMBERS} more", "")
+
+    def draw(self, figure: Figure, columns: int = 1) -> None:
+        """Place the legend outside of the axes; nothing without rows.
+
+        Args:
+            figure: The figure. Without a layout engine the legend begins right of its
+                axes.
+            columns: 1 for a legend on the right; several for one below, without
+                headings.
+        """
         rows, headings = self._rows()
+        if columns > 1:
+            rows = [row for number, row in enumerate(rows) if number not in headings]
+            headings = set()
         if not rows:
             return
+        side = "lower center" if columns > 1 else "right center"
+        place: dict[str, Any] = {"loc": f"outside {side}", "ncols": columns}
+        if figure.get_layout_engine() is None:
+            beside = max(axes.get_position().x1 for axes in figure.axes)
+            place = {"loc": "center left", "bbox_to_anchor": (beside, 0.5)}
         legend = figure.legend(
             [sample for sample, _ in rows],
             [" "] * len(rows),  # matplotlib hides texts that begin with "_"
-            loc="outside right center",
             fontsize="small",
             frameon=False,
+            **place,
         )
         labels = zip(legend.get_texts(), rows, strict=True)
         for number, (label, (_, text)) in enumerate(labels):
@@ -244,14 +269,15 @@ class Legend:
 
 def _listed(names: list[str]) -> str:
     """Return names with commas between them, as short lines."""
-    shown = [_shortened(name) for name in names[:MAX_NAMES]]
+    shown = [shorten(name, LINE_LENGTH) for name in names[:MAX_NAMES]]
     if len(names) > MAX_NAMES:
         shown.append(f"and {len(names) - MAX_NAMES} more")
     return ", ".join(shown)
 
 
-def _shortened(name: str) -> str:
-    return name if len(name) <= LINE_LENGTH else f"{name[: LINE_LENGTH - 1]}…"
+def shorten(text: str, longest: int) -> str:
+    """Return a text of at most some letters, with an ellipsis if it was longer."""
+    return text if len(text) <= longest else f"{text[: longest - 1]}…"
 
 
 def area_style(family: Family) -> dict[str, Any]:

@@ -59,8 +59,8 @@ def test_map_is_written_and_summarised_in_lines(
         r" \d\d+\.\d% of what it can get to,"
         r" \d\d\.\d% of what it cannot get to, \d+ cells right,"
         r" \d+ wrong, collisions: 0\n"
-        r"files    map\.png, map\.pgm, map\.yaml, map\.tum, map_view\.png"
-        rf" in {where}\n",
+        r"files    map_view\.png to look at; for programs map\.png, map\.pgm,"
+        rf" map\.yaml, map\.tum; in {where}\n",
         run.text,
     )
     told = [line.split(" s  ")[1] for line in run.err.splitlines()]

@@ -286,3 +286,20 @@ def test_beams_of_a_detector_see_through_what_their_spectrum_does(
     assert "stopped by foliage" in labels(figure)
     words = small_print(figure).replace("\n", " ")
     assert "farthest target of the detector 'ca'" in words
+
+
+def test_pictures_of_all_sensors_have_the_same_frame(foliage_room: Scene) -> None:
+    figures = [
+        plot_scans(foliage_room, [scan_of(foliage_room, preset)])
+        for preset in ("radar", "hokuyo", "navtech_cir204h")
+    ]
+    figures.append(plot_scans(foliage_room, [scan_of(foliage_room, "sick")] * 3))
+    frames = {
+        (
+            *map(float, figure.get_size_inches()),
+            *map(float, figure.axes[0].get_position().extents),
+            *map(float, figure.axes[0].viewLim.extents),
+        )
+        for figure in figures
+    }
+    assert len(frames) == 1

@@ -188,12 +188,14 @@ def spectrum(
     elif ending == "csv":
         data = _as_csv(turns, detector)
     else:
-        data = _as_picture(turns[0], ending, shown, detector)
+        data = _as_picture(turns[0], scene, ending, shown, detector)
     write_file(output, data)
 
 
-def _as_picture(turn: Spectrum, form: str, shown: Shown, detector: Detector) -> bytes:
-    """Draw a turn.
+def _as_picture(
+    turn: Spectrum, scene: Scene, form: str, shown: Shown, detector: Detector
+) -> bytes:
+    """Draw a turn, and the outlines of the map over it.
 
     Raises:
         click.BadParameter: If it has no such direction.
@@ -213,6 +215,7 @@ def _as_picture(turn: Spectrum, form: str, shown: Shown, detector: Detector) -> 
         azimuth=azimuth,
         reach=shown.max_range,
         detections=detector.detect(turn) if detector.detector else None,
+        scene=scene,
     )
     assert isinstance(axes.figure, Figure)
     return render(axes.figure, form)

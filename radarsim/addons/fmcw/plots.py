@@ -1,19 +1,27 @@
-"""Pictures of spectra: from above, by direction and range, and one direction alone."""
+"""Pictures of spectra: from above, by direction and range, and one direction alone.
+
+Over them lie the outlines of the map at the height of the sensor, if it is known.
+"""
 
 import math
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+import shapely
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.plotting.palette import INK, RADAR, RADARS
+from radarsim.plotting.palette import INK, RADAR, RADARS, TRUTH
+from radarsim.robots.obstacles import slice_mesh
 
 if TYPE_CHECKING:
     from radarsim.addons.fmcw.detection import Detections
     from radarsim.addons.fmcw.spectrum import Spectrum
+    from radarsim.scene.scene import Scene
 
 VIEWS: Final = ("cartesian", "polar", "ascope")
 PIXELS: Final = 1000  # along a side of the picture from above
@@ -23,6 +31,8 @@ VISIBLE: Final = 3.0  # dB over the noise, from which on an echo shows
 LEAST_LOUD: Final = 2  # directions at a range, or it is not shown for them
 MARGIN: Final = 1.1  # what is shown, by what has echoes
 SHORTEST_REACH: Final = 5.0  # m
+PIECE: Final = 0.1  # m of an outline that are a straight line in every view
+_DECIBELS: Final = "power over the median of the noise, dB"
 _MARK: Final[dict[str, Any]] = {
     "marker": "o",
     "linestyle": "none",
@@ -45,6 +55,7 @@ def plot_spectrum(
     azimuth: int = 0,
     reach: float | None = None,
     detections: "Detections | None" = None,
+    scene: "Scene | None" = None,
 ) -> Axes:
     """Draw a turn.
 
@@ -56,6 +67,7 @@ def plot_spectrum(
         azimuth: The direction of an A-scope.
         reach: Longest range that is shown, m; None for what is above the noise.
         detections: Targets to be marked.
+        scene: The map, whose outlines are drawn over the turn.
 
     Raises:
         ValueError: If there is no such view or azimuth.
@@ -66,18 +78,25 @@ def plot_spectrum(
     if not 0 <= azimuth <= last:
         raise ValueError(f"azimuth {azimuth}, expected 0 to {last}")
     if ax is None:
-        sizes = {"cartesian": (8.0, 8.4), "polar": (11.0, 5.2), "ascope": (10.0, 4.2)}
+        sizes = {"cartesian": (9.2, 8.0), "polar": (11.0, 5.2), "ascope": (10.0, 4.2)}
         ax = Figure(figsize=sizes[view], layout="constrained").add_subplot()
     reach = min(reach or echo_reach(spectrum), float(spectrum.ranges[-1]))
     title = f"x {spectrum.pose.x:.1f} m, y {spectrum.pose.y:.1f} m"
     if view == "ascope":
         _draw_ascope(ax, spectrum, azimuth, reach, detections)
+        if scene is not None:
+            _mark_surfaces(ax, spectrum, azimuth, reach, scene)
+        ax.legend(loc="upper right", fontsize="small")
         angle = math.degrees(-spectrum.angles[azimuth])
         title = f"azimuth {azimuth}, {angle:.1f}° clockwise, {title}"
     elif view == "polar":
         _draw_polar(ax, spectrum, reach, detections)
+        if scene is not None:
+            _draw_outlines(ax, _polar_lines(outline_pieces(spectrum, scene)))
     else:
         _draw_cartesian(ax, spectrum, reach, detections)
+        if scene is not None:
+            _draw_outlines(ax, outline_pieces(spectrum, scene) @ [[0, 1], [-1, 0]])
     ax.set_title(f"{spectrum.sensor}, {title}", fontsize="medium")
     return ax
 
@@ -97,18 +116,82 @@ def _grey(spectrum: "Spectrum") -> NDArray[np.float32]:
     return spectrum.decibels - np.float32(10 * math.log10(floor) + 30)
 
 
+def outline_pieces(spectrum: "Spectrum", scene: "Scene") -> Floats:
+    """Return what the map has at the height of a sensor, as pieces of at most 0.1 m.
+
+    Args:
+        spectrum: A turn of the sensor.
+        scene: The map.
+
+    Returns:
+        (P, 2, 2) m: x ahead and y to the left of the sensor, of both ends.
+    """
+    pose = spectrum.pose
+    cuts = [slice_mesh(part.vertices, part.faces, pose.z) for part in scene.parts]
+    lines = shapely.linestrings(np.concatenate([np.zeros((0, 2, 2)), *cuts]))
+    coordinates, line = shapely.get_coordinates(
+        shapely.segmentize(lines, PIECE), return_index=True
+    )
+    pieces = np.stack([coordinates[:-1], coordinates[1:]], axis=1)
+    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
+    own = (pieces - [pose.x, pose.y]) @ np.array([[cos, -sin], [sin, cos]])
+    return np.asarray(own[line[:-1] == line[1:]])
+
+
+def _polar_lines(pieces: Floats) -> Floats:
+    """Return pieces of outlines as range, m, and azimuth, degrees clockwise."""
+    x, y = pieces[..., 0], pieces[..., 1]
+    degrees = np.degrees(np.arctan2(-y, x)) % 360
+    lines = np.stack([np.hypot(x, y), degrees], axis=2)
+    return np.asarray(lines[np.ptp(degrees, axis=1) < 180])  # not across the edge
+
+
+def _draw_outlines(axes: Axes, lines: Floats) -> None:
+    """Draw outlines of the map over a picture, and say what they are."""
+    limits = axes.get_xlim(), axes.get_ylim()
+    style: dict[str, Any] = {"colors": TRUTH, "linewidths": 1.0}
+    outlines = LineCollection(list(lines), **style, label="what is truly there")
+    axes.add_collection(outlines, autolim=False)
+    axes.set(xlim=limits[0], ylim=limits[1])
+    axes.legend(loc="upper right", fontsize="small")
+
+
+def _mark_surfaces(
+    axes: Axes, spectrum: "Spectrum", azimuth: int, reach: float, scene: "Scene"
+) -> None:
+    """Draw a line at each range at which a direction crosses an outline."""
+    angle = float(spectrum.angles[azimuth])
+    cos, sin = math.cos(angle), math.sin(angle)
+    pieces = outline_pieces(spectrum, scene) @ np.array([[cos, -sin], [sin, cos]])
+    # Pieces that meet share an end, so that one of them is crossed.
+    (x0, y0), (x1, y1) = pieces[:, 0].T, pieces[:, 1].T
+    share = np.divide(y0, y0 - y1, out=np.full(len(y0), np.inf), where=y0 != y1)
+    ranges = (x0 + share * (x1 - x0))[(share >= 0) & (share <= 1)]
+    ranges = ranges[(ranges > 0) & (ranges < reach)]
+    for number, one in enumerate(np.unique(np.round(ranges, 3)).tolist()):
+        text = "what is truly there" if number == 0 else None
+        axes.axvline(one, color=TRUTH, linewidth=1.0, label=text, zorder=0)
+
+
+def _add_scale(axes: Axes, image: AxesImage) -> None:
+    """Draw the scale of a picture beside it."""
+    figure = axes.get_figure(root=True)
+    if figure is not None:
+        figure.colorbar(image, ax=axes, label=_DECIBELS, shrink=0.9, pad=0.02)
+
+
 def _draw_cartesian(
     axes: Axes, spectrum: "Spectrum", reach: float, detections: "Detections | None"
 ) -> None:
     image = cartesian_image(spectrum, _grey(spectrum), reach, PIXELS)
-    axes.imshow(image, extent=(-reach, reach, -reach, reach), **_GREY)
+    _add_scale(axes, axes.imshow(image, extent=(-reach, reach, -reach, reach), **_GREY))
     axes.set_xlabel("to the right, m")
     axes.set_ylabel("ahead, m")
     if detections is not None:
         near = detections.ranges <= reach
         ranges, angles = detections.ranges[near], detections.angles[near]
         right, ahead = -ranges * np.sin(angles), ranges * np.cos(angles)
-        axes.plot(right, ahead, **_MARK, markersize=3)
+        axes.plot(right, ahead, **_MARK, markersize=3, label="detected")
     axes.set_xlim(-reach, reach)
     axes.set_ylim(-reach, reach)
 
@@ -150,7 +233,8 @@ def _draw_polar(
 ) -> None:
     bins = int(np.searchsorted(spectrum.ranges, reach, side="right"))
     extent = (0.0, reach, 360.0, 0.0)
-    axes.imshow(_grey(spectrum)[:, :bins], extent=extent, aspect="auto", **_GREY)
+    grey = _grey(spectrum)[:, :bins]
+    _add_scale(axes, axes.imshow(grey, extent=extent, aspect="auto", **_GREY))
     axes.set_xlabel("range, m")
     axes.set_ylabel("azimuth, degrees clockwise")
     axes.set_yticks(range(0, 361, 90))
@@ -181,7 +265,6 @@ def _draw_ascope(
         ranges, dbm = detections.ranges[own], detections.dbm[own]
         axes.plot(ranges, dbm, **{**_MARK, "color": INK}, label="detected")
     axes.set_xlabel("range, m")
-    axes.set_ylabel("dBm")
+    axes.set_ylabel("power, dBm")
     axes.set_xlim(0, reach)
     axes.grid(visible=True, linewidth=0.3)
-    axes.legend(loc="upper right", fontsize="small")

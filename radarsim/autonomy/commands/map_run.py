@@ -4,7 +4,7 @@ It shows the progress, writes the files and prints the result.
 """
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -161,9 +161,15 @@ def as_text(result: MappingResult) -> list[str]:
     if judge := plain.get("judge"):
         lines.append(f"in truth {_judge_text(judge)}")
     if result.files:
-        names = ", ".join(file.name for file in result.files)
-        lines.append(f"files    {names} in {result.files[0].parent}")
+        lines.append(f"files    {_files_text(result.files)}")
     return lines
+
+
+def _files_text(files: Sequence[Path]) -> str:
+    """Return names of files: first the picture that a person looks at."""
+    view = next(file for file in files if file.stem.endswith("_view"))
+    others = ", ".join(file.name for file in files if file != view)
+    return f"{view.name} to look at; for programs {others}; in {view.parent}"
 
 
 def _robot_text(robot: dict[str, Any]) -> str:

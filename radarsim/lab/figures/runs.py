@@ -361,7 +361,7 @@ def _describe_bushes(
     cores = [bush for bush in left if bush.blue > _MIN_CORE * bush.cells]
     away = [bush.beyond for bush in cores]
     dark_cores = (
-        f"; cores stay dark in {_join_names([as_words(bush.name) for bush in cores])},"
+        f"; cores stay grey in {_join_names([as_words(bush.name) for bush in cores])},"
         f" {min(away):.1f} to {max(away):.1f} m beyond their middles, with shadows"
         " behind them"
         if cores

@@ -57,6 +57,7 @@ def sweep(
     from radarsim.lab.sweep.folder import (
         ABOUT,
         EXTRA,
+        FIGURE,
         LOG,
         TABLE,
         SweepFolder,
@@ -95,6 +96,8 @@ def sweep(
         print_message(f"{failed} of {len(tasks)} tasks failed, the first: {why}")
     spent = f"{_count(wanted, len(left))} in {time.perf_counter() - began:.1f} s"
     print_lines([spent, output / TABLE, output / ABOUT])
+    if wanted.figure is not None:
+        print_lines([output / FIGURE])
     return int(failed > 0)
 
 

@@ -176,7 +176,7 @@ def test_each_robot_has_a_path_of_its_own_colour_and_a_row_of_the_legend() -> No
 
 def test_objects_of_the_scene_are_named() -> None:
     parts = tuple(load_scene("foliage_room").parts)
-    figure = map_figure([view_of(grid_of(5.0), parts=parts, height=0.3)])
+    figure = map_figure([view_of(grid_of(9.0), parts=parts, height=0.3)])
     texts = {text.get_text() for text in figure.axes[0].texts}
     assert {"bushes", "cabinet"} <= texts
 

@@ -23,7 +23,7 @@ from radarsim.autonomy.evaluation.task_runner import as_line
 from radarsim.errors import SweepError
 from radarsim.lab.sweep import tasks
 from radarsim.lab.sweep.file import read_sweep, shipped_sweeps
-from radarsim.lab.sweep.folder import ABOUT, LOG, TABLE, with_checksum
+from radarsim.lab.sweep.folder import ABOUT, FIGURE, LOG, TABLE, with_checksum
 from radarsim.lab.sweep.tasks import prepare_worker
 
 parquet = pytest.importorskip("pyarrow.parquet")
@@ -261,6 +261,21 @@ def test_map_is_told_to_be_one(small: Path, name: str) -> None:
     assert run.code == 1
     expected = "expected a sweep file, whose 'map' names maps, or one of "
     assert run.err.startswith(f"radarsim: {name}: a map, {expected}['foliage_thick")
+
+
+FIGURE_ENTRY = """
+figure: {title: Seen, x: sensor.side_offset_uu, lines: map, beyond_x: 1}
+"""
+
+
+def test_figure_is_named_when_a_sweep_ends(small: Path) -> None:
+    plain = sweep(small, "-o", small.parent / "plain", "--workers", 1)
+    assert FIGURE not in plain.text
+    small.write_text(SMALL + FIGURE_ENTRY)
+    out = small.parent / "out"
+    run = sweep(small, "-o", out, "--workers", 1)
+    assert run.text.splitlines()[-1] == str(out / FIGURE)
+    assert (out / FIGURE).exists()
 
 
 def test_dry_run_counts_and_writes_nothing(small: Path) -> None:
