@@ -279,7 +279,7 @@ def test_beams_of_a_detector_see_through_what_their_spectrum_does(
     settings = {"detector": "ca", "max_range": 30, "return_mode": mode}
     scan = scan_of(foliage_room, "navtech_cts350x", **settings)
     figure = plot_scans(foliage_room, [scan])
-    ahead = (scan.ranges > 0) & (np.cos(scan.angles) > 0.9)
+    ahead = np.isfinite(scan.ranges) & (scan.ranges > 0) & (np.cos(scan.angles) > 0.9)
     behind = scan.ranges[ahead] * np.cos(scan.angles[ahead]) + START[0] > 2.0
     assert behind.sum() > 10
     assert len(ends_of(figure)["through"]) >= behind.sum()
