@@ -226,7 +226,8 @@ def test_latched_topics_are_offered_as_such(bag: Path) -> None:
             if isinstance(each.ext, ConnectionExtRosbag2)
             and each.ext.offered_qos_profiles[0].durability.name == "TRANSIENT_LOCAL"
         }
-    assert durable == {"/tf_static", "/radarsim/legend"}
+    models = {f"/{robot}/robot_description" for robot in ("R_1", "R_1_2")}
+    assert durable == {"/tf_static", "/radarsim/legend", *models}
 
 
 def test_times_are_of_ticks_and_in_order(run: RecordedRun, bag: Path) -> None:
