@@ -13,7 +13,6 @@ FOLDER = Path(__file__).parent
 WIDTH = 1200  # pixels
 COLOURS = 256
 COMMANDS = (
-    "radarsim figures figures --only 6,7,8",
     "radarsim demo demo.png",
     "radarsim scan foliage_room --sensor radar --start RobotStart1 -o scan.png",
     "radarsim.lab.plants plants --figure shrub.png",
@@ -22,9 +21,6 @@ COMMANDS = (
     "radarsim sweep foliage_thickness -o sweep",
 )
 PICTURES = {
-    "scene": "figures/figure_06.png",
-    "laser": "figures/figure_07.png",
-    "radar": "figures/figure_08.png",
     "demo": "demo.png",
     "scan": "scan.png",
     "orchard": "orchard.png",
