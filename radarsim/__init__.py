@@ -105,11 +105,12 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name in _PLUGINS:
-        return importlib.import_module("radarsim.plugins").load(_PLUGINS[name], name)
-    if name not in _MODULES:
+    if name not in _MODULES and name not in _PLUGINS:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(_MODULES[name]), name)
+    plugins = importlib.import_module("radarsim.plugins")
+    if name in _PLUGINS:
+        return plugins.load(_PLUGINS[name], name)
+    return getattr(plugins.import_part(_MODULES[name]), name)
 
 
 def __dir__() -> list[str]:

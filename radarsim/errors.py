@@ -30,10 +30,14 @@ import errno
 import importlib
 import os
 import re
+import shlex
 import socket
+import sysconfig
 from collections.abc import Collection, Iterable
+from contextlib import suppress
 from difflib import get_close_matches
 from itertools import islice
+from pathlib import Path
 from typing import Any, Final
 
 CUTOFF: Final = 0.6  # of difflib's ratio, from 0 to 1, above which names are similar
@@ -201,27 +205,34 @@ def import_optional(name: str, extra: str) -> Any:
     try:
         return importlib.import_module(name)
     except ImportError as error:
-        package = name.partition(".")[0]
-        text = f"{package} is not installed, expected: pip install 'radarsim[{extra}]'"
-        raise MissingPackage(text) from error
+        text = f"{name.partition('.')[0]} is not installed, expected"
+        raise MissingPackage(f"{text}: {install_command(extra)}") from error
 
 
-def expected_one_of(name: str, known: Collection[str]) -> str:
+def install_command(extra: str) -> str:
+    """Return the command that installs an extra into this environment, and where."""
+    pip = Path(sysconfig.get_path("scripts"), "pip")
+    with suppress(OSError, ValueError):  # it is not below the current folder
+        pip = pip.relative_to(Path.cwd())
+    command = f"{shlex.quote(str(pip))} install '.[{extra}]'"
+    return f"{command} in the checkout of radarsim"
+
+
+def expected_one_of(name: object, known: Collection[str]) -> str:
     """Return the message for a name that is not among the known ones.
 
     Args:
-        name: What was given.
+        name: What was given; programs may have given something else than a text.
         known: What would have been valid, in the order of the message.
 
     >>> expected_one_of("sqare", ["circle", "square"])
-    "'sqare', expected one of ['circle', 'square']; did you mean 'square'?"
+    "'sqare' (did you mean 'square'?), expected one of ['circle', 'square']"
     >>> expected_one_of("line", ["circle", "square"])
     "'line', expected one of ['circle', 'square']"
     """
-    return (
-        f"{name[:MAX_LENGTH]!r}, expected one of {list_names(known)}"
-        f"{did_you_mean(name, known)}"
-    )
+    text = str(name)
+    meant = did_you_mean(text, known)  # before the list, which may be long
+    return f"{text[:MAX_LENGTH]!r}{meant}, expected one of {list_names(known)}"
 
 
 def list_names(names: Collection[str]) -> str:
@@ -236,17 +247,17 @@ def list_names(names: Collection[str]) -> str:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return the end of such a message; empty if no known name is similar.
+    """Return what to write after a name that is not known; empty if none is similar.
 
     Upper and lower case are equal. Only the first of very many names are compared.
 
     >>> did_you_mean("RADRA", ["laser", "radar"])
-    "; did you mean 'radar'?"
+    " (did you mean 'radar'?)"
     """
     names = {each.casefold(): each for each in islice(known, MAX_NAMES)}
     wanted = name[:MAX_LENGTH].casefold()
     similar = get_close_matches(wanted, names, n=1, cutoff=CUTOFF)
-    return f"; did you mean {names[similar[0]]!r}?" if similar else ""
+    return f" (did you mean {names[similar[0]]!r}?)" if similar else ""
 
 
 def describe_os_error(error: OSError | UnicodeError) -> str:
@@ -266,6 +277,15 @@ def describe_os_error(error: OSError | UnicodeError) -> str:
         return _WORDS[errno.ETIMEDOUT]
     text = os.strerror(number) if number > 0 else str(error)
     return text[:1].lower() + text[1:]
+
+
+def join_address(host: str, port: int) -> str:
+    """Return a host and a port as one text; a host with colons is in brackets.
+
+    >>> join_address("::1", 3000)
+    '[::1]:3000'
+    """
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
 def error_number(error: OSError) -> int:

@@ -13,7 +13,13 @@ from radarsim.processes import unfinished_files
 
 PICTURE_MARK: Final = b"Software\0radarsim"  # metadata of PNG files
 PAGE_MARK: Final = '<meta name="generator" content="radarsim">'
-_HEAD_SIZE: Final = 1024  # bytes at the start of a file that show who wrote it
+_MARKS: Final = (
+    PICTURE_MARK,
+    PAGE_MARK.encode(),
+    b"<dc:title>radarsim</dc:title>",  # the creator of an SVG file
+    b"/Creator (radarsim)",  # of a PDF file, at its end
+)
+_MARKED_SIZE: Final = 2**20  # bytes; no picture that may be replaced is larger
 
 
 def write_atomically(files: Mapping[Path, bytes], *, mode: int = 0o666) -> None:
@@ -129,7 +135,7 @@ def is_by_radarsim(path: Path) -> bool:
     """Return whether a file is a picture or a page that radarsim wrote."""
     try:
         with path.open("rb") as file:
-            head = file.read(_HEAD_SIZE)
+            data = file.read(_MARKED_SIZE)
     except OSError:
         return False
-    return any(mark in head for mark in (PICTURE_MARK, PAGE_MARK.encode()))
+    return any(mark in data for mark in _MARKS)

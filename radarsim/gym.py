@@ -5,7 +5,7 @@ Importing it registers the environments of radarsim with Gymnasium.
 
 from typing import TYPE_CHECKING, Any
 
-from radarsim.addons import gym as _gym
+from radarsim.plugins import import_part
 
 if TYPE_CHECKING:
     from radarsim.addons.gym import (
@@ -25,6 +25,9 @@ __all__ = [
     "VectorEnv",
     "progress_reward",
 ]
+
+
+_gym = import_part("radarsim.addons.gym")
 
 
 def __getattr__(name: str) -> Any:

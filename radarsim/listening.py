@@ -14,6 +14,7 @@ from radarsim.errors import (
     ServerError,
     describe_os_error,
     error_number,
+    join_address,
 )
 from radarsim.processes import (
     HUNG_UP,
@@ -161,7 +162,8 @@ async def listen(
     except (OSError, UnicodeError) as error:
         raise _listening_error(error, address, port) from error
     if not listener.sockets:
-        raise ServerError(f"cannot listen on {address}:{port}: no socket to be had")
+        at = join_address(address, port)
+        raise ServerError(f"cannot listen on {at}: no socket to be had")
     for listening in listener.sockets:
         with listening.dup() as same:  # asyncio has one number for both
             same.listen(MAX_WAITING)
@@ -172,7 +174,8 @@ async def listen(
 def _listening_error(
     error: OSError | UnicodeError, address: str, port: int
 ) -> ServerError:
-    text = f"cannot listen on {address}:{port}: {describe_os_error(error)}"
+    at = join_address(address, port)
+    text = f"cannot listen on {at}: {describe_os_error(error)}"
     number = error_number(error) if isinstance(error, OSError) else 0
     of_port = number in (errno.EADDRINUSE, errno.EACCES)
     return PortUnavailable(text, port) if of_port else ServerError(text)

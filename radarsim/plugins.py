@@ -6,6 +6,7 @@ points of the same groups.
 """
 
 import functools
+import importlib
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from typing import Any, Final
@@ -69,6 +70,25 @@ def has(group: str, name: str) -> bool:
         return find_spec(own.partition(":")[0]) is not None
     except ModuleNotFoundError:  # of a folder around it
         return False
+
+
+def import_part(module: str, wanted_by: str = "") -> Any:
+    """Import and return a module of a part of radarsim that may have been left out.
+
+    Args:
+        module: Name of the module.
+        wanted_by: Begin of the message if it is not there.
+
+    Raises:
+        MissingPackage: If it is not there; it names the part that is missing.
+    """
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        # Other packages say which extra they need.
+        if not (error.name or "").startswith("radarsim."):
+            raise
+        raise MissingPackage(f"{wanted_by}{error.name} is not installed") from error
 
 
 @functools.cache

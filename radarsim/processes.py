@@ -15,18 +15,22 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from multiprocessing import active_children, get_context, parent_process
+from multiprocessing import active_children, parent_process, resource_tracker
 from multiprocessing.connection import wait
+from multiprocessing.context import SpawnContext, SpawnProcess
 from types import FrameType
 from typing import Any, Final, NoReturn, ParamSpec, TypeVar
 
 HUNG_UP: Final = 129  # exit codes as shells report them
 INTERRUPTED: Final = 130
+BROKEN_PIPE: Final = 141  # who reads what is printed has gone, such as ``head``
 TERMINATED: Final = 143
 
+_LEFT_TO_THE_MAIN_PROCESS = {signal.SIGINT}
 _exit_codes = {int(signal.SIGINT): INTERRUPTED, int(signal.SIGTERM): TERMINATED}
 if sys.platform != "win32":
     _exit_codes[int(signal.SIGHUP)] = HUNG_UP  # the terminal was closed
+    _LEFT_TO_THE_MAIN_PROCESS.add(signal.SIGHUP)
 
 # Temporary files, which are removed if the process ends at once.
 unfinished_files: Final[set[str]] = set()
@@ -185,10 +189,9 @@ def worker_pool(
     """
     # Other pools of this process keep their workers.
     others = {*active_children()}
-    # spawned, because threads of this process would not survive a fork
     pool = ProcessPoolExecutor(
         count,
-        mp_context=get_context("spawn"),
+        mp_context=_WorkerContext(),
         initializer=_start_worker,
         initargs=(prepare, settings),
     )
@@ -200,6 +203,27 @@ def worker_pool(
         pool.shutdown(cancel_futures=True)
 
 
+class _Worker(SpawnProcess):
+    """A process that begins with Ctrl-C blocked: Python needs a moment to start."""
+
+    def start(self) -> None:
+        """Start it."""
+        if not hasattr(signal, "pthread_sigmask"):  # Windows
+            super().start()
+            return
+        resource_tracker.ensure_running()  # which would unblock them
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, _LEFT_TO_THE_MAIN_PROCESS)
+        try:
+            super().start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+class _WorkerContext(SpawnContext):
+    # Spawned, because threads of this process would not survive a fork.
+    Process = _Worker
+
+
 def _start_worker(
     prepare: Callable[..., None] | None, settings: tuple[Any, ...]
 ) -> None:
@@ -207,9 +231,8 @@ def _start_worker(
 
     The same holds for a terminal that is closed.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if sys.platform != "win32":
-        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    for number in _LEFT_TO_THE_MAIN_PROCESS:
+        signal.signal(number, signal.SIG_IGN)
     # A main process that is killed terminates nobody; its workers would run on.
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if prepare is not None:

@@ -26,7 +26,16 @@ def generator_for(seed: int, *names: str) -> np.random.Generator:
     Args:
         seed: The run's seed, at least 0.
         names: Names that identify the user, such as ``"R1", "lms200"``.
+
+    Raises:
+        TypeError: If the seed is no whole number.
+        ValueError: If it is negative.
     """
+    text = f"seed {seed!r}, expected a whole number of at least 0"
+    if not isinstance(seed, int | np.integer):
+        raise TypeError(text)
+    if seed < 0:
+        raise ValueError(text)
     # A hash of the language differs from run to run, and names may have any characters
     # but NUL, which separates them.
     digest = hashlib.sha256("\0".join(names).encode()).digest()
@@ -39,9 +48,16 @@ def generator_for(seed: int, *names: str) -> np.random.Generator:
 def as_generator(
     rng: np.random.Generator | int | None, *names: str
 ) -> np.random.Generator | None:
-    """Return a generator, or that of a seed and names; None stays None."""
+    """Return a generator, or that of a seed and names; None stays None.
+
+    Raises:
+        TypeError: If it is neither.
+        ValueError: If a seed is negative.
+    """
     if rng is None or isinstance(rng, np.random.Generator):
         return rng
+    if not isinstance(rng, int | np.integer):
+        raise TypeError(f"rng {rng!r}, expected a seed or a numpy Generator")
     return generator_for(rng, *names)
 
 

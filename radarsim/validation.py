@@ -62,12 +62,15 @@ def describe_invalid(details: ErrorDetails) -> str:
         return str(context["describe"]())
     if error_type == "value_error":
         return str(context["error"])
-    return f"{short_repr(details['input'])}, {_expected(details, context)}"
+    expected, meant = _expected(details, context), ""
+    if error_type == "literal_error" and isinstance(details["input"], str):
+        meant = did_you_mean(details["input"], re.findall("'(.*?)'", expected))
+    return f"{short_repr(details['input'])}{meant}, {expected}"
 
 
 def describe_unknown_key(key: str, known: list[str]) -> str:
     """Return what a key of a file could have been, which has no such key."""
-    return f"unknown key, expected one of {known}{did_you_mean(key, known)}"
+    return f"unknown key{did_you_mean(key, known)}, expected one of {known}"
 
 
 def describe_settings(error: ValidationError, model: type[BaseModel]) -> list[str]:
@@ -120,6 +123,4 @@ def _expected(details: ErrorDetails, context: dict[str, Any]) -> str:
     text = f"expected {template.format(**context)}"
     if details["type"] in {"float_parsing", "float_type"}:
         text += point_hint(details["input"])
-    if details["type"] == "literal_error" and isinstance(details["input"], str):
-        text += did_you_mean(details["input"], re.findall("'(.*?)'", text))
     return text

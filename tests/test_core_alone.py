@@ -30,6 +30,8 @@ INIT = b"INIT {ClassName USARBot.P3AT_Radar360} {Location -7.8,0,0.2}\r\n"
 HERE = ("--sensor", "radar", "--start", "RobotStart1")
 TIMEOUT = 240  # s that a busy machine may need
 WITHOUT_ADDONS = """
+import importlib
+
 import radarsim
 from radarsim import plugins
 from radarsim.presets.robots import load_robot
@@ -41,6 +43,8 @@ for wanted in (
     lambda: SimulationConfig().check_scanners(load_robot("P3AT_Navtech")),
     lambda: radarsim.load_sensor("navtech_cts350x").fmcw,
     lambda: radarsim.evaluate,
+    lambda: radarsim.load_recording,
+    lambda: importlib.import_module("radarsim.gym"),
     lambda: radarsim.simulate("empty_room").record("run"),
     lambda: radarsim.simulate("empty_room").spawn().request_spectra(),
 ):
@@ -157,6 +161,8 @@ def test_missing_add_on_is_named_where_it_is_needed(core: Path) -> None:
         f"{needs} not installed",
         "radarsim.addons.fmcw is not installed",
         "radarsim.autonomy.evaluation is not installed",
+        "radarsim.addons is not installed",
+        "radarsim.addons is not installed",
         "radarsim.addons.recording is not installed",
         "radarsim.addons.fmcw is not installed",
     ]

@@ -5,10 +5,10 @@ from radarsim.errors import did_you_mean, expected_one_of
 NAMES = ["foliage_room", "smoke_room", "empty_room"]
 
 
-def test_a_similar_name_is_suggested_at_the_end() -> None:
+def test_a_similar_name_is_suggested_before_the_list() -> None:
     text = expected_one_of("foliage_rom", NAMES)
-    assert text.startswith(f"'foliage_rom', expected one of {NAMES}")
-    assert text.endswith("'foliage_room'?")
+    meant = "(did you mean 'foliage_room'?)"
+    assert text == f"'foliage_rom' {meant}, expected one of {NAMES}"
 
 
 @pytest.mark.parametrize("name", ["castle", "", "_"])

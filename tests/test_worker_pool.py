@@ -1,5 +1,6 @@
 import math
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -59,6 +60,41 @@ def test_workers_end_when_the_main_process_is_killed(tmp_path: Path) -> None:
     while is_running(worker) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not is_running(worker)
+
+
+STARTING = """
+import signal, time
+from radarsim.processes import worker_pool
+
+if __name__ == "__main__":
+    with worker_pool(2) as pool:
+        print("go", flush=True)
+        try:
+            pool.submit(abs, 1)
+            time.sleep(60)
+        except KeyboardInterrupt:
+            time.sleep(2)  # of which a worker needs less to start
+"""
+
+
+@pytest.mark.parametrize("delay", [0.05, 0.1, 0.2])
+def test_ctrl_c_while_workers_start_prints_nothing(
+    tmp_path: Path, delay: float
+) -> None:
+    script = tmp_path / "starting.py"
+    script.write_text(STARTING)
+    with subprocess.Popen(
+        [sys.executable, script],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    ) as parent:
+        assert parent.stdout is not None
+        parent.stdout.readline()
+        time.sleep(delay)
+        os.killpg(parent.pid, signal.SIGINT)  # as a terminal does
+        _, errors = parent.communicate(timeout=240)
+    assert (parent.returncode, errors) == (0, b"")
 
 
 def is_running(process: int) -> bool:

@@ -1,8 +1,8 @@
 """Command line of radarsim: data on stdout, everything else on stderr.
 
-Exit codes: 0 done, 1 failed, 2 wrong usage, 129 hung up, 130 interrupted, 143 told to
-end by SIGTERM before the work was done. Commands that run until they are stopped are
-done then.
+Exit codes: 0 done, 1 failed, 2 wrong usage, 129 hung up, 130 interrupted, 141 stdout
+was closed, 143 told to end by SIGTERM before the work was done. Commands that run until
+they are stopped are done then.
 """
 
 from radarsim.processes import (

@@ -5,7 +5,8 @@ import platform
 import re
 import sys
 import traceback
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
@@ -14,7 +15,7 @@ import click
 from click.core import ParameterSource
 
 from radarsim import __version__, plugins
-from radarsim.cli.command import PlanCommand, shown_name
+from radarsim.cli.command import PlanCommand, help_all_option, shown_name
 from radarsim.cli.completion import completion_options
 from radarsim.cli.config_file import describe_place
 from radarsim.cli.entries import CommandEntry, check_part_of, load_entries
@@ -25,7 +26,7 @@ from radarsim.errors import (
     did_you_mean,
     expected_one_of,
 )
-from radarsim.processes import INTERRUPTED, ignore_signals
+from radarsim.processes import BROKEN_PIPE, INTERRUPTED, ignore_signals
 
 
 def describe_usage_error(error: click.UsageError) -> str:
@@ -85,7 +86,8 @@ def _describe_unknown_option(error: click.NoSuchOption) -> str:
         return f"{name}: {owner} is not installed"
     continued = [each for each in known if each.startswith(name)]
     meant = did_you_mean(name, continued) or did_you_mean(name, known)
-    return f"{name!r}, expected another option{meant or _see_help(ctx)}"
+    see_help = "" if meant else _see_help(ctx)
+    return f"{name!r}{meant}, expected another option{see_help}"
 
 
 USAGE_ERROR: Final = 2  # exit code
@@ -105,6 +107,7 @@ class EntryGroup(click.Group):
             options: As those of ``click.Group``.
         """
         super().__init__(name, no_args_is_help=True, **options)
+        self.params.append(help_all_option(is_listed=False))  # there are no rarer ones
         self._given = entries
 
     @cached_property
@@ -149,13 +152,45 @@ class EntryGroup(click.Group):
                 formatter.write_dl(rows)
 
 
+def _drop_output() -> None:
+    # Python flushes stdout once more at exit, and would report an error again.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+@contextmanager
+def _ending_with_its_reader() -> Iterator[None]:
+    """End as other programs do when nobody reads stdout; click's exit code would be 1.
+
+    Raises:
+        SystemExit: If nobody does.
+    """
+    try:
+        yield
+    except BrokenPipeError:
+        _drop_output()
+        sys.exit(BROKEN_PIPE)
+    except SystemExit as end:  # of rich, which makes 1 of it
+        if isinstance(end.__context__, BrokenPipeError):
+            sys.exit(BROKEN_PIPE)
+        raise
+
+
 class _Program(EntryGroup):
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command; click would print an empty line for an interrupt."""
         try:
-            return super().invoke(ctx)
+            with _ending_with_its_reader():
+                code = super().invoke(ctx)
+                # At its exit Python would report an error in lines of its own.
+                sys.stdout.flush()
+                return code
         except KeyboardInterrupt:
             sys.exit(INTERRUPTED)
+
+    def make_context(self, *args: Any, **options: Any) -> click.Context:
+        """Read the options of the program, of which some print."""
+        with _ending_with_its_reader():
+            return super().make_context(*args, **options)
 
     def main(self, args: Sequence[str] | None = None, *_: Any, **options: Any) -> Any:
         """Run a command, and exit with its code, or 2 after an error of usage."""
@@ -221,8 +256,7 @@ def main() -> None:
         name = "" if error.filename is None else f" {error.filename}"
         reason = describe_os_error(error)
         print_message(f"cannot write{name}: {reason}")
-        # Python flushes stdout once more at exit, and would report the error again.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         sys.exit(1)
     except Exception as error:  # noqa: BLE001 - a bug: all of it is told
         traceback.print_exception(error)

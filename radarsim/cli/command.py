@@ -201,7 +201,7 @@ class PlanCommand(click.Command):
                 keys = {each.name: add(each) for each in plan_fields(plan)}
                 self._plans.append(_Plan(parameter.name, plan, keys, group is not None))
         has_rare = any(field.option.is_rare for field in self.fields.values())
-        params.append(_help_all(is_listed=has_rare))
+        params.append(help_all_option(is_listed=has_rare))
         text = inspect.getdoc(function) or ""
         super().__init__(name, params=params, help=text.partition("\n\nArgs:\n")[0])
 
@@ -295,7 +295,7 @@ class PlanCommand(click.Command):
         for name in sorted(os.environ):
             if name.startswith(prefix) and name not in known:
                 meant = did_you_mean(name, known)
-                print_message(f"warning: {name} is ignored, it is no option's{meant}")
+                print_message(f"warning: {name}{meant} is ignored, it is no option's")
 
     def _given(self, ctx: click.Context) -> set[str]:
         """Return what is given, in the command, the environment or a file."""
@@ -356,7 +356,9 @@ def _is_typed(ctx: click.Context, key: str) -> bool:
     return ctx.get_parameter_source(key) is ParameterSource.COMMANDLINE
 
 
-def _help_all(*, is_listed: bool) -> click.Option:
+def help_all_option(*, is_listed: bool) -> click.Option:
+    """Return the option that shows all of the help; all commands and groups have it."""
+
     def show(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
         if wanted and not ctx.resilient_parsing:
             ctx.meta["radarsim.help_all"] = True

@@ -10,7 +10,6 @@ which names a list of entries in a module that imports nothing heavy::
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Final
 
 import click
@@ -57,14 +56,7 @@ class CommandEntry:
             MissingPackage: If its part of the program is absent.
         """
         module, _, name = self.target.partition(":")
-        try:
-            found = getattr(import_module(module), name)
-        except ModuleNotFoundError as error:
-            # A folder may have been left out; other packages say which extra they need.
-            if not (error.name or "").startswith("radarsim."):
-                raise
-            text = f"{self.name}: {error.name} is not installed"
-            raise MissingPackage(text) from error
+        found = getattr(plugins.import_part(module, f"{self.name}: "), name)
         if isinstance(found, click.Command):
             return found
         return PlanCommand(self.name.split()[-1], found)

@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, Final, NamedTuple, Self
 import click
 from annotated_types import Ge, Gt, Interval
 
-from radarsim.errors import PresetError, did_you_mean, expected_one_of
+from radarsim.errors import PresetError, did_you_mean, expected_one_of, join_address
 from radarsim.plans import RARE, Form, Option, Sets
 
 DEFAULT_PORT: Final = 3000  # of USARSim
@@ -77,7 +77,7 @@ class ServerAddress(NamedTuple):
         return address
 
     def __str__(self) -> str:
-        return f"{self.host}:{self.port}"
+        return join_address(self.host, self.port)
 
 
 LOCAL_SERVER: Final = ServerAddress()
@@ -170,5 +170,5 @@ def check_robot(robot: str, served: object | None) -> None:
     if served is None:
         if package or not did_you_mean(name, robot_names()):
             return
-        text += f" A class of another server has a package: USARBot.{name[:80]}"
+        text += f"; a class of another server has a package: USARBot.{name[:80]}"
     raise click.BadParameter(text, param_hint="--robot")

@@ -10,18 +10,24 @@ import re
 import shlex
 import signal
 import sys
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, ClassVar, Final
 
 import click
 from annotated_types import Ge
 
 from radarsim.cli.compile_progress import with_compile_progress
-from radarsim.cli.files import check_ending, check_writable, write_file
+from radarsim.cli.files import (
+    PICTURE_FORMS,
+    check_ending,
+    check_writable,
+    write_file,
+)
 from radarsim.cli.output import print_lines, program_name
 from radarsim.errors import expected_one_of
 from radarsim.files import is_by_radarsim
-from radarsim.plans import Option
+from radarsim.plans import Option, Sets
 from radarsim.processes import signal_handlers
 
 MAP: Final = "foliage_room"
@@ -41,27 +47,42 @@ _LINK_TO_PAGE = re.compile(r"\[([^\]]+)\]\((\w+)\.md(?:#[\w-]+)?\)")
 _LINK_TO_FILE = re.compile(r"\[([^\]]+)\]\((?!https:)(?:[\w./]+\.\w+)?(?:#[\w-]+)?\)")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DemoPicture:
+    """The picture of the demo.
+
+    Attributes:
+        out: The picture, a .png, .svg or .pdf; by default radarsim_demo.png.
+        output: The same, as other commands take it.
+    """
+
+    at_most_one: ClassVar[Sets] = (("out", "output"),)
+
+    out: Annotated[Path | None, Option(is_argument=True)] = None
+    output: Annotated[Path | None, Option(names=("-o", "--output"))] = None
+
+
 @with_compile_progress
-def demo(
-    out: Annotated[Path, Option(is_argument=True)] = Path("radarsim_demo.png"),
-) -> None:
+def demo(picture: DemoPicture) -> None:
     """Draw what radar and laser see of a room behind bushes, in one picture.
 
     Args:
-        out: The picture, a PNG file.
+        picture: The file to write.
     """
-    check_ending(out, ["png"], "OUT")
-    check_writable(out, "OUT")
-    # OUT has a default, so that a file of somebody's own could be replaced unawares.
+    hint = "OUT" if picture.output is None else "-o"
+    out = picture.output or picture.out or Path("radarsim_demo.png")
+    form = check_ending(out, PICTURE_FORMS, hint)
+    check_writable(out, hint)
+    # It has a default, so that a file of somebody's own could be replaced unawares.
     if out.exists() and not is_by_radarsim(out):
         text = f"{out} is not by radarsim, expected another file"
-        raise click.BadParameter(text, param_hint="OUT")
+        raise click.BadParameter(text, param_hint=hint)
     from radarsim.plotting.scans import compare
     from radarsim.plotting.style import render
 
     figure = compare(MAP, "laser", "radar", start=START)
     figure.suptitle(TITLE, fontsize="x-large", fontweight="bold")
-    write_file(out, render(figure, "png"), "OUT")
+    write_file(out, render(figure, form), hint)
     print_lines([out])
     # On stderr, so that scripts read nothing but the name of the file on stdout.
     click.echo(_NEXT.format(program_name()), err=True, nl=False)

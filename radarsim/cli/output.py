@@ -29,6 +29,13 @@ def print_lines(lines: Iterable[object]) -> None:
     click.echo("\n".join(escape_unprintable(str(line)) for line in lines))
 
 
+def print_bytes(data: bytes) -> None:
+    """Print bytes on stdout, all of them also where Python does not buffer it."""
+    left = memoryview(data)
+    while left:
+        left = left[sys.stdout.buffer.write(left) :]
+
+
 def print_now(line: str) -> None:
     """Print a line on stdout at once, for programs that wait for it."""
     click.echo(line)

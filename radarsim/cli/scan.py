@@ -18,7 +18,7 @@ from annotated_types import Ge
 from radarsim.cli.compile_progress import with_compile_progress
 from radarsim.cli.fields import MapName, OutputFile, Seed, SensorName, Setting
 from radarsim.cli.files import check_writable, list_endings, write_file
-from radarsim.cli.output import print_lines
+from radarsim.cli.output import print_bytes, print_lines
 from radarsim.errors import PresetError, expected_one_of
 from radarsim.plans import Form, Option, read_numbers
 
@@ -160,7 +160,7 @@ def scan(
         print_lines(_summary(scans))
     else:
         # Bytes, as a pipe may be given a picture.
-        sys.stdout.buffer.write(_as_bytes(scans, scene, plan.start, chosen))
+        print_bytes(_as_bytes(scans, scene, plan.start, chosen))
 
 
 def _summary(scans: list[Scan]) -> list[str]:

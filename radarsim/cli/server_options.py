@@ -24,6 +24,7 @@ from radarsim.errors import (
     PresetError,
     ServerError,
     describe_os_error,
+    join_address,
 )
 from radarsim.plans import RARE, Option
 from radarsim.processes import set_exit_code_of_sigterm
@@ -237,7 +238,7 @@ def announce(address: tuple[str, int]) -> None:
     """Tell programs on stdout that clients can connect, and a person what is next."""
     set_exit_code_of_sigterm(0)  # it runs, and has no end of its own
     host, port = address
-    print_now(f"radarsim: listening on {host}:{port}")
+    print_now(f"radarsim: listening on {join_address(host, port)}")
     if sys.stderr.isatty():  # a person reads it; logs of services stay as they are
         command = f"{program_name()} drive"
         # 0.0.0.0 stands for all addresses of this machine; a client needs one of them.

@@ -437,10 +437,7 @@ class Requests:
         self, kind: type[AnyReport], name: str | None, timeout: float | None
     ) -> Exchange[AnyReport]:
         """Return the first report of a kind and, if given, of a name."""
-        if not isinstance(kind, type):
-            raise TypeError(
-                f"kind {kind!r}, expected a class of reports such as RangeScan"
-            )
+        check_kind(kind)
 
         def accepts(report: Report) -> bool:
             if not isinstance(report, kind):
@@ -548,6 +545,17 @@ class Requests:
             return "no whole line came"
         unread = f"; {session.unread} lines were of no known kind"
         return f"the last line was {session.last[:80]!r}{unread * bool(session.unread)}"
+
+
+def check_kind(kind: object) -> None:
+    """Check what reports are asked for.
+
+    Raises:
+        TypeError: If it is no class.
+    """
+    if not isinstance(kind, type):
+        text = f"kind {kind!r}, expected a class of reports such as RangeScan"
+        raise TypeError(text)
 
 
 def _bare(class_name: str) -> str:

@@ -176,13 +176,13 @@ class RobotInfo:
         Raises:
             ClientError: If the robot has no such scanner.
         """
+        wanted, text = "a scanner", str(name)
         for scanner in self.scanners:
-            if name is None or same_name(scanner.name, name):
+            if name is None or same_name(scanner.name, text):
                 return scanner
         names = [scanner.name for scanner in self.scanners]
-        wanted = "a scanner"
         if name is not None:
-            wanted = f"the scanner {name[:80]!r}{did_you_mean(name, names)}"
+            wanted = f"the scanner {text[:80]!r}{did_you_mean(text, names)}"
         raise ClientError(f"robot {self.name!r} has {names}, expected {wanted}")
 
 

@@ -14,7 +14,12 @@ from contextlib import suppress
 from typing import Final, Protocol, runtime_checkable
 
 from radarsim.client.session import check_timeout
-from radarsim.errors import ClientError, describe_os_error, error_number
+from radarsim.errors import (
+    ClientError,
+    describe_os_error,
+    error_number,
+    join_address,
+)
 
 logger: Final = logging.getLogger(__name__)
 
@@ -34,7 +39,7 @@ def log_wait(text: str) -> None:
 
 def no_server(host: str, port: int, error: OSError | UnicodeError) -> ClientError:
     """Create the error for a server that cannot be reached, with the cure if known."""
-    at = f"no server at {host}:{port}"
+    at = f"no server at {join_address(host, port)}"
     is_local = host in LOCAL_HOSTS or host.startswith("127.")
     is_refused = (
         isinstance(error, OSError) and error_number(error) == errno.ECONNREFUSED

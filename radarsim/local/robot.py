@@ -6,18 +6,20 @@ and its readings are read from the lines that it is sent. So both have the same 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeVar, cast
 
 import numpy as np
 
 from radarsim import plugins
 from radarsim.client import Client, RobotInfo
 from radarsim.client import session as requests
+from radarsim.client.requests import check_kind
 from radarsim.client.robot_info import ScannerDescriptions
 from radarsim.client.robot_state import EchoCollector
 from radarsim.client.session import RANGE_SCANNER, ROBOT, Session
 from radarsim.errors import ClientError
 from radarsim.geometry import Pose2
+from radarsim.local.arguments import check_number
 from radarsim.local.scan import CENTRE, LocalScan
 from radarsim.local.transport import LocalTransport
 from radarsim.protocol.reports import (
@@ -82,6 +84,9 @@ class LocalRobot:
         self._targets: dict[str, list[RadarTargets]] = {}
         self._turns: dict[str | None, Any] = {}
         self._transport: LocalTransport | None = None
+
+    def __reduce__(self) -> NoReturn:
+        self.simulation.__reduce__()
 
     def __repr__(self) -> str:
         pose = self.pose
@@ -175,17 +180,20 @@ class LocalRobot:
 
         Raises:
             ClientError: If no such report has come yet.
+            TypeError: If the kind is no class.
         """
+        check_kind(kind)
         # A copy: in the background readings come meanwhile.
         known = dict(self._newest.get(LocalScan if kind is RangeScan else kind, {}))
         if name is not None:
             known = {k: v for k, v in known.items() if k.casefold() == name.casefold()}
         if not known:
-            wanted = kind.__name__ if name is None else f"{kind.__name__} of {name!r}"
+            reported = RangeScan if kind is LocalScan else kind
+            of = "" if name is None else f" of {name!r}"
             came = sorted({each.__name__ for each in self._newest} - {"LocalScan"})
-            text = f"robot {self.name!r} has reported no {wanted} yet"
-            when = f"until {self.simulation.time:.2f} s, only {came}"
-            raise ClientError(f"{text} {when}")
+            text = f"robot {self.name!r} has reported no {reported.__name__}{of} yet"
+            cure = f"only {came}" if came else "expected a call of step before"
+            raise ClientError(f"{text}, until {self.simulation.time:.2f} s, {cure}")
         return cast(AnyReport, list(known.values())[-1])
 
     def drive(self, speed: float, turn: float = 0.0) -> None:
@@ -198,8 +206,12 @@ class LocalRobot:
             turn: Counter-clockwise turn rate, rad/s.
 
         Raises:
+            ClientError: If the robot has been removed.
+            TypeError: If one is no number.
             ValueError: If one is not finite.
         """
+        check_number("speed in m/s", speed)
+        check_number("turn in rad/s", turn)
         self.send(requests.drive(*self.info.wheel_speeds(speed, turn)))
 
     def drive_wheels(self, left: float, right: float) -> None:
@@ -210,8 +222,12 @@ class LocalRobot:
             right: Speed of the right wheels, rad/s.
 
         Raises:
+            ClientError: If the robot has been removed.
+            TypeError: If one is no number.
             ValueError: If one is not finite.
         """
+        check_number("left in rad/s", left)
+        check_number("right in rad/s", right)
         scale = self.info.drive_scale
         self.send(requests.drive(left * scale, right * scale))
 
@@ -231,9 +247,14 @@ class LocalRobot:
         """Let a detector list what it finds: ``scan().targets`` from now on.
 
         Raises:
-            ClientError: If the robot has no such scanner.
+            ClientError: If the robot has no such scanner, or it has no detector.
         """
-        self.send(requests.targets(self.info.scanner(scanner).name, on))
+        name = self.info.scanner(scanner).name
+        (mounted,) = (m for m in self._vehicle.scanners if m.item.name == name)
+        if not mounted.scanner.settings.has_detector:
+            text = f"scanner {name!r} has no detector, expected one such as"
+            raise ClientError(f"{text} that of a P3AT_Navtech")
+        self.send(requests.targets(name, on))
 
     def request_spectra(self, scanner: str | None = None) -> None:
         """Let an FMCW radar record what it receives: ``spectrum`` from now on.
@@ -267,7 +288,8 @@ class LocalRobot:
         """
         turns = self._turns.get(scanner and scanner.casefold())
         if turns is None or turns.newest is None:
-            text = f"robot {self.name!r} has no turn of {scanner or 'a radar'!r} yet"
+            radar = "a radar" if scanner is None else repr(scanner)
+            text = f"robot {self.name!r} has no turn of {radar} yet"
             raise ClientError(f"{text}, expected request_spectra, and 0.5 s after it")
         return turns.newest
 
@@ -310,8 +332,11 @@ class LocalRobot:
         """Send whole lines of the protocol as they are.
 
         Raises:
-            ClientError: If a line has no effect; it says why.
+            ClientError: If a line has no effect; it says why. If the robot has been
+                removed.
         """
+        if self.simulation.robots.get(self.name) is not self:
+            raise ClientError(f"robot {self.name!r} has been removed, expected another")
         texts = self.simulation.receive(self._client, data)
         if texts:
             raise ClientError("; ".join(texts))

@@ -18,14 +18,16 @@ import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Final, Self, TypeVar
+from typing import TYPE_CHECKING, Final, NoReturn, Self, TypeVar
 
 from radarsim import plugins
 from radarsim.client import session as requests
 from radarsim.errors import ClientError, RecordingError, expected_one_of
 from radarsim.geometry import Pose2, Pose3
+from radarsim.local.arguments import check_number, check_port
 from radarsim.local.history import History, Moment
 from radarsim.local.robot import GROUP, LocalRobot
+from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
@@ -73,6 +75,7 @@ class LocalSimulation:
             config: As of ``simulate``.
             map_: Name of the map, or path of its file, for recordings.
         """
+        generator_for(seed, "")  # a wrong seed is told now, not by the first robot
         self._map = map_
         self._complete_recording: Callable[[], None] | None = None
         self.host = Host(scene, config=config, seed=seed)
@@ -87,6 +90,10 @@ class LocalSimulation:
     def __repr__(self) -> str:
         robots = ", ".join(self.robots) or "no robots"
         return f"<LocalSimulation {self.scene.name} at {self.time:.2f} s: {robots}>"
+
+    def __reduce__(self) -> NoReturn:
+        text = "a simulation cannot be copied or pickled, expected a new one, with the"
+        raise TypeError(f"{text} same map, seed and commands")
 
     def __enter__(self) -> Self:
         return self
@@ -127,29 +134,27 @@ class LocalSimulation:
             class_name: Class of the robot, such as ``P3AT``, in any case.
             name: Name of the robot; None chooses one. Random numbers depend on it.
             start: Name of a start pose, in any case.
-            pose: Pose in the map frame if ``start`` is None, or x, y and yaw, m and
-                rad. Without both, it takes the first start at which it has room.
+            pose: Pose in the map frame if ``start`` is None, or ``(x, y)``, ``(x, y,
+                yaw)`` or the six numbers of a ``Pose3``, m and rad. Without both, it
+                takes the first start at which it has room.
 
         Raises:
             PresetError: If there is no such class.
             ClientError: If there is no such start, or no free place.
-            ValueError: If both ``start`` and ``pose`` are given, or a number is not
-                finite, or the name cannot be written on a line.
+            ValueError: If both ``start`` and ``pose`` are given, the pose is none, or a
+                name is no text that can be written on a line.
         """
-        config = self.host.config
-        model = config.robot(class_name.rpartition(".")[2])
-        config.check_scanners(model)
         starts = [each.name for each in self.scene.starts]
-        if start is not None and self.scene.start(start) is None:
-            raise ClientError(f"start {expected_one_of(start, starts)}")
         takes_free = start is None and pose is None
         if takes_free and starts:
             start = starts[0]
-        if pose is not None and not isinstance(pose, Pose2 | Pose3):
-            pose = Pose2(*pose)
         request = requests.spawn(
-            model.name, name=name, start=start, pose=pose, takes_free=takes_free
+            class_name, name=name, start=start, pose=pose, takes_free=takes_free
         )
+        config = self.host.config
+        config.check_scanners(config.robot(class_name.rpartition(".")[2]))
+        if start is not None and self.scene.start(start) is None:
+            raise ClientError(f"start {expected_one_of(start, starts)}")
         number = self._call(self.host.connect)
         texts = self._late_texts[number] = self.receive(number, request.data)
         while self._call(lambda: self.host.is_busy(number)):
@@ -164,7 +169,13 @@ class LocalSimulation:
         return robot
 
     def remove(self, robot: LocalRobot) -> None:
-        """Take a robot out of the simulation."""
+        """Take a robot out of the simulation.
+
+        Raises:
+            ValueError: If it is not there.
+        """
+        if robot not in self.robots.values():
+            raise ValueError(f"robot {robot!r}, expected one of {[*self.robots]}")
 
         def disconnect() -> None:
             del self.robots[robot.name]
@@ -180,7 +191,10 @@ class LocalSimulation:
 
         Raises:
             ExceptionGroup: If it is served, and the server has failed.
+            TypeError: If the duration is no number.
+            ValueError: If it is not finite and above 0.
         """
+        check_number("duration in s", duration, above=0.0)
         ticks = ticks_of(duration)
         if self._thread is None:
             for _ in range(ticks):
@@ -217,10 +231,12 @@ class LocalSimulation:
 
         Raises:
             OSError: If the file cannot be written.
-            ValueError: If its ending is another one, or a package is not installed.
+            ValueError: If its ending is another one, the speed is not above 0, or a
+                package is not installed.
         """
         from radarsim.local.pictures import write_run  # noqa: PLC0415 - matplotlib
 
+        check_number("speed", speed, above=0.0)
         write_run(self.scene, self._moments(), Path(path), speed=speed)
 
     def _repr_png_(self) -> bytes:
@@ -308,8 +324,11 @@ class LocalSimulation:
         Raises:
             ServerError: If the port is taken, or the address is not one of this
                 machine.
-            ValueError: If it is served already.
+            ValueError: If it is served already, the port is none, or the speed is not
+                above 0.
         """
+        check_port(port)
+        check_number("speed", speed, above=0.0)
         if self._thread is not None:
             raise ValueError("it is served already, expected close() before")
         thread = ServerThread(self.host, speed=speed, after_tick=self._pass_on)
@@ -429,6 +448,8 @@ def simulate(
     Raises:
         MapError: If there is no such map, or it is wrong.
         PresetError: If the configuration does not fit the robot classes.
+        TypeError: If an argument is of another type.
+        ValueError: If the seed is negative.
     """
     if isinstance(map_, Scene):
         return LocalSimulation(map_, seed=seed, config=config)

@@ -25,6 +25,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import GifImagePlugin, Image
 
+from radarsim.errors import install_command
 from radarsim.files import written_atomically
 
 Pixels = NDArray[np.uint8]  # (H, W, 3)
@@ -65,9 +66,8 @@ def film_format(path: Path) -> str:
 
             imageio_ffmpeg.get_ffmpeg_exe()
         except (ImportError, RuntimeError):
-            cure = "pip install 'radarsim[film]'"
-            name = path.with_suffix(".gif")
-            text = f"MP4 films need ffmpeg, expected {cure}, or a film {name}"
+            cure, name = install_command("film"), path.with_suffix(".gif")
+            text = f"MP4 films need ffmpeg, expected: {cure}, or a film {name}"
             raise ValueError(text) from None
     return suffix
 

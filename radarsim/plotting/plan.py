@@ -33,7 +33,7 @@ from radarsim.presets.robots import RobotModel, load_robot
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import slice_mesh
 from radarsim.scene.material import Material
-from radarsim.scene.scene import Part, Scene, StartPose
+from radarsim.scene.scene import Part, Scene, StartPose, expected_scene
 
 _TYRE: Final = 0.09  # m, width of a wheel
 HEIGHT: Final = 0.346  # m above the floor; of a P3AT's scanner
@@ -184,7 +184,12 @@ def plot_scene(scene: Scene, axes: Axes | None = None) -> Axes:
 
     Returns:
         The axes.
+
+    Raises:
+        TypeError: If it is not a scene.
     """
+    if not isinstance(scene, Scene):
+        raise expected_scene(scene)
     figure = None
     if axes is None:
         figure = Figure(dpi=DPI)

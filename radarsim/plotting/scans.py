@@ -17,7 +17,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from radarsim.geometry import Pose2
+from radarsim.errors import expected_one_of
+from radarsim.geometry import Floats, Pose2
 from radarsim.plotting.frame import fit_plan
 from radarsim.plotting.marks import (
     END_MARKS,
@@ -290,9 +291,10 @@ def compare(
     place = scene.start(start) if start is not None else next(iter(scene.starts), None)
     if place is None:
         names = [each.name for each in scene.starts]
-        raise ValueError(f"start {start!r}, expected one of {names}")
+        raise ValueError(f"start {expected_one_of(start, names)}")
     scanners = [
-        load_sensor(each) if isinstance(each, str) else each for each in sensors
+        each if isinstance(each, RangeScanner) else load_sensor(each)
+        for each in sensors
     ]
     pose = load_robot(ROBOT_CLASS).scanner_pose(place.pose)
     scans = [

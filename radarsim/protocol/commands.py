@@ -98,9 +98,9 @@ class Init:
 
     def values(self) -> Values:
         """Return the text for each of ``keys``."""
-        package = "" if "." in self.class_name else PACKAGE
+        class_name = _checked(self.class_name)
         return (
-            package + self.class_name,
+            class_name if "." in class_name else PACKAGE + class_name,
             self.name,
             self.start,
             None if self.position is None else _format_vector(flip_axes(self.position)),
@@ -561,15 +561,17 @@ def parse_switch(params: str) -> bool:
     return word == "true"
 
 
-def _checked(text: str) -> str:
+def _checked(text: object) -> str:
     """Return a text that cannot end its field or its line.
 
     Raises:
-        ValueError: If it could.
+        ValueError: If it could, or it is no text.
     """
-    if text.isascii() and text.isprintable() and not {*text} & {"{", "}"}:
-        return text
-    raise ValueError(f"text {text[:80]!r}, expected printable ASCII without braces")
+    if isinstance(text, str):
+        if text.isascii() and text.isprintable() and not {*text} & {"{", "}"}:
+            return text
+        text = text[:80]
+    raise ValueError(f"text {text!r}, expected printable ASCII without braces")
 
 
 def _format_vector(values: Iterable[float]) -> str:

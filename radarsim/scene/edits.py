@@ -111,7 +111,7 @@ def with_object(scene: Scene, name: str, keys: Mapping[str, Any]) -> Scene:
 def without(scene: Scene, name: str) -> Scene:
     """Return a scene without an object; see ``Scene.without``."""
     names = dict.fromkeys(part.object_name for part in scene.parts)
-    copy = re.compile(rf"{re.escape(name)}_[0-9]+")
+    copy = re.compile(rf"{re.escape(str(name))}_[0-9]+")
     gone = {name} & names.keys() or {each for each in names if copy.fullmatch(each)}
     if not gone:
         raise MapError([f"object {expected_one_of(name, names)}"])

@@ -168,8 +168,9 @@ def trial_problems(item: object, starts: Iterable[object]) -> Iterator[Problem]:
         valid = [each for each in names if re.fullmatch(START_NAME, each)]
         expected = "expected the name of a start"
         if valid or not names:
-            expected = f"expected one of {short_repr(valid)}{did_you_mean(name, valid)}"
-        yield ("start",), f"{short_repr(name)}, {expected}"
+            expected = f"expected one of {short_repr(valid)}"
+        meant = did_you_mean(name, valid)
+        yield ("start",), f"{short_repr(name)}{meant}, {expected}"
 
 
 def extent_problems(bounds: Floats) -> Iterator[Problem]:

@@ -5,6 +5,7 @@ A map is a YAML file with its meshes beside it; `map_schema` defines its keys.
 
 import stat
 from contextlib import suppress
+from os import PathLike
 from pathlib import Path
 from typing import Final
 
@@ -25,7 +26,11 @@ def find_map(path_or_name: str | Path) -> tuple[Path, str | None]:
 
     Raises:
         MapError: If there is neither.
+        TypeError: If it is neither a name nor a path.
     """
+    if not isinstance(path_or_name, str | PathLike):
+        expected = "expected the name of a map, or the path of its file"
+        raise TypeError(f"map {path_or_name!r:.80}, {expected}")
     name = str(path_or_name)
     # The whole name first: files may have an @ in their names.
     if path := _find(name):
@@ -51,7 +56,7 @@ def _not_found(name: str) -> str:
         if isinstance(error, PermissionError):
             reason = describe_os_error(error)
     meant = did_you_mean(name, [*others, *shipped]) or did_you_mean(stem, shipped)
-    return f"{name if plain else short_repr(name)}: {reason}, {expected}{meant}"
+    return f"{name if plain else short_repr(name)}: {reason}{meant}, {expected}"
 
 
 def _find(name: str) -> Path | None:
@@ -79,6 +84,7 @@ def load_map(path_or_name: str | Path) -> Scene:
 
     Raises:
         MapError: If the map or the selected variant has problems; it lists all.
+        TypeError: If it is neither a name nor a path.
     """
     path, variant = find_map(path_or_name)
     loader = MapLoader(_read(path))

@@ -106,7 +106,7 @@ def unknown_material(value: str, own: Iterable[str]) -> str:
     library = f"or of the library, {list(library_names())}"
     meant = did_you_mean(value, (*library_names(), *names))
     expected = f"expected one of {list_names(names)}, {library}"
-    return f"{short_repr(value)}, {expected}{meant}"
+    return f"{short_repr(value)}{meant}, {expected}"
 
 
 def _mesh_file(value: str, info: ValidationInfo) -> str:

@@ -8,7 +8,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from radarsim import plugins
-from radarsim.geometry import Floats, Pose3
+from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.presets.sensors import load_fmcw_settings, load_settings
 from radarsim.raycast.aimed_rays import Sides
@@ -162,7 +162,7 @@ class RangeScanner:
     def spectrum(
         self,
         scene: Scene,
-        pose: Pose3 | Sequence[float],
+        pose: Pose2 | Pose3 | Sequence[float],
         rng: np.random.Generator | int,
     ) -> Any:
         """Record a turn as an FMCW radar: the power in each direction and range bin.
@@ -187,7 +187,7 @@ class RangeScanner:
     def scan(
         self,
         scene: Scene,
-        pose: Pose3 | Sequence[float],
+        pose: Pose2 | Pose3 | Sequence[float],
         rng: np.random.Generator | int | None = None,
     ) -> Scan:
         """Scan a scene.
@@ -216,7 +216,7 @@ class RangeScanner:
     def scan_many(
         self,
         scene: Scene,
-        poses: Sequence[Pose3 | Sequence[float]] | Floats,
+        poses: Sequence[Pose2 | Pose3 | Sequence[float]] | Floats,
         rng: np.random.Generator | int | None = None,
     ) -> ScanArrays:
         """Scan a scene from many poses, on all processors.
@@ -341,8 +341,10 @@ def load_sensor(name: str, /, **settings: Any) -> RangeScanner:
     return RangeScanner(name, load_settings(name, **settings), fmcw)
 
 
-def sensor_pose(scene: Scene, pose: Pose3 | Sequence[float]) -> Pose3:
+def sensor_pose(scene: Scene, pose: Pose2 | Pose3 | Sequence[float]) -> Pose3:
     """Convert a sensor pose: x, y, z, roll, pitch, yaw, or x, y, yaw at default height.
+
+    These are also what a ``Pose3`` and a ``Pose2`` have.
 
     Raises:
         ValueError: If it is neither three nor six finite numbers.
@@ -351,7 +353,13 @@ def sensor_pose(scene: Scene, pose: Pose3 | Sequence[float]) -> Pose3:
         raise expected_scene(scene)
     if isinstance(pose, Pose3):
         return pose
-    numbers = given = list(map(float, pose))
+    if isinstance(pose, Pose2):
+        pose = pose.x, pose.y, pose.yaw
+    try:
+        numbers = given = list(map(float, pose))
+    except (TypeError, ValueError):
+        text = f"pose {pose!r}, expected a Pose2, a Pose3, or three or six numbers"
+        raise ValueError(text) from None
     if len(numbers) == 3:
         x, y, yaw = numbers
         z = scene.floor_at(x, y) + SENSOR_HEIGHT if math.isfinite(x + y) else 0.0

@@ -142,10 +142,11 @@ class Renderer:
             EngineError: If Embree cannot be used, or cannot use a part of the scene.
             ValueError: If there are no pixels, or the angle is not below pi.
         """
-        if not (width > 0 and height > 0 and 0 < field_of_view < math.pi):
-            degrees = math.degrees(field_of_view)
-            came = f"{width} x {height} pixels of {degrees:g} degrees"
-            raise ValueError(f"picture {came}, expected some of less than 180 degrees")
+        are_whole = all(isinstance(each, int) for each in (width, height))
+        if not (are_whole and min(width, height) > 0 and 0 < field_of_view < math.pi):
+            came = f"{width} x {height} pixels, {math.degrees(field_of_view):g} degrees"
+            expected = "whole numbers of pixels, and less than 180 degrees"
+            raise ValueError(f"picture of {came}, expected {expected}")
         self._tracer = tracer_of(scene)
         materials = [*(part.material for part in self._tracer.parts), ROBOT]
         self._colours = np.array([_colour_of(material) for material in materials])

@@ -91,7 +91,11 @@ class SimulationConfig:
         Raises:
             PresetError: If no class has such an item, or the item has no such setting,
                 or a value is out of range, or there is no such sensor.
+            TypeError: If the dialect is none.
         """
+        if not isinstance(self.dialect, Dialect):
+            expected = "a Dialect of radarsim.protocol.dialect, such as UDK"
+            raise TypeError(f"dialect {self.dialect!r}, expected {expected}")
         items = [i for name in self.robot_names() for i in self.robot(name).items]
         for model in self.robots:
             for item in model.items:

@@ -1,3 +1,4 @@
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -9,6 +10,7 @@ import pytest
 from radarsim import __version__
 from radarsim.cli import app
 from radarsim.errors import ServerError
+from radarsim.processes import BROKEN_PIPE
 
 Command = Callable[..., Any]
 PROGRAM = (sys.executable, "-m", "radarsim")
@@ -33,6 +35,19 @@ def test_closed_stdout_ends_the_program_without_an_error() -> None:
         process.stdout.read(10)
         process.stdout.close()
         assert process.stderr.read() == b""
+    assert process.returncode == BROKEN_PIPE
+
+
+@pytest.mark.parametrize("command", ["--help", "sensors", "docs index"])
+def test_output_that_nobody_reads_ends_the_program_as_others(command: str) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    words = (*PROGRAM, *command.split())
+    run = subprocess.run(
+        words, stdout=writer, stderr=subprocess.PIPE, check=False, timeout=240
+    )
+    os.close(writer)
+    assert (run.returncode, run.stderr) == (BROKEN_PIPE, b"")
 
 
 def test_bug_is_shown_whole_with_what_to_report(

@@ -122,9 +122,9 @@ def test_plan_is_built_of_what_is_given() -> None:
         (("--limit", "nan"), "--limit: 'nan', expected more than 0"),
         (("--limit", "-inf"), "--limit: '-inf', expected more than 0"),
         (("--goal", "1"), "--goal: '1', expected X,Y"),
-        (("--gait", "rn"), "--gait: 'rn', expected one of ['walk', 'run']"),
+        (("--gait", "rn"), "--gait: 'rn' (did you mean 'run'?), expected one of"),
         (("--side", "top"), "--side: 'top', expected one of ['left', 'right']"),
-        (("--gaot", "run"), "'--gaot', expected another option; did you mean '--gait'"),
+        (("--gaot", "run"), "'--gaot' (did you mean '--gait'?), expected another"),
         (("a", "b"), "'b', expected no more arguments; see 'walk --help'"),
         (
             ("a", "--name", "b", "--home", "0,0", "--side", "left"),

@@ -270,9 +270,26 @@ def test_a_variable_that_is_no_options_is_named(
     run = radarsim(*SCAN, *HERE)
     assert run.code == 0
     assert run.err == (
-        "radarsim: warning: RADARSIM_SCAN_COUNTS is ignored, it is no option's;"
-        " did you mean 'RADARSIM_SCAN_COUNT'?\n"
+        "radarsim: warning: RADARSIM_SCAN_COUNTS"
+        " (did you mean 'RADARSIM_SCAN_COUNT'?) is ignored, it is no option's\n"
     )
+
+
+@pytest.mark.parametrize("group", [(), ("recording",)], ids=str)
+def test_groups_know_the_options_of_help_as_commands_do(
+    radarsim: RunCommand, group: tuple[str, ...]
+) -> None:
+    shown = radarsim(*group, "--help-all")
+    assert shown.code == 0
+    assert shown.text == radarsim(*group, "--help").text
+
+
+def test_address_of_numbers_with_colons_is_told_in_brackets(
+    radarsim: RunCommand, tmp_path: Path
+) -> None:
+    run = radarsim("map", "--connect", "[::1]:1", "-o", f"{tmp_path}/")
+    assert run.code == 1
+    assert "no server at [::1]:1" in run.err
 
 
 def complete(*words: str) -> list[str]:

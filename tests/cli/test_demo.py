@@ -34,6 +34,19 @@ def test_demo_does_not_overwrite_files_of_others(
     assert path.read_bytes() == b"\x89PNG, a photo"
 
 
+@pytest.mark.parametrize("form", ["pdf", "svg"])
+def test_demo_draws_into_a_file_as_other_commands(
+    radarsim: Command, tmp_path: Path, form: str
+) -> None:
+    path = tmp_path / f"demo.{form}"
+    for _ in range(2):  # its own picture may be replaced
+        run = radarsim("demo", "-o", str(path))
+        assert (run.code, run.text) == (0, f"{path}\n")
+    assert path.read_bytes().startswith({"pdf": b"%PDF", "svg": b"<?xml"}[form])
+    twice = radarsim("demo", str(path), "-o", str(path))
+    assert "expected only one of OUT and --output" in twice.err
+
+
 @pytest.mark.parametrize("name", ["demo", "demo.jpg", "none/demo.png"])
 def test_demo_refuses_what_it_cannot_write(
     radarsim: Command, tmp_path: Path, name: str

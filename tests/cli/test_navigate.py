@@ -257,6 +257,11 @@ def test_options_reach_robot_and_bug(radarsim: Command) -> None:
         pytest.param([*BOX, "--goal", "1"], ["'1'", "X,Y"], id="short goal"),
         pytest.param([*BOX, "--goal", "1,inf"], ["'1,inf'"], id="infinite goal"),
         pytest.param([*BOX, "--goal", "a,b"], ["'a,b'"], id="goal in words"),
+        pytest.param(
+            [*BOX, "--goal", "0,1", "--goal", "100,1"],
+            ["--goal: goal (100, 1) is outside of the map, expected x from -"],
+            id="goal outside",
+        ),
         pytest.param([*BOX, "--pose", "1,2"], ["X,Y,YAW_DEG"], id="pose"),
         pytest.param(
             [*BOX, "--pose", "1,2,3", "--start", "RobotStart1"],
@@ -315,7 +320,7 @@ def test_start_in_a_bush_is_an_error_that_names_it(
         "  - {name: juniper, sphere: 2.0, position: [-5, 0, 0.6], material: leaves}\n"
         "starts: [{name: RobotStart1, position: [-5, 0, 0]}]\n"
     )
-    for command in ([*BUG2, "--goal", "6,0"], ["map", "-o", str(tmp_path / "o/")]):
+    for command in ([*BUG2, "--goal=-6,1"], ["map", "-o", str(tmp_path / "o/")]):
         run = radarsim(*command, str(path))
         assert run.code == 1
         assert "INIT at (-5.00, 0.00) in ['juniper'], expected a free place" in run.err

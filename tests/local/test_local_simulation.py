@@ -202,10 +202,7 @@ def test_targets_of_a_detector_come_with_its_scan(sim: LocalSimulation) -> None:
         ),
         (lambda s: s.spawn(start="RobotStart1", pose=(0, 0, 0)), ValueError, "one of"),
         (lambda s: s.spawn(pose=(0, math.nan, 0)), ValueError, "nan"),
-        (lambda s: s.spawn().scan("lms20"), ClientError, "did you mean 'lms200'"),
-        (lambda s: s.spawn().scan(), ClientError, "no LocalScan of 'lms200' yet"),
         (lambda s: s.spawn().newest(Gps), ClientError, "no Gps yet"),
-        (lambda s: s.spawn().drive(math.inf), ValueError, "nan"),
         (
             lambda s: s.spawn().send(b"DRIVE {Left 1}\r\n"),
             ClientError,

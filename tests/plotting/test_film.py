@@ -181,5 +181,5 @@ def test_missing_ffmpeg_is_an_error_that_tells_the_cure(
     monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
     with pytest.raises(ValueError, match="MP4") as error:
         film_format(Path("out/run.mp4"))
-    assert "pip install 'radarsim[film]'" in str(error.value)
+    assert "pip install '.[film]' in the checkout" in str(error.value)
     assert "or a film out/run.gif" in str(error.value)

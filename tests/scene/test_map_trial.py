@@ -52,7 +52,7 @@ def test_trial_is_optional(line: str) -> None:
             "RobotStart1",
             "RobotStart2",
             16,
-            f".start: 'RobotStart2', {KNOWN}; did you mean 'RobotStart1'?",
+            f".start: 'RobotStart2' (did you mean 'RobotStart1'?), {KNOWN}",
             id="no such start",
         ),
         pytest.param("start: RobotStart1, ", "", 8, ".start: missing", id="nowhere"),

@@ -323,8 +323,8 @@ def test_noise_is_read_from_settings() -> None:
     [
         pytest.param(
             {"sigm": 1},
-            "INS setting 'sigm', expected one of"
-            " ['sigma', 'position_bias', 'angle_bias']; did you mean 'sigma'?",
+            "INS setting 'sigm' (did you mean 'sigma'?), expected one of"
+            " ['sigma', 'position_bias', 'angle_bias']",
             id="unknown",
         ),
         pytest.param(

@@ -57,7 +57,7 @@ def test_valid_settings_pass_the_check(
     [
         pytest.param(
             {"lms": {"max_range": 3}},
-            f"item 'lms', expected one of {ITEM_NAMES}; did you mean 'lms200'?",
+            f"item 'lms' (did you mean 'lms200'?), expected one of {ITEM_NAMES}",
             id="unknown item",
         ),
         pytest.param(

@@ -6,8 +6,8 @@ start and goal, and ``radarsim/Smoke-v0`` in a room with smoke::
 
     env = gymnasium.make("radarsim.addons.gym:radarsim/GoTo-v0", map="foliage_room")
 
-Gymnasium comes with ``pip install 'radarsim[gym]'``, PettingZoo with
-``pip install 'radarsim[marl]'``.
+Gymnasium comes with ``pip install '.[gym]'`` in the checkout, PettingZoo with
+``pip install '.[marl]'``.
 """
 
 import importlib

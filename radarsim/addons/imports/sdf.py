@@ -24,7 +24,7 @@ from radarsim.addons.imports.source_file import (
     read_bytes,
     wrong,
 )
-from radarsim.errors import ForeignFileError, MissingPackage
+from radarsim.errors import ForeignFileError, MissingPackage, install_command
 from radarsim.geometry import Pose3
 from radarsim.scene.mesh_files import MeshError
 from radarsim.validation import short_repr
@@ -304,7 +304,7 @@ class _SdfFile:
             reason = f"{suffix} that cannot be used"
             raise _LeftOut(mesh, f"{text}: {error}", reason) from error
         except MissingPackage as error:
-            cure = "pip install 'radarsim[collada]'"
+            cure = install_command("collada")
             reason = f"{suffix} without pycollada ({cure})"
             raise _LeftOut(
                 mesh, f"{text}: pycollada is not installed", reason

@@ -14,7 +14,13 @@ from typing import TYPE_CHECKING, Any, Final, Literal, Self
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from radarsim import __version__
-from radarsim.errors import MapError, RecordingError, did_you_mean, list_names
+from radarsim.errors import (
+    MapError,
+    RecordingError,
+    did_you_mean,
+    install_command,
+    list_names,
+)
 from radarsim.presets.robots import RobotModel
 from radarsim.protocol.dialect import DriveUnit
 
@@ -166,7 +172,7 @@ def check_installed() -> None:
     missing = [name for name in EXTRA if find_spec(name) is None]
     if missing:
         text = f"recordings need {' and '.join(missing)}"
-        raise RecordingError(f"{text}, expected: pip install 'radarsim[record]'")
+        raise RecordingError(f"{text}, expected: {install_command('record')}")
 
 
 def create_folder(folder: Path) -> None:
@@ -206,11 +212,11 @@ def find_file(folder: Path) -> Path:
     reason = "no recording in it" if folder.is_dir() else "no such recording"
     instead = "the folder of a recording, with one file *.mcap"
     if folder.suffix == ".mcap" and folder.is_file():
-        instead += f"; did you mean {str(folder.parent)!r}?"
+        reason += f" (did you mean {str(folder.parent)!r}?)"
     elif inside := _recordings_in(folder):
         instead = f"one of those in it: {list_names(inside)}"
     else:
-        instead += did_you_mean(folder.name, _recordings_in(folder.parent))
+        reason += did_you_mean(folder.name, _recordings_in(folder.parent))
     raise RecordingError(f"{folder}: {reason}, expected {instead}")
 
 

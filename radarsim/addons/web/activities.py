@@ -24,7 +24,8 @@ from radarsim.addons.web.requests import (
 )
 from radarsim.addons.web.robots import Robots
 from radarsim.addons.web.viewers import Viewers, encode_json
-from radarsim.errors import RadarsimError
+from radarsim.autonomy.navigation.plans import check_goal
+from radarsim.errors import NavigationError, RadarsimError
 
 if TYPE_CHECKING:
     from radarsim.addons.web.algorithms import MapMaker
@@ -190,13 +191,10 @@ class Activities:
         from radarsim.addons.web.algorithms import plan_drive  # noqa: PLC0415
 
         if self.bounds is not None:
-            west, south, east, north = self.bounds
-            (x, y) = request.goal
-            if not (west <= x <= east and south <= y <= north):
-                raise BadRequest(
-                    f"goal ({x:g}, {y:g}) is outside of the map, expected x from"
-                    f" {west:g} to {east:g} m and y from {south:g} to {north:g} m"
-                )
+            try:
+                check_goal(request.goal, self.bounds)
+            except NavigationError as error:
+                raise BadRequest(str(error)) from None
         self._begin("goto", request.robot, plan_drive(request, self.safety_distance))
 
     def explore(self, request: Explore) -> None:

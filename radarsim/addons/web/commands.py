@@ -28,7 +28,7 @@ from radarsim.cli.server_options import (
     check_item_settings,
     cure_of_port,
 )
-from radarsim.errors import ServerError, describe_os_error
+from radarsim.errors import ServerError, describe_os_error, join_address
 from radarsim.plans import RARE, Option
 from radarsim.processes import exit_immediately, set_exit_code_of_sigterm
 
@@ -202,9 +202,8 @@ def read_token(path: Path) -> str:
 def announce_commander(address: tuple[str, int], token: str) -> None:
     """Tell on stdout, on one line, what a browser has to open."""
     set_exit_code_of_sigterm(0)
-    host = f"[{address[0]}]" if ":" in address[0] else address[0]
     fragment = urlencode({"token": token})  # those of base64 have a plus, a blank else
-    print_now(f"radarsim: commander on http://{host}:{address[1]}/#{fragment}")
+    print_now(f"radarsim: commander on http://{join_address(*address)}/#{fragment}")
 
 
 @dataclass(frozen=True, slots=True)

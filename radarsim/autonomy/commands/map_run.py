@@ -33,7 +33,12 @@ from radarsim.autonomy.proxy.observer import ScannerDefaults
 from radarsim.autonomy.proxy.traffic_mapper import TrafficMapper
 from radarsim.cli.compile_progress import live_status
 from radarsim.cli.output import print_lines, print_message, start_log
-from radarsim.errors import PortUnavailable, ServerError, describe_os_error
+from radarsim.errors import (
+    PortUnavailable,
+    ServerError,
+    describe_os_error,
+    join_address,
+)
 from radarsim.processes import raise_on_signals
 
 LISTEN: Final = "127.0.0.1"
@@ -332,7 +337,7 @@ def _run_traffic(
         return traffic.watch(server, robot, tell_wait, echoes=echoes)
 
     def announce(address: tuple[str, int]) -> None:
-        print_message(f"listening on {address[0]}:{address[1]}")
+        print_message(f"listening on {join_address(*address)}")
 
     try:
         return traffic.run(server, (LISTEN, port), announce)

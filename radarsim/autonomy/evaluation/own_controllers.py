@@ -5,12 +5,15 @@ It is judged as the navigators of the package are: by the truth, on the same map
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Final, TypeAlias
+
+import numpy as np
 
 from radarsim.autonomy.evaluation.estimates import Estimate, mean, share
 from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
@@ -28,6 +31,8 @@ from radarsim.autonomy.navigation.algorithms import ROBOT
 from radarsim.errors import ClientError, NavigationError
 from radarsim.geometry import Point
 from radarsim.local import LocalRobot, LocalSimulation
+from radarsim.local.arguments import check_number
+from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene
 from radarsim.server.host import HostObserver
 
@@ -127,7 +132,7 @@ class Evaluation:
 def evaluate(
     controller: OwnController,
     *,
-    maps: Sequence[str] = MAPS,
+    maps: Sequence[str | Path] = MAPS,
     seeds: int | Sequence[int] = 10,
     sensor: str = "radar",
     time_limit: float = TIME_LIMIT,
@@ -150,7 +155,7 @@ def evaluate(
 
     Args:
         controller: The controller; with several workers a function of a module.
-        maps: Names or paths of maps that have a ``trial``.
+        maps: Names of maps that have a ``trial``, or paths of their files.
         seeds: Seeds of the simulations, or how many from 0.
         sensor: Name of the preset of the scanner.
         time_limit: Simulated time after which a run has failed, s.
@@ -160,17 +165,25 @@ def evaluate(
     Raises:
         MapError: If a map is wrong, or defines no trial.
         PresetError: If there is no such sensor.
-        ValueError: If there are no maps, or no seeds.
+        TypeError: If an argument is of another type, or the controller is no function
+            of a module and there are several workers.
+        ValueError: If there are no maps, or no seeds, or a number is too small.
     """
-    numbers = range(seeds) if isinstance(seeds, int) else seeds
+    # Before any trial, so that a mistake is not found after minutes.
+    _check_controller(controller, workers)
+    check_number("time_limit in s", time_limit, above=0.0)
+    numbers = _check_seeds(seeds)
+    if isinstance(maps, str):
+        raise TypeError(f"maps {maps!r}, expected a list of names or paths")
     if not maps or not len(numbers):
         raise ValueError("no runs, expected at least one map and one seed")
-    # Before any trial, so that a wrong name is not found after minutes.
     for map_ in maps:
-        load_trial(map_)
+        load_trial(str(map_) if isinstance(map_, Path) else map_)
     config_with_sensor(sensor)
     name = getattr(controller, "__name__", type(controller).__name__)
-    specs = [TrialSpec(map_, name, sensor, seed) for map_ in maps for seed in numbers]
+    specs = [
+        TrialSpec(str(map_), name, sensor, seed) for map_ in maps for seed in numbers
+    ]
     folder = None if pictures is None else Path(pictures)
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
@@ -179,6 +192,43 @@ def evaluate(
         return Evaluation(tuple(map(run, specs)))
     with closing(run_tasks(run, specs, workers=workers)) as running:
         return Evaluation(tuple(result.unwrap() for result in in_order(running)))
+
+
+def _check_controller(controller: object, workers: int) -> None:
+    """Check that a controller can be called, by several processes if there are.
+
+    Raises:
+        TypeError: If it cannot.
+        ValueError: If the number of processes is none.
+    """
+    if not callable(controller):
+        text = "expected a function of a robot and a goal"
+        raise TypeError(f"controller {controller!r}, {text}")
+    if workers < 1:
+        raise ValueError(f"workers {workers!r}, expected at least 1")
+    if workers > 1:
+        try:
+            pickle.dumps(controller)
+        except (AttributeError, TypeError, pickle.PicklingError) as error:
+            text = "expected a function of a module, for several workers"
+            raise TypeError(f"controller {controller!r}, {text}: {error}") from None
+
+
+def _check_seeds(seeds: int | Sequence[int]) -> Sequence[int]:
+    """Return the seeds; of a number, as many from 0.
+
+    Raises:
+        TypeError: If it is neither a number nor a sequence, or one is no whole number.
+        ValueError: If one is negative.
+    """
+    if isinstance(seeds, int):
+        return range(seeds)
+    if not isinstance(seeds, Sequence | np.ndarray):
+        text = "expected their number, or a list of them"
+        raise TypeError(f"seeds {seeds!r}, {text}")
+    for seed in seeds:
+        generator_for(seed)
+    return seeds
 
 
 def run_own_trial(

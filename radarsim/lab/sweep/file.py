@@ -189,9 +189,8 @@ def read_sweep(path_or_name: str) -> tuple[Path, SweepFile]:
     try:
         file = read_yaml(path)
     except OSError as error:
-        reason = describe_os_error(error)
-        text = f"{path}: {reason}, {expected}"
-        raise SweepError(text + did_you_mean(path_or_name, known)) from error
+        reason = describe_os_error(error) + did_you_mean(path_or_name, known)
+        raise SweepError(f"{path}: {reason}, {expected}") from error
     if isinstance(file.data, dict) and "objects" in file.data:
         raise SweepError(f"{path}: a map, {expected}")
     problems = list(file.problems)

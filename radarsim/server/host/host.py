@@ -118,8 +118,12 @@ class Host:
 
         Raises:
             PresetError: If the configuration does not fit the robot classes.
+            TypeError: If an argument is of another type.
         """
-        config = config or SimulationConfig()
+        if config is None:
+            config = SimulationConfig()
+        if not isinstance(config, SimulationConfig):
+            raise TypeError(f"config {config!r:.80}, expected a SimulationConfig")
         config.check()
         self._scene, self._config, self._seed = scene, config, seed
         self._dialect = config.dialect

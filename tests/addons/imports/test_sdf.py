@@ -16,6 +16,7 @@ from commands import Run, run_in_process
 
 import radarsim
 from radarsim.addons.imports import sdf
+from radarsim.errors import install_command
 
 Import = Callable[..., Run]
 
@@ -290,7 +291,7 @@ def test_summary_gives_the_reasons_and_how_to_read_collada(
     done = import_file(write(tmp_path / "w.sdf", world))
     assert done.code == 1
     reasons = (
-        "40 .dae without pycollada (pip install 'radarsim[collada]'), "
+        f"40 .dae without pycollada ({install_command('collada')}), "
         "22 not found (see --model-path)"
     )
     assert done.err.endswith(f"\nradarsim: 62 of 64 models left out: {reasons}\n")

@@ -305,10 +305,12 @@ def test_wrong_folder_suggests_its_neighbours(bag: Path, tmp_path: Path) -> None
     right = shutil.copytree(bag, runs / "monday")
     shutil.copytree(bag, runs / "tuesday")
     for wrong, expected in {
-        runs / "munday": "no such recording, .*; did you mean 'monday'",
+        runs / "munday": r"no such recording \(did you mean 'monday'\?\), .* \*\.mcap$",
         runs / "friday_noon": r"no such recording, .* \*\.mcap$",
         runs: "no recording in it, expected one of .*'monday', 'tuesday'",
-        next(right.glob("*.mcap")): f"no such recording, .*; did you mean '{right}'",
+        next(
+            right.glob("*.mcap")
+        ): rf"no such recording \(did you mean '{right}'\?\), ",
         tmp_path / "nowhere" / "run": r"no such recording, .* \*\.mcap$",
     }.items():
         with pytest.raises(RecordingError, match=expected):

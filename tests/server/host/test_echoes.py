@@ -227,9 +227,9 @@ def test_echoes_are_off_for_the_next_robot(foliage_room: Scene) -> None:
         pytest.param(
             ECHOES_ON.replace(b"RangeScanner", b"Echoes"),
             "item type",
-            "SET of type 'Echoes', expected one of ['GroundTruth', 'INS', 'Odometry', "
-            "'Tachometer', 'Encoder', 'Touch', 'Battery', 'RangeScanner']; "
-            "did you mean 'Encoder'?",
+            "SET of type 'Echoes' (did you mean 'Encoder'?), expected one of "
+            "['GroundTruth', 'INS', 'Odometry', 'Tachometer', 'Encoder', 'Touch', "
+            "'Battery', 'RangeScanner']",
             id="type of the lines",
         ),
         pytest.param(

@@ -163,9 +163,9 @@ def test_time_is_above_zero_and_never_goes_back(host: Host) -> None:
         pytest.param(
             b"DRVE {Left 1} {Right 1}",
             "malformed line",
-            "verb 'DRVE', expected one of ['ACT', 'DRIVE', 'GETCONF', 'GETGEO', "
-            "'GETSTARTPOSES', 'INIT', 'MISPKG', 'MULTIDRIVE', 'SET', 'WATCH']; did you "
-            "mean 'DRIVE'?",
+            "verb 'DRVE' (did you mean 'DRIVE'?), expected one of ['ACT', 'DRIVE', "
+            "'GETCONF', 'GETGEO', 'GETSTARTPOSES', 'INIT', 'MISPKG', 'MULTIDRIVE', "
+            "'SET', 'WATCH']",
             id="misspelt verb",
         ),
         pytest.param(
@@ -219,10 +219,10 @@ def test_invalid_command_gives_a_diagnostic_and_no_effect(
         pytest.param(
             b"DRIVE {Left 1} {Rigth 1}",
             "DRIVE fields, one side",
-            "DRIVE field 'Rigth', expected one of "
+            "DRIVE field 'Rigth' (did you mean 'Right'?), expected one of "
             "['Left', 'Right', 'Normalized', 'Light', 'Flip', 'Speed', 'FrontSteer', "
             "'RearSteer', 'Name', 'Value', 'Order']"
-            "; did you mean 'Right'?; DRIVE without Right, expected Left and Right",
+            "; DRIVE without Right, expected Left and Right",
             id="misspelt wheel",
         ),
         pytest.param(
@@ -248,9 +248,9 @@ def test_invalid_command_gives_a_diagnostic_and_no_effect(
         pytest.param(
             b"GETGEO {Type Robt}",
             "item type",
-            "GETGEO of type 'Robt', expected one of ['Robot', 'GroundTruth', 'INS', "
-            "'Odometry', 'Tachometer', 'Encoder', 'Touch', 'Battery', 'RangeScanner', "
-            "'Echoes', 'RadarTargets']; did you mean 'Robot'?",
+            "GETGEO of type 'Robt' (did you mean 'Robot'?), expected one of "
+            "['Robot', 'GroundTruth', 'INS', 'Odometry', 'Tachometer', 'Encoder', "
+            "'Touch', 'Battery', 'RangeScanner', 'Echoes', 'RadarTargets']",
             id="misspelt robot",
         ),
         pytest.param(
@@ -424,8 +424,8 @@ def test_misspelt_field_is_told_with_what_it_leads_to(host: Host) -> None:
     init = b"INIT {ClassName P3AT} {Strat RobotStart1}\r\n"
     (diagnostic,) = host.receive(number, init)
     assert diagnostic.kind == "INIT fields, moved"
-    assert "INIT field 'Strat', expected one of " in diagnostic.text
-    assert "did you mean 'Start'?; INIT moved from (0.00, 0.00)" in diagnostic.text
+    assert "INIT field 'Strat' (did you mean 'Start'?), expected" in diagnostic.text
+    assert "]; INIT moved from (0.00, 0.00)" in diagnostic.text
 
 
 def test_init_inside_a_wall_takes_the_nearest_free_place(host: Host) -> None:
@@ -909,3 +909,8 @@ def test_map_without_starts_sends_zero_start_poses(empty_room: Scene) -> None:
     host.receive(number, b"GETSTARTPOSES\r\n")
     assert host.take(number) == b"NFO {StartPoses 0}\r\n"
     spawned(host, b"INIT {ClassName P3AT} {Location 1,1,0}\r\n")
+
+
+def test_settings_alone_are_no_configuration(empty_room: Scene) -> None:
+    with pytest.raises(TypeError, match=r"config .*expected a Simul"):
+        Host(empty_room, config={})  # type: ignore[arg-type]

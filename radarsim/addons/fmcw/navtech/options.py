@@ -9,6 +9,7 @@ import click
 
 from radarsim.cli.output import print_now
 from radarsim.cli.server_options import ServedMap, ServeExtension
+from radarsim.errors import join_address
 from radarsim.plans import Option
 
 if TYPE_CHECKING:
@@ -72,8 +73,7 @@ class NavtechExtension(ServeExtension):
 
     def announce(self, _: tuple[str, int]) -> None:
         """Tell on stdout that clients of a radar can connect."""
-        host, port = self._server.address
-        print_now(f"radarsim: radar on {host}:{port}")
+        print_now(f"radarsim: radar on {join_address(*self._server.address)}")
 
     async def stop(self) -> None:
         """See ``ServeExtension.stop``."""

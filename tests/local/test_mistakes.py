@@ -1,0 +1,280 @@
+"""What users of Python get wrong is told: what came, and what was expected."""
+
+import copy
+import math
+import os
+import pickle
+import re
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import radarsim
+from radarsim.protocol.reports import GroundTruth, RangeScan
+from radarsim.scene.scene import Scene
+
+Sim = radarsim.LocalSimulation
+Call = Callable[[Any], object]
+
+
+@pytest.fixture
+def sim(empty_room: Scene) -> Sim:
+    return radarsim.simulate(empty_room)
+
+
+@pytest.mark.parametrize(
+    ("call", "told"),
+    [
+        (lambda: radarsim.simulate(3), "map 3, expected the name of a map"),  # type: ignore[arg-type]
+        (lambda: radarsim.simulate("empty_room", seed="1"), "seed '1', expected a wh"),  # type: ignore[arg-type]
+        (lambda: radarsim.simulate("empty_room", seed=None), "seed None, expected"),  # type: ignore[arg-type]
+        (lambda: radarsim.simulate("empty_room", seed=-1), "seed -1, .* at least 0"),
+        (
+            lambda: radarsim.simulate("empty_room", config={"lms200": {}}),  # type: ignore[arg-type]
+            "config {'lms200': {}}, expected a SimulationConfig",
+        ),
+        (
+            lambda: radarsim.simulate(
+                "empty_room",
+                config=radarsim.SimulationConfig("udk"),  # type: ignore[arg-type]
+            ),
+            "dialect 'udk', expected a Dialect",
+        ),
+        (
+            lambda: radarsim.LocalSimulation("empty_room"),  # type: ignore[arg-type]
+            r"scene 'empty_room', .* radarsim.load_map\('empty_room'\)",
+        ),
+        (lambda: radarsim.load_sensor(None), "sensor 'None', expected one of"),  # type: ignore[arg-type]
+        (
+            lambda: radarsim.compare("empty_room", "laser", start="RobotStat1"),
+            "start 'RobotStat1' .did you mean 'RobotStart1'",
+        ),
+        (
+            lambda: radarsim.load_map("empty_room").without(3),  # type: ignore[arg-type]
+            "object '3', expected one of",
+        ),
+        (lambda: radarsim.generator_for("a"), "seed 'a', expected a whole number"),  # type: ignore[arg-type]
+    ],
+)
+def test_what_is_no_map_or_seed_is_told(call: Callable[[], object], told: str) -> None:
+    with pytest.raises((radarsim.RadarsimError, TypeError, ValueError), match=told):
+        call()
+
+
+SPAWN: list[tuple[dict[str, Any], str]] = [
+    ({"class_name": 3}, "text 3, expected printable ASCII"),
+    ({"name": 3}, "text 3, expected printable ASCII"),
+    ({"name": "a}b"}, "text 'a}b', expected printable ASCII without braces"),
+    ({"start": 1}, "text 1, expected"),
+    ({"start": (0, 0, 0)}, r"text \(0, 0, 0\), expected"),
+    ({"pose": (1,)}, r"pose \(1,\), expected a Pose2, a Pose3, x, y or"),
+    ({"pose": (1, 2, 3, 4)}, r"pose \(1, 2, 3, 4\), expected a Pose2"),
+    ({"pose": "1,2"}, "pose '1,2', expected a Pose2"),
+    ({"pose": (1, math.nan, 0)}, r"pose \(1, nan, 0\), expected a Pose2"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "told"), SPAWN)
+def test_what_no_robot_can_be_spawned_by_is_told(
+    sim: Sim, arguments: dict[str, Any], told: str
+) -> None:
+    with pytest.raises(ValueError, match=told):
+        sim.spawn(**arguments)
+    assert not sim.robots
+
+
+@pytest.mark.parametrize("pose", [(1, 2), (1, 2, 0), np.array([1.0, 2.0, 0.0])])
+def test_pose_can_be_any_numbers(sim: Sim, pose: Any) -> None:
+    assert sim.spawn(pose=pose).pose == radarsim.Pose2(1.0, 2.0, 0.0)
+    six = (3.0, 2.0, 0.0, 0.0, 0.0, 0.5)
+    assert sim.spawn("p3at", pose=six).pose == radarsim.Pose2(3.0, 2.0, 0.5)
+
+
+@pytest.mark.parametrize("duration", [0, -1, math.nan, math.inf, "0.1", None])
+def test_time_that_cannot_pass_is_told(sim: Sim, duration: Any) -> None:
+    told = f"duration in s {duration!r}, expected more than 0"
+    with pytest.raises((TypeError, ValueError), match=told):
+        sim.step(duration)
+    assert sim.time == 0
+
+
+CALLS: list[tuple[Call, str]] = [
+    (lambda r: r.drive(math.nan), "speed in m/s nan, expected a finite number"),
+    (lambda r: r.drive(0.1, math.inf), "turn in rad/s inf, expected a finite number"),
+    (lambda r: r.drive("0.4"), "speed in m/s '0.4', expected a finite number"),
+    (lambda r: r.drive(np.ones(2)), "speed in m/s array.*, expected a finite number"),
+    (lambda r: r.drive_wheels(None, 1), "left in rad/s None, expected a finite"),
+    (lambda r: r.scan(), "no RangeScan of 'lms200' yet, .*expected a call of step"),
+    (lambda r: r.truth, "no GroundTruth yet, until 0.00 s, expected a call of step"),
+    (lambda r: r.scan("lms20"), "has .'lms200'., expected .* mean 'lms200'"),
+    (lambda r: r.scan(0), "has .'lms200'., expected the scanner '0'"),
+    (lambda r: r.newest("GroundTruth"), "kind 'GroundTruth', expected a class"),
+    (lambda r: r.spectrum(), "no turn of a radar yet, expected request_spectra"),
+    (lambda r: r.request_targets(), "scanner 'lms200' has no detector, expected"),
+    (lambda r: r.request_spectra(), "no FMCW radar, expected such as a P3AT_Navtech"),
+    (lambda r: r.camera(width=0), "picture of 0 x 480 pixels, 80 degrees, expected"),
+    (lambda r: r.camera(width=0.5), "picture of 0.5 x 480 pixels, .* whole numbers"),
+    (lambda r: r.camera(fov_deg=200), "200 degrees, expected .* less than 180 deg"),
+    (lambda r: r.simulation.camera((0, 0, 0)), "pose .0, 0, 0., expected six finite"),
+    (lambda r: r.simulation.render("run.jpg"), "ending '.jpg' .* expected one of"),
+    (lambda r: r.simulation.render("run.gif", speed=0), "speed 0, expected more than"),
+    (lambda r: r.simulation.remove("R1"), "robot 'R1', expected one of .'P3AT'."),
+    (lambda r: r.simulation.serve(port=99999), "port 99999, expected a whole number"),
+    (lambda r: r.simulation.serve(port="0"), "port '0', expected a whole number"),
+    (lambda r: r.simulation.serve(port=0, speed=0), "speed 0, expected more than 0"),
+]
+
+
+@pytest.mark.parametrize(("call", "told"), CALLS)
+def test_what_a_robot_cannot_do_is_told(sim: Sim, call: Call, told: str) -> None:
+    robot = sim.spawn()
+    with pytest.raises((radarsim.RadarsimError, TypeError, ValueError), match=told):
+        call(robot)
+
+
+def test_robot_that_has_been_removed_is_told(sim: Sim) -> None:
+    robot = sim.spawn()
+    sim.step(0.2)
+    robot.remove()
+    with pytest.raises(radarsim.RadarsimError, match="'P3AT' has been removed"):
+        robot.drive(0.1)
+    with pytest.raises(ValueError, match=r"expected one of \[\]"):
+        robot.remove()
+    assert len(robot.scan().ranges) == 181  # what it has reported stays
+
+
+EVALUATIONS: list[tuple[dict[str, Any], str]] = [
+    ({"controller": "bug2"}, "controller 'bug2', expected a function"),
+    ({"maps": "bug_box"}, "maps 'bug_box', expected a list of names or paths"),
+    ({"seeds": 1.5}, "seeds 1.5, expected their number, or a list of them"),
+    ({"seeds": [-1]}, "seed -1, expected a whole number of at least 0"),
+    ({"seeds": 0}, "expected at least one map and one seed"),
+    ({"workers": 0}, "workers 0, expected at least 1"),
+    ({"time_limit": 0}, "time_limit in s 0, expected more than 0"),
+    ({"maps": [3]}, "map 3, expected the name of a map"),
+    ({"workers": 2}, "controller .*lambda.*, expected a function of a module"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "told"), EVALUATIONS)
+def test_what_cannot_be_evaluated_is_told_before_any_run(
+    arguments: dict[str, Any], told: str
+) -> None:
+    good = {"controller": lambda *_: False, "maps": ["bug_box"], "seeds": 1}
+    with pytest.raises((TypeError, ValueError), match=told):
+        radarsim.evaluate(**{**good, **arguments})
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("empty_room", (0, 0, 0), 1), r"radarsim.load_map\('empty_room'\)"),
+        (((0, 0, 0), "empty_room", 1), r"scene \(0, 0, 0\), expected a Scene"),
+        ((None, (0, 0), 1), r"pose \[0.0, 0.0\], expected three or six"),
+        ((None, "RobotStart1", 1), "pose 'RobotStart1', expected a Pose2, a Pose3"),
+        ((None, 3, 1), "pose 3, expected a Pose2, a Pose3, or three or six"),
+        ((None, (0, 0, 0), "a"), "rng 'a', expected a seed or a numpy Generator"),
+        ((None, (0, 0, 0), 1.5), "rng 1.5, expected a seed or a numpy Generator"),
+        ((None, (0, 0, 0), np.random), "rng <module 'numpy.random'.*expected a seed"),
+        ((None, (0, 0, 0), -1), "seed -1, expected a whole number of at least 0"),
+        ((None, (0, 0, 0), None), "no rng, expected a Generator for sensor 'radar'"),
+    ],
+)
+def test_what_cannot_be_scanned_is_told(
+    empty_room: Scene, arguments: tuple[Any, Any, Any], told: str
+) -> None:
+    scene, pose, rng = arguments
+    radar = radarsim.load_sensor("radar")
+    with pytest.raises((TypeError, ValueError), match=told):
+        radar.scan(scene or empty_room, pose, rng)
+
+
+def test_pose_on_the_floor_is_one_of_a_scan(empty_room: Scene) -> None:
+    laser = radarsim.load_sensor("laser")
+    by_pose = laser.scan(empty_room, radarsim.Pose2(1.0, 2.0, 0.5))
+    by_numbers = laser.scan(empty_room, (1.0, 2.0, 0.5))
+    assert by_pose.ranges.tolist() == by_numbers.ranges.tolist()
+
+
+def test_name_of_a_map_has_no_plan(empty_room: Scene) -> None:
+    with pytest.raises(TypeError, match=r"radarsim.load_map\('empty_room'\)"):
+        radarsim.plot_scene("empty_room")  # type: ignore[arg-type]
+    assert radarsim.plot_scene(empty_room).figure is not None
+
+
+@pytest.mark.parametrize("act", [copy.copy, copy.deepcopy, pickle.dumps])
+def test_simulation_cannot_be_copied(sim: Sim, act: Call) -> None:
+    robot = sim.spawn()
+    for each in (sim, robot):
+        with pytest.raises(TypeError, match="expected a new one, with the same map"):
+            act(each)
+    sim.step(0.2)
+    scan = pickle.loads(pickle.dumps(robot.scan()))
+    assert scan.points("map").tolist() == robot.scan().points("map").tolist()
+
+
+def test_simulation_goes_on_after_it_was_closed(sim: Sim) -> None:
+    robot = sim.spawn()
+    sim.close()
+    sim.close()
+    sim.step(0.2)
+    assert sim.spawn().name != robot.name
+    assert robot.newest(GroundTruth).time == 0.2
+
+
+def _run(scene: Scene, seed: int) -> list[float]:
+    sim = radarsim.simulate(scene, seed=seed)
+    robot = sim.spawn()
+    robot.drive(0.3, turn=0.2)
+    sim.step(1.0)
+    ranges: list[float] = robot.newest(RangeScan).ranges.tolist()
+    return ranges
+
+
+def test_simulations_side_by_side_do_not_know_each_other(empty_room: Scene) -> None:
+    alone = [_run(empty_room, seed) for seed in (0, 1)]
+    assert alone[0] != alone[1]
+    results: dict[int, list[float]] = {}
+
+    def run(seed: int) -> None:
+        results[seed] = _run(empty_room, seed)
+
+    threads = [threading.Thread(target=run, args=(seed,)) for seed in (0, 1)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert [results[0], results[1]] == alone
+    one, two = (radarsim.simulate(empty_room, seed=seed) for seed in (0, 1))
+    robots = [each.spawn() for each in (one, two)]
+    for _ in range(10):  # in turns
+        for robot in robots:
+            robot.drive(0.3, turn=0.2)
+            robot.simulation.step(0.1)
+    assert [robot.scan().ranges.tolist() for robot in robots] == alone
+
+
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")  # of Python 3.12 on
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_simulation_goes_on_in_a_forked_process(sim: Sim) -> None:
+    robot = sim.spawn()
+    child = os.fork()
+    if not child:
+        sim.step(0.2)
+        os._exit(0 if len(robot.scan().ranges) == 181 else 1)
+    assert os.waitpid(child, 0)[1] == 0
+
+
+def test_help_says_what_one_needs_to_start() -> None:
+    text = radarsim.simulate.__doc__ or ""
+    for needed in ("sim.spawn(", "robot.drive(", "sim.step(", "robot.scan("):
+        assert needed in text
+    lines = re.findall(r"^        (\S.*)$", text.partition("::\n")[2], re.MULTILINE)
+    (indented,) = re.findall(r"::\n\n(.*?)\n\n    \S", text, re.DOTALL)
+    assert lines
+    names: dict[str, object] = {"radarsim": radarsim}
+    exec("\n".join(line[8:] for line in indented.splitlines()), names)
+    assert names["scan"] is not None
