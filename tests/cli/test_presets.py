@@ -41,7 +41,11 @@ def test_unknown_sensor_is_a_usage_error_that_lists_the_known_ones(
     run = radarsim("sensors", "radar", "rader")
     assert run.code == 2
     assert run.out == b""
-    for text in ("'rader', expected one of", "'k2pi'", "'thesis'"):
+    for text in (
+        "'rader' (did you mean 'radar'?), expected one of",
+        "'k2pi'",
+        "'thesis'",
+    ):
         assert text in run.err
 
 
@@ -114,7 +118,7 @@ def test_unknown_material_is_a_usage_error_that_lists_the_known_ones(
 ) -> None:
     run = radarsim("materials", "wod")
     assert run.code == 2
-    for text in ("'wod', expected one of", "'wood'"):
+    for text in ("'wod' (did you mean 'wood'?), expected one of", "'wood'"):
         assert text in run.err
 
 

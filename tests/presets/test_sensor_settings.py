@@ -145,11 +145,12 @@ def test_all_invalid_settings_are_reported_at_once() -> None:
         load_settings("radar", fov_deg=0, max_rnge=5)
     lines = str(caught.value).splitlines()
     assert len(lines) == 2
-    assert lines[1].startswith("sensor radar: no setting 'max_rnge', expected one of [")
+    told = "no setting 'max_rnge' (did you mean 'max_range'?), expected one of ["
+    assert lines[1].startswith(f"sensor radar: {told}")
 
 
 def test_unknown_sensor_is_rejected_with_the_known_names() -> None:
-    with pytest.raises(PresetError, match=r"sensor 'rader', expected one of \['hok"):
+    with pytest.raises(PresetError, match=r"sensor 'rader' .*, expected one of \['hok"):
         load_settings("rader")
 
 

@@ -240,9 +240,9 @@ def test_invalid_command_gives_a_diagnostic_and_no_effect(
         pytest.param(
             b"GETCONF {Type Enc} {Name W1}",
             "item type",
-            "GETCONF of type 'Enc', expected one of ['Robot', 'GroundTruth', 'INS', "
-            "'Odometry', 'Tachometer', 'Encoder', 'Touch', 'Battery', 'RangeScanner', "
-            "'Echoes', 'RadarTargets']",
+            "GETCONF of type 'Enc' (did you mean 'Encoder'?), expected one of "
+            "['Robot', 'GroundTruth', 'INS', 'Odometry', 'Tachometer', 'Encoder', "
+            "'Touch', 'Battery', 'RangeScanner', 'Echoes', 'RadarTargets']",
             id="type that does not match",
         ),
         pytest.param(
