@@ -222,7 +222,7 @@ def test_based_on_can_add_items_to_a_class_without_items(tmp_path: Path) -> None
         pytest.param("mass: 2\n", ":13:1: mass: ", id="a key twice"),
         pytest.param(
             "sources: [{of: [masss], source: me, confidence: choice}]\n",
-            ":1:1: source of 'masss', expected",
+            ":1:1: source of 'masss' (did you mean 'mass'?), expected",
             id="source of no key",
         ),
         pytest.param("steering: {max_front_deg: 90}\n", ":13:27: ", id="wheels across"),
