@@ -49,7 +49,8 @@ def _not_found(name: str) -> str:
     reason, stem = "no such file", name.rpartition("@")[0]
     others: list[str] = []
     try:
-        others = [str(path) for path in Path(name).parent.glob("*.yaml")]
+        found = map(str, Path(name).parent.glob("*.yaml"))
+        others = [path for path in found if path != name]
         mode = Path(name).stat().st_mode
         reason = "a folder" if stat.S_ISDIR(mode) else "not a regular file"
     except (OSError, ValueError) as error:  # too long, or with NUL

@@ -55,4 +55,6 @@ def test_file_with_an_at_in_its_name_is_found() -> None:
 def test_error_for_a_variant_of_a_missing_map_has_the_whole_name(name: str) -> None:
     with pytest.raises(MapError) as caught:
         find_map(name)
-    assert str(caught.value).startswith(f"{name}: no such file, expected a map file")
+    meant = " (did you mean 'empty_room'?)" if "empty_room" in name else ""
+    expected = f"{name}: no such file{meant}, expected a map file"
+    assert str(caught.value).startswith(expected)

@@ -118,9 +118,10 @@ def test_amount_of_the_wrong_unit_is_rejected() -> None:
 
 
 def test_unknown_material_is_rejected_with_the_known_names() -> None:
-    with pytest.raises(
-        PresetError, match=r"^material 'wod', expected one of \['atmosphere"
-    ):
+    message = (
+        r"^material 'wod' \(did you mean 'wood'\?\), expected one of \['atmosphere"
+    )
+    with pytest.raises(PresetError, match=message):
         library_material("wod")
 
 
