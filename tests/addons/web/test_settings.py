@@ -8,7 +8,12 @@ from web_pages import Frame, Page, open_page
 async def spawn(page: Page) -> str:
     await page.send("spawn", **{"class": "P3AT", "pose": [-8.0, 0.0, 0.0]})
     name: str = (await page.hear("spawned"))["robot"]
-    await page.see(lambda frame: frame.robot(name).get("scans"))
+    await page.send("select", robot=name)  # only its settings are sent
+
+    def has_settings(frame: Frame) -> bool:
+        return any(scan["settings"] for scan in frame.robot(name).get("scans", ()))
+
+    await page.see(has_settings)
     return name
 
 
