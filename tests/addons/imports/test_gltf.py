@@ -175,5 +175,5 @@ def test_unknown_material_is_a_usage_error(
     name = "hegde" if option == "--default-material" else "*=hegde"
     run = import_file(path, option, name)
     assert run.code == 2
-    assert f"radarsim: {option}: material 'hegde', expected one of" in run.err
-    assert "did you mean 'hedge'?" in run.err
+    meant = "material 'hegde' (did you mean 'hedge'?), expected one of"
+    assert f"radarsim: {option}: {meant}" in run.err
