@@ -18,8 +18,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
+from radarsim.errors import escape_lines
 from radarsim.geometry import Floats
-from radarsim.plotting.style import HALO, shorten
+from radarsim.plotting.style import HALO, escape_texts, shorten
 
 SIZE: Final = 8.0  # points
 LONGEST: Final = 24  # letters of a label
@@ -77,6 +78,7 @@ def write_labels(
     figure = axes.get_figure(root=True)
     if figure is None or not labels:
         return {}
+    escape_texts(figure)  # fonts have no control characters to be measured
     figure.draw_without_rendering()
     named = axes.transData.transform(
         np.concatenate([label.corners for label in labels])
@@ -84,8 +86,9 @@ def write_labels(
     taken: list[Floats] = []
     left = []
     for number, label in enumerate(labels):
-        is_long = len(label.text) > LONGEST
-        short = replace(label, text=shorten(label.text, LONGEST))
+        text = escape_lines(label.text)
+        is_long = len(text) > LONGEST
+        short = replace(label, text=shorten(text, LONGEST))
         if (is_long and numbered) or not _write(axes, short, number, named, taken):
             left.append(number)
     texts: dict[int, str] = {}

@@ -62,7 +62,7 @@ def render(figure: Figure, form: str = "png", *, software: str = "radarsim") -> 
         form: File format.
         software: Name of the program in a PNG file.
     """
-    _escape_texts(figure)
+    escape_texts(figure)
     data = io.BytesIO()
     metadata = {_DATES[form]: software if form == "png" else None}
     if form != "png":
@@ -73,7 +73,7 @@ def render(figure: Figure, form: str = "png", *, software: str = "radarsim") -> 
     return data.getvalue()
 
 
-def _escape_texts(figure: Figure) -> None:
+def escape_texts(figure: Figure) -> None:
     """Escape characters in names for which no file has a picture."""
     for text in figure.findobj(Text):
         if isinstance(text, Text):
