@@ -192,5 +192,5 @@ def test_missing_package_is_named_with_its_extra(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(MissingPackage, match=rf"{package}.*radarsim\[tables\]"):
+    with pytest.raises(MissingPackage, match=rf"{package}.*'\.\[tables\]'"):
         recording.to_xarray() if package == "xarray" else recording.to_parquet(tmp_path)
