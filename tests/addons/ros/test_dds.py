@@ -223,5 +223,5 @@ def test_missing_package_is_named_with_its_extra(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(sys.modules, "cyclonedds.domain", None)
-    with pytest.raises(MissingPackage, match=r"cyclonedds.*radarsim\[dds\]"):
+    with pytest.raises(MissingPackage, match=r"cyclonedds.*'\.\[dds\]'"):
         ros(Server(), BridgeOptions(bridge="dds"), TopicOptions())
