@@ -97,7 +97,8 @@ def test_errors_in_any_variant_are_found(radarsim: Command, tmp_path: Path) -> N
     path.write_text(VARIED.replace("air: rain", "air: ran"))
     run = radarsim("check", str(path))
     assert run.code == 1
-    assert run.text.startswith(f"{path}:5:15: variants.rain.air: 'ran', expected")
+    meant = "'ran' (did you mean 'rain'?), expected"
+    assert run.text.startswith(f"{path}:5:15: variants.rain.air: {meant}")
     assert radarsim("check", f"{path}@dust").code == 0
     unknown = radarsim("check", f"{path}@fog")
     assert "variants: 'fog', expected one of ['dust', 'rain']" in unknown.text
