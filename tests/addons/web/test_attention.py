@@ -121,7 +121,10 @@ async def test_robots_and_settings_are_known_again_when_somebody_looks(
         async with looking(commander) as page:
             own = (await page.see(lambda frame: frame.robot("Own"))).robot("Own")
             assert own["mine"]
-            assert own["scans"][0]["settings"]["max_range"] == 7
+            await page.send("select", robot="Own")  # only its settings are sent
+            frame = await page.see(lambda f: f.robot("Own")["scans"][0]["settings"])
+            settings = frame.robot("Own")["scans"][0]["settings"]
+            assert settings["max_range"] == 7
 
 
 async def test_a_map_grows_on_while_nobody_looks(
