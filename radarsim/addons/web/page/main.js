@@ -176,7 +176,7 @@ function redraw() {
 function draw() {
   waiting = false;
   if (view === "space") space.draw();
-  else if (view !== "scans") plan.draw(view, picking);
+  else plan.draw(view, picking);
   for (const polar of polars) polar.draw();
   for (const panel of [robots, settings, beam]) panel.update();
   updateMaterials(world);
@@ -281,7 +281,6 @@ function writeAim(text) {
 
 /** Save the view as a picture. */
 function takePicture() {
-  if (view === "scans") show("plan");
   draw(); // what a view in 3D shows is there only while it is drawn
   const canvases = view === "space" ? [byId("space"), byId("labels")] : [byId("plan")];
   const level = world.hello?.level || "radarsim";
