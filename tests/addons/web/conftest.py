@@ -9,7 +9,6 @@ import pytest
 
 from radarsim.addons.web.program import CommanderSettings, serve_page
 from radarsim.addons.web.scene_message import SceneMessages
-from radarsim.addons.web.time_control import TimeControl
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
 from radarsim.server.server_thread import ServerThread
@@ -62,8 +61,7 @@ class CommanderThread(threading.Thread):
         self._loop = asyncio.get_running_loop()
         self._end = self._loop.create_future()
         try:
-            time = TimeControl()
-            await serve_page(self._settings, self._announce, self._end, time)
+            await serve_page(self._settings, self._announce, self._end)
         finally:
             self._is_up.set()
 
@@ -103,16 +101,16 @@ def start_commander() -> Starter:
 
 @contextmanager
 def run_commander(
-    server: tuple[str, int] | None, **settings: Any
+    server: tuple[str, int], **settings: Any
 ) -> Iterator[RunningCommander]:
     """Run a commander.
 
     Args:
-        server: Host and port of the server; None of a recording.
+        server: Host and port of the server.
         settings: Of ``CommanderSettings``.
     """
     usual: dict[str, Any] = {"web_host": "127.0.0.1", "web_port": 0, "token": TOKEN}
     usual |= {"config": SimulationConfig()}
     thread = CommanderThread(CommanderSettings(server=server, **usual | settings))
-    yield RunningCommander(thread.begin(), server or ("", 0))
+    yield RunningCommander(thread.begin(), server)
     thread.finish()
