@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from radarsim.errors import expected_one_of
-from radarsim.geometry import Floats, Pose2
+from radarsim.geometry import Pose2
 from radarsim.plotting.frame import fit_plan
 from radarsim.plotting.marks import (
     END_MARKS,
