@@ -349,3 +349,8 @@ def test_encode_command_rejects_text_that_would_inject_a_line_or_field(
 ) -> None:
     with pytest.raises(ValueError, match="expected printable ASCII without braces"):
         encode_command(Init("P3AT", name=text))
+
+
+def test_encode_command_rejects_what_is_no_text() -> None:
+    with pytest.raises(ValueError, match="text 7, expected printable ASCII"):
+        encode_command(Init("P3AT", name=7))  # type: ignore[arg-type]
