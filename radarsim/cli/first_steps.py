@@ -107,7 +107,7 @@ def new(
     if random is None:
         data = STARTER_MAP.read_bytes()
     else:
-        from radarsim.scene.random_maps import make_random_map
+        from radarsim.generators.random_maps import make_random_map
 
         data = make_random_map(random).as_yaml().encode()
     write_file(file, data, "FILE")

@@ -29,6 +29,8 @@ from radarsim.cli.command import PlanCommand
 from radarsim.cli.fields import Seed
 from radarsim.errors import describe_os_error
 from radarsim.files import write_atomically
+from radarsim.generators.plants.plant import SEED, Plant, make_shrubs, plant_files
+from radarsim.generators.plants.species import SHRUB, PlantParameters
 from radarsim.geometry import Floats
 from radarsim.plans import Option
 from radarsim.raycast.attenuation import Outcome
@@ -36,8 +38,6 @@ from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.material import Material
-from radarsim.scene.plants.plant import SEED, Plant, make_shrubs, plant_files
-from radarsim.scene.plants.species import SHRUB, PlantParameters
 from radarsim.scene.scene import Part, Scene
 
 POWER: Final = 1.0  # initial power of rays

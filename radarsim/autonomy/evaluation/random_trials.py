@@ -29,14 +29,14 @@ from radarsim.autonomy.evaluation.task_runner import read_log, run_tasks
 from radarsim.autonomy.evaluation.trials import SCANNER, SENSORS, Row, run_plan
 from radarsim.autonomy.navigation.algorithms import ROBOT_RADIUS, Algorithm
 from radarsim.autonomy.navigation.plans import Mission
-from radarsim.geometry import Floats, Point
-from radarsim.scene.map_file import load_map
-from radarsim.scene.random_maps import (
+from radarsim.generators.random_maps import (
     FAMILIES,
     SAFETY_DISTANCE,
     RandomMap,
     make_random_map,
 )
+from radarsim.geometry import Floats, Point
+from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
 from radarsim.simulation.config import SimulationConfig

@@ -22,6 +22,8 @@ from typing import Any, Final
 import numpy as np
 import trimesh
 
+from radarsim.generators.plants.plant import Plant, make_shrubs
+from radarsim.generators.plants.species import SHRUB
 from radarsim.geometry import Floats, rotation_matrix
 from radarsim.lab.bench.timing import BenchmarkRow, compare, measure
 from radarsim.raycast import embree
@@ -31,8 +33,6 @@ from radarsim.raycast.tracer import Tracer, tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map
 from radarsim.scene.material import Material
-from radarsim.scene.plants.plant import Plant, make_shrubs
-from radarsim.scene.plants.species import SHRUB
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import Faces, Mesh, box, sphere
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor, sensor_pose

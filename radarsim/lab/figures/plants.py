@@ -9,6 +9,8 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from radarsim.generators.plants.growth import LEAVES, WOOD
+from radarsim.generators.plants.plant import Plant
 from radarsim.geometry import Floats
 from radarsim.lab.plants import (
     BEFORE,
@@ -19,8 +21,6 @@ from radarsim.lab.plants import (
 )
 from radarsim.plotting.palette import FAMILY_COLOURS, MARKER, RADAR, Family
 from radarsim.robots.obstacles import slice_mesh
-from radarsim.scene.plants.growth import LEAVES, WOOD
-from radarsim.scene.plants.plant import Plant
 
 COLOURS: Final = {
     WOOD: FAMILY_COLOURS[Family.WOOD],

@@ -21,10 +21,10 @@ from radarsim.autonomy.evaluation.trials import SCANNER, run_plan
 from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.navigation.algorithms import ROBOT_RADIUS, Algorithm
 from radarsim.autonomy.navigation.plans import Mission
+from radarsim.generators.random_maps import FAMILIES, make_random_map
 from radarsim.geometry import Point
 from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map
-from radarsim.scene.random_maps import FAMILIES, make_random_map
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
 from radarsim.simulation.config import SimulationConfig

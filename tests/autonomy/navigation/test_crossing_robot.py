@@ -11,8 +11,8 @@ from radarsim.autonomy.navigation.mission import run_mission
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.runner import NavigationStep
 from radarsim.client import Client
+from radarsim.generators.random_maps import RandomMap
 from radarsim.geometry import Pose2
-from radarsim.scene.random_maps import RandomMap
 from radarsim.server.host import Host
 from radarsim.server.host.lockstep import InProcessTransport
 

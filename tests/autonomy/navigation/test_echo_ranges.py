@@ -17,8 +17,8 @@ from radarsim.autonomy.navigation.observation import (
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.client import Client
 from radarsim.client.robot_state import EchoCollector
+from radarsim.generators.random_maps import Disc, RandomMap
 from radarsim.protocol.reports import EchoLine, RangeScan, TargetEchoes
-from radarsim.scene.random_maps import Disc, RandomMap
 from radarsim.server.host import Host
 from radarsim.server.host.lockstep import InProcessTransport
 

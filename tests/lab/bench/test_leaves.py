@@ -1,7 +1,7 @@
 import pytest
 
+from radarsim.generators.plants.plant import make_shrubs
 from radarsim.lab.bench.engine import LEAF_SPACING, leaf_scene
-from radarsim.scene.plants.plant import make_shrubs
 
 
 @pytest.mark.parametrize("triangles", [1, 60_000, 200_000])

@@ -5,6 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from radarsim.generators.plants.plant import SHAPES
+from radarsim.generators.plants.species import SHRUB
 from radarsim.lab.plants import (
     Comparison,
     bundle,
@@ -18,8 +20,6 @@ from radarsim.lab.plants import (
 from radarsim.raycast.rays import Rays
 from radarsim.rng import generator_for
 from radarsim.scene.material import Material
-from radarsim.scene.plants.plant import SHAPES
-from radarsim.scene.plants.species import SHRUB
 from radarsim.scene.scene import Part
 from radarsim.scene.shapes import box, cylinder, sphere
 

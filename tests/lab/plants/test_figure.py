@@ -5,9 +5,9 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from radarsim.generators.plants.plant import SEED
 from radarsim.lab.figures.plants import plot_shapes
 from radarsim.lab.plants import WALL, Comparison, compare_shapes
-from radarsim.scene.plants.plant import SEED
 
 
 @pytest.fixture(scope="module")

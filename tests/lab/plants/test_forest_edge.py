@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import radarsim
+from radarsim.generators.plants.plant import SHAPES
+from radarsim.generators.plants.species import SHRUB
 from radarsim.geometry import Floats, Pose2
 from radarsim.lab.plants import bundle, transmission
 from radarsim.presets.robots import load_robot
 from radarsim.rng import generator_for
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles
-from radarsim.scene.plants.plant import SHAPES
-from radarsim.scene.plants.species import SHRUB
 from radarsim.scene.scene import Part, Scene
 from radarsim.sensors.scan import Scan
 from radarsim.simulation.simulation import Simulation

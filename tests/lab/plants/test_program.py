@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from radarsim import shipped_maps
+from radarsim.generators.plants.plant import plant_files
 from radarsim.lab import plants as program
-from radarsim.scene.plants.plant import plant_files
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from radarsim.generators.plants.species import SHRUB
 from radarsim.lab.plants import BEFORE, HEIGHT, WALL, measure_plant
 from radarsim.scene.material import Material
-from radarsim.scene.plants.species import SHRUB
 from radarsim.scene.scene import Part
 from radarsim.scene.shapes import cylinder
 

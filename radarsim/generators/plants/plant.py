@@ -13,11 +13,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from radarsim.generators.plants.growth import LEAVES, WOOD, Skeleton, grow
+from radarsim.generators.plants.species import SHRUB, TREE, YOUNG_TREE, PlantParameters
 from radarsim.geometry import Floats
 from radarsim.rng import generator_for
 from radarsim.scene.material import Material
-from radarsim.scene.plants.growth import LEAVES, WOOD, Skeleton, grow
-from radarsim.scene.plants.species import SHRUB, TREE, YOUNG_TREE, PlantParameters
 from radarsim.scene.scene import Part
 from radarsim.scene.shapes import Mesh, concatenate, sphere
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from radarsim.generators.plants.growth import Skeleton, grow
+from radarsim.generators.plants.plant import ball, bark, tube
+from radarsim.generators.plants.species import SHRUB, TREE, YOUNG_TREE, PlantParameters
 from radarsim.geometry import Floats
 from radarsim.rng import generator_for
 from radarsim.scene.face_passes import connect_faces
-from radarsim.scene.plants.growth import Skeleton, grow
-from radarsim.scene.plants.plant import ball, bark, tube
-from radarsim.scene.plants.species import SHRUB, TREE, YOUNG_TREE, PlantParameters
 from radarsim.scene.shapes import Faces, concatenate
 from radarsim.scene.topology import is_closed
 

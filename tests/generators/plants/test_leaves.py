@@ -5,15 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from radarsim.generators.plants.growth import LEAVES
+from radarsim.generators.plants.plant import make_plant, rhombi
+from radarsim.generators.plants.species import SHRUB, TREE, YOUNG_TREE, PlantParameters
 from radarsim.geometry import Floats
 from radarsim.raycast.attenuation import Outcome
 from radarsim.raycast.rays import LASER, RADAR, Rays, Traces
 from radarsim.raycast.tracer import Tracer
 from radarsim.rng import generator_for
 from radarsim.scene.material import Material
-from radarsim.scene.plants.growth import LEAVES
-from radarsim.scene.plants.plant import make_plant, rhombi
-from radarsim.scene.plants.species import SHRUB, TREE, YOUNG_TREE, PlantParameters
 from radarsim.scene.scene import Part
 
 LOSS = 0.25

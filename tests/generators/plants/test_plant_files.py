@@ -7,15 +7,15 @@ import pytest
 
 from radarsim import shipped_maps
 from radarsim.files import write_atomically
-from radarsim.scene.meshes import read_surfaces
-from radarsim.scene.plants.growth import LEAVES, WOOD
-from radarsim.scene.plants.plant import (
+from radarsim.generators.plants.growth import LEAVES, WOOD
+from radarsim.generators.plants.plant import (
     GRID,
     SEED,
     encode_glb,
     make_shrubs,
     plant_files,
 )
+from radarsim.scene.meshes import read_surfaces
 from radarsim.scene.shapes import Surface
 
 SHIPPED = shipped_maps()["forest_edge"].parent / "meshes"

@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from radarsim.generators.plants.species import PlantParameters
 from radarsim.geometry import Floats
-from radarsim.scene.plants.species import PlantParameters
 
 WOOD: Final = "Wood"  # material names in mesh files
 LEAVES: Final = "Leaves"

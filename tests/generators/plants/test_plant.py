@@ -3,19 +3,19 @@
 import numpy as np
 import pytest
 
-from radarsim.raycast.rays import Rays
-from radarsim.raycast.tracer import Tracer
-from radarsim.scene.face_passes import connect_faces
-from radarsim.scene.material import Material
-from radarsim.scene.plants.growth import LEAVES, WOOD
-from radarsim.scene.plants.plant import (
+from radarsim.generators.plants.growth import LEAVES, WOOD
+from radarsim.generators.plants.plant import (
     SHAPES,
     TUFT_RADIUS,
     ball,
     make_plant,
     make_shrubs,
 )
-from radarsim.scene.plants.species import SHRUB
+from radarsim.generators.plants.species import SHRUB
+from radarsim.raycast.rays import Rays
+from radarsim.raycast.tracer import Tracer
+from radarsim.scene.face_passes import connect_faces
+from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
 from radarsim.scene.topology import is_closed
 

@@ -12,7 +12,7 @@ from radarsim.autonomy.evaluation.random_trials import (
     raster_truth,
 )
 from radarsim.autonomy.evaluation.shortest_path import shortest_path
-from radarsim.scene.random_maps import (
+from radarsim.generators.random_maps import (
     FAMILIES,
     Block,
     Disc,

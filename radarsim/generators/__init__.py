@@ -1,0 +1,1 @@
+"""Generators of scenes by seed: random maps for trials, and plants."""
