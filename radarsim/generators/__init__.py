@@ -1,1 +1,1 @@
-"""Generators of scenes by seed: random maps for trials, and plants."""
+"""Generators of scenes by seed: random maps for trials, plants, and a town."""

@@ -7,6 +7,8 @@ from typing import Any
 
 import pytest
 
+from radarsim.generators.town.town import town_yaml
+
 Command = Callable[..., Any]
 
 
@@ -68,3 +70,18 @@ def test_random_map_is_written_by_its_number(radarsim: Command, tmp_path: Path) 
     assert radarsim("new", str(path), "--random", "4").code == 0
     assert "family 'mazes'" in path.read_text()
     assert radarsim("check", str(path), "--strict").code == 0
+
+
+def test_command_writes_a_town_that_loads(radarsim: Command, tmp_path: Path) -> None:
+    path = tmp_path / "town.yaml"
+    assert radarsim("new", str(path), "--town", "3").code == 0
+    assert path.read_text() == town_yaml(3)
+
+
+def test_town_and_random_map_exclude_each_other(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    path = str(tmp_path / "town.yaml")
+    run = radarsim("new", path, "--town", "3", "--random", "4")
+    assert run.code == 2
+    assert "expected no --random with it" in run.err

@@ -15,7 +15,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.addons.fmcw.scattering import NEPER_DB, Grazing
+from radarsim.addons.fmcw.scattering import (
+    NEPER_DB,
+    Grazing,
+    Ground,
+    patch_gamma,
+)
 from radarsim.geometry import Floats
 from radarsim.jit import njit_inline
 
@@ -115,6 +120,7 @@ def add_ground(
     grazing: Grazing,
     gamma: float,
     exponent: float,
+    ground: Ground,
 ) -> None:
     """Add what level ground returns.
 
@@ -123,9 +129,12 @@ def add_ground(
         place: The ``Place``.
         bins: The ``Bins``.
         grazing: The ``Grazing``.
-        gamma: Its gamma where the ray meets it, less the losses on the way.
+        gamma: Its gamma where the ray meets it, less the losses on the way; only these
+            losses if it has patches.
         exponent: Of the cosine by which gamma falls off: 0 or 1.
+        ground: The ``Ground``, of whose patches those with an exponent of 0 are.
     """
+    is_patched = exponent == 0.0 and ground.patches.size > 0
     depth, size, count = grazing.depth, bins.size, len(bins.per_square)
     # The ray stands for elevations of half the angle to either side of its own.
     here = np.arcsin(min(depth / grazing.t, 1.0))
@@ -152,12 +161,19 @@ def add_ground(
         if exponent != 0.0:
             # Lambert's gamma falls with h / R; it is given for the range of the ray.
             power *= grazing.t * np.sqrt(bins.per_square[b])
+        elif is_patched:
+            power *= patch_gamma(ground, grazing, b * size - place.shift)
         if b == low or high > low:
             add_to_bin(lines, place, b, power)
     inside = bins.per_square[low + 1 : high]
     own = lines.power[place.here, low + 1 : high]
     beside = lines.power[1 - place.here, low + 1 : high]
-    if exponent == 0.0:
+    if is_patched:
+        first_range = (low + 1) * size - place.shift
+        _fill_patches(
+            own, beside, inside, place, grazing, scale, ground, size, first_range
+        )
+    elif exponent == 0.0:
         _fill_even(own, beside, inside, place, grazing, scale)
     else:
         _fill_lambert(own, beside, inside, place, grazing, scale)
@@ -176,6 +192,27 @@ def _fill_even(
     across, depth = place.across, grazing.depth
     for b in range(len(inside)):
         power = _ground_at(inside[b], depth, scale)
+        own[b] += power * (1.0 - across)
+        beside[b] += power * across
+
+
+@njit_inline
+def _fill_patches(
+    own: Power,
+    beside: Power,
+    inside: Floats,
+    place: Place,
+    grazing: Grazing,
+    scale: float,
+    ground: Ground,
+    size: float,
+    first: float,
+) -> None:
+    """Add ground of patches to whole bins of a size, the first at a range, m."""
+    across, depth = place.across, grazing.depth
+    for b in range(len(inside)):
+        power = _ground_at(inside[b], depth, scale)
+        power *= patch_gamma(ground, grazing, first + b * size)
         own[b] += power * (1.0 - across)
         beside[b] += power * across
 

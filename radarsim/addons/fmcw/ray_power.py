@@ -20,6 +20,7 @@ from radarsim.addons.fmcw.scattering import (
     gamma_at,
     grazing_at,
     is_level,
+    over_ground,
 )
 from radarsim.geometry import Floats
 from radarsim.jit import njit_inline
@@ -183,7 +184,6 @@ def _add_level(
     """Add level ground that ends a ray; arguments as of ``_add_end``."""
     e, direction = fan.events[event], fan.rays.directions[ray]
     row = _row(fan.scattering, e.part)
-    gamma = _surface_gamma(fan.scattering, row, max(-direction[2], GRAZING))
     angle = OVERLAP * fan.rays.spread[ray]
     # The view over level ground ends where the next ray, which looks higher, meets
     # something upright.
@@ -195,8 +195,7 @@ def _add_level(
     ):
         end = float(max(rays.ranges[after], rays.ranges[ray]))
     grazing = grazing_at(fan.scattering.ground, row, e, direction, angle, end)
-    exponent = fan.scattering.exponent[row]
-    add_ground(lines, place, fan.bins, grazing, gamma * through, exponent)
+    _add_ground(fan, lines, place, row, grazing, through)
 
 
 @njit_inline
@@ -226,11 +225,29 @@ def _add_open_ground(
         return
     lost = fan.bins.full - power + (power - end.power) * (way - t) / (end.t - t)
     through = 10.0 ** (-0.2 * lost * fan.bins.db_per_power)
-    row, depth = ground.open_part, -way * direction[2]
-    gamma = _surface_gamma(fan.scattering, row, max(-direction[2], GRAZING))
-    grazing = Grazing(way, depth, OVERLAP * fan.rays.spread[ray], 0.0, np.inf)
-    exponent = fan.scattering.exponent[row]
-    add_ground(lines, place, fan.bins, grazing, gamma * through, exponent)
+    angle = OVERLAP * fan.rays.spread[ray]
+    x, y = end.x - end.t * direction[0], end.y - end.t * direction[1]
+    grazing = over_ground(x, y, direction, way, angle, 0.0, np.inf)
+    _add_ground(fan, lines, place, ground.open_part, grazing, through)
+
+
+@njit_inline
+def _add_ground(
+    fan: TracedFan,
+    lines: Lines,
+    place: Place,
+    row: int,
+    grazing: Grazing,
+    through: float,
+) -> None:
+    """Add level ground of a part, or of all patches that the ray stands for."""
+    scattering, exponent = fan.scattering, fan.scattering.exponent[row]
+    gamma = 1.0
+    if exponent != 0.0 or not scattering.ground.patches.size:
+        cosine = max(grazing.depth / grazing.t, GRAZING)
+        gamma = _surface_gamma(scattering, row, cosine)
+    ground = scattering.ground
+    add_ground(lines, place, fan.bins, grazing, gamma * through, exponent, ground)
 
 
 @njit_inline

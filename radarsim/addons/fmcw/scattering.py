@@ -19,6 +19,8 @@ Ulaby, R. K. Moore and A. K. Fung, Microwave Remote Sensing, volume 2.
 
 Rays graze level ground over a long way, so that it is treated apart. Open ground does
 not end at the edge of the map: a ray that passes over that edge meets it farther on.
+Where it is of several materials, a raster has what it returns at each place: a ray
+stands for ground over many metres, and so for several patches.
 """
 
 import math
@@ -30,11 +32,14 @@ import numpy as np
 from radarsim.geometry import Floats
 from radarsim.jit import njit_inline
 from radarsim.raycast.attenuation import EventRow
-from radarsim.raycast.rays import RayClass
+from radarsim.raycast.rays import RayClass, Rays
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material, rain_reflectivity
 
 _LEVEL: Final = 1e-6  # how far the normal of level ground is off the vertical, at most
+PATCH: Final = 0.5  # m, side of the cells of the raster of ground
+MOST_PATCHES: Final = 1000  # along each side
+_ABOVE: Final = 0.3  # m over open ground, from where one looks down on it
 
 
 class Ground(NamedTuple):  # compiled into kernels
@@ -45,17 +50,30 @@ class Ground(NamedTuple):  # compiled into kernels
             Open ground has none; the last row, of robots, is empty.
         open_part: The part that is open ground; -1 for none.
         open_height: m, of that; map frame.
+        open_gamma: Its gamma.
+        patches: (X, Y) gamma of ground that is the same at all angles, by place; (0, 0)
+            if it is everywhere that of ``open_part``.
+        corner: (2,) m, least x and y of the raster.
+        cell: m, side of its cells.
     """
 
     edges: Floats
     open_part: int
     open_height: float
+    open_gamma: float
+    patches: Floats
+    corner: Floats
+    cell: float
 
 
 class Grazing(NamedTuple):
     """A ray that meets level ground.
 
     Attributes:
+        x: m, of the place above which it starts.
+        y: m, likewise.
+        ahead: Part of its direction along x, of a level unit vector.
+        left: Part along y.
         t: Its length, m.
         depth: m, from the antenna down to the ground.
         angle: rad, of elevations for which the ray stands.
@@ -63,6 +81,10 @@ class Grazing(NamedTuple):
         far: m, range at which it ends.
     """
 
+    x: float
+    y: float
+    ahead: float
+    left: float
     t: float
     depth: float
     angle: float
@@ -70,8 +92,13 @@ class Grazing(NamedTuple):
     far: float
 
 
-def find_ground(tracer: Tracer) -> Ground:
-    """Return the ground of a scene."""
+def find_ground(tracer: Tracer, gamma: Floats) -> Ground:
+    """Return the ground of a scene.
+
+    Args:
+        tracer: Tracer of the scene.
+        gamma: (P,) of its parts, at normal incidence.
+    """
     edges = np.zeros((len(tracer.parts) + 1, 4))
     open_part, area = -1, 0.0
     for i, part in enumerate(tracer.parts):
@@ -85,8 +112,50 @@ def find_ground(tracer: Tracer) -> Ground:
             edges[i] = -math.inf, -math.inf, math.inf, math.inf
             if own > area:
                 open_part, area = i, own
-    height = float(tracer.parts[open_part].bounds[1][2]) if open_part >= 0 else 0.0
-    return Ground(edges, open_part, height)
+    if open_part < 0:
+        return Ground(edges, -1, 0.0, 0.0, np.zeros((0, 0)), np.zeros(2), PATCH)
+    low, high = tracer.parts[open_part].bounds
+    cell = max(PATCH, float((high - low)[:2].max()) / MOST_PATCHES)
+    patches = np.zeros((0, 0))
+    if len({g for i, g in enumerate(gamma) if _is_open(tracer, i)}) > 1:
+        patches = _look_down(tracer, gamma, open_part, cell)
+    own, corner = float(gamma[open_part]), np.array(low[:2])
+    return Ground(edges, open_part, float(high[2]), own, patches, corner, cell)
+
+
+def _is_open(tracer: Tracer, part: int) -> bool:
+    return tracer.parts[part].material.constant_gamma
+
+
+def _look_down(tracer: Tracer, gamma: Floats, open_part: int, cell: float) -> Floats:
+    """Return the gamma of open ground by place, (X, Y), as seen from above.
+
+    What stands on the ground counts as that of ``open_part``.
+    """
+    low, high = tracer.parts[open_part].bounds
+    x, y = (
+        np.arange(low[axis] + cell / 2, high[axis], cell).astype(np.float64)
+        for axis in range(2)
+    )
+    places = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    eyes = np.column_stack([places, np.full(len(places), high[2] + _ABOVE)])
+    down = np.tile([0.0, 0.0, -1.0], (len(eyes), 1))
+    seen = tracer.trace(Rays.uniform(eyes, down, max_range=2 * _ABOVE)).parts
+    is_open = np.array([_is_open(tracer, i) for i in range(len(tracer.parts))])
+    met = (seen >= 0) & is_open[seen]
+    return np.where(met, gamma[seen], gamma[open_part]).reshape(len(x), len(y))
+
+
+@njit_inline
+def patch_gamma(ground: Ground, grazing: Grazing, distance: float) -> float:
+    """Return the gamma of patched ground at a distance along a ray, m."""
+    along = np.sqrt(max(distance * distance - grazing.depth * grazing.depth, 0.0))
+    x = grazing.x + along * grazing.ahead - ground.corner[0]
+    y = grazing.y + along * grazing.left - ground.corner[1]
+    i, j = int(np.floor(x / ground.cell)), int(np.floor(y / ground.cell))
+    if 0 <= i < ground.patches.shape[0] and 0 <= j < ground.patches.shape[1]:
+        return float(ground.patches[i, j])
+    return ground.open_gamma
 
 
 @njit_inline
@@ -130,7 +199,31 @@ def grazing_at(
             ahead = min(ahead, max(first, second))
     t = event.t
     near, far = t - max(back, 0.0), min(t + max(ahead, 0.0), end)
-    return Grazing(t, -t * direction[2], angle, near, far)
+    return over_ground(
+        event.x - t * direction[0],
+        event.y - t * direction[1],
+        direction,
+        t,
+        angle,
+        near,
+        far,
+    )
+
+
+@njit_inline
+def over_ground(
+    x: float,
+    y: float,
+    direction: Floats,
+    t: float,
+    angle: float,
+    near: float,
+    far: float,
+) -> Grazing:
+    """Return the ``Grazing`` of a ray of a length from a place, m; others as there."""
+    level = max(np.hypot(direction[0], direction[1]), 1e-9)
+    ahead, left = direction[0] / level, direction[1] / level
+    return Grazing(x, y, ahead, left, t, -t * direction[2], angle, near, far)
 
 
 NEPER_DB: Final = 10 / math.log(10)  # dB of power in a neper of power, 4.343
@@ -200,7 +293,7 @@ def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Scattering:
         np.append(albedo, 0.0),
         np.append([each.sway_m_per_s for each in materials], 0.0),
         float(air),
-        find_ground(tracer),
+        find_ground(tracer, np.array(gamma)),
     )
     return found
 

@@ -67,3 +67,17 @@ def test_ground_ends_at_a_wall(radar: FmcwRadar) -> None:
     behind = (radar.ranges > 33.5) & (radar.ranges < 60)
     # What the wall itself is spread over, a grazing ray's 3 m, is left out.
     assert ahead[behind].sum() < 1e-3 * integral(radar)[behind].sum()
+
+
+def test_patches_of_ground_return_what_each_of_them_does(radar: FmcwRadar) -> None:
+    """A strip of grass across soil, 20 to 40 m ahead; its rays are metres apart."""
+    grass = Material("grass", backscatter_db=-15, constant_gamma=True)
+    strip = block((20, 200, 0.1), (30.0, 0.0, -0.045), grass)
+    scene = scene_of(*ground(200, SOIL).parts, strip)
+    share = echo_power(radar, scene, EYE) / integral(radar)
+    ahead = np.vstack([share[:8], share[-8:]])
+    for low, high, expected in ((10, 18, 0), (22, 38, 10), (43, 60, 0)):
+        some = ahead[:, (radar.ranges >= low) & (radar.ranges < high)]
+        assert db(some.mean()) == pytest.approx(expected, abs=0.6)
+    behind = share[180:220, (radar.ranges >= 22) & (radar.ranges < 38)]
+    assert db(behind.mean()) == pytest.approx(0, abs=0.6)
