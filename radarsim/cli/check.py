@@ -123,8 +123,8 @@ def _start(start: StartPose) -> str:
 
 def _trial(trial: Trial) -> str:
     x, y = trial.goal
-    away = f"{trial.safety_distance:.3f} m away from all that is seen"
-    return f"trial: {trial.start} to {x:.3f} {y:.3f}, {away}"
+    distance = f"safety distance {trial.safety_distance:.3f} m"
+    return f"trial: {trial.start} to {x:.3f} {y:.3f}, {distance}"
 
 
 @with_compile_progress

@@ -36,6 +36,11 @@ ItemType: TypeAlias = Literal[
     "Accel",
     "AcceleroMeter",
     "MisPkg",
+    "RFID",
+    "VictSensor",
+    "HumanMotion",
+    "Sound",
+    "CO2Sensor",
     "Battery",
 ]
 DialectName: TypeAlias = Literal["compat", "udk"]

@@ -296,6 +296,20 @@ class GpsSettings(BaseModel):
     min_noise: NotNegative
 
 
+class SearchSettings(BaseModel):
+    """All settings of a sensor that looks for victims or tags.
+
+    Attributes:
+        max_range: Longest distance of what it notices, m.
+        fov_deg: Angle of the whole cone in which it notices that, degrees.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    max_range: Positive
+    fov_deg: Angle
+
+
 def offset_angle(side_offset_uu: float, distance: float) -> float:
     """Return the angle at which an offset appears, rad.
 

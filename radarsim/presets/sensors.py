@@ -17,6 +17,7 @@ from radarsim.presets.preset_files import (
 )
 from radarsim.presets.sensor_settings import (
     GpsSettings,
+    SearchSettings,
     SensorSettings,
     SonarSettings,
 )
@@ -118,6 +119,20 @@ def gps_settings(**settings: object) -> GpsSettings:
         PresetError: As ``load_settings``.
     """
     return _validate("gps", GpsSettings, item_presets()["gps"].settings, settings)
+
+
+def search_settings(item_type: str, **settings: object) -> SearchSettings:
+    """Return the settings of a sensor of victims or tags, with some of them changed.
+
+    Args:
+        item_type: Type of the item, such as ``VictSensor``.
+        **settings: Settings by name.
+
+    Raises:
+        PresetError: As ``load_settings``.
+    """
+    name = item_type.lower()
+    return _validate(name, SearchSettings, item_presets()[name].settings, settings)
 
 
 def has_fmcw(name: str) -> bool:

@@ -2,7 +2,7 @@
 
 Reports are in REP-103 frames and SI units and not rounded. Attributes are annotated
 with the fields that write and read them; decimals and rounding are in ``dialect``. A
-line is ASCII, has single blanks, and never contains an exponent, NaN or an infinity.
+line is ASCII and never contains an exponent, NaN or an infinity.
 ``decode_report`` reads the lines of servers of all generations. A time stamp that a
 server leaves out is NaN, in both directions.
 """
@@ -67,6 +67,13 @@ from radarsim.protocol.message import (
     wrapped_pose_on_wire,
 )
 from radarsim.protocol.packages import PackageConf, PackageGeo, PackageState
+from radarsim.protocol.rescue import (
+    GasDensity,
+    HumanMotion,
+    RfidTags,
+    Sound,
+    VictimParts,
+)
 from radarsim.protocol.watch import (
     ClockTick,
     CommandError,
@@ -85,9 +92,11 @@ __all__ = [
     "EchoLine",
     "Encoder",
     "EncoderConf",
+    "GasDensity",
     "Gps",
     "Greeting",
     "GroundTruth",
+    "HumanMotion",
     "Imu",
     "Ins",
     "IntervalConf",
@@ -101,6 +110,7 @@ __all__ = [
     "RadarTargets",
     "RangeScan",
     "Report",
+    "RfidTags",
     "RobotConf",
     "RobotGeo",
     "RobotJoined",
@@ -109,12 +119,14 @@ __all__ = [
     "SensorReport",
     "Sonar",
     "SonarConf",
+    "Sound",
     "StartPoses",
     "Status",
     "Tachometer",
     "TargetEchoes",
     "Touch",
     "TouchConf",
+    "VictimParts",
     "WatchedLine",
     "Watching",
     "decode_report",
@@ -551,6 +563,11 @@ SensorReading: TypeAlias = (
     | Imu
     | Sonar
     | Gps
+    | RfidTags
+    | VictimParts
+    | HumanMotion
+    | Sound
+    | GasDensity
 )
 Report: TypeAlias = (
     SensorReading

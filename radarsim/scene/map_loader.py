@@ -39,20 +39,25 @@ from radarsim.scene.map_schema import (
     MAX_MATERIALS,
     MAX_OBJECTS,
     MAX_STARTS,
+    MAX_TAGS,
     MAX_VARIANTS,
+    MAX_VICTIMS,
     Entry,
     EntryContext,
     Header,
     MaterialEntry,
     ObjectEntry,
     StartEntry,
+    TagEntry,
     TrialEntry,
     VariantEntry,
+    VictimEntry,
     unknown_material,
 )
 from radarsim.scene.material import Material, library_material, library_names
 from radarsim.scene.reflectors import REFLECTOR, Reflector
 from radarsim.scene.scene import GPS_ORIGIN, Part, Scene, StartPose, Trial
+from radarsim.scene.victims import Tag, Victim
 from radarsim.validation import short_repr
 from radarsim.yaml_reader import KeyPath, YamlFile
 
@@ -140,6 +145,8 @@ class MapLoader:
             trial,
             header.gps_origin_deg if header else GPS_ORIGIN,
             tuple(reflectors),
+            tuple(self._tags(data)),
+            tuple(self._victims(data)),
         )
         self.problems.report(("objects",), extent_problems(scene.bounds))
         return scene
@@ -280,6 +287,32 @@ class MapLoader:
                 x, y, z = entry.position
                 pose = Pose3(x, y, z, yaw=math.radians(entry.yaw_deg))
                 yield StartPose(entry.name, pose)
+
+    def _tags(self, data: dict[str, object]) -> Iterator[Tag]:
+        taken: dict[str, KeyPath] = {}
+        for at, item in self._entries([((), data)], "tags", MAX_TAGS):
+            entry = self._validate(TagEntry, item, at)
+            if entry is not None:
+                self._claim(at, [str(entry.id)], taken)
+                x, y, z = entry.position
+                yield Tag(entry.id, (x, y, z))
+
+    def _victims(self, data: dict[str, object]) -> Iterator[Victim]:
+        taken: dict[str, KeyPath] = {}
+        for at, item in self._entries([((), data)], "victims", MAX_VICTIMS):
+            entry = self._validate(VictimEntry, item, at)
+            if entry is not None:
+                self._claim(at, [entry.name], taken, ignore_case=True)
+                x, y, z = entry.position
+                yield Victim(
+                    entry.name,
+                    (x, y, z),
+                    math.radians(entry.yaw_deg),
+                    entry.moves,
+                    entry.sound_db,
+                    entry.sound_s,
+                    entry.co2_percent,
+                )
 
     def _trial(self, data: dict[str, object]) -> Trial | None:
         item = data.get("trial")

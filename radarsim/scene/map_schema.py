@@ -37,6 +37,8 @@ MAX_BUILT = 60_000  # with all copies, in the map and all its variants
 MAX_PARTS = 30_000  # objects, counted once for each of their materials
 MAX_MATERIALS = 1_000
 MAX_STARTS = 200
+MAX_VICTIMS = 100
+MAX_TAGS = 1_000
 MAX_VARIANTS = 100
 MAX_ENTRIES = 100_000  # objects in a file, counted once for each variant
 MAX_NAME = 200  # characters in the name of an object or a level
@@ -47,6 +49,8 @@ MAX_LEVEL = 200.0  # dB, of what returns to a radar
 MIN_SLOPE = 0.2  # degrees, of facets
 MAX_SLOPE = 30.0
 MAX_SWAY = 10.0  # m/s
+MAX_TAG = 2**31 - 1  # clients read numbers of tags into 32 bits
+MAX_DURATION = 3600.0  # s, of a sound
 
 START_NAME = r"(Robot|Player|ComSt)[A-Za-z]*[0-9]*(_[0-9])?"
 _BAND_KEYS = [str(band) for band in BANDS_GHZ]
@@ -212,6 +216,8 @@ class Header(Entry):
     materials: dict[Text, object] | None = None
     objects: list[object] | None = None
     starts: list[object] | None = None
+    tags: list[object] | None = None
+    victims: list[object] | None = None
     trial: object = None
     air: Text | None = None
     gps_origin_deg: GpsOrigin = GPS_ORIGIN
@@ -396,6 +402,34 @@ class StartEntry(Entry):
     name: StartName
     position: Vector
     yaw_deg: Real = 0.0
+
+
+class TagEntry(Entry):
+    """An RFID tag."""
+
+    id: Annotated[Whole, Ge(0), Le(MAX_TAG)]
+    position: Vector
+
+
+class VictimEntry(Entry):
+    """A victim, which lies on the floor.
+
+    Attributes:
+        position: Position of the pelvis, m.
+        yaw_deg: Direction from the feet to the head.
+        moves: Whether sensors of motion react.
+        sound_db: Loudness of its calls at a distance of 1 m, dB.
+        sound_s: How long each call lasts, s.
+        co2_percent: Share of carbon dioxide in its breath, %.
+    """
+
+    name: Annotated[Text, MaxLen(MAX_NAME), AfterValidator(_name)]
+    position: Vector
+    yaw_deg: Real = 0.0
+    moves: Annotated[bool, Strict()] = False
+    sound_db: Annotated[Real, Ge(0), Le(MAX_LEVEL)] | None = None
+    sound_s: Annotated[Real, Gt(0), Le(MAX_DURATION)] = 1.0
+    co2_percent: Annotated[Real, Ge(0), Le(100)] = 0.0
 
 
 class TrialEntry(Entry):

@@ -17,6 +17,7 @@ from radarsim.presets.sensor_settings import BANDS_GHZ
 from radarsim.scene.material import Losses, Material, library_material
 from radarsim.scene.reflectors import REFLECTOR
 from radarsim.scene.scene import Part, Scene, Trial
+from radarsim.scene.victims import Victim
 
 _DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 # Attributes of materials that are keys of a map file under the same names.
@@ -120,6 +121,9 @@ def write_map(scene: Scene, path: Path) -> None:
             }
             for start in scene.starts
         ],
+        "tags": [{"id": t.id, "position": list(t.position)} for t in scene.tags]
+        or None,
+        "victims": [_victim_keys(each) for each in scene.victims] or None,
         "trial": _trial_keys(scene.trial),
     }
     content = {key: value for key, value in content.items() if value is not None}
@@ -158,6 +162,19 @@ def _degrees(yaw: float) -> float:
     candidates = (round(degrees, 9), degrees, *near)
     exact = (each for each in candidates if math.radians(each) == yaw)
     return next(exact, degrees)
+
+
+def _victim_keys(victim: Victim) -> dict[str, Any]:
+    keys = {
+        "name": victim.name,
+        "position": list(victim.position),
+        "yaw_deg": _degrees(victim.yaw),
+        "moves": victim.moves,
+        "sound_db": victim.loudness,
+        "sound_s": victim.duration,
+        "co2_percent": victim.co2,
+    }
+    return {key: value for key, value in keys.items() if value is not None}
 
 
 def _trial_keys(trial: Trial | None) -> dict[str, Any] | None:

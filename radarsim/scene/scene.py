@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from radarsim.scene.reflectors import Reflector
+    from radarsim.scene.victims import Tag, Victim
 
 # Degrees; that of the original server: 39° 8.0273' N, 77° 12.998' W.
 GPS_ORIGIN: Final = (39 + 8.0273 / 60, -77 - 12.998 / 60)
@@ -128,6 +129,8 @@ class Scene:
         gps_origin: Latitude and longitude of the map frame's origin, degrees.
         reflectors: The point reflectors, in the order of the map file; their hulls are
             among the parts.
+        tags: The RFID tags, in the order of the map file.
+        victims: The victims, in the order of the map file; none is among the parts.
     """
 
     name: str
@@ -139,6 +142,8 @@ class Scene:
     trial: Trial | None = None
     gps_origin: tuple[float, float] = GPS_ORIGIN
     reflectors: tuple["Reflector", ...] = ()
+    tags: tuple["Tag", ...] = ()
+    victims: tuple["Victim", ...] = ()
 
     def __repr__(self) -> str:
         objects = len({part.object_name for part in self.parts})

@@ -20,14 +20,17 @@ from radarsim.presets.robots import Item, RobotModel, load_robot, robot_names
 from radarsim.presets.sensor_settings import (
     GpsSettings,
     InsNoise,
+    SearchSettings,
     SensorSettings,
     SonarSettings,
 )
 from radarsim.presets.sensors import (
     gps_settings,
     has_fmcw,
+    item_presets,
     load_fmcw_settings,
     load_settings,
+    search_settings,
     sonar_settings,
 )
 from radarsim.protocol.dialect import (
@@ -126,6 +129,8 @@ class SimulationConfig:
             self.sonar_settings(item)
         elif item.type == "GPS":
             self.gps_settings(item)
+        elif item.type.lower() in item_presets():
+            self.search_settings(item)
         elif self.settings(item):
             raise PresetError(f"item {item.name!r}: type {item.type} has no settings")
 
@@ -222,6 +227,14 @@ class SimulationConfig:
             PresetError: If a setting is unknown or out of range.
         """
         return gps_settings(**self.settings(item))
+
+    def search_settings(self, item: Item) -> SearchSettings:
+        """Return the settings of a sensor of victims or tags.
+
+        Raises:
+            PresetError: If a setting is unknown or out of range.
+        """
+        return search_settings(item.type, **self.settings(item))
 
     def interval(self, item: Item) -> float:
         """Return the time between two readings of an item, s."""

@@ -148,7 +148,7 @@ class Simulation:
             seed=self.seed,
             schedule=self._reporting,
             readings=self._readings,
-            gps_origin=self.scene.gps_origin,
+            scene=self.scene,
         )
         self._vehicles[vehicle.number] = vehicle
         for items in self.scanner_items.values():

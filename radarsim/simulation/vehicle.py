@@ -16,6 +16,7 @@ from radarsim.protocol.packages import LinkOrder
 from radarsim.protocol.reports import Status
 from radarsim.rng import generator_for
 from radarsim.robots.robot import Battery, Robot
+from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import RangeScanner
 from radarsim.simulation.clock import Schedule, seconds, ticks_of
 from radarsim.simulation.config import (
@@ -47,6 +48,7 @@ from radarsim.simulation.readings import (
     Program,
     ReadingTable,
 )
+from radarsim.simulation.search_items import SEARCH_ITEMS
 
 STATUS_TICKS: Final = ticks_of(DEFAULT_INTERVAL)
 STATUS_ONLY: Final = -1  # among intervals: those of items do not count
@@ -125,7 +127,7 @@ class Vehicle:
         seed: int,
         schedule: "Schedule[Vehicle]",
         readings: ReadingTable,
-        gps_origin: tuple[float, float],
+        scene: Scene,
     ) -> None:
         """Create a vehicle; this tick is that of its spawn.
 
@@ -136,7 +138,7 @@ class Vehicle:
             schedule: The vehicle adds itself for the ticks in which it has something to
                 report.
             readings: For the numbers from which its readings follow.
-            gps_origin: Latitude and longitude of the map's origin, degrees.
+            scene: What its items look at.
         """
         self.number = robot.number
         self.robot = robot
@@ -170,7 +172,7 @@ class Vehicle:
             "steering": [Job(STEERING)],
         }
         self._changed: set[str] = set()  # scanners that are to be replaced
-        self._mount_items(seed, gps_origin)
+        self._mount_items(seed, scene)
         order = list(SENSOR_ITEMS)
         self._reading_order = sorted(
             (item for item in robot.model.items if item.name in self._sensor_items),
@@ -302,7 +304,7 @@ class Vehicle:
         if isinstance(ins, InsItem):
             ins.overwrite(pose)
 
-    def _mount_items(self, seed: int, gps_origin: tuple[float, float]) -> None:
+    def _mount_items(self, seed: int, scene: Scene) -> None:
         """Create the items; arguments as of ``__init__``."""
         robot, config, number = self.robot, self.config, self.number
         scanners = []
@@ -319,7 +321,11 @@ class Vehicle:
             if item.type == "RangeScanner":
                 scanners.append(MountedScanner(item, config.scanner(item), rng))
             elif item.type == "GPS":
-                ray_items.append(GpsItem(mounting, gps_origin, carrier_id=number))
+                origin = scene.gps_origin
+                ray_items.append(GpsItem(mounting, origin, carrier_id=number))
+            elif item.type in SEARCH_ITEMS:
+                create = SEARCH_ITEMS[item.type]
+                ray_items.append(create(mounting, scene, carrier_id=number))
             elif item.type in SENSOR_ITEMS:
                 self._sensor_items[item.name] = SENSOR_ITEMS[item.type](mounting)
         self.scanners, self._ray_items = tuple(scanners), tuple(ray_items)

@@ -105,7 +105,7 @@ def test_summary_has_the_air() -> None:
 def test_summary_has_the_trial() -> None:
     trial = Trial("RobotStart1", (7.0, -2.5), 0.5)
     lines = summarise(Scene("room", "DM-Room", trial=trial))
-    text = "trial: RobotStart1 to 7.000 -2.500, 0.500 m away from all that is seen"
+    text = "trial: RobotStart1 to 7.000 -2.500, safety distance 0.500 m"
     assert text in lines
 
 

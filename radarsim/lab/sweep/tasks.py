@@ -97,6 +97,8 @@ def digest(scene: Scene) -> str:
     air = None if scene.air is None else asdict(scene.air)
     rest = scene.level, scene.starts, air, scene.trial, scene.reflectors
     found.update(repr((*rest, scene.gps_origin)).encode())
+    if scene.tags or scene.victims:  # else the digest is that of earlier versions
+        found.update(repr((scene.tags, scene.victims)).encode())
     return found.hexdigest()[:16]
 
 

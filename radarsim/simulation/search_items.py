@@ -1,0 +1,219 @@
+"""The items with which robots look for victims and RFID tags.
+
+Theory of operation
+===================
+An item sees a target that is within its range and its field of view, if a ray to it is
+not stopped. The ray may end a little before the target: a tag is on a wall, and a user
+may have put a body around the parts of a victim. Sound and gas go around obstacles.
+
+A call of L dB at 1 m has L - 20 log10(d) dB at a distance of d m, and the powers of
+several calls add up. Breath thins out as the air that it mixes with grows, by the
+square of the distance from 0.1 m on; what no source tells is an estimate.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from typing import Any, ClassVar, Final, Generic, TypeVar
+
+import numpy as np
+
+from radarsim.geometry import Floats, Pose3
+from radarsim.presets.robots import Item
+from radarsim.protocol import rescue
+from radarsim.protocol.fields import SensorReport
+from radarsim.protocol.rescue import Sighting
+from radarsim.raycast.attenuation import Outcome
+from radarsim.raycast.rays import Rays, Traces
+from radarsim.scene.scene import Scene
+from radarsim.scene.victims import Place, Victim
+from radarsim.sensors.sonar import SONAR_CLASS
+from radarsim.simulation.items import Mounting
+
+Target = TypeVar("Target")
+REACH: Final = 0.3  # m before a target at which a ray to it may end
+LEAST: Final = 1e-6  # m; what is nearer is where the sensor is
+AHEAD: Final = (1.0, 0.0, 0.0)
+BREATH: Final = 0.1  # m within which breath has not mixed with the air
+
+
+class SearchItem(ABC, Generic[Target]):
+    """An item that sees some of the targets of a scene.
+
+    Attributes:
+        item: The item of the robot's class.
+        needs_sight: Whether what stops rays hides a target.
+    """
+
+    needs_sight: ClassVar[bool] = True
+
+    def __init__(self, mounting: Mounting, scene: Scene, *, carrier_id: int) -> None:
+        """Create the item.
+
+        Args:
+            mounting: What items are created from.
+            scene: What it looks at.
+            carrier_id: Id of the robot's box.
+        """
+        self.item: Item = mounting.item
+        self._robot = mounting.robot
+        self._settings = mounting.config.search_settings(self.item)
+        self._carrier_id = carrier_id
+        found = list(self.targets(scene))
+        self._targets = [target for target, _ in found]
+        self._places = np.array([place for _, place in found]).reshape(-1, 3)
+        self._near = np.zeros(0, np.int64)  # numbers of targets, of the last rays
+
+    @abstractmethod
+    def targets(self, scene: Scene) -> Iterable[tuple[Target, Place]]:
+        """Return what it looks for, each with its place, m, map frame."""
+
+    @abstractmethod
+    def report(
+        self, time: float, seen: Sequence[Target], places: Floats
+    ) -> SensorReport | None:
+        """Return what it reports, if anything.
+
+        Args:
+            time: s.
+            seen: The N targets that it sees.
+            places: (N, 3) their places, m, in the frame of the sensor.
+        """
+
+    def rays(self) -> Rays:
+        """Return a ray to each target within range and field of view."""
+        pose, places = self._local_places()
+        distances = np.linalg.norm(places, axis=1)
+        angles = np.arctan2(np.hypot(places[:, 1], places[:, 2]), places[:, 0])
+        is_near = distances <= self._settings.max_range
+        is_near &= angles <= math.radians(self._settings.fov_deg) / 2
+        self._near = np.flatnonzero(is_near)
+        aimed = self._near if self.needs_sight else self._near[:0]
+        # What is where the sensor is lies in no direction; any will do.
+        offsets = np.where(distances[:, None] > LEAST, places, AHEAD)[aimed]
+        lengths = np.linalg.norm(offsets, axis=1)
+        rays = Rays.uniform(
+            np.tile(pose.position(), (len(aimed), 1)),
+            offsets / lengths[:, None] @ pose.rotation().T,
+            max_range=0.0,
+            carrier_id=self._carrier_id,
+        )
+        reach = np.maximum(distances[aimed] - REACH, 0.0)
+        return replace(rays, max_range=reach, ray_classes=(SONAR_CLASS,))
+
+    def read(self, time: float, traces: Traces) -> tuple[SensorReport, ...]:
+        """Return the reading, if there is one."""
+        seen = self._near
+        if self.needs_sight:
+            seen = seen[traces.outcomes == Outcome.NOTHING]
+        _, places = self._local_places()
+        report = self.report(time, [self._targets[k] for k in seen], places[seen])
+        return () if report is None else (report,)
+
+    def _local_places(self) -> tuple[Pose3, Floats]:
+        """Return the pose of the sensor, and all places in its frame, (N, 3) m."""
+        pose = self._robot.body.compose(self.item.mount)
+        return pose, (self._places - pose.position()) @ pose.rotation()
+
+
+class RfidItem(SearchItem[str]):
+    """A reader of RFID tags; without a tag it reports nothing."""
+
+    def targets(self, scene: Scene) -> Iterable[tuple[str, Place]]:
+        return [(str(tag.id), tag.position) for tag in scene.tags]
+
+    def report(
+        self, time: float, seen: Sequence[str], places: Floats
+    ) -> SensorReport | None:
+        # Clients take the first tag of a line without looking whether there is one.
+        if not seen:
+            return None
+        return rescue.RfidTags(time, self.item.name, _sightings(seen, places))
+
+
+class VictimItem(SearchItem[str]):
+    """A sensor that sees parts of bodies."""
+
+    def targets(self, scene: Scene) -> Iterable[tuple[str, Place]]:
+        return [part for victim in scene.victims for part in victim.parts]
+
+    def report(self, time: float, seen: Sequence[str], places: Floats) -> SensorReport:
+        return rescue.VictimParts(time, self.item.name, _sightings(seen, places))
+
+
+def _sightings(labels: Sequence[str], places: Floats) -> tuple[Sighting, ...]:
+    rows = zip(labels, places.tolist(), strict=True)
+    return tuple(Sighting(label, (x, y, z)) for label, (x, y, z) in rows)
+
+
+class SignItem(SearchItem[Victim]):
+    """An item that notices a sign of life of victims, at their heads."""
+
+    def targets(self, scene: Scene) -> Iterable[tuple[Victim, Place]]:
+        return [(each, each.head) for each in scene.victims if self.is_given_by(each)]
+
+    @abstractmethod
+    def is_given_by(self, victim: Victim) -> bool:
+        """Return whether a victim gives this sign."""
+
+
+class MotionItem(SignItem):
+    """A sensor of motion: the less far away somebody moves, the surer it is."""
+
+    def is_given_by(self, victim: Victim) -> bool:
+        return victim.moves
+
+    def report(self, time: float, _: Sequence[Victim], places: Floats) -> SensorReport:
+        most = self._settings.max_range
+        nearest = float(np.linalg.norm(places, axis=1).min(initial=most))
+        return rescue.HumanMotion(time, self.item.name, 1.0 - nearest / most)
+
+
+class SoundItem(SignItem):
+    """A microphone."""
+
+    needs_sight = False
+
+    def is_given_by(self, victim: Victim) -> bool:
+        return victim.loudness is not None
+
+    def report(
+        self, time: float, seen: Sequence[Victim], places: Floats
+    ) -> SensorReport:
+        if not seen:
+            return rescue.Sound(time, self.item.name, 0.0, 0.0)
+        sources = np.array([each.loudness for each in seen], np.float64)
+        distances = np.maximum(np.linalg.norm(places, axis=1), 1.0)
+        levels = sources - 20 * np.log10(distances)
+        total = 10 * math.log10(float((10 ** (levels / 10)).sum()))
+        duration = seen[int(levels.argmax())].duration
+        return rescue.Sound(time, self.item.name, max(0.0, total), duration)
+
+
+class GasItem(SignItem):
+    """A sensor of carbon dioxide."""
+
+    needs_sight = False
+
+    def is_given_by(self, victim: Victim) -> bool:
+        return victim.co2 > 0
+
+    def report(
+        self, time: float, seen: Sequence[Victim], places: Floats
+    ) -> SensorReport:
+        shares = np.array([each.co2 for each in seen], np.float64)
+        distances = np.maximum(np.linalg.norm(places, axis=1), BREATH)
+        density = float((shares * (BREATH / distances) ** 2).sum())
+        name = self.item.name
+        return rescue.GasDensity(time, name, rescue.CO2, min(density, 100.0))
+
+
+# By item type.
+SEARCH_ITEMS: Final[dict[str, Callable[..., SearchItem[Any]]]] = {
+    "RFID": RfidItem,
+    "VictSensor": VictimItem,
+    "HumanMotion": MotionItem,
+    "Sound": SoundItem,
+    "CO2Sensor": GasItem,
+}

@@ -1,0 +1,179 @@
+"""What robots read that look for victims and tags, against geometry."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from tick_readings import readings_of
+
+from radarsim.geometry import Pose2, Pose3
+from radarsim.presets.robots import load_robot
+from radarsim.protocol.fields import LineReport
+from radarsim.protocol.reports import (
+    GasDensity,
+    HumanMotion,
+    RfidTags,
+    Sound,
+    VictimParts,
+)
+from radarsim.scene.scene import Scene
+from radarsim.scene.victims import PARTS, Tag, Victim
+from radarsim.simulation.simulation import Simulation
+
+AHEAD = Victim("Becky", (3.0, 0.0, 0.2), math.pi / 2, True, 60.0, 2.0, 4.0)
+
+
+def read(
+    scene: Scene, *, tags: tuple[Tag, ...] = (), victims: tuple[Victim, ...] = ()
+) -> list[LineReport]:
+    """Return what a robot at the origin reads at first."""
+    simulation = Simulation(replace(scene, tags=tags, victims=victims))
+    vehicle = simulation.spawn("R", load_robot("P3AT_Rescue"), Pose2(0, 0))
+    assert vehicle is not None
+    for _ in range(10):
+        simulation.step()
+        output = simulation.collect_reports().get(vehicle.number)
+    assert output is not None
+    return readings_of(output)
+
+
+def only(kind: type, reports: list[LineReport]) -> LineReport:
+    (report,) = (each for each in reports if isinstance(each, kind))
+    return report
+
+
+def mount_of(name: str) -> Pose3:
+    model = load_robot("P3AT_Rescue")
+    (item,) = (item for item in model.items if item.name == name)
+    return Pose3(0, 0, model.origin_height).compose(item.mount)
+
+
+def test_scene_without_victims_reads_as_nothing(empty_room: Scene) -> None:
+    reports = read(empty_room)
+    victims, motion = only(VictimParts, reports), only(HumanMotion, reports)
+    sound, gas = only(Sound, reports), only(GasDensity, reports)
+    assert isinstance(victims, VictimParts)
+    assert victims.parts == ()
+    assert isinstance(motion, HumanMotion)
+    assert motion.probability == 0.0
+    assert isinstance(sound, Sound)
+    assert (sound.loudness, sound.duration) == (0.0, 0.0)
+    assert isinstance(gas, GasDensity)
+    assert gas.density == 0.0
+    assert not any(isinstance(each, RfidTags) for each in reports)
+
+
+def test_all_parts_of_a_victim_ahead_are_seen_where_they_are(empty_room: Scene) -> None:
+    report = only(VictimParts, read(empty_room, victims=(AHEAD,)))
+    assert isinstance(report, VictimParts)
+    assert [label for label, _ in report.parts] == [name for name, _, _ in PARTS]
+    sensor = mount_of("VictSensor")
+    for (_, along, left), (_, place) in zip(PARTS, report.parts, strict=True):
+        # the head is to the left of the robot, as the victim lies across its way
+        expected = (3.0 - left - sensor.x, along, 0.2 - sensor.z)
+        assert place == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("place", "is_read"),
+    [
+        pytest.param((5.9, 0, 0.3), True, id="within range"),
+        pytest.param((6.5, 0, 0.3), False, id="too far away"),
+        pytest.param((-3, 0, 0.3), True, id="behind"),
+        pytest.param((0.2, 0, 0.346), True, id="where the sensor is"),
+    ],
+)
+def test_tags_are_read_all_around_within_range(
+    empty_room: Scene, place: tuple[float, float, float], is_read: bool
+) -> None:
+    reports = read(empty_room, tags=(Tag(7, place),))
+    found = [each for each in reports if isinstance(each, RfidTags)]
+    assert [[label for label, _ in each.tags] for each in found] == [["7"]] * is_read
+
+
+def test_tag_on_a_wall_is_read_and_one_behind_it_is_not(empty_room: Scene) -> None:
+    wall = {"box": [0.2, 4.0, 2.0], "position": [2.0, 0.0, 1.0]}
+    scene = empty_room.with_object("screen", material="concrete", **wall)
+    tags = (Tag(1, (1.9, 0.5, 0.5)), Tag(2, (3.0, 0.0, 0.5)))
+    report = only(RfidTags, read(scene, tags=tags))
+    assert isinstance(report, RfidTags)
+    assert [label for label, _ in report.tags] == ["1"]
+    behind = read(scene, victims=(AHEAD,))
+    victims, motion = only(VictimParts, behind), only(HumanMotion, behind)
+    assert isinstance(victims, VictimParts)
+    assert victims.parts == ()
+    assert isinstance(motion, HumanMotion)
+    assert motion.probability == 0.0
+    sound = only(Sound, behind)  # which goes around the wall
+    assert isinstance(sound, Sound)
+    assert sound.loudness > 0
+
+
+def test_other_robots_hide_victims(empty_room: Scene) -> None:
+    simulation = Simulation(replace(empty_room, victims=(AHEAD,)))
+    searcher = simulation.spawn("R", load_robot("P3AT_Rescue"), Pose2(0, 0))
+    assert searcher is not None
+    assert simulation.spawn("S", load_robot("P3AT"), Pose2(1.5, 0)) is not None
+    for _ in range(10):
+        simulation.step()
+        output = simulation.collect_reports()[searcher.number] if _ == 9 else None
+    assert output is not None
+    report = only(VictimParts, readings_of(output))
+    assert isinstance(report, VictimParts)
+    assert "Pelvis" not in [label for label, _ in report.parts]
+
+
+def test_signs_of_life_follow_their_formulas(empty_room: Scene) -> None:
+    reports = read(empty_room, victims=(AHEAD,))
+    head = (3.0, 0.75, 0.2)
+    motion, sound = only(HumanMotion, reports), only(Sound, reports)
+    gas = only(GasDensity, reports)
+    away = math.dist(mount_of("HumanMotion").numbers()[:3], head)
+    assert isinstance(motion, HumanMotion)
+    assert motion.probability == pytest.approx(1 - away / 10)
+    away = math.dist(mount_of("Sound").numbers()[:3], head)
+    assert isinstance(sound, Sound)
+    assert sound.loudness == pytest.approx(60 - 20 * math.log10(away))
+    assert sound.duration == 2.0
+    away = math.dist(mount_of("CO2").numbers()[:3], head)
+    assert isinstance(gas, GasDensity)
+    assert gas.density == (pytest.approx(4 * (0.1 / away) ** 2) if away <= 3 else 0)
+
+
+def test_two_equal_calls_are_three_decibels_louder_than_one(empty_room: Scene) -> None:
+    one = only(Sound, read(empty_room, victims=(AHEAD,)))
+    twin = replace(AHEAD, name="Ann", duration=5.0)
+    both = only(Sound, read(empty_room, victims=(AHEAD, twin)))
+    assert isinstance(one, Sound)
+    assert isinstance(both, Sound)
+    assert both.loudness - one.loudness == pytest.approx(10 * math.log10(2))
+    assert both.duration == 2.0  # of the first of those that are loudest
+
+
+def test_quiet_calls_are_not_below_zero_and_silence_is_no_call(
+    empty_room: Scene,
+) -> None:
+    quiet = only(Sound, read(empty_room, victims=(replace(AHEAD, loudness=0.0),)))
+    assert isinstance(quiet, Sound)
+    assert (quiet.loudness, quiet.duration) == (0.0, 2.0)
+    silent = replace(AHEAD, loudness=None, moves=False, co2=0.0)
+    reports = read(empty_room, victims=(silent,))
+    sound, motion = only(Sound, reports), only(HumanMotion, reports)
+    assert isinstance(sound, Sound)
+    assert sound.duration == 0.0
+    assert isinstance(motion, HumanMotion)
+    assert motion.probability == 0.0
+
+
+@pytest.mark.parametrize(
+    ("material", "is_seen"),
+    [pytest.param("smoke", True), pytest.param("foliage", False)],
+)
+def test_what_robots_pass_hides_nobody(
+    empty_room: Scene, material: str, is_seen: bool
+) -> None:
+    cloud = {"box": [1.0, 6.0, 2.0], "position": [1.5, 0.0, 1.0]}
+    scene = empty_room.with_object("cloud", material=material, **cloud)
+    report = only(VictimParts, read(scene, victims=(AHEAD,)))
+    assert isinstance(report, VictimParts)
+    assert bool(report.parts) is is_seen
