@@ -14,7 +14,15 @@ def test_numbers_of_the_sonar_are_those_of_the_original_server() -> None:
 
 
 def test_every_number_has_a_source() -> None:
-    assert list(item_presets()) == ["gps", "sonar"]
+    assert list(item_presets()) == [
+        "co2sensor",
+        "gps",
+        "humanmotion",
+        "rfid",
+        "sonar",
+        "sound",
+        "victsensor",
+    ]
     for preset in item_presets().values():
         assert preset.about
         assert all(number.source for number in preset.settings.values())

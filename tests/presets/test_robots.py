@@ -14,6 +14,7 @@ from radarsim.presets.robots import (
     read_robot,
     robot_names,
 )
+from radarsim.simulation.search_items import SEARCH_ITEMS
 
 NAMES = (
     "ATRVJr",
@@ -30,6 +31,7 @@ NAMES = (
     "P3AT_Hokuyo",
     "P3AT_Navtech",
     "P3AT_Radar360",
+    "P3AT_Rescue",
     "P3AT_SICK",
     "Rugbot",
     "Sedan",
@@ -150,12 +152,13 @@ def test_items_of_a_p2dx_report_five_times_a_second_as_recorded() -> None:
     assert {item.interval for item in model.in_dialect("udk").items} == {None}
 
 
-def test_p3at_variants_differ_only_in_their_scanners() -> None:
+def test_p3at_variants_differ_only_in_what_they_scan_or_search_with() -> None:
     plain = load_robot("P3AT")
+    others = {"RangeScanner", *SEARCH_ITEMS}
     for name in NAMES:
         if name.startswith("P3AT_"):
             variant = load_robot(name)
-            rest = [item for item in variant.items if item.type != "RangeScanner"]
+            rest = [item for item in variant.items if item.type not in others]
             assert rest == list(plain.items[:-1])
             same = {"name": "P3AT", "about": plain.about, "items": plain.items}
             assert variant.model_copy(update=same) == plain

@@ -38,7 +38,7 @@ START = "expected Robot, Player or ComSt, then letters, then digits"
             "version: 1\nwalls: 3",
             "m.yaml:2:1: walls: unknown key,"
             " expected one of ['air', 'gps_origin_deg', 'level', 'materials',"
-            " 'objects', 'starts', 'trial', 'variants', 'version']",
+            " 'objects', 'starts', 'tags', 'trial', 'variants', 'version', 'victims']",
             id="unknown section",
         ),
     ],
