@@ -62,7 +62,7 @@ def film_format(path: Path) -> str:
         raise ValueError(f"{str(path)!r}, expected a .gif or .mp4 file")
     if suffix == "mp4":
         try:
-            import imageio_ffmpeg  # noqa: PLC0415 - 165 MB, so it is optional
+            import imageio_ffmpeg  # noqa: PLC0415 - 173 MB, so it is optional
 
             imageio_ffmpeg.get_ffmpeg_exe()
         except (ImportError, RuntimeError):
