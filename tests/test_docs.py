@@ -74,7 +74,7 @@ def test_python_runs(
     runpy.run_path(str(script), run_name="__main__")
 
 
-@pytest.mark.slow("sampled")
+@pytest.mark.slow  # the notebook, which has the same programs, is in every sample
 @pytest.mark.timeout(1200)  # a busy machine takes minutes
 def test_programs_of_the_tutorial_print_what_it_says(tmp_path: Path) -> None:
     """In an empty folder, one after the other, as a reader runs them."""
