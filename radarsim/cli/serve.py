@@ -34,8 +34,8 @@ from radarsim.processes import exit_immediately
 if TYPE_CHECKING:
     from radarsim.server.host import Host
     from radarsim.server.image_server import ImageServer
+    from radarsim.server.question_server import QuestionServer
     from radarsim.server.tcp_server import Companion
-    from radarsim.server.truth_server import TruthServer
 
 log = logging.getLogger("radarsim.server")
 
@@ -82,6 +82,7 @@ def serve(
     speed: Annotated[float, Gt(0)] = 1.0,
     image_port: Annotated[Port | None, RARE] = None,
     truth_port: Annotated[Port | None, RARE] = None,
+    wireless_port: Annotated[Port | None, RARE] = None,
     max_clients: Annotated[int, Ge(1), RARE] = DEFAULT_MAX_CLIENTS,
     config: Annotated[Path | None, Option(is_config_file=True)] = None,  # noqa: ARG001 - read while words are parsed
     log_options: LogOptions,
@@ -99,6 +100,8 @@ def serve(
             original's is 5003.
         truth_port: Tell where all robots are on this port as well (USARTruth); the
             original's is 3989.
+        wireless_port: Answer a wireless server (WSS) on this port as well; the
+            original's is 7435.
         max_clients: Refuse clients when this many are connected.
         config: YAML file with values of options that are not given, and the map.
         log_options: The log.
@@ -115,6 +118,7 @@ def serve(
         "--port": port,
         "--image-port": image_port or 0,
         "--truth-port": truth_port or 0,
+        "--wireless-port": wireless_port or 0,
     }
     _check_ports(host, own_ports, beside)  # before imports that take long
     with ExitStack() as until_end:
@@ -131,7 +135,7 @@ def serve(
         from radarsim.server.tcp_server import Server
         from radarsim.server.tcp_server import serve as serve_until_signal
 
-        own = _own_servers(simulated, image_port, truth_port)
+        own = _own_servers(simulated, image_port, truth_port, wireless_port)
         most = _permitted_clients(max_clients)
         server = Server(simulated, speed=speed, max_clients=most)
 
@@ -221,21 +225,33 @@ def make_image_server(host: Host, port: int | None) -> ImageServer | None:
 
 
 def _own_servers(
-    host: Host, image_port: int | None, truth_port: int | None
-) -> dict[str, ImageServer | TruthServer]:
-    """Create the servers of pictures and of true poses, by what they serve.
+    host: Host,
+    image_port: int | None,
+    truth_port: int | None,
+    wireless_port: int | None,
+) -> dict[str, ImageServer | QuestionServer]:
+    """Create the servers of pictures and of questions, by what they serve.
 
     Args:
         host: The host whose simulation they show.
         image_port: Port of the pictures; 0 for a free one, None for no pictures.
-        truth_port: Port of the poses, likewise.
+        truth_port: Port of true poses, likewise.
+        wireless_port: Port for a wireless server, likewise.
     """
-    servers: dict[str, ImageServer | TruthServer] = {}
+    servers: dict[str, ImageServer | QuestionServer] = {}
     images = make_image_server(host, image_port)
     if images is not None:
         servers["images"] = images
-    if truth_port is not None:
-        from radarsim.server.truth_server import TruthServer
+    if truth_port is None and wireless_port is None:
+        return servers
+    from radarsim.server.question_server import QuestionServer
+    from radarsim.server.questions import truth_answer, wireless_answer
 
-        servers["truth"] = TruthServer(host.config.dialect, port=truth_port)
+    dialect = host.config.dialect
+    if truth_port is not None:
+        answer = truth_answer(dialect)
+        servers["truth"] = QuestionServer(answer, port=truth_port)
+    if wireless_port is not None:
+        answer = wireless_answer(dialect)
+        servers["wireless"] = QuestionServer(answer, port=wireless_port)
     return servers

@@ -1,9 +1,9 @@
-"""USARTruth with programs that ask where robots are, written from the protocol."""
+"""USARTruth and wireless servers: programs that ask, written from the protocol."""
 
 import asyncio
 import logging
 import re
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 
 import pytest
@@ -12,7 +12,8 @@ from radarsim.geometry import Pose2
 from radarsim.presets.robots import load_robot
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.scene.scene import Scene
-from radarsim.server.truth_server import MAX_CLIENTS, TruthServer
+from radarsim.server.question_server import MAX_CLIENTS, QuestionServer
+from radarsim.server.questions import Answer, truth_answer, wireless_answer
 from radarsim.simulation.simulation import Simulation
 
 DEADLINE = 30.0  # s of the wall clock, for what a busy machine does late
@@ -46,8 +47,10 @@ class Client:
 
 @asynccontextmanager
 async def running(
-    scene: Scene, dialect: Dialect = COMPAT
-) -> AsyncIterator[TruthServer]:
+    scene: Scene,
+    dialect: Dialect = COMPAT,
+    tell: Callable[[Dialect], Answer] = truth_answer,
+) -> AsyncIterator[QuestionServer]:
     simulation = Simulation(scene)
     for name, kind, pose in (
         ("R1", "P3AT", Pose2(1, 2, 0.5)),
@@ -56,7 +59,7 @@ async def running(
         simulation.spawn(name, load_robot(kind), pose)
     for _ in range(3):
         simulation.step()
-    server = TruthServer(dialect, port=0)
+    server = QuestionServer(tell(dialect), port=0)
     await server.start()
     await server.begin(simulation)
     yield server
@@ -64,7 +67,7 @@ async def running(
 
 
 @asynccontextmanager
-async def connected(server: TruthServer) -> AsyncIterator[Client]:
+async def connected(server: QuestionServer) -> AsyncIterator[Client]:
     client = Client(*await asyncio.open_connection(*server.address))
     yield client
     await client.close()
@@ -111,7 +114,7 @@ async def test_a_score_follows_the_robots_without_exception(empty_room: Scene) -
 
 @pytest.mark.asyncio
 async def test_before_the_simulation_there_is_nobody() -> None:
-    server = TruthServer(COMPAT, port=0)
+    server = QuestionServer(truth_answer(COMPAT), port=0)
     await server.start()
     async with connected(server) as client:
         assert await client.ask(b"{Actors}\n") == []
@@ -162,4 +165,85 @@ async def test_one_client_too_many_is_refused(
         last = await stack.enter_async_context(connected(server))
         with pytest.raises((ConnectionError, asyncio.IncompleteReadError)):
             await last.ask(b"{Actors}\n")
-        assert f"there are {MAX_CLIENTS} clients of the truth" in caplog.text
+        assert f"there are {MAX_CLIENTS} clients that ask questions" in caplog.text
+
+
+R2_PLACE = "-3.0000,0.0000,-0.1400"
+WALLS = (("a", 0.0, "concrete"), ("b", -1.5, "metal"), ("c", -2.0, "foliage"))
+
+
+@pytest.mark.asyncio
+@pytest.mark.parametrize(
+    ("question", "answer"),
+    [
+        pytest.param(
+            b"GETPOS\r\n",
+            "POSITIONS {Robots 2} {Name R1 Location 1.0000,-2.0000,-0.1460 BatteryEmpty"
+            f" False}} {{Name R 2 Location {R2_PLACE} BatteryEmpty False}}",
+            id="positions",
+        ),
+        pytest.param(
+            b"GETOBS {From R1} {To R 2}\r\n",
+            "NUMOBS {From R1} {To R 2} {ObstCount 3.0000}",
+            id="robots",
+        ),
+        pytest.param(
+            b"getobs {From R1} {To R3}\r\n",
+            "NUMOBS {From R1} {To R3} {ObstCount -1.0000}",
+            id="no such robot",
+        ),
+        pytest.param(
+            b"GETOBS {Start -0.5,1,-1} {End -1.0,1,-1}\r\n",
+            "NUMOBS {Start -0.5,1,-1} {End -1.0,1,-1} {ObstCount 0.0000}",
+            id="places with nothing between",
+        ),
+        pytest.param(
+            b"GETOBS {Start 2,1,-1} {End -1.0,1,-1}\r\n",
+            "NUMOBS {Start 2,1,-1} {End -1.0,1,-1} {ObstCount 1.0000}",
+            id="places with a wall between",
+        ),
+        pytest.param(
+            b"GETOBS {Start 2,1,-1} {End 2,1,-1}\r\n",
+            "NUMOBS {Start 2,1,-1} {End 2,1,-1} {ObstCount 0.0000}",
+            id="the same place",
+        ),
+        pytest.param(
+            b"GETOBS {Start 900000000,1,-1} {End -900000000,1,-1}\r\n",
+            "NUMOBS {Start 900000000,1,-1} {End -900000000,1,-1} {ObstCount 5.0000}",
+            id="far beyond the map",
+        ),
+        pytest.param(b"GETOBS {Start 1,2}  {End 3,4,5}\r\n", "", id="no place"),
+        pytest.param(b"GETOBS {From R1}\r\n", "", id="one end"),
+        pytest.param(b"GETSS {Robot R1}\r\n", "", id="another question"),
+        pytest.param(b"GETPOS {\r\n", "", id="no brace"),
+    ],
+)
+async def test_wireless_server_learns_who_is_where_and_what_is_between(
+    empty_room: Scene, question: bytes, answer: str
+) -> None:
+    scene = empty_room
+    for name, x, material in WALLS:
+        box = {"box": [0.2, 8.0, 2.0], "position": [x, 0.0, 1.0]}
+        scene = scene.with_object(name, material=material, **box)
+    smoke = {"box": [0.2, 8.0, 2.0], "position": [0.5, 0.0, 1.0]}
+    scene = scene.with_object("smoke", material="smoke", **smoke)
+    async with (
+        running(scene, tell=wireless_answer) as server,
+        connected(server) as client,
+    ):
+        client.writer.write(question)
+        async with asyncio.timeout(DEADLINE):
+            line = await client.reader.readuntil(b"\r\n")
+    assert line.decode("ascii") == f"{answer}\r\n"
+
+
+@pytest.mark.asyncio
+async def test_wireless_server_asks_before_the_simulation_begins() -> None:
+    server = QuestionServer(wireless_answer(UDK), port=0)
+    await server.start()
+    async with connected(server) as client:
+        client.writer.write(b"GETPOS\nGETOBS {Start 1,2,3} {End 3,4,5}\n")
+        async with asyncio.timeout(DEADLINE):
+            assert await client.reader.readline() == b"POSITIONS {Robots 0}\r\n"
+            assert b"{ObstCount 0.0000}" in await client.reader.readline()
+    await server.stop()

@@ -1,11 +1,10 @@
-"""A server of USARTruth: where robots are, for programs that score runs.
+"""A server for programs that ask about a simulation, one line for each question.
 
 Rule 1: a client is read again ``READ_PAUSE`` after its last questions, of which
 ``MOST_QUESTIONS`` are answered, and not before it has read the answers. What it sends
 meanwhile waits in its socket, so that questions without end take little time from the
 ticks.
-Rule 2: a line that cannot be read is answered with ``{End}``, and one that is too long
-closes the connection.
+Rule 2: every line is answered, and one that is too long closes the connection.
 """
 
 from __future__ import annotations
@@ -14,15 +13,13 @@ import asyncio
 import logging
 from typing import TYPE_CHECKING, Final
 
-from radarsim.errors import MalformedMessage
 from radarsim.protocol.message import LineBuffer
-from radarsim.protocol.truth import END, ActorTruth, TruthRequest
 from radarsim.server.peer_connections import PeerConnection, PeerServer, RefusalLog
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from radarsim.protocol.dialect import Dialect
+    from radarsim.server.questions import Answer
     from radarsim.simulation.simulation import Simulation
 
 log = logging.getLogger("radarsim.server")
@@ -33,27 +30,27 @@ READ_PAUSE: Final = 0.01  # s
 LONGEST_QUESTION: Final = 1024  # characters
 
 
-class TruthServer(PeerServer):
-    """Tells where the robots of a simulation are; there are none before it begins."""
+class QuestionServer(PeerServer):
+    """Answers questions about a simulation, which has no robots before it begins."""
 
-    def __init__(self, dialect: Dialect, *, port: int = 3989) -> None:
+    def __init__(self, answer: Answer, *, port: int) -> None:
         """Create a server that does not listen yet.
 
         Args:
-            dialect: Formats of numbers.
+            answer: Returns the answer to a question, of ``questions``.
             port: Port to listen on; 0 for a free one.
         """
         super().__init__(port)
-        self._dialect = dialect
-        self._clients: set[TruthClient] = set()
-        self._refusals = RefusalLog("clients of the truth")
+        self._answer_question = answer
+        self._clients: set[QuestionClient] = set()
+        self._refusals = RefusalLog("clients that ask questions")
         self._simulation: Simulation | None = None
 
-    def _accept(self) -> TruthClient:
-        return TruthClient(self._clients, self._refusals, self._answer)
+    def _accept(self) -> QuestionClient:
+        return QuestionClient(self._clients, self._refusals, self._answer)
 
     async def begin(self, simulation: Simulation) -> None:
-        """Tell of the robots of a simulation from now on."""
+        """Answer questions about a simulation from now on."""
         self._simulation = simulation
 
     async def stop(self) -> None:
@@ -62,30 +59,18 @@ class TruthServer(PeerServer):
         await asyncio.sleep(0)  # sockets are closed in the next round of the loop
 
     def _answer(self, line: str) -> bytes:
-        """Return the answer to a question."""
-        simulation = self._simulation
-        if simulation is None:
-            return END
-        try:
-            request = TruthRequest.decode(line)
-        except MalformedMessage:
-            return END
-        actors = (
-            ActorTruth(v.robot.name, v.model.name, v.robot.body)
-            for v in simulation.vehicles
-        )
-        return request.answer(actors, simulation.time, self._dialect)
+        return self._answer_question(self._simulation, line)
 
 
-class TruthClient(PeerConnection):
+class QuestionClient(PeerConnection):
     """One connection of a client."""
 
-    KIND = "client of the truth"
+    KIND = "client that asks questions"
     MOST = MAX_CLIENTS
 
     def __init__(
         self,
-        clients: set[TruthClient],
+        clients: set[QuestionClient],
         refusals: RefusalLog,
         answer: Callable[[str], bytes],
     ) -> None:
