@@ -30,26 +30,16 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from radarsim.addons.fmcw.radar_equation import (
-    doppler_shift,
-    elevation_pattern,
     fft_length,
-    gaussian,
     noise_power,
     noise_shape,
-    received_power,
-    rows_in_beam,
     sample_count,
     watts,
     window_of,
 )
-from radarsim.addons.fmcw.viewpoints import Viewpoints
 from radarsim.geometry import Floats
 from radarsim.jit import njit_cached
 from radarsim.presets.fmcw_settings import FmcwSettings
-from radarsim.raycast.attenuation import EventKind
-from radarsim.raycast.rays import RayClass, Rays
-from radarsim.raycast.robot_boxes import Boxes
-from radarsim.raycast.tracer import Tracer
 from radarsim.rng import NumberedStreams
 
 ROWS_AT_ONCE: Final = 40  # directions; what they need fits into a processor's cache
@@ -80,105 +70,6 @@ class Tones(NamedTuple):
 
 
 NO_TONES = Tones(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
-
-CLEARANCE: Final = 1e-3  # m; a surface this near a point does not hide it
-
-
-class Points(NamedTuple):
-    """Points that reflect; N of them.
-
-    Attributes:
-        positions: (N, 3) m, map frame.
-        rcs: (N,) m^2, their radar cross sections.
-    """
-
-    positions: Floats
-    rcs: Floats
-
-
-def point_tones(
-    settings: FmcwSettings,
-    view: Viewpoints,
-    rows: range,
-    points: Points,
-    loss_db: Floats,
-) -> Tones:
-    """Return the tones of points in the directions whose beams they are in.
-
-    Args:
-        settings: The radar.
-        view: From where its antenna looks into the directions.
-        rows: The directions.
-        points: N points.
-        loss_db: (N,) loss on the way to each, dB one way; inf if it is hidden.
-    """
-    offsets = points.positions[None, :, :] - view.positions[:, None, :]
-    distance = np.linalg.norm(offsets, axis=2)
-    seen = np.einsum("rni,rij->rnj", offsets, view.rotations)
-    ahead = settings.step * np.array(rows)[:, None]
-    across = ahead + np.arctan2(seen[..., 1], seen[..., 0])
-    across = np.remainder(across + math.pi, 2 * math.pi) - math.pi
-    # Every direction whose main lobe reaches the point receives it, by the pattern.
-    within = np.abs(across) <= (rows_in_beam(settings) + 0.5) * settings.step
-    row, point = np.nonzero(within & np.isfinite(loss_db) & (distance > 0))
-    distance = distance[row, point]
-    elevation = np.arcsin(np.clip(seen[row, point, 2] / distance, -1, 1))
-    width = math.radians(settings.beamwidth_az_deg)
-    pattern = gaussian(across[row, point], width)
-    pattern *= elevation_pattern(settings, elevation)
-    power = received_power(settings, points.rcs[point], distance)
-    power *= 10 ** (-loss_db[point] / 5) / noise_power(settings)
-    approach = np.einsum("ki,ki->k", offsets[row, point], view.velocities[row])
-    # The phase follows the true distance, the tone what Doppler makes of it.
-    return Tones(
-        row + rows.start,
-        distance + doppler_shift(settings, approach / distance),
-        -4 * math.pi * distance / settings.wavelength,
-        power * pattern**2,
-    )
-
-
-def losses_to(
-    tracer: Tracer,
-    origin: Floats,
-    points: Points,
-    ray_class: RayClass,
-    power: float,
-    boxes: Boxes | None = None,
-    carrier_id: int = -1,
-) -> Floats:
-    """Return the loss on the way to points, (N,) dB one way; inf if one is hidden.
-
-    Args:
-        tracer: Tracer of the scene.
-        origin: (3,) m, place of the antenna, map frame.
-        points: The points.
-        ray_class: Class of the radar's rays.
-        power: The power with which they start.
-        boxes: The robots.
-        carrier_id: The robot that carries the radar; -1 for none.
-    """
-    offsets = points.positions - origin
-    distance = np.linalg.norm(offsets, axis=1)
-    loss = np.full(len(distance), np.inf)
-    rows = np.flatnonzero(distance > CLEARANCE)
-    if not len(rows):
-        return loss
-    rays = Rays(
-        np.tile(origin, (len(rows), 1)),
-        offsets[rows] / distance[rows, None],
-        distance[rows] - CLEARANCE,
-        np.full(len(rows), power),
-        np.zeros(len(rows), np.uint8),
-        np.full(len(rows), carrier_id, np.int64),
-        # A mirror on the way hides the point, as any other surface.
-        (ray_class._replace(max_reflections=0),),
-    )
-    for event in tracer.trace(rays, boxes, events=True).events:
-        if event["kind"] == EventKind.OUT_OF_RANGE:
-            spent = power - event["power"]
-            loss[rows[event["ray"]]] = spent / ray_class.power_per_db
-    return loss
 
 
 def beat_rows(

@@ -8,12 +8,17 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from radarsim.addons.fmcw.beat_signal import (
-    NO_TONES,
-    Points,
     Tones,
     beat_rows,
-    losses_to,
+)
+from radarsim.addons.fmcw.plate_edges import edge_points
+from radarsim.addons.fmcw.point_echoes import (
+    Points,
+    Sight,
+    find_ways,
+    join_tones,
     point_tones,
+    straight_ways,
 )
 from radarsim.addons.fmcw.radar_equation import (
     doppler_shift,
@@ -351,23 +356,22 @@ class FmcwRadar:
         carrier_id: int = -1,
     ) -> Tones:
         """Return the echoes of points; arguments as of ``trace``."""
-        if not scene.reflectors:
-            return NO_TONES
-        sections = [each.rcs(self.settings.wavelength) for each in scene.reflectors]
-        points = Points(
-            np.array([each.position for each in scene.reflectors], np.float64),
-            np.array(sections, np.float64),
+        settings, tracer = self.settings, tracer_of(scene)
+        wavelength, origin = settings.wavelength, view.positions[0]
+        sight = Sight(
+            tracer, origin, self.ray_class, self.full_power, boxes, carrier_id
         )
-        loss = losses_to(
-            tracer_of(scene),
-            view.positions[0],
-            points,
-            self.ray_class,
-            self.full_power,
-            boxes,
-            carrier_id,
+        reflectors = Points(
+            np.array([it.position for it in scene.reflectors]).reshape(-1, 3),
+            np.array([it.rcs(wavelength) for it in scene.reflectors], np.float64),
         )
-        return point_tones(self.settings, view, rows, points, loss)
+        edges = edge_points(tracer, origin, wavelength)
+        found = [
+            point_tones(settings, view, rows, points, find(sight, points, wavelength))
+            for points, find in ((reflectors, find_ways), (edges, straight_ways))
+            if len(points.rcs)
+        ]
+        return join_tones(found)
 
 
 def _count_children(rng: np.random.Generator) -> int:

@@ -10,11 +10,10 @@ from scipy.signal import get_window
 
 from radarsim.addons.fmcw.beat_signal import (
     NO_TONES,
-    Points,
     Power,
     Tones,
-    point_tones,
 )
+from radarsim.addons.fmcw.point_echoes import Points, Ways, point_tones
 from radarsim.addons.fmcw.radar_equation import (
     fft_length,
     noise_power,
@@ -118,7 +117,8 @@ def test_radar_equation_of_a_square_metre_at_20_m() -> None:
     assert dbm(received_power(settings, 1.0, 20.0)) == pytest.approx(-52.08, abs=0.02)
     points = Points(np.array([[20.0, 0, 0]]), np.ones(1))
     view = fixed_viewpoints(Pose3(0, 0, 0), radar().times(0))
-    tones = point_tones(settings, view, range(400), points, np.zeros(1))
+    straight = Ways(np.zeros(1, np.int64), points.positions, np.ones(1))
+    tones = point_tones(settings, view, range(400), points, straight)
     power = beat_spectrum(settings, no_echoes(settings), tones, generator_for(0))
     peak = dbm(power[0].max() * noise_power(settings))
     assert peak == pytest.approx(-52.08, abs=0.1)

@@ -1,0 +1,345 @@
+"""The echoes of points: the ways on which they are seen, and the tones of these.
+
+Theory of operation
+===================
+A point, such as a corner reflector, is seen straight and by what reflects: mirrors,
+smooth walls and level ground. By a plane it is seen where its image is, at the image's
+distance. A wave goes out by one way and comes back by the same or another one, so that
+ways i and j make a tone at the range (Ri + Rj) / 2 of phase 2 pi (Ri + Rj) / lambda,
+of twice the field if they differ. Straight ways and those over level ground differ by
+less than a bin: their tones beat as heights and ranges change, between nothing and 12
+dB over the point alone.
+
+What a surface reflects is that of Fresnel's formulas, the mean of both polarisations,
+for the refractive index that its head-on reflection tells. Roughness takes of it what
+Rayleigh's criterion says.
+
+All directions receive all points: in their main lobes, or in their sidelobes.
+
+Source: M. I. Skolnik, Introduction to Radar Systems, on the pattern over flat ground;
+P. Beckmann and A. Spizzichino, The Scattering of Electromagnetic Waves from Rough
+Surfaces.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Final, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.addons.fmcw.beat_signal import NO_TONES, Tones
+from radarsim.addons.fmcw.radar_equation import (
+    doppler_shift,
+    elevation_pattern,
+    gaussian,
+    noise_power,
+    radar_constant,
+)
+from radarsim.addons.fmcw.viewpoints import Viewpoints
+from radarsim.geometry import Floats
+from radarsim.presets.fmcw_settings import FmcwSettings
+from radarsim.raycast.attenuation import Outcome
+from radarsim.raycast.rays import RayClass, Rays
+from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.tracer import Tracer
+from radarsim.scene.material import OPAQUE, Material
+
+CLEARANCE: Final = 1e-3  # m; a surface this near a point does not hide it
+FAINT: Final = 0.01  # in units of the noise; a tone of less is left out
+MOST_PLANES: Final = 64  # that reflect points; the largest
+ROUGHNESS: Final = 1e-3  # m rms, of what is smooth but no mirror; estimate
+_DIGITS: Final = 4  # of normals and offsets, so that faces in one plane are one
+
+
+class Points(NamedTuple):
+    """Points that reflect; N of them.
+
+    Attributes:
+        positions: (N, 3) m, map frame.
+        rcs: (N,) m^2, their radar cross sections.
+    """
+
+    positions: Floats
+    rcs: Floats
+
+
+class Planes(NamedTuple):
+    """Flat surfaces that reflect; M of them.
+
+    Attributes:
+        normals: (M, 3) unit vectors, map frame.
+        offsets: (M,) m, along the normals.
+        parts: (M,) int64.
+        reflected: (M,) share of the power that they reflect head-on.
+        is_mirror: (M,) whether they reflect that at all angles.
+        absorbed_db: (M,) what the tracer takes at them.
+    """
+
+    normals: Floats
+    offsets: Floats
+    parts: NDArray[np.int64]
+    reflected: Floats
+    is_mirror: NDArray[np.bool_]
+    absorbed_db: Floats
+
+
+class Ways(NamedTuple):
+    """Ways from an antenna to points; K of them.
+
+    Attributes:
+        points: (K,) int64, the point of each.
+        images: (K, 3) m, where the point seems to be, map frame.
+        fields: (K,) share of the field that is left one way, negative if its phase is
+            turned.
+    """
+
+    points: NDArray[np.int64]
+    images: Floats
+    fields: Floats
+
+
+class Sight(NamedTuple):
+    """What decides whether a point is seen.
+
+    Attributes:
+        tracer: Tracer of the scene.
+        origin: (3,) m, place of the antenna, map frame.
+        ray_class: Class of the radar's rays.
+        power: The power with which they start.
+        boxes: The robots.
+        carrier_id: The robot that carries the radar; -1 for none.
+    """
+
+    tracer: Tracer
+    origin: Floats
+    ray_class: RayClass
+    power: float
+    boxes: Boxes | None = None
+    carrier_id: int = -1
+
+    def losses(self, starts: Floats, ends: Floats) -> Floats:
+        """Return the loss between places, (N,) dB; inf if something is between them."""
+        distance = np.linalg.norm(ends - starts, axis=1)
+        loss = np.full(len(distance), np.inf)
+        rows = np.flatnonzero(distance > 2 * CLEARANCE)
+        if len(rows):
+            # A mirror on the way hides the point, as any other surface.
+            traces = self.tracer.trace(
+                self._rays(starts[rows], ends[rows], -CLEARANCE), self.boxes
+            )
+            passed = traces.outcomes == Outcome.NOTHING
+            spent = self.power - traces.power[passed]
+            loss[rows[passed]] = spent / self.ray_class.power_per_db
+        return loss
+
+    def losses_to_parts(
+        self, ends: Floats, parts: NDArray[np.int64], absorbed_db: Floats
+    ) -> Floats:
+        """Return the loss to places on parts, (N,) dB; inf if they are not seen."""
+        starts = np.broadcast_to(self.origin, ends.shape)
+        rays = self._rays(starts, ends, CLEARANCE)
+        traces = self.tracer.trace(rays, self.boxes)
+        met = (traces.outcomes == Outcome.HIT) & (traces.parts == parts)
+        met &= np.abs(traces.ranges - rays.max_range) < 3 * CLEARANCE
+        loss = (self.power - traces.power) / self.ray_class.power_per_db - absorbed_db
+        return np.where(met, loss, np.inf)
+
+    def _rays(self, starts: Floats, ends: Floats, longer: float) -> Rays:
+        offsets = ends - starts
+        distance = np.linalg.norm(offsets, axis=1)
+        count = len(distance)
+        return Rays(
+            np.ascontiguousarray(starts),
+            offsets / distance[:, None],
+            distance + longer,
+            np.full(count, self.power),
+            np.zeros(count, np.uint8),
+            np.full(count, self.carrier_id, np.int64),
+            (self.ray_class._replace(max_reflections=0),),
+        )
+
+
+_known: WeakKeyDictionary[Tracer, Planes] = WeakKeyDictionary()
+
+
+def reflecting_planes(tracer: Tracer) -> Planes:
+    """Return the largest flat surfaces of a scene that reflect."""
+    if tracer not in _known:
+        rows = sorted(_find_planes(tracer), key=lambda row: -row[0])[:MOST_PLANES]
+        columns = [np.array(column) for column in zip(*rows, strict=True)][1:]
+        _known[tracer] = Planes(*columns) if rows else _NO_PLANES
+    return _known[tracer]
+
+
+_NO_PLANES: Final = Planes(
+    np.zeros((0, 3)),
+    np.zeros(0),
+    np.zeros(0, np.int64),
+    np.zeros(0),
+    np.zeros(0, np.bool_),
+    np.zeros(0),
+)
+
+
+def _find_planes(
+    tracer: Tracer,
+) -> Iterator[tuple[float, Floats, float, int, float, bool, float]]:
+    """Yield the area of each plane of each part, m^2, and the columns of ``Planes``."""
+    for number, part in enumerate(tracer.parts):
+        reflected = head_on_reflection(part.material)
+        if reflected <= 0 or not part.faces.size:
+            continue
+        a, b, c = part.vertices[part.faces].transpose(1, 0, 2)
+        normals = np.cross(b - a, c - a)
+        area = np.linalg.norm(normals, axis=1)
+        normals = normals[area > 0] / area[area > 0, None]
+        planes = np.column_stack([normals, np.einsum("fi,fi->f", normals, a[area > 0])])
+        found, which = np.unique(np.round(planes, _DIGITS), axis=0, return_inverse=True)
+        areas = np.bincount(which.ravel(), area[area > 0] / 2)
+        it = part.material
+        for size, plane in zip(areas.tolist(), found, strict=True):
+            # The exact normal: a rounded one would shift far images.
+            exact = planes[(np.abs(planes - plane) < 10**-_DIGITS).all(axis=1)][0]
+            yield (
+                size,
+                exact[:3],
+                float(exact[3]),
+                number,
+                reflected,
+                it.radar_mirror,
+                it.absorption_db if it.radar_mirror else 0.0,
+            )
+
+
+def head_on_reflection(material: Material) -> float:
+    """Return the share of the power that a flat piece of a surface reflects head-on."""
+    if material.density != OPAQUE or math.isinf(material.absorption_db):
+        return 0.0
+    if material.radar_mirror:
+        return float(10 ** (-material.absorption_db / 10))
+    db = material.specular_db
+    return 0.0 if db is None else float(10 ** (db / 10))
+
+
+def fresnel_reflection(head_on: Floats, cosine: Floats) -> Floats:
+    """Return the share of the power that smooth surfaces reflect.
+
+    Args:
+        head_on: The share that they reflect head-on, below 1.
+        cosine: Cosine of the angle of incidence.
+    """
+    root = np.sqrt(np.minimum(head_on, 0.999))
+    square = ((1 + root) / (1 - root)) ** 2  # of the refractive index
+    inside = np.sqrt(square - 1 + cosine**2)
+    across = (cosine - inside) / (cosine + inside)
+    along = (square * cosine - inside) / (square * cosine + inside)
+    return np.asarray((across**2 + along**2) / 2)
+
+
+def straight_ways(sight: Sight, points: Points, _wavelength: float) -> Ways:
+    """Return the straight ways to the points that are seen so."""
+    places = points.positions
+    loss = sight.losses(np.broadcast_to(sight.origin, places.shape), places)
+    seen = np.flatnonzero(np.isfinite(loss))
+    return Ways(seen, places[seen], 10 ** (-loss[seen] / 20))
+
+
+def find_ways(sight: Sight, points: Points, wavelength: float) -> Ways:
+    """Return the ways on which points are seen: straight, and by one plane each.
+
+    Args:
+        sight: From where.
+        points: The points.
+        wavelength: m.
+    """
+    origin, places = sight.origin, points.positions
+    found = [straight_ways(sight, points, wavelength)]
+    planes = reflecting_planes(sight.tracer)
+    height = planes.normals @ origin - planes.offsets
+    heights = places @ planes.normals.T - planes.offsets  # (N, M)
+    point, plane = np.nonzero((heights > CLEARANCE) & (height > CLEARANCE))
+    if len(point):
+        normals, above = planes.normals[plane], heights[point, plane]
+        images = places[point] - 2 * above[:, None] * normals
+        share = height[plane] / (height[plane] + above)
+        middle = origin + share[:, None] * (images - origin)
+        parts, absorbed = planes.parts[plane], planes.absorbed_db[plane]
+        loss = sight.losses_to_parts(middle, parts, absorbed)
+        lit = np.flatnonzero(np.isfinite(loss))
+        loss[lit] += sight.losses(places[point[lit]], middle[lit])
+        lit = np.flatnonzero(np.isfinite(loss))
+        way = images[lit] - origin
+        cosine = np.abs(np.einsum("ki,ki->k", way, normals[lit]))
+        cosine /= np.linalg.norm(way, axis=1)
+        share = reflected_share(planes, plane[lit], cosine, wavelength)
+        fields = -np.sqrt(share) * 10 ** (-loss[lit] / 20)
+        found.append(Ways(point[lit], images[lit], fields))
+    return Ways._make(np.concatenate(column) for column in zip(*found, strict=True))
+
+
+def reflected_share(
+    planes: Planes, which: NDArray[np.int64], cosine: Floats, wavelength: float
+) -> Floats:
+    """Return the share of the power that planes reflect as mirrors do."""
+    head_on, is_mirror = planes.reflected[which], planes.is_mirror[which]
+    # Heights of the surface turn the phase by as much out as back.
+    turn = 4 * math.pi * ROUGHNESS * cosine / wavelength
+    smooth = fresnel_reflection(head_on, cosine) * np.exp(-(turn**2))
+    return np.where(is_mirror, head_on, smooth)
+
+
+def point_tones(
+    settings: FmcwSettings, view: Viewpoints, rows: range, points: Points, ways: Ways
+) -> Tones:
+    """Return the tones of points in directions.
+
+    Args:
+        settings: The radar.
+        view: From where its antenna looks into the directions.
+        rows: The directions.
+        points: The points.
+        ways: Those on which they are seen.
+    """
+    offsets = ways.images[None, :, :] - view.positions[:, None, :]
+    distance = np.linalg.norm(offsets, axis=2)  # (R, K)
+    seen = np.einsum("rni,rij->rnj", offsets, view.rotations)
+    across = settings.step * np.array(rows)[:, None]
+    across = across + np.arctan2(seen[..., 1], seen[..., 0])
+    across = np.remainder(across + math.pi, 2 * math.pi) - math.pi
+    elevation = np.arcsin(np.clip(seen[..., 2] / np.maximum(distance, 1e-9), -1, 1))
+    width = math.radians(settings.beamwidth_az_deg)
+    # One way the sidelobes have half the decibels that they have out and back.
+    pattern = np.maximum(gaussian(across, width), 10 ** (settings.sidelobe_db / 20))
+    pattern *= elevation_pattern(settings, elevation)
+    field = np.sqrt(pattern) * ways.fields / np.maximum(distance, 1e-9)
+    speed = np.einsum("rki,ri->rk", offsets, view.velocities)
+    speed /= np.maximum(distance, 1e-9)
+    first, second = _pairs(ways.points)
+    both = np.where(first == second, 1.0, 2.0) * field[:, first] * field[:, second]
+    strength = radar_constant(settings) / noise_power(settings)
+    power = strength * points.rcs[ways.points[first]] * both**2
+    row, pair = np.nonzero((power > FAINT) & (distance[:, first] > CLEARANCE))
+    length = (distance[row, first[pair]] + distance[row, second[pair]]) / 2
+    approach = (speed[row, first[pair]] + speed[row, second[pair]]) / 2
+    # The phase follows the true distance, the tone what Doppler makes of it.
+    phases = -4 * math.pi * length / settings.wavelength
+    phases += np.where(both[row, pair] < 0, math.pi, 0.0)
+    shifted = length + doppler_shift(settings, approach)
+    return Tones(row + rows.start, shifted, phases, power[row, pair])
+
+
+def join_tones(parts: Sequence[Tones]) -> Tones:
+    """Return all tones of several."""
+    return Tones._make(
+        np.concatenate(each) for each in zip(NO_TONES, *parts, strict=True)
+    )
+
+
+def _pairs(points: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the numbers of all pairs of ways to the same point, each pair once."""
+    numbers = np.arange(len(points))
+    same = points[:, None] == points[None, :]
+    first, second = np.nonzero(same & (numbers[:, None] <= numbers[None, :]))
+    return first, second
