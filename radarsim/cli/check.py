@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -49,6 +49,7 @@ def summarise(scene: Scene) -> list[str]:
         ),
         "objects, with their materials and triangles",
         *_objects(scene),
+        *_mirrors(scene),
     ]
 
 
@@ -64,12 +65,11 @@ def _properties(material: Material) -> str:
     ]
     if material.sheet_loss is not None:
         words.append(f"loses {material.sheet_loss:g} at each surface")
-    for wave, mirrors, absorbed in (
-        ("radar", material.radar_mirror, material.absorption_db),
-        ("laser", material.laser_mirror, material.laser_absorption_db),
+    words += (f"a mirror to {wave}" for wave in _mirrored(material))
+    for wave, absorbed in (
+        ("radar", material.absorption_db),
+        ("laser", material.laser_absorption_db),
     ):
-        if mirrors:
-            words.append(f"a mirror to {wave}")
         if absorbed:
             amount = f"{absorbed:g} dB" if math.isfinite(absorbed) else "all"
             words.append(f"keeps {amount} of {wave}")
@@ -99,20 +99,42 @@ def _losses(title: str, density: float, decibels: Sequence[float]) -> str:
 
 def _objects(scene: Scene) -> list[str]:
     """Return a line for each object, or for many that differ in their number only."""
+    lines = []
+    for name, parts in _listed(scene.parts):
+        triangles = sum(len(part.faces) for part in parts)
+        lines.append(f"  {name}: {parts[0].material.name}, {triangles}")
+    return lines
+
+
+def _listed(every: Iterable[Part]) -> Iterator[tuple[str, list[Part]]]:
+    """Yield names and parts: of each object, or of many that differ by number only."""
     groups: dict[tuple[str, str], list[Part]] = {}
-    for part in scene.parts:
+    for part in every:
         stem = part.object_name.rstrip("0123456789")
         groups.setdefault((stem, part.material.name), []).append(part)
-    lines = []
-    for (_, material), group in groups.items():
+    for group in groups.values():
         names = list(dict.fromkeys(part.object_name for part in group))
-        listed = [(part.object_name, [part]) for part in group]
         if len(names) >= LEAST_GROUP:
-            listed = [(f"{names[0]} to {names[-1]} ({len(names)})", group)]
-        for name, parts in listed:
-            triangles = sum(len(part.faces) for part in parts)
-            lines.append(f"  {name}: {material}, {triangles}")
-    return lines
+            yield f"{names[0]} to {names[-1]} ({len(names)})", group
+        else:
+            yield from ((part.object_name, [part]) for part in group)
+
+
+def _mirrors(scene: Scene) -> list[str]:
+    """Return a title and a line for each mirror; nothing if there is none."""
+    lines = []
+    for name, (part, *_) in _listed(scene.parts):
+        waves = _mirrored(part.material)
+        if waves:
+            lines.append(f"  {name}: to {' and '.join(waves)}")
+    title = "mirrors, in which sensors see what stands elsewhere"
+    return [title, *dict.fromkeys(lines)] if lines else []
+
+
+def _mirrored(material: Material) -> list[str]:
+    """Return the waves to which a material is a mirror."""
+    waves = {"radar": material.radar_mirror, "laser": material.laser_mirror}
+    return [wave for wave, mirrors in waves.items() if mirrors]
 
 
 def _start(start: StartPose) -> str:

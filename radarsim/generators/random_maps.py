@@ -8,7 +8,7 @@ in, and passages have all widths, also those that a robot may or may not take.
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -21,6 +21,8 @@ WALL: Final = 0.12  # m thick
 HEIGHT: Final = 1.4  # m
 _FREE: Final = 1.0  # m from start and goal to what is scattered
 _FENCED: Final = 0.2  # share of maps whose goal is fenced in
+STUFF: Final = "stuff"  # the material of a map; others are of the library
+_SPACING: Final = 0.2  # m between points of a track
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +34,7 @@ class Block:
     length: float
     width: float
     yaw: float = 0.0
+    material: str = STUFF
 
     def distances(self, points: Floats) -> Floats:
         """Return the distances of points, (N, 2) m, from it, (N,) m; 0 inside."""
@@ -55,6 +58,7 @@ class Disc:
     x: float
     y: float
     radius: float
+    material: str = STUFF
 
     def distances(self, points: Floats) -> Floats:
         """Return the distances of points, (N, 2) m, from it, (N,) m; 0 inside."""
@@ -72,16 +76,43 @@ Solid = Block | Disc
 
 
 @dataclass(frozen=True, slots=True)
+class Mover:
+    """Another robot, which drives to and fro on a straight track.
+
+    Attributes:
+        x: Begin of the track, m.
+        y: m.
+        yaw: Direction of the track, rad.
+        length: Of the track, m.
+        speed: m/s.
+    """
+
+    x: float
+    y: float
+    yaw: float
+    length: float
+    speed: float
+
+    def track(self) -> Floats:
+        """Return points of its track, (N, 2) m."""
+        steps = np.linspace(0.0, self.length, math.ceil(self.length / _SPACING) + 1)
+        direction = np.array([math.cos(self.yaw), math.sin(self.yaw)])
+        points: Floats = (self.x, self.y) + steps[:, None] * direction
+        return points
+
+
+@dataclass(frozen=True, slots=True)
 class RandomMap:
     """One random map.
 
     Attributes:
         number: Its number.
         family: Name of its family.
-        solids: What stands on the floor; all of one material.
-        density: Power that a radar loses per metre in them; ``inf`` is opaque.
+        solids: What stands on the floor.
+        density: Power that a radar loses per metre in ``STUFF``; ``inf`` is opaque.
         start: Start, m; the robot faces along x.
         goal: Goal, m.
+        movers: What drives on the floor; not in the map file.
     """
 
     number: int
@@ -90,19 +121,27 @@ class RandomMap:
     density: float
     start: Point
     goal: Point
+    movers: tuple[Mover, ...] = ()
+
+    @property
+    def has_mirrors(self) -> bool:
+        """Whether a part of it is of another material, which is a mirror."""
+        return any(solid.material != STUFF for solid in self.solids)
 
     def as_yaml(self) -> str:
         """Return the map file."""
         density = "opaque" if math.isinf(self.density) else f"{self.density:.3f}"
         objects = (
-            f"  - {{name: {self.family}_{i}, {solid.as_yaml()}, material: stuff}}\n"
+            f"  - {{name: {self.family}_{i}, {solid.as_yaml()},"
+            f" material: {solid.material}}}\n"
             for i, solid in enumerate(self.solids)
         )
         goal = f"[{self.goal[0]:.3f}, {self.goal[1]:.3f}]"
         return (
             f"# Random map {self.number} of the family {self.family!r}.\n"
             f"version: 1\nlevel: DM-Random{self.number}\nmaterials:\n"
-            f"  floor: {{density: opaque}}\n  stuff: {{density: {density}}}\nobjects:\n"
+            f"  floor: {{density: opaque}}\n"
+            f"  {STUFF}: {{density: {density}}}\nobjects:\n"
             "  - {name: floor, box: [60, 60, 0.2], position: [0, 0, -0.1],"
             f" material: floor}}\n{''.join(objects)}starts:\n  - {{name: RobotStart1,"
             f" position: [{self.start[0]:.3f}, {self.start[1]:.3f}, 0]}}\n"
@@ -115,11 +154,23 @@ def make_random_map(number: int) -> RandomMap:
     """Make the random map of a number, at least 0; families come by turn."""
     family = FAMILIES[number % len(FAMILIES)]
     rng = generator_for(number, "random map")
-    return _Maker(number, family, rng).make()
+    return MapMaker(number, family, rng).make(DRAWERS[family])
 
 
-class _Maker:
-    """Draws one map from a generator."""
+class MapMaker:
+    """Draws one map from a generator.
+
+    Attributes:
+        rng: The generator.
+        number: Number of the map.
+        family: Name of its family.
+        density: As of ``RandomMap``.
+        start: m.
+        goal: m.
+        has_fence: Whether the goal is closed off in another way than by a fence.
+        fence_material: Material of the fence.
+        movers: As of ``RandomMap``.
+    """
 
     def __init__(self, number: int, family: str, rng: np.random.Generator) -> None:
         self.rng = rng
@@ -128,18 +179,21 @@ class _Maker:
         side = HALF_WIDTH - 1.0
         self.start = (-HALF_LENGTH - 0.5, self.between(-side, side))
         self.goal = (HALF_LENGTH - 1.0, self.between(-side, side))
+        self.has_fence = False
+        self.fence_material = STUFF
+        self.movers: tuple[Mover, ...] = ()
 
     # Each map is the sequence of its draws: a draw more, less or elsewhere gives other
     # maps for all numbers, and results of trials no longer compare.
 
     def between(self, low: float, high: float) -> float:
+        """Draw a number."""
         return float(self.rng.uniform(low, high))
 
-    def make(self) -> RandomMap:
-        draw = _DRAWERS[self.family]
+    def make(self, draw: "Drawer") -> RandomMap:
+        """Draw the map by the drawer of its family."""
         solids = list(draw(self))
-        # Mazes and offices close goals off by their own walls and doors.
-        if self.family not in ("mazes", "offices") and self.between(0, 1) < _FENCED:
+        if not self.has_fence and self.between(0, 1) < _FENCED:
             solids += self.fence()
         return RandomMap(
             self.number,
@@ -148,6 +202,7 @@ class _Maker:
             self.density,
             self.start,
             self.goal,
+            self.movers,
         )
 
     def scattered(self, count: int, draw: Callable[[Point], Solid]) -> Iterator[Solid]:
@@ -168,10 +223,13 @@ class _Maker:
         for k in range(4):
             angle = k * math.pi / 2
             centre = (x + half * math.cos(angle), y + half * math.sin(angle))
-            yield Block(*centre, thick, 2 * half + thick, angle)
+            yield Block(*centre, thick, 2 * half + thick, angle, self.fence_material)
 
 
-def _boxes(maker: _Maker) -> Iterator[Solid]:
+Drawer: TypeAlias = Callable[[MapMaker], Iterator[Solid]]
+
+
+def _boxes(maker: MapMaker) -> Iterator[Solid]:
     def box(place: Point) -> Solid:
         length, width = (maker.between(0.3, 2.5) for _ in range(2))
         return Block(*place, length, width, maker.between(0, math.pi))
@@ -179,7 +237,7 @@ def _boxes(maker: _Maker) -> Iterator[Solid]:
     return maker.scattered(int(maker.between(6, 14)), box)
 
 
-def _bushes(maker: _Maker) -> Iterator[Solid]:
+def _bushes(maker: MapMaker) -> Iterator[Solid]:
     maker.density = maker.between(1.5, 4.0)  # a radar sees at most .67 m into them
 
     def bush(place: Point) -> Solid:
@@ -188,14 +246,14 @@ def _bushes(maker: _Maker) -> Iterator[Solid]:
     return maker.scattered(int(maker.between(8, 16)), bush)
 
 
-def _trunks(maker: _Maker) -> Iterator[Solid]:
+def _trunks(maker: MapMaker) -> Iterator[Solid]:
     def trunk(place: Point) -> Solid:
         return Disc(*place, maker.between(0.05, 0.25))
 
     return maker.scattered(int(maker.between(15, 35)), trunk)
 
 
-def _traps(maker: _Maker) -> Iterator[Solid]:
+def _traps(maker: MapMaker) -> Iterator[Solid]:
     """Yield U-shaped walls on the way, open towards the start."""
     ends = np.array([maker.start, maker.goal])
     for _ in range(int(maker.between(2, 4))):
@@ -218,8 +276,9 @@ def _traps(maker: _Maker) -> Iterator[Solid]:
             yield from trap
 
 
-def _mazes(maker: _Maker) -> Iterator[Solid]:
+def _mazes(maker: MapMaker) -> Iterator[Solid]:
     """Yield the walls of a maze of 5 x 4 cells, with a few openings more or less."""
+    maker.has_fence = True  # its own walls close goals off
     columns, rows, side = 5, 4, 2.2
     rng = maker.rng
     parents = list(range(columns * rows))
@@ -254,8 +313,9 @@ def _mazes(maker: _Maker) -> Iterator[Solid]:
     )
 
 
-def _offices(maker: _Maker) -> Iterator[Solid]:
+def _offices(maker: MapMaker) -> Iterator[Solid]:
     """Yield six rooms on both sides of a corridor, with doors of all widths."""
+    maker.has_fence = True  # its doors, likewise
     side, corridor = 4.0, 2.4
     narrowest = 1.0 if maker.between(0, 1) < 0.3 else 1.85
     for sign in (-1, 1):
@@ -279,7 +339,7 @@ def _offices(maker: _Maker) -> Iterator[Solid]:
     )
 
 
-def _thin(maker: _Maker) -> Iterator[Solid]:
+def _thin(maker: MapMaker) -> Iterator[Solid]:
     """Yield bushes and hedges that a radar looks through."""
     maker.density = maker.between(0.5, 1.5)
 
@@ -298,7 +358,7 @@ def _outer_walls(length: float, width: float) -> Iterator[Solid]:
         yield Block(sign * length / 2, 0.0, WALL, width + WALL)
 
 
-_DRAWERS: Final[dict[str, Callable[[_Maker], Iterator[Solid]]]] = {
+DRAWERS: Final[dict[str, Drawer]] = {
     "boxes": _boxes,
     "bushes": _bushes,
     "trunks": _trunks,
@@ -307,4 +367,4 @@ _DRAWERS: Final[dict[str, Callable[[_Maker], Iterator[Solid]]]] = {
     "offices": _offices,
     "thin": _thin,
 }
-FAMILIES: Final = tuple(_DRAWERS)
+FAMILIES: Final = tuple(DRAWERS)

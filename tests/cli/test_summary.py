@@ -135,3 +135,19 @@ def test_starts_are_not_hidden_below_the_objects() -> None:
     lines = summarise(Scene("room", "DM-Room", (part,), (start,), {"wood": WOOD}))
     (row,) = (i for i, line in enumerate(lines) if "RobotStart1" in line)
     assert row < lines.index("objects, with their materials and triangles")
+
+
+def test_mirrors_are_told_with_the_sensors_that_they_mislead() -> None:
+    pane = Material("pane", radar_mirror=True)
+    sheet = Material("sheet", radar_mirror=True, laser_mirror=True)
+    wall = Material("wall")
+    sizes = [("door", sheet), ("shed", wall), *((f"pane_{k}", pane) for k in range(3))]
+    parts = tuple(Part(name, material, *box(1, 1, 1)) for name, material in sizes)
+    lines = summarise(Scene("room", "DM-Room", parts))
+    begin = lines.index("mirrors, in which sensors see what stands elsewhere")
+    assert lines[begin + 1 :] == [
+        "  door: to radar and laser",
+        "  pane_0 to pane_2 (3): to radar",
+    ]
+    lines = summarise(Scene("room", "DM-Room", parts[1:2]))
+    assert not any(line.startswith("mirrors") for line in lines)

@@ -20,7 +20,7 @@ PLANTS = (
     *("wet_foliage", "hedge", "tall_grass"),
 )
 BOARDS = ("wood", "plasterboard", "chipboard")
-WALLS = ("concrete", "brick", "metal")
+WALLS = ("concrete", "brick", "metal", "rough_metal")
 WEATHER = ("smoke", "dust", "fog", "rain")
 AIR = (*WEATHER, "atmosphere")
 

@@ -34,7 +34,12 @@ if TYPE_CHECKING:
 
 
 def run_random(
-    count: int, algorithms: Sequence[str], output: Path | None, workers: int
+    count: int,
+    algorithms: Sequence[str],
+    output: Path | None,
+    workers: int,
+    *,
+    hard: bool = False,
 ) -> None:
     """Run the trials that are left, write a line for each, and print a summary.
 
@@ -43,6 +48,7 @@ def run_random(
         algorithms: Algorithms, each of which runs on each map.
         output: File of the lines; those that it holds already are not run again.
         workers: Number of processes.
+        hard: Whether they run on hard maps.
     """
     from radarsim.autonomy.evaluation.random_trials import (
         all_random_trials,
@@ -58,12 +64,13 @@ def run_random(
             earlier = read_results(output)
         except (OSError, ValueError) as error:
             raise click.BadParameter(str(error), param_hint="--output") from None
-    todo = all_random_trials(count, algorithms, earlier)
-    wanted = {
-        (each.number, each.algorithm) for each in all_random_trials(count, algorithms)
-    }
+    todo = all_random_trials(count, algorithms, earlier, hard=hard)
     results = [
-        each for each in earlier if (each["number"], each["algorithm"]) in wanted
+        each
+        for each in earlier
+        if each["number"] < count
+        and each["algorithm"] in algorithms
+        and each.get("hard", False) == hard
     ]
     if todo:
         # Once, instead of in each process.
@@ -88,7 +95,7 @@ def run_random(
 def _random_table(results: Sequence[dict[str, Any]]) -> Table:
     table = Table(box=None, pad_edge=False, collapse_padding=True)
     table.add_column("family", no_wrap=True)
-    for column in ("correct", "false no path", "touches", "failed"):
+    for column in ("correct", "false no path", "touches", "pushes", "failed"):
         table.add_column(column, justify="right")
     groups: dict[str, list[dict[str, Any]]] = {}
     for each in results:
@@ -102,6 +109,7 @@ def _random_table(results: Sequence[dict[str, Any]]) -> Table:
             f"{sum(each['correct'] for each in group)}/{len(group)}",
             str(endings["no_path", "reached"]),
             str(sum(each["collisions"] for each in group)),
+            str(sum(each.get("pushes", 0) for each in group)),
             str(sum(each["outcome"] == "failed" for each in group)),
         )
     return table
@@ -113,6 +121,8 @@ def _random_failure(result: dict[str, Any]) -> str:
     reasons = "; ".join(filter(None, (told, result["note"], collisions)))
     name = f"map {result['number']} ({result['family']}) {result['algorithm']}"
     sensor = f"{result['sensor']} N = {result['side_offset']}"
+    if result.get("hard", False):
+        name, sensor = f"hard {name}", f"{sensor}, {result['resolution']} degrees"
     return f"{name} {sensor}: {reasons}"
 
 
@@ -137,6 +147,7 @@ def trials(
     sensors: Names = ("radar",),
     seeds: Annotated[int, Ge(1), Option(metavar="K")] = 3,
     random: Annotated[int | None, Ge(1)] = None,
+    hard: bool = False,
     output: OutputFile = None,
     as_json: Json = False,
     rules: Annotated[Names, RARE] = ("share",),
@@ -152,6 +163,8 @@ def trials(
         sensors: Sensor presets; they see all the way round.
         seeds: Repeat each trial with seeds 0 to K - 1.
         random: Run on random maps 0 to N - 1 instead: radar and laser by turn.
+        hard: With --random: maps with mirrors, panes, thin poles, and robots that
+            drive to and fro.
         output: With --random: add a line of JSON for each trial; those that are in
             the file are not run again.
         as_json: Print JSON, for programs.
@@ -170,10 +183,11 @@ def trials(
             text = "not with --random, whose --output is JSON"
             raise click.BadParameter(text, param_hint="--json")
         _check((), algorithms)
-        run_random(random, algorithms, output, workers)
+        run_random(random, algorithms, output, workers, hard=hard)
         return
-    if output is not None:
-        raise click.BadParameter("expected with --random", param_hint="--output")
+    for hint, is_given in {"--output": output is not None, "--hard": hard}.items():
+        if is_given:
+            raise click.BadParameter("expected with --random", param_hint=hint)
     names = maps or MAPS
     _check(names, algorithms, sensors, rules)
     todo = all_trials(names, algorithms, sensors, seeds, rules)

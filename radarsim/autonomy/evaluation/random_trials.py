@@ -26,9 +26,15 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from radarsim.autonomy.evaluation.task_runner import read_log, run_tasks
+from radarsim.autonomy.evaluation.traffic import Traffic
 from radarsim.autonomy.evaluation.trials import SCANNER, SENSORS, Row, run_plan
 from radarsim.autonomy.navigation.algorithms import ROBOT_RADIUS, Algorithm
 from radarsim.autonomy.navigation.plans import Mission
+from radarsim.generators.hard_maps import (
+    HARD_FAMILIES,
+    UNSEEN_FAMILIES,
+    make_hard_map,
+)
 from radarsim.generators.random_maps import (
     FAMILIES,
     SAFETY_DISTANCE,
@@ -47,6 +53,7 @@ _MARGIN: Final = 3.0  # m of floor around everything
 # Moves to neighbours and knight's moves: a path is at most 2.8 % longer than the exact.
 _MOVES: Final = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (1, 2), (2, -1), (1, -2))
 SIDE_OFFSETS: Final = (0, 25, 50)  # UU
+RESOLUTIONS: Final = (1, 2)  # degrees, on hard maps
 UU: Final = 0.004  # m
 TIME_LIMIT: Final = 1800.0  # s of simulated time
 RESULT: Final = (
@@ -64,6 +71,7 @@ RESULT: Final = (
     "note",
     "correct",
 )
+MORE: Final = ("hard", "resolution", "pushes")  # keys that lines of old logs lack
 
 
 _Cell = TypeVar("_Cell", bound=np.generic)
@@ -179,25 +187,47 @@ def _shifted(cells: NDArray[_Cell], dx: int, dy: int) -> NDArray[_Cell]:
 
 @dataclass(frozen=True, slots=True)
 class RandomTrialSpec:
-    """One trial: which random map, and which algorithm."""
+    """One trial: which random map, and which algorithm.
+
+    Attributes:
+        number: Number of the map.
+        algorithm: Name of the algorithm.
+        hard: Whether the map is one of the hard ones.
+    """
 
     number: int
     algorithm: str
+    hard: bool = False
 
     @property
     def family(self) -> str:
         """Family of the map."""
-        return FAMILIES[self.number % len(FAMILIES)]
+        families = HARD_FAMILIES if self.hard else FAMILIES
+        return families[self.number % len(families)]
 
     @property
     def sensor(self) -> str:
         """Sensor preset of the map's trials."""
-        return SENSORS[self.number % len(SENSORS)]
+        return SENSORS[self._turn % len(SENSORS)]
 
     @property
     def side_offset(self) -> int:
         """Offset of the radar's side beams, UU."""
-        return SIDE_OFFSETS[self.number % len(SIDE_OFFSETS)]
+        return SIDE_OFFSETS[self._turn % len(SIDE_OFFSETS)]
+
+    @property
+    def resolution(self) -> int:
+        """Angle between two beams, degrees."""
+        return RESOLUTIONS[self._turn // 2 % len(RESOLUTIONS)] if self.hard else 1
+
+    @property
+    def _turn(self) -> int:
+        # Each family of hard maps has all sensors in turn: there are six of them.
+        return self.number // len(HARD_FAMILIES) if self.hard else self.number
+
+    def make_map(self) -> RandomMap:
+        """Make its map."""
+        return (make_hard_map if self.hard else make_random_map)(self.number)
 
     @property
     def reach(self) -> float:
@@ -217,8 +247,9 @@ class RandomTrialResult(Row, RandomTrialSpec):
 
     @property
     def correct(self) -> bool:
-        """Whether the robot told what it has to, and touched nothing."""
-        if self.collisions:
+        """Whether the robot told what it has to, and touched nothing that it sees."""
+        may_touch = self.hard and self.family in UNSEEN_FAMILIES
+        if self.pushes if may_touch else self.collisions:
             return False
         verdicts = {Expectation.REACHED, Expectation.NO_PATH}
         if self.expected in verdicts:
@@ -227,11 +258,15 @@ class RandomTrialResult(Row, RandomTrialSpec):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, rounded to mm and ms."""
-        return self.select(RESULT)
+        return self.select((*RESULT, *MORE))
 
 
 def all_random_trials(
-    count: int, algorithms: Sequence[str], done: Iterable[dict[str, Any]] = ()
+    count: int,
+    algorithms: Sequence[str],
+    done: Iterable[dict[str, Any]] = (),
+    *,
+    hard: bool = False,
 ) -> list[RandomTrialSpec]:
     """Return the trials of the first maps that are left.
 
@@ -239,10 +274,15 @@ def all_random_trials(
         count: Number of maps.
         algorithms: Algorithms, each of which runs on each map.
         done: Results that exist already, as ``read_results`` returns them.
+        hard: Whether they run on hard maps.
     """
-    left_out = {(each["number"], each["algorithm"]) for each in done}
+    left_out = {
+        (each["number"], each["algorithm"])
+        for each in done
+        if each.get("hard", False) == hard
+    }
     return [
-        RandomTrialSpec(number, algorithm)
+        RandomTrialSpec(number, algorithm, hard)
         for number in range(count)
         for algorithm in algorithms
         if (number, algorithm) not in left_out
@@ -261,9 +301,10 @@ def read_results(file: Path) -> list[dict[str, Any]]:
 
 def run_random_trial(spec: RandomTrialSpec) -> RandomTrialResult:
     """Run one trial."""
-    map_ = make_random_map(spec.number)
+    map_ = spec.make_map()
     truth = raster_truth(map_, SAFETY_DISTANCE, spec.reach)
-    settings = {"sensor": spec.sensor, "fov_deg": 359, "resolution_deg": 1}
+    step = spec.resolution
+    settings = {"sensor": spec.sensor, "fov_deg": 360 - step, "resolution_deg": step}
     if spec.sensor == "radar":
         settings["side_offset_uu"] = spec.side_offset
     config = SimulationConfig(item_settings={SCANNER: settings})
@@ -274,7 +315,10 @@ def run_random_trial(spec: RandomTrialSpec) -> RandomTrialResult:
         safety_distance=SAFETY_DISTANCE,
         time_limit=TIME_LIMIT,
     )
-    row = vars(run_plan(mission, host)) | {"shortest_path": truth.shortest}
+    traffic = Traffic(host, map_.movers)
+    row = vars(run_plan(mission, host, after_tick=traffic.step)) | {
+        "shortest_path": truth.shortest
+    }
     expected = truth.expectation.value
     return RandomTrialResult(**asdict(spec), **row, expected=expected)
 

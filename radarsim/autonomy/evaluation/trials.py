@@ -5,7 +5,7 @@ the length of the shortest path.
 """
 
 import math
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, fields
 from functools import cache
@@ -60,6 +60,8 @@ class Row:
             ``no_path`` or ``too_near`` if it reports that, ``failed`` otherwise; of a
             map how the exploration ended.
         collisions: How often the robot began to touch something.
+        pushes: How often it did so for more than a second, or where it had done so
+            before.
         path_length: Length of the true path of the robot's centre, m.
         shortest_path: Length of the shortest path for a robot that keeps half its
             diagonal from everything solid, m; None if there is no path.
@@ -82,6 +84,7 @@ class Row:
     note: str = ""
     measured_length: float = math.nan
     score: MapScore | None = None
+    pushes: int = 0
 
     def select(self, names: Iterable[str], digits: int = 3) -> dict[str, Any]:
         """Return some of the values, those of the score too, rounded for JSON."""
@@ -92,16 +95,23 @@ class Row:
         return values
 
 
-def run_plan(plan: Mission | ExplorationPlan, host: Host, *, seed: int = 0) -> Row:
+def run_plan(
+    plan: Mission | ExplorationPlan,
+    host: Host,
+    *,
+    seed: int = 0,
+    after_tick: Callable[[], None] = lambda: None,
+) -> Row:
     """Run a plan in lockstep with a server of its own, and judge it by the truth.
 
     Args:
         plan: A drive to a goal, or an exploration, whose map is scored.
         host: The server.
         seed: Seed of exploration strategies that use chance.
+        after_tick: Called after every tick of a drive.
     """
     if isinstance(plan, Mission):
-        return _drive(plan, host)
+        return _drive(plan, host, after_tick)
     run, note = MappingRun(plan, host, seed=seed), ""
     try:
         run.run(("", 0))
@@ -120,10 +130,15 @@ def run_plan(plan: Mission | ExplorationPlan, host: Host, *, seed: int = 0) -> R
     )
 
 
-def _drive(mission: Mission, host: Host) -> Row:
+def _drive(mission: Mission, host: Host, after_tick: Callable[[], None]) -> Row:
     monitor = GroundTruthMonitor(host)
     outcome, note, circuits = "failed", "", 0
-    with Client(InProcessTransport(host, after_tick=monitor.watch)) as client:
+
+    def watch() -> None:
+        monitor.watch()
+        after_tick()
+
+    with Client(InProcessTransport(host, after_tick=watch)) as client:
         try:
             result = run_mission(client, mission)
             outcome, circuits = result.outcome, result.circuits
@@ -139,6 +154,7 @@ def _drive(mission: Mission, host: Host) -> Row:
     return Row(
         outcome=outcome,
         collisions=monitor.collisions,
+        pushes=monitor.pushes,
         path_length=monitor.path_length,
         time=host.simulation.time,
         circuits=circuits,
@@ -178,7 +194,7 @@ class TrialResult(Row, TrialSpec):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, rounded to mm and ms."""
-        left_out = ("measured_length", "score")
+        left_out = ("measured_length", "score", "pushes")
         names = (field.name for field in fields(self))
         return self.select(name for name in names if name not in left_out)
 

@@ -5,7 +5,7 @@ Subclasses are the algorithms.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 
@@ -102,6 +102,20 @@ class Controller(ABC):
             self._begin_goal(pose)
             self.activity = Activity.GOING if self.goals else Activity.REACHED
         return STOP if self.is_done else self._decide(observation, driven)
+
+    def reconsider(self, pose: Pose2, _: Callable[[Observation], Observation]) -> None:
+        """Start anew towards the goal: some of what was seen does not stand there.
+
+        Args:
+            pose: The robot's pose.
+            _: Corrects a scan of earlier, for those who keep some.
+        """
+        if self.is_done:
+            return
+        if self.activity is not Activity.GOING:
+            self.leave_points.append((pose.x, pose.y))
+        self._begin_goal(pose)
+        self.activity = Activity.GOING
 
     def _goal_distance(self, pose: Pose2) -> float:
         return distance(pose, *self.goals[0])

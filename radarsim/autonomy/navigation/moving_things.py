@@ -97,18 +97,24 @@ class Waiting:
         self._since = math.inf  # s; since when it waits
         self._impatient_until = -math.inf  # s
 
-    def has_to_wait(self, observation: Observation, twist: Twist) -> bool:
+    def has_to_wait(
+        self,
+        observation: Observation,
+        twist: Twist,
+        still: NDArray[np.bool_] | None = None,
+    ) -> bool:
         """Return whether to stand until the next scan; to be called at every scan.
 
         Args:
             observation: The newest scan.
             twist: The motion since the scan before; what is ahead depends on it.
+            still: Beams that end on what is known to stand, (N,); None for none.
         """
         now = observation.time
         # A robot that stands keeps its direction, as it will go on in that.
         if twist.speed:
             self._ahead = math.copysign(1.0, twist.speed)
-        if self._detect_crossing(observation):
+        if self._detect_crossing(observation, still):
             if now - self._crossed <= CONFIRMED_WITHIN:  # one scan may be in error
                 self._moved = now
             self._crossed = now
@@ -139,10 +145,14 @@ class Waiting:
             return STOP
         return Twist(forward * BACK_SPEED, 0.0)
 
-    def _detect_crossing(self, observation: Observation) -> bool:
+    def _detect_crossing(
+        self, observation: Observation, still: NDArray[np.bool_] | None
+    ) -> bool:
         """Return whether something that moves would come too near if the robot went."""
         reach = self._bumpers.pressed_below + MORE
         beams = self._detector.moving_beams(observation, reach)
+        if still is not None:
+            beams &= ~still
         if np.count_nonzero(beams) < LEAST_BEAMS:
             return False
         pose, now = observation.pose, observation.time

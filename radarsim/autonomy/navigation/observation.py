@@ -38,6 +38,7 @@ from radarsim.protocol.reports import (
     RangeScan,
     Report,
     TargetEchoes,
+    Touch,
 )
 
 ECHO_WAIT: Final = 0.5  # s without echoes after which ranges alone count
@@ -94,6 +95,7 @@ class Observation:
         ranges: (N,) m from the robot's centre; ``inf`` for beams without return.
         farther: (M, 2) bearings, rad, and ranges, m, of what else blocks robots, behind
             what the ranges tell; seen through something thin.
+        touched: Whether a touch sensor was pressed since the scan before.
     """
 
     time: float
@@ -101,6 +103,7 @@ class Observation:
     bearings: Floats
     ranges: Floats
     farther: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+    touched: bool = False
 
     def points(self) -> Floats:
         """Return the end points of the beams with a return, (M, 2) m, map frame."""
@@ -216,6 +219,8 @@ class ObservationBuilder:
         self._echoes = EchoCollector()
         self._echo_wait = echo_wait
         self._echoes_due = math.nan  # until when scans wait for their echoes, s
+        self._pressed: dict[str, bool] = {}  # the touch sensors, by name
+        self._touched = False  # whether one was pressed since the last scan
         self.missing = f"pose from {pose_source.value}"
 
     @property
@@ -240,6 +245,10 @@ class ObservationBuilder:
             if self._pose is None or not same_name(report.name, self._scanner.name):
                 return None
             return self._observation(report, self._pose)
+        if isinstance(report, Touch):
+            self._pressed[report.name] = report.touched
+            self._touched |= report.touched
+            return None
         self._update_pose(report)
         return None
 
@@ -282,4 +291,6 @@ class ObservationBuilder:
                 from_centre(lengths, angles[beams], scanner.mount, math.inf)
             )
         bearings, ranges = from_centre(known, angles, scanner.mount, scanner.max_range)
-        return Observation(time, pose, bearings, ranges, farther)
+        # sensors that are pressed still report that less often than scans come
+        touched, self._touched = self._touched, any(self._pressed.values())
+        return Observation(time, pose, bearings, ranges, farther, touched)

@@ -28,7 +28,7 @@ this rule, so that what one of them can reach is what all can reach.
 
 import heapq
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
@@ -46,7 +46,7 @@ from radarsim.autonomy.navigation.controller import (
     ControllerSettings,
 )
 from radarsim.autonomy.navigation.observation import Observation
-from radarsim.geometry import Floats, Point, Pose2
+from radarsim.geometry import Floats, Point, Pose2, wrap_angle
 from radarsim.jit import njit_cached
 
 COSTLY: Final = 0.4  # m beyond the safety distance, where a step costs more
@@ -179,6 +179,10 @@ class ObstacleGrid:
         self._corner = self._corner - MARGIN
         self._evidence = np.pad(self._evidence, width)
 
+    def clear(self) -> None:
+        """Forget all that was seen."""
+        self._evidence[:] = 0
+
     def add(self, observation: Observation) -> None:
         """Add a scan."""
         ranges, pose = observation.ranges, observation.pose
@@ -198,17 +202,14 @@ class ObstacleGrid:
             np.int16
         )
 
-    def cost(self, least: float) -> Floats:
-        """Return the cost of a step of one cell into each, (R, C); inf if closed.
-
-        Args:
-            least: Distance from what blocks robots below which cells are closed, m.
-        """
+    def clearance(self) -> Floats:
+        """Return the distance of each cell from what blocks robots, (R, C) m."""
         is_open = self._evidence <= 0
         # A distance transform needs a closed cell to measure from.
         if is_open.all():
-            return np.ones(is_open.shape)
-        return step_cost(ndimage.distance_transform_edt(is_open) * CELL, least)
+            return np.full(is_open.shape, math.inf)
+        clearance: Floats = ndimage.distance_transform_edt(is_open) * CELL
+        return clearance
 
     def cell(self, point: Point) -> Cell:
         """Return row and column of a point; of the nearest cell, if it is outside."""
@@ -243,6 +244,7 @@ LOOKAHEAD: Final = 2.0  # m of a path that is cut short where the straight line 
 SURE_AFTER: Final = 5.0  # s without a path after which there is none
 ESCAPE_RADIUS: Final = 1.0  # m around a robot that is too near to something
 ESCAPE_COST: Final = 10.0
+APART: Final = 0.3  # m, or rad, between two scans that are kept
 _MOST_GROWN: Final = 10  # margins around the first grid
 
 
@@ -252,11 +254,24 @@ class PathPlanning(Controller):
     def __init__(self, goals: Sequence[Point], settings: ControllerSettings) -> None:
         super().__init__(goals, settings)
         self._grid: ObstacleGrid | None = None
+        self._scans: list[Observation] = []  # by which the grid can be drawn anew
         self._cost: Floats = np.zeros((0, 0))
         self._path: Floats = np.zeros((0, 2))
         self._planned = -math.inf  # s
         self._hopeless_since: float | None = None  # s
         self._grown = 0  # number of times that the grid has grown
+
+    def reconsider(
+        self, pose: Pose2, correct: Callable[[Observation], Observation]
+    ) -> None:
+        """See ``Controller``; the grid is drawn anew by what was seen."""
+        super().reconsider(pose, correct)
+        self._hopeless_since = None
+        if self._grid is not None:
+            self._grid.clear()
+            self._scans = [correct(scan) for scan in self._scans]
+            for scan in self._scans:
+                self._grid.add(scan)
 
     def _begin_goal(self, _: Pose2) -> None:
         self._planned = -math.inf
@@ -275,13 +290,18 @@ class PathPlanning(Controller):
         if self._grid is None:
             self._grid = ObstacleGrid([(pose.x, pose.y), *self.goals])
         self._grid.add(observation)
+        if not self._scans or _are_apart(self._scans[-1].pose, pose):
+            self._scans.append(observation)
         self._planned = observation.time
-        cost = self._grid.cost(self._settings.bumpers.safety_distance)
+        clearance = self._grid.clearance()
+        cost = step_cost(clearance, self._settings.bumpers.safety_distance)
         start, end = self._grid.cell((pose.x, pose.y)), self._grid.cell(goal)
-        # It is too near to something, by noise or as that has moved: it may leave.
+        # It is too near to something, by noise or as that has moved: it may leave, and
+        # not come nearer.
         if not math.isfinite(cost[start]):
             rows, columns = np.indices(cost.shape)
             near = np.hypot(rows - start[0], columns - start[1]) * CELL < ESCAPE_RADIUS
+            near &= clearance >= clearance[start] - CELL
             cost[near & ~np.isfinite(cost)] = ESCAPE_COST
         targets = np.zeros(cost.shape, np.bool_)
         targets[end] = True
@@ -329,3 +349,8 @@ class PathPlanning(Controller):
         costs = self._cost[self._grid.cells(line)]
         # Near a wall, or at a goal beside one, the ends cost more than that themselves.
         return bool(costs.max() <= max(CHEAP, costs[0], costs[-1]))
+
+
+def _are_apart(one: Pose2, other: Pose2) -> bool:
+    """Return whether a scan from another pose shows more."""
+    return moved(one, other) > APART or abs(wrap_angle(one.yaw - other.yaw)) > APART

@@ -20,6 +20,7 @@ from radarsim.autonomy.navigation.control import (
     ControlLoop,
     StuckDetector,
     Twist,
+    distance,
     moved,
 )
 from radarsim.autonomy.navigation.controller import Activity, Controller
@@ -29,6 +30,7 @@ from radarsim.autonomy.navigation.observation import (
     Observation,
     ObservationBuilder,
 )
+from radarsim.autonomy.navigation.touch_memory import TouchMemory
 from radarsim.client import Client, RobotInfo, ScannerInfo
 from radarsim.errors import TooNearError
 from radarsim.geometry import Point, Pose2
@@ -36,6 +38,7 @@ from radarsim.geometry import Point, Pose2
 START_NOISE: Final = 0.05  # m that something at the start may seem nearer than it is
 GOAL_NOISE: Final = 0.1  # m; at the goal, which is seen from afar
 DRIFT: Final = 0.005  # m for each m of path by which the goal may seem elsewhere
+GOAL_IN_SIGHT: Final = 1.5  # m from a goal that is looked at among mirrors
 STANDING_AFTER: Final = 4.0  # s for which something is near the goal, if it stands
 _PLACE: Final = 0.15  # m within which it is the same thing
 
@@ -51,12 +54,15 @@ class ClearanceCheck:
         self._place = (math.inf, math.inf)  # of what is near the goal, m, map frame
         self._since = 0.0  # s; when it was first seen there
 
-    def check(self, observation: Observation, goal: Point | None) -> None:
+    def check(
+        self, observation: Observation, goal: Point | None, trusted: float = math.inf
+    ) -> None:
         """Look at a scan.
 
         Args:
             observation: The scan.
             goal: The next goal, m, map frame; None if there is none.
+            trusted: Farthest goal that is looked at, m from the robot.
 
         Raises:
             TooNearError: If something is nearer to the start than the safety distance,
@@ -70,7 +76,7 @@ class ClearanceCheck:
             if nearest < self._bumpers.safety_distance - START_NOISE:
                 place = (observation.pose.x, observation.pose.y)
                 self._raise("start", place, nearest)
-        if goal is not None:
+        if goal is not None and distance(observation.pose, *goal) <= trusted:
             self._check_goal(observation, goal)
 
     def _check_goal(self, observation: Observation, goal: Point) -> None:
@@ -204,7 +210,7 @@ class Navigator:
             echoes: Whether to ask the server for echoes, and to use them.
         """
         self._client = client
-        self._robot_clearance = robot_info.clearance
+        self._robot = robot_info
         if echoes:
             client.echoes(scanner.name)
         source = ObservationBuilder(
@@ -239,18 +245,32 @@ class Navigator:
         """
         trip, stuck_detector, nearest = TripMeter(), StuckDetector(), math.inf
         clearance, twist = ClearanceCheck(bumpers), STOP
-        waiting = Waiting(bumpers, self._robot_clearance)
+        waiting = Waiting(bumpers, self._robot.clearance)
+        touches = TouchMemory(
+            self._robot.length, self._robot.width, bumpers.safety_distance
+        )
         try:
-            for observation in self._loop.scans():
-                clearance.check(observation, bug.goals[0] if bug.goals else None)
+            for scan in self._loop.scans():
+                if touches.notice(scan, twist):
+                    bug.reconsider(scan.pose, touches.places.hide)
+                observation = touches.places.hide(scan)
+                # Among mirrors, what is seen from afar may be elsewhere.
+                trusted = GOAL_IN_SIGHT if len(touches.places) else math.inf
+                goal = bug.goals[0] if bug.goals else None
+                clearance.check(observation, goal, trusted)
                 # asked at every scan, as it compares them
-                has_to_wait = waiting.has_to_wait(observation, twist)
+                has_to_wait = waiting.has_to_wait(
+                    observation, twist, observation.ranges < scan.ranges
+                )
                 # What touches the robot overrules every way to the goal.
-                if (away := waiting.back_off(observation)) is not None:
+                away = touches.retreat(observation) or waiting.back_off(observation)
+                if away is not None:
                     twist = away
                 else:
                     # Who waits does not ask the bug: what passes becomes no obstacle.
                     twist = STOP if has_to_wait else bug.step(observation)
+                waits = has_to_wait or away is not None
+                touches.note_decision(scan, None if waits else twist)
                 trip.add(observation)
                 nearest = min(nearest, float(observation.ranges.min(initial=math.inf)))
                 goal = bug.goals[0] if bug.goals else None

@@ -280,11 +280,12 @@ class TangentBug(Controller):
         directions = OpenDirections(observation, self._radius)
         limit = min(boundary.goal_distance, self._left_at) - NEARER
         place = directions.place_nearer_than(limit, goal)
-        if place is not None and boundary.travelled >= boundary.least:
-            self._left_at = limit
-            return self._leave(observation, place, boundary)
-        if self._sees_goal(observation) and not self._is_held(observation, goal):
-            return self._leave(observation, goal, boundary)
+        if boundary.travelled >= boundary.least:
+            if place is not None:
+                self._left_at = limit
+                return self._leave(observation, place, boundary)
+            if self._sees_goal(observation) and not self._is_held(observation, goal):
+                return self._leave(observation, goal, boundary)
         if not boundary.is_reached:
             return self._approach(observation, boundary)
         part = boundary.look(observation, goal)

@@ -16,7 +16,11 @@ from radarsim.autonomy.exploration.traversability import TraversabilityMap
 from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.observation import Observation
-from radarsim.autonomy.navigation.path_planning import ObstacleGrid, shortest_path
+from radarsim.autonomy.navigation.path_planning import (
+    ObstacleGrid,
+    shortest_path,
+    step_cost,
+)
 from radarsim.geometry import Floats, Pose2
 from radarsim.scene.map_file import load_map
 from radarsim.server.host import Host
@@ -44,7 +48,7 @@ def test_maps_and_planned_paths_lead_through_the_same_doors(
         plan.add(seen)
     floor = TraversabilityMap(map_, SAFETY)
     assert floor.reachable(HERE)[floor.disc(*THERE, 0.3)].all() == is_wide
-    cost = plan.cost(SAFETY)
+    cost = step_cost(plan.clearance(), SAFETY)
     targets = np.zeros(cost.shape, np.bool_)
     targets[plan.cell(THERE)] = True
     path = shortest_path(cost, plan.cell((HERE.x, HERE.y)), targets)

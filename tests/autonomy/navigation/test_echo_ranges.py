@@ -91,6 +91,17 @@ class NoEchoes(InProcessTransport):
             super().send(data)
 
 
+class NoTouch(InProcessTransport):
+    """A link to a server whose robots feel nothing."""
+
+    def receive(self, timeout: float) -> bytes:
+        return super().receive(timeout).replace(b"Touch True", b"Touch False")
+
+
+class NeitherNor(NoTouch, NoEchoes):
+    """A link to a server that has neither."""
+
+
 def drive_at_a_thin_bush(link: type[InProcessTransport], **changed: Any) -> Any:
     """Drive through a bush of 1 m and density .7; return the result and the touches."""
     bush = RandomMap(0, "thin", (Disc(0, 0, 0.5),), 0.7, (-3.0, 0.1), (3.0, 0.1))
@@ -114,8 +125,8 @@ def test_thin_bush_is_not_touched_by_who_uses_echoes() -> None:
 @pytest.mark.parametrize(
     ("link", "changed"),
     [
-        pytest.param(NoEchoes, {}, id="server without echoes"),
-        pytest.param(InProcessTransport, {"echoes": False}, id="not asked for"),
+        pytest.param(NeitherNor, {}, id="server without echoes"),
+        pytest.param(NoTouch, {"echoes": False}, id="not asked for"),
     ],
 )
 def test_ranges_alone_lead_into_a_thin_bush(
@@ -123,3 +134,10 @@ def test_ranges_alone_lead_into_a_thin_bush(
 ) -> None:
     with pytest.raises(Exception, match="safety distance too small"):
         drive_at_a_thin_bush(link, **changed)
+
+
+@pytest.mark.slow
+def test_who_feels_a_thin_bush_gets_around_it() -> None:
+    outcome, touches = drive_at_a_thin_bush(NoEchoes)
+    assert outcome == "reached"
+    assert 1 <= touches <= 8

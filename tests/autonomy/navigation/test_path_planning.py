@@ -17,6 +17,7 @@ from radarsim.autonomy.navigation.path_planning import (
     ObstacleGrid,
     PathPlanning,
     may_join_outside,
+    step_cost,
 )
 from radarsim.geometry import Pose2
 
@@ -108,7 +109,7 @@ def test_what_is_seen_behind_something_thin_is_on_the_grid() -> None:
     grid, bearings = ObstacleGrid([(0.0, 0.0), (4.0, 0.0)]), np.zeros(1)
     behind = np.array([[0.0, 3.0]])
     grid.add(Observation(0.0, Pose2(0.0, 0.0), bearings, np.full(1, 2.0), behind))
-    cost = grid.cost(0.3)
+    cost = step_cost(grid.clearance(), 0.3)
     assert math.isinf(cost[grid.cell((2.0, 0.0))])
     assert math.isinf(cost[grid.cell((3.0, 0.0))])
     assert cost[grid.cell((1.0, 0.0))] == 1
@@ -126,10 +127,12 @@ def test_what_has_driven_away_is_forgotten() -> None:
 def test_grid_keeps_what_it_has_seen_when_it_grows() -> None:
     grid = ObstacleGrid([(0.0, 0.0), (4.0, 0.0)])
     grid.add(Observation(0.0, Pose2(0.0, 0.0), np.zeros(1), np.full(1, 2.0)))
-    shape = grid.cost(0.3).shape
+    shape = step_cost(grid.clearance(), 0.3).shape
     far = grid.cell((0.0, -12.0))
     grid.grow()
-    assert np.array(grid.cost(0.3).shape).tolist() == [n + 160 for n in shape]
+    assert np.array(step_cost(grid.clearance(), 0.3).shape).tolist() == [
+        n + 160 for n in shape
+    ]
     assert not cost_is_open(grid, (2.0, 0.0))
     assert grid.cell((0.0, -12.0)) != far
     assert grid.centres(np.array([grid.cell((0.0, -12.0))]))[0] == pytest.approx(
@@ -147,4 +150,4 @@ def test_only_what_is_open_to_the_border_may_be_joined_outside() -> None:
 
 
 def cost_is_open(grid: ObstacleGrid, point: tuple[float, float]) -> bool:
-    return bool(np.isfinite(grid.cost(0.3)[grid.cell(point)]))
+    return bool(np.isfinite(step_cost(grid.clearance(), 0.3)[grid.cell(point)]))

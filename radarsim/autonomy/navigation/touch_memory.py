@@ -1,0 +1,257 @@
+"""What the hull has touched, such as a mirror or a pane that no beam shows.
+
+Theory of operation
+===================
+A beam that meets a mirror goes on elsewhere, and ends in a place that seems to be
+behind the mirror. So what seems to stand before a mirror stands there, and what seems
+to be behind it may not. A robot drives into what it cannot see, and its touch sensors
+tell that it touches something, but not where. That is on the side of the hull that led:
+its points moved outward.
+
+A box as wide as that part of the hull is kept there, in the map frame. From then on
+beams end at it, and what they showed behind it does not count. Where two boxes are so
+near to each other that the robot does not fit between them, beams end there as well. So
+all that steers by scans treats what was touched as it treats what it sees.
+
+The robot goes back the way it came, which was free, until what it has touched is as far
+away as the safety distance. It keeps nothing if it stood: then something has driven
+into it, and will drive away.
+
+In a mirror that it faces it sees itself come as it comes. It may stop before its image,
+and stand there for good: then it takes what it faces for touched.
+"""
+
+import math
+from collections import deque
+from dataclasses import replace
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.autonomy.navigation.control import STOP, Twist
+from radarsim.autonomy.navigation.observation import Observation
+from radarsim.geometry import Floats, Pose2, wrap_angle
+
+DEPTH: Final = 0.1  # m; of a box, so that it is seen from its end, too
+LEAST_WIDTH: Final = 0.2  # m; of a box, so that bumpers notice it
+STOOD: Final = 0.5  # s without a command to move, after which the robot stood
+HELD: Final = 8.0  # s for which it neither drives nor waits, before its own image
+LONGEST_WAY_BACK: Final = 1.0  # m
+LEAST_SPEED: Final = 0.02  # m/s; less is no motion
+LEAST_TURN: Final = 0.05  # rad/s
+_MOTIONS: Final = 200  # that are kept
+_POINTS: Final = 5  # on each side of the hull
+_LEADING: Final = 0.5  # of the highest outward speed, above which a point may have led
+_SAME: Final = 0.6  # m from a box within which the same thing was touched again
+_PART: Final = 0.15  # m from the point that is nearest to the box, likewise
+
+Points: TypeAlias = NDArray[np.complex128]  # x + iy, m
+
+
+class TouchedPlaces:
+    """Boxes where something was touched, and what scans show with them."""
+
+    def __init__(self, gap: float) -> None:
+        """Create it without boxes.
+
+        Args:
+            gap: Widest gap between two boxes through which the robot does not fit, m.
+        """
+        self._gap = gap
+        self._corners: Points = np.zeros((0, 4), np.complex128)  # map frame
+        self._walls: Points = np.zeros((0, 2), np.complex128)  # both ends of each
+
+    def __len__(self) -> int:
+        return len(self._corners)
+
+    def add(self, corners: Points) -> None:
+        """Add a box by its corners in turn, (4,), map frame."""
+        walls = [np.column_stack([corners, np.roll(corners, -1)])]
+        for other in self._corners:
+            gaps = np.abs(corners[:, None] - other)
+            i, j = np.unravel_index(gaps.argmin(), gaps.shape)
+            if gaps[i, j] <= self._gap:
+                walls.append(np.array([[corners[i], other[j]]]))
+        self._corners = np.vstack([self._corners, corners])
+        self._walls = np.vstack([self._walls, *walls])
+
+    def distances(self, points: Points) -> Floats:
+        """Return how far points, (N,), map frame, are from the nearest box, (N,) m."""
+        begins, along = self._walls[:, 0], np.diff(self._walls)[:, 0]
+        to = points[:, None] - begins
+        share = (to * along.conj()).real / np.maximum(np.abs(along) ** 2, 1e-12)
+        off = np.abs(to - np.clip(share, 0.0, 1.0) * along)
+        distances: Floats = off.min(axis=1, initial=math.inf)
+        return distances
+
+    def hide(self, observation: Observation) -> Observation:
+        """Return a scan whose beams end at the boxes, without what is behind them."""
+        if not len(self):
+            return observation
+        pose, farther = observation.pose, observation.farther
+        lengths = self._lengths(pose, observation.bearings)
+        is_before = farther[:, 1] < self._lengths(pose, farther[:, 0])
+        ranges = np.minimum(observation.ranges, lengths)
+        return replace(observation, ranges=ranges, farther=farther[is_before])
+
+    def _lengths(self, pose: Pose2, bearings: Floats) -> Floats:
+        """Return how far beams get until they meet a box, (N,) m; ``inf`` if none."""
+        # turned so that each beam leads along x
+        beams = np.exp(-1j * (bearings + pose.yaw))
+        ends = (self._walls - complex(pose.x, pose.y)) * beams[:, None, None]
+        begin, end = ends[..., 0], ends[..., 1]
+        crosses = (begin.imag <= 0) != (end.imag <= 0)
+        share = begin.imag / np.where(crosses, begin.imag - end.imag, 1.0)
+        ahead = begin.real + share * (end.real - begin.real)
+        met = np.where(crosses & (ahead > 0), ahead, math.inf)
+        lengths: Floats = met.min(axis=1, initial=math.inf)
+        return lengths
+
+
+class WayBack:
+    """The way that a robot came, as its motions from scan to scan."""
+
+    def __init__(self) -> None:
+        self._motions: deque[tuple[float, Twist]] = deque(maxlen=_MOTIONS)
+
+    def add(self, last: Observation, now: Observation) -> None:
+        """Add the motion between two scans, by their poses."""
+        elapsed, pose = now.time - last.time, last.pose
+        if elapsed <= 0:
+            return
+        way = complex(now.pose.x - pose.x, now.pose.y - pose.y)
+        speed = (way * np.exp(-1j * pose.yaw)).real / elapsed
+        turn = wrap_angle(now.pose.yaw - pose.yaw) / elapsed
+        motion = Twist(float(speed), turn)
+        if not _stands(motion):
+            self._motions.append((elapsed, motion))
+
+    def pop(self) -> tuple[float, Twist] | None:
+        """Take back the last motion: its duration, s, and its reverse; None if none."""
+        if not self._motions:
+            return None
+        elapsed, motion = self._motions.pop()
+        return elapsed, Twist(-motion.speed, -motion.turn)
+
+
+class TouchMemory:
+    """Notes what the hull touches, and leads back from it.
+
+    Attributes:
+        places: Where it has touched something.
+    """
+
+    def __init__(self, length: float, width: float, safety_distance: float) -> None:
+        """Create it.
+
+        Args:
+            length: Of the hull, m.
+            width: Likewise.
+            safety_distance: How far back it leads, m from the robot's centre.
+        """
+        self.places = TouchedPlaces(math.hypot(length, width))
+        self._safety_distance = safety_distance
+        self._outline, self._normals = _hull_outline(length, width)
+        self._way_back = WayBack()
+        self._last: Observation | None = None
+        self._motion = STOP  # the last one that was commanded
+        self._ahead = 1.0  # or -1: whether the robot last went forward, or backward
+        self._moved_at = -math.inf  # s
+        self._decided_at = math.inf  # s; when it last had something to do
+        self._gone_back: float | None = None  # m since it touched something
+
+    def notice(self, observation: Observation, twist: Twist) -> bool:
+        """Note a scan as it came; return whether something was touched, and is kept.
+
+        Args:
+            observation: The newest scan.
+            twist: The motion that was commanded since the scan before.
+        """
+        last, self._last = self._last, observation
+        if twist != STOP:
+            self._motion, self._moved_at = twist, observation.time
+            if twist.speed:
+                self._ahead = math.copysign(1.0, twist.speed)
+        if last is not None and self._gone_back is None:
+            self._way_back.add(last, observation)
+        was_touched = last is not None and last.touched
+        stood = observation.time - self._moved_at > STOOD
+        is_touched = observation.touched and not was_touched and not stood
+        is_held = observation.time - self._decided_at > HELD
+        if not is_touched and not is_held:
+            return False
+        self._decided_at = observation.time
+        self.places.add(self._touched_box(observation.pose))
+        # Who touches something on the way back does not go on with that.
+        self._gone_back = 0.0 if self._gone_back is None else None
+        return True
+
+    def note_decision(self, observation: Observation, twist: Twist | None) -> None:
+        """Note what was decided by a scan: a motion, or None to wait."""
+        if twist is None or not _stands(twist):
+            self._decided_at = observation.time
+
+    def retreat(self, observation: Observation) -> Twist | None:
+        """Return the motion back from what was touched; None away from it.
+
+        Args:
+            observation: The newest scan, after ``notice``.
+        """
+        if self._gone_back is None:
+            return None
+        pose = observation.pose
+        (near,) = self.places.distances(np.array([complex(pose.x, pose.y)]))
+        is_away = near >= self._safety_distance and not observation.touched
+        motion = self._way_back.pop()
+        if is_away or motion is None or self._gone_back > LONGEST_WAY_BACK:
+            self._gone_back = None
+            return None
+        elapsed, twist = motion
+        self._gone_back += abs(twist.speed) * elapsed
+        return twist
+
+    def _touched_box(self, pose: Pose2) -> Points:
+        """Return the corners of a box at the part of the hull that led, map frame."""
+        points, normals = self._outline, self._normals
+        velocity = self._motion.speed + 1j * self._motion.turn * points
+        outward = (velocity * normals.conj()).real
+        led = outward >= _LEADING * outward.max()
+        to_map = np.exp(1j * pose.yaw)
+        place = complex(pose.x, pose.y)
+        away = np.where(led, self.places.distances(place + to_map * points), math.inf)
+        if away.min() < _SAME:
+            # most likely more of the same thing
+            nearest = int(away.argmin())
+            led &= np.abs(points - points[nearest]) <= _PART
+            normal = normals[nearest]
+        else:
+            is_heading = led & (normals == self._ahead)
+            normal = self._ahead if is_heading.any() else normals[outward.argmax()]
+        side = points[led & (normals == normal)] * np.conj(normal)
+        depth, low, high = side.real[0], side.imag.min(), side.imag.max()
+        more = max(0.0, LEAST_WIDTH - (high - low)) / 2
+        low, high = low - more, high + more
+        box = np.array([low, high, high, low]) * 1j
+        box += depth + np.array([0.0, 0.0, DEPTH, DEPTH])
+        corners: Points = place + to_map * normal * box
+        return corners
+
+
+def _stands(twist: Twist) -> bool:
+    return abs(twist.speed) < LEAST_SPEED and abs(twist.turn) < LEAST_TURN
+
+
+def _hull_outline(length: float, width: float) -> tuple[Points, Points]:
+    """Return points on the hull and the directions outward there, robot's frame.
+
+    Returns:
+        (N,) each; corners are points of both sides.
+    """
+    points, normals = [], []
+    across = np.linspace(-1.0, 1.0, _POINTS)
+    for normal in (1, 1j, -1, -1j):
+        half, other = (length, width) if normal.real else (width, length)
+        points.append(normal * (half + 1j * across * other) / 2)
+        normals.append(np.full(_POINTS, normal, np.complex128))
+    return np.concatenate(points), np.concatenate(normals)

@@ -1,0 +1,167 @@
+"""What the hull has touched is an obstacle from then on, though no beam shows it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from radarsim.autonomy.evaluation.random_trials import load_random_map
+from radarsim.autonomy.evaluation.trials import run_plan
+from radarsim.autonomy.navigation.algorithms import Algorithm
+from radarsim.autonomy.navigation.control import STOP, Twist
+from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.navigation.plans import Mission
+from radarsim.autonomy.navigation.touch_memory import TouchedPlaces, TouchMemory
+from radarsim.generators.random_maps import Block, RandomMap
+from radarsim.geometry import Pose2
+from radarsim.server.host import Host
+
+LENGTH, WIDTH, S = 0.56, 0.5, 0.5
+BEARINGS = np.radians(np.arange(360.0) - 180.0)
+FORWARD = Twist(0.3, 0.0)
+
+
+def scan(time: float, pose: Pose2, *, touched: bool = False) -> Observation:
+    ranges = np.full(360, 5.0)
+    return Observation(time, pose, BEARINGS, ranges, touched=touched)
+
+
+def touch_at(pose: Pose2, twist: Twist) -> TouchMemory:
+    """Return what is kept after a touch at a pose."""
+    memory = TouchMemory(LENGTH, WIDTH, S)
+    assert not memory.notice(scan(0.0, pose), STOP)
+    assert memory.notice(scan(0.1, pose, touched=True), twist)
+    return memory
+
+
+def box(x: float, y: float, half: float = 0.1) -> np.ndarray:
+    return complex(x, y) + half * np.array([-1 - 1j, 1 - 1j, 1 + 1j, -1 + 1j])
+
+
+@pytest.mark.parametrize(
+    ("twist", "bearing_deg", "near"),
+    [
+        pytest.param(FORWARD, 0, LENGTH / 2, id="ahead"),
+        pytest.param(Twist(-0.3, 0.0), 180, LENGTH / 2, id="behind"),
+        pytest.param(Twist(0.0, 0.5), -30, 0.32, id="right front corner"),
+        pytest.param(Twist(0.0, -0.5), 30, 0.32, id="left front corner"),
+    ],
+)
+def test_what_is_touched_is_at_the_side_that_led(
+    twist: Twist, bearing_deg: int, near: float
+) -> None:
+    pose = Pose2(2.0, 1.0, 0.7)
+    seen = touch_at(pose, twist).places.hide(scan(0.2, pose))
+    ends = seen.ranges < 5.0
+    assert seen.ranges[(bearing_deg + 180) % 360] == pytest.approx(near, abs=0.02)
+    offsets = np.abs(np.degrees(BEARINGS[ends]) - bearing_deg)
+    assert np.minimum(offsets, 360 - offsets).max() <= 50
+    assert ends.sum() >= 15
+
+
+def test_nothing_counts_that_is_seen_behind_it() -> None:
+    places = TouchedPlaces(0.75)
+    seen = scan(0.0, Pose2(0.0, 0.0))
+    assert places.hide(seen) is seen
+    places.add(box(2.0, 0.0))
+    farther = np.array([[0.0, 6.0], [1.0, 6.0], [0.0, 1.5]])
+    hidden = places.hide(replace(seen, farther=farther))
+    assert hidden.ranges[180] == pytest.approx(1.9)
+    assert hidden.farther.tolist() == [[1.0, 6.0], [0.0, 1.5]]
+    assert hidden.ranges[190] == 5.0
+    # from elsewhere it is at the same place
+    moved = places.hide(scan(0.1, Pose2(2.0, -1.0, math.pi / 2)))
+    assert moved.ranges[180] == pytest.approx(0.9)
+
+
+@pytest.mark.parametrize(("width", "is_closed"), [(0.7, True), (0.8, False)])
+def test_gap_between_two_touched_places_is_closed_where_the_robot_does_not_fit(
+    width: float, is_closed: bool
+) -> None:
+    places = TouchedPlaces(0.75)
+    places.add(box(2.0, 0.1 + width / 2))
+    places.add(box(2.0, -0.1 - width / 2))
+    seen = places.hide(scan(0.0, Pose2(0.0, 0.0)))
+    assert bool(seen.ranges[180] < 5.0) is is_closed
+
+
+def test_touch_beside_a_touched_place_is_more_of_it() -> None:
+    memory = touch_at(Pose2(0.0, 0.0), FORWARD)
+    memory.notice(scan(0.2, Pose2(-0.5, -0.6)), FORWARD)
+    pose = Pose2(0.0, -0.6)
+    assert memory.notice(scan(0.3, pose, touched=True), FORWARD)
+    corners = pose.x + 1j * pose.y + LENGTH / 2 + 1j * np.array([-1, 1]) * WIDTH / 2
+    far, near = memory.places.distances(corners)
+    assert near == 0.0
+    assert far > 0.25
+
+
+def test_who_is_driven_into_keeps_nothing() -> None:
+    memory = TouchMemory(LENGTH, WIDTH, S)
+    for k in range(10):
+        assert not memory.notice(scan(0.1 * k, Pose2(0.0, 0.0)), STOP)
+    assert not memory.notice(scan(1.0, Pose2(0.0, 0.0), touched=True), STOP)
+    assert not len(memory.places)
+
+
+def test_robot_goes_back_the_way_it_came() -> None:
+    memory, pose, twist = TouchMemory(LENGTH, WIDTH, S), Pose2(0.0, 0.0), STOP
+    track = [pose]
+    for k in range(30):
+        memory.notice(scan(0.1 * k, pose), twist)
+        assert memory.retreat(scan(0.1 * k, pose)) is None
+        twist = Twist(0.3, 0.4)
+        pose = step(pose, twist)
+        track.append(pose)
+    for k in range(30, 60):
+        seen = scan(0.1 * k, pose, touched=k < 32)
+        assert memory.notice(seen, twist) is (k == 30)
+        back = memory.retreat(seen)
+        if back is None:
+            break
+        twist, pose = back, step(pose, back)
+        nearest = min(math.hypot(p.x - pose.x, p.y - pose.y) for p in track)
+        assert nearest < 0.02
+    assert 0.2 < math.hypot(track[-1].x - pose.x, track[-1].y - pose.y) < 0.4
+    (near,) = memory.places.distances(np.array([pose.x + 1j * pose.y]))
+    assert near == pytest.approx(S, abs=0.04)
+
+
+def step(pose: Pose2, twist: Twist) -> Pose2:
+    middle = pose.yaw + twist.turn * 0.05
+    x = pose.x + twist.speed * 0.1 * math.cos(middle)
+    y = pose.y + twist.speed * 0.1 * math.sin(middle)
+    return Pose2(x, y, pose.yaw + twist.turn * 0.1)
+
+
+def run(algorithm: str, *blocks: Block) -> tuple[str, int, int]:
+    map_ = RandomMap(0, "mirrors", blocks, math.inf, (-3.0, 0.1), (3.0, 0.0))
+    mission = Mission(
+        algorithm=Algorithm(algorithm),
+        goals=(map_.goal,),
+        safety_distance=S,
+        time_limit=600.0,
+    )
+    row = run_plan(mission, Host(load_random_map(map_)))
+    return row.outcome, row.collisions, row.pushes
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("algorithm", list(Algorithm))
+@pytest.mark.parametrize("material", ["metal", "glass"])
+def test_robot_gets_around_what_it_cannot_see(algorithm: str, material: str) -> None:
+    plate = Block(0.0, 0.0, 0.05, 2.0, 0.3, material)
+    outcome, touches, pushes = run(algorithm, plate)
+    assert (outcome, pushes) == ("reached", 0)
+    # it may take its own image for an obstacle, and touch nothing
+    assert touches < 10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("algorithm", list(Algorithm))
+def test_robot_finds_out_that_it_is_among_mirrors(algorithm: str) -> None:
+    walls = [Block(-3.0 + 1.2 * k, 0.1, 0.1, 2.5, 0.0, "metal") for k in (-1, 1)]
+    walls += [Block(-3.0, 0.1 + 1.2 * k, 2.5, 0.1, 0.0, "metal") for k in (-1, 1)]
+    outcome, _, pushes = run(algorithm, *walls)
+    assert (outcome, pushes) == ("no_path", 0)
