@@ -29,7 +29,7 @@ MIXED: Final = ("boxes", "trunks", "traps", "mazes", "offices")
 SHARE: Final = 0.35  # of solids that are of the other material
 MIRRORS: Final = ("metal", "glass")
 _BESIDE: Final = 0.7  # m from a mover's track to what stands
-_AWAY: Final = 1.5  # m from it to start and goal
+_AWAY: Final = 1.5  # m from it to start, goal and other tracks
 _TRIES: Final = 50  # of tracks of movers
 
 
@@ -76,8 +76,9 @@ def _poles(maker: MapMaker) -> Iterator[Solid]:
 def _movers(maker: MapMaker) -> Iterator[Solid]:
     """Yield boxes, and add movers that drive between them."""
     solids = list(DRAWERS["boxes"](maker))
-    movers = (_mover(maker, solids) for _ in range(int(maker.between(1, 4))))
-    maker.movers = tuple(each for each in movers if each is not None)
+    for _ in range(int(maker.between(1, 4))):
+        if (mover := _mover(maker, solids)) is not None:
+            maker.movers = (*maker.movers, mover)
     maker.has_fence = True  # it might stand on a track
     return iter(solids)
 
@@ -91,8 +92,9 @@ def _mover(maker: MapMaker, solids: list[Solid]) -> Mover | None:
         mover = Mover(x, y, yaw, length, maker.between(0.2, 0.5))
         track = mover.track()
         gaps = [solid.distances(track).min() for solid in solids]
-        from_ends = np.hypot(*(track[:, None] - ends).transpose(2, 0, 1)).min()
-        if min(gaps, default=np.inf) > _BESIDE and from_ends > _AWAY:
+        others = np.concatenate([ends, *(other.track() for other in maker.movers)])
+        away = np.hypot(*(track[:, None] - others).transpose(2, 0, 1)).min()
+        if min(gaps, default=np.inf) > _BESIDE and away > _AWAY:
             return mover
     return None
 

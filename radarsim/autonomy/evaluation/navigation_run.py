@@ -52,13 +52,14 @@ class GroundTruthMonitor:
         collisions: How often a robot began to touch something, or another robot.
         contacts: Those of the robot that was first.
         path_length: Length of the true paths of the robots' centres, m.
-        path: That of the robot that was first, in steps of at least ``STEP``.
+        first_length: That of the robot that was first, m.
+        path: Its path, in steps of at least ``STEP``.
     """
 
     def __init__(self, host: Host) -> None:
         self.collisions = 0
         self.contacts: list[Contact] = []
-        self.path_length = 0.0
+        self.path_length = self.first_length = 0.0
         self.path: list[Position] = []
         self._simulation = host.simulation
         self._touches: dict[int, bool] = {}  # by the number of the robot
@@ -77,10 +78,12 @@ class GroundTruthMonitor:
                     self.contacts.append(Contact(pose))
                 self.contacts[-1].duration += TICK
             previous = self._poses.get(number, pose)
-            self.path_length += math.hypot(pose.x - previous.x, pose.y - previous.y)
+            length = math.hypot(pose.x - previous.x, pose.y - previous.y)
+            self.path_length += length
             self._poses[number], self._touches[number] = pose, touches
             # of the other robots only lengths and collisions count
             if number == next(iter(self._poses)):
+                self.first_length += length
                 x, y = self.path[-1] if self.path else (math.inf, math.inf)
                 if math.hypot(pose.x - x, pose.y - y) >= STEP:
                     self.path.append((pose.x, pose.y))

@@ -153,9 +153,9 @@ def _drive(mission: Mission, host: Host, after_tick: Callable[[], None]) -> Row:
         outcome, note = "failed", f"says reached, {off:.2f} m from the goal"
     return Row(
         outcome=outcome,
-        collisions=monitor.collisions,
+        collisions=len(monitor.contacts),
         pushes=monitor.pushes,
-        path_length=monitor.path_length,
+        path_length=monitor.first_length,
         time=host.simulation.time,
         circuits=circuits,
         off=off,

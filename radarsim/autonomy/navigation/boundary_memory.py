@@ -229,10 +229,13 @@ class FollowedBoundary:
         hit = self.hit_place
         return self.memory.begins_at(hit) and self.memory.passes(hit, circuit_start)
 
-    def extend_trail(self, part: Observation, step: float) -> bool:
-        """Take the next step beside it; return whether that closed a circuit.
+    def extend_trail(self, part: Observation, step: float) -> float | None:
+        """Take the next step beside it; return where a circuit began that it closed.
 
         Arguments are those of ``remember``, to be called before.
+
+        Returns:
+            m along the path; None if it closed none.
         """
         pose, direction = part.pose, self._follower.tangent(part, self.mode)
         if self._trail is None:
@@ -240,4 +243,4 @@ class FollowedBoundary:
             hit = Landmark(pose, direction, max_offset=offset)
             self._trail = Trail(hit, offset)
         here = Step(pose, step, direction, free=False)
-        return self._trail.extend(here, self.travelled) is not None
+        return self._trail.extend(here, self.travelled)

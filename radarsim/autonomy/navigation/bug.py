@@ -40,7 +40,7 @@ from radarsim.geometry import Point, Pose2
 GRAZE = 0.1  # m beyond the safety distance at which something beside blocks the path
 NOISE = 0.1  # m that a goal may seem nearer to a wall than the safety distance
 _MOST_GONE = 20  # obstacles that go away, before it gives up nevertheless
-_MOST_OTHERS = 3  # circuits around another obstacle, likewise
+MOST_OTHERS = 3  # circuits around another obstacle, likewise
 _MOST_MISSES = 3  # leave points that are not found again, likewise
 _LOST = 1.5  # circles without a boundary after which the boundary is given up
 
@@ -202,7 +202,7 @@ class Bug(Controller):
         # There is no path, unless what was circled has driven away meanwhile, or is
         # another obstacle than the one that was hit.
         has_gone = self._gone < _MOST_GONE and boundary.memory.has_gone(observation)
-        is_other = self._others < _MOST_OTHERS and not boundary.is_what_was_hit(
+        is_other = self._others < MOST_OTHERS and not boundary.is_what_was_hit(
             policy.circuit_start
         )
         if has_gone or is_other:

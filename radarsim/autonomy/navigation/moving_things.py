@@ -17,7 +17,9 @@ A robot that waits for something follows nothing, so what passes becomes no obst
 What has come to a stand is an obstacle like others.
 
 What does not give way may drive into the robot. Then the robot neither turns nor goes
-on, since both would press against it: it backs off until it has room to turn.
+on, since both would press against it: it backs off until it has room to turn. It does
+so only from what is where something has moved: among things that stand it would have no
+room.
 """
 
 import math
@@ -44,6 +46,7 @@ PATIENCE: Final = 15.0  # s of waiting after which it goes on nevertheless
 IMPATIENCE: Final = 5.0  # s after that, in which it does not wait
 BACK_SPEED: Final = 0.3  # m/s away from what has driven into the robot
 RECENT: Final = 30.0  # s after motion was seen, in which it backs off
+MOVED_NEAR: Final = 0.5  # m from where that was, to what it backs off from
 _BESIDE: Final = 0.3  # m beside a place where earlier beams count
 _LEAST_SPREAD: Final = math.radians(2.5)  # between such beams
 
@@ -93,7 +96,8 @@ class Waiting:
         self._ahead = 1.0  # or -1: whether the robot went forward, or backward
         self._moved = -math.inf  # s; when something last moved into its way
         self._crossed = -math.inf  # s; when a scan last showed that
-        self._last_motion = -math.inf  # s; when something last moved anywhere near
+        # when and where something moved, s and m, map frame
+        self._motions: deque[tuple[float, complex]] = deque()
         self._since = math.inf  # s; since when it waits
         self._impatient_until = -math.inf  # s
 
@@ -135,8 +139,9 @@ class Waiting:
             observation: The newest scan, after ``has_to_wait``.
         """
         ranges, bearings = observation.ranges, observation.bearings
-        is_recent = observation.time - self._last_motion < RECENT
-        if not is_recent or ranges.min(initial=math.inf) >= self._clearance:
+        if ranges.min(initial=math.inf) >= self._clearance:
+            return None
+        if not self._has_moved(observation):
             return None
         # Away from the nearest point, without a turn: its corners would swing into it.
         forward = -math.copysign(1.0, math.cos(bearings[ranges.argmin()]))
@@ -144,6 +149,16 @@ class Waiting:
         if (ranges[ahead] < self._clearance + MARGIN).any():
             return STOP
         return Twist(forward * BACK_SPEED, 0.0)
+
+    def _has_moved(self, observation: Observation) -> bool:
+        """Return whether something moved lately where the nearest thing is now."""
+        while self._motions and observation.time - self._motions[0][0] >= RECENT:
+            self._motions.popleft()
+        nearest, pose = int(observation.ranges.argmin()), observation.pose
+        angle = observation.bearings[nearest] + pose.yaw
+        away = observation.ranges[nearest] * np.exp(1j * angle)
+        point = complex(pose.x, pose.y) + complex(away)
+        return any(abs(place - point) < MOVED_NEAR for _, place in self._motions)
 
     def _detect_crossing(
         self, observation: Observation, still: NDArray[np.bool_] | None
@@ -156,12 +171,12 @@ class Waiting:
         if np.count_nonzero(beams) < LEAST_BEAMS:
             return False
         pose, now = observation.pose, observation.time
-        self._last_motion = now
         angles = observation.bearings[beams] + pose.yaw
         ends = observation.ranges[beams] * np.exp(1j * angles)
         centre = complex(ends.mean())
         place = centre + complex(pose.x, pose.y)
         self._seen.append((now, place))
+        self._motions.append((now, place))
         while now - self._seen[0][0] > INTERVAL:
             self._seen.popleft()
         begin, first = self._seen[0]

@@ -8,10 +8,12 @@ The grid holds what blocks robots, as it is seen on the way, and the cost of its
 
 Theory of operation
 ===================
-A cell gains when a beam ends in it, and loses, half as much, when a beam goes through:
-so what has driven away is forgotten, and one stray echo closes nothing for long. Cells
-that nobody has seen are open. The grid covers start and goal and a margin around them;
-what is beyond is left out until the grid grows.
+A cell gains when a beam ends in it, and loses when a beam goes through: so what has
+driven away is forgotten, and one stray echo closes nothing for long. A beam that goes
+through a cell beside the very place where something was seen in it says nothing: it may
+have passed a pole. Cells that nobody has seen are open. The grid covers
+start and goal and a margin around them; what is beyond is left out until the grid
+grows.
 
 A radar that sends its echoes also shows what is behind a first thin hedge: a dead end
 is known before the robot has driven into it.
@@ -161,6 +163,7 @@ MARGIN: Final = 8.0  # m around start and goal
 MAX_DISTANCE: Final = 10.0  # m; longer beams only say that this much is free
 _GAIN, _LOSS, _MOST, _LEAST = 2, 1, 10, -6  # evidence of a cell
 _SHORT: Final = 0.15  # m before its end where a beam tells nothing
+_BESIDE: Final = 0.015  # m beside a place that a beam still goes through
 
 
 class ObstacleGrid:
@@ -172,12 +175,15 @@ class ObstacleGrid:
         self._corner = ends.min(axis=0) - MARGIN
         columns, rows = np.ceil((np.ptp(ends, axis=0) + 2 * MARGIN) / CELL).astype(int)
         self._evidence = np.zeros((rows, columns), np.int16)
+        # what was last seen in each cell, m, map frame
+        self._places = np.zeros((rows, columns, 2))
 
     def grow(self) -> None:
         """Add a margin on all sides; nobody has seen it."""
         width = round(MARGIN / CELL)
         self._corner = self._corner - MARGIN
         self._evidence = np.pad(self._evidence, width)
+        self._places = np.pad(self._places, ((width, width), (width, width), (0, 0)))
 
     def clear(self) -> None:
         """Forget all that was seen."""
@@ -189,18 +195,40 @@ class ObstacleGrid:
         steps = np.arange(CELL / 2, MAX_DISTANCE, CELL)
         free = steps < np.minimum(ranges, MAX_DISTANCE)[:, None] - _SHORT
         angles = observation.bearings + pose.yaw
-        x = pose.x + np.cos(angles)[:, None] * steps
-        y = pose.y + np.sin(angles)[:, None] * steps
-        passed = self._mask(x[free], y[free])
+        directions = np.column_stack([np.cos(angles), np.sin(angles)])
+        points = (pose.x, pose.y) + steps[:, None] * directions[:, None]
+        beams = np.broadcast_to(directions[:, None], points.shape)[free]
+        passed = self._passed(points[free], beams, pose)
         ends = observation.blocking_points()
-        near = np.hypot(*(ends - (pose.x, pose.y)).T) < MAX_DISTANCE
-        met = self._mask(*ends[near].T)
+        ends = ends[np.hypot(*(ends - (pose.x, pose.y)).T) < MAX_DISTANCE]
+        rows, columns, inside = self._inside(ends)
+        met = np.zeros(self._evidence.shape, np.bool_)
+        met[rows, columns] = True
+        self._places[rows, columns] = ends[inside]
         # A cell in which one beam ends and which another passes is an edge: it gains.
-        change = np.where(met, _GAIN, np.where(passed, -_LOSS, 0))
+        loss = np.where(self._evidence > 0, _GAIN, _LOSS)
+        change = np.where(met, _GAIN, np.where(passed, -loss, 0))
         # Within limits, so that what has stood for long is forgotten soon, too.
         self._evidence = np.clip(self._evidence + change, _LEAST, _MOST).astype(
             np.int16
         )
+
+    def _passed(self, points: Floats, beams: Floats, pose: Pose2) -> NDArray[np.bool_]:
+        """Return the cells that beams go through, (R, C).
+
+        Args:
+            points: Points of the beams, (N, 2) m, map frame.
+            beams: Unit vectors of their beams, (N, 2).
+            pose: Where the beams come from.
+        """
+        rows, columns, inside = self._inside(points)
+        beams = beams[inside]
+        x, y = (self._places[rows, columns] - (pose.x, pose.y)).T
+        off = np.abs(x * beams[:, 1] - y * beams[:, 0])
+        counts = (self._evidence[rows, columns] <= 0) | (off <= _BESIDE)
+        mask = np.zeros(self._evidence.shape, np.bool_)
+        mask[rows[counts], columns[counts]] = True
+        return mask
 
     def clearance(self) -> Floats:
         """Return the distance of each cell from what blocks robots, (R, C) m."""
@@ -228,15 +256,21 @@ class ObstacleGrid:
         centres: Floats = self._corner + (cells[:, ::-1] + 0.5) * CELL
         return centres
 
-    def _mask(self, x: Floats, y: Floats) -> NDArray[np.bool_]:
-        """Return the cells that some points are in, (R, C)."""
-        mask = np.zeros(self._evidence.shape, np.bool_)
-        columns = np.floor((x - self._corner[0]) / CELL).astype(np.int64)
-        rows = np.floor((y - self._corner[1]) / CELL).astype(np.int64)
+    def _inside(
+        self, points: Floats
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+        """Return the rows and columns of the points that are inside.
+
+        Args:
+            points: (N, 2) m.
+
+        Returns:
+            Rows and columns, (M,) each, and which points they belong to, (N,).
+        """
+        columns, rows = np.floor((points - self._corner) / CELL).astype(np.int64).T
         height, width = self._evidence.shape
         inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
-        mask[rows[inside], columns[inside]] = True
-        return mask
+        return rows[inside], columns[inside], inside
 
 
 INTERVAL: Final = 0.5  # s between two plans
@@ -244,6 +278,8 @@ LOOKAHEAD: Final = 2.0  # m of a path that is cut short where the straight line 
 SURE_AFTER: Final = 5.0  # s without a path after which there is none
 ESCAPE_RADIUS: Final = 1.0  # m around a robot that is too near to something
 ESCAPE_COST: Final = 10.0
+NEARER: Final = 10.0  # times that, nearer to it than the robot is
+PAUSE: Final = 2.0  # s between two looks that are not one
 APART: Final = 0.3  # m, or rad, between two scans that are kept
 _MOST_GROWN: Final = 10  # margins around the first grid
 
@@ -259,6 +295,7 @@ class PathPlanning(Controller):
         self._path: Floats = np.zeros((0, 2))
         self._planned = -math.inf  # s
         self._hopeless_since: float | None = None  # s
+        self._looked_at = -math.inf  # s; when there last was no path
         self._grown = 0  # number of times that the grid has grown
 
     def reconsider(
@@ -297,12 +334,13 @@ class PathPlanning(Controller):
         cost = step_cost(clearance, self._settings.bumpers.safety_distance)
         start, end = self._grid.cell((pose.x, pose.y)), self._grid.cell(goal)
         # It is too near to something, by noise or as that has moved: it may leave, and
-        # not come nearer.
+        # come nearer only where there is no other way.
         if not math.isfinite(cost[start]):
             rows, columns = np.indices(cost.shape)
             near = np.hypot(rows - start[0], columns - start[1]) * CELL < ESCAPE_RADIUS
-            near &= clearance >= clearance[start] - CELL
-            cost[near & ~np.isfinite(cost)] = ESCAPE_COST
+            near &= ~np.isfinite(cost)
+            cost[near] = ESCAPE_COST
+            cost[near & (clearance < clearance[start])] *= NEARER
         targets = np.zeros(cost.shape, np.bool_)
         targets[end] = True
         self._cost = cost
@@ -320,7 +358,9 @@ class PathPlanning(Controller):
 
     def _look(self, observation: Observation) -> Twist:
         """Stand where there is no path; if none appears, there is none."""
-        if self._hopeless_since is None:
+        looked, self._looked_at = self._looked_at, observation.time
+        # Who waited meanwhile for something that moves has not looked.
+        if self._hopeless_since is None or observation.time > looked + PAUSE:
             self._hopeless_since = observation.time
         if observation.time - self._hopeless_since >= SURE_AFTER:
             self.activity = Activity.NO_PATH

@@ -41,7 +41,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import dijkstra
 
 from radarsim.autonomy.navigation.boundary_memory import FollowedBoundary
-from radarsim.autonomy.navigation.bug import GRAZE, NOISE
+from radarsim.autonomy.navigation.bug import GRAZE, MOST_OTHERS, NOISE
 from radarsim.autonomy.navigation.control import STOP, Twist, bearing_of, distance
 from radarsim.autonomy.navigation.controller import (
     Activity,
@@ -142,10 +142,13 @@ class TangentBug(Controller):
         self._boundary: FollowedBoundary | None = None
         self._left: FollowedBoundary | None = None  # the boundary that it left last
         self._gone = 0
+        self._others = 0  # number of times that another obstacle was circled
+        self._last_hand: bool | None = None  # then: whether it was on the left
 
     def _begin_goal(self, _: Pose2) -> None:
         self._start_anew()
         self._left_at, self._left, self._gone = math.inf, None, 0
+        self._others, self._last_hand = 0, None
 
     def _decide(self, observation: Observation, driven: float) -> Twist:
         if self._boundary is not None:
@@ -268,6 +271,8 @@ class TangentBug(Controller):
             offset = bearing_of(pose, *edge) - self._goal_bearing(pose)
             # A way on the right of the goal has what hides the goal on its left.
             wall_on_left = math.sin(offset) < 0
+        if self._last_hand is not None:
+            wall_on_left, self._last_hand = not self._last_hand, None
         mode = FollowMode(wall_on_left=wall_on_left)
         self._boundary = FollowedBoundary(self._follower, mode)
         return STOP
@@ -296,8 +301,9 @@ class TangentBug(Controller):
             self.activity = Activity.FOLLOWING if done else Activity.ALIGNING
             return twist
         boundary.remember(part, step)
-        if boundary.extend_trail(part, step):
-            return self._conclude(observation, boundary)
+        began = boundary.extend_trail(part, step)
+        if began is not None:
+            return self._conclude(observation, boundary, began)
         return self._follower.step(observation, boundary.mode, part)[0]
 
     def _approach(self, observation: Observation, boundary: FollowedBoundary) -> Twist:
@@ -325,12 +331,28 @@ class TangentBug(Controller):
         self._place = place
         return self._head_for(observation, place)
 
-    def _conclude(self, observation: Observation, boundary: FollowedBoundary) -> Twist:
+    def _conclude(
+        self, observation: Observation, boundary: FollowedBoundary, began: float
+    ) -> Twist:
+        """Give up after a circuit, unless what it circled has gone, or hides nothing.
+
+        Args:
+            observation: The newest scan.
+            boundary: What it has circled.
+            began: Where on its path the circuit began, m.
+        """
         self.circuits += 1
-        if self._gone < _MOST_GONE and boundary.memory.has_gone(observation):
-            self._gone += 1
-            # The limit was that of a boundary which is no longer there.
+        has_gone = self._gone < _MOST_GONE and boundary.memory.has_gone(observation)
+        is_other = self._others < MOST_OTHERS and not boundary.is_what_was_hit(began)
+        if has_gone or is_other:
+            self._gone += has_gone
+            self._others += is_other
+            # The limit was that of a boundary which is no longer there, or another's.
             self._left_at = math.inf
-            return self._leave(observation, self.goals[0])
+            twist = self._leave(observation, self.goals[0])
+            # What it hits next may be the same again: then on the other hand.
+            self._left = None
+            self._last_hand = boundary.mode.wall_on_left if is_other else None
+            return twist
         self.activity = Activity.NO_PATH
         return STOP

@@ -107,3 +107,22 @@ def test_robot_does_not_back_off_from_what_stands_or_into_something(
         waiting.has_to_wait(scan, Twist(0.3, 0.0))
         world.move(STOP)
     assert waiting.back_off(scan) == STOP
+
+
+def test_robot_does_not_back_off_from_what_stands_where_another_thing_moves(
+    flatland: World,
+) -> None:
+    pole = shapely.box(-0.1, 0.34, 0.1, 0.6)
+    world, waiting = flatland(pole, at=Pose2(0.0, 0.0)), Waiting(BUMPERS, 0.37)
+    seen = 0
+    for k in range(60):
+        y = -1.5 + 0.05 * k
+        world.walls = flatland(pole, crossing(y), at=world.pose).walls
+        world.walls[:, :, 0] += np.where(np.arange(len(world.walls)) < 4, 0.0, 1.6)[
+            :, None
+        ]
+        scan = world.scan()
+        seen += waiting.has_to_wait(scan, Twist(0.3, 0.0))
+        assert waiting.back_off(scan) is None
+        world.move(STOP)
+    assert seen

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -151,3 +152,28 @@ def test_only_what_is_open_to_the_border_may_be_joined_outside() -> None:
 
 def cost_is_open(grid: ObstacleGrid, point: tuple[float, float]) -> bool:
     return bool(np.isfinite(step_cost(grid.clearance(), 0.3)[grid.cell(point)]))
+
+
+def test_pole_stays_though_beams_pass_beside_it() -> None:
+    """A pole of 5 cm is met by every fourth scan of beams 2 degrees apart."""
+    grid = ObstacleGrid([(0.0, 0.0), (6.0, 0.0)])
+    for k in range(60):
+        y = 0.013 * k
+        bearing = np.radians(np.arange(-10.0, 10.0, 2.0))
+        # the distance of the pole's axis from each beam
+        off = 6.0 * np.sin(bearing) + y * np.cos(bearing)
+        ranges = np.where(np.abs(off) < 0.025, 6.0 * np.cos(bearing), np.inf)
+        grid.add(Observation(0.5 * k, Pose2(0.0, y), bearing, ranges))
+        if k > 20:
+            assert grid.clearance()[grid.cell((6.0, 0.0))] < 0.15
+
+
+def test_who_waited_has_not_looked_for_a_path_meanwhile(flatland: World) -> None:
+    world = flatland(CELL, at=Pose2(0.1, 0.2))
+    planned, seen = planning((6.0, 0.4)), world.scan()
+    told = []
+    for time in (0.0, 20.0, *np.arange(20.5, 25.1, 0.5)):
+        planned.step(replace(seen, time=float(time)))
+        told.append(planned.activity is Activity.NO_PATH)
+    assert not any(told[:-1])
+    assert told[-1]
