@@ -28,7 +28,7 @@ def test_push_is_a_touch_that_lasts_or_is_repeated() -> None:
     monitor = GroundTruthMonitor(host)
     with Client(InProcessTransport(host, after_tick=monitor.watch)) as client:
         client.spawn("P3AT", pose=Pose2(-1.0, 0.0))
-        for speed, seconds in ((3.0, 2.0), (-3.0, 1.0), (3.0, 1.6), (-3.0, 1.0)):
+        for speed, seconds in ((3.0, 2.5), (-3.0, 1.0), (3.0, 1.6), (-3.0, 1.0)):
             client.drive(speed, speed)
             end = host.simulation.time + seconds
             while host.simulation.time < end:
