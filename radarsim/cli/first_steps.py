@@ -32,7 +32,7 @@ from radarsim.processes import signal_handlers
 
 MAP: Final = "foliage_room"
 START: Final = "RobotStart1"
-TITLE: Final = "To a laser the bushes are a wall; a radar sees through them"
+TITLE: Final = "To a laser the bushes are a wall; some beams of a radar pass them"
 _NEXT: Final = f"""\
 Try next:
   {{0}} explain {MAP} --sensor radar --start {START} --beam 95

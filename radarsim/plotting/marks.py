@@ -132,7 +132,7 @@ _CIRCLE: Final[Any] = {
 # How the ends of rays are marked.
 END_MARKS: Final[dict[BeamEnd, dict[str, Any]]] = {
     BeamEnd.THROUGH: {"zorder": 5, **_CIRCLE},
-    BeamEnd.SPENT: {"zorder": 4, **_CROSS},
+    BeamEnd.SPENT: {"zorder": 4, **_CROSS, "marker": "+"},
     BeamEnd.STOPPED: {"zorder": 4, **_CROSS},
     BeamEnd.TOUCHING: {
         "zorder": 4,

@@ -80,7 +80,7 @@ RETURNING: Final = "#0b6b57"  # path back to the leave point
 TARGET: Final = "#e11dbb"  # goals
 UNKNOWN_SENSOR: Final = LASER
 ROBOT_PATHS: Final = (GOING, RETURNING, FOLLOWING)  # of robots that map together
-NOT_SENSED: Final = "#9aa3ad"  # cells of a map that no beam has crossed
+NOT_SENSED: Final = "#c2cbe0"  # cells of a map that no beam has crossed
 MARKER: Final = INK  # markers, and their edges
 ROBOT: Final = PAPER  # hull of the robot, outlined in ``MARKER``
 

@@ -131,7 +131,9 @@ def cut_at_readings(segments: RaySegments, ranges: Floats) -> RaySegments:
 def draw_rays(axes: Axes, scene: Scene, scan: Scan, sight: Sight) -> None:
     """Draw the rays that gave the ranges, from their origins to their readings.
 
-    Those that see through something are the boldest; those without return are faint.
+    Behind what they see through they are the boldest, so that near the sensor, where
+    all of them lie close together, the map stays in sight; those without return are
+    faint.
     A beam that is blinded has no way to its reading: its ray is thinly dashed up to
     where it is spent.
     """
@@ -139,7 +141,7 @@ def draw_rays(axes: Axes, scene: Scene, scan: Scan, sight: Sight) -> None:
     colour = to_rgba(scan_colour(scan))
     _draw_blinded(axes, segments, scan.ranges == 0, colour)
     segments = cut_at_readings(segments, scan.ranges)
-    through = (sight.ends == BeamEnd.THROUGH)[segments.rays]
+    through = (sight.ends == BeamEnd.THROUGH)[segments.rays] & (segments.starts > 0)
     shades = np.tile(colour, (len(segments.rays), 1))
     came_back = np.isfinite(scan.ranges)[segments.rays]
     shades[:, 3] = line_opacity(segments.shares)

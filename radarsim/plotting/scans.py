@@ -40,7 +40,7 @@ from radarsim.plotting.plan import (
     show_extent,
 )
 from radarsim.plotting.ray_segments import draw_rays
-from radarsim.plotting.sight import BeamEnd, Sight, find_sight
+from radarsim.plotting.sight import BeamEnd, Sight, find_sight, name_materials
 from radarsim.plotting.style import (
     QUIET,
     Legend,
@@ -51,6 +51,7 @@ from radarsim.plotting.style import (
 from radarsim.presets.robots import load_robot
 from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map
+from radarsim.scene.material import Material
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor
 from radarsim.sensors.scan import Scan
@@ -94,6 +95,24 @@ def name_sensor(scan: Scan) -> str:
     if re.search(rf"\b{medium}\b", name):
         return name[0].upper() + name[1:]
     return f"{medium.capitalize()} ({name})"
+
+
+def _finding(scans: Sequence[Scan], sights: Sequence[Sight]) -> str:
+    """Return which of several sensors see through something; "" if all or none do."""
+    seeing: list[str] = []
+    blocked: list[str] = []
+    passed: list[Material] = []
+    for scan, sight in zip(scans, sights, strict=True):
+        is_through = bool((sight.ends == BeamEnd.THROUGH).any())
+        (seeing if is_through else blocked).append(name_sensor(scan))
+        passed += sight.materials.get(BeamEnd.THROUGH, ())
+    if not seeing or not blocked:
+        return ""
+    verb = "sees" if len(seeing) == 1 else "see"
+    others = " and ".join(name[0].lower() + name[1:] for name in blocked)
+    does = "does not" if len(blocked) == 1 else "do not"
+    through = f"{' and '.join(seeing)} {verb} through {name_materials(passed)}"
+    return f"{through}; {others} {does}"
 
 
 def describe_beams(scene: str, scans: Sequence[Scan]) -> str:
@@ -311,8 +330,10 @@ def compare(
         words = textwrap.fill(words, _PANEL_TITLE)
         axes.set_title(words, loc="left", fontsize=11, fontweight="bold")
         axes.set_xlabel("")
+    title = _finding(scans, [find_sight(scene, scan) for scan in scans])
+    title = title or f"{scene.name}, from {place.name}: what each sensor sees"
     figure.suptitle(
-        f"{scene.name}, from {place.name}: what each sensor sees", parse_math=False
+        title, parse_math=False, fontsize="x-large", fontweight="bold", wrap=True
     )
     legend.draw(figure, _COLUMNS)
     for axes in panels:
