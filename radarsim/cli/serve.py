@@ -138,6 +138,8 @@ def serve(
         own = _own_servers(simulated, image_port, truth_port, wireless_port)
         most = _permitted_clients(max_clients)
         server = Server(simulated, speed=speed, max_clients=most)
+        for each in beside:
+            each.follow_pace(server.pace)
 
         def announce_all(address: tuple[str, int]) -> None:
             announce(address)

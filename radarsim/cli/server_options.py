@@ -33,6 +33,7 @@ from radarsim.protocol.dialect import DriveUnit
 if TYPE_CHECKING:
     from radarsim.presets.robots import RobotModel
     from radarsim.server.host import Host
+    from radarsim.server.pace import Pace
     from radarsim.simulation.config import SimulationConfig
     from radarsim.simulation.simulation import Simulation
 
@@ -145,6 +146,9 @@ class ServeExtension:
 
     def attach(self, host: Host) -> None:
         """Use the host, whose simulation has not begun."""
+
+    def follow_pace(self, pace: Pace) -> None:
+        """Use what paces simulated time; only in the event loop, once that runs."""
 
     async def start(self, address: str) -> None:
         """Listen.

@@ -18,6 +18,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import Final
 
+from matplotlib import color_sequences
 from matplotlib.colors import to_hex, to_rgb
 
 from radarsim.scene.material import Material
@@ -80,6 +81,8 @@ RETURNING: Final = "#0b6b57"  # path back to the leave point
 TARGET: Final = "#e11dbb"  # goals
 UNKNOWN_SENSOR: Final = LASER
 ROBOT_PATHS: Final = (GOING, RETURNING, FOLLOWING)  # of robots that map together
+# Of robots that are seen together: hulls, and what their sensors read.
+ROBOTS: Final[tuple[str, ...]] = tuple(map(to_hex, color_sequences["tab10"]))
 NOT_SENSED: Final = "#c2cbe0"  # cells of a map that no beam has crossed
 MARKER: Final = INK  # markers, and their edges
 ROBOT: Final = PAPER  # hull of the robot, outlined in ``MARKER``

@@ -20,6 +20,7 @@ from radarsim.listening import (
 from radarsim.processes import TERMINATED
 from radarsim.server.engine_loader import EngineLoader
 from radarsim.server.host import Diagnostic, Host
+from radarsim.server.pace import Pace
 from radarsim.server.peer_connections import ReadAllowance, ReadTurns, RefusalLog
 from radarsim.simulation.clock import TICK
 
@@ -42,6 +43,7 @@ class Server:
 
     Attributes:
         address: Host and port that it listens on, once started.
+        pace: How simulated time follows the wall clock; may be changed at any time.
     """
 
     def __init__(
@@ -63,7 +65,7 @@ class Server:
         self.address = ("", 0)
         self._host = host
         self._loader = EngineLoader(host)
-        self._period = TICK / speed
+        self.pace = Pace(speed)
         self._max_clients = max_clients
         self._after_tick = after_tick
         self._connections = ConnectionTable()
@@ -143,7 +145,7 @@ class Server:
         while True:
             # From the last due time, not from now: delays of single ticks do not add
             # up.
-            due += self._period
+            due += self.pace.interval
             lag = loop.time() - due
             # Catching up would mean to send a burst of old readings, for which clients
             # have no use; simulated time waits instead, and the log tells.
@@ -162,11 +164,11 @@ class Server:
                 raise
 
     def tick(self) -> None:
-        """Advance simulated time by 10 ms, if it has begun, and send what is due."""
+        """Advance simulated time by 10 ms, if it passes, and send what is due."""
         connections = self._connections.by_number
         for connection, is_gone in self._connections.hung_up():
             connection.hang_up(is_gone=is_gone)
-        for number, diagnostic in self._host.step():
+        for number, diagnostic in self._host.step(passes=self.pace.take_tick()):
             if number in connections:  # the host can have other clients
                 connections[number].log_diagnostics([diagnostic])
         self._turns.advance()

@@ -45,7 +45,7 @@ class Running:
         return number
 
     def tick(self) -> None:
-        self.radar.step()
+        self.radar.step(passes=True)
         self.host.step()
 
     async def connect(self) -> ColossusClient:

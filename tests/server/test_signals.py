@@ -57,7 +57,7 @@ async def test_terminal_may_be_closed_if_the_parent_said_so(empty_room: Scene) -
 class Broken(Host):
     """Fails in its first tick."""
 
-    def step(self) -> list[tuple[int, Diagnostic]]:
+    def step(self, *, passes: bool = True) -> list[tuple[int, Diagnostic]]:  # noqa: ARG002
         raise RuntimeError("broken")
 
 

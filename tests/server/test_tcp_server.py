@@ -502,9 +502,9 @@ class Counting(Host):
         self.read = (*self.read[:-1], self.read[-1] + len(data))
         return super().receive(number, data)
 
-    def step(self) -> list[tuple[int, Diagnostic]]:
+    def step(self, *, passes: bool = True) -> list[tuple[int, Diagnostic]]:
         self.read = (*self.read, 0)
-        return super().step()
+        return super().step(passes=passes)
 
 
 async def test_flood_of_blank_lines_is_read_in_small_pieces(empty_room: Scene) -> None:
@@ -663,10 +663,10 @@ async def test_lost_time_is_logged_and_no_scan_is_skipped(
 class Broken(Host):
     """Fails in its fifth tick."""
 
-    def step(self) -> list[tuple[int, Diagnostic]]:
+    def step(self, *, passes: bool = True) -> list[tuple[int, Diagnostic]]:
         if self.simulation.ticks == 5:
             raise RuntimeError("broken")
-        return super().step()
+        return super().step(passes=passes)
 
 
 async def test_wait_failed_raises_the_error_of_a_tick(empty_room: Scene) -> None:

@@ -5,6 +5,7 @@ import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from threading import Thread
 
 from processes import start_radarsim
@@ -53,6 +54,14 @@ def show(address: tuple[str, int], *words: str) -> Iterator[Served]:
     words = ("commander", "--connect", server, *words, "--web", "0")
     with _run("commander on", *words) as (process, told):
         yield Served(process, address, _read_url(told))
+
+
+@contextmanager
+def play(folder: Path, *words: str) -> Iterator[Served]:
+    """Serve the page that plays a recording."""
+    words = ("commander", "--recording", str(folder), *words, "--web", "0")
+    with _run("commander on", *words) as (process, told):
+        yield Served(process, ("", 0), _read_url(told))
 
 
 @contextmanager

@@ -53,7 +53,7 @@ _UNLIMITED: Final = {"sec": 9223372036, "nsec": 854775807}
 # Bytes; chunks have about 2**16. A length that is broken or made up must not make the
 # reader ask for as much memory.
 LARGEST_RECORD = 2**28
-_BROKEN = (
+BROKEN = (
     McapError,
     CRCValidationError,
     ZstdError,
@@ -353,17 +353,8 @@ class BagReader:
             RecordingError: If the file cannot be read, or what it says of a call.
         """
         for topic, message, _, _ in self.messages():
-            if topic not in (TO_CLIENT, TO_SERVER):
-                continue
-            try:
-                octets = decode(message, UInt8MultiArray)
-                name, client, tick = octets.layout.dim[0].label.split()
-                data = octets.data.tobytes()
-                call = RunEvent(EventType[name.upper()], int(tick), int(client), data)
-            except (LookupError, ValueError) as error:
-                text = f"call {error}, expected one of radarsim"
-                raise RecordingError(text) from error
-            yield call
+            if topic in (TO_CLIENT, TO_SERVER):
+                yield decode_call(message)
 
     def _records(self) -> Iterator[McapRecord]:
         """Yield the records of the file up to the first that is not whole."""
@@ -375,10 +366,26 @@ class BagReader:
                 try:
                     yield from reader.records
                 # What comes before is whole: each chunk has a checksum of its own.
-                except _BROKEN:
+                except BROKEN:
                     return
         except OSError as error:
             raise RecordingError(f"{self._path}: {error.strerror}") from error
+
+
+def decode_call(message: EncodedMessage) -> RunEvent:
+    """Decode a message of one of the topics of the wire.
+
+    Raises:
+        RecordingError: If it is no call of a host.
+    """
+    try:
+        octets = decode(message, UInt8MultiArray)
+        name, client, tick = octets.layout.dim[0].label.split()
+        data = octets.data.tobytes()
+        return RunEvent(EventType[name.upper()], int(tick), int(client), data)
+    except (LookupError, ValueError) as error:
+        text = f"call {error}, expected one of radarsim"
+        raise RecordingError(text) from error
 
 
 def repair(folder: Path) -> int:

@@ -46,6 +46,8 @@ class RecordingInfo(BaseModel):
         own_localization: Whether the poses of ``odom`` in ``map`` are left out.
         no_namespace: Name of the robot whose topics and frames begin with no name.
         robots_map: Whether ``/map`` is that which a robot makes, and not the truth.
+        drawn_map: The map that was shown while a page recorded, whose run cannot be
+            repeated; empty if there was none.
     """
 
     model_config = ConfigDict(extra="ignore", frozen=True)
@@ -62,6 +64,7 @@ class RecordingInfo(BaseModel):
     own_localization: bool = False
     no_namespace: str = ""
     robots_map: bool = False
+    drawn_map: str = ""
 
     @classmethod
     def of_host(

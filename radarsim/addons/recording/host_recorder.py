@@ -43,7 +43,7 @@ class EventType(IntEnum):
     RECEIVE = 3  # bytes of a client
     TAKE = 4  # bytes for a client
     FINISH = 5  # the last bytes for a client that sends no more
-    WAIT = 6  # ticks before simulated time begins; ``client`` counts them
+    WAIT = 6  # ticks in which no simulated time passes; ``client`` counts them
     BEGIN = 7  # simulated time begins
     END = 8  # the recording ends
     ROBOT = 100  # a robot is new, or has changed: its name, and answers about it
@@ -219,12 +219,14 @@ class HostRecorder(HostObserver):
         # Before what the robot is sent, as messages are made by its description.
         self._report(EventType.ROBOT, client, name + to_bytes(lines))
 
-    def step(self) -> None:
+    def step(self, *, passes: bool) -> None:
         """See ``HostObserver.step``."""
-        if self._simulation is None:
+        if not passes:
             self._idle_ticks += 1
             return
+        self._report_wait()
         if self._camera_interval and self._tick % self._camera_interval == 0:
+            assert self._simulation is not None  # else no time passes
             self._report_view(self._simulation)
         self._tick += 1
 
@@ -241,12 +243,15 @@ class HostRecorder(HostObserver):
         self._report(EventType.END)
 
     def _report(self, type_: EventType, client: int = 0, data: bytes = b"") -> None:
+        self._report_wait()
+        self._record(RunEvent(type_, self._tick, client, data))
+
+    def _report_wait(self) -> None:
         # Idle ticks are counted, not reported one by one: a server can wait for its
-        # engine, and a hundred times a second, for minutes.
+        # engine, or be paused, and a hundred times a second, for minutes.
         if self._idle_ticks:
             idle, self._idle_ticks = self._idle_ticks, 0
             self._record(RunEvent(EventType.WAIT, self._tick, idle))
-        self._record(RunEvent(type_, self._tick, client, data))
 
     def _report_view(self, simulation: Simulation) -> None:
         first = simulation.vehicles[0] if simulation.vehicles else None

@@ -108,7 +108,7 @@ def _repeat(host: Host, call: RunEvent) -> bytes | None:
             host.begin(host.make_simulation())
         case EventType.WAIT:
             for _ in range(call.client):  # ticks, no number of a client
-                host.step()
+                host.step(passes=False)
         case _:
             pass
     return None

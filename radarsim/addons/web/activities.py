@@ -23,12 +23,16 @@ from radarsim.addons.web.requests import (
     Map,
 )
 from radarsim.addons.web.robots import Robots
+from radarsim.addons.web.time_control import TaskClock
 from radarsim.addons.web.viewers import Viewers, encode_json
+from radarsim.autonomy.navigation.mission import safety_distance_for
 from radarsim.autonomy.navigation.plans import check_goal
+from radarsim.autonomy.navigation.runner import least_clearance
 from radarsim.errors import NavigationError, RadarsimError
 
 if TYPE_CHECKING:
     from radarsim.addons.web.algorithms import MapMaker
+    from radarsim.addons.web.scene_message import SceneMessages
 
 log = logging.getLogger("radarsim.addons.web")
 MOST_TASKS: Final = 20  # at a time
@@ -74,6 +78,7 @@ class TaskBoard:
 
     Attributes:
         running: Tasks by the names of their robots.
+        clock: By which they wait.
     """
 
     def __init__(self, tell: Tell) -> None:
@@ -83,6 +88,7 @@ class TaskBoard:
             tell: Called with messages, in the event loop.
         """
         self.running: dict[str, Task] = {}
+        self.clock = TaskClock()
         self._tell = tell
         self._threads = 0  # also of cancelled tasks, until they notice
         self._loop = asyncio.get_running_loop()
@@ -99,7 +105,7 @@ class TaskBoard:
         if self._threads >= MOST_TASKS:
             raise BadRequest(f"{MOST_TASKS} tasks are running, expected no more")
         self._count += 1
-        task = Task(self._count, robot, kind, RobotClient(robot))
+        task = Task(self._count, robot, kind, RobotClient(robot, self.clock))
         self.running[robot.name] = task
         self._threads += 1
         self._tell(task.describe("running"))
@@ -146,10 +152,7 @@ class Activities:
     """Tasks and maps of robots, and the newest messages about them.
 
     Attributes:
-        bounds: Extent of the map, west, south, east and north, m; None if it is not
-            known.
-        safety_distance: Distance that robots keep on the way to a goal, m; None for the
-            least one that suits them.
+        scene: The map; None if it is not known.
         newest: What a new browser has to know, as JSON; by kind and robot.
     """
 
@@ -163,8 +166,7 @@ class Activities:
             viewers: The browsers, which are told.
             on_change: Called when others are at work or are mapped than before.
         """
-        self.bounds: tuple[float, float, float, float] | None = None
-        self.safety_distance: float | None = None
+        self.scene: SceneMessages | None = None
         self._robots = robots
         self._viewers = viewers
         self._on_change = on_change
@@ -172,6 +174,10 @@ class Activities:
         self._makers: dict[str, MapMaker] = {}
         self._colours: dict[str, Colours] = {}
         self.newest: dict[tuple[str, str], str] = {}
+
+    def follow_time(self, rate: float) -> None:
+        """Let tasks wait by simulated time, of which so much passes in a second."""
+        self._tasks.clock.set_rate(rate)
 
     @property
     def mapped(self) -> Set[str]:
@@ -190,12 +196,9 @@ class Activities:
         """
         from radarsim.addons.web.algorithms import plan_drive  # noqa: PLC0415
 
-        if self.bounds is not None:
-            try:
-                check_goal(request.goal, self.bounds)
-            except NavigationError as error:
-                raise BadRequest(str(error)) from None
-        self._begin("goto", request.robot, plan_drive(request, self.safety_distance))
+        if self.scene is not None:
+            self._check_goal(self._robots.find_own(request.robot), request.goal)
+        self._begin("goto", request.robot, plan_drive(request, self._wanted_distance))
 
     def explore(self, request: Explore) -> None:
         """Explore, and show the map that is made for that.
@@ -257,6 +260,37 @@ class Activities:
         """End everything."""
         for robot in {*self._makers, *self._robots.own}:
             self.forget(robot)
+
+    def safety_distance(self, robot: OwnRobot) -> float | None:
+        """Return the distance that a robot keeps on its way, m; None if it has none."""
+        with suppress(NavigationError):  # which a drive tells as well
+            return safety_distance_for(robot.info, self._wanted_distance, 0.0)
+        return None
+
+    @property
+    def _wanted_distance(self) -> float | None:
+        """Distance for which the map is designed, m; None for the least that suits."""
+        return None if self.scene is None else self.scene.safety_distance
+
+    def _check_goal(self, robot: OwnRobot, goal: tuple[float, float]) -> None:
+        """Refuse a goal outside of the map, or one that would be given up there.
+
+        Raises:
+            BadRequest: If it is one of these.
+        """
+        assert self.scene is not None  # it is known
+        try:
+            check_goal(goal, self.scene.bounds)
+        except NavigationError as error:
+            raise BadRequest(str(error)) from None
+        least = self.safety_distance(robot)
+        distance, name = self.scene.obstacles.nearest(*goal)
+        if least is not None and distance < least_clearance(least):
+            raise BadRequest(
+                f"goal ({goal[0]:g}, {goal[1]:g}) is {distance:.2f} m from {name!r},"
+                f" expected at least the safety distance of {robot.name!r},"
+                f" {least:.2f} m"
+            )
 
     def _begin(self, kind: str, robot: str, work: Work) -> None:
         own = self._robots.find_own(robot)

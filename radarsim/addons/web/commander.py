@@ -4,12 +4,14 @@ Everything runs in one event loop. What takes long, such as spawning, is done be
 """
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from radarsim import __version__
 from radarsim.addons.web.activities import Activities
+from radarsim.addons.web.frame import Owner, encode_frame
+from radarsim.addons.web.playback import Playback
 from radarsim.addons.web.recording import RecordingSwitch
 from radarsim.addons.web.requests import (
     Ack,
@@ -21,9 +23,11 @@ from radarsim.addons.web.requests import (
     Goto,
     Look,
     Map,
+    Pace,
     Record,
     Remove,
     Request,
+    Seek,
     Select,
     Setting,
     Spawn,
@@ -31,10 +35,13 @@ from radarsim.addons.web.requests import (
     Triangles,
     make_offers,
 )
-from radarsim.addons.web.robot_view import Owner, encode_frame, explain_beam
+from radarsim.addons.web.robot_view import explain_beam
 from radarsim.addons.web.robots import Robots
 from radarsim.addons.web.server_link import ServerLink
+from radarsim.addons.web.time_control import TimeControl
 from radarsim.addons.web.viewers import Viewer, Viewers
+from radarsim.autonomy.navigation.runner import least_clearance
+from radarsim.protocol.reports import Report
 from radarsim.simulation.config import SimulationConfig
 
 if TYPE_CHECKING:
@@ -48,16 +55,21 @@ class Commander:
 
     def __init__(
         self,
-        address: tuple[str, int],
+        source: "tuple[str, int] | Playback",
         config: SimulationConfig,
         record_to: Path,
+        time: TimeControl,
+        *,
+        map_: str | None = None,
     ) -> None:
         """Create a commander that is not connected; to be called in the event loop.
 
         Args:
-            address: Host and port of the server.
+            source: Host and port of the server, or the recording that is played.
             config: How the server was started, as far as it is known.
             record_to: Folder in which each recording gets one of its own.
+            time: What lets time pass.
+            map_: The map that is shown, if one is known.
         """
         self._config = config
         self._scene: SceneMessages | None = None
@@ -65,6 +77,9 @@ class Commander:
         self._loop = asyncio.get_running_loop()
         self._linger: asyncio.TimerHandle | None = None
         self._viewers = Viewers(self._frame)
+        self._time = time
+        time.on_change = self._time_changed
+        address = None if isinstance(source, Playback) else source
         self._robots = Robots(
             address,
             config,
@@ -73,8 +88,15 @@ class Commander:
             on_left=self._robot_left,
         )
         self._activities = Activities(self._robots, self._viewers, self._robots_changed)
-        self._link = ServerLink(address, self._server_changed, self._robots.watch)
-        self._recording = RecordingSwitch(address, config, record_to, self._viewers)
+        self._link: ServerLink | Playback
+        if isinstance(source, Playback):
+            self._link = source
+            source.on_link, source.on_reports = self._server_changed, self._show_reports
+        else:
+            self._link = ServerLink(source, self._server_changed, self._robots.watch)
+        self._recording = RecordingSwitch(
+            address, config, record_to, self._viewers, map_=map_
+        )
         self._handlers: Mapping[type[Request], Callable[[Viewer, Any], None]] = {
             Ack: lambda viewer, _: self._viewers.acknowledge(viewer),
             Cancel: lambda _, request: self._activities.cancel(request),
@@ -84,8 +106,10 @@ class Commander:
             Goto: lambda _, request: self._activities.go(request),
             Look: self._look,
             Map: lambda _, request: self._activities.switch_map(request),
+            Pace: lambda _, request: self._time.change(request),
             Record: lambda _, request: self._recording.switch(request.on),
             Remove: self._robots.remove,
+            Seek: lambda _, request: self._time.seek(request),
             Select: self._select,
             Setting: self._set,
             Spawn: self._robots.spawn,
@@ -104,8 +128,7 @@ class Commander:
     def show_scene(self, scene: "SceneMessages") -> None:
         """Show the map that the server serves."""
         self._scene = scene
-        self._activities.safety_distance = scene.safety_distance
-        self._activities.bounds = scene.bounds
+        self._activities.scene = scene
         for viewer in self._viewers:
             self._greet(viewer)
             viewer.send(scene.plan, "scene")
@@ -118,6 +141,7 @@ class Commander:
         if self._scene is not None:
             viewer.send(self._scene.plan)
         viewer.send(self._recording.message(), "recording")
+        viewer.send(self._time.message(), "time")
         self._tell_server(viewer)
         for text in self._activities.newest.values():
             viewer.send(text)
@@ -202,6 +226,7 @@ class Commander:
             "dialect": self._config.dialect.name,
             "watch": state.watches,
             "map": scene is not None,
+            "played": isinstance(self._link, Playback),
             "starts": [
                 {"name": name, "x": pose.x, "y": pose.y, "yaw": pose.yaw}
                 for name, pose in state.starts.items()
@@ -210,6 +235,16 @@ class Commander:
             **make_offers(self._config),
         }
         viewer.send(greeting, "hello")
+
+    def _time_changed(self) -> None:
+        time = self._time
+        self._activities.follow_time(0.0 if time.is_paused else time.speed)
+        self._viewers.broadcast(time.message(), "time")
+
+    def _show_reports(self, reports: Sequence[Report]) -> None:
+        """Show what a recording tells, and how far it is, also without any report."""
+        self._robots.watch(reports)
+        self._viewers.update()
 
     def _robots_changed(self) -> None:
         self._watch()  # echoes of robots that were selected before they came
@@ -260,5 +295,13 @@ class Commander:
         owners = {}
         for name, robot in self._robots.own.items():
             work = "task" if self._activities.is_at_work(name) else None
-            owners[name] = Owner(True, robot.driver or work, robot.hindrance)
-        return encode_frame(self._robots.views.values(), owners, selected)
+            safety = self._activities.safety_distance(robot)
+            owners[name] = Owner(
+                mine=True,
+                driver=robot.driver or work,
+                hindrance=robot.hindrance,
+                safety=safety,
+                clearance=None if safety is None else least_clearance(safety),
+            )
+        views = self._robots.views.values()
+        return encode_frame(views, owners, selected, self._time.position)

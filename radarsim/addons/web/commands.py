@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import logging
 import subprocess
 import sys
@@ -13,7 +14,7 @@ import threading
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Final
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 from urllib.parse import urlencode
 
 import click
@@ -28,9 +29,13 @@ from radarsim.cli.server_options import (
     check_item_settings,
     cure_of_port,
 )
-from radarsim.errors import ServerError, describe_os_error, join_address
+from radarsim.errors import MapError, ServerError, describe_os_error, join_address
 from radarsim.plans import RARE, Option
 from radarsim.processes import exit_immediately, set_exit_code_of_sigterm
+
+if TYPE_CHECKING:
+    from radarsim.server.pace import Pace
+    from radarsim.simulation.config import SimulationConfig
 
 END_TIMEOUT: Final = 5.0  # s that it has to end by itself
 ANY_ADDRESS: Final = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # where to reach them
@@ -52,8 +57,9 @@ class ShownServer(ServerOptions):
         map: A map to serve: its file, or the name of a shipped map; @VARIANT may
             follow.
         connect: Show the robots of this server instead.
-        draw: The map that it serves, to be drawn; without it the page shows robots and
-            scans alone.
+        recording: Play the recording in this folder instead.
+        draw: The map that the server serves, to be drawn; without it the page shows
+            robots and scans alone. Of a recording, by default its own.
         dialect: Dialect of the server.
         settings: Setting of the robots' items, such as lms200.max_range=20, on the
             server.
@@ -63,13 +69,16 @@ class ShownServer(ServerOptions):
     """
 
     option_group: ClassVar = "Server"
-    one_required: ClassVar = (("map", "connect"),)
+    one_required: ClassVar = (("map", "connect", "recording"),)
 
     map: MapName | None = None
     connect: Address | None = None
+    recording: Annotated[Path | None, Option(metavar="DIR")] = None
     draw: Annotated[
         str | None,
-        Option(metavar="MAP", words="maps", is_rare=True, needs=("connect",)),
+        Option(
+            metavar="MAP", words="maps", is_rare=True, needs=("connect", "recording")
+        ),
     ] = None
 
 
@@ -142,12 +151,14 @@ def commander(
     from radarsim.server.web_server import make_token
 
     address: tuple[str, int] | None = server.connect
-    if address is None:  # the parent writes it when it listens
+    config, drawn = server.config(), server.map or server.draw
+    if server.recording is not None:
+        config, drawn = conditions_of(server.recording, drawn)
+    elif address is None:  # the parent writes it when it listens
         host, _, port = sys.stdin.readline().strip().rpartition(" ")
         if not host:  # it has ended instead, and said why
             raise click.exceptions.Exit(1)
         address = host, int(port)
-    config = server.config()
     if not child:  # else the parent says what is wrong with them, and ends
         check_item_settings(config)
     token = make_token()
@@ -163,9 +174,10 @@ def commander(
         web_port=page.web,
         token=token,
         config=config,
-        map=server.map or server.draw,
+        map=drawn,
         record_to=page.record_to,
         is_child=child,
+        recording=server.recording,
     )
     start_log(logging.WARNING, "%(asctime)s %(levelname)s %(message)s")
     logging.getLogger("uvicorn").setLevel(logging.ERROR)  # peers cannot fill the log
@@ -174,6 +186,45 @@ def commander(
             run_commander(settings, lambda at: announce_commander(at, token))
         )
     return exit_immediately(code)  # threads may still import or compute
+
+
+def conditions_of(
+    folder: Path, drawn: str | None
+) -> tuple[SimulationConfig, str | None]:
+    """Return how the server of a recording was started, and which map to draw.
+
+    Args:
+        folder: Folder of the recording.
+        drawn: The map that the user wants; None for the recorded one, if that is there.
+
+    Raises:
+        RecordingError: If there is none.
+    """
+    from radarsim.addons.recording.bag_folder import check_installed, digest_of
+
+    check_installed()
+    from radarsim.addons.recording.bag import BagReader
+    from radarsim.protocol.dialect import get_dialect
+    from radarsim.scene.map_file import find_map
+    from radarsim.simulation.config import SimulationConfig
+
+    info = BagReader(folder).info
+    config = SimulationConfig(
+        get_dialect(info.dialect), info.drive_unit, info.settings, info.robots
+    )
+    name = info.map or info.drawn_map
+    if drawn is None and name:
+        try:
+            path, _ = find_map(name)
+            same = info.map_digest in ("", digest_of(path))
+            problem = "" if same else f"{path} is not as it was"
+        except (MapError, OSError) as error:
+            problem = str(error)
+        if problem:
+            print_message(f"no map is drawn: {problem}; --draw names one")
+        else:
+            drawn = name
+    return config, drawn
 
 
 def read_token(path: Path) -> str:
@@ -235,6 +286,8 @@ class CommanderExtension(ServeExtension):
         self.address = page.web_host
         self._words = [served.map, *page.words(), *served.options.words()]
         self._process: subprocess.Popen[str] | None = None
+        self._pace: Pace | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
         self._is_stopping = False
 
     def open(self) -> None:
@@ -248,6 +301,7 @@ class CommanderExtension(ServeExtension):
             self._process = subprocess.Popen(
                 [*command, "commander", "--child", *self._words],
                 stdin=subprocess.PIPE,  # closed when this process ends, however it ends
+                stdout=subprocess.PIPE,
                 text=True,
                 start_new_session=True,  # Ctrl-C in a terminal is not for it
             )
@@ -256,13 +310,42 @@ class CommanderExtension(ServeExtension):
             raise ServerError(text) from error
         threading.Thread(target=self._watch, args=(self._process,), daemon=True).start()
 
+    def follow_pace(self, pace: Pace) -> None:
+        """Let browsers change the pace, and tell them of changes."""
+        self._pace = pace
+        pace.observers.append(self._tell_pace)
+
+    async def start(self, address: str) -> None:  # noqa: ARG002
+        """Note in which event loop the server runs."""
+        self._loop = asyncio.get_running_loop()
+
     def announce(self, address: tuple[str, int]) -> None:
         """Tell it where the server listens."""
         host, port = address
+        self._tell(f"{ANY_ADDRESS.get(host, host)} {port}")
+        self._tell_pace()
+
+    def _tell_pace(self) -> None:
+        if self._pace is not None:
+            state = {"paused": self._pace.is_paused, "speed": self._pace.speed}
+            self._tell(json.dumps(state))
+
+    def _tell(self, line: str) -> None:
         if self._process is not None and self._process.stdin is not None:
-            with suppress(OSError):  # it has ended, and said why
-                self._process.stdin.write(f"{ANY_ADDRESS.get(host, host)} {port}\n")
+            with suppress(OSError, ValueError):  # it has ended, and said why
+                self._process.stdin.write(f"{line}\n")
                 self._process.stdin.flush()
+
+    def _change_pace(self, request: str) -> None:
+        """Do what a browser asks for, in the event loop of the server."""
+        asked, pace = json.loads(request), self._pace
+        assert pace is not None  # the server is there before its page
+        if asked["speed"] is not None:
+            pace.set_speed(asked["speed"])
+        if asked["step"] is not None:
+            pace.step(asked["step"])
+        elif asked["paused"] is not None:
+            (pace.pause if asked["paused"] else pace.resume)()
 
     def close(self) -> None:
         """End it."""
@@ -280,7 +363,18 @@ class CommanderExtension(ServeExtension):
             process.wait()
 
     def _watch(self, process: subprocess.Popen[str]) -> None:
-        """Tell when it ends by itself; robots are served on without it."""
+        """Pass on what it prints and asks for, and tell when it ends by itself.
+
+        Robots are served on without it.
+        """
+        assert process.stdout is not None
+        for line in process.stdout:
+            if not line.startswith("{"):
+                with suppress(OSError):  # who has read stdout is gone
+                    print_now(line.rstrip("\n"))
+            elif self._loop is not None:
+                with suppress(RuntimeError):  # the server has ended
+                    self._loop.call_soon_threadsafe(self._change_pace, line)
         code = process.wait()
         if not self._is_stopping:
             how = f"exit code {code}" if code >= 0 else f"signal {-code}"

@@ -11,12 +11,12 @@ passes commands to its connection.
 import asyncio
 import math
 import queue
-import time
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 from typing import Any, Final, NoReturn, TypeAlias
 
 from radarsim.addons.web.requests import FIRST_CLASS
+from radarsim.addons.web.time_control import TaskClock
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.client import AsyncClient, Client, ClientTimeout, DriveUnit, RobotInfo
 from radarsim.client import session as questions
@@ -192,13 +192,14 @@ class RobotClient(Client):
     Only the methods that algorithms use exist.
     """
 
-    def __init__(self, robot: OwnRobot) -> None:
+    def __init__(self, robot: OwnRobot, clock: TaskClock) -> None:
         """Listen to a robot; to be called in the event loop.
 
         Args:
             robot: The robot.
+            clock: By which it waits.
         """
-        super().__init__(_Clock())
+        super().__init__(_Clock(clock))
         self._robot = robot
         self._loop = asyncio.get_running_loop()
         self._reports: queue.Queue[Sequence[Report]] = queue.Queue()
@@ -269,14 +270,14 @@ class RobotClient(Client):
 class _Clock:
     """A transport that has nothing but a clock."""
 
+    def __init__(self, clock: TaskClock) -> None:
+        self.time = clock.time
+
     def send(self, data: bytes) -> NoReturn:
         raise ConnectionError(f"{data[:80]!r} cannot be sent here")
 
     def receive(self, timeout: float) -> NoReturn:
         raise ConnectionError(f"nothing comes here, nor within {timeout:g} s")
-
-    def time(self) -> float:
-        return time.monotonic()
 
     def close(self) -> None:
         pass

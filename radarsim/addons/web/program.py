@@ -6,13 +6,12 @@ many messages in a second.
 """
 
 import asyncio
-import os
 import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
@@ -25,13 +24,16 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from radarsim.addons.web.commander import Commander
+from radarsim.addons.web.playback import Playback
 from radarsim.addons.web.requests import (
     LONGEST_MESSAGE,
     MESSAGES_PER_SECOND,
     BadRequest,
     Hello,
+    Pace,
     parse_request,
 )
+from radarsim.addons.web.time_control import ServerTime, TimeControl
 from radarsim.addons.web.viewers import SlowViewer
 from radarsim.errors import RadarsimError
 from radarsim.listening import bind, exit_code_of_signal
@@ -63,7 +65,7 @@ class CommanderSettings:
     """How the commander is set up.
 
     Attributes:
-        server: Host and port of the USARSim server.
+        server: Host and port of the USARSim server; None if a recording is played.
         web_host: Address to listen on for browsers.
         web_port: Port to listen on; 0 for a free one.
         token: What a browser has to know.
@@ -72,9 +74,10 @@ class CommanderSettings:
         record_to: Folder in which each recording gets one of its own.
         is_child: Whether to end when stdin is closed. The parent checks the map; else
             it is loaded before browsers can connect.
+        recording: Folder of the recording that is played.
     """
 
-    server: tuple[str, int]
+    server: tuple[str, int] | None
     web_host: str
     web_port: int
     token: str
@@ -82,6 +85,7 @@ class CommanderSettings:
     map: str | None = None
     record_to: Path = Path()
     is_child: bool = False
+    recording: Path | None = None
 
 
 async def run_commander(
@@ -101,9 +105,11 @@ async def run_commander(
         ServerError: If it cannot listen.
     """
     with exit_code_of_signal() as exit_code:
+        time = TimeControl()
         if settings.is_child:
-            _end_with_stdin(exit_code)
-        await serve_page(settings, announce, exit_code)
+            time = ServerTime()
+            _follow_parent(time, exit_code)
+        await serve_page(settings, announce, exit_code, time)
         return exit_code.result() if exit_code.done() else 0
 
 
@@ -111,11 +117,26 @@ async def serve_page(
     settings: CommanderSettings,
     announce: Callable[[tuple[str, int]], None],
     end: asyncio.Future[Any],
+    time: TimeControl,
 ) -> None:
-    """Serve the page until a future is done; arguments and errors as above."""
-    with bind(settings.web_host, settings.web_port) as listening:
+    """Serve the page until a future is done; arguments and errors as above.
+
+    Args:
+        settings: As above.
+        announce: As above.
+        end: Done when it is to end.
+        time: What lets the time of the server pass.
+    """
+    with bind(settings.web_host, settings.web_port) as listening, ExitStack() as stack:
         address = listening.getsockname()[:2]
-        commander = Commander(settings.server, settings.config, settings.record_to)
+        source: tuple[str, int] | Playback
+        if settings.recording is not None:
+            source = time = _open_recording(settings.recording, stack)
+        else:
+            assert settings.server is not None  # it is one of the two
+            source = settings.server
+        record_to, map_ = settings.record_to, settings.map
+        commander = Commander(source, settings.config, record_to, time, map_=map_)
         allowed = AllowedHosts(settings.web_host, address[1])
         app = create_app(commander, allowed, settings.token)
         server = WebServer(
@@ -162,6 +183,19 @@ async def _work(
         await asyncio.wait({running})
 
 
+def _open_recording(folder: Path, stack: ExitStack) -> Playback:
+    """Open a recording until a stack is left.
+
+    Raises:
+        RecordingError: If it cannot be read.
+    """
+    from radarsim.addons.recording.recorded_lines import RecordedLines  # noqa: PLC0415
+
+    recording = RecordedLines.open(folder)
+    stack.callback(recording.close)
+    return Playback(recording)
+
+
 def _load_scene(map_: str | None) -> "SceneMessages | None":
     if map_ is None:
         return None
@@ -197,8 +231,8 @@ async def _in_thread(function: Callable[..., Result], *arguments: object) -> Res
     return await asyncio.wrap_future(future)
 
 
-def _end_with_stdin(exit_code: asyncio.Future[int]) -> None:
-    """Set an exit code of 0 when stdin is closed, as when the parent has ended."""
+def _follow_parent(time: ServerTime, exit_code: asyncio.Future[int]) -> None:
+    """Take what the parent tells of time on stdin; an exit code of 0 at its end."""
     loop = asyncio.get_running_loop()
 
     def end() -> None:
@@ -206,9 +240,10 @@ def _end_with_stdin(exit_code: asyncio.Future[int]) -> None:
             exit_code.set_result(0)
 
     def wait() -> None:
-        while os.read(sys.stdin.fileno(), 1):
-            pass
-        loop.call_soon_threadsafe(end)
+        with suppress(RuntimeError):  # the loop is closed
+            for line in sys.stdin:
+                loop.call_soon_threadsafe(time.take, Pace.model_validate_json(line))
+            loop.call_soon_threadsafe(end)
 
     threading.Thread(target=wait, daemon=True).start()
 

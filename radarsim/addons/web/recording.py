@@ -35,6 +35,7 @@ from radarsim.protocol.reports import (
     Greeting,
     Report,
     RobotJoined,
+    RobotLeft,
     Watching,
     decode_report,
 )
@@ -53,22 +54,26 @@ class RecordingSwitch:
 
     def __init__(
         self,
-        server: tuple[str, int],
+        server: tuple[str, int] | None,
         config: SimulationConfig,
         folder: Path,
         viewers: Viewers,
+        *,
+        map_: str | None = None,
     ) -> None:
         """Record nothing yet.
 
         Args:
-            server: Host and port of the server.
+            server: Host and port of the server; None if a recording is played.
             config: How the server was started, as far as it is known.
             folder: Folder in which each recording gets one of its own.
             viewers: Who is told.
+            map_: The map that is shown.
         """
         self._server = server
         self._config = config
         self._folder = folder
+        self._map = map_
         self._viewers = viewers
         self._task: asyncio.Task[None] | None = None
         self._state: dict[str, Any] = {"op": "recording", "on": False, "text": ""}
@@ -87,6 +92,8 @@ class RecordingSwitch:
         if not on:
             if self._state["on"] and self._task is not None:
                 self._task.cancel()
+        elif self._server is None:
+            raise BadRequest("a recording is played, expected a server to record")
         elif self._task is None:
             check_installed()
             self._task = asyncio.ensure_future(self._record())
@@ -104,7 +111,8 @@ class RecordingSwitch:
     async def _record(self) -> None:
         name = f"recording_{datetime.now().astimezone():%Y%m%d_%H%M%S}"
         folder = self._folder.resolve() / name
-        recording = _Recording(self._server, folder, self._config)
+        assert self._server is not None  # ``switch`` has refused
+        recording = _Recording(self._server, folder, self._config, self._map)
         try:
             await recording.run(lambda: self._tell(True, f"Records to {folder}"))
         except asyncio.CancelledError:
@@ -126,14 +134,20 @@ class _Recording:
     """One recording; each robot is in it as a client that was sent its lines."""
 
     def __init__(
-        self, server: tuple[str, int], folder: Path, config: SimulationConfig
+        self,
+        server: tuple[str, int],
+        folder: Path,
+        config: SimulationConfig,
+        map_: str | None,
     ) -> None:
         self._server = server
+        self._map = map_
         self._folder = folder
         self._config = config
         self._lines = LineBuffer()
         self._level = ""
-        self._numbers: dict[str, int] = {}  # of robots
+        self._numbers: dict[str, int] = {}  # of robots that are there
+        self._count = 0  # of robots so far
 
     async def run(self, on_begin: Callable[[], None]) -> None:
         """Record until the task is cancelled; the recording is complete then as well.
@@ -201,6 +215,9 @@ class _Recording:
                 "level": self._level,
                 "dialect": config.dialect.name,
                 "drive_unit": config.drive_unit or config.dialect.drive_unit,
+                "settings": {i: dict(keys) for i, keys in config.item_settings.items()},
+                "robots": config.robots,
+                "drawn_map": _lasting_name(self._map),
             }
         )
         create_folder(self._folder)
@@ -223,14 +240,33 @@ class _Recording:
         if is_seen(line):
             robot, own = split_seen(line)
             if robot not in self._numbers:
-                self._numbers[robot] = len(self._numbers) + 1
-                recorder.begin(self._numbers[robot], robot)
+                self._begin_robot(robot, recorder)
             recorder.received(self._numbers[robot], f"{own}\r\n".encode("latin-1"))
-        elif isinstance(report := _decode(line), RobotJoined):
+            return
+        report = _decode(line)
+        if isinstance(report, RobotLeft) and report.robot in self._numbers:
+            recorder.end_one(self._numbers.pop(report.robot))
+        elif isinstance(report, RobotJoined):
+            self._begin_robot(report.robot, recorder)
+            # Of which class it is, is told nowhere else.
+            spawn = questions.spawn(report.class_name, name=report.robot)
+            recorder.sent(self._numbers[report.robot], spawn.data)
             # No client of the robot has to ask: a recording cannot be read without.
             for kind in (ROBOT, RANGE_SCANNER):
                 for ask in (questions.geometry, questions.configuration):
                     writer.write(ask(kind, robot=report.robot).data)
+
+    def _begin_robot(self, robot: str, recorder: "WireRecorder") -> None:
+        self._count += 1
+        self._numbers[robot] = self._count
+        recorder.begin(self._count, robot)
+
+
+def _lasting_name(map_: str | None) -> str:
+    """Return the name of a map as it holds in other folders as well."""
+    if map_ is None or not Path(map_.partition("@")[0]).exists():
+        return map_ or ""
+    return str(Path(map_).resolve())
 
 
 def _import_recorders() -> "tuple[type[RecordingProcess], type[WireRecorder]]":

@@ -177,6 +177,25 @@ class Record(Request):
     on: bool
 
 
+class Pace(Request):
+    """Pause, go on, pause after a step in s, or change the speed; what is None stays.
+
+    The speed is in simulated seconds per second.
+    """
+
+    op: Literal["pace"] = "pace"
+    paused: bool | None = None
+    speed: Annotated[float, Field(ge=0.05, le=20, allow_inf_nan=False)] | None = None
+    step: Annotated[float, Field(ge=0.01, le=10, allow_inf_nan=False)] | None = None
+
+
+class Seek(Request):
+    """Show another time of the recording that is played, s."""
+
+    op: Literal["seek"]
+    t: Time
+
+
 class Triangles(Request):
     """Send the triangles of the map."""
 

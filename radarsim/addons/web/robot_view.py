@@ -1,39 +1,27 @@
-"""What is known of one robot, by what its client is sent, and how pages are told of it.
-
-The newest state of all robots is a frame, which is binary. It begins with the length of
-a JSON header as four bytes, the least significant first. After the header follow the
-ranges of all scans as whole centimetres of two bytes each, likewise; the header tells
-where those of a scan begin.
-"""
+"""What is known of one robot, by what its client is sent, and what one beam met."""
 
 import json
 import math
-import struct
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
-import numpy as np
 from pydantic import ValidationError
 
 from radarsim.addons.web.requests import BadRequest, Explain, Setting
-from radarsim.addons.web.viewers import encode_json
 from radarsim.client import RobotInfo
 from radarsim.client.robot_info import DEFAULT_MOUNT, no_return
 from radarsim.client.robot_state import EchoCollector, RobotState
 from radarsim.errors import PresetError
 from radarsim.geometry import Pose2, Pose3
-from radarsim.plotting.palette import colour_of
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.protocol.reports import EchoLine, RangeScan, Report, TargetEchoes
-from radarsim.scene.material import Material
 from radarsim.simulation.config import SimulationConfig
 from radarsim.validation import describe_invalid
 
 REMEMBERED_SCANS: Final = 50  # of a scanner, for questions about their beams
-NO_RETURN: Final = 65535  # instead of a range in cm
 ENDS: Final = ("hit", "spent", "rain")  # kinds of echoes that may end a beam
 _WORDS: Final = {
     "enter": "enters",
@@ -85,6 +73,7 @@ class RobotView(RobotState):
     Attributes:
         name: Name of the robot.
         class_name: Name of its class.
+        number: Number that no other robot has, the smallest when it came.
         size: Length and width of the hull, m.
         scans: The newest scans of each scanner, the newest last; by its casefolded
             name.
@@ -106,6 +95,7 @@ class RobotView(RobotState):
         super().__init__()
         self.name = name
         self.class_name = class_name
+        self.number = 0
         # Until it is known, the page draws a square of about the usual size.
         self.size = (0.5, 0.5)
         self.scans: dict[str, deque[SeenScan]] = {}
@@ -215,124 +205,6 @@ class RobotView(RobotState):
             scanner.settings = settings
             scanner.max_range = scanner.settings["max_range"]
             self._last_change = None
-
-
-class Owner(NamedTuple):
-    """Whose a robot is.
-
-    Attributes:
-        mine: Whether the commander spawned it.
-        driver: Name of the viewer that drives it; ``task``, or None.
-        hindrance: Why it can do nothing by itself; None if it can.
-    """
-
-    mine: bool
-    driver: str | None
-    hindrance: str | None
-
-
-NOT_OWN: Final = Owner(mine=False, driver=None, hindrance="it is another program's")
-
-
-def encode_frame(
-    robots: Iterable[RobotView], owners: Mapping[str, Owner], selected: str | None
-) -> bytes:
-    """Write a frame.
-
-    Args:
-        robots: The robots.
-        owners: Whose they are, by their names; those without are other programs'.
-        selected: Name of the robot whose echoes are told; None for none.
-    """
-    parts: list[np.ndarray] = []
-    rows = []
-    times = []
-    for robot in robots:
-        pose = robot.pose
-        if pose is None:
-            continue
-        times.append(robot.time)
-        newest = [scans[-1] for scans in robot.scans.values()]
-        speeds = robot.motion() or (0.0, 0.0)
-        owner = owners.get(robot.name, NOT_OWN)
-        rows.append(
-            {
-                "name": robot.name,
-                "class": robot.class_name,
-                **owner._asdict(),
-                "x": round(pose.x, 4),
-                "y": round(pose.y, 4),
-                "yaw": round(pose.yaw, 5),
-                "size": robot.size,
-                "touch": any(robot.touched.values()),
-                "battery": robot.battery,
-                "speeds": [round(speed, 3) + 0.0 for speed in speeds],  # no -0.0
-                "scans": [_scan(robot, seen, parts) for seen in newest],
-                "echoes": [
-                    {
-                        "scanner": seen.scan.name,
-                        "t": seen.scan.time,
-                        "objects": [_object(each) for each in seen.echoes or ()],
-                    }
-                    for seen in newest
-                    if robot.name == selected
-                ],
-            }
-        )
-    time = max(times, default=-math.inf)
-    header = {"t": time if math.isfinite(time) else None, "robots": rows}
-    text = encode_json(header).encode()
-    ranges = b"".join(part.tobytes() for part in parts)
-    return struct.pack("<I", len(text)) + text + ranges
-
-
-def _scan(robot: RobotView, seen: SeenScan, parts: list[np.ndarray]) -> dict[str, Any]:
-    """Describe a scan, and append its ranges to those of the frame."""
-    scan, scanner = seen.scan, robot.scanner(seen.scan.name)
-    has_return = scan.ranges < no_return(scanner.max_range)
-    centimetres = np.minimum(np.rint(scan.ranges * 100), NO_RETURN - 1)
-    offset = sum(len(part) for part in parts)
-    # Half the bytes of single precision, and as exact as the lines of servers.
-    parts.append(np.where(has_return, centimetres, NO_RETURN).astype("<u2"))
-    # Where the robot was then: in a turn, the scan would be dragged along.
-    pose = seen.pose or Pose2(0.0, 0.0)
-    mount = Pose3(pose.x, pose.y, robot.z, yaw=pose.yaw).compose(scanner.mount)
-    gaps = len(scan.ranges) - 1
-    return {
-        "scanner": scan.name,
-        "kind": scanner.medium,
-        "t": scan.time,
-        "fov": scan.fov,
-        # from the number of beams: what the line tells has few digits
-        "resolution": scan.fov / gaps if gaps > 0 else scan.resolution,
-        "max": scanner.max_range,
-        "x": round(mount.x, 4),
-        "y": round(mount.y, 4),
-        "z": round(mount.z, 4),
-        "yaw": round(mount.yaw, 5),
-        "offset": offset,
-        "count": len(scan.ranges),
-        "settings": scanner.settings,
-    }
-
-
-def _object(echoes: TargetEchoes) -> dict[str, Any]:
-    density = echoes.density if math.isfinite(echoes.density) else None
-    material = Material(echoes.material, echoes.density, solid=not echoes.robot_passes)
-    columns = (
-        echoes.beams.tolist(),
-        np.round(echoes.ranges, 3).tolist(),
-        echoes.kinds,
-        np.round(echoes.power, 4).tolist(),
-        np.round(echoes.strength, 4).tolist(),
-    )
-    return {
-        "name": echoes.object,
-        "material": echoes.material,
-        "density": density,
-        "colour": colour_of(material),
-        "echoes": sorted(zip(*columns, strict=True), key=lambda row: row[:2]),
-    }
 
 
 def explain_beam(robot: RobotView, request: Explain) -> dict[str, Any]:

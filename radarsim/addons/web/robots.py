@@ -29,6 +29,7 @@ MOST_ROBOTS: Final = 100  # that the commander spawns
 MOST_VIEWS: Final = 2000  # robots that are known; a server has at most 1024
 ANSWER: Final = 5.0  # s that a server has to answer
 SPAWN_TIMEOUT: Final = 120.0  # s; a server may have to compile first
+PLAYED: Final = "a recording is played, in which robots do what they did"
 LONG_WAIT: Final = 4.0  # s for a robot, after which a browser is told why
 
 
@@ -45,7 +46,7 @@ class Robots:
 
     def __init__(
         self,
-        address: tuple[str, int],
+        address: tuple[str, int] | None,
         config: SimulationConfig,
         viewers: Viewers,
         *,
@@ -55,7 +56,7 @@ class Robots:
         """Begin without any.
 
         Args:
-            address: Host and port of the server.
+            address: Host and port of the server; None if a recording is played.
             config: How the server was started, as far as it is known.
             viewers: The browsers, which are told what happens to robots.
             on_change: Called when there is something new to show.
@@ -102,6 +103,8 @@ class Robots:
         """
         if request.start is not None and request.pose is not None:
             raise BadRequest("a start and a pose, expected only one of them")
+        if self._address is None:
+            raise BadRequest(f"no robot can be added: {PLAYED}")
         if len(self.own) + len(self._spawning) >= MOST_ROBOTS:
             raise BadRequest(f"{MOST_ROBOTS} robots are there, expected no more")
         # Servers mix upper and lower case, and so may clients.
@@ -178,11 +181,13 @@ class Robots:
     async def _spawn(self, viewer: Viewer, name: str, request: Spawn) -> None:
         def tell_wait() -> None:
             text = f"{name} is not there yet: there is no free place, or the server"
-            viewer.send({"op": "notice", "text": f"{text} still compiles"})
+            text += " is paused or still compiles"
+            viewer.send({"op": "notice", "text": text})
 
         start, pose = request.start, request.pose and Pose2(*request.pose)
         class_name, drive_unit = request.class_name, self._config.wheel_unit
         waiting = asyncio.get_running_loop().call_later(LONG_WAIT, tell_wait)
+        assert self._address is not None  # ``spawn`` has refused
         try:
             client = await AsyncClient.connect(*self._address, timeout=ANSWER)
             try:
@@ -238,6 +243,8 @@ class Robots:
             view = RobotView(name, class_name, config)
             # A server that tells of ever new robots must not fill the memory.
             if len(self.views) < MOST_VIEWS:
+                taken = {each.number for each in self.views.values()}
+                view.number = next(n for n in range(len(taken) + 1) if n not in taken)
                 self.views[name] = view
                 self._on_change()
         return view

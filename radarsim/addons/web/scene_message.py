@@ -19,6 +19,34 @@ _DIGITS: Final = 6  # of rounded ends of lines, so that lines that meet share th
 _SENT_DIGITS: Final = 3  # millimetres
 
 
+class ObstacleOutlines:
+    """Outlines of what blocks robots, at the height of the scanners."""
+
+    def __init__(self, plan: dict[str, Any]) -> None:
+        """Take them from the message ``scene``."""
+        outlines = [
+            (part["name"], line)
+            for part in plan["parts"]
+            if part["solid"]
+            for line in part["outline"]
+            if len(line) > 1
+        ]
+        self._names = [name for name, _ in outlines]
+        self._tree = shapely.STRtree([shapely.LineString(line) for _, line in outlines])
+
+    def nearest(self, x: float, y: float) -> tuple[float, str]:
+        """Return the distance of a point from the nearest, m, and whose that is.
+
+        The distance is infinite if there is none.
+        """
+        if not self._names:
+            return math.inf, ""
+        place, distance = self._tree.query_nearest(
+            shapely.Point(x, y), return_distance=True, all_matches=False
+        )
+        return float(distance[0]), self._names[int(place[0])]
+
+
 @dataclass(frozen=True, slots=True)
 class SceneMessages:
     """A map as it is told to browsers.
@@ -30,6 +58,7 @@ class SceneMessages:
         bounds: Extent of the map, west, south, east and north, m.
         safety_distance: Distance from what a radar sees for which it is designed, m;
             None if it does not say.
+        obstacles: Outlines of what blocks robots.
     """
 
     plan: str
@@ -37,6 +66,7 @@ class SceneMessages:
     materials: list[dict[str, str]]
     bounds: tuple[float, float, float, float]
     safety_distance: float | None
+    obstacles: ObstacleOutlines
 
     @classmethod
     def of(cls, scene: Scene) -> Self:
@@ -46,7 +76,12 @@ class SceneMessages:
         safety = None if scene.trial is None else scene.trial.safety_distance
         bounds = plan["bounds"]
         return cls(
-            encode_json(plan), encode_json(triangles), materials, (*bounds,), safety
+            encode_json(plan),
+            encode_json(triangles),
+            materials,
+            (*bounds,),
+            safety,
+            ObstacleOutlines(plan),
         )
 
 

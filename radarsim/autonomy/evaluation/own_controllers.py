@@ -71,7 +71,7 @@ class _Judge(HostObserver):
     def __init__(self, monitor: GroundTruthMonitor) -> None:
         self._monitor = monitor
 
-    def step(self) -> None:
+    def step(self, *, passes: bool) -> None:  # noqa: ARG002 - as it always does
         """See ``HostObserver.step``."""
         self._monitor.watch()
 

@@ -43,6 +43,18 @@ STANDING_AFTER: Final = 4.0  # s for which something is near the goal, if it sta
 _PLACE: Final = 0.15  # m within which it is the same thing
 
 
+def least_clearance(safety_distance: float, travelled: float = 0.0) -> float:
+    """Return the distance from something, m, nearer than which a goal is given up.
+
+    Args:
+        safety_distance: m.
+        travelled: Length of the path on the way to the goal so far, m.
+    """
+    # seen from afar, by a pose that drifts: not all that seems near is
+    unsure = min(GOAL_NOISE + DRIFT * travelled, safety_distance / 2)
+    return safety_distance - unsure
+
+
 class ClearanceCheck:
     """Looks at the start once, and at what is seen around the next goal."""
 
@@ -83,9 +95,7 @@ class ClearanceCheck:
         points = observation.points()
         distances = np.hypot(*(points - goal).T)
         safety_distance = self._bumpers.safety_distance
-        # seen from afar, by a pose that drifts: not all that seems near is
-        unsure = min(GOAL_NOISE + DRIFT * self._travelled, safety_distance / 2)
-        near = distances < safety_distance - unsure
+        near = distances < least_clearance(safety_distance, self._travelled)
         if not near.any():
             self._place = (math.inf, math.inf)
             return

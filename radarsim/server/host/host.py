@@ -26,6 +26,8 @@ queue of its own, which comes last in a write. It changes no byte that others ge
 Rule 6: a host can be there before its simulation, which takes a second to load and half
 a minute to compile. It greets clients and answers what they ask before they have a
 robot; INIT waits. Simulated time begins with the simulation.
+Rule 7: in a tick in which no time passes commands are executed and answered as in any
+other; only readings wait, and a second robot of a client, which comes some time later.
 
 Imports no compiled code before there is a simulation.
 """
@@ -84,8 +86,8 @@ class HostObserver:
     def execute(self, client: int, vehicle: Vehicle | None) -> None:
         """Commands of a client may have been executed; it has this robot now."""
 
-    def step(self) -> None:
-        """A tick comes next; simulated time passes in it if it has begun."""
+    def step(self, *, passes: bool) -> None:
+        """A tick comes next, in which simulated time passes or not."""
 
     def take(self, client: int, data: bytes) -> None:
         """A client is sent bytes."""
@@ -272,16 +274,21 @@ class Host:
         """
         return self._clients[number].close_reason()
 
-    def step(self) -> list[tuple[int, Diagnostic]]:
+    def step(self, *, passes: bool = True) -> list[tuple[int, Diagnostic]]:
         """Advance by 10 ms, and queue everything that is due for the clients.
 
         Before the simulation has begun only commands are executed, and no time passes.
 
+        Args:
+            passes: Whether time passes; while it does not, commands are executed and
+                answered nevertheless.
+
         Returns:
             Numbers of clients with diagnostics of commands that had waited.
         """
+        passes = passes and self.has_begun
         for observer in self._observers:
-            observer.step()
+            observer.step(passes=passes)
         # Only their commands are executed in a tick.
         waiting = sorted(self._waiting)
         for number in self._spent:
@@ -291,14 +298,13 @@ class Host:
         diagnostics = self._handle_waiting()
         # Motion first: a client reads the pose at the end of the tick, with what it
         # commanded before it.
-        if self.has_begun:
+        if passes:
             self.simulation.step()
             self._watchers.tell_time(self.simulation.time)
             self._queue_outputs(self.simulation.collect_reports())
-            # Those of robots that reported are sent already, within the write of their
-            # tick.
-            for number in sorted(self._replying):
-                self._queue_replies(self._clients[number])
+        # Robots that reported have got theirs already, within the write of their tick.
+        for number in sorted(self._replying):
+            self._queue_replies(self._clients[number])
         # After all that the tick does, as in recordings that there are already: a new
         # robot comes after the turns of others' radars in its tick.
         for observer in self._observers:

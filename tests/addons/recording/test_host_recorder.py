@@ -81,3 +81,23 @@ def test_robot_of_a_command_that_waits_is_described(foliage_room: Scene) -> None
     many = b"GETSTARTPOSES\r\n" * 40
     texts = described(events_of(foliage_room, many + INIT, b"", b"", b""))
     assert len(texts) == 1
+
+
+def test_a_run_that_was_paused_is_repeated_to_the_byte(foliage_room: Scene) -> None:
+    events: list[RunEvent] = []
+    recorder = HostRecorder(events.append)
+    host = Host(foliage_room, begins=False, observers=[recorder])
+    host.begin(host.make_simulation())
+    number = host.connect()
+    host.receive(number, b"INIT {ClassName P3AT} {Start RobotStart1}\r\n")
+    # More commands than a tick has time for, so that some wait in the pause.
+    host.receive(number, 45 * b"GETCONF {Type RangeScanner}\r\n")
+    for tick in range(60):
+        host.step(passes=tick < 1 or tick > 20)
+        host.take(number)
+    assert EventType.WAIT in [event.type for event in events]
+    calls = recorded_runs.calls_in(events)
+    repeated = Host(foliage_room, begins=False)
+    result = repeat_run(repeated, calls)
+    assert result.difference is None
+    assert repeated.simulation.ticks == host.simulation.ticks

@@ -9,6 +9,7 @@ import pytest
 
 from radarsim.addons.web.program import CommanderSettings, serve_page
 from radarsim.addons.web.scene_message import SceneMessages
+from radarsim.addons.web.time_control import TimeControl
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
 from radarsim.server.server_thread import ServerThread
@@ -61,7 +62,8 @@ class CommanderThread(threading.Thread):
         self._loop = asyncio.get_running_loop()
         self._end = self._loop.create_future()
         try:
-            await serve_page(self._settings, self._announce, self._end)
+            time = TimeControl()
+            await serve_page(self._settings, self._announce, self._end, time)
         finally:
             self._is_up.set()
 
@@ -101,16 +103,16 @@ def start_commander() -> Starter:
 
 @contextmanager
 def run_commander(
-    server: tuple[str, int], **settings: Any
+    server: tuple[str, int] | None, **settings: Any
 ) -> Iterator[RunningCommander]:
     """Run a commander.
 
     Args:
-        server: Host and port of the server.
+        server: Host and port of the server; None of a recording.
         settings: Of ``CommanderSettings``.
     """
     usual: dict[str, Any] = {"web_host": "127.0.0.1", "web_port": 0, "token": TOKEN}
     usual |= {"config": SimulationConfig()}
     thread = CommanderThread(CommanderSettings(server=server, **usual | settings))
-    yield RunningCommander(thread.begin(), server)
+    yield RunningCommander(thread.begin(), server or ("", 0))
     thread.finish()

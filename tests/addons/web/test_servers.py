@@ -95,8 +95,10 @@ async def test_commander_asks_again_when_there_were_too_many_watchers(
             async with open_page(commander.web, commander.token) as page:
                 assert "watcher" in (await page.hear("notice"))["text"]
                 name = await spawn(page)
-                assert page.frame is not None
-                assert not page.frame.robot(name)["scans"][0]["settings"]
+                # Frames have the settings of the robot that is selected alone.
+                await page.send("select", robot=name)
+                frame = await page.see(lambda f: f.robot(name)["x"] == 0)
+                assert not frame.robot(name)["scans"][0]["settings"]
                 await other.close()
                 await page.hear("hello", watch=True)
                 await page.see(lambda f: f.robot(name)["scans"][0]["settings"])

@@ -11,6 +11,7 @@ from web_pages import Page, open_page
 from radarsim.plotting.palette import FAMILY_COLOURS, Family
 
 FAST = pytest.mark.parametrize("server", [5.0], indirect=True)
+BEHIND = [5.7, -0.9]  # m; behind the bushes, more than 2 m from everything
 
 
 async def spawn(page: Page, class_name: str, *pose: float) -> str:
@@ -44,12 +45,12 @@ async def test_robot_reaches_a_goal_and_shows_its_path(commander: Any) -> None:
 async def test_who_drives_takes_over_from_a_task(commander: Any) -> None:
     async with open_page(commander.web, commander.token) as page:
         name = await spawn(page, "P3AT_Radar360", -8.0, 0.0, 0.0)
-        await page.send("goto", robot=name, algorithm="bug1", goal=[8.0, 0.0])
+        await page.send("goto", robot=name, algorithm="bug1", goal=BEHIND)
         task = await page.hear("task", state="running")
         await page.see(lambda frame: frame.robot(name)["driver"] == "task")
         await page.send("drive", robot=name, v=-0.1, w=0)
         assert (await page.hear("task"))["state"] == "cancelled"
-        await page.send("goto", robot=name, algorithm="bug1", goal=[8.0, 0.0])
+        await page.send("goto", robot=name, algorithm="bug1", goal=BEHIND)
         await page.hear("task", state="running")
         await page.send("stop")
         again = await page.hear("task", state="cancelled")
@@ -86,6 +87,8 @@ async def test_robot_of_the_first_class_goes_explores_and_compares(
         assert "'x'" in (await page.hear("error"))["text"]
         await page.send("goto", robot=name, algorithm="bug2", goal=[-7.0, 99.0])
         assert "outside of the map" in (await page.hear("error"))["text"]
+        await page.send("goto", robot=name, algorithm="bug2", goal=[7.0, 0.5])
+        assert "0.70 m from 'cabinet'" in (await page.hear("error"))["text"]
 
 
 @FAST

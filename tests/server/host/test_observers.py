@@ -31,7 +31,7 @@ class Notes(HostObserver):
         name = None if vehicle is None else vehicle.robot.name
         self.calls.append(("execute", client, name))
 
-    def step(self) -> None:
+    def step(self, *, passes: bool) -> None:  # noqa: ARG002
         self.calls.append(("step",))
 
     def take(self, client: int, data: bytes) -> None:

@@ -78,7 +78,7 @@ class NavtechServer(PeerServer, HostObserver):
         self._listen_to(None)
         await asyncio.sleep(0)  # sockets are closed in the next round of the loop
 
-    def step(self) -> None:
+    def step(self, *, passes: bool) -> None:  # noqa: ARG002 - in a pause as well
         """Follow the robot, which can come or leave, and listen while clients do."""
         if self._simulation is None:
             return

@@ -2,15 +2,19 @@
 
 import { swatch } from "./beam_panel.js";
 import { byId, element, setText } from "./elements.js";
+import { freeStarts } from "./starts.js";
 import { theme } from "./theme.js";
 
 const RADAR = [
   ["ray", "radar ray, fainter with less power"],
-  ["dot", "reads this behind"],
-  ["hole", "hole it came through"],
-  ["cross", "power spent"],
+  ["reading", "radar reading"],
+  ["dot", "reading behind what the ray passed"],
+  ["hole", "ray inside of it"],
+  ["cross", "power used up"],
 ];
 const LASER = [["square", "laser reading"]];
+const SPACE = [["ray", "ray, fainter with less power"]];
+const STARTS = [["start", "free start: click adds a robot"]];
 const RUN = [
   ["path", "its way"],
   ["hit", "hits an obstacle"],
@@ -40,8 +44,9 @@ function marksOf(world, view) {
   const path = world.paths.get(world.chosen);
   const run = path?.goal ? RUN : path?.points.length ? RUN.slice(0, 1) : [];
   if (view === "map") return [["true", "what is truly there"], ...run];
-  if (view === "space") return [];
-  return [...(kinds.has("radar") ? RADAR : []), ...(kinds.has("laser") ? LASER : []), ...run];
+  const lasers = kinds.has("laser") ? LASER : [];
+  if (view === "space") return [...(kinds.size ? SPACE : []), ...(kinds.has("radar") ? RADAR.slice(1, 2) : []), ...lasers];
+  return [...(kinds.has("radar") ? RADAR : []), ...lasers, ...run, ...(freeStarts(world).length ? STARTS : [])];
 }
 
 function materialsOf(world) {

@@ -4,16 +4,21 @@ import { BeamPanel, updateMaterials } from "./beam_panel.js";
 import { beamTowards } from "./beams.js";
 import { Drive, followStick } from "./drive.js";
 import { byId, isTyping, setText } from "./elements.js";
+import { Clearance } from "./clearance.js";
 import { decodeFrame } from "./frame.js";
 import { updateLegend, writeFinding } from "./legend.js";
 import { Link } from "./link.js";
+import { Measure } from "./measure.js";
 import { describePlan, Plan } from "./plan.js";
 import { Polar } from "./polar.js";
 import { RobotsPanel } from "./robots_panel.js";
+import { savePicture } from "./screenshot.js";
 import { SettingsPanel } from "./settings_panel.js";
 import { Space } from "./space.js";
+import { startAt } from "./starts.js";
 import { countTasks, TasksPanel } from "./tasks_panel.js";
-import { followTheme } from "./theme.js";
+import { followTheme, theme } from "./theme.js";
+import { TimePanel } from "./time_panel.js";
 import { Viewport } from "./viewport.js";
 import { World } from "./world.js";
 
@@ -22,18 +27,21 @@ const link = new Link();
 const viewport = new Viewport(byId("plan"), () => [
   Math.max(byId("finding").offsetHeight, byId("zoom").offsetHeight), byId("legend").offsetHeight,
 ]);
-const plan = new Plan(byId("plan"), world, viewport);
-const space = new Space(byId("space"), world);
+const clearance = new Clearance();
+const measure = new Measure();
+const plan = new Plan(byId("plan"), world, viewport, clearance, measure);
+const space = new Space(byId("space"), byId("labels"), world);
 const polars = ["radar", "laser"].map((kind) => new Polar(byId(kind), world, kind));
 const robots = new RobotsPanel(world, link);
 const settings = new SettingsPanel(world, link);
 const tasks = new TasksPanel(world, link);
 const beam = new BeamPanel(world);
+const time = new TimePanel(world, link);
 const drive = new Drive(link, () => (world.robot?.mine ? world.chosen : null), stopAll);
 
 const touch = matchMedia("(pointer: coarse), (max-width: 800px)");
 let view = "plan";
-let picking = null; // what a click on the scene gives a place to: "robot", "goal"
+let picking = null; // what a click on the scene gives a place to: "robot", "goal", "measure"
 let shown = { frames: 0, since: performance.now(), rate: 0 };
 let unacknowledged = null; // time of a frame that is not drawn yet
 let waiting = false;
@@ -54,6 +62,7 @@ const takers = {
   scene(message) {
     world.takeScene(message);
     plan.takeScene(message);
+    clearance.takeScene(message);
     fit();
     if (view === "space") link.send("triangles");
   },
@@ -82,6 +91,10 @@ const takers = {
     setText(byId("notice"), "");
   },
   viewer: () => {},
+  time(message) {
+    world.time = message;
+    time.take();
+  },
   recording({ on, text }) {
     byId("record").setAttribute("aria-pressed", String(on));
     setText(byId("notice"), text);
@@ -124,6 +137,7 @@ link.addEventListener("state", ({ detail }) => {
     world.wanted ??= world.chosen;
     world.reset();
     plan.takeScene(null);
+    clearance.takeScene(null);
   } else if (detail === "refused") {
     tellLink("refused", link.token ? "wrong token" : "no token");
     showLost(`${link.token ? "The token is of another commander." : "There is no token."} Open the whole address that radarsim printed when it started.`);
@@ -162,7 +176,7 @@ function redraw() {
 function draw() {
   waiting = false;
   if (view === "space") space.draw();
-  else plan.draw(view);
+  else if (view !== "scans") plan.draw(view, picking);
   for (const polar of polars) polar.draw();
   for (const panel of [robots, settings, beam]) panel.update();
   updateMaterials(world);
@@ -170,7 +184,7 @@ function draw() {
   writeFinding(world, view);
   byId("stick").hidden = !(touch.matches && world.robot?.mine);
   byId("plan").setAttribute("aria-label", describePlan(world));
-  setText(byId("time"), `${(world.frame.t ?? 0).toFixed(1)} s`);
+  time.update();
   writeStatus();
   if (unacknowledged !== null) acknowledge();
 }
@@ -219,22 +233,61 @@ function selectBeam(scanner, number) {
   redraw();
 }
 
-/** A click on the scene: a place that is picked, a goal, or a beam. */
+/** A click on the scene: a place that is picked, a goal, a start, or a beam. */
 function tap({ x, y, shift }) {
-  if (picking === "robot") robots.setPlace(x, y);
-  else if (shift || picking === "goal") tasks.go(x, y);
-  else if (world.scan) selectBeam(world.scan.scanner, beamTowards(world.scan, x, y));
-  pick(null);
+  const start = view === "plan" && !picking ? startAt(world, viewport, x, y) : undefined;
+  if (picking === "measure") {
+    measure.tap(x, y);
+    writeAim(measure.text || "Click the other end (Esc cancels).");
+  } else if (shift || picking === "goal") {
+    if (goTo(x, y)) pick(null);
+  } else {
+    if (picking === "robot") robots.setPlace(x, y);
+    else if (start) robots.spawnAt(start.name);
+    else if (world.scan) selectBeam(world.scan.scanner, beamTowards(world.scan, x, y));
+    pick(null);
+  }
   redraw();
+}
+
+/** Send the selected robot to a goal; return false if it is too near to something. */
+function goTo(x, y) {
+  world.pointer = [x, y]; // of a finger, which does not hover
+  const problem = clearance.problem(world.robot, [x, y]);
+  if (problem) {
+    setText(byId("error"), `The goal is too near: ${problem}.`);
+    pick("goal");
+    return false;
+  }
+  tasks.go(x, y);
+  return true;
 }
 
 function pick(what) {
   picking = what;
-  const words = { robot: "Click where the robot starts", goal: "Click the goal" };
-  byId("aim").hidden = !what;
-  setText(byId("aim"), what ? `${words[what]} (Esc cancels).` : "");
+  if (what !== "measure") measure.clear();
+  byId("measure").setAttribute("aria-pressed", String(what === "measure"));
+  const words = { robot: "Click where the robot starts", goal: "Click the goal", measure: "Click two points to measure" };
+  writeAim(what ? `${words[what]} (Esc cancels).` : "");
   byId("stage").classList.toggle("picking", Boolean(what));
-  if (what && view === "map") show("plan");
+  if (what && (view === "map" || what !== "goal") && view !== "plan") show("plan");
+  redraw();
+}
+
+function writeAim(text) {
+  byId("aim").hidden = !text;
+  setText(byId("aim"), text);
+}
+
+/** Save the view as a picture. */
+function takePicture() {
+  if (view === "scans") show("plan");
+  draw(); // what a view in 3D shows is there only while it is drawn
+  const canvases = view === "space" ? [byId("space"), byId("labels")] : [byId("plan")];
+  const level = world.hello?.level || "radarsim";
+  const when = `${(world.frame.t ?? 0).toFixed(2)} s`;
+  const text = [level, when, byId("finding").textContent].filter(Boolean).join(" · ");
+  savePicture(canvases, `${level}_${when.replace(" ", "")}.png`.replace(/[^\w.-]+/g, "_"), { text, paper: theme.paper, ink: theme.ink });
 }
 
 async function show(name) {
@@ -243,7 +296,8 @@ async function show(name) {
     button.setAttribute("aria-pressed", String(button.dataset.view === name));
   }
   byId("plan").hidden = name === "space";
-  byId("space").hidden = name !== "space";
+  byId("space").hidden = byId("labels").hidden = name !== "space";
+  document.body.classList.toggle("only-scans", name === "scans");
   if (name === "space") {
     if (!world.triangles && world.scene) link.send("triangles");
     await space.open();
@@ -275,6 +329,10 @@ const KEYS = {
   "1": () => show("plan"),
   "2": () => show("space"),
   "3": () => show("map"),
+  "4": () => show("scans"),
+  p: () => time.toggle(),
+  ".": () => time.step(),
+  m: () => pick(picking === "measure" ? null : "measure"),
   "+": () => zoom(1),
   "=": () => zoom(1),
   "-": () => zoom(-1),
@@ -318,6 +376,13 @@ for (const source of [viewport, space]) {
 for (const source of [...polars, beam]) {
   source.addEventListener("beam", ({ detail }) => selectBeam(detail.scanner, detail.beam));
 }
+viewport.addEventListener("hover", ({ detail }) => {
+  world.pointer = detail;
+  byId("stage").classList.toggle("pointing", Boolean(!picking && plan.pointedStart && view === "plan"));
+  redraw();
+});
+byId("measure").addEventListener("click", () => KEYS.m());
+byId("picture").addEventListener("click", takePicture);
 robots.addEventListener("choose", ({ detail }) => select(detail));
 robots.addEventListener("pick", () => pick("robot"));
 tasks.addEventListener("pick", () => pick("goal"));

@@ -4,16 +4,18 @@ import { beamPoint, scanOf } from "./beams.js";
 import { prepareCanvas } from "./elements.js";
 import { drawLabel } from "./label.js";
 import { drawMarks, edgeColour } from "./marks.js";
+import { drawScan, readingColour } from "./readings.js";
 import { drawRobot } from "./robot_mark.js";
 import { drawRuns } from "./run_marks.js";
+import { drawStarts, startAt } from "./starts.js";
 import { sensorColour, theme } from "./theme.js";
 
 const LEVELS = 6; // of opacity, for the power that a ray has left
 const LABEL = "12px system-ui, sans-serif";
 
 export class Plan {
-  constructor(canvas, world, viewport) {
-    Object.assign(this, { canvas, world, viewport });
+  constructor(canvas, world, viewport, clearance, measure) {
+    Object.assign(this, { canvas, world, viewport, clearance, measure });
     this.shapes = []; // of the scene: {part, areas, lines}
     this.still = document.createElement("canvas"); // the scene as last drawn
     this.stillKey = "";
@@ -25,21 +27,31 @@ export class Plan {
     this.stillKey = "";
   }
 
-  draw(view) {
+  /** Draw everything; `picking` is what a click gives a place to, or null. */
+  draw(view, picking) {
     const surface = prepareCanvas(this.canvas);
     const { pen } = surface;
     pen.fillStyle = theme.paper;
     pen.fillRect(0, 0, surface.width, surface.height);
     if (view === "map") this.drawMap(pen);
     this.drawStill(surface, view);
-    for (const robot of this.world.frame.robots) this.drawReadings(pen, robot, view);
-    const { robot } = this.world;
+    const { robot, pointer } = this.world;
+    if (view === "plan") drawStarts(pen, this.viewport, this.world, picking ? undefined : this.pointedStart);
+    for (const one of this.world.frame.robots) this.drawReadings(surface, one, view);
     if (robot && view === "plan") this.drawRays(pen);
     drawRuns(pen, this.viewport, this.world);
     for (const one of this.world.frame.robots) drawRobot(pen, this.viewport, one, one === robot);
     const explained = this.world.explained();
     if (explained) this.drawBeam(pen, explained);
+    if (picking === "goal" && pointer) this.clearance.draw(pen, this.viewport, robot, pointer);
+    this.measure.draw(pen, this.viewport, picking === "measure" ? pointer : null);
     this.drawScale(pen, surface);
+  }
+
+  /** The free start that the pointer is at, or undefined. */
+  get pointedStart() {
+    const { pointer } = this.world;
+    return pointer ? startAt(this.world, this.viewport, ...pointer) : undefined;
   }
 
   /** Draw what does not move; it is kept until the view or the colours change. */
@@ -111,29 +123,19 @@ export class Plan {
     pen.drawImage(map.image, left, top, size[0] * scale, size[1] * scale);
   }
 
-  /** Draw where the beams of a robot end: dots of radars, squares of lasers. */
-  drawReadings(pen, robot, view) {
+  /** Draw where the beams of a robot end. */
+  drawReadings({ pen, density }, robot, view) {
     const chosen = robot.name === this.world.chosen;
     for (const scan of robot.scans) {
-      const size = chosen ? 2 : 1.4;
-      pen.globalAlpha = chosen ? 0.9 : 0.5;
-      pen.fillStyle = sensorColour(scan.kind);
-      pen.beginPath();
-      scan.ranges.forEach((range, beam) => {
-        if (!Number.isFinite(range) || (chosen && view === "plan" && this.isSpent(scan, beam))) return;
-        const [left, top] = this.viewport.toScreen(...beamPoint(scan, beam, range));
-        if (scan.kind === "radar") {
-          pen.moveTo(left + size, top);
-          pen.arc(left, top, size, 0, 2 * Math.PI);
-        } else pen.rect(left - size, top - size, 2 * size, 2 * size);
+      const beams = chosen && view === "plan" ? this.world.beamsOf(scan) : null;
+      drawScan(pen, this.viewport, scan, {
+        colour: readingColour(robot, scan, chosen),
+        size: chosen ? 3 : 2,
+        alpha: chosen ? 0.9 : 0.7,
+        density,
+        hides: beams && ((beam) => beams[beam].end?.kind === "spent"),
       });
-      pen.fill();
     }
-    pen.globalAlpha = 1;
-  }
-
-  isSpent(scan, beam) {
-    return this.world.beamsOf(scan)[beam]?.end?.kind === "spent";
   }
 
   /** Draw the rays of the radar that is selected, or of the laser without one. */

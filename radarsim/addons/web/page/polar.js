@@ -28,7 +28,7 @@ export class Polar extends EventTarget {
     const { scan } = this;
     const { pen, width, height } = prepareCanvas(this.canvas);
     this.write(scan);
-    if (!scan) return;
+    if (!scan || Math.min(width, height) < 3 * MARGIN) return; // it is hidden
     this.layout = layOut(scan, width, height, outerRange(this.world.robot));
     this.drawRings(pen, scan);
     const outline = this.fillReadings(pen, scan);

@@ -15,7 +15,7 @@ export function drawRobot(pen, viewport, robot, chosen) {
   pen.translate(left, top);
   pen.rotate(-robot.yaw);
   if (chosen) drawRing(pen, Math.hypot(half, side) + 5);
-  drawHull(pen, half, side, robot.touch);
+  drawHull(pen, half, side, robot.touch ? theme.alarm : (robot.colour ?? theme.robot));
   pen.restore();
   pen.font = `${chosen ? 600 : 400} 12px system-ui, sans-serif`;
   const name = robot.touch ? `${robot.name} (touches)` : robot.name;
@@ -34,7 +34,7 @@ function drawRing(pen, radius) {
   pen.setLineDash([]);
 }
 
-function drawHull(pen, half, side, touches) {
+function drawHull(pen, half, side, colour) {
   pen.fillStyle = theme.ink;
   for (const along of [-1, 1]) {
     for (const across of [-1, 1]) {
@@ -44,7 +44,7 @@ function drawHull(pen, half, side, touches) {
   }
   pen.beginPath();
   pen.rect(-half, -side * 0.62, 2 * half, side * 1.24);
-  pen.fillStyle = touches ? theme.alarm : theme.robot;
+  pen.fillStyle = colour;
   pen.strokeStyle = theme.ink;
   pen.lineWidth = 1.5;
   pen.fill();

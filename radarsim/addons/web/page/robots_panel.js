@@ -18,11 +18,17 @@ export class RobotsPanel extends EventTarget {
   }
 
   /** Take the classes and starts of a server. */
-  takeHello({ classes, starts }) {
+  takeHello({ classes, starts, played }) {
+    byId("add").hidden = played;
     setOptions(this.form.elements.class, classes); // the first one does for all there is
     const first = starts.length ? [{ name: "", label: "first free start" }] : [];
     setOptions(this.form.where, [...first, ...starts.map((start) => start.name), PLACE]);
     this.showPlace();
+  }
+
+  /** Add a robot of the chosen class at a start. */
+  spawnAt(start) {
+    this.link.send("spawn", { class: this.form.elements.class.value, start });
   }
 
   showPlace() {
@@ -73,6 +79,7 @@ export class RobotsPanel extends EventTarget {
   updateRow(button, robot) {
     const chosen = String(robot.name === this.world.chosen);
     if (button.getAttribute("aria-pressed") !== chosen) button.setAttribute("aria-pressed", chosen);
+    button.style.setProperty("--own", robot.colour ?? "transparent");
     setText(button.lastChild, `${robot.class} · ${this.driverOf(robot)}${robot.touch ? " · touches" : ""}`);
   }
 
@@ -80,6 +87,7 @@ export class RobotsPanel extends EventTarget {
     if (driver === "task") return "has a task";
     if (driver && driver === this.world.hello?.viewer) return "you drive";
     if (driver) return `${driver} drives`;
+    if (this.world.hello?.played) return "recorded";
     return mine ? "idle" : "another program's";
   }
 
@@ -92,7 +100,7 @@ export class RobotsPanel extends EventTarget {
     const hindrance = robot?.mine ? robot.hindrance : null;
     setText(byId("hindrance"), hindrance ? `It cannot go or explore by itself: ${hindrance}.` : "");
     setText(byId("driven"), robot?.name ?? "");
-    setText(byId("driving"), robot ? describe(robot) : "Add a robot first.");
+    setText(byId("driving"), robot ? describe(robot, this.world.hello?.played) : "Add a robot first.");
   }
 }
 
@@ -103,10 +111,11 @@ function mayUse(form, robot) {
   return Boolean(robot?.mine);
 }
 
-function describe(robot) {
+function describe(robot, played) {
   const degrees = Math.round((robot.yaw * 180) / Math.PI);
   const place = `x ${robot.x.toFixed(2)} m, y ${robot.y.toFixed(2)} m, facing ${degrees}°`;
   const speed = robot.speeds ? `, ${robot.speeds[0].toFixed(2)} m/s` : "";
-  const hint = robot.mine ? "Hold W A S D to drive." : "Another program drives it.";
+  const others = played ? "It does what was recorded." : "Another program drives it.";
+  const hint = robot.mine ? "Hold W A S D to drive." : others;
   return `${place}${speed}. ${hint}`;
 }

@@ -1,12 +1,15 @@
 // Runs to goals: the path so far, where it hit and left obstacles, the goal.
 
+import { drawDistance } from "./clearance.js";
 import { drawLabel } from "./label.js";
 import { theme } from "./theme.js";
 
 const REACH = 13; // px from the middle of a goal to the ends of its cross
 
-/** Draw the paths of all robots, and the goal that was clicked. */
+/** Draw the paths of all robots, and the goal that was clicked, with its safety distance. */
 export function drawRuns(pen, viewport, world) {
+  const goal = goalOf(world);
+  if (goal && world.robot?.safety) drawDistance(pen, viewport, goal, world.robot.safety, theme.goal);
   for (const [robot, path] of world.paths) {
     drawPath(pen, viewport, path, robot === world.chosen ? 2.5 : 1.2);
     drawPoints(pen, viewport, path.hits ?? [], "hit", "H");
@@ -14,6 +17,12 @@ export function drawRuns(pen, viewport, world) {
     if (path.goal) drawEndedGoal(pen, viewport, path.goal, world.stateOfGoal(robot));
   }
   if (world.goal) drawGoal(pen, viewport, world.goal, theme.goal);
+}
+
+/** Return where the selected robot is on its way to, [x, y] m, or null. */
+function goalOf(world) {
+  const goal = world.stateOfGoal(world.chosen) === "running" ? world.paths.get(world.chosen)?.goal : null;
+  return world.goal ?? goal ?? null;
 }
 
 /** Draw a goal by how the drive to it goes: a cancelled one is no goal any more. */

@@ -1,6 +1,10 @@
 // The scene in 3D, drawn by three.js, which is loaded when the view is first opened.
 
 import { beamPoint } from "./beams.js";
+import { prepareCanvas } from "./elements.js";
+import { drawLabel } from "./label.js";
+import { readingColour } from "./readings.js";
+import { freeStarts } from "./starts.js";
 import { sensorColour, theme } from "./theme.js";
 
 const HULL = 0.25; // m high
@@ -9,9 +13,9 @@ const LONG = 0.4; // share of the scene's larger side
 
 export class Space extends EventTarget {
   /** Event: `tap` (detail: {x, y, shift}, m, on the plane of the sensor). */
-  constructor(canvas, world) {
+  constructor(canvas, labels, world) {
     super();
-    Object.assign(this, { canvas, world, three: null, robots: new Map() });
+    Object.assign(this, { canvas, labels, world, three: null, robots: new Map() });
   }
 
   /** Load three.js and build the scene from its triangles, if there are any. */
@@ -36,7 +40,7 @@ export class Space extends EventTarget {
     this.scene.add(this.sun);
     this.solids = new T.Group();
     this.lines = lineSegments(T);
-    this.points = new T.Points(new T.BufferGeometry(), new T.PointsMaterial({ size: 5, sizeAttenuation: false, vertexColors: true }));
+    this.points = new T.Points(new T.BufferGeometry(), new T.PointsMaterial({ size: 7, sizeAttenuation: false, vertexColors: true }));
     this.points.frustumCulled = false;
     this.scene.add(this.solids, this.lines, this.points);
     this.canvas.addEventListener("click", (event) => this.click(event));
@@ -102,6 +106,28 @@ export class Space extends EventTarget {
     this.placeRobots();
     this.placeReadings();
     this.renderer.render(this.scene, this.camera);
+    this.drawLabels();
+  }
+
+  /** Write the names of robots and starts, and what the explained beam reads. */
+  drawLabels() {
+    const { pen, width, height } = prepareCanvas(this.labels);
+    const { robot, beam, scan } = this.world;
+    pen.textAlign = "center";
+    const write = (text, weight, x, y, z) => {
+      const place = new this.three.Vector3(x, y, z).project(this.camera);
+      if (place.z > 1) return; // behind the camera
+      pen.font = `${weight} 12px system-ui, sans-serif`;
+      drawLabel(pen, text, ((place.x + 1) / 2) * width, ((1 - place.y) / 2) * height);
+    };
+    for (const start of freeStarts(this.world)) write(`▲ ${start.name}`, 400, start.x, start.y, 0);
+    for (const one of this.world.frame.robots) write(one.name, one === robot ? 600 : 400, one.x, one.y, 0.8);
+    if (scan && beam !== null && beam < scan.count) {
+      const range = scan.ranges[beam];
+      const text = Number.isFinite(range) ? `${beam}: ${range.toFixed(2)} m` : `${beam}: –`;
+      write(text, 600, ...beamPoint(scan, beam, Number.isFinite(range) ? range : scan.max), scan.z + 0.2);
+    }
+    pen.textAlign = "left";
   }
 
   placeRobots() {
@@ -112,7 +138,7 @@ export class Space extends EventTarget {
       const model = this.robots.get(robot.name);
       model.position.set(robot.x, robot.y, 0);
       model.rotation.z = robot.yaw;
-      model.hull.color.set(robot.touch ? theme.alarm : robot.name === this.world.chosen ? theme.radar : theme.quiet);
+      model.hull.color.set(robot.touch ? theme.alarm : (robot.colour ?? (robot.name === this.world.chosen ? theme.radar : theme.quiet)));
     }
     for (const [name, model] of this.robots) {
       if (present.has(name)) continue;
@@ -150,12 +176,13 @@ export class Space extends EventTarget {
     const [ends, colours] = [[], []];
     for (const robot of this.world.frame.robots) {
       for (const scan of robot.scans) {
-        const colour = new T.Color(sensorColour(scan.kind));
-        scan.ranges.forEach((range, beam) => {
-          if (!Number.isFinite(range)) return;
-          ends.push(...beamPoint(scan, beam, range), scan.z);
-          colours.push(...colour, 1);
-        });
+        const { r, g, b } = new T.Color(readingColour(robot, scan, robot.name === this.world.chosen));
+        const { points } = scan;
+        for (let beam = 0; beam < scan.count; beam++) {
+          if (Number.isNaN(points[2 * beam])) continue;
+          ends.push(points[2 * beam], points[2 * beam + 1], scan.z);
+          colours.push(r, g, b, 1);
+        }
       }
     }
     fill(T, this.points.geometry, ends, colours);

@@ -6,7 +6,7 @@ const STEP = 1.3;
 const LIMITS = [2, 4000]; // px per metre
 
 export class Viewport extends EventTarget {
-  /** Events: `change`, and `tap` (detail: {x, y, shift}, m). */
+  /** Events: `change`, `tap` (detail: {x, y, shift}, m) and `hover` (detail: [x, y] or null). */
   constructor(canvas, covered) {
     super();
     this.canvas = canvas;
@@ -21,6 +21,7 @@ export class Viewport extends EventTarget {
     for (const end of ["pointerup", "pointercancel"]) {
       canvas.addEventListener(end, (event) => this.release(event));
     }
+    canvas.addEventListener("pointerleave", () => this.hover(null));
     canvas.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
   }
 
@@ -83,8 +84,13 @@ export class Viewport extends EventTarget {
     if (this.pointers.size === 1) this.moved = 0;
   }
 
+  hover(place) {
+    this.dispatchEvent(new CustomEvent("hover", { detail: place }));
+  }
+
   move(event) {
     const before = this.pointers.get(event.pointerId);
+    this.hover(this.toWorld(event.offsetX, event.offsetY));
     if (!before) return;
     const now = [event.offsetX, event.offsetY];
     const step = [now[0] - before[0], now[1] - before[1]];

@@ -1,0 +1,62 @@
+// The starts of the map: where they are, which are free, and which one is pointed at.
+
+import { drawLabel } from "./label.js";
+import { theme } from "./theme.js";
+
+const TAKEN = 0.4; // m; a start with a robot that near is not free
+const REACH = 18; // px within which it is pointed at
+const MOST_NAMES = 12; // beyond it only the one that is pointed at has its name
+
+/** Return the starts at which there is no robot. */
+export function freeStarts(world) {
+  const near = (start) => (robot) => Math.hypot(robot.x - start.x, robot.y - start.y) < TAKEN;
+  return (world.hello?.starts ?? []).filter((start) => !world.frame.robots.some(near(start)));
+}
+
+/** Return the free start at a point of the map, m, or undefined. */
+export function startAt(world, viewport, x, y) {
+  const away = (start) => Math.hypot(start.x - x, start.y - y) * viewport.scale;
+  return freeStarts(world)
+    .filter((start) => away(start) < REACH)
+    .sort((one, other) => away(one) - away(other))[0];
+}
+
+/** Draw the free starts as arrows that point ahead; what is pointed at says what it does. */
+export function drawStarts(pen, viewport, world, pointed) {
+  const starts = freeStarts(world);
+  pen.textAlign = "center";
+  for (const start of starts) {
+    const [left, top] = viewport.toScreen(start.x, start.y);
+    const chosen = start === pointed;
+    drawArrow(pen, left, top, start.yaw, chosen);
+    if (!chosen && starts.length > MOST_NAMES) continue;
+    pen.font = `${chosen ? 600 : 400} 12px system-ui, sans-serif`;
+    drawLabel(pen, chosen ? `Add a robot at ${start.name}` : start.name, left, top + 26);
+  }
+  pen.textAlign = "left";
+}
+
+function drawArrow(pen, left, top, yaw, chosen) {
+  pen.save();
+  pen.translate(left, top);
+  pen.beginPath();
+  pen.arc(0, 0, 11, 0, 2 * Math.PI);
+  pen.globalAlpha = 0.85;
+  pen.fillStyle = chosen ? theme.path : theme.paper;
+  pen.fill();
+  pen.globalAlpha = 1;
+  pen.strokeStyle = theme.path;
+  pen.lineWidth = 2;
+  pen.setLineDash([3, 3]);
+  pen.stroke();
+  pen.setLineDash([]);
+  pen.rotate(-yaw);
+  pen.beginPath();
+  pen.moveTo(8, 0);
+  pen.lineTo(-5, -6);
+  pen.lineTo(-5, 6);
+  pen.closePath();
+  pen.fillStyle = chosen ? theme.paper : theme.path;
+  pen.fill();
+  pen.restore();
+}

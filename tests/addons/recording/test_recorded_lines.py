@@ -1,0 +1,84 @@
+"""The lines of recordings by their times."""
+
+from pathlib import Path
+
+import pytest
+import recorded_runs
+from recorded_runs import RecordedRun
+
+from radarsim.addons.recording.recorded_lines import RecordedLines
+from radarsim.errors import RecordingError
+from radarsim.protocol.reports import RangeScan
+from radarsim.scene.scene import Scene
+
+
+@pytest.fixture(scope="module")
+def run(foliage_room: Scene) -> RecordedRun:
+    return recorded_runs.run_two_clients(foliage_room, ticks=250)
+
+
+@pytest.fixture(scope="module")
+def folder(run: RecordedRun, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("recording") / "run"
+    recorded_runs.write_run(run, folder)
+    return folder
+
+
+def test_robots_are_found_with_their_classes_and_times(folder: Path) -> None:
+    recording = RecordedLines.open(folder)
+    robots = [(robot.name, robot.class_name) for robot in recording.robots]
+    assert robots == [("R 1", "P3AT_Compare"), ("R_1", "P3AT")]
+    first, second = recording.robots
+    assert first.joined == recording.start == 0
+    assert second.joined == 0.26  # after a tenth of its ticks
+    assert first.left == 2.5
+    assert second.left == recording.end == 2.51
+    recording.close()
+
+
+def test_the_lines_of_all_seconds_are_those_that_clients_were_sent(
+    folder: Path, run: RecordedRun
+) -> None:
+    recording = RecordedLines.open(folder)
+    read = [line for second in range(3) for line in recording.read(second)]
+    recording.close()
+    for robot in recording.robots:
+        lines = run.sent[robot.client].decode("latin-1").splitlines()
+        own = [each.line.line for each in read if each.client == robot.client]
+        # What came before the robot, as the greeting of its client, is not of it.
+        assert own == lines[-len(own) :]
+        assert len(own) > 100
+    times = [each.time for each in read]
+    assert times == sorted(times)
+
+
+def test_a_second_is_read_without_the_others(folder: Path) -> None:
+    recording = RecordedLines.open(folder)
+    lines = recording.read(1)
+    recording.close()
+    assert all(1 <= each.time < 2 for each in lines)
+    scans = [each for each in lines if isinstance(each.line.report, RangeScan)]
+    assert len(scans) == 30  # of three scanners, ten times a second
+
+
+def test_a_file_that_breaks_off_says_how_it_is_made_whole(
+    folder: Path, tmp_path: Path
+) -> None:
+    broken = tmp_path / "broken"
+    broken.mkdir()
+    (file,) = folder.glob("*.mcap")
+    (broken / "broken_0.mcap").write_bytes(file.read_bytes()[:-900])
+    with pytest.raises(RecordingError, match="radarsim recording repair"):
+        RecordedLines.open(broken)
+
+
+def test_robots_of_one_name_are_told_apart(foliage_room: Scene, tmp_path: Path) -> None:
+    run = recorded_runs.run_two_clients(foliage_room, ticks=20)
+    events = [
+        event._replace(data=event.data.replace(b"{Name R_1}", b"{Name r 1}"))
+        for event in run.events
+    ]
+    recorded_runs.write_run(run._replace(events=events), tmp_path / "run")
+    recording = RecordedLines.open(tmp_path / "run")
+    assert [robot.name for robot in recording.robots] == ["R 1", "r 1 2"]
+    recording.close()

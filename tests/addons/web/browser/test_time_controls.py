@@ -1,0 +1,128 @@
+"""Time in the page: pause, step and speed, and the timeline of a recording."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from commander_page import CommanderPage
+from served_page import Served, play, serve, serve_robots, show
+
+
+def time_of(page: CommanderPage) -> float:
+    found = re.match(r"[\d.]+", page.text("time"))
+    assert found
+    return float(found[0])
+
+
+def pause(page: CommanderPage) -> float:
+    """Pause, and return the time at which it stands."""
+    page.page.click("#pause")
+    page.until(lambda: "paused" in page.text("time"), "for a pause")
+    page.page.wait_for_timeout(500)  # frames that were on their way
+    return time_of(page)
+
+
+def go_on(page: CommanderPage) -> None:
+    page.page.click("#pause")
+    page.until(lambda: "paused" not in page.text("time"), "for the run to go on")
+
+
+def test_a_run_is_paused_stepped_and_goes_on(commander: CommanderPage) -> None:
+    commander.add_robot("R1")
+    stands = pause(commander)
+    commander.page.wait_for_timeout(500)
+    assert time_of(commander) == stands
+    commander.page.click("#step")
+    commander.until(lambda: time_of(commander) > stands, "for a step")
+    commander.page.wait_for_timeout(300)
+    assert time_of(commander) == pytest.approx(stands + 0.1, abs=0.051)
+    go_on(commander)
+    commander.until(lambda: time_of(commander) > stands + 1, "for time to pass")
+
+
+def test_keys_pause_and_step(commander: CommanderPage) -> None:
+    commander.add_robot("R1")
+    commander.page.focus("#plan")
+    commander.page.keyboard.press("p")
+    commander.until(lambda: "paused" in commander.text("time"), "for a pause")
+    commander.page.wait_for_timeout(500)
+    stands = time_of(commander)
+    commander.page.keyboard.press(".")
+    commander.until(lambda: time_of(commander) > stands, "for a step")
+    commander.page.keyboard.press("p")
+    commander.until(lambda: "paused" not in commander.text("time"), "for an end")
+
+
+def test_other_pages_see_the_pause_and_the_speed(
+    commander: CommanderPage, served: Served, open_page: Callable[..., CommanderPage]
+) -> None:
+    commander.add_robot("R1")
+    other = open_page(served)
+    commander.page.select_option("#speed", "2")
+    other.until(lambda: other.page.input_value("#speed") == "2", "for the speed")
+    pause(commander)
+    other.until(lambda: "paused" in other.text("time"), "for the pause")
+    go_on(other)
+    commander.until(lambda: "paused" not in commander.text("time"), "for its end")
+    commander.page.select_option("#speed", "1")
+
+
+def test_the_page_of_a_foreign_server_cannot_pause_and_says_why(
+    open_page: Callable[..., CommanderPage],
+) -> None:
+    with serve_robots("empty_room") as (_, address), show(address) as served:
+        page = open_page(served)
+        for name in ("#pause", "#step", "#speed"):
+            assert page.page.is_disabled(name)
+            assert "--web" in (page.page.get_attribute(name, "title") or "")
+        page.page.context.close()
+
+
+def record_a_drive(page: CommanderPage) -> Path:
+    """Record a robot that drives, by the page, and return the folder."""
+    page.add_robot("R1", place=(-8, 0, 0))
+    page.page.click("#record")
+    page.until(lambda: "Records to" in page.text("notice"), "for the recording")
+    start = page.robot("R1")["x"]  # type: ignore[index]
+    page.page.focus("#plan")
+    page.page.keyboard.down("w")
+    page.until(lambda: page.robot("R1")["x"] > start + 1.0, "for a drive")  # type: ignore[index]
+    page.page.keyboard.up("w")
+    page.page.click("#record")
+    page.until(lambda: "Recorded in" in page.text("notice"), "for its end")
+    return Path(page.text("notice").removeprefix("Recorded in "))
+
+
+def test_a_run_is_recorded_played_paused_stepped_and_sought(
+    open_page: Callable[..., CommanderPage],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with serve("foliage_room") as served:
+        live = open_page(served)
+        folder = record_a_drive(live)
+        live.page.context.close()
+    with play(folder) as played:
+        page = open_page(played)
+        page.until(lambda: page.robot("R1") is not None, "for the robot")
+        assert page.text("level") == "DM-FoliageRoom"
+        first = page.robot("R1")["x"]  # type: ignore[index]
+        began = time_of(page)
+        page.page.click("#step")
+        page.until(lambda: time_of(page) > began, "for a step")
+        assert time_of(page) == pytest.approx(began + 0.1, abs=0.011)
+        go_on(page)
+        page.until(lambda: page.robot("R1")["x"] > first + 0.5, "for the drive")  # type: ignore[index]
+        stands = pause(page)
+        page.page.wait_for_timeout(300)
+        assert time_of(page) == stands
+        end = float(page.page.get_attribute("#seek", "max") or 0)
+        page.page.locator("#seek").fill(str(round(end, 2)))
+        page.until(lambda: time_of(page) == round(end, 2), "for the end")
+        assert page.robot("R1")["x"] > first + 0.9  # type: ignore[index]
+        page.page.locator("#seek").fill(str(began))
+        page.until(lambda: page.robot("R1")["x"] == first, "for the start")  # type: ignore[index]
+        assert "sees through" in page.text("finding")  # echoes are recorded
+        page.page.context.close()
