@@ -18,7 +18,6 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import Final
 
-from matplotlib import color_sequences
 from matplotlib.colors import to_hex, to_rgb
 
 from radarsim.scene.material import Material
@@ -82,7 +81,10 @@ TARGET: Final = "#e11dbb"  # goals
 UNKNOWN_SENSOR: Final = LASER
 ROBOT_PATHS: Final = (GOING, RETURNING, FOLLOWING)  # of robots that map together
 # Of robots that are seen together: hulls, and what their sensors read.
-ROBOTS: Final[tuple[str, ...]] = tuple(map(to_hex, color_sequences["tab10"]))
+ROBOTS: Final = (
+    *("#44aabb", "#cc4455", "#eecc00", "#8833aa", "#22bb99"),
+    *("#5a8cf0", "#665577", "#00ee99", "#77bbff", "#99dd66"),
+)
 NOT_SENSED: Final = "#c2cbe0"  # cells of a map that no beam has crossed
 MARKER: Final = INK  # markers, and their edges
 ROBOT: Final = PAPER  # hull of the robot, outlined in ``MARKER``
@@ -131,6 +133,13 @@ SHOWN_TOGETHER: Final = {
     "radars and lasers": (PAPER, INK, *RADARS, *LASERS),
     **{f"run with {sensor}": (*_RUN, sensor) for sensor in (RADAR, LASER)},
     "map": (*_CELLS, *ROBOT_PATHS, TRUTH),
+    **{
+        f"robots on the page, {scheme}": (
+            *ROBOTS,
+            *(PAGE_COLOURS[name][dark] for name in ("paper", "radar", "laser")),
+        )
+        for dark, scheme in enumerate(("light", "dark"))
+    },
     **{
         f"map on the page, {scheme}": (
             *_CELLS,
