@@ -21,6 +21,7 @@ STOP_AFTER = 0.5  # s without a scan after which the robot is stopped
 STUCK_AFTER = 3.0  # m that a robot was commanded to go without moving
 STUCK_AFTER_TURN: Final = math.tau  # rad that it was commanded to turn without turning
 STANDSTILL_LIMIT: Final = 60.0  # s
+_LONGEST_STEP: Final = 1.0  # s between two scans that counts as commanded
 _LEAST_MOVE = 0.1  # m; less is due to noise
 _LEAST_TURN = 0.3  # rad
 
@@ -93,7 +94,8 @@ class StuckDetector:
         Raises:
             NavigationError: If the robot stays where it is.
         """
-        elapsed = observation.time - self._last_time
+        # In a long gap the robot was stopped, or its program had no time to tell it.
+        elapsed = min(observation.time - self._last_time, _LONGEST_STEP)
         self._last_time = observation.time
         pose, command = observation.pose, ""
         # What is commanded counts, not the time: who waits is not stuck.

@@ -44,6 +44,12 @@ def test_3_m_commanded_without_motion_is_stuck() -> None:
         push.check(at(13.0), Twist(0.25, 0.0))
 
 
+def test_robot_is_not_stuck_because_its_scans_come_late() -> None:
+    detector = StuckDetector()
+    for time in (10.0, 22.0, 40.0):  # on its first scans, of a fast simulation
+        detector.check(at(time), Twist(0.3, 0.5))
+
+
 def test_full_turn_commanded_without_turning_is_stuck() -> None:
     detector = StuckDetector()
     for time in range(13):
