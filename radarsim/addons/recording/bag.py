@@ -60,6 +60,7 @@ BROKEN = (
     zlib.error,
     struct.error,
     ValueError,
+    OverflowError,  # of a length that is broken
 )
 
 

@@ -86,14 +86,15 @@ class RecordedLines:
         """
         self.info = info
         self._file = file
-        self._reader = SeekingReader(file, record_size_limit=LARGEST_RECORD)
+        self._reader = SeekingReader(
+            file, validate_crcs=True, record_size_limit=LARGEST_RECORD
+        )
         summary = None
         with suppress(*BROKEN):
             summary = self._reader.get_summary()
         if summary is None or summary.statistics is None or not summary.chunk_indexes:
-            text = f"{file.name} breaks off, expected a whole recording"
-            folder = Path(file.name).parent
-            raise RecordingError(f"{text}; 'radarsim recording repair {folder}'")
+            text = "breaks off, expected a whole recording"
+            raise RecordingError(self._describe(text))
         self.end = summary.statistics.message_end_time // TICK / 100
         self.robots = _find_robots(self._calls(TO_SERVER, None, None), self.end)
         first = next(self._calls(TO_CLIENT, None, None), None)
@@ -125,7 +126,11 @@ class RecordedLines:
         self._file.close()
 
     def read(self, second: int) -> list[TimedLine]:
-        """Return the lines from a second on up to the next one, in order."""
+        """Return the lines from a second on up to the next one, in order.
+
+        Raises:
+            RecordingError: If the file is damaged there.
+        """
         lines: list[TimedLine] = []
         buffers: dict[int, LineBuffer] = {}
         for call in self._calls(TO_CLIENT, second * SECOND, (second + 1) * SECOND):
@@ -159,7 +164,12 @@ class RecordedLines:
                 kind = "" if schema is None else schema.name
                 yield decode_call(EncodedMessage(kind, message.data))
         except (*BROKEN, OSError) as error:
-            raise RecordingError(f"{self._file.name}: {error}") from error
+            raise RecordingError(self._describe(f"is damaged: {error}")) from error
+
+    def _describe(self, problem: str) -> str:
+        folder = Path(self._file.name).parent
+        cure = f"'radarsim recording repair {folder}' keeps what can be read"
+        return f"{self._file.name} {problem}; {cure}"
 
 
 def _find_robots(calls: Iterable[RunEvent], end: float) -> list[RecordedRobot]:

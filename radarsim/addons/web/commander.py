@@ -92,6 +92,7 @@ class Commander:
         if isinstance(source, Playback):
             self._link = source
             source.on_link, source.on_reports = self._server_changed, self._show_reports
+            source.on_damage = self._tell_error
         else:
             self._link = ServerLink(source, self._server_changed, self._robots.watch)
         self._recording = RecordingSwitch(
@@ -240,6 +241,9 @@ class Commander:
         time = self._time
         self._activities.follow_time(0.0 if time.is_paused else time.speed)
         self._viewers.broadcast(time.message(), "time")
+
+    def _tell_error(self, text: str) -> None:
+        self._viewers.broadcast({"op": "error", "text": text})
 
     def _show_reports(self, reports: Sequence[Report]) -> None:
         """Show what a recording tells, and how far it is, also without any report."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from radarsim.addons.web.requests import BadRequest, Pace, Seek
 from radarsim.addons.web.server_link import ServerState
 from radarsim.addons.web.time_control import TimeControl
+from radarsim.errors import RecordingError
 from radarsim.protocol.reports import Report, RobotJoined, RobotLeft, Watching
 from radarsim.protocol.watch import RobotChoice
 
@@ -44,6 +45,7 @@ class Playback(TimeControl):
         self.state = ServerState(level, watches=True, problem="")
         self.on_link: Callable[[], None] = lambda: None
         self.on_reports: Callable[[Sequence[Report]], None] = lambda _: None
+        self.on_damage: Callable[[str], None] = lambda _: None  # told what is damaged
         self._recording = recording
         self.is_paused = True
         joined = [robot.joined for robot in recording.robots]
@@ -156,9 +158,16 @@ class Playback(TimeControl):
         for second in seconds:
             lines = self._seconds.pop(second, None)
             if lines is None:
-                lines = await asyncio.to_thread(self._recording.read, second)
+                lines = await self._read_second(second)
             self._seconds[second] = lines  # the newest is last
         for old in [*self._seconds][: -max(KEPT, len(seconds))]:
             del self._seconds[old]
         found = (line for second in seconds for line in self._seconds[second])
         return [line for line in found if since < line.time <= time]
+
+    async def _read_second(self, second: int) -> "list[TimedLine]":
+        try:
+            return await asyncio.to_thread(self._recording.read, second)
+        except RecordingError as error:  # what comes after it may be whole
+            self.on_damage(str(error))
+            return []

@@ -6,6 +6,7 @@ import pytest
 import recorded_runs
 from recorded_runs import RecordedRun
 
+from radarsim.addons.recording.host_recorder import EventType
 from radarsim.addons.recording.recorded_lines import RecordedLines
 from radarsim.errors import RecordingError
 from radarsim.protocol.reports import RangeScan
@@ -70,6 +71,41 @@ def test_a_file_that_breaks_off_says_how_it_is_made_whole(
     (broken / "broken_0.mcap").write_bytes(file.read_bytes()[:-900])
     with pytest.raises(RecordingError, match="radarsim recording repair"):
         RecordedLines.open(broken)
+
+
+def test_what_is_damaged_is_told_and_the_rest_is_read(
+    folder: Path, run: RecordedRun, tmp_path: Path
+) -> None:
+    damaged = tmp_path / "damaged"
+    recorded_runs.write_run(run, damaged)
+    (file,) = damaged.glob("*.mcap")
+    data = bytearray(file.read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + 40] = bytes(40)
+    file.write_bytes(data)
+    recording, whole = RecordedLines.open(damaged), RecordedLines.open(folder)
+    told = 0
+    for second in range(3):
+        try:
+            read = [each.line.line for each in recording.read(second)]
+            assert read == [each.line.line for each in whole.read(second)]
+        except RecordingError as error:
+            assert "is damaged" in str(error)  # noqa: PT017 - of some seconds
+            assert "radarsim recording repair" in str(error)  # noqa: PT017
+            told += 1
+    assert told in (1, 2)
+    recording.close()
+    whole.close()
+
+
+def test_a_run_in_which_nobody_was_sent_anything_is_refused(
+    run: RecordedRun, tmp_path: Path
+) -> None:
+    events = [event for event in run.events if event.type >= EventType.WAIT]
+    events = [event for event in events if event.type <= EventType.END]
+    recorded_runs.write_run(run._replace(events=events), tmp_path / "run")
+    with pytest.raises(RecordingError, match="expected a robot at least"):
+        RecordedLines.open(tmp_path / "run")
 
 
 def test_robots_of_one_name_are_told_apart(foliage_room: Scene, tmp_path: Path) -> None:

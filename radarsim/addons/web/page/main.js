@@ -24,9 +24,7 @@ import { World } from "./world.js";
 
 const world = new World();
 const link = new Link();
-const viewport = new Viewport(byId("plan"), () => [
-  Math.max(byId("finding").offsetHeight, byId("zoom").offsetHeight), byId("legend").offsetHeight,
-]);
+const viewport = new Viewport(byId("plan"), () => [Math.max(depthOf("finding"), depthOf("zoom")), byId("legend").offsetHeight]);
 const clearance = new Clearance();
 const measure = new Measure();
 const plan = new Plan(byId("plan"), world, viewport, clearance, measure);
@@ -40,6 +38,7 @@ const time = new TimePanel(world, link);
 const drive = new Drive(link, () => (world.robot?.mine ? world.chosen : null), stopAll);
 
 const touch = matchMedia("(pointer: coarse), (max-width: 800px)");
+const MARGIN = 10; // px above what lies at the top of the stage
 let view = "plan";
 let picking = null; // what a click on the scene gives a place to: "robot", "goal", "measure"
 let shown = { frames: 0, since: performance.now(), rate: 0 };
@@ -288,6 +287,12 @@ function takePicture() {
   const when = `${(world.frame.t ?? 0).toFixed(2)} s`;
   const text = [level, when, byId("finding").textContent].filter(Boolean).join(" · ");
   savePicture(canvases, `${level}_${when.replace(" ", "")}.png`.replace(/[^\w.-]+/g, "_"), { text, paper: theme.paper, ink: theme.ink });
+}
+
+/** Return how deep something at the top of the stage reaches, px below its margin. */
+function depthOf(name) {
+  const [part, stage] = [byId(name), byId("stage")].map((one) => one.getBoundingClientRect());
+  return part.bottom - stage.top - MARGIN;
 }
 
 async function show(name) {

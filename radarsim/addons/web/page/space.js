@@ -9,6 +9,7 @@ import { sensorColour, theme } from "./theme.js";
 
 const HULL = 0.25; // m high
 const TALL = 0.9; // m; what is taller and longer than it surrounds the scene
+const WIDE = 1.4; // width by height of a view that the scene fits into
 const LONG = 0.4; // share of the scene's larger side
 
 export class Space extends EventTarget {
@@ -53,7 +54,9 @@ export class Space extends EventTarget {
     const [x0, y0, x1, y1] = this.world.extent();
     const size = Math.max(x1 - x0, y1 - y0);
     const middle = [(x0 + x1) / 2, (y0 + y1) / 2];
-    this.camera.position.set(middle[0] - 0.3 * size, middle[1] - 0.92 * size, 0.85 * size);
+    // From farther away where the view is narrow, so that all of the width is in it.
+    const away = size * Math.max(1, (WIDE * this.canvas.clientHeight) / Math.max(this.canvas.clientWidth, 1));
+    this.camera.position.set(middle[0] - 0.3 * away, middle[1] - 0.92 * away, 0.85 * away);
     this.controls.target.set(...middle, 0);
     this.controls.update();
     this.sun.position.set(middle[0] - size, middle[1] - 0.6 * size, 2 * size);

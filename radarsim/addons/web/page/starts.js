@@ -31,7 +31,7 @@ export function drawStarts(pen, viewport, world, pointed) {
     drawArrow(pen, left, top, start.yaw, chosen);
     if (!chosen && starts.length > MOST_NAMES) continue;
     pen.font = `${chosen ? 600 : 400} 12px system-ui, sans-serif`;
-    drawLabel(pen, chosen ? `Add a robot at ${start.name}` : start.name, left, top + 26);
+    drawLabel(pen, chosen ? `Add a robot at ${start.name}` : start.name, left, top - 17);
   }
   pen.textAlign = "left";
 }

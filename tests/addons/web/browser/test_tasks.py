@@ -101,12 +101,12 @@ def test_a_goal_outside_of_the_map_is_refused_in_words(
 def test_stop_cancels_a_task(commander: CommanderPage, truth: Truth) -> None:
     commander.add_robot("Stopped", kind="P3AT_Radar360", place=(-8, 0, 0))
     start = truth.last("Stopped")
-    commander.page.locator("#goto [name=x]").fill("-2")
+    commander.page.locator("#goto [name=x]").fill("-3")
     commander.page.locator("#goto button.main").click()
     commander.until(lambda: truth.last("Stopped").distance(start) > 0.1, "for a start")
     commander.page.keyboard.press("Space")
     commander.until(lambda: "cancelled" in commander.text("tasks"), "for the end")
-    assert truth.last("Stopped").x < -2.5
+    assert truth.last("Stopped").x < -3.5
 
 
 @pytest.mark.parametrize(("scanner", "sees"), [("lms200", True), ("Hokuyo", False)])
