@@ -38,12 +38,14 @@ class Bins(NamedTuple):
         per_square: (B,) 1 / R^2 of each, 1/m^2; 0 where it is too near.
         full: Power with which rays start.
         db_per_power: dB one way in a unit of it.
+        wavelength: m.
     """
 
     size: float
     per_square: Floats
     full: float
     db_per_power: float
+    wavelength: float
 
 
 class Lines(NamedTuple):

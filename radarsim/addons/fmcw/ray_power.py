@@ -30,6 +30,8 @@ _START_INSIDE, _ENTER, _LEAVE, _SHEET, _HIT = map(int, list(EventKind)[:5])
 _MIRRORED, _OUT_OF_RANGE = int(EventKind.MIRRORED), int(EventKind.OUT_OF_RANGE)
 
 OVERLAP: Final = 1.5  # by how much the ranges of a ray reach over those of the next
+DENT_AREA: Final = 1.0  # m^2, of dents in a sheet of metal; estimate
+_STRAIGHT_BACK: Final = 0.9  # cosine, beyond which no mirror glints
 LONGEST_SPREAD: Final = 3.0  # m, over which a grazed surface is spread
 
 
@@ -131,6 +133,8 @@ def add_ray(
             cosine = _mirror_cosine(fan, ray, first, event)
             gamma = _surface_gamma(fan.scattering, e.part, cosine)
             add_surface(lines, place, bins, e.t, gamma * through, 0.0)
+            if is_turned:
+                _add_corner(fan, lines, place, ray, first, event, through)
             # From here on the ray has not the direction that it has in the fan.
             is_turned = True
         count = _count_inside(inside, count, e)
@@ -248,6 +252,67 @@ def _add_ground(
         gamma = _surface_gamma(scattering, row, cosine)
     ground = scattering.ground
     add_ground(lines, place, fan.bins, grazing, gamma * through, exponent, ground)
+
+
+@njit_inline
+def _add_corner(
+    fan: TracedFan,
+    lines: Lines,
+    place: Place,
+    ray: int,
+    first: int,
+    event: int,
+    through: float,
+) -> None:
+    """Add what comes straight back by several mirrors, as from a corner of two walls.
+
+    They are one mirror that the ray meets head-on, as far away as half of its way out
+    and back; its slopes are those of all of them.
+
+    Args:
+        fan: The ``TracedFan``.
+        lines: The ``Lines``.
+        place: The ``Place``.
+        ray: Number of the ray.
+        first: Its first event.
+        event: That of the last mirror.
+        through: Share that is left there.
+    """
+    events, ahead, bins = fan.events, fan.rays.directions[ray], fan.bins
+    e, after, start = events[event], events[event + 1], events[first]
+    run = after.t - e.t
+    if run <= 0.0:
+        return
+    dx = start.x - start.t * ahead[0] - e.x
+    dy = start.y - start.t * ahead[1] - e.y
+    dz = start.z - start.t * ahead[2] - e.z
+    straight = np.sqrt(dx * dx + dy * dy + dz * dz)
+    back = (after.x - e.x) * dx + (after.y - e.y) * dy + (after.z - e.z) * dz
+    back /= run * max(straight, 1e-9)
+    if back < _STRAIGHT_BACK:
+        return
+    # Half the angle by which it misses the antenna is that of a mirror turned so.
+    square = min(0.5 * (1.0 + back), 1.0)
+    distance = 0.5 * (e.t + straight)
+    share, spread, area = 1.0, 0.0, 0.0
+    for k in range(first, event + 1):
+        if events[k].kind == _MIRRORED:
+            row = _row(fan.scattering, events[k].part)
+            narrowness = fan.scattering.narrowness[row]
+            if narrowness <= 0.0:
+                return
+            share *= fan.scattering.glint[row] / narrowness
+            size = fan.scattering.area[row]
+            # A piece that is smaller than its dents is as flat as a part of one.
+            spread += 0.5 / narrowness * min(size / DENT_AREA, 1.0)
+            area += size * _mirror_cosine(fan, ray, first, k)
+    # What is small, or far, sends the wave into a lobe; no more of a large mirror than
+    # the zone around the shortest way takes part.
+    area = min(area, 0.5 * bins.wavelength * distance)
+    spread += bins.wavelength**2 / (8.0 * np.pi * max(area, 1e-6))
+    glint = share * 0.5 / spread
+    gamma = gamma_at(np.sqrt(square), 0.0, 1.0, glint, 0.5 / spread)
+    add_surface(lines, place, bins, distance, gamma * through, 0.0)
 
 
 @njit_inline

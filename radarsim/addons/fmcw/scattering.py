@@ -35,6 +35,7 @@ from radarsim.raycast.attenuation import EventRow
 from radarsim.raycast.rays import RayClass, Rays
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material, rain_reflectivity
+from radarsim.scene.scene import Part
 
 _LEVEL: Final = 1e-6  # how far the normal of level ground is off the vertical, at most
 PATCH: Final = 0.5  # m, side of the cells of the raster of ground
@@ -242,6 +243,7 @@ class Scattering(NamedTuple):  # compiled into kernels
             for ground.
         glint: (P + 1,) Gamma^2 / (2 s^2) of the surfaces; 0 of rough ones.
         narrowness: (P + 1,) 1 / (2 s^2) likewise.
+        area: (P + 1,) m^2, of the largest flat face of mirrors; 0 of others.
         volume: (P + 1,) radar cross section of a cubic metre inside, m^2/m^3.
         albedo: (P + 1,) share of what a sheet takes that comes back.
         sway: (P + 1,) rms speed at which the wind moves volumes and sheets, m/s.
@@ -253,6 +255,7 @@ class Scattering(NamedTuple):  # compiled into kernels
     exponent: Floats
     glint: Floats
     narrowness: Floats
+    area: Floats
     volume: Floats
     albedo: Floats
     sway: Floats
@@ -289,6 +292,7 @@ def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Scattering:
         np.append([0.0 if each.constant_gamma else 1.0 for each in materials], 1.0),
         np.append(lobes[:, 0], 0.0),
         np.append(lobes[:, 1], 0.0),
+        np.append([_mirror_area(part) for part in tracer.parts], 0.0),
         np.append(volume, 0.0),
         np.append(albedo, 0.0),
         np.append([each.sway_m_per_s for each in materials], 0.0),
@@ -296,6 +300,18 @@ def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Scattering:
         find_ground(tracer, np.array(gamma)),
     )
     return found
+
+
+def _mirror_area(part: Part) -> float:
+    """Return the area of the largest flat face of a mirror, m^2; 0 of anything else."""
+    if not part.material.radar_mirror or not part.faces.size:
+        return 0.0
+    a, b, c = part.vertices[part.faces].transpose(1, 0, 2)
+    normals = np.cross(b - a, c - a) / 2
+    area = np.linalg.norm(normals, axis=1)
+    flat = np.round(normals / np.maximum(area, 1e-12)[:, None], 4)
+    _, which = np.unique(flat, axis=0, return_inverse=True)
+    return float(np.bincount(which.ravel(), area).max())
 
 
 @njit_inline

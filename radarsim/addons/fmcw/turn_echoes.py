@@ -148,7 +148,13 @@ class TurnEchoes:
             db_per_power: dB one way in a unit of that.
         """
         settings = self._settings
-        bins = Bins(settings.bin_size, self._per_square, full, db_per_power)
+        bins = Bins(
+            settings.bin_size,
+            self._per_square,
+            full,
+            db_per_power,
+            settings.wavelength,
+        )
         traced = TracedFan(rays, events, scattering, bins)
         parts = settings.rays_across
         first, end = rows.start * parts, rows.stop * parts
