@@ -30,7 +30,7 @@ KEYFRAME_DISTANCE: Final = 0.5  # m
 KEYFRAME_ANGLE: Final = 0.1  # rad
 TARGETS: Final = 12  # of a direction, at most
 SPREAD: Final = 0.1  # m, of echoes across their beam
-UNROLLINGS: Final = 2  # how often a turn is unrolled and matched
+UNROLLINGS: Final = 2  # where speeds change little from turn to turn
 # Of a prediction by the motion of the last turn, m, m and rad.
 SIGMA: Final = np.array([0.1, 0.1, 0.1])
 TICK: Final = 0.01  # s
@@ -89,9 +89,15 @@ class RadarOdometry:
         pose: At the end of the last turn.
     """
 
-    def __init__(self, start: Pose2) -> None:
-        """Begin at a pose."""
+    def __init__(self, start: Pose2, unrollings: int = UNROLLINGS) -> None:
+        """Begin at a pose.
+
+        Args:
+            start: The pose.
+            unrollings: How often a turn is unrolled and matched.
+        """
         self.pose = start
+        self._unrollings = unrollings
         self._motion = Pose2(0.0, 0.0)  # during the last turn
         self._keyframes: deque[tuple[Pose2, Floats]] = deque(maxlen=KEYFRAMES)
         self._map = PointMap()
@@ -100,7 +106,7 @@ class RadarOdometry:
         """Return the pose at the end of the next turn."""
         last, motion = self.pose, self._motion
         if self._keyframes:
-            for _ in range(UNROLLINGS):
+            for _ in range(self._unrollings):
                 points = _unroll(turn, motion)
                 predicted = last.compose(motion)
                 self.pose = fit(
