@@ -42,7 +42,7 @@ log = logging.getLogger("radarsim.server")
 DEFAULT_MAX_CLIENTS: Final = 1024
 OTHER_FILES: Final = 128  # that the server opens besides those of its clients
 WAIT_FOR_ENGINE: Final = (
-    "INIT waits until the ray engine is compiled, about a minute on an idle machine"
+    "INIT waits until the ray engine is compiled, up to a minute on an idle machine"
 )
 
 

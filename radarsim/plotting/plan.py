@@ -305,7 +305,9 @@ def _names(boxes: Mapping[str, shapely.Polygon]) -> dict[str, str]:
 def _plural(word: str) -> str:
     """Return the plural of a regular English noun.
 
-    >>> _plural("bush"), _plural("young tree")
-    ('bushes', 'young trees')
+    >>> _plural("bush"), _plural("young tree"), _plural("u")
+    ('bushes', 'young trees', 'u')
     """
+    if len(word) == 1:  # the plural would be a word of its own
+        return word
     return word + ("es" if word.endswith(("s", "x", "ch", "sh")) else "s")

@@ -153,6 +153,9 @@ def trial_warnings(scene: Scene) -> list[str]:
     clearance = math.hypot(model.length, model.width) / 2
     if trial.safety_distance < clearance:
         lines.append(f"a P3AT keeps at least {clearance:.3f} m")
+    goal = Pose2(*trial.goal)
+    if in_way := Simulation(scene).hindrances(model, goal):
+        lines.append(f"goal {goal.x:.2f} {goal.y:.2f}: taken by {', '.join(in_way)}")
     position = start.pose.x, start.pose.y
     if not is_connected(scene, position, trial.goal, trial.safety_distance):
         distance = f"{trial.safety_distance:g} m from everything solid"

@@ -128,6 +128,21 @@ def test_strict_check_fails_for_what_is_only_told_otherwise(
     assert loose.text == strict.text
 
 
+def test_goal_in_something_is_told_with_what_is_there(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    path = tmp_path / "room.yaml"
+    path.write_text(
+        "version: 1\n"
+        "objects:\n"
+        "  - {name: pillar, box: [1, 1, 2], position: [3, 0, 1], material: concrete}\n"
+        "starts: [{name: RobotStart1, position: [-3, 0, 0]}]\n"
+        "trial: {start: RobotStart1, goal: [2.6, 0], safety_distance: 0.5}\n"
+    )
+    run = radarsim("check", str(path))
+    assert "goal 2.60 0.00: taken by pillar" in run.text
+
+
 def test_strict_check_passes_a_map_without_doubts(radarsim: Command) -> None:
     assert radarsim("check", "foliage_room", "--strict").code == 0
 

@@ -40,6 +40,7 @@ OwnController: TypeAlias = Callable[[LocalRobot, Point], object]
 
 ALL: Final = "all"  # all maps together
 TIME_LIMIT: Final = 600.0  # s
+MOST_COMMANDS: Final = 20_000  # while no time passes; a controller that forgets to step
 
 
 class _TimeIsUp(Exception):
@@ -53,6 +54,21 @@ class _TrialSimulation(LocalSimulation):
         config = config_with_sensor(spec.sensor)
         super().__init__(scene, seed=spec.seed, config=config)
         self._end = end
+        self._commands = 0  # since the last step
+
+    def receive(self, number: int, data: bytes) -> list[str]:
+        """See ``LocalSimulation.receive``.
+
+        Raises:
+            ValueError: If a controller sends commands without end, and no time passes.
+        """
+        self._commands += 1
+        if self._commands > MOST_COMMANDS:
+            raise ValueError(
+                f"{MOST_COMMANDS} commands and no time has passed, expected a call of"
+                " robot.simulation.step"
+            )
+        return super().receive(number, data)
 
     def step(self, duration: float) -> None:
         """See ``LocalSimulation.step``.
@@ -60,6 +76,7 @@ class _TrialSimulation(LocalSimulation):
         Raises:
             _TimeIsUp: If the end has come.
         """
+        self._commands = 0
         super().step(min(duration, max(self._end - self.time, 0.0)))
         if self.time >= self._end:
             raise _TimeIsUp
@@ -90,7 +107,8 @@ class Evaluation:
     def success(self) -> Mapping[str, Estimate]:
         """Share of the runs that ended rightly and touched nothing, by map.
 
-        ``all`` is that of all maps. Intervals are Wilson's of 95 %.
+        ``all`` is that of all maps. Intervals are Wilson's of 95 %; a single run has
+        none, so that both ends are its value.
         """
         return {
             name: share(sum(row.is_correct for row in rows), len(rows))
@@ -115,9 +133,14 @@ class Evaluation:
 
     def __str__(self) -> str:
         lines = []
+        is_one_map = len({row.map for row in self.rows}) == 1
         for name, estimate in self.success.items():
-            interval = f"({estimate.low:.0%} to {estimate.high:.0%})"
-            text = f"{name}: {estimate.value:.0%} {interval} of {estimate.count} right"
+            if name == ALL and is_one_map:
+                continue
+            text = f"{name}: {estimate.value:.0%}"
+            if estimate.has_interval:
+                text += f" ({estimate.low:.0%} to {estimate.high:.0%})"
+            text += f" of {estimate.count} right"
             if name in self.detour:
                 text += f", path / shortest {self.detour[name].value:.2f}"
             lines.append(text)

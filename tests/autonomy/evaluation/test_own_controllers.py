@@ -1,6 +1,7 @@
 """A controller of one's own is judged by the truth, as the package's navigators are."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -89,7 +90,21 @@ def test_table_tells_intervals() -> None:
     # Wilson's interval of 10 of 10 begins at 1 / (1 + z² / 10), with z = 1.96.
     found = Evaluation((row,) * 10)
     text = "bug_closed_box: 100% (72% to 100%) of 10 right"
-    assert str(found).splitlines() == [text, text.replace("bug_closed_box", "all")]
+    assert str(found) == text
+    other = replace(row, map="bug_box")
+    lines = str(Evaluation((*found.rows, other))).splitlines()
+    # A single run has no interval, and shares of several maps have a line of their own.
+    assert lines[:2] == [text, "bug_box: 100% of 1 right"]
+    assert lines[2].startswith("all: ")
+
+
+def test_controller_that_lets_no_time_pass_is_an_error() -> None:
+    def forget_to_step(robot: LocalRobot, _: Point) -> None:
+        while True:
+            robot.drive(0.1)
+
+    with pytest.raises(ValueError, match="no time has passed, expected a call of"):
+        evaluate(forget_to_step, maps=MAPS[:1], seeds=1)
 
 
 def test_errors_of_navigators_fail_a_run_and_others_end_the_evaluation() -> None:
