@@ -48,6 +48,14 @@ from radarsim.protocol.reports import (
     WatchedLine,
     Watching,
 )
+from radarsim.protocol.rescue import (
+    GasDensity,
+    HumanMotion,
+    RfidTags,
+    Sighting,
+    Sound,
+    VictimParts,
+)
 from radarsim.protocol.watch import RobotChoice
 
 RESTING = Pose3(4.5, -1.9, 0.146, yaw=-pi / 2)  # 1.57 to the right on the wire
@@ -345,6 +353,39 @@ COMPAT_LINES: list[tuple[str, Report, str]] = [
         "CONF {Type Battery} {Name battery}",
     ),
     ("no items", NameConf("MisPkg", ()), "CONF {Type MisPkg}"),
+    (
+        "parts of a victim",
+        VictimParts(1.5, "VictSensor", (Sighting("Leg", (2.05, -0.33, -0.46)),)),
+        "SEN {Time 1.50} {Type VictSensor} {Name VictSensor} {PartName Leg} "
+        "{Location 2.0500,0.3300,0.4600}",
+    ),
+    (
+        "no victims",
+        VictimParts(1.5, "VictSensor", ()),
+        "SEN {Time 1.50} {Type VictSensor} {Name VictSensor} {Status NoVictims}",
+    ),
+    (
+        "tags",
+        RfidTags(1.5, "RFID", (Sighting("118", (-0.5, 0.25, -0.04)),)),
+        "SEN {Time 1.50} {Type RFID} {Name RFID} {ID 118} "
+        "{Location -0.5000,-0.2500,0.0400}",
+    ),
+    (
+        "motion",
+        HumanMotion(1.5, "HMD", 0.25),
+        "SEN {Time 1.50} {Type HumanMotion} {Name HMD} {Prob  0.2500}",
+    ),
+    (
+        "sound",
+        Sound(1.5, "Sound", 54.0, 2.0),
+        "SEN {Time 1.50} {Type Sound} {Name Sound} {Loudness 54.0000} "
+        "{Duration 2.0000}",
+    ),
+    (
+        "gas",
+        GasDensity(1.5, "CO2", "CO2", 0.01),
+        "SEN {Time 1.50} {Type CO2Sensor} {Name CO2} {Gas CO2} {Density 0.0100}",
+    ),
     ("robot", RobotJoined("R{1", "P3AT"), "NFO {Joined R?1} {ClassName P3AT}"),
     (
         "answer to a watcher",
