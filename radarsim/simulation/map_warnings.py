@@ -121,10 +121,16 @@ def _solids_of(segments: Floats, starts: MultiPoint) -> Iterator[Geometry]:
         yield from lines
 
 
+@lru_cache(maxsize=1)
+def _simulation(scene: Scene) -> Simulation:
+    """Return a simulation without robots, for which walls are sliced once."""
+    return Simulation(scene)
+
+
 def occupied_starts(scene: Scene) -> list[str]:
     """Return a line for each start where a P3AT cannot be spawned exactly."""
     lines = []
-    simulation = Simulation(scene)
+    simulation = _simulation(scene)
     for start in scene.starts:
         wanted = Pose2(start.pose.x, start.pose.y, start.pose.yaw)
         model = load_robot("P3AT")
@@ -154,7 +160,7 @@ def trial_warnings(scene: Scene) -> list[str]:
     if trial.safety_distance < clearance:
         lines.append(f"a P3AT keeps at least {clearance:.3f} m")
     goal = Pose2(*trial.goal)
-    if in_way := Simulation(scene).hindrances(model, goal):
+    if in_way := _simulation(scene).hindrances(model, goal):
         lines.append(f"goal {goal.x:.2f} {goal.y:.2f}: taken by {', '.join(in_way)}")
     position = start.pose.x, start.pose.y
     if not is_connected(scene, position, trial.goal, trial.safety_distance):

@@ -19,7 +19,7 @@ from typing import Any, ClassVar, Final, Generic, TypeVar
 
 import numpy as np
 
-from radarsim.geometry import Floats, Pose3
+from radarsim.geometry import Floats
 from radarsim.presets.robots import Item
 from radarsim.protocol import rescue
 from radarsim.protocol.fields import SensorReport
@@ -63,7 +63,9 @@ class SearchItem(ABC, Generic[Target]):
         found = list(self.targets(scene))
         self._targets = [target for target, _ in found]
         self._places = np.array([place for _, place in found]).reshape(-1, 3)
-        self._near = np.zeros(0, np.int64)  # numbers of targets, of the last rays
+        # Of the last rays: numbers of their targets, and all places, sensor's frame.
+        self._near = np.zeros(0, np.int64)
+        self._local = self._places
 
     @abstractmethod
     def targets(self, scene: Scene) -> Iterable[tuple[Target, Place]]:
@@ -83,7 +85,8 @@ class SearchItem(ABC, Generic[Target]):
 
     def rays(self) -> Rays:
         """Return a ray to each target within range and field of view."""
-        pose, places = self._local_places()
+        pose = self._robot.body.compose(self.item.mount)
+        self._local = places = (self._places - pose.position()) @ pose.rotation()
         distances = np.linalg.norm(places, axis=1)
         angles = np.arctan2(np.hypot(places[:, 1], places[:, 2]), places[:, 0])
         is_near = distances <= self._settings.max_range
@@ -107,14 +110,9 @@ class SearchItem(ABC, Generic[Target]):
         seen = self._near
         if self.needs_sight:
             seen = seen[traces.outcomes == Outcome.NOTHING]
-        _, places = self._local_places()
-        report = self.report(time, [self._targets[k] for k in seen], places[seen])
+        targets = [self._targets[k] for k in seen]
+        report = self.report(time, targets, self._local[seen])
         return () if report is None else (report,)
-
-    def _local_places(self) -> tuple[Pose3, Floats]:
-        """Return the pose of the sensor, and all places in its frame, (N, 3) m."""
-        pose = self._robot.body.compose(self.item.mount)
-        return pose, (self._places - pose.position()) @ pose.rotation()
 
 
 class RfidItem(SearchItem[str]):

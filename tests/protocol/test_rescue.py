@@ -2,7 +2,6 @@
 
 import pytest
 
-from radarsim.protocol.dialect import COMPAT
 from radarsim.protocol.reports import (
     GasDensity,
     HumanMotion,
@@ -54,11 +53,6 @@ LINES = [
         id="gas",
     ),
 ]
-
-
-@pytest.mark.parametrize(("report", "line"), LINES)
-def test_line_is_that_of_servers_for_ut2004(report: SensorReport, line: str) -> None:
-    assert report.encode(COMPAT) == line
 
 
 @pytest.mark.parametrize(("report", "line"), LINES)

@@ -88,7 +88,7 @@ class _Judge(HostObserver):
     def __init__(self, monitor: GroundTruthMonitor) -> None:
         self._monitor = monitor
 
-    def step(self, *, passes: bool) -> None:  # noqa: ARG002 - as it always does
+    def step(self, *, passes: bool) -> None:  # noqa: ARG002 - it always passes here
         """See ``HostObserver.step``."""
         self._monitor.watch()
 
