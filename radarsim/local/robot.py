@@ -294,14 +294,14 @@ class LocalRobot:
         return turns.newest
 
     def camera(
-        self, *, width: int = 640, height: int = 480, fov_deg: float = 80.0
+        self, *, width: int = 640, height: int = 480, fov_deg: float | None = None
     ) -> NDArray[np.uint8]:
         """Take a picture by the camera that viewers see by, in any size.
 
         Args:
             width: Pixels from left to right.
             height: Pixels from top to bottom.
-            fov_deg: Angle from left to right, degrees.
+            fov_deg: Angle from left to right, degrees; None for that of the camera.
 
         Returns:
             RGB, (height, width, 3).
@@ -309,11 +309,16 @@ class LocalRobot:
         Raises:
             ValueError: If there are no pixels, or the angle is not below 180 degrees.
         """
-        from radarsim.server.image_server import MOUNT  # noqa: PLC0415
+        from radarsim.server.views import FOV_DEG, MOUNT  # noqa: PLC0415
 
-        pose = self._vehicle.robot.body.compose(MOUNT)
+        vehicle, angle = self._vehicle, FOV_DEG
+        pose = vehicle.robot.body.compose(MOUNT)
+        if vehicle.cameras:
+            camera = vehicle.cameras[0]
+            pose, angle = vehicle.camera_pose(camera), vehicle.fovs[camera.name]
+        angle = angle if fov_deg is None else fov_deg
         size = {"width": width, "height": height}
-        return self.simulation.camera(pose, **size, fov_deg=fov_deg, carrier=self)
+        return self.simulation.camera(pose, **size, fov_deg=angle, carrier=self)
 
     def as_client(self) -> Client:
         """Return a client of the library that drives this robot.

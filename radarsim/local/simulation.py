@@ -272,7 +272,7 @@ class LocalSimulation:
                 pixels, or the angle is not below 180 degrees.
         """
         from radarsim.server.camera import Renderer  # noqa: PLC0415 - matplotlib
-        from radarsim.server.image_server import View  # noqa: PLC0415
+        from radarsim.server.views import View  # noqa: PLC0415
 
         if not isinstance(pose, Pose3):
             pose = Pose3.from_numbers(pose)

@@ -41,6 +41,7 @@ ItemType: TypeAlias = Literal[
     "HumanMotion",
     "Sound",
     "CO2Sensor",
+    "Camera",
     "Battery",
 ]
 DialectName: TypeAlias = Literal["compat", "udk"]
@@ -96,6 +97,16 @@ class Link(BaseModel):
             return angle
         return max(self.min_angle, min(self.max_angle, angle))
 
+    @cached_property
+    def mount(self) -> Pose3:
+        """Pose of its joint in the frame of the link before."""
+        return _pose(self.position, self.rotation_deg)
+
+    def turned(self, angle: float) -> Pose3:
+        """Return its pose in the frame of the link before, turned by an angle, rad."""
+        # It turns about the z axis of its joint, which points down on the wire.
+        return self.mount.compose(Pose3(0.0, 0.0, 0.0, yaw=-angle))
+
 
 class Item(BaseModel):
     """An item mounted on a robot: a sensor, a mission package or the battery.
@@ -107,6 +118,8 @@ class Item(BaseModel):
         rotation_deg: Roll, pitch and yaw in the body frame.
         sensor: Name of the sensor preset; range scanners have one, no others do.
         links: Links of a mission package, from the robot outwards.
+        parent: Name of the mission package on whose last link a camera is; its position
+            and rotation are in the frame of that link then.
         settings: Settings that differ from the preset of the sensor, or from the
             defaults of the item's type.
         interval: Time between two readings, s; None for the interval of the dialect.
@@ -121,6 +134,7 @@ class Item(BaseModel):
     rotation_deg: Vector = (0.0, 0.0, 0.0)
     sensor: str | None = None
     links: tuple[Link, ...] = ()
+    parent: str | None = None
     settings: dict[str, Any] = {}
     interval: Length | None = None
     dialect: DialectName | None = None
@@ -137,12 +151,18 @@ class Item(BaseModel):
     def _packages_have_links(self) -> Self:
         if (self.type == "MisPkg") != bool(self.links):
             raise ValueError("expected links for a MisPkg, and for no other item")
+        if self.parent is not None and self.type != "Camera":
+            raise ValueError("expected a parent for a Camera, and for no other item")
         return self
 
     @cached_property
     def mount(self) -> Pose3:
         """Pose of the item in the body frame."""
-        return Pose3(*self.position, *(math.radians(a) for a in self.rotation_deg))
+        return _pose(self.position, self.rotation_deg)
+
+
+def _pose(position: Vector, rotation_deg: Vector) -> Pose3:
+    return Pose3(*position, *map(math.radians, rotation_deg))
 
 
 class Steering(BaseModel):
@@ -226,6 +246,15 @@ class RobotModel(BaseModel):
                 raise ValueError(
                     f"two items have the name {name!r}, expected unique names"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _parents_are_packages(self) -> Self:
+        packages = [item.name for item in self.items_of("MisPkg")]
+        for item in self.items:
+            if item.parent is not None and item.parent not in packages:
+                parent = expected_one_of(item.parent, packages)
+                raise ValueError(f"parent of {item.name}: {parent}")
         return self
 
     @model_validator(mode="after")

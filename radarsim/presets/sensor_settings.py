@@ -34,6 +34,7 @@ Positive = Annotated[float, Field(ge=1e-3, le=1e5, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, le=1e5, allow_inf_nan=False)]
 Angle = Annotated[float, Field(ge=1e-4, le=360, allow_inf_nan=False)]
 Width = Annotated[float, Field(ge=0, le=90, allow_inf_nan=False)]
+FieldOfView = Annotated[float, Field(ge=1, le=170, allow_inf_nan=False)]
 RightAngle = Annotated[float, Field(ge=1, le=90, allow_inf_nan=False)]
 METRES_PER_UNIT: Final = 1 / 250  # USARSim's scale of Unreal units
 MAX_RAYS = 1_000_000  # in one scan
@@ -308,6 +309,26 @@ class SearchSettings(BaseModel):
 
     max_range: Positive
     fov_deg: Angle
+
+
+class CameraSettings(BaseModel):
+    """All settings of a camera.
+
+    Attributes:
+        fov_deg: Field of view from left to right, degrees.
+        min_fov_deg: Smallest one to which clients can zoom, degrees.
+        max_fov_deg: Largest one, degrees.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    fov_deg: FieldOfView
+    min_fov_deg: FieldOfView
+    max_fov_deg: FieldOfView
+
+    def limit(self, fov_deg: float) -> float:
+        """Return the field of view nearest to one that is wanted, degrees."""
+        return max(self.min_fov_deg, min(self.max_fov_deg, fov_deg))
 
 
 def offset_angle(side_offset_uu: float, distance: float) -> float:

@@ -16,6 +16,7 @@ from radarsim.presets.preset_files import (
     unknown_preset,
 )
 from radarsim.presets.sensor_settings import (
+    CameraSettings,
     GpsSettings,
     SearchSettings,
     SensorSettings,
@@ -57,7 +58,7 @@ def sensor_presets() -> dict[str, SensorPreset]:
 
 @cache
 def item_presets() -> dict[str, SensorPreset]:
-    """Read the presets of sonars and GPS receivers, named after the item's type."""
+    """Read the presets of items besides scanners, named after the item's type."""
     return {
         name: SensorPreset.model_validate(read_preset("items", name))
         for name in preset_names("items")
@@ -133,6 +134,16 @@ def search_settings(item_type: str, **settings: object) -> SearchSettings:
     """
     name = item_type.lower()
     return _validate(name, SearchSettings, item_presets()[name].settings, settings)
+
+
+def camera_settings(**settings: object) -> CameraSettings:
+    """Return the settings of the camera's preset, with some of them changed.
+
+    Raises:
+        PresetError: As ``load_settings``.
+    """
+    preset = item_presets()["camera"]
+    return _validate("camera", CameraSettings, preset.settings, settings)
 
 
 def has_fmcw(name: str) -> bool:

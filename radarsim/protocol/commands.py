@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import ClassVar, Final, Self, TypeAlias
+from typing import Any, ClassVar, Final, Self, TypeAlias
 
 import numpy as np
 
@@ -44,6 +44,9 @@ def _parse_angle(text: str) -> float:
     return 0.0 - _parse_number(text)
 
 
+FOV: Final = "FOV"
+VIEWPORTS: Final = tuple(f"Viewport{number}" for number in range(1, 5))
+_CONFIGS: Final = ("singleview", "quadview", "0", "1")
 Values: TypeAlias = tuple[str | None, ...]  # one for each key; None leaves it out
 
 
@@ -138,8 +141,10 @@ class MovePackage:
     orders: tuple[LinkOrder, ...]
 
     @classmethod
-    def decode(cls, message: Message, _: Dialect) -> Self:
+    def decode(cls, message: Message, _dialect: Dialect) -> Self:
         """Read the command from its message, whose fields are in order.
+
+        A ``Rotation`` stands for the orders of a pan-tilt: roll, pan and tilt.
 
         Raises:
             MalformedMessage: If a number is not readable, or stands before its link.
@@ -147,7 +152,14 @@ class MovePackage:
         name = message.require("Name")
         orders: list[LinkOrder] = []
         for key, text in message.segments:
-            if key.lower() == "link":
+            if key.lower() == "rotation":
+                _, pan, tilt = parse_numbers(text, 3, largest=LARGEST_COMMANDED)
+                # On the wire the right is positive; the first link turns to the left.
+                orders = [LinkOrder(name, 1, 0.0 - pan), LinkOrder(name, 2, tilt)]
+            elif key.lower() == "order" and message.get("Rotation"):
+                kind = int(_parse_number(text))
+                orders = [each._replace(order=kind) for each in orders]
+            elif key.lower() == "link":
                 orders.append(LinkOrder(name, int(_parse_number(text)), 0.0))
             elif key.lower() in ("value", "order"):
                 if not orders:
@@ -351,13 +363,13 @@ class SetItem:
     Attributes:
         type: Type of the items in the client's spelling.
         name: Name of one item; None for all items of the type.
-        opcode: ``SCAN``, ``RESET``, ``POSE``, ``ECHOES``, ``TARGETS`` or ``SETTING`` in
-            the client's spelling.
+        opcode: ``SCAN``, ``RESET``, ``POSE``, ``ECHOES``, ``TARGETS``, ``SETTING``,
+            ``ZOOM`` or ``FOV`` in the client's spelling.
         params: Parameters of the opcode; empty if there are none.
     """
 
     verb: ClassVar[str] = "SET"
-    keys: ClassVar[Sequence[str]] = ("Type", "Name", "Opcode", "Params")
+    keys: ClassVar[Sequence[str]] = ("Type", "Name", "Opcode", "Params", FOV)
 
     type: str
     name: str | None
@@ -367,16 +379,86 @@ class SetItem:
     @classmethod
     def decode(cls, message: Message, _: Dialect) -> Self:
         """Read the command from its message."""
+        params = message.get("Params")
+        opcode = message.get("Opcode")
+        if opcode is None and message.get(FOV):  # as students' clients write it
+            opcode, params = FOV, message.get(FOV)
         return cls(
             message.require("Type"),
             message.get("Name") or None,
-            message.require("Opcode"),
-            message.get("Params") or "",
+            message.require("Opcode") if opcode is None else opcode,
+            params or "",
         )
 
     def values(self) -> Values:
         """Return the text for each of ``keys``."""
-        return (self.type, self.name, self.opcode, self.params or None)
+        return (self.type, self.name, self.opcode, self.params or None, None)
+
+
+@dataclass(frozen=True, slots=True)
+class ShowCamera:
+    """Choose whose camera the viewers of pictures on a machine see.
+
+    Attributes:
+        client: Address of the machine.
+        robot: Name of the robot, in any case; None to choose none.
+        name: Name of its camera; None for what its viewports show.
+    """
+
+    verb: ClassVar[str] = "SET"
+    keys: ClassVar[Sequence[str]] = ("Type", "Robot", "Name", "Client")
+
+    client: str
+    robot: str | None = None
+    name: str | None = None
+
+    @classmethod
+    def decode(cls, message: Message, _: Dialect) -> Self:
+        """Read the command from its message."""
+        robot, name = message.get("Robot"), message.get("Name")
+        return cls(message.require("Client"), robot or None, name or None)
+
+    def values(self) -> Values:
+        """Return the text for each of ``keys``."""
+        return ("Camera", self.robot, self.name, self.client)
+
+
+@dataclass(frozen=True, slots=True)
+class SetViewports:
+    """Choose which cameras of a robot a picture shows.
+
+    Attributes:
+        is_quad: Whether a picture shows four cameras, not one; None leaves it.
+        cameras: Names of the cameras in the four viewports; ``Disable`` for none. None
+            leaves a viewport as it is.
+    """
+
+    verb: ClassVar[str] = "SET"
+    keys: ClassVar[Sequence[str]] = ("Type", "Config", *VIEWPORTS)
+
+    is_quad: bool | None = None
+    cameras: tuple[str | None, ...] = (None,) * len(VIEWPORTS)
+
+    @classmethod
+    def decode(cls, message: Message, _: Dialect) -> Self:
+        """Read the command from its message.
+
+        Raises:
+            MalformedMessage: If there is no such configuration.
+        """
+        config, is_quad = message.get("Config"), None
+        if config:
+            if config.lower() not in _CONFIGS:
+                raise MalformedMessage(f"Config {expected_one_of(config, _CONFIGS)}")
+            is_quad = config.lower() in ("quadview", "1")
+        return cls(is_quad, tuple(message.get(key) or None for key in VIEWPORTS))
+
+    def values(self) -> Values:
+        """Return the text for each of ``keys``."""
+        config = None
+        if self.is_quad is not None:
+            config = "QuadView" if self.is_quad else "SingleView"
+        return ("Viewports", config, *self.cameras)
 
 
 @dataclass(frozen=True, slots=True)
@@ -401,6 +483,8 @@ Command: TypeAlias = (
     | GetGeo
     | GetConf
     | SetItem
+    | ShowCamera
+    | SetViewports
     | Watch
     | Unsupported
 )
@@ -439,7 +523,9 @@ _NEEDLESS_KEYS: Final = {
         "LinearVelocity",
         "LateralVelocity",
         "RotationalVelocity",
-    ]
+    ],
+    # Angles of a pan-tilt, as a driver of Player and older servers have them.
+    MovePackage.verb: ["Type", "Rotation"],
 }
 
 # Fields for boats, and for single wheels and joints.
@@ -462,7 +548,6 @@ UNSUPPORTED_TYPES: Final = frozenset(
     [
         "Acoustic",
         "Actuator",
-        "Camera",
         "CO2Sensor",
         "Effecter",
         "Gripper",
@@ -475,7 +560,6 @@ UNSUPPORTED_TYPES: Final = frozenset(
         "Sound",
         "ToolChanger",
         "VictSensor",
-        "Viewports",
     ]
 )
 
@@ -513,13 +597,18 @@ def parse_command(line: str, dialect: Dialect) -> ParsedCommand:
     if verb not in COMMANDS:
         expected = expected_one_of(message.verb, sorted(COMMANDS))
         raise MalformedMessage(f"verb {expected}")
+    form: Any = COMMANDS[verb]
     if verb == SetItem.verb and message.get("Opcode") is None:
         wanted = (message.get("Type") or "").casefold()
+        if wanted == "viewports":
+            form = SetViewports
+        elif wanted == "camera" and message.get("Client"):
+            form = ShowCamera
         for kind in UNSUPPORTED_TYPES:
-            # They have fields of their own instead, such as Viewport1.
+            # They have fields of their own instead, such as those of Gripper.
             if kind.casefold() == wanted:
                 return ParsedCommand(Unsupported(kind))
-    command = COMMANDS[verb].decode(message, dialect)
+    command: Command = form.decode(message, dialect)
     known = {key.lower() for key in (*command.keys, *_NEEDLESS_KEYS.get(verb, ()))}
     of_others = {key.lower() for key in _UNSUPPORTED_KEYS.get(verb, ())}
     keys = [key for key, _ in message.segments if key.lower() not in known]

@@ -7,8 +7,8 @@ missing; such a number is NaN.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import nan
-from typing import Annotated, ClassVar, Final, Self, TypeAlias
+from math import degrees, nan, pi, radians
+from typing import Annotated, ClassVar, Final, NamedTuple, Self, TypeAlias
 
 from radarsim.geometry import Pose3
 from radarsim.protocol.dialect import Dialect
@@ -269,6 +269,83 @@ class EncoderConf(LineReport):
     ]
 
 
+class CameraLimits(NamedTuple):
+    """How a camera can be zoomed, and where it is in pictures.
+
+    Attributes:
+        name: Name of the camera.
+        corner: x and y of its upper left corner in a picture, pixels; NaN if they are
+            not reported.
+        size: Width and height of what it fills of a picture, pixels, likewise.
+        fovs: Fields of view from left to right: the first one, the smallest, the
+            largest and the present one, rad.
+    """
+
+    name: str
+    corner: tuple[float, float]
+    size: tuple[float, float]
+    fovs: tuple[float, float, float, float]
+
+
+_PIXEL_KEYS: Final = (
+    *("TextureOffsetX", "TextureOffsetY"),
+    *("TextureResolutionX", "TextureResolutionY"),
+)
+_FOV_KEYS: Final = ("CameraDefFov", "CameraMinFov", "CameraMaxFov", "CameraFov")
+
+
+@dataclass(frozen=True, slots=True)
+class CameraConf(LineReport):
+    """The settings of cameras.
+
+    Servers for UDK write degrees, and no blanks between fields; those for UT2004 write
+    radians. Angles of more than 2 pi are read as degrees.
+
+    Attributes:
+        type: Type of the items in the spelling of the request.
+        cameras: The cameras, in mounting order.
+    """
+
+    verb: ClassVar[str] = "CONF"
+
+    type: str
+    cameras: tuple[CameraLimits, ...]
+
+    @classmethod
+    def decode(cls, message: Message) -> Self:
+        cameras = []
+        for item in message.items():
+            x, y, width, height = map(item.number_or_nan, _PIXEL_KEYS)
+            fovs = [item.number_or_nan(key) for key in _FOV_KEYS]
+            first, *others = (radians(a) if a > 2 * pi else a for a in fovs)
+            smallest, largest, present = others
+            angles = first, smallest, largest, present
+            cameras.append(CameraLimits(item.name, (x, y), (width, height), angles))
+        return cls(message.require("Type"), tuple(cameras))
+
+    def segments(self, dialect: Dialect) -> Sequence[Segment]:
+        segments = [Segment("Type", reduce_text(self.type))]
+        angle = marks(dialect.plain)
+        for camera in self.cameras:
+            whole = [str(round(each)) for each in (*camera.corner, *camera.size)]
+            fields = list(zip(_PIXEL_KEYS, whole, strict=True))
+            fields += [(key, angle) for key in _FOV_KEYS]
+            name, fovs = reduce_text(camera.name), camera.fovs
+            if dialect.cameras_in_degrees:
+                # The original writes no blanks between these segments.
+                text = "".join([f"}}{{{key} {value}" for key, value in fields])
+                degrees_ = [degrees(each) for each in fovs]
+                segments.append(Segment("Name", name + text, degrees_))
+                continue
+            segments.append(Segment("Name", name))
+            numbers = [(), (), (), (), *[(each,) for each in fovs]]
+            segments += [
+                Segment(key, value, each)
+                for (key, value), each in zip(fields, numbers, strict=True)
+            ]
+        return segments
+
+
 class ItemNames(Field[tuple[str, ...]]):
     """The names of items."""
 
@@ -297,6 +374,7 @@ Conf: TypeAlias = (
     | IntervalConf
     | TouchConf
     | EncoderConf
+    | CameraConf
     | PackageConf
     | NameConf
 )
@@ -304,6 +382,8 @@ Conf: TypeAlias = (
 # By a key that no report after it has.
 _CONFS: Final[Sequence[tuple[str, type[Conf]]]] = (
     ("JointType", PackageConf),
+    ("CameraFov", CameraConf),
+    ("CameraDefFov", CameraConf),
     ("BeamAngle", SonarConf),
     ("MaxRange", ScannerConf),
     ("ScanInterval", IntervalConf),

@@ -10,6 +10,7 @@ import struct
 from enum import IntEnum
 from typing import Final, NamedTuple
 
+WIDTH, HEIGHT = 160, 120  # pixels of what one camera sees
 _PART_BYTES: Final = 17  # of a request for a part
 
 

@@ -40,6 +40,8 @@ from radarsim.protocol.fields import (
     Whole,
 )
 from radarsim.protocol.geo_conf import (
+    CameraConf,
+    CameraLimits,
     Conf,
     EncoderConf,
     Geo,
@@ -87,6 +89,8 @@ from radarsim.protocol.watch import (
 
 __all__ = [
     "Acceleration",
+    "CameraConf",
+    "CameraLimits",
     "ClockTick",
     "CommandError",
     "EchoLine",

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import io
 import math
+from functools import lru_cache
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -23,7 +24,9 @@ from radarsim.geometry import Floats, Pose3
 from radarsim.jit import njit_cached, njit_inline
 from radarsim.plotting.palette import FAMILY_COLOURS, Family, family_of
 from radarsim.protocol.images import (
+    HEIGHT,
     JPEG_QUALITY,
+    WIDTH,
     ImageType,
     Region,
     encode_image,
@@ -36,7 +39,7 @@ from radarsim.raycast.tracer import tracer_of
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Scene
 from radarsim.sensors.scan import ROBOT
-from radarsim.server.image_server import View
+from radarsim.server.views import FOV_DEG, Tiles, View
 
 FULL_POWER: Final = 50.0  # a ray that has lost it sees nothing: exp(-50) is 2e-22
 AMBIENT: Final = 0.45  # brightness of a surface along the ray
@@ -45,11 +48,11 @@ _START_INSIDE, _ENTER = int(EventKind.START_INSIDE), int(EventKind.ENTER)
 _LEAVE, _OUT_OF_RANGE = int(EventKind.LEAVE), int(EventKind.OUT_OF_RANGE)
 _HIT, _ABSORBED = int(EventKind.HIT), int(EventKind.ABSORBED)
 Pixels: TypeAlias = NDArray[np.uint8]
-WIDTH, HEIGHT = 160, 120  # pixels
-FIELD_OF_VIEW: Final = math.radians(80.0)  # from left to right, as the original's
+FIELD_OF_VIEW: Final = math.radians(FOV_DEG)
 VIEWING_DISTANCE: Final = 1000.0  # m
 # A volume that takes a decibel of light is that much darker, whatever a laser's power.
 LIGHT: Final = RayClass(LASER, power_per_db=math.log(10) / 10)
+MOST_ANGLES: Final = 8  # fields of view whose pixels are kept
 ZENITH: Final = "#8fb8de"
 HORIZON: Final = "#e4eef5"
 
@@ -128,7 +131,7 @@ class Renderer:
         scene: Scene,
         width: int = WIDTH,
         height: int = HEIGHT,
-        field_of_view: float = FIELD_OF_VIEW,
+        field_of_view: float | None = None,
     ) -> None:
         """Create a renderer.
 
@@ -136,26 +139,38 @@ class Renderer:
             scene: The scene.
             width: Pixels from left to right.
             height: Pixels from top to bottom.
-            field_of_view: Angle from left to right, rad.
+            field_of_view: Angle from left to right, rad; None for that of each view.
 
         Raises:
             EngineError: If Embree cannot be used, or cannot use a part of the scene.
             ValueError: If there are no pixels, or the angle is not below pi.
         """
         are_whole = all(isinstance(each, int) for each in (width, height))
-        if not (are_whole and min(width, height) > 0 and 0 < field_of_view < math.pi):
-            came = f"{width} x {height} pixels, {math.degrees(field_of_view):g} degrees"
+        angle = FIELD_OF_VIEW if field_of_view is None else field_of_view
+        if not (are_whole and min(width, height) > 0 and 0 < angle < math.pi):
+            came = f"{width} x {height} pixels, {math.degrees(angle):g} degrees"
             expected = "whole numbers of pixels, and less than 180 degrees"
             raise ValueError(f"picture of {came}, expected {expected}")
         self._tracer = tracer_of(scene)
         materials = [*(part.material for part in self._tracer.parts), ROBOT]
         self._colours = np.array([_colour_of(material) for material in materials])
         self._shape = height, width, 3
-        self._directions = _pixel_directions(width, height, field_of_view)
+        self._field_of_view = field_of_view
+
+    def render_tiles(self, tiles: Tiles) -> Pixels:
+        """Return a picture of one view, or of four as its quarters, row by row."""
+        black = np.zeros(self._shape, np.uint8)
+        pictures = [black if view is None else self.render(view) for view in tiles]
+        if len(pictures) == 1:
+            return pictures[0]
+        return np.vstack([np.hstack(pictures[:2]), np.hstack(pictures[2:])])
 
     def render(self, view: View) -> Pixels:
         """Return a picture: RGB, (H, W, 3), from the top, rows from the left."""
-        directions = _rotate(self._directions, view.camera.rotation())
+        height, width, _ = self._shape
+        angle = self._field_of_view or view.fov
+        pixels_ahead = _pixel_directions(width, height, angle)
+        directions = _rotate(pixels_ahead, view.camera.rotation())
         n = len(directions)
         # Picture by picture only the camera moves: the directions are turned, not
         # computed anew.
@@ -185,6 +200,7 @@ def _colour_of(material: Material) -> tuple[float, float, float]:
     return to_rgb(FAMILY_COLOURS[family_of(material)])
 
 
+@lru_cache(MOST_ANGLES)
 def _pixel_directions(width: int, height: int, field_of_view: float) -> Floats:
     """Return unit vectors to the pixels' middles in the camera's frame, (N, 3)."""
     focal_length = width / 2 / math.tan(field_of_view / 2)  # pixels

@@ -3,7 +3,7 @@
 Theory of operation
 ===================
 While a viewer waits for a picture, one is drawn every ``INTERVAL``, of the poses at
-that time. All viewers that wait get the same picture.
+that time. All viewers that wait and see the same get the same picture.
 
 Pictures are drawn in a process of its own and not in a thread: a thread that draws
 holds Python's global lock every now and then. Where the processors are busy it may have
@@ -30,55 +30,19 @@ from collections.abc import Set as AbstractSet
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Protocol
 
 from radarsim.errors import ServerError
-from radarsim.geometry import Pose3
-from radarsim.presets.robots import load_robot
 from radarsim.processes import worker_pool
 from radarsim.protocol.images import WHOLE, Region, RequestBuffer
 from radarsim.server.peer_connections import PeerConnection, PeerServer, RefusalLog
+from radarsim.server.views import Shown, Tiles, assign, tiles_of
 
 if TYPE_CHECKING:
     from radarsim.protocol.images import ImageType, Region
-    from radarsim.raycast.robot_boxes import Boxes
     from radarsim.scene.scene import Scene
     from radarsim.server.camera import Renderer
     from radarsim.simulation.simulation import Simulation
-
-MOUNT: Final = Pose3(0.1005, 0.0, 0.42)  # of the original's camera on a P3AT
-
-
-@dataclass(frozen=True, slots=True)
-class View:
-    """Where a camera is, and where the robots are.
-
-    Attributes:
-        camera: Pose of the camera, map frame; it looks along its x axis.
-        boxes: The robots.
-        carrier_id: Id of the box of the robot that carries the camera; -1 for none.
-    """
-
-    camera: Pose3
-    boxes: Boxes
-    carrier_id: int = -1
-
-    @classmethod
-    def of(cls, simulation: Simulation) -> View:
-        """Return the view of the robot that has been in a simulation for longest.
-
-        Without robots it is that of a P3AT at the first start of the map.
-        """
-        boxes, vehicles = simulation.boxes(), simulation.vehicles
-        if vehicles:
-            first = vehicles[0]
-            return cls(first.robot.body.compose(MOUNT), boxes, first.number)
-        starts = simulation.scene.starts
-        start = starts[0].pose if starts else Pose3(0.0, 0.0, 0.0)
-        body = start.compose(Pose3(0.0, 0.0, load_robot("P3AT").origin_height))
-        return cls(body.compose(MOUNT), boxes)
-
 
 NICENESS = 10  # ticks of the server go first
 
@@ -105,7 +69,7 @@ class PictureProcess:
         self._pool.submit(os.getpid)  # processes start with their first task
 
     async def draw(
-        self, view: View, regions: AbstractSet[Region]
+        self, tiles: Tiles, regions: AbstractSet[Region]
     ) -> dict[Region, bytes]:
         """Return the bytes that are sent to viewers for regions of a picture.
 
@@ -114,7 +78,7 @@ class PictureProcess:
         """
         assert self._pool is not None
         try:
-            pictures = self._pool.submit(_Painter.draw, view, regions)
+            pictures = self._pool.submit(_Painter.draw, tiles, regions)
             return await asyncio.wrap_future(pictures)
         except BrokenProcessPool:
             raise ServerError("the process that draws pictures has ended") from None
@@ -142,11 +106,11 @@ class _Painter:
         cls._renderer, cls._image_type = Renderer(scene), image_type
 
     @classmethod
-    def draw(cls, view: View, regions: AbstractSet[Region]) -> dict[Region, bytes]:
+    def draw(cls, tiles: Tiles, regions: AbstractSet[Region]) -> dict[Region, bytes]:
         """Draw a picture, and encode regions of it."""
         from radarsim.server.camera import encode  # noqa: PLC0415
 
-        pixels = cls._renderer.render(view)
+        pixels = cls._renderer.render_tiles(tiles)
         return {each: encode(pixels, each, cls._image_type) for each in regions}
 
 
@@ -167,7 +131,7 @@ class PictureSource(Protocol):
         ...
 
     async def draw(
-        self, view: View, regions: AbstractSet[Region]
+        self, tiles: Tiles, regions: AbstractSet[Region]
     ) -> dict[Region, bytes]:
         """Return the bytes that are sent to viewers for regions of a picture.
 
@@ -197,12 +161,14 @@ class ImageServer(PeerServer):
         super().__init__(port)
         self._pictures = pictures
         self._viewers: set[Viewer] = set()
-        self._requested = asyncio.Event()
+        self._requested, self._connected = asyncio.Event(), 0
         self._refusals = RefusalLog("viewers")
         self._drawing: asyncio.Task[None] | None = None
 
     def _accept(self) -> Viewer:
-        return Viewer(self._viewers, self._requested, self._refusals)
+        self._connected += 1
+        shared = self._viewers, self._requested, self._refusals
+        return Viewer(*shared, self._connected)
 
     async def begin(self, simulation: Simulation) -> None:
         """Draw pictures for viewers that wait.
@@ -232,19 +198,35 @@ class ImageServer(PeerServer):
             waiting = [viewer for viewer in self._viewers if viewer.waits]
             if not waiting:
                 continue
-            regions = {viewer.region for viewer in waiting if viewer.region is not None}
             try:
-                pictures = await self._pictures.draw(View.of(simulation), regions)
+                await self._answer(simulation, waiting)
             except ServerError as error:
                 log.error("no more pictures: %s", error)  # noqa: TRY400 - no bug of this one
                 self._close(self._viewers)
                 return
-            for viewer in waiting:
-                if viewer.region is not None:  # it has not left meanwhile
-                    viewer.send(pictures[viewer.region])
             # From the beginning of the picture, so that the rate does not depend on how
             # long it takes to draw.
             await asyncio.sleep(due - loop.time())
+
+    async def _answer(self, simulation: Simulation, waiting: list[Viewer]) -> None:
+        """Draw what viewers wait for, once for all that see the same.
+
+        Raises:
+            ServerError: If no more pictures can be drawn.
+        """
+        viewers = sorted(self._viewers, key=lambda viewer: viewer.number)
+        seen = dict(zip(viewers, assign(simulation, viewers), strict=True))
+        groups: dict[Shown, list[Viewer]] = {}
+        for viewer in waiting:
+            groups.setdefault(seen[viewer], []).append(viewer)
+        # All of the same moment, also those that are drawn after others.
+        tiles = {shown: tiles_of(simulation, shown) for shown in groups}
+        for shown, group in groups.items():
+            regions = {each.region for each in group if each.region is not None}
+            pictures = await self._pictures.draw(tiles[shown], regions)
+            for viewer in group:
+                if viewer.region in pictures:  # it has not left meanwhile
+                    viewer.send(pictures[viewer.region])
 
 
 class Viewer(PeerConnection):
@@ -252,6 +234,8 @@ class Viewer(PeerConnection):
 
     Attributes:
         region: The part of a picture that it waits for; None for no request.
+        robot: Number of the robot that it saw last; 0 for none.
+        number: Counts the viewers in the order of connecting.
     """
 
     KIND = "viewer"
@@ -262,6 +246,7 @@ class Viewer(PeerConnection):
         viewers: set[Viewer],
         requested: asyncio.Event,
         refusals: RefusalLog,
+        number: int,
     ) -> None:
         """Create the protocol of a connection.
 
@@ -269,14 +254,21 @@ class Viewer(PeerConnection):
             viewers: All viewers, to which this one adds itself.
             requested: Set when the viewer waits for a picture.
             refusals: The log of viewers that are refused.
+            number: Counts the viewers in the order of connecting.
         """
         super().__init__(viewers, refusals)
         self.region: Region | None = None
+        self.robot, self.number = 0, number
         self._requested = requested
         self._requests = RequestBuffer()
         self._can_write = True
         self._silence: asyncio.TimerHandle | None = None
         self._grace: asyncio.TimerHandle | None = None  # aborts after eof
+
+    @property
+    def address(self) -> str:
+        """Address of its machine."""
+        return self.peer.rpartition(":")[0]
 
     @property
     def waits(self) -> bool:

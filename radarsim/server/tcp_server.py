@@ -262,7 +262,7 @@ class Connection(asyncio.BufferedProtocol):
             return
         configure_socket(transport)
         self._transport = transport
-        self._number = self._host.connect()
+        self._number = self._host.connect(self.peer.rpartition(":")[0])
         self._connections.by_number[self._number] = self
         log.info("%s: connected", self.peer)
         self.flush()

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
 from radarsim.errors import PresetError, expected_one_of
 from radarsim.presets.robots import Item, RobotModel, load_robot, robot_names
 from radarsim.presets.sensor_settings import (
+    CameraSettings,
     GpsSettings,
     InsNoise,
     SearchSettings,
@@ -25,6 +26,7 @@ from radarsim.presets.sensor_settings import (
     SonarSettings,
 )
 from radarsim.presets.sensors import (
+    camera_settings,
     gps_settings,
     has_fmcw,
     item_presets,
@@ -129,6 +131,8 @@ class SimulationConfig:
             self.sonar_settings(item)
         elif item.type == "GPS":
             self.gps_settings(item)
+        elif item.type == "Camera":
+            self.camera_settings(item)
         elif item.type.lower() in item_presets():
             self.search_settings(item)
         elif self.settings(item):
@@ -227,6 +231,14 @@ class SimulationConfig:
             PresetError: If a setting is unknown or out of range.
         """
         return gps_settings(**self.settings(item))
+
+    def camera_settings(self, item: Item) -> CameraSettings:
+        """Return the settings of a camera.
+
+        Raises:
+            PresetError: If a setting is unknown or out of range.
+        """
+        return camera_settings(**self.settings(item))
 
     def search_settings(self, item: Item) -> SearchSettings:
         """Return the settings of a sensor of victims or tags.

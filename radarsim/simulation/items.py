@@ -281,7 +281,7 @@ class PackageItem(SensorItem):
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
-        self.links = mounting.item.links
+        self.links, self._mount = mounting.item.links, mounting.item.mount
         start = [float(len(self.links)), *[0.0] * (LINK_NUMBERS * len(self.links))]
         for number, link in enumerate(self.links):
             angle = link.limit(0.0)
@@ -292,6 +292,18 @@ class PackageItem(SensorItem):
         sample = PackageState(0.0, self.name, states)
         job = Job(LINK_ANGLES, self._places.start)
         self.source = Source(sample, {"time": (Job(TIME),), "links": (job,)})
+
+    def tip(self, ticks: int) -> Pose3:
+        """Return the pose of its last link in the body frame.
+
+        Args:
+            ticks: Simulated time in ticks.
+        """
+        pose, numbers = self._mount, self._numbers[self._places]
+        for number, link in enumerate(self.links):
+            angle = link_angle(numbers, LINK_NUMBERS * number, ticks)
+            pose = pose.compose(link.turned(angle))
+        return pose
 
     def move(self, number: int, order: LinkOrder, ticks: int) -> None:
         """Tell a link to move from now on; an order that is not known does nothing.

@@ -62,6 +62,8 @@ class Simulation:
         config: Configuration of all robots.
         seed: Seed of all random numbers.
         scanner_items: Scanners that add-ons read, by the name of the add-on's entry.
+        shown: What viewers of pictures on a machine see, by its address: number of a
+            robot, and name of a camera or None.
     """
 
     def __init__(
@@ -70,6 +72,7 @@ class Simulation:
         self.scene = scene
         self.config = config or SimulationConfig()
         self.seed = seed
+        self.shown: dict[str, tuple[int, str | None]] = {}
         self._clock = Clock()
         self._tracer = tracer_of(scene)
         self._obstacles_by_floor: dict[float, Obstacles] = {}

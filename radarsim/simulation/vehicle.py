@@ -51,6 +51,7 @@ from radarsim.simulation.readings import (
 from radarsim.simulation.search_items import SEARCH_ITEMS
 
 STATUS_TICKS: Final = ticks_of(DEFAULT_INTERVAL)
+MOST_VIEWPORTS: Final = 4  # of a picture
 STATUS_ONLY: Final = -1  # among intervals: those of items do not count
 
 
@@ -116,6 +117,12 @@ class Vehicle:
         has_touch: Whether it has a touch sensor.
         dialect: The dialect of its lines.
         extra_rays: Rays in a second that changed settings have added.
+        cameras: Its cameras, in mounting order.
+        fovs: Fields of view of its cameras by name, degrees.
+        viewports: Names of the cameras in the four viewports of a picture; None for
+            none.
+        is_quad: Whether a picture shows all of them, and not the first one alone.
+        address: Address of its client's machine; empty if it is not known.
         shows_echoes: Whether its scanners list their echoes for others than its client.
     """
 
@@ -159,6 +166,15 @@ class Vehicle:
         self.spawn_tick = self._clock.ticks
         self._requested_scans: set[str] = set()
         self.shows_echoes, self.extra_rays = False, 0.0
+        self.address = ""
+        self.cameras = cameras = robot.model.items_of("Camera")
+        self.fovs = {c.name: config.camera_settings(c).fov_deg for c in cameras}
+        shown = [camera.name for camera in cameras[:MOST_VIEWPORTS]]
+        self.viewports: list[str | None] = [
+            *shown,
+            *[None] * (MOST_VIEWPORTS - len(shown)),
+        ]
+        self.is_quad = len(cameras) > 1
         self._interval_ticks: dict[str, int] = {}
         self._sensor_items: dict[str, SensorItem] = {}
         self._due_items: dict[tuple[int, ...], DueItems] = {}
@@ -238,6 +254,24 @@ class Vehicle:
     def sensor_pose(self, item: Item) -> Pose3:
         """Return the pose of an item in the map frame."""
         return self.robot.body.compose(item.mount)
+
+    def camera_pose(self, item: Item) -> Pose3:
+        """Return the pose of a camera in the map frame; it looks along its x axis."""
+        body = self.robot.body
+        package = self._sensor_items.get(item.parent or "")
+        if isinstance(package, PackageItem):
+            body = body.compose(package.tip(self._clock.ticks))
+        return body.compose(item.mount)
+
+    def zoom(self, camera: Item, fov_deg: float) -> None:
+        """Set the field of view of a camera, within its limits.
+
+        Args:
+            camera: A camera of the robot.
+            fov_deg: Angle from left to right, degrees; 0 for the one at first.
+        """
+        settings = self.config.camera_settings(camera)
+        self.fovs[camera.name] = settings.limit(fov_deg or settings.fov_deg)
 
     def request_scan(self, item: Item) -> None:
         """Scan once more in the next tick; do nothing if the item is not a scanner."""

@@ -14,7 +14,7 @@ from radarsim.plotting.film import FRAME_RATE, HOLD
 from radarsim.plotting.palette import LASER, RADAR, TRUTH
 from radarsim.scene.scene import Scene
 from radarsim.server.camera import Renderer
-from radarsim.server.image_server import View
+from radarsim.server.views import View
 
 
 @pytest.fixture

@@ -15,6 +15,7 @@ def test_numbers_of_the_sonar_are_those_of_the_original_server() -> None:
 
 def test_every_number_has_a_source() -> None:
     assert list(item_presets()) == [
+        "camera",
         "co2sensor",
         "gps",
         "humanmotion",

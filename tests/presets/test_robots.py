@@ -136,7 +136,8 @@ def test_p3at_has_the_dimensions_of_the_original() -> None:
 
 def test_p3at_carries_in_the_udk_dialect_what_the_original_mounts() -> None:
     names = [item.name for item in load_robot("P3AT").in_dialect("udk").items]
-    assert names == ["GndTruth", "InsTest", "TachTest", "W1", "W2", "battery", "lms200"]
+    sensors = ["GndTruth", "InsTest", "TachTest", "W1", "W2"]
+    assert names == [*sensors, "battery", "Camera", "lms200"]
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -23,6 +23,8 @@ from radarsim.protocol.commands import (
     MultiDrive,
     ParsedCommand,
     SetItem,
+    SetViewports,
+    ShowCamera,
     Unsupported,
     encode_command,
     parse_command,
@@ -108,6 +110,15 @@ ARM = (LinkOrder("Arm", 2, 1.5), LinkOrder("Arm", 4, -0.5, RELATIVE))
             "DRIVE {Name FLFlipper} {Value -0.5} {Order 1}",
             id="one flipper",
         ),
+        pytest.param(
+            "MISPKG {Name Eye} {Rotation 0,-0.5,0.25} {Order 1}",
+            MovePackage(
+                "Eye", (LinkOrder("Eye", 1, 0.5, RATE), LinkOrder("Eye", 2, 0.25, RATE))
+            ),
+            "MISPKG {Name Eye} {Link 1} {Value 0.5} {Order 1} {Link 2} {Value 0.25}"
+            " {Order 1}",
+            id="pan and tilt",
+        ),
     ],
 )
 def test_links_are_moved_by_number_or_by_name(
@@ -119,8 +130,55 @@ def test_links_are_moved_by_number_or_by_name(
 
 
 @pytest.mark.parametrize(
+    ("line", "command", "again"),
+    [
+        pytest.param(
+            "set {type camera} {robot R1} {Client 10.0.0.2}",
+            ShowCamera("10.0.0.2", "R1"),
+            "SET {Type Camera} {Robot R1} {Client 10.0.0.2}",
+            id="a robot",
+        ),
+        pytest.param(
+            "SET {Type Viewports} {Config 0} {Viewport1 Camera2} {Viewport3 }",
+            SetViewports(False, ("Camera2", None, None, None)),
+            "SET {Type Viewports} {Config SingleView} {Viewport1 Camera2}",
+            id="one camera",
+        ),
+        pytest.param(
+            "SET {Config QUADVIEW} {Type viewports} {Viewport4 Disable}",
+            SetViewports(True, (None, None, None, "Disable")),
+            "SET {Type Viewports} {Config QuadView} {Viewport4 Disable}",
+            id="four cameras",
+        ),
+        pytest.param(
+            "SET {Type Viewports} {Viewport2 C}",
+            SetViewports(None, (None, "C", None, None)),
+            "SET {Type Viewports} {Viewport2 C}",
+            id="a camera",
+        ),
+        pytest.param(
+            "SET {Type Camera} {Name C} {FOV 1}",
+            SetItem("Camera", "C", "FOV", "1"),
+            "SET {Type Camera} {Name C} {Opcode FOV} {Params 1}",
+            id="field of view",
+        ),
+    ],
+)
+def test_cameras_are_chosen_and_zoomed(line: str, command: Command, again: str) -> None:
+    parsed = parse_command(line, COMPAT)
+    assert parsed == ParsedCommand(command)
+    assert encode_command(command) == again
+    assert parse_command(again, UDK).command == command
+
+
+@pytest.mark.parametrize(
     ("line", "problem"),
     [
+        pytest.param(
+            "SET {Type Viewports} {Config 2}", "Config '2', expected", id="config"
+        ),
+        pytest.param("SET {Type Camera} {Name C}", "expected a field", id="no opcode"),
+        pytest.param("MISPKG {Name A} {Rotation 1,2}", "expected", id="two angles"),
         pytest.param("MISPKG {Link 1}", "expected a field .{Name", id="no name"),
         pytest.param("ACT {Name A} {Value 1}", "Value before a Link", id="no link"),
         pytest.param("MISPKG {Name A} {Link one}", "'one', expected", id="no number"),

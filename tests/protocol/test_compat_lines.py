@@ -14,6 +14,8 @@ from radarsim.protocol.packages import (
 )
 from radarsim.protocol.reports import (
     Acceleration,
+    CameraConf,
+    CameraLimits,
     ClockTick,
     CommandError,
     EchoLine,
@@ -346,6 +348,22 @@ COMPAT_LINES: list[tuple[str, Report, str]] = [
         "settings of touch",
         TouchConf("Touch", (("Touch", 0.01),)),
         "CONF {Type Touch} {Name Touch} {Diameter 0.0100}",
+    ),
+    (
+        "settings of cameras",
+        CameraConf(
+            "Camera",
+            (
+                CameraLimits("Camera", (0, 0), (160, 120), (1.4, 0.35, 2.1, 0.7)),
+                CameraLimits("Camera2", (160, 0), (160, 120), (1.4, 0.35, 2.1, 1.4)),
+            ),
+        ),
+        "CONF {Type Camera} {Name Camera} {TextureOffsetX 0} {TextureOffsetY 0} "
+        "{TextureResolutionX 160} {TextureResolutionY 120} {CameraDefFov 1.4000} "
+        "{CameraMinFov 0.3500} {CameraMaxFov 2.1000} {CameraFov 0.7000} "
+        "{Name Camera2} {TextureOffsetX 160} {TextureOffsetY 0} "
+        "{TextureResolutionX 160} {TextureResolutionY 120} {CameraDefFov 1.4000} "
+        "{CameraMinFov 0.3500} {CameraMaxFov 2.1000} {CameraFov 1.4000}",
     ),
     (
         "items without settings",

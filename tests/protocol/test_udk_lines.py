@@ -13,6 +13,8 @@ from radarsim.protocol.packages import (
 )
 from radarsim.protocol.reports import (
     Acceleration,
+    CameraConf,
+    CameraLimits,
     EchoLine,
     Encoder,
     EncoderConf,
@@ -300,6 +302,21 @@ UDK_LINES: list[tuple[str, Report, str]] = [
         "settings of ground truth",
         IntervalConf("GroundTruth", (("GndTruth", 0.1),)),
         "CONF {Type GroundTruth} {Name GndTruth} {ScanInterval 0.1000}",
+    ),
+    (
+        "settings of a camera",
+        CameraConf(
+            "Camera",
+            (
+                CameraLimits(
+                    *("Camera", (0, 0), (320, 240)),
+                    (radians(80), radians(20), radians(120), radians(45)),
+                ),
+            ),
+        ),
+        "CONF {Type Camera} {Name Camera}{TextureOffsetX 0}{TextureOffsetY 0}"
+        "{TextureResolutionX 320}{TextureResolutionY 240}{CameraDefFov 80.0000}"
+        "{CameraMinFov 20.0000}{CameraMaxFov 120.0000}{CameraFov 45.0000}",
     ),
     (
         "settings of touch",

@@ -20,7 +20,8 @@ from radarsim.protocol.dialect import UDK
 from radarsim.protocol.images import ImageType, Region
 from radarsim.scene.scene import Scene
 from radarsim.server.camera import Renderer, encode
-from radarsim.server.image_server import ImageServer, PictureSource, View
+from radarsim.server.image_server import ImageServer, PictureSource
+from radarsim.server.views import Tiles, View, tiles_of
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.simulation import Simulation
 
@@ -37,9 +38,9 @@ class InlinePictures:
     async def start(self) -> None: ...
 
     async def draw(
-        self, view: View, regions: AbstractSet[Region]
+        self, tiles: Tiles, regions: AbstractSet[Region]
     ) -> dict[Region, bytes]:
-        pixels = self.renderer.render(view)
+        pixels = self.renderer.render_tiles(tiles)
         return {each: encode(pixels, each, self.image_type) for each in regions}
 
     async def stop(self) -> None: ...
@@ -49,9 +50,9 @@ class NoPictures(InlinePictures):
     """Cannot draw."""
 
     async def draw(
-        self, view: View, regions: AbstractSet[Region]
+        self, tiles: Tiles, regions: AbstractSet[Region]
     ) -> dict[Region, bytes]:
-        raise ServerError(f"the brush is lost, for {len(regions)} of {view}")
+        raise ServerError(f"the brush is lost, for {len(regions)} of {tiles}")
 
 
 class Viewer:
@@ -201,6 +202,35 @@ async def test_picture_follows_the_robot_and_its_leaving(
     assert await seen() == from_robot
     simulation.remove(robot)
     assert await seen() == from_start
+
+
+async def test_each_viewer_sees_a_robot_of_its_own_and_what_it_zooms(
+    empty_room: Scene,
+) -> None:
+    simulation = Simulation(empty_room, config=SimulationConfig(UDK))
+    robots = [
+        simulation.spawn(name, load_robot("P3AT"), Pose2(x, 2.0, x))
+        for name, x in (("R1", 1.0), ("R2", 3.0))
+    ]
+    assert robots[1] is not None
+    robots[1].address = "127.0.0.1"
+    renderer = Renderer(empty_room)
+
+    async def seen(viewer: Viewer) -> bytes:
+        await viewer.send(b"OK")
+        return (await viewer.picture())[1][4:]
+
+    def view_of(number: int) -> bytes:
+        pixels = renderer.render_tiles(tiles_of(simulation, (number, None)))
+        return pixels[..., ::-1].tobytes()
+
+    async with serving(simulation) as running:
+        first, second = await running.viewer(), await running.viewer()
+        assert await seen(first) == await seen(second) == view_of(2)
+        robots[1].address = "10.0.0.2"
+        robots[1].zoom(robots[1].cameras[0], 30.0)
+        assert await seen(first) == view_of(2)
+        assert await seen(second) == view_of(1)
 
 
 async def test_viewer_that_says_nothing_gets_one_picture(

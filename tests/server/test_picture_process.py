@@ -11,7 +11,8 @@ from radarsim.errors import ServerError
 from radarsim.protocol.images import WHOLE, ImageType, Region
 from radarsim.scene.scene import Scene
 from radarsim.server.camera import Renderer, encode
-from radarsim.server.image_server import PictureProcess, View
+from radarsim.server.image_server import PictureProcess
+from radarsim.server.views import View
 from radarsim.simulation.simulation import Simulation
 
 DEADLINE = 240.0  # s; a busy machine starts Python in many
@@ -27,7 +28,7 @@ async def test_pictures_of_the_process_are_those_of_the_renderer(
     try:
         async with asyncio.timeout(DEADLINE):
             for _ in range(2):
-                pictures = await process.draw(view, {WHOLE, REGION})
+                pictures = await process.draw((view,), {WHOLE, REGION})
     finally:
         await process.stop()
     pixels = Renderer(foliage_room).render(view)
@@ -37,7 +38,7 @@ async def test_pictures_of_the_process_are_those_of_the_renderer(
 
 async def draw_forever(process: PictureProcess, view: View) -> None:
     while True:
-        await process.draw(view, {REGION})
+        await process.draw((view,), {REGION})
 
 
 async def test_end_of_the_process_is_an_error(empty_room: Scene) -> None:
@@ -46,7 +47,7 @@ async def test_end_of_the_process_is_an_error(empty_room: Scene) -> None:
     await process.start()
     try:
         async with asyncio.timeout(DEADLINE):
-            await process.draw(view, {REGION})
+            await process.draw((view,), {REGION})
             (worker,) = {*active_children()} - others
             assert worker.pid is not None
             os.kill(worker.pid, signal.SIGKILL)

@@ -16,7 +16,7 @@ from radarsim.addons.recording.host_recorder import (
 from radarsim.addons.recording.messages import Fields, RosMessage, header_of
 from radarsim.geometry import Pose3
 from radarsim.scene.scene import Scene
-from radarsim.server.image_server import MOUNT
+from radarsim.server.views import MOUNT
 
 WIDTH, HEIGHT = 320, 240  # pixels of recorded pictures
 QUALITY: Final = 75  # percent, of JPEG

@@ -23,7 +23,7 @@ from radarsim.protocol.reports import to_bytes
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.server.host import HostObserver
 from radarsim.server.host.replies import configuration, geometry
-from radarsim.server.image_server import View
+from radarsim.server.views import View
 
 if TYPE_CHECKING:
     from radarsim.addons.fmcw.antennas import SeenSector

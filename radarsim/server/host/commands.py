@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 from radarsim.errors import MalformedMessage, PresetError, expected_one_of, list_names
@@ -18,6 +19,8 @@ from radarsim.protocol.commands import (
     MovePackage,
     MultiDrive,
     SetItem,
+    SetViewports,
+    ShowCamera,
     Unsupported,
     parse_command,
     parse_pose,
@@ -29,8 +32,11 @@ from radarsim.protocol.packages import LinkOrder
 from radarsim.protocol.reports import Report, StartPoses, WatchedLine, to_bytes
 from radarsim.protocol.watch import CommandError, Watch
 from radarsim.scene.scene import Scene
+from radarsim.server.host.camera_commands import set_viewports, show_camera
 from radarsim.server.host.connection import Client, Diagnostic, join_diagnostics
 from radarsim.server.host.replies import (
+    CAMERA,
+    camera_configuration,
     configuration,
     find_items,
     geometry,
@@ -46,7 +52,9 @@ if TYPE_CHECKING:
     from radarsim.simulation.simulation import Simulation
     from radarsim.simulation.vehicle import Vehicle
 
-RobotCommand: TypeAlias = Drive | MovePackage | MultiDrive | GetGeo | GetConf | SetItem
+RobotCommand: TypeAlias = (
+    Drive | MovePackage | MultiDrive | GetGeo | GetConf | SetItem | SetViewports
+)
 Question: TypeAlias = GetStartPoses | GetGeo | GetConf
 ReplyKey: TypeAlias = tuple[str | None, ...] | None
 
@@ -68,7 +76,8 @@ CHARACTERS_A_UNIT: Final = 300
 ROBOTS_A_UNIT: Final = 8  # that a watcher may have to be told of
 SETTING: Final = "SETTING"
 SCANNER_OPCODES: Final = ("ECHOES", "TARGETS", SETTING)
-OPCODES: Final = ("SCAN", "RESET", "POSE", *SCANNER_OPCODES)
+CAMERA_OPCODES: Final = ("ZOOM", "FOV")
+OPCODES: Final = ("SCAN", "RESET", "POSE", *SCANNER_OPCODES, *CAMERA_OPCODES)
 MAX_PROBLEMS: Final = 800  # characters; a client can have many settings wrong
 CACHED_REPLIES: Final = 1000  # a client can ask for types and names in any spelling
 
@@ -177,9 +186,9 @@ class CommandHandler:
         match command:
             case SetItem() if command.opcode.upper() == SETTING:
                 return SETTING_WORK
-            case Init() | SetItem() | MovePackage() | MultiDrive():
+            case Init() | SetItem() | MovePackage() | MultiDrive() | SetViewports():
                 return HEAVY_WORK
-            case Watch():
+            case Watch() | ShowCamera():
                 return HEAVY_WORK + len(self.clients_by_robot) // ROBOTS_A_UNIT
             case GetGeo(robot=str()) | GetConf(robot=str()):
                 return HEAVY_WORK + len(self.clients_by_robot) // ROBOTS_A_UNIT
@@ -214,8 +223,8 @@ class CommandHandler:
                 return self._reply(client, command)
             case Init():
                 return self._init(client, command)
-            case Watch():
-                return self._watch(client, command)
+            case Watch() | ShowCamera():
+                return self._look_at(client, command)
             case GetGeo(robot=str(robot)) | GetConf(robot=str(robot)):
                 return self._reply_about(robot, client, command)
             case Unsupported(verb):
@@ -238,15 +247,22 @@ class CommandHandler:
                 return _drive(vehicle, command)
             case MovePackage() | MultiDrive():
                 return _move_links(vehicle, command.verb, command.orders)
-            case SetItem():
-                return self._set_items(vehicle, command)
+            case SetItem() | SetViewports():
+                return self._set(vehicle, command)
             case _:
                 return self._reply(client, command)
 
-    def _set_items(self, vehicle: Vehicle, command: SetItem) -> Diagnostic | None:
-        """Apply an opcode to items, which have the same type."""
+    def _set(
+        self, vehicle: Vehicle, command: SetItem | SetViewports
+    ) -> Diagnostic | None:
+        if isinstance(command, SetViewports):
+            return set_viewports(vehicle, command)
         if command.type == "Joint":  # as the original, in this case only
             return _set_joint(vehicle, command)
+        return self._set_items(vehicle, command)
+
+    def _set_items(self, vehicle: Vehicle, command: SetItem) -> Diagnostic | None:
+        """Apply an opcode to items, which have the same type."""
         items = find_items(vehicle.model, command.type, command.name)
         if not items:
             of_type = vehicle.model.items_of(command.type)
@@ -255,9 +271,11 @@ class CommandHandler:
         if opcode not in OPCODES:
             text = f"opcode {expected_one_of(command.opcode, OPCODES)}"
             return Diagnostic("opcode", text)
-        if opcode in SCANNER_OPCODES and items[0].type != "RangeScanner":
-            text = f"SET {opcode} of type {items[0].type!r}, expected RangeScanner"
-            return Diagnostic("opcode", text)
+        kinds = (SCANNER_OPCODES, "RangeScanner"), (CAMERA_OPCODES, CAMERA)
+        for opcodes, kind in kinds:
+            if opcode in opcodes and items[0].type != kind:
+                text = f"SET {opcode} of type {items[0].type!r}, expected {kind}"
+                return Diagnostic("opcode", text)
         try:
             if opcode == SETTING:
                 others = [each.vehicle for each in self.clients_by_robot.values()]
@@ -270,7 +288,13 @@ class CommandHandler:
             return Diagnostic(f"malformed {opcode}", f"SET {opcode}: {problems}")
         return None
 
-    def _watch(self, client: Client, command: Watch) -> Diagnostic | None:
+    def _look_at(
+        self, client: Client, command: Watch | ShowCamera
+    ) -> Diagnostic | None:
+        """Watch robots, or show a camera to viewers of pictures."""
+        if isinstance(command, ShowCamera):
+            robots = [c.vehicle for c in self.clients_by_robot.values() if c.vehicle]
+            return show_camera(self._simulation, robots, command)
         if command.robots.names != () and not self._watchers.takes(client):
             text = f"WATCH of one watcher more, expected at most {MAX_WATCHERS}"
             return Diagnostic("watchers", text)
@@ -330,6 +354,9 @@ class CommandHandler:
         """Return what a reply depends on; None if the robot has settings of its own."""
         if vehicle is not None and vehicle.config is not self._config:
             return None
+        # Cameras are zoomed, and change their places in pictures.
+        if isinstance(question, GetConf) and question.type.casefold() == CAMERA.lower():
+            return None
         if vehicle is None or isinstance(question, GetStartPoses):
             return (question.verb,)
         return question.verb, vehicle.model.name, question.type, question.name
@@ -341,6 +368,8 @@ class CommandHandler:
         item_type, name = question.type, question.name
         if isinstance(question, GetGeo):
             return geometry(vehicle.model, item_type, name)
+        if item_type.casefold() == CAMERA.lower():
+            return camera_configuration(vehicle, item_type, name)
         return configuration(vehicle.model, vehicle.config, item_type, name)
 
     def _init(self, client: Client, command: Init) -> Diagnostic | None:
@@ -370,6 +399,7 @@ class CommandHandler:
             text = f"INIT at {where}, expected a free place within 1 m"
             text += ", or another start"
             return join_diagnostics(diagnostic, Diagnostic("no place", text))
+        vehicle.address = client.address
         self.clients_by_robot[vehicle.number] = client
         self._watchers.add_robot(vehicle)
         pose = vehicle.robot.pose
@@ -507,6 +537,10 @@ def _apply_opcode(
         pose = parse_pose(params)
         for item in items:
             vehicle.set_ins(item, pose)
+    elif opcode in CAMERA_OPCODES:
+        angle = parse_number(params, largest=LARGEST_COMMANDED) if params else 0.0
+        for item in items:  # whole degrees, as the original has them
+            vehicle.zoom(item, math.trunc(math.degrees(angle)))
     elif opcode in SCANNER_OPCODES:
         enabled = parse_switch(params)
         for scanner in vehicle.scanners:

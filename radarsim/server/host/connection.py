@@ -126,6 +126,7 @@ class Client:
 
     Attributes:
         number: Identifies the client within the host.
+        address: Address of its machine; empty if it is not known.
         lines: Received bytes of a line that is not complete yet.
         pending: Received lines that are not handled yet.
         command_budget: Number of commands that may still be handled in this tick.
@@ -139,6 +140,7 @@ class Client:
     """
 
     number: int
+    address: str = ""
     lines: LineBuffer = field(default_factory=LineBuffer)
     pending: deque[str] = field(default_factory=deque)
     command_budget: int = 0

@@ -194,15 +194,18 @@ class Host:
         """Tell one more what is done to the host from now on."""
         self._observers.append(observer)
 
-    def connect(self) -> int:
+    def connect(self, address: str = "") -> int:
         """Add a client, and greet it.
+
+        Args:
+            address: Address of its machine, by which viewers find its robot.
 
         Returns:
             The number of the client, for all other calls.
         """
         # Numbers are not used again, as observers and watchers know clients by them.
         self._last_number += 1
-        client = Client(self._last_number, command_budget=COMMANDS_PER_TICK)
+        client = Client(self._last_number, address, command_budget=COMMANDS_PER_TICK)
         self._clients[client.number] = client
         greeting = Greeting(self._scene.level)
         client.replies.append(to_bytes([greeting.encode(self._dialect)]))

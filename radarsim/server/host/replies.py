@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import reduce
+from typing import TYPE_CHECKING
 
 from radarsim.geometry import Pose3
 from radarsim.presets.robots import Item, RobotModel
 from radarsim.presets.sensor_settings import ENCODER_RESOLUTION
 from radarsim.protocol import reports
+from radarsim.protocol.images import HEIGHT, WIDTH
 from radarsim.protocol.packages import ACTUATOR, LinkLimits
 from radarsim.simulation.config import SimulationConfig
+
+if TYPE_CHECKING:
+    from radarsim.simulation.vehicle import Vehicle
 
 TOUCH_DIAMETER = 0.01  # m; the original server's number, meaningless for a bumper
 ROBOT = "robot"
 SCANNER_REPORTS = ("echoes", "radartargets")  # types of reports, not of items
 PACKAGE = "mispkg"
+CAMERA = "Camera"
 
 
 def geometry(
@@ -47,7 +54,7 @@ def geometry(
     if items[0].links:
         packages = tuple((item.name, _link_poses(item)) for item in items)
         return reports.PackageGeo(item_type, packages, model.name)
-    mounts = tuple((item.name, item.mount) for item in items)
+    mounts = tuple((item.name, _mount_on(model, item)) for item in items)
     return reports.ItemGeo(item_type, mounts, model.name)
 
 
@@ -102,11 +109,34 @@ def items_reporting(
 
 def _link_poses(item: Item) -> tuple[Pose3, ...]:
     """Return the pose of each link in the frame of the one before."""
-    poses = [
-        Pose3(*link.position, *map(math.radians, link.rotation_deg))
-        for link in item.links
-    ]
+    poses = [link.mount for link in item.links]
     return (item.mount.compose(poses[0]), *poses[1:])
+
+
+def _mount_on(model: RobotModel, item: Item) -> Pose3:
+    """Return where an item is on a robot whose links are at rest."""
+    for package in model.items_of(PACKAGE):
+        if package.name == item.parent:
+            poses = [link.turned(link.limit(0.0)) for link in package.links]
+            return reduce(Pose3.compose, [package.mount, *poses, item.mount])
+    return item.mount
+
+
+def camera_configuration(
+    vehicle: Vehicle, item_type: str, name: str | None
+) -> reports.Report | None:
+    """Return the settings of cameras; arguments and None are those of ``geometry``."""
+    cameras = []
+    for item in find_items(vehicle.model, CAMERA, name):
+        settings, corner = vehicle.config.camera_settings(item), (0.0, 0.0)
+        if vehicle.is_quad and item.name in vehicle.viewports:
+            row, column = divmod(vehicle.viewports.index(item.name), 2)
+            corner = float(column * WIDTH), float(row * HEIGHT)
+        limits = settings.fov_deg, settings.min_fov_deg, settings.max_fov_deg
+        first, low, high = map(math.radians, limits)
+        fovs = first, low, high, math.radians(vehicle.fovs[item.name])
+        cameras.append(reports.CameraLimits(item.name, corner, (WIDTH, HEIGHT), fovs))
+    return reports.CameraConf(item_type, tuple(cameras)) if cameras else None
 
 
 def _link_limits(item: Item) -> tuple[LinkLimits, ...]:

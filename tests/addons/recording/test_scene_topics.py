@@ -41,7 +41,7 @@ from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Part, Scene
 from radarsim.server.camera import FIELD_OF_VIEW
 from radarsim.server.host import Host
-from radarsim.server.image_server import View
+from radarsim.server.views import View
 
 INTERVAL = 20  # ticks between pictures
 

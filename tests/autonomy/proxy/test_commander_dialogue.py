@@ -69,8 +69,8 @@ class Recorder(Host):
         self.received: list[bytes] = []
         self.sent_bytes: list[bytes] = []
 
-    def connect(self) -> int:
-        number = super().connect()
+    def connect(self, address: str = "") -> int:
+        number = super().connect(address)
         self.received.append(b"")
         self.sent_bytes.append(b"")
         return number

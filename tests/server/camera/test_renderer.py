@@ -9,12 +9,13 @@ from matplotlib.colors import to_rgb
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.plotting.palette import FAMILY_COLOURS, Family
 from radarsim.presets.robots import load_robot
+from radarsim.protocol.images import HEIGHT, WIDTH
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene, StartPose
 from radarsim.scene.shapes import box
-from radarsim.server.camera import HEIGHT, HORIZON, WIDTH, ZENITH, Renderer
-from radarsim.server.image_server import View
+from radarsim.server.camera import HORIZON, ZENITH, Renderer
+from radarsim.server.views import View
 from radarsim.simulation.simulation import Simulation
 
 EYE = Pose3(0.0, 0.0, 1.0)

@@ -229,7 +229,7 @@ def test_echoes_are_off_for_the_next_robot(foliage_room: Scene) -> None:
             "item type",
             "SET of type 'Echoes' (did you mean 'Encoder'?), expected one of "
             "['GroundTruth', 'INS', 'Odometry', 'Tachometer', 'Encoder', 'Touch', "
-            "'Battery', 'RangeScanner']",
+            "'Battery', 'Camera', 'RangeScanner']",
             id="type of the lines",
         ),
         pytest.param(

@@ -242,7 +242,8 @@ def test_invalid_command_gives_a_diagnostic_and_no_effect(
             "item type",
             "GETCONF of type 'Enc' (did you mean 'Encoder'?), expected one of "
             "['Robot', 'GroundTruth', 'INS', 'Odometry', 'Tachometer', 'Encoder', "
-            "'Touch', 'Battery', 'RangeScanner', 'Echoes', 'RadarTargets']",
+            "'Touch', 'Battery', 'Camera', 'RangeScanner', 'Echoes', "
+            "'RadarTargets']",
             id="type that does not match",
         ),
         pytest.param(
@@ -250,7 +251,8 @@ def test_invalid_command_gives_a_diagnostic_and_no_effect(
             "item type",
             "GETGEO of type 'Robt' (did you mean 'Robot'?), expected one of "
             "['Robot', 'GroundTruth', 'INS', 'Odometry', 'Tachometer', 'Encoder', "
-            "'Touch', 'Battery', 'RangeScanner', 'Echoes', 'RadarTargets']",
+            "'Touch', 'Battery', 'Camera', 'RangeScanner', 'Echoes', "
+            "'RadarTargets']",
             id="misspelt robot",
         ),
         pytest.param(
@@ -278,15 +280,15 @@ def test_invalid_command_gives_a_diagnostic_and_no_effect(
             id="no angle",
         ),
         pytest.param(
-            b"SET {Type Camera} {Opcode ZOOM} {Params 1}",
-            "not supported Camera",
-            "not supported: Camera",
+            b"SET {Type Gripper} {Opcode OPEN} {Params 1}",
+            "not supported Gripper",
+            "not supported: Gripper",
             id="order to an item of other servers",
         ),
         pytest.param(
-            b"SET {Type Viewports} {Config QuadView} {Viewport1 Camera1}",
-            "not supported Viewports",
-            "not supported: Viewports",
+            b"SET {Type Effecter} {Grip 1}",
+            "not supported Effecter",
+            "not supported: Effecter",
             id="order with fields of other servers",
         ),
         pytest.param(
@@ -302,11 +304,17 @@ def test_invalid_command_gives_a_diagnostic_and_no_effect(
             id="boat",
         ),
         pytest.param(
+            b"SET {Type INS} {Opcode MOVE}",
+            "opcode",
+            "opcode 'MOVE', expected one of ['SCAN', 'RESET', 'POSE', 'ECHOES', "
+            "'TARGETS', 'SETTING', 'ZOOM', 'FOV']",
+            id="unknown opcode",
+        ),
+        pytest.param(
             b"SET {Type INS} {Opcode ZOOM}",
             "opcode",
-            "opcode 'ZOOM', expected one of ['SCAN', 'RESET', 'POSE', 'ECHOES', "
-            "'TARGETS', 'SETTING']",
-            id="unknown opcode",
+            "SET ZOOM of type 'INS', expected Camera",
+            id="opcode of cameras",
         ),
         pytest.param(
             b"SET {Type INS} {Opcode POSE} {Params 1,2,3}",

@@ -492,7 +492,7 @@ def test_robots_of_the_same_name_on_the_wire_both_answer(empty_room: Scene) -> N
     ("question", "kind"),
     [
         (b"GETGEO {Type Robot} {Robot R9}\r\n", "no robot"),
-        (b"GETCONF {Type Camera} {Robot R1}\r\n", "not supported Camera"),
+        (b"GETCONF {Type Gripper} {Robot R1}\r\n", "not supported Gripper"),
         (b"GETGEO {Type INS} {Name x} {Robot R1}\r\n", "item name"),
         (b"GETGEO {Type Robot} {Robot ,}\r\n", "no robot"),
     ],

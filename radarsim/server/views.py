@@ -1,0 +1,125 @@
+"""What viewers of pictures see: whose camera, and how many of them in a picture.
+
+A picture has one tile, or four as quarters. Viewers on the machine of a client see its
+robot; if it has several, each viewer sees another one, in the order of connecting. A
+viewer on any other machine sees the robot that has been there for longest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Protocol, TypeAlias
+
+from radarsim.geometry import Pose3
+from radarsim.presets.robots import load_robot
+
+if TYPE_CHECKING:
+    from radarsim.raycast.robot_boxes import Boxes
+    from radarsim.simulation.simulation import Simulation
+    from radarsim.simulation.vehicle import Vehicle
+
+MOUNT: Final = Pose3(0.1005, 0.0, 0.42)  # of the original's camera on a P3AT
+FOV_DEG: Final = 80.0  # from left to right, as the original's
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """Where a camera is, and where the robots are.
+
+    Attributes:
+        camera: Pose of the camera, map frame; it looks along its x axis.
+        boxes: The robots.
+        carrier_id: Id of the box of the robot that carries the camera; -1 for none.
+        fov: Angle from left to right, rad.
+    """
+
+    camera: Pose3
+    boxes: Boxes
+    carrier_id: int = -1
+    fov: float = math.radians(FOV_DEG)
+
+    @classmethod
+    def of(cls, simulation: Simulation, vehicle: Vehicle | None = None) -> View:
+        """Return the view of a robot by a camera that looks ahead.
+
+        Args:
+            simulation: What is seen.
+            vehicle: The robot; None for the one that has been there for longest, or a
+                P3AT at the first start of the map if there is none.
+        """
+        boxes, vehicles = simulation.boxes(), simulation.vehicles
+        if vehicles:
+            first = vehicle or vehicles[0]
+            return cls(first.robot.body.compose(MOUNT), boxes, first.number)
+        starts = simulation.scene.starts
+        start = starts[0].pose if starts else Pose3(0.0, 0.0, 0.0)
+        body = start.compose(Pose3(0.0, 0.0, load_robot("P3AT").origin_height))
+        return cls(body.compose(MOUNT), boxes)
+
+
+Tiles: TypeAlias = tuple[View | None, ...]  # one or four; None for none
+Shown: TypeAlias = tuple[int, str | None]  # number of a robot, and name of a camera
+
+
+class Watcher(Protocol):
+    """Someone who looks at pictures.
+
+    Attributes:
+        robot: Number of the robot that it saw last; 0 for none.
+    """
+
+    robot: int
+
+    @property
+    def address(self) -> str:
+        """Address of its machine."""
+        ...
+
+
+def tiles_of(simulation: Simulation, shown: Shown) -> Tiles:
+    """Return what a picture shows.
+
+    Args:
+        simulation: What is seen.
+        shown: Number of a robot, 0 without any; and name of its camera, None for what
+            its viewports show.
+    """
+    number, camera = shown
+    vehicle = next((v for v in simulation.vehicles if v.number == number), None)
+    if vehicle is None or not vehicle.cameras:
+        return (View.of(simulation, vehicle),)
+    names = [camera] if camera else vehicle.viewports[: 4 if vehicle.is_quad else 1]
+    boxes, items = simulation.boxes(), {item.name: item for item in vehicle.cameras}
+    return tuple(
+        View(
+            vehicle.camera_pose(items[name]),
+            boxes,
+            number,
+            math.radians(vehicle.fovs[name]),
+        )
+        if name in items
+        else None
+        for name in names
+    )
+
+
+def assign(simulation: Simulation, watchers: Iterable[Watcher]) -> list[Shown]:
+    """Return what each of some viewers sees, in the order of connecting."""
+    vehicles = simulation.vehicles
+    present = [vehicle.number for vehicle in vehicles]
+    taken: set[int] = set()
+    found: list[Shown] = []
+    for watcher in watchers:
+        shown = simulation.shown.get(watcher.address)
+        if shown is not None and shown[0] in present:
+            found.append(shown)
+            continue
+        own = [v.number for v in vehicles if v.address == watcher.address] or present
+        free = [number for number in own if number not in taken] or own
+        if watcher.robot not in free:
+            watcher.robot = free[0] if free else 0
+        taken.add(watcher.robot)
+        found.append((watcher.robot, None))
+    return found
