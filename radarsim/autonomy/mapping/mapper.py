@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from radarsim.autonomy.mapping.motion_reports import MotionReports
 from radarsim.autonomy.mapping.occupancy_grid import RESOLUTION, OccupancyGrid
 from radarsim.autonomy.mapping.scan import Layer, PlanarScan, read_scan
 from radarsim.autonomy.mapping.scan_grid import RebuildableGrid, ScanGrid
@@ -109,8 +110,8 @@ class Mapper:
         self._echoes = EchoCollector()
         self._echoes_due = math.nan  # until when scans wait for their echoes, s
         self._spawn_pose: Pose2 | None = None
-        self._prior: Pose2 | None = None  # newest pose of the motion source
-        self._scans_since_prior = 0
+        self._motion = MotionReports()
+        self._scans_since_report = 0
         self._sources: set[str] = set()  # that sent poses
         source = self.settings.slam.motion_source
         self.missing = self._missing_scan if source == "none" else self._missing_pose
@@ -170,7 +171,8 @@ class Mapper:
         if source is not None:
             self._sources.add(source)
         if source == self.settings.slam.motion_source:
-            self._prior, self._scans_since_prior = pose, 0
+            self._motion.add(report.time, pose)
+            self._scans_since_report = 0
             self.missing = self._missing_scan
         if isinstance(report, GroundTruth):
             last = self.truth.times[-1] if len(self.truth) else -math.inf
@@ -182,10 +184,11 @@ class Mapper:
         settings = self.settings
         source = settings.slam.motion_source
         if source != "none":
-            self._scans_since_prior += 1
+            self._scans_since_report += 1
         # By a source that has fallen silent all scans would be at one place.
-        is_lost = self._scans_since_prior > MAX_SCANS_WITHOUT_MOTION
-        if source != "none" and (self._prior is None or is_lost):
+        is_lost = self._scans_since_report > MAX_SCANS_WITHOUT_MOTION
+        reported = self._motion.at(report.time)
+        if source != "none" and (reported is None or is_lost):
             self.missing = self._missing_pose
             self.left_out["no_pose"] += 1
             return None
@@ -210,7 +213,7 @@ class Mapper:
         revision = self.slam.revision
         # Other robots move: they are no landmarks, and the map of points keeps all.
         known = self._grid.without_robots(self.slam.pose, scan)
-        pose = self.slam.step(known, self._prior)
+        pose = self.slam.step(known, *(reported or ()))
         # A loop has closed, or the map was turned: all scans have other poses now.
         if self.slam.revision > revision:
             self._grid.rebuild()

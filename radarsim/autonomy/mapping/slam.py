@@ -4,7 +4,9 @@ Theory of operation
 ===================
 The motion since the last scan, as INS or odometry reports it, predicts the pose; the
 scan corrects it (``scan_matching``). An INS reports its motion on the axes of the map,
-odometry on those of the robot. With neither, poses all around the last one and the pose
+odometry on those of the robot. Where scans come more often than reports, the motion
+goes on as it was (``motion_reports``), and its sigma grows by what the speed may have
+changed meanwhile. With neither, poses all around the last one and the pose
 that its motion leads to are tried, and the best of them is corrected.
 
 A scan becomes a keyframe, part of the map, when the robot has moved by a hand's breadth
@@ -40,6 +42,7 @@ from radarsim.geometry import Floats, Pose2, wrap_angle
 
 FIRST_KEYFRAMES: Final = 10  # scans that are keyframes wherever the robot is
 MIN_POINTS: Final = 3  # points that are worth matching
+SPEED_CHANGE: Final = (0.3, 0.5)  # m/s and rad/s, of a robot between two reports
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,13 +116,17 @@ class Slam:
         """The keyframes, from which the local map is made."""
         return self._map
 
-    def step(self, scan: PlanarScan, prior: Pose2 | None = None) -> Pose2:
+    def step(
+        self, scan: PlanarScan, prior: Pose2 | None = None, guessed: float = 0.0
+    ) -> Pose2:
         """Estimate where the robot was when it took a scan.
 
         Args:
             scan: The next scan.
             prior: Pose by the motion source, in its own frame; only its changes count.
                 None if it reported nothing: the pose is searched.
+            guessed: Time of the motion since the last scan that it did not report, but
+                that was continued, s.
 
         Returns:
             The robot's pose, map frame.
@@ -136,7 +143,7 @@ class Slam:
         if self._starts_at_prior:
             self.pose = last = prior or self.pose
         elif len(self.trajectory):
-            self.pose = self._next_pose(points, prior)
+            self.pose = self._next_pose(points, prior, guessed)
         self._starts_at_prior = False
         self._motion = self.pose.relative_to(last)
         self._length += math.hypot(self._motion.x, self._motion.y)
@@ -167,7 +174,9 @@ class Slam:
             self._anchor()
         return self.pose
 
-    def _next_pose(self, points: ScanPoints, prior: Pose2 | None) -> Pose2:
+    def _next_pose(
+        self, points: ScanPoints, prior: Pose2 | None, guessed: float
+    ) -> Pose2:
         can_match = len(points.places) >= MIN_POINTS and len(self._map) > 0
         has_source = self.settings.motion_source != "none"
         # A motion needs the poses of two scans; without it the pose is searched for.
@@ -179,6 +188,8 @@ class Slam:
         sigma_distance, sigma_turn = self.settings.rest_sigma
         sigma_distance += drift * math.hypot(prior.x - before.x, prior.y - before.y)
         sigma_turn += drift * abs(wrap_angle(prior.yaw - before.yaw))
+        sigma_distance += guessed * SPEED_CHANGE[0]
+        sigma_turn += guessed * SPEED_CHANGE[1]
         sigma = np.array([sigma_distance, sigma_distance, sigma_turn])
         if not can_match:
             # The scan tells nothing, so the whole error of the motion is left.
