@@ -1,12 +1,15 @@
 import json
 import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from radarsim.autonomy.commands.trials import _failure_text
 from radarsim.autonomy.evaluation.trials import TrialResult
+from radarsim.generators.barn_worlds import make_barn_world
 
 Command = Callable[..., Any]
 QUICK = ("trials", "bug_box", "--seeds", "1", "--workers", "1")
@@ -145,3 +148,32 @@ def test_random_trials_refuse_other_options(
     run = radarsim("trials", *options)
     assert (run.code, run.out) == (2, b"")
     assert text in run.err
+
+
+@pytest.mark.slow
+def test_folder_of_worlds_of_barn_runs_and_goes_on(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    world = make_barn_world(0)
+    (tmp_path / "world_0.world").write_text(world.as_sdf())
+    np.save(tmp_path / "path_0.npy", world.path)
+    output = tmp_path / "runs.jsonl"
+    options = ("--barn", tmp_path, "--algorithms", "planned", "--output", output)
+    run = radarsim("trials", *options, "--workers", "1")
+    assert run.code == 0, run.err
+    (line,) = output.read_text().splitlines()
+    told = json.loads(line)
+    assert (told["outcome"], told["success"], told["collisions"]) == (
+        "reached",
+        True,
+        0,
+    )
+    assert told["actual_time"] < told["time"]
+    assert told["barn_score"] == pytest.approx(
+        told["optimal_time"] / told["actual_time"], abs=0.001
+    )
+    _, row = run.text.splitlines()
+    assert row.split()[:5] == ["planned", "laser", "1/1", "1/1", "0"]
+    again = radarsim("trials", *options)
+    assert again.text == run.text
+    assert output.read_text().splitlines() == [line]

@@ -190,7 +190,7 @@ def _check_materials(options: ImportOptions, imported: ImportedMap) -> None:
 def _kind_of(file: Path) -> Kind:
     ending = file.suffix.lower()
     if ending == ".world":  # of Gazebo, or of Stage
-        from radarsim.addons.imports.sdf import is_xml
+        from radarsim.xml_reader import is_xml
 
         return "sdf" if is_xml(file) else "stage"
     kind = _ENDINGS.get(ending)

@@ -1,137 +1,25 @@
 """Worlds of Gazebo: the collision shapes of their models.
 
-Source: the specification of SDFormat 1.11, and how it resolves poses. XML is read as
-trees whose elements know their lines. What a file declares of itself, such as entities,
-is refused: a few lines of it could become gigabytes, or the content of other files.
+Source: the specification of SDFormat 1.11, and how it resolves poses.
 """
 
 import itertools
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
-from xml.parsers import expat
 
 from scipy.spatial.transform import Rotation
 
 from radarsim.addons.imports.commands import ImportOptions
 from radarsim.addons.imports.imported_map import ImportedMap
 from radarsim.addons.imports.mesh_copies import KNOWN, MeshCopies
-from radarsim.addons.imports.source_file import (
-    find_in,
-    parse_numbers,
-    read_bytes,
-    wrong,
-)
-from radarsim.errors import ForeignFileError, MissingPackage, install_command
+from radarsim.addons.imports.source_file import find_in
+from radarsim.errors import MissingPackage, install_command
 from radarsim.geometry import Pose3
 from radarsim.scene.mesh_files import MeshError
 from radarsim.validation import short_repr
-
-MAX_DEPTH: Final = 100
-MAX_ELEMENTS: Final = 500_000
-
-
-@dataclass(slots=True, eq=False)
-class XmlElement:
-    """An element.
-
-    Attributes:
-        tag: Its name.
-        attributes: Its attributes.
-        line: Where it begins.
-        text: All text directly in it.
-        children: The elements directly in it.
-    """
-
-    tag: str
-    attributes: dict[str, str]
-    line: int
-    text: str = ""
-    children: list["XmlElement"] = field(default_factory=list)
-
-    def all(self, tag: str) -> Iterator["XmlElement"]:
-        """Yield the elements of a name directly in it."""
-        return (child for child in self.children if child.tag == tag)
-
-    def first(self, tag: str) -> "XmlElement | None":
-        """Return the first element of a name directly in it, or None."""
-        return next(self.all(tag), None)
-
-    def text_of(self, tag: str) -> str:
-        """Return the text of the first element of a name; empty if there is none."""
-        found = self.first(tag)
-        return found.text.strip() if found else ""
-
-    @property
-    def name(self) -> str:
-        """Its attribute ``name``, or its tag."""
-        return self.attributes.get("name") or self.tag
-
-
-def is_xml(path: Path) -> bool:
-    """Return whether a file begins as XML does, with a less-than sign.
-
-    Raises:
-        ForeignFileError: If it cannot be read, or is too large.
-    """
-    before = b"\xef\xbb\xbf\xff\xfe\0 \t\r\n"  # marks of encodings, and blanks
-    return read_bytes(path).lstrip(before).startswith(b"<")
-
-
-def read_xml(path: Path) -> XmlElement:
-    """Read a file, and return its outermost element.
-
-    Raises:
-        ForeignFileError: If it cannot be read, is no XML, declares a document type, or
-            is too large.
-    """
-    parser = expat.ParserCreate()
-    root: XmlElement | None = None
-    open_: list[XmlElement] = []
-    count = 0
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal root, count
-        element = XmlElement(tag, attributes, parser.CurrentLineNumber)
-        count += 1
-        if len(open_) >= MAX_DEPTH or count > MAX_ELEMENTS:
-            text = f"more than {MAX_DEPTH} levels or {MAX_ELEMENTS} elements"
-            raise wrong(path, element.line, text)
-        if open_:
-            open_[-1].children.append(element)
-        else:
-            root = element
-        open_.append(element)
-
-    def end(_: str) -> None:
-        open_.pop()
-
-    def add_text(text: str) -> None:
-        open_[-1].text += text
-
-    def refuse(*_: object) -> None:
-        # Entities, which a document type declares, could become gigabytes.
-        raise wrong(path, parser.CurrentLineNumber, "a document type, expected none")
-
-    parser.StartElementHandler = start
-    parser.EndElementHandler = end
-    parser.CharacterDataHandler = add_text
-    parser.StartDoctypeDeclHandler = refuse
-    # Else expat calls for each line of a text, which is added to slowly.
-    parser.buffer_text = True
-    try:
-        parser.Parse(read_bytes(path), True)
-    except expat.ExpatError as error:
-        reason = expat.errors.messages[error.code]
-        raise wrong(path, error.lineno, f"no XML: {reason}") from error
-    except ValueError as error:  # an encoding that is not known
-        raise wrong(path, 1, f"no XML: {error}") from error
-    if root is None:
-        raise ForeignFileError(f"{path}:1: no XML")
-    return root
-
+from radarsim.xml_reader import XmlElement, parse_numbers, read_xml, wrong
 
 MAX_LEVELS: Final = 100  # of models and includes in each other
 MAX_INCLUDES: Final = 20_000  # in all files

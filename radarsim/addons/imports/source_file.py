@@ -1,43 +1,10 @@
 """Files of other programs: where they may be, and what is wrong with them."""
 
-import math
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Final
 
-from radarsim.errors import ForeignFileError, describe_os_error
 from radarsim.scene.mesh_files import MeshError, find_inside
-from radarsim.validation import short_repr
-
-MAX_TEXT_BYTES: Final = 16 * 2**20
-
-
-def wrong(path: Path, line: int, text: str) -> ForeignFileError:
-    """Return the error of a place in a file."""
-    return ForeignFileError(place(path, line, text))
-
-
-def place(path: Path, line: int, text: str) -> str:
-    """Return a text about a line of a file."""
-    return f"{path}:{line}: {text}"
-
-
-def read_bytes(path: Path, most: int = MAX_TEXT_BYTES) -> bytes:
-    """Read a file.
-
-    Raises:
-        ForeignFileError: If it cannot be read, or is too large.
-    """
-    try:
-        with path.open("rb") as file:
-            # One byte more tells that there are too many, also of a device that has no
-            # size.
-            content = file.read(most + 1)
-    except OSError as error:
-        raise ForeignFileError(f"{path}: {describe_os_error(error)}") from error
-    if len(content) > most:
-        raise ForeignFileError(f"{path}: expected at most {most} bytes")
-    return content
+from radarsim.xml_reader import read_bytes, wrong
 
 
 def read_text(path: Path) -> str:
@@ -93,22 +60,6 @@ def find_in(folders: Iterable[Path], reference: str) -> Path | None:
         except (OSError, RuntimeError, ValueError):  # too long, loops, or with NUL
             continue
     return None
-
-
-def parse_numbers(path: Path, line: int, text: str, count: int) -> list[float]:
-    """Parse numbers with white space between them.
-
-    Raises:
-        ForeignFileError: If there are not so many finite ones.
-    """
-    try:
-        numbers = [float(word) for word in text.split()]
-    except ValueError:
-        numbers = []
-    if len(numbers) != count or not all(map(math.isfinite, numbers)):
-        plural = "a number" if count == 1 else f"{count} numbers"
-        raise wrong(path, line, f"{short_repr(text.strip())}, expected {plural}")
-    return numbers
 
 
 def rounded(numbers: Iterable[float]) -> list[float]:

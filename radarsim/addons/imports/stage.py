@@ -23,11 +23,12 @@ from radarsim.addons.imports.plan_picture import (
     place_start,
     read_picture,
 )
-from radarsim.addons.imports.source_file import find_in, parse_numbers, rounded, wrong
+from radarsim.addons.imports.source_file import find_in, rounded
 from radarsim.addons.imports.stage_reader import Entity, Property, read_stage
 from radarsim.errors import ForeignFileError
 from radarsim.geometry import Floats, Pose3
 from radarsim.validation import short_repr
+from radarsim.xml_reader import parse_numbers, wrong
 
 MAX_POINTS: Final = 1000
 LARGEST: Final = 1e9  # of all numbers; their differences are at least its inverse

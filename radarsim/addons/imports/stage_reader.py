@@ -9,9 +9,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from radarsim.addons.imports.source_file import find_in, place, read_text, wrong
+from radarsim.addons.imports.source_file import find_in, read_text
 from radarsim.errors import ForeignFileError
 from radarsim.validation import short_repr
+from radarsim.xml_reader import place, wrong
 
 MAX_DEPTH: Final = 50  # of entities in each other, and of definitions of definitions
 MAX_ENTRIES: Final = 200_000  # entities and properties

@@ -11,8 +11,7 @@ shared with navigators, nor with the free space of scenes: a truth of its own.
 """
 
 import math
-from collections.abc import Generator, Iterable, Sequence
-from contextlib import closing
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -25,7 +24,7 @@ from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from radarsim.autonomy.evaluation.task_runner import read_log, run_tasks
+from radarsim.autonomy.evaluation.task_runner import read_log
 from radarsim.autonomy.evaluation.traffic import Traffic
 from radarsim.autonomy.evaluation.trials import SCANNER, SENSORS, Row, run_plan
 from radarsim.autonomy.navigation.algorithms import ROBOT_RADIUS, Algorithm
@@ -329,16 +328,3 @@ def load_random_map(map_: RandomMap) -> Scene:
         path = Path(folder) / f"random_{map_.number}.yaml"
         path.write_text(map_.as_yaml())
         return load_map(path)
-
-
-def run_random_trials(
-    specs: Sequence[RandomTrialSpec], *, workers: int
-) -> Generator[RandomTrialResult, None, None]:
-    """Run trials on several cores, and yield each result as soon as there is one.
-
-    Args:
-        specs: The trials.
-        workers: Number of processes; with one, all trials run in this process.
-    """
-    with closing(run_tasks(run_random_trial, specs, workers=workers)) as running:
-        yield from (result.unwrap() for result in running)
