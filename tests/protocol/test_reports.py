@@ -478,6 +478,11 @@ def _is_same(one: Any, other: Any) -> bool:
             Touch(2, "T", False),
             id="touch in one segment",
         ),
+        pytest.param(
+            "SEN {Time 2} {Type Echoes} {Name lms200} {Line 0} {Lines 0}",
+            EchoLine(2, "lms200", 0, 0, None),
+            id="a scan without echoes",
+        ),
     ],
 )
 def test_lines_of_other_servers_are_decoded(line: str, expected: Report) -> None:

@@ -27,7 +27,7 @@ LASERS: Final = tuple(
     name for name, sensor in SENSORS.items() if sensor.preset != SENSORS[RADAR].preset
 )
 _ROUNDING: Final = 1e-9  # errors of shares
-_STEP: Final = 0.14  # rows between two sensors
+_STEP: Final = 0.15  # rows between two sensors
 _TITLE_WIDTH: Final = 92  # characters
 # By preset; a variant of a preset has hollow markers.
 _PRESETS: Final = tuple(dict.fromkeys(each.preset for each in SENSORS.values()))
@@ -98,9 +98,13 @@ def headline(summaries: Summaries) -> str:
         told = "none" if share.value == 0 else successes(share)
         groups.setdefault(told, []).append(sensor)
     (most, first), *rest = groups.items()
-    verb = "arrives" if len(first) == 1 else "arrive"
-    others = (f"{named(sensors)} in {told}" for told, sensors in rest)
-    arrivals = ", ".join((f"{named(first)} {verb} in {most}", *others))
+    others = [(named(sensors), told) for told, sensors in rest]
+    if len(others) == 1 and len(first) > len(SENSORS) / 2:
+        arrivals = "all but {} ({}) arrive in {}".format(*others[0], most)
+    else:
+        verb = "arrives" if len(first) == 1 else "arrive"
+        texts = [f"{sensors} in {told}" for sensors, told in others]
+        arrivals = ", ".join([f"{named(first)} {verb} in {most}", *texts])
     through = f"hrough smoke {arrivals}"
     radar, laser = (_most_hidden(summaries, each) for each in ((RADAR,), LASERS))
     if radar is None or laser is None:
@@ -270,7 +274,7 @@ def draw_study(summaries: Summaries) -> Figure:
     Args:
         summaries: The runs of each sensor on each kind of map.
     """
-    figure = Figure((11.0, 6.6), layout="constrained")
+    figure = Figure((11.0, 7.6), layout="constrained")
     figure.suptitle(
         textwrap.fill(headline(summaries), _TITLE_WIDTH, break_on_hyphens=False),
         x=0.01,
@@ -309,14 +313,14 @@ def draw_study(summaries: Summaries) -> Figure:
             )
             text = ", ".join(form.format(n) for n, form in mistakes if n)
             value = summary.success
-            left = value.value < 0.5
+            is_after = 1 - value.high >= value.low  # where there is more room
             if text:
                 verdicts.text(
-                    value.high + 0.03 if left else value.low - 0.03,
+                    value.high + 0.03 if is_after else value.low - 0.03,
                     _height(row, sensor),
                     text,
                     va="center",
-                    ha="left" if left else "right",
+                    ha="left" if is_after else "right",
                     fontsize=9,
                     color=palette.INK,
                 )

@@ -163,8 +163,8 @@ def hide_the_floor(task: StudyTask, row: Row) -> None:
 
 def test_headline_names_the_lasers_that_arrive_too() -> None:
     smoke = (
-        "hrough smoke radar, range-only radar, last-echo laser and USARSim SICK arrive"
-        " in 4 of 4, first-echo laser and USARSim Hokuyo in none"
+        "hrough smoke all but first-echo laser and USARSim Hokuyo (none) arrive in"
+        " 4 of 4"
     )
     summaries = summarise(made_up_rows(hide_the_floor))
     assert headline(summaries) == (
