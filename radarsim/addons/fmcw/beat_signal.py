@@ -42,6 +42,7 @@ from radarsim.jit import njit_cached
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.rng import NumberedStreams
 
+_LANES: Final = 16
 ROWS_AT_ONCE: Final = 40  # directions; what they need fits into a processor's cache
 
 Power = NDArray[np.float32]
@@ -153,14 +154,38 @@ def _square(spectra: Signal, shape: Power, power: Power) -> None:
 
 def _add_tones(settings: FmcwSettings, signal: Power, first: int, tones: Tones) -> None:
     """Add the tones of points to the directions from ``first`` on."""
-    shape, samples = noise_shape(settings), np.arange(signal.shape[1])
-    own = tones.of_rows(range(first, first + len(signal)))
-    for row, distance, phase, power in zip(*own, strict=True):
-        place = distance / settings.bin_size
-        level = np.interp(place, np.arange(len(shape)), shape)
-        turns = 2 * np.pi * place / fft_length(settings) * samples
-        tone = 2 * np.sqrt(power / level) * np.cos(turns + phase)
-        signal[row - first] += tone.astype(np.float32)
+    shape = noise_shape(settings)
+    rows, ranges, phases, power = tones.of_rows(range(first, first + len(signal)))
+    places = ranges / settings.bin_size
+    level = np.interp(places, np.arange(len(shape)), shape)
+    turns = 2 * np.pi * places / fft_length(settings)
+    _add_cosines(signal, rows - first, turns, phases, 2 * np.sqrt(power / level))
+
+
+@njit_cached
+def _add_cosines(
+    signal: Power,
+    rows: NDArray[np.int64],
+    turns: Floats,
+    phases: Floats,
+    amplitudes: Floats,
+) -> None:
+    """Add cosines to rows of sweeps; ``turns`` are in rad a sample.
+
+    cos(a + b) = 2 cos(a) cos(b) - cos(a - b), with b of ``_LANES`` samples, which a
+    processor computes at once. Over the samples of a sweep the error stays below that
+    of 32-bit numbers.
+    """
+    samples = signal.shape[1]
+    tone = np.zeros(samples)
+    for k in range(len(rows)):
+        for n in range(min(2 * _LANES, samples)):
+            tone[n] = amplitudes[k] * np.cos(turns[k] * n + phases[k])
+        factor = 2.0 * np.cos(_LANES * turns[k])
+        for n in range(2 * _LANES, samples):
+            tone[n] = factor * tone[n - _LANES] - tone[n - 2 * _LANES]
+        for n in range(samples):
+            signal[rows[k], n] += np.float32(tone[n])
 
 
 @lru_cache(maxsize=16)

@@ -223,19 +223,22 @@ def head_on_reflection(material: Material) -> float:
     return 0.0 if db is None else float(10 ** (db / 10))
 
 
-def fresnel_reflection(head_on: Floats, cosine: Floats) -> Floats:
-    """Return the share of the power that smooth surfaces reflect.
+def fresnel_reflections(head_on: Floats, cosine: Floats) -> tuple[Floats, Floats]:
+    """Return the shares of the power that smooth surfaces reflect.
 
     Args:
         head_on: The share that they reflect head-on, below 1.
         cosine: Cosine of the angle of incidence.
+
+    Returns:
+        That of a field across the plane of incidence, and of one along it.
     """
     root = np.sqrt(np.minimum(head_on, 0.999))
     square = ((1 + root) / (1 - root)) ** 2  # of the refractive index
     inside = np.sqrt(square - 1 + cosine**2)
     across = (cosine - inside) / (cosine + inside)
     along = (square * cosine - inside) / (square * cosine + inside)
-    return np.asarray((across**2 + along**2) / 2)
+    return np.asarray(across**2), np.asarray(along**2)
 
 
 def straight_ways(sight: Sight, points: Points, _wavelength: float) -> Ways:
@@ -286,7 +289,8 @@ def reflected_share(
     head_on, is_mirror = planes.reflected[which], planes.is_mirror[which]
     # Heights of the surface turn the phase by as much out as back.
     turn = 4 * math.pi * ROUGHNESS * cosine / wavelength
-    smooth = fresnel_reflection(head_on, cosine) * np.exp(-(turn**2))
+    across, along = fresnel_reflections(head_on, cosine)
+    smooth = (across + along) / 2 * np.exp(-(turn**2))
     return np.where(is_mirror, head_on, smooth)
 
 

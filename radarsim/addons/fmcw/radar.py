@@ -34,6 +34,7 @@ from radarsim.addons.fmcw.ray_fan import (
 )
 from radarsim.addons.fmcw.ray_power import FanRays
 from radarsim.addons.fmcw.scattering import scene_scattering
+from radarsim.addons.fmcw.smooth_corners import corner_points
 from radarsim.addons.fmcw.speckle import Scatterers, Speckle, add_amplitudes
 from radarsim.addons.fmcw.spectrum import Spectrum
 from radarsim.addons.fmcw.targets import find_targets, scan_of
@@ -366,9 +367,14 @@ class FmcwRadar:
             np.array([it.rcs(wavelength) for it in scene.reflectors], np.float64),
         )
         edges = edge_points(tracer, origin, wavelength)
+        corners = corner_points(tracer, origin, settings)
         found = [
             point_tones(settings, view, rows, points, find(sight, points, wavelength))
-            for points, find in ((reflectors, find_ways), (edges, straight_ways))
+            for points, find in (
+                (reflectors, find_ways),
+                (edges, straight_ways),
+                (corners, straight_ways),
+            )
             if len(points.rcs)
         ]
         return join_tones(found)
