@@ -44,12 +44,14 @@ class Boxes:
     Attributes:
         rows: (B, 8): x, y, yaw, lower and upper z, half the length, half the width
             (m, rad), and the id of the box.
+        velocities: (B, 2) m/s, along x and y; None if nobody asks for them.
 
     Raises:
         EngineError: If the rows have another shape, or are not finite.
     """
 
     rows: Floats
+    velocities: Floats | None = None
     _tables: dict[bytes, Floats] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -64,6 +66,15 @@ class Boxes:
                 f"boxes[{row}] is {rows[row].tolist()}, expected finite numbers"
             )
         object.__setattr__(self, "rows", rows)
+
+    def find(
+        self, ids: NDArray[np.int64]
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return which of some ids are those of boxes, (K,), and their rows, (K,)."""
+        known = self.rows[:, 7].astype(np.int64)
+        found = np.flatnonzero(np.isin(ids, known))
+        order = np.argsort(known)
+        return found, order[np.searchsorted(known, ids[found], sorter=order)]
 
     def table(self, centre: Floats) -> Floats:
         """Return the table that kernels read; it is computed once.

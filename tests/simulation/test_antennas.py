@@ -296,3 +296,37 @@ def test_client_cannot_make_a_scanner_an_antenna_that_its_class_has_not(
     command = b"SET {Type RangeScanner} {Opcode SETTING} {Params detector=ca}\r\n"
     (problem,) = host.receive(client, command)
     assert "23040 rays in a scan, expected at most 5400" in problem.text
+
+
+def test_antenna_knows_how_fast_others_drive(foliage_room: Scene) -> None:
+    looks: list[Look] = []
+
+    class Noted(AtOnce):
+        def submit(self, function: Callable[[Look], Received], look: Look, /) -> Result:
+            looks.append(look)
+            return super().submit(function, look)
+
+    host = Host(foliage_room)
+    antennas_of(host.simulation).worker = Noted()
+    first, second = host.connect(), host.connect()
+    host.receive(first, INIT)
+    host.receive(
+        second,
+        b"INIT {ClassName P3AT} {Name R2} {Location -6,4,0} {Rotation 0,0,0.5}\r\n"
+        b"DRIVE {Left 4} {Right 4}\r\n",
+    )
+    for _ in range(200):
+        host.step()
+    other = next(each for each in host.simulation.vehicles if each.robot.name == "R2")
+    found, rows = looks[-1].boxes.find(np.array([other.number]))
+    assert found.tolist() == [0]
+    velocities = looks[-1].boxes.velocities
+    assert velocities is not None
+    velocity = velocities[rows[0]]
+    yaw = looks[-1].boxes.rows[rows[0], 2]
+    speed = float(np.hypot(*velocity))
+    assert speed > 0.3
+    assert np.arctan2(velocity[1], velocity[0]) == pytest.approx(yaw, abs=0.02)
+    then = looks[-11].boxes.rows[rows[0], :2]
+    moved = looks[-1].boxes.rows[rows[0], :2] - then
+    assert speed == pytest.approx(float(np.hypot(*moved)) / 0.1, rel=0.1)

@@ -224,6 +224,7 @@ class Antennas:
         self.worker: Worker = BackgroundThread()
         self._scene, self._clock = scene, clock
         self._antennas: dict[int, list[Antenna]] = {}
+        self._before = -1, Boxes(np.zeros((0, 8)))  # the last tick with boxes
 
     def warm_up(self) -> None:
         """Load or compile what antennas need, if that is not done yet."""
@@ -261,10 +262,21 @@ class Antennas:
         """
         ticks, turning = self._clock.ticks, self.turning
         if turning:
-            boxes = find_boxes()
+            boxes = self._with_velocities(find_boxes(), ticks)
             for antenna in turning:
                 antenna.advance(self._scene, ticks, boxes, self.worker)
         return [scan for each in self._every() for scan in each.receive(ticks)]
+
+    def _with_velocities(self, boxes: Boxes, ticks: int) -> Boxes:
+        """Return boxes with their velocities since the last tick; new ones stand."""
+        last, before = self._before
+        velocities = np.zeros((len(boxes.rows), 2))
+        if last == ticks - 1:
+            now, then = before.find(boxes.rows[:, 7].astype(np.int64))
+            moved = boxes.rows[now, :2] - before.rows[then, :2]
+            velocities[now] = moved / TICK
+        self._before = ticks, boxes
+        return Boxes(boxes.rows, velocities)
 
     def _every(self) -> list[Antenna]:
         return [each for carried in self._antennas.values() for each in carried]

@@ -73,6 +73,7 @@ class TracedTurn(NamedTuple):
         fan: The rays.
         directions: (M, 3) unit vectors, map frame.
         traces: How they ended, with events and incidence.
+        approach: (M,) m/s, how fast the antenna and what ends each ray come nearer.
     """
 
     rows: range
@@ -80,6 +81,7 @@ class TracedTurn(NamedTuple):
     fan: RayFan
     directions: Floats
     traces: Traces
+    approach: Floats
 
 
 class FmcwRadar:
@@ -246,8 +248,15 @@ class FmcwRadar:
             carrier_id: The robot that carries the radar; -1 for none.
         """
         fan, rays = self.aim(scene, view, carrier_id, rows)
-        traces = tracer_of(scene).trace(rays, boxes, events=True, incidence=True)
-        return TracedTurn(rows, view, fan, rays.directions, traces)
+        tracer, ahead = tracer_of(scene), rays.directions
+        traces = tracer.trace(rays, boxes, events=True, incidence=True)
+        row = fan.column // self.settings.rays_across - rows.start
+        approach = np.einsum("mi,mi->m", ahead, view.velocities[row])
+        if boxes is not None and boxes.velocities is not None:
+            met, which = boxes.find(traces.parts - len(tracer.parts))
+            away = np.einsum("mi,mi->m", ahead[met, :2], boxes.velocities[which])
+            approach[met] -= away
+        return TracedTurn(rows, view, fan, ahead, traces, approach)
 
     def aim(
         self, scene: Scene, view: Viewpoints, carrier_id: int, rows: range
@@ -290,15 +299,13 @@ class FmcwRadar:
         """
         settings, fan, traces = self.settings, turn.fan, turn.traces
         constant = radar_constant(settings) / noise_power(settings)
-        row = fan.column // settings.rays_across - turn.rows.start
-        approach = np.einsum("mi,mi->m", turn.directions, turn.view.velocities[row])
         rays = FanRays(
             fan.column,
             fan.across,
             fan.weights * constant,
             fan.spread,
             turn.directions,
-            doppler_shift(settings, approach),
+            doppler_shift(settings, turn.approach),
             traces.ranges,
             traces.incidence,
         )
