@@ -21,6 +21,7 @@ from radarsim.errors import (
     install_command,
     list_names,
 )
+from radarsim.presets.fmcw_settings import RADAR_MODEL
 from radarsim.presets.robots import RobotModel
 from radarsim.protocol.dialect import DriveUnit
 
@@ -39,6 +40,7 @@ class RecordingInfo(BaseModel):
             program.
         map_digest: SHA-256 of the map file, hexadecimal; empty likewise.
         seed: Seed of all random numbers.
+        radar_model: Revision of the model of FMCW radars; 1 where none is told.
         dialect: Name of the dialect.
         drive_unit: Unit of commands to drive.
         settings: Settings of items that were changed, by item and key.
@@ -57,6 +59,7 @@ class RecordingInfo(BaseModel):
     map: str = ""
     map_digest: str = ""
     seed: int = 0
+    radar_model: int = 1
     dialect: Literal["compat", "udk"] = "compat"
     drive_unit: DriveUnit = "rad_per_s"
     settings: dict[str, dict[str, Any]] = {}  # pydantic copies it
@@ -105,6 +108,7 @@ class RecordingInfo(BaseModel):
                 "map": name,
                 "map_digest": digest,
                 "seed": seed,
+                "radar_model": RADAR_MODEL,
                 "dialect": config.dialect.name,
                 "drive_unit": config.drive_unit or config.dialect.drive_unit,
                 "settings": {i: dict(keys) for i, keys in config.item_settings.items()},

@@ -80,6 +80,7 @@ def _verify(bag: BagReader, map_: str | None) -> int:
     """
     from radarsim.addons.recording.bag_folder import digest_of
     from radarsim.addons.recording.replay import repeat_run
+    from radarsim.presets.fmcw_settings import RADAR_MODEL
     from radarsim.protocol.dialect import get_dialect
     from radarsim.scene.map_file import find_map, load_map
     from radarsim.server.host import Host
@@ -105,6 +106,11 @@ def _verify(bag: BagReader, map_: str | None) -> int:
     result = repeat_run(host, bag.calls())
     if result.difference is not None:
         print_message(f"{bag.folder}: differs at {result.difference}")
+        if info.radar_model != RADAR_MODEL:
+            print_message(
+                f"recorded with revision {info.radar_model} of the radar model, this is"
+                f" revision {RADAR_MODEL}: what FMCW radars detect is different"
+            )
         return 1
     if not bag.is_complete:
         print_message(f"{bag.folder}: {end_text(bag)}")

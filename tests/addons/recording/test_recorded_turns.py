@@ -6,12 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import recorded_runs
+from commands import run_in_process
 
 import radarsim
 from radarsim.addons.fmcw.antennas import LATENCY, SeenSector, antennas_of
 from radarsim.addons.fmcw.rotation import Sector
 from radarsim.addons.fmcw.spectrum import Spectrum
-from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder
+from radarsim.addons.recording.bag_folder import (
+    RecordingInfo,
+    create_folder,
+    digest_of,
+)
 from radarsim.addons.recording.host_recorder import (
     EventType,
     HostRecorder,
@@ -22,8 +27,10 @@ from radarsim.addons.recording.host_recorder import (
 from radarsim.addons.recording.recording_process import write_recording
 from radarsim.addons.recording.replay import repeat_run
 from radarsim.geometry import Pose3
+from radarsim.presets.fmcw_settings import RADAR_MODEL
 from radarsim.presets.robots import load_robot
 from radarsim.rng import generator_for
+from radarsim.scene.map_file import find_map
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
 from radarsim.simulation.config import SimulationConfig
@@ -90,6 +97,31 @@ def test_recorded_spectra_change_nothing_else(
     assert RecordedTurn.from_bytes(turn).scanner == "Navtech"
     host = Host(foliage_room, begins=False)
     assert repeat_run(host, recorded_runs.calls_in(events)).difference is None
+
+
+@pytest.mark.parametrize("revision", [1, RADAR_MODEL])
+def test_recording_of_another_radar_model_says_why_it_differs(
+    revision: int, events: list[RunEvent], tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    create_folder(folder)
+    # The first bytes that a client was sent are others than now.
+    first = next(k for k, each in enumerate(events) if each.type is EventType.TAKE)
+    changed = events[first]._replace(data=b"SEN {Type None}\r\n")
+    path, _ = find_map("foliage_room")
+    info = RecordingInfo(
+        version="1",
+        map="foliage_room",
+        map_digest=digest_of(path),
+        radar_model=revision,
+    )
+    write_recording(folder, info, [*events[:first], changed, *events[first + 1 :]])
+    done = run_in_process("replay", str(folder), "--verify")
+    assert done.code == 1
+    told = " ".join(done.err.split())
+    assert "differs at" in told
+    is_told = "what FMCW radars detect is different" in told
+    assert is_told is (revision != RADAR_MODEL)
 
 
 def test_spectra_are_recorded_on_request_only(foliage_room: Scene) -> None:
