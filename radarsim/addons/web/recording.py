@@ -119,8 +119,9 @@ class RecordingSwitch:
             self._tell(False, f"Recorded in {folder}")
         except RadarsimError as error:
             # What was recorded until a connection was lost is complete.
-            was_on = self._state["on"] and not isinstance(error, RecordingError)
-            self._tell(False, f"Recorded in {folder}" if was_on else "")
+            is_cut = isinstance(error, RecordingError)
+            text = f"{folder} is not complete" if is_cut else f"Recorded in {folder}"
+            self._tell(False, text if self._state["on"] else "")
             self._viewers.broadcast({"op": "error", "text": f"recording: {error}"})
         finally:
             self._task = None
@@ -181,12 +182,12 @@ class _Recording:
                     lines = await self._read(reader)
             finally:
                 recorder.end()
-                is_whole = await asyncio.to_thread(process.close)
+                if not await asyncio.to_thread(process.close):
+                    text = f"{self._folder} is not complete: is the disk full?"
+                    # also if it was cancelled, which would say that all is well
+                    raise RecordingError(f"{text} radarsim's terminal tells why")
         finally:
             writer.close()
-        if not is_whole:
-            text = f"{self._folder} ends early: is the disk full? radarsim's terminal"
-            raise RecordingError(f"{text} tells why")
 
     async def _await_permission(self, reader: asyncio.StreamReader) -> list[str]:
         """Return the lines from the answer to ``WATCH`` on."""

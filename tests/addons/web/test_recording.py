@@ -127,3 +127,24 @@ async def test_a_full_disk_is_told_and_ends_the_recording(
             assert "disk" in (await page.hear("error"))["text"]
             await page.send("drive", robot="R1", v=0.1, w=0)
             await page.hear("viewer", robot="R1")
+
+
+async def test_a_recording_that_fails_at_its_end_is_told_as_not_complete(
+    server: tuple[str, int],
+    start_commander: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(
+        "radarsim.addons.recording.recording_process.PROGRAM",
+        "import sys; sys.stdin.buffer.read(); sys.exit(1)",
+    )
+    with start_commander(server, record_to=tmp_path) as commander:
+        async with open_page(commander.web, commander.token) as page:
+            await page.send("record", on=True)
+            await page.hear("recording", on=True)
+            await page.send("record", on=False)
+            assert "not complete" in (await page.hear("error"))["text"]
+            async with open_page(commander.web, commander.token) as other:
+                text = (await other.hear("recording"))["text"]
+    assert text == f"{only_folder(tmp_path)} is not complete"

@@ -1,5 +1,6 @@
 // One beam, explained: what it reads, what it meets, and the power that it has left.
 
+import { sensorName } from "./beams.js";
 import { byId, element, fillTable, prepareCanvas, setOptions, setText } from "./elements.js";
 import { drawLabel } from "./label.js";
 import { drawMarks, edgeColour, KINDS } from "./marks.js";
@@ -26,7 +27,7 @@ export class BeamPanel extends EventTarget {
 
   update() {
     const { robot, scan, beam } = this.world;
-    const scanners = JSON.stringify((robot?.scans ?? []).map((one) => one.scanner));
+    const scanners = JSON.stringify((robot?.scans ?? []).map((one) => ({ name: one.scanner, label: sensorName(one) })));
     if (scanners !== this.scanners) {
       this.scanners = scanners;
       setOptions(this.form.scanner, JSON.parse(scanners));

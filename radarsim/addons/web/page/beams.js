@@ -23,6 +23,9 @@ export function beamTowards(scan, x, y) {
   return Math.min(Math.max(beam, 0), scan.count - 1);
 }
 
+/** Return what a sensor is called: its kind, and the name that its robot has for it. */
+export const sensorName = ({ kind, scanner }) => `${kind} “${scanner}”`;
+
 /** Return the scan that a robot has of a scanner, or its first of a kind. */
 export function scanOf(robot, name) {
   return robot?.scans.find((scan) => scan.scanner === name);

@@ -1,6 +1,7 @@
 // The legend of the scene, and the finding: what there is to see, in one sentence.
 
 import { swatch } from "./beam_panel.js";
+import { sensorName } from "./beams.js";
 import { byId, element, setText } from "./elements.js";
 import { freeStarts } from "./starts.js";
 import { theme } from "./theme.js";
@@ -75,7 +76,7 @@ function sentence(world) {
     const { beams, through, returned } = world.countBeams(one);
     if (!returned) return `${one.kind} reads nothing${one.max ? ` within ${+one.max.toFixed(1)} m` : ""}`;
     const told = robot.echoes?.some((echoes) => echoes.scanner === one.scanner && echoes.objects.length);
-    if (!told) return `${one.scanner} reads ${returned} of ${beams} beams`; // and nothing more is known yet
+    if (!told) return `${sensorName(one)} reads ${returned} of ${beams} beams`; // and nothing more is known yet
     const count = through || "none";
     return place ? `${one.kind} with ${count}` : `${one.kind} sees through with ${count} of ${beams} beams`;
   });

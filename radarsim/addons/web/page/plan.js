@@ -1,6 +1,6 @@
 // The plan: the scene from above, robots, rays with the power left, readings, paths.
 
-import { beamPoint, scanOf } from "./beams.js";
+import { beamPoint, scanOf, sensorName } from "./beams.js";
 import { prepareCanvas } from "./elements.js";
 import { drawLabel } from "./label.js";
 import { drawMarks, edgeColour } from "./marks.js";
@@ -298,6 +298,6 @@ export function describePlan(world) {
   const { robot, scan } = world;
   if (!robot) return "Plan without a robot";
   const place = `${robot.name} at x ${robot.x.toFixed(1)} m, y ${robot.y.toFixed(1)} m`;
-  const beam = scanOf(robot, scan?.scanner) && world.beam !== null ? `, beam ${world.beam} of ${scan.scanner}` : "";
+  const beam = scanOf(robot, scan?.scanner) && world.beam !== null ? `, beam ${world.beam} of ${sensorName(scan)}` : "";
   return `Plan: ${place}${beam}`;
 }

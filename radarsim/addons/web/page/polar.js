@@ -1,6 +1,6 @@
 // A scan in polar form, ahead is up: its readings, and its echoes by material.
 
-import { scanOf, scanOfKind } from "./beams.js";
+import { scanOf, scanOfKind, sensorName } from "./beams.js";
 import { prepareCanvas, setText } from "./elements.js";
 import { drawLabel } from "./label.js";
 import { drawMarks } from "./marks.js";
@@ -44,8 +44,8 @@ export class Polar extends EventTarget {
   write(scan) {
     const caption = this.figure.querySelector(".name");
     const what = this.figure.querySelector(".what");
-    const title = this.kind === "radar" ? "Radar" : "Laser";
-    setText(caption, scan ? `${title} ${scan.scanner}` : `No ${this.kind}`);
+    const title = scan ? sensorName(scan) : `no ${this.kind}`;
+    setText(caption, title[0].toUpperCase() + title.slice(1));
     if (!scan) {
       setText(what, this.world.robot ? "on this robot" : "");
       return;
@@ -54,7 +54,7 @@ export class Polar extends EventTarget {
     const lost = spent ? `, ${spent} spent inside` : "";
     const text = `${returned} of ${beams} read${lost}`;
     setText(what, text);
-    this.canvas.setAttribute("aria-label", `${title} ${scan.scanner}: ${text}`);
+    this.canvas.setAttribute("aria-label", `${title}: ${text}`);
   }
 
   /** Return the place of a range along a beam, px. */

@@ -1,5 +1,6 @@
 // Settings of a scanner, a control each, as the commander lists them.
 
+import { sensorName } from "./beams.js";
 import { byId, element, setText } from "./elements.js";
 
 const PAUSE = 90; // ms between two values of a slider that is moved
@@ -52,7 +53,7 @@ export class SettingsPanel {
   /** Show the values of the selected scanner. */
   update() {
     const { robot, scan } = this.world;
-    setText(byId("settings-heading"), scan ? `Sensor ${scan.scanner}` : "Sensor");
+    setText(byId("settings-heading"), scan ? `Sensor: ${sensorName(scan)}` : "Sensor");
     setText(byId("settings-note"), noteOf(robot, scan));
     byId("settings").hidden = !scan;
     for (const control of this.controls) {
