@@ -15,6 +15,7 @@ const RADAR = [
 ];
 const LASER = [["square", "laser reading"]];
 const SPACE = [["ray", "ray, fainter with less power"]];
+const SPACE_RADAR = [["box", "radar reading"]]; // points are square in 3D
 const STARTS = [["start", "free start: click adds a robot"]];
 const RUN = [
   ["path", "its way"],
@@ -46,7 +47,7 @@ function marksOf(world, view) {
   const run = path?.goal ? RUN : path?.points.length ? RUN.slice(0, 1) : [];
   if (view === "map") return [["true", "what is truly there"], ...run];
   const lasers = kinds.has("laser") ? LASER : [];
-  if (view === "space") return [...(kinds.size ? SPACE : []), ...(kinds.has("radar") ? RADAR.slice(1, 2) : []), ...lasers];
+  if (view === "space") return [...(kinds.size ? SPACE : []), ...(kinds.has("radar") ? SPACE_RADAR : []), ...lasers];
   return [...(kinds.has("radar") ? RADAR : []), ...lasers, ...run, ...(freeStarts(world).length ? STARTS : [])];
 }
 

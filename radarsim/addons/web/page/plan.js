@@ -4,7 +4,7 @@ import { beamPoint, scanOf, sensorName } from "./beams.js";
 import { prepareCanvas } from "./elements.js";
 import { drawLabel } from "./label.js";
 import { drawMarks, edgeColour } from "./marks.js";
-import { drawScan, readingColour } from "./readings.js";
+import { readingColour, Readings } from "./readings.js";
 import { drawRobot } from "./robot_mark.js";
 import { drawRuns } from "./run_marks.js";
 import { drawStarts, startAt } from "./starts.js";
@@ -19,6 +19,7 @@ export class Plan {
     this.shapes = []; // of the scene: {part, areas, lines}
     this.still = document.createElement("canvas"); // the scene as last drawn
     this.stillKey = "";
+    this.readings = new Readings();
   }
 
   /** Take the outlines of a scene, in place of the former's. */
@@ -30,6 +31,7 @@ export class Plan {
   /** Draw everything; `picking` is what a click gives a place to, or null. */
   draw(view, picking) {
     const surface = prepareCanvas(this.canvas);
+    this.viewport.measure();
     const { pen } = surface;
     pen.fillStyle = theme.paper;
     pen.fillRect(0, 0, surface.width, surface.height);
@@ -37,7 +39,9 @@ export class Plan {
     this.drawStill(surface, view);
     const { robot, pointer } = this.world;
     if (view === "plan") drawStarts(pen, this.viewport, this.world, picking ? undefined : this.pointedStart);
-    for (const one of this.world.frame.robots) this.drawReadings(surface, one, view);
+    this.readings.begin(this.canvas.width, this.canvas.height);
+    for (const one of this.world.frame.robots) this.addReadings(surface.density, one, view);
+    this.readings.draw(pen, surface.width, surface.height);
     if (robot && view === "plan") this.drawRays(pen);
     drawRuns(pen, this.viewport, this.world);
     for (const one of this.world.frame.robots) drawRobot(pen, this.viewport, one, one === robot);
@@ -123,12 +127,12 @@ export class Plan {
     pen.drawImage(map.image, left, top, size[0] * scale, size[1] * scale);
   }
 
-  /** Draw where the beams of a robot end. */
-  drawReadings({ pen, density }, robot, view) {
+  /** Add where the beams of a robot end. */
+  addReadings(density, robot, view) {
     const chosen = robot.name === this.world.chosen;
     for (const scan of robot.scans) {
       const beams = chosen && view === "plan" ? this.world.beamsOf(scan) : null;
-      drawScan(pen, this.viewport, scan, {
+      this.readings.add(this.viewport, scan, {
         colour: readingColour(robot, scan, chosen),
         size: chosen ? 3 : 2,
         alpha: chosen ? 0.9 : 0.7,

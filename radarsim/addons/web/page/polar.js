@@ -51,7 +51,7 @@ export class Polar extends EventTarget {
       return;
     }
     const { beams, spent, returned } = this.world.countBeams(scan);
-    const lost = spent ? `, ${spent} spent inside` : "";
+    const lost = spent ? `, ${spent} spent` : "";
     const text = `${returned} of ${beams} read${lost}`;
     setText(what, text);
     this.canvas.setAttribute("aria-label", `${title}: ${text}`);

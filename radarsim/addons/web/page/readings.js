@@ -1,32 +1,67 @@
-// Where beams end: dots of radars, squares of lasers, each a small picture that is copied.
+// Where beams end: dots of radars, squares of lasers, written as pixels of one picture.
+//
+// Thousands of them are shown at once, and each call of a canvas takes its time.
 
 import { sensorColour } from "./theme.js";
 
-const sprites = new Map(); // by shape, colour, size and density
-
-/**
- * Draw the readings of a scan.
- *
- * `hides` says of a beam whether its reading is left out; `size` is half the width, px.
- */
-export function drawScan(pen, viewport, scan, { colour, size, alpha, density, hides }) {
-  const sprite = spriteOf(scan.kind, colour, size, density);
-  const { points } = scan;
-  const { scale } = viewport;
-  const [left, top] = viewport.toScreen(0, 0);
-  const [width, height] = viewport.size;
-  const side = 2 * (size + 1);
-  const shift = size + 1;
-  pen.globalAlpha = alpha;
-  for (let beam = 0; beam < scan.count; beam++) {
-    const x = left + points[2 * beam] * scale;
-    const y = top - points[2 * beam + 1] * scale;
-    // Without a reading it is not a number, and so neither inside nor outside.
-    if (!(x > -side && x < width + side && y > -side && y < height + side)) continue;
-    if (hides?.(beam)) continue;
-    pen.drawImage(sprite, x - shift, y - shift, side, side);
+export class Readings {
+  constructor() {
+    this.canvas = document.createElement("canvas");
+    this.pen = this.canvas.getContext("2d", { willReadFrequently: true }); // kept in memory
+    this.image = null;
+    this.stamps = new Map(); // by shape, colour, size and density
   }
-  pen.globalAlpha = 1;
+
+  /** Begin without any, on a picture of so many columns and rows. */
+  begin(columns, rows) {
+    if (this.image?.width === columns && this.image.height === rows) {
+      this.pixels.fill(0);
+      return;
+    }
+    this.canvas.width = columns;
+    this.canvas.height = rows;
+    this.image = this.pen.createImageData(columns, rows);
+    this.pixels = new Uint32Array(this.image.data.buffer);
+  }
+
+  /**
+   * Add the readings of a scan.
+   *
+   * `hides` says of a beam whether its reading is left out; `size` is half the width, px.
+   */
+  add(viewport, scan, { colour, size, alpha, density, hides }) {
+    const { side, marks } = this.stampOf(scan.kind, colour, size, alpha, density);
+    const { points } = scan;
+    const { pixels } = this;
+    const { width, height } = this.image;
+    const scale = viewport.scale * density;
+    const [left, top] = viewport.toScreen(0, 0).map((place) => place * density - side / 2);
+    for (let beam = 0; beam < scan.count; beam++) {
+      const x = Math.round(left + points[2 * beam] * scale);
+      const y = Math.round(top - points[2 * beam + 1] * scale);
+      // Without a reading it is not a number, and so neither inside nor outside.
+      if (!(x >= 0 && x <= width - side && y >= 0 && y <= height - side)) continue;
+      if (hides?.(beam)) continue;
+      for (const { right, down, pixel } of marks) {
+        const place = (y + down) * width + x + right;
+        // The less transparent one is kept, so that no edge cuts into a mark beside it.
+        if (pixel >>> 24 >= pixels[place] >>> 24) pixels[place] = pixel;
+      }
+    }
+  }
+
+  /** Draw all that were added. */
+  draw(pen, width, height) {
+    if (!this.image.width || !this.image.height) return;
+    this.pen.putImageData(this.image, 0, 0);
+    pen.drawImage(this.canvas, 0, 0, width, height);
+  }
+
+  stampOf(kind, colour, size, alpha, density) {
+    const key = [kind === "radar", colour, size, alpha, density].join();
+    if (!this.stamps.has(key)) this.stamps.set(key, makeStamp(kind, colour, size, alpha, density));
+    return this.stamps.get(key);
+  }
 }
 
 /** Return the colour of the readings of a robot: of its sensors, or its own among others. */
@@ -34,23 +69,24 @@ export function readingColour(robot, scan, chosen) {
   return chosen || !robot.colour ? sensorColour(scan.kind) : robot.colour;
 }
 
-function spriteOf(kind, colour, size, density) {
-  const key = [kind === "radar", colour, size, density].join();
-  if (!sprites.has(key)) sprites.set(key, paint(kind, colour, size, density));
-  return sprites.get(key);
-}
-
-function paint(kind, colour, size, density) {
-  const side = 2 * (size + 1);
-  const sprite = document.createElement("canvas");
-  sprite.width = sprite.height = Math.ceil(side * density);
-  const pen = sprite.getContext("2d");
-  pen.scale(density, density);
+/** Return the pixels of a mark, {side, marks: [{right, down, pixel}]}. */
+function makeStamp(kind, colour, size, alpha, density) {
+  const side = Math.ceil(2 * (size + 1) * density);
+  const canvas = document.createElement("canvas");
+  canvas.width = canvas.height = side;
+  const pen = canvas.getContext("2d", { willReadFrequently: true });
   pen.fillStyle = colour;
+  pen.globalAlpha = alpha;
+  const [middle, reach] = [side / 2, size * density];
   if (kind === "radar") {
     pen.beginPath();
-    pen.arc(side / 2, side / 2, size, 0, 2 * Math.PI);
+    pen.arc(middle, middle, reach, 0, 2 * Math.PI);
     pen.fill();
-  } else pen.fillRect(side / 2 - 0.85 * size, side / 2 - 0.85 * size, 1.7 * size, 1.7 * size);
-  return sprite;
+  } else pen.fillRect(middle - 0.85 * reach, middle - 0.85 * reach, 1.7 * reach, 1.7 * reach);
+  const pixels = new Uint32Array(pen.getImageData(0, 0, side, side).data.buffer);
+  const marks = [];
+  pixels.forEach((pixel, place) => {
+    if (pixel) marks.push({ right: place % side, down: Math.floor(place / side), pixel });
+  });
+  return { side, marks };
 }

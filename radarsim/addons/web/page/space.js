@@ -10,6 +10,7 @@ import { sensorColour, theme } from "./theme.js";
 const HULL = 0.25; // m high
 const TALL = 0.9; // m; what is taller and longer than it surrounds the scene
 const WIDE = 1.4; // width by height of a view that the scene fits into
+const NEAR = 1.5; // m; a start with a robot that near has no name
 const LONG = 0.4; // share of the scene's larger side
 
 export class Space extends EventTarget {
@@ -56,8 +57,10 @@ export class Space extends EventTarget {
     const middle = [(x0 + x1) / 2, (y0 + y1) / 2];
     // From farther away where the view is narrow, so that all of the width is in it.
     const away = size * Math.max(1, (WIDE * this.canvas.clientHeight) / Math.max(this.canvas.clientWidth, 1));
-    this.camera.position.set(middle[0] - 0.3 * away, middle[1] - 0.92 * away, 0.85 * away);
-    this.controls.target.set(...middle, 0);
+    // A little south of the middle, so that the legend covers nothing of it.
+    const [x, y] = [middle[0], middle[1] - 0.06 * away];
+    this.camera.position.set(x - 0.32 * away, y - 0.98 * away, 0.9 * away);
+    this.controls.target.set(x, y, 0);
     this.controls.update();
     this.sun.position.set(middle[0] - size, middle[1] - 0.6 * size, 2 * size);
   }
@@ -123,7 +126,8 @@ export class Space extends EventTarget {
       pen.font = `${weight} 12px system-ui, sans-serif`;
       drawLabel(pen, text, ((place.x + 1) / 2) * width, ((1 - place.y) / 2) * height);
     };
-    for (const start of freeStarts(this.world)) write(`▲ ${start.name}`, 400, start.x, start.y, 0);
+    const near = (start) => this.world.frame.robots.some((one) => Math.hypot(one.x - start.x, one.y - start.y) < NEAR);
+    for (const start of freeStarts(this.world)) write(near(start) ? "▲" : `▲ ${start.name}`, 400, start.x, start.y, 0);
     for (const one of this.world.frame.robots) write(one.name, one === robot ? 600 : 400, one.x, one.y, 0.8);
     if (scan && beam !== null && beam < scan.count) {
       const range = scan.ranges[beam];

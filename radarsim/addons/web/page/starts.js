@@ -5,6 +5,7 @@ import { theme } from "./theme.js";
 
 const TAKEN = 0.4; // m; a start with a robot that near is not free
 const REACH = 18; // px within which it is pointed at
+const CROWD = 56; // px; a start with a robot that near has its name only if pointed at
 const MOST_NAMES = 12; // beyond it only the one that is pointed at has its name
 
 /** Return the starts at which there is no robot. */
@@ -29,7 +30,9 @@ export function drawStarts(pen, viewport, world, pointed) {
     const [left, top] = viewport.toScreen(start.x, start.y);
     const chosen = start === pointed;
     drawArrow(pen, left, top, start.yaw, chosen);
-    if (!chosen && starts.length > MOST_NAMES) continue;
+    const away = (robot) => Math.hypot(robot.x - start.x, robot.y - start.y) * viewport.scale;
+    const crowded = world.frame.robots.some((robot) => away(robot) < CROWD);
+    if (!chosen && (crowded || starts.length > MOST_NAMES)) continue;
     pen.font = `${chosen ? 600 : 400} 12px system-ui, sans-serif`;
     drawLabel(pen, chosen ? `Add a robot at ${start.name}` : start.name, left, top - 17);
   }

@@ -14,6 +14,7 @@ export class Viewport extends EventTarget {
     this.scale = 40; // px per metre
     this.centre = [0, 0];
     this.fitted = true; // until it is moved by hand
+    this.measure();
     this.pointers = new Map();
     this.moved = 0;
     canvas.addEventListener("pointerdown", (event) => this.press(event));
@@ -25,12 +26,14 @@ export class Viewport extends EventTarget {
     canvas.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
   }
 
-  get size() {
-    return [this.canvas.clientWidth, this.canvas.clientHeight];
+  /** Take the size of the canvas: to ask for it at each point would take long. */
+  measure() {
+    this.size = [this.canvas.clientWidth, this.canvas.clientHeight];
   }
 
   /** Show an extent, [x0, y0, x1, y1] m, between what lies over the canvas. */
   fit([x0, y0, x1, y1]) {
+    this.measure();
     const [width, height] = this.size;
     const [top, bottom] = this.covered();
     const across = (width - 2 * MARGIN) / Math.max(x1 - x0, 0.1);
