@@ -112,6 +112,7 @@ class Session(Readings):
             among them.
         watched: Latest readings of robots that are watched, by name; at most
             ``MOST_WATCHED``.
+        ignored: Beginnings of lines that are passed over, so that they take no time.
         unread: Number of skipped lines.
         last: Last line of any kind; empty before the first.
     """
@@ -121,6 +122,7 @@ class Session(Readings):
         self.greeting: Greeting | None = None
         self.newest: dict[type, Report] = {}
         self.watched: dict[str, Readings] = {}
+        self.ignored: tuple[str, ...] = ()
         self.unread = 0
         self.last = ""
         self._lines = LineBuffer()
@@ -138,6 +140,8 @@ class Session(Readings):
         for piece in pieces:
             for line in self._lines.feed(piece):
                 self.last = line
+                if line.startswith(self.ignored):
+                    continue
                 try:
                     report = decode_report(line)
                 except MalformedMessage:

@@ -111,6 +111,15 @@ def test_only_the_overlong_line_is_lost(size: int, chunk: int) -> None:
     assert session.unread >= 1
 
 
+def test_ignored_lines_are_passed_over() -> None:
+    session = Session()
+    session.ignored = ("SEN ",)
+    assert session.receive(STREAM) == REPORTS[:2]
+    assert session.unread == 0
+    session.ignored = ()
+    assert len(session.receive(STREAM)) == len(REPORTS)
+
+
 def test_report_without_time_gets_the_latest_time() -> None:
     session = Session()
     line = b"SEN {Type INS} {Name I} {Location 1,-2,-3} {Orientation 0,0,0}\r\n"

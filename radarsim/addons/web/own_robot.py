@@ -24,6 +24,7 @@ from radarsim.errors import ClientError
 from radarsim.protocol.reports import Report
 
 DEAD_MAN: Final = 0.4  # s after the last command to drive
+SENSORS: Final = ("SEN ",)  # how lines of sensors begin
 SILENCE: Final = 60.0  # s that one call waits for reports
 MOST_WAITING: Final = 1000  # times that reports arrive; beyond it the oldest are lost
 
@@ -37,7 +38,8 @@ class OwnRobot:
         info: Dimensions, limits and scanners.
         hindrance: Why it can do nothing by itself; None if it can.
         driver: Name of the viewer that drives it; None for none.
-        listeners: Called with the reports that arrive, at once.
+        listeners: Called with the reports that arrive, at once; those of sensors may be
+            left out, see ``leave_sensors``.
     """
 
     def __init__(
@@ -64,6 +66,8 @@ class OwnRobot:
         self.driver: str | None = None
         self.listeners: list[Callable[[Sequence[Report]], None]] = []
         self._on_driver = on_driver
+        self._are_sensors_left = False
+        self._readers: list[Callable[[Sequence[Report]], None]] = []
         self._client = client
         self._loop = asyncio.get_running_loop()
         self._dead_man: asyncio.TimerHandle | None = None
@@ -89,6 +93,27 @@ class OwnRobot:
                 task.cancel()
         for task in done:
             task.result()
+
+    def leave_sensors(self, on: bool) -> None:
+        """Read no sensors, since all robots are watched, while it is read by nobody."""
+        # To read each line twice would take most of the time of the commander.
+        self._are_sensors_left = on
+        self._choose_lines()
+
+    def read_by(self, take: Callable[[Sequence[Report]], None]) -> None:
+        """Pass all reports to a function, also those of sensors."""
+        self._readers.append(take)
+        self._choose_lines()
+
+    def read_no_more(self, take: Callable[[Sequence[Report]], None]) -> None:
+        """Undo ``read_by``, if it was done."""
+        if take in self._readers:
+            self._readers.remove(take)
+            self._choose_lines()
+
+    def _choose_lines(self) -> None:
+        leaves = self._are_sensors_left and not self._readers
+        self._client.session.ignored = SENSORS if leaves else ()
 
     async def close(self) -> None:
         """Stop the robot and close the connection, upon which the server removes it."""
@@ -159,7 +184,7 @@ class OwnRobot:
         while True:
             with suppress(ClientTimeout):  # a server may pause
                 reports = await self._client.read(SILENCE)
-                for listener in tuple(self.listeners):
+                for listener in (*self.listeners, *self._readers):
                     listener(reports)
 
     async def _send(self) -> NoReturn:
@@ -204,14 +229,13 @@ class RobotClient(Client):
         self._loop = asyncio.get_running_loop()
         self._reports: queue.Queue[Sequence[Report]] = queue.Queue()
         self._is_cancelled = False
-        robot.listeners.append(self._take)
+        robot.read_by(self._take)
 
     def cancel(self) -> None:
         """Let every call raise, also one that waits; in the event loop."""
         self._is_cancelled = True
         self._reports.put(())  # wakes up the thread
-        if self._take in self._robot.listeners:
-            self._robot.listeners.remove(self._take)
+        self._robot.read_no_more(self._take)
 
     def spawn(self, *_: object, **__: object) -> None:
         """Take the robot that is there, where it is."""

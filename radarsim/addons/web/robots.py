@@ -141,7 +141,7 @@ class Robots:
                 case Watching(robots):
                     # All, or none while nobody looks.
                     if robots.names is None:
-                        self.is_watching = True
+                        self._switch_watching(True)
                     else:
                         self.forget_others()
                 case RobotJoined(robot, class_name):
@@ -159,11 +159,16 @@ class Robots:
 
     def forget_others(self) -> None:
         """Forget robots of other clients, of which nothing more is heard."""
-        self.is_watching = False
+        self._switch_watching(False)
         for name in self.views.keys() - self.own.keys():
             del self.views[name]
             self._on_left(name)
         self._on_change()
+
+    def _switch_watching(self, on: bool) -> None:
+        self.is_watching = on
+        for robot in self.own.values():
+            robot.leave_sensors(on)
 
     def _begin(self, viewer: Viewer, work: Coroutine[Any, Any, None]) -> None:
         """Do something beside all else, and tell the browser if it fails."""
@@ -207,6 +212,7 @@ class Robots:
         self._add(name, class_name).describe(info)
         self.own[name] = robot
         robot.listeners.append(lambda reports: self._take_own(robot, reports))
+        robot.leave_sensors(self.is_watching)
         self._begin(viewer, self._run(robot))
         viewer.send({"op": "spawned", "robot": name})
 

@@ -7,6 +7,8 @@ from typing import Any
 import pytest
 from web_pages import Frame, Page, open_page
 
+from radarsim.protocol.reports import Report, decode_report
+
 
 async def spawn(page: Page, **keys: Any) -> str:
     await page.send("spawn", **{"class": "P3AT", **keys})
@@ -67,6 +69,25 @@ async def test_robot_stops_when_its_driver_is_gone(commander: Any) -> None:
             await page.hear("viewer", driver="viewer 2")
         await page.hear("viewer", driver=None)
         await page.see(stands(name))
+
+
+async def test_sensors_of_a_robot_are_read_once(
+    commander: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kinds: set[str] = set()
+
+    def decode(line: str) -> Report | None:
+        kinds.add(line.split(maxsplit=1)[0])
+        return decode_report(line)
+
+    async with open_page(commander.web, commander.token) as page:
+        await page.send("spawn", **{"class": "P3AT", "name": "R1"})
+        frame = await page.see(lambda frame: frame.robot("R1").get("scans"))
+        await page.see(lambda frame: frame.robot("R1")["mine"])
+        monkeypatch.setattr("radarsim.client.session.decode_report", decode)
+        end = frame.header["t"] + 1.0
+        await page.see(lambda frame: frame.header["t"] > end)
+    assert kinds == {"SEE", "STA"}
 
 
 async def test_only_one_browser_drives_a_robot(commander: Any) -> None:

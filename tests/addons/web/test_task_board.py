@@ -24,11 +24,12 @@ async def test_cancelled_tasks_count_until_their_threads_have_ended() -> None:
         end.wait(240)
         return "ended"
 
-    robot: Any = SimpleNamespace(name="R1", listeners=[], set_wheels=lambda *_: None)
+    ways = dict.fromkeys(("read_by", "read_no_more", "set_wheels"), lambda *_: None)
+    robot: Any = SimpleNamespace(name="R1", **ways)
     for _ in range(MOST_TASKS):
         board.begin(robot, "explore", wait)
     assert len(board.running) == 1  # a robot has one, the others are cancelled
-    other: Any = SimpleNamespace(name="R2", listeners=[], set_wheels=lambda *_: None)
+    other: Any = SimpleNamespace(name="R2", **ways)
     with pytest.raises(BadRequest, match="tasks"):
         board.begin(other, "explore", wait)
     end.set()
