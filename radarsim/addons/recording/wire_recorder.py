@@ -12,7 +12,8 @@ from radarsim.protocol.message import LineBuffer
 FIRST: Final = 1  # number of the only client of a transport
 UNNAMED: Final = "robot"  # one whose name no client has sent
 _DESCRIPTION: Final = re.compile(
-    r"(GEO|CONF)\s*\{\s*Type\s+([^{}]*)\}\s*\{\s*Name\s+(\S+)", re.IGNORECASE
+    r"(GEO|CONF)\s*(?=.*?\{\s*Type\s+([^{}]*)\})(?=.*?\{\s*Name\s+(\S+))",
+    re.IGNORECASE,  # in either order: the robot's CONF begins with its name in udk
 )
 _TIME: Final = re.compile(rb"\{Time (\d{1,7}(?:\.\d+)?)\}")
 _FIELD: Final = r"\{\s*%s\s+([^{}]*?)\s*\}"

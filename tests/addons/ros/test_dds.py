@@ -160,9 +160,11 @@ def test_raw_pictures_become_jpeg() -> None:
         as_jpeg(ImageType.RAW, b"abc")
 
 
-def test_participant_sees_the_world_of_a_live_run() -> None:
+@pytest.mark.parametrize("dialect", ["compat", "udk"])  # JPEG and raw pictures
+def test_participant_sees_the_world_of_a_live_run(dialect: str) -> None:
     pytest.importorskip("cyclonedds")
     words = ["serve", "foliage_room", "--port", "0", "--image-port", "0"]
+    words += ["--dialect", dialect]
     with start_radarsim(*words) as server:
         assert server.stdout is not None
         ports: dict[bool, str] = {}  # that of images is True
