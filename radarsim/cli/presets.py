@@ -171,6 +171,7 @@ def _robot_overview(models: Mapping[str, RobotModel]) -> Table:
         types = list(dict.fromkeys(item.type for item in model.items))
         size = " x ".join(f"{length:g}" for length in model.dimensions)
         steering = "skid" if model.steering is None else "Ackermann"
+        steering = steering if model.flight is None else "flies"
         sentence = model.about.partition(". ")[0].rstrip(".")
         table.add_row(name, steering, size, ", ".join(types), sentence)
     return table

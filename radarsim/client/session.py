@@ -320,6 +320,15 @@ def drive(left: float, right: float) -> bytes:
     return _bytes(Drive(left, right))
 
 
+def fly(ahead: float, left: float, up: float, turn: float) -> bytes:
+    """Write the command for a robot that flies, m/s and rad/s, in ``compat``.
+
+    Raises:
+        ValueError: If one is not finite.
+    """
+    return _bytes(Drive(linear=ahead, lateral=left, altitude=up, rotational=turn))
+
+
 def set_item(kind: str, name: str | None, opcode: str, params: str = "") -> bytes:
     """Write an opcode for the items of a type, or for the one of a name.
 

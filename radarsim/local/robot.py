@@ -231,6 +231,27 @@ class LocalRobot:
         scale = self.info.drive_scale
         self.send(requests.drive(left * scale, right * scale))
 
+    def fly(
+        self, ahead: float = 0.0, left: float = 0.0, up: float = 0.0, turn: float = 0.0
+    ) -> None:
+        """Fly so until the next call, if the robot is a drone; it needs ``compat``.
+
+        Args:
+            ahead: Speed ahead, m/s; all speeds are limited to what the robot can.
+            left: Speed to the left, m/s.
+            up: Speed upwards, m/s.
+            turn: Counter-clockwise turn rate, rad/s.
+
+        Raises:
+            ClientError: If the robot has been removed.
+            TypeError: If one is no number.
+            ValueError: If one is not finite.
+        """
+        for name, speed in (("ahead", ahead), ("left", left), ("up", up)):
+            check_number(f"{name} in m/s", speed)
+        check_number("turn in rad/s", turn)
+        self.send(requests.fly(ahead, left, up, turn))
+
     def stop(self) -> None:
         """Stop the wheels."""
         self.drive_wheels(0.0, 0.0)

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Final, Literal, Self, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from radarsim.errors import PresetError, expected_one_of
+from radarsim.errors import PresetError, expected_one_of, list_names
 from radarsim.geometry import Pose3
 from radarsim.presets.preset_files import (
     Confidence,
@@ -182,6 +182,29 @@ class Steering(BaseModel):
     rear_axle: float | None = None
 
 
+class Flight(BaseModel):
+    """How a robot flies: it hovers, and moves in all directions without tilting.
+
+    Attributes:
+        max_linear: Highest speed ahead and backwards, m/s.
+        max_lateral: Highest speed to either side, m/s.
+        max_altitude: Highest speed up and down, m/s.
+        max_turn_deg: Highest turn rate, degrees a second.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    max_linear: Length
+    max_lateral: Length
+    max_altitude: Length
+    max_turn_deg: Length
+
+
+_WHEEL_KEYS: Final = (
+    *("wheel_radius", "wheel_separation", "wheel_base", "track", "wheels"),
+)
+
+
 class RobotModel(BaseModel):
     """A robot class.
 
@@ -205,6 +228,8 @@ class RobotModel(BaseModel):
             ``wheel_separation`` makes the robot turn less than its wheels suggest.
         wheels: Side of each wheel, in wire order.
         steering: Its axles if it steers as a car does; None for skid steering.
+        flight: How it flies; None if it drives. One that flies needs no wheels: those
+            that it has by default stand for its speed and its turn rate.
         max_rev_per_s: Highest speed of a wheel, turns a second; None for that of the
             dialect.
         mass: Mass, kg.
@@ -225,12 +250,13 @@ class RobotModel(BaseModel):
     width: Length
     height: Length
     origin_height: Length
-    wheel_radius: Length
-    wheel_separation: Length
-    wheel_base: Length
-    track: Length
-    wheels: Annotated[tuple[Side, ...], Field(min_length=2)]
+    wheel_radius: Length = 1.0
+    wheel_separation: Length = 1.0
+    wheel_base: Length = 1.0
+    track: Length = 1.0
+    wheels: Annotated[tuple[Side, ...], Field(min_length=2)] = ("right", "left")
     steering: Steering | None = None
+    flight: Flight | None = None
     max_rev_per_s: Length | None = None
     mass: Length
     max_torque: Length
@@ -246,6 +272,16 @@ class RobotModel(BaseModel):
                 raise ValueError(
                     f"two items have the name {name!r}, expected unique names"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _drives_or_flies(self) -> Self:
+        missing = [key for key in _WHEEL_KEYS if key not in self.model_fields_set]
+        if self.flight is None and missing:
+            raise ValueError(f"no {list_names(missing)}, expected of what drives")
+        has_wheels = len(missing) < len(_WHEEL_KEYS) or self.steering is not None
+        if self.flight is not None and has_wheels:
+            raise ValueError("expected flight, or wheels and steering, but not both")
         return self
 
     @model_validator(mode="after")

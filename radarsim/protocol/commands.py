@@ -241,12 +241,19 @@ class Drive:
         joint: Name of a link to move; clients also send the robot's name there.
         value: What the link is told, as of ``LinkOrder``; None if no link is meant.
         order: How the value is meant.
+        altitude: Speed upwards of a robot that flies, m/s, or percent of the maximum if
+            this command is normalized.
+        linear: Its speed ahead, likewise.
+        lateral: Its speed to the left, likewise.
+        rotational: Its turn rate, counter-clockwise, rad/s, likewise.
     """
 
     verb: ClassVar[str] = "DRIVE"
     keys: ClassVar[Sequence[str]] = [
         *("Left", "Right", "Normalized", "Light", "Flip"),
         *("Speed", "FrontSteer", "RearSteer", "Name", "Value", "Order"),
+        *("AltitudeVelocity", "LinearVelocity", "LateralVelocity"),
+        "RotationalVelocity",
     ]
 
     left: float | None = None
@@ -260,12 +267,24 @@ class Drive:
     joint: str | None = None
     value: float | None = None
     order: int = ABSOLUTE
+    altitude: float | None = None
+    linear: float | None = None
+    lateral: float | None = None
+    rotational: float | None = None
 
     @classmethod
     def decode(cls, message: Message, dialect: Dialect) -> Self:
         """Read the command from its message."""
         flag = partial(parse_flag, any_case=dialect.accepts_any_case_true)
+        normalized = message.parse_optional("Normalized", flag)
+        turn = message.parse_optional("RotationalVelocity", _parse_angle)
+        if turn is not None and dialect.turns_in_degrees and not normalized:
+            turn = math.radians(turn)
         return cls(
+            altitude=message.parse_optional("AltitudeVelocity", _parse_number),
+            linear=message.parse_optional("LinearVelocity", _parse_number),
+            lateral=message.parse_optional("LateralVelocity", _parse_angle),
+            rotational=turn,
             left=message.parse_optional("Left", _parse_number),
             right=message.parse_optional("Right", _parse_number),
             speed=message.parse_optional("Speed", _parse_number),
@@ -274,7 +293,7 @@ class Drive:
             joint=message.get("Name") or None,
             value=message.parse_optional("Value", _parse_number),
             order=int(message.parse_optional("Order", _parse_number) or ABSOLUTE),
-            normalized=message.parse_optional("Normalized", flag),
+            normalized=normalized,
             light=message.parse_optional("Light", flag),
             flip=message.parse_optional("Flip", flag),
         )
@@ -282,18 +301,22 @@ class Drive:
     def values(self) -> Values:
         """Return the text for each of ``keys``."""
         flags = (self.normalized, self.light, self.flip)
-        steers = (self.front_steer, self.rear_steer)
         # On the wire the right is positive.
-        angles = [None if angle is None else -angle for angle in steers]
+        steers = (self.front_steer, self.rear_steer, self.lateral, self.rotational)
+        front, rear, right, clockwise = (
+            None if each is None else -each for each in steers
+        )
         return (
             _number_text(self.left),
             _number_text(self.right),
             *(None if flag is None else str(flag).lower() for flag in flags),
             _number_text(self.speed),
-            *map(_number_text, angles),
+            _number_text(front),
+            _number_text(rear),
             self.joint,
             _number_text(self.value),
             str(self.order) if self.order else None,
+            *map(_number_text, (self.altitude, self.linear, right, clockwise)),
         )
 
 
@@ -515,18 +538,8 @@ COMMANDS: Final = {
     )
 }
 
-# Fields that common clients send along: the speeds of robots that fly, with which one
-# of them stops any robot.
-_NEEDLESS_KEYS: Final = {
-    Drive.verb: [
-        "AltitudeVelocity",
-        "LinearVelocity",
-        "LateralVelocity",
-        "RotationalVelocity",
-    ],
-    # Angles of a pan-tilt, as a driver of Player and older servers have them.
-    MovePackage.verb: ["Type", "Rotation"],
-}
+# Angles of a pan-tilt, as a driver of Player and older servers have them.
+_NEEDLESS_KEYS: Final = {MovePackage.verb: ["Type", "Rotation"]}
 
 # Fields for boats, and for single wheels and joints.
 _UNSUPPORTED_KEYS: Final = {

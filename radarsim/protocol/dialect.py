@@ -137,6 +137,7 @@ class Dialect:
         ins_angles_positive: Whether INS angles are in [0, 2 pi), not (-pi, pi].
         has_actuators: Whether mission packages are reported as actuators.
         cameras_in_degrees: Whether fields of view of cameras are in degrees.
+        turns_in_degrees: Whether robots that fly are told degrees a second, not rad/s.
         accepts_any_case_true: Whether ``True`` is true, and not only ``true``.
         image_type: Type of the image server's pictures.
         drive_unit: Unit of Left and Right in DRIVE and of MaxSpeed in CONF.
@@ -175,6 +176,7 @@ class Dialect:
     ins_angles_positive: bool
     has_actuators: bool
     cameras_in_degrees: bool
+    turns_in_degrees: bool
     accepts_any_case_true: bool
     image_type: ImageType
     drive_unit: DriveUnit
@@ -235,6 +237,7 @@ COMPAT = Dialect(
     ins_angles_positive=False,
     has_actuators=False,
     cameras_in_degrees=False,
+    turns_in_degrees=False,
     accepts_any_case_true=True,
     image_type=ImageType.JPEG_GOOD,
     drive_unit="rad_per_s",
@@ -279,6 +282,7 @@ UDK = Dialect(
     ins_angles_positive=True,
     has_actuators=True,
     cameras_in_degrees=True,
+    turns_in_degrees=True,
     accepts_any_case_true=False,
     image_type=ImageType.RAW,
     drive_unit="rev_per_s",

@@ -73,6 +73,27 @@ class RobotGeo(LineReport):
 
 
 @dataclass(frozen=True, slots=True)
+class AerialGeo(RobotGeo):
+    """The dimensions of a robot that flies.
+
+    It has no wheels: those of 1 m stand for its speed and its turn rate.
+    """
+
+    layouts: ClassVar[Layouts] = dict.fromkeys(
+        ("compat", "udk"), "{Type AerialVehicle} {Name} {Dimensions} {COG}"
+    )
+
+    wheel_radius: Annotated[float, Number("WheelRadius", "robot", default=1.0)] = 1.0
+    wheel_separation: Annotated[
+        float, Number("WheelSeparation", "robot", default=1.0)
+    ] = 1.0
+    wheel_base: Annotated[float, Number("WheelBase", "robot", default=1.0)] = 1.0
+
+    def segments(self, dialect: Dialect) -> Sequence[Segment]:
+        return LineReport.segments(self, dialect)
+
+
+@dataclass(frozen=True, slots=True)
 class ItemGeo(LineReport):
     """The mounts of items.
 
@@ -171,6 +192,18 @@ class RobotConf(LineReport):
     max_speed: Annotated[float, Number("MaxSpeed", "robot")]
     max_torque: Annotated[float, Number("MaxTorque", "robot", default=nan)]
     max_steering: Annotated[tuple[float, float] | None, Steering("SteeringType")] = None
+
+
+@dataclass(frozen=True, slots=True)
+class AerialConf(RobotConf):
+    """The performance of a robot that flies; its speed is that ahead, m/s."""
+
+    layouts: ClassVar[Layouts] = {
+        "compat": "{Type AerialVehicle} {Name} {Mass} {MaxSpeed}",
+        "udk": "{Name} {Type AerialVehicle} {Mass} {MaxSpeed}",
+    }
+
+    max_torque: Annotated[float, Number("MaxTorque", "robot", default=nan)] = nan
 
 
 @dataclass(frozen=True, slots=True)
@@ -366,9 +399,10 @@ class NameConf(LineReport):
     names: Annotated[tuple[str, ...], ItemNames("Name")]
 
 
-Geo: TypeAlias = RobotGeo | ItemGeo | PackageGeo
+Geo: TypeAlias = RobotGeo | AerialGeo | ItemGeo | PackageGeo
 Conf: TypeAlias = (
     RobotConf
+    | AerialConf
     | ScannerConf
     | SonarConf
     | IntervalConf
@@ -399,7 +433,7 @@ def decode_geo(message: Message) -> Geo:
         MalformedMessage: If a field is missing or not readable.
     """
     if _is_of_robot(message):
-        return RobotGeo.decode(message)
+        return (AerialGeo if is_aerial(message) else RobotGeo).decode(message)
     is_package = message.get("Link") is not None
     return (PackageGeo if is_package else ItemGeo).decode(message)
 
@@ -411,9 +445,14 @@ def decode_conf(message: Message) -> Conf:
         MalformedMessage: If a field is missing or not readable.
     """
     if _is_of_robot(message):
-        return RobotConf.decode(message)
+        return (AerialConf if is_aerial(message) else RobotConf).decode(message)
     found = [report for key, report in _CONFS if message.get(key) is not None]
     return (found[0] if found else NameConf).decode(message)
+
+
+def is_aerial(message: Message) -> bool:
+    """Return whether a message is about a robot that flies."""
+    return (message.get("Type") or "").lower() == "aerialvehicle"
 
 
 def _is_of_robot(message: Message) -> bool:

@@ -40,6 +40,8 @@ from radarsim.protocol.fields import (
     Whole,
 )
 from radarsim.protocol.geo_conf import (
+    AerialConf,
+    AerialGeo,
     CameraConf,
     CameraLimits,
     Conf,
@@ -55,6 +57,7 @@ from radarsim.protocol.geo_conf import (
     TouchConf,
     decode_conf,
     decode_geo,
+    is_aerial,
 )
 from radarsim.protocol.line_template import FLIPPED, NO_SERIES, WHOLE, marks
 from radarsim.protocol.message import (
@@ -89,6 +92,9 @@ from radarsim.protocol.watch import (
 
 __all__ = [
     "Acceleration",
+    "AerialConf",
+    "AerialGeo",
+    "AerialStatus",
     "CameraConf",
     "CameraLimits",
     "ClockTick",
@@ -278,6 +284,18 @@ class Status(LineReport):
     steering: Annotated[
         tuple[float, float] | None, SteeringAngles("FrontSteer", "RearSteer")
     ] = None
+
+
+@dataclass(frozen=True, slots=True)
+class AerialStatus(Status):
+    """The state of a robot that flies, which has no steering."""
+
+    layouts: ClassVar[Layouts] = {
+        "compat": "{Type AerialVehicle} {Time} {LightToggle} {LightIntensity}"
+        " {Battery} {View -1}",
+        "udk": "{Time} {Battery} {Type AerialVehicle} {LightToggle}"
+        " {LightIntensity 100}",
+    }
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -580,6 +598,7 @@ Report: TypeAlias = (
     | Greeting
     | StartPoses
     | Status
+    | AerialStatus
     | PackageState
     | RobotJoined
     | RobotLeft
@@ -640,6 +659,10 @@ def _decode_info(message: Message) -> Report | None:
     return None
 
 
+def _decode_status(message: Message) -> Report:
+    return (AerialStatus if is_aerial(message) else Status).decode(message)
+
+
 def _decode_reading(message: Message) -> Report | None:
     report = _SENSOR_REPORTS.get((message.get("Type") or "").lower())
     return report.decode(message) if report else None
@@ -682,7 +705,7 @@ def _parse_degrees(text: str) -> float:
 
 _DECODERS: Final[dict[str, Callable[[Message], Report | None]]] = {
     "NFO": _decode_info,
-    "STA": Status.decode,
+    "STA": _decode_status,
     "MISSTA": PackageState.decode,
     "ASTA": PackageState.decode,
     "SEN": _decode_reading,

@@ -285,7 +285,7 @@ class EmbreeScene:
         margin = RELATIVE_MARGIN * radius
         whole = _Hierarchy(self.triangles, owners, margin)
         self._hierarchies = [whole]
-        self._unsliced_rays = 0
+        self._unsliced_rays: dict[float, int] = {}
         self.handle = SceneHandle(
             _address_of(library.rtcIntersect1),
             _address_of(library.rtcPointQuery),
@@ -331,10 +331,15 @@ class EmbreeScene:
             height: z of the last of them, m.
             rays: Their number.
         """
-        self._unsliced_rays += rays
+        # By height: a robot that rises scans at each height once or twice, and needs no
+        # slice at any of them.
+        count = self._unsliced_rays.pop(height, 0) + rays
         enough = RAYS_PER_SLICE + len(self.triangles) // TRIANGLES_PER_RAY
-        if self._unsliced_rays >= enough and len(self.handle.heights) <= MAX_SLICES:
-            self._unsliced_rays = 0
+        if count < enough:
+            self._unsliced_rays[height] = count
+            if len(self._unsliced_rays) > MAX_SLICES:
+                del self._unsliced_rays[next(iter(self._unsliced_rays))]
+        elif len(self.handle.heights) <= MAX_SLICES:
             self.add_slice(height)
 
 

@@ -39,6 +39,7 @@ from radarsim.robots.footprint import (
 )
 from radarsim.robots.robot import (
     BLOCKED,
+    BOTTOM,
     FLOOR,
     HALF_LENGTH,
     HALF_WIDTH,
@@ -47,6 +48,7 @@ from radarsim.robots.robot import (
     RADIUS,
     REJECTED,
     ROBOT_GAP,
+    TOP,
     TOP_SPEED,
     WALL_GAP,
     YAW,
@@ -271,7 +273,12 @@ def _find_lines(around: Surroundings, slot: Int, pose: Place) -> tuple[int, int]
                 if is_here and other != slot:
                     dx, dy = robots[other, X] - x, robots[other, Y] - y
                     gap = math.hypot(dx, dy) - (robots[other, RADIUS] + radius)
-                    if gap < _OUTLINE_RANGE:
+                    # One may fly over the other, and come down beside it later.
+                    is_level = (
+                        robots[other, BOTTOM] < robots[slot, TOP]
+                        and robots[slot, BOTTOM] < robots[other, TOP]
+                    )
+                    if gap < _OUTLINE_RANGE and is_level:
                         _add_outline(around, other, count)
                         count += 4
                     else:

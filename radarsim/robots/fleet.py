@@ -4,6 +4,7 @@ Their state is in columns of arrays, so that one call of machine code advances t
 Each robot keeps its row, its slot, as long as it is in the fleet.
 """
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -38,12 +39,14 @@ from radarsim.robots.robot import (
     MAX_DISPLACEMENT_RATIO,
     NUMBER,
     RADIUS,
+    REJECTED,
     ROBOT_GAP,
     TOP,
     TOP_SPEED,
     TOUCHED,
     TRACK,
     UNKNOWN,
+    WALL_GAP,
     WHEEL_RADIUS,
     YAW,
     Robot,
@@ -51,7 +54,7 @@ from radarsim.robots.robot import (
     Y,
     new_columns,
 )
-from radarsim.robots.wall_grid import WallTable, wall_table
+from radarsim.robots.wall_grid import WallTable, wall_table, with_floor
 
 _FIRST_SLOTS: Final = 8
 _BOX_COLUMNS: Final = [X, Y, YAW, BOTTOM, TOP, HALF_LENGTH, HALF_WIDTH, NUMBER]
@@ -164,6 +167,22 @@ class Fleet:
         self.columns[robot.slot, NUMBER] = number
         self._forget_gaps()
 
+    def lift(self, robot: Robot, z: float, obstacles: Obstacles) -> None:
+        """Move a robot that flies to another height.
+
+        Args:
+            robot: The robot.
+            z: Height of its body frame, m, map frame.
+            obstacles: What is at that height.
+        """
+        self._add_floor(obstacles)
+        model, row = robot.model, self.columns[robot.slot]
+        bottom, floor = z - model.origin_height, self._floors.index(obstacles)
+        row[[BOTTOM, TOP, BODY_Z]] = bottom, bottom + model.height, z
+        if row[FLOOR] != floor:
+            row[[FLOOR, WALL_GAP]] = floor, 0.0
+            row[REJECTED : REJECTED + 6] = np.nan
+
     def step(self, dt: float) -> None:
         """Drive all robots for one time step of ``dt`` s."""
         drive_robots(self._around, self.slots, self.odometry, dt)
@@ -234,7 +253,7 @@ class Fleet:
         """Make room for the walls of a floor, unless it is known."""
         if obstacles not in self._floors:
             self._floors.append(obstacles)
-            walls = wall_table([floor.segments for floor in self._floors])
+            walls = with_floor(self._around.walls, obstacles.segments)
             self._around = _surroundings(self.columns, walls)
 
     def _fill_slot(self, robot: Robot, pose: Pose2, obstacles: Obstacles) -> None:
@@ -284,7 +303,7 @@ def _fastest_sweep(robot: Robot) -> float:
         motions = [(spin, spin, 0.0), (-spin, spin, 0.0)]
     else:
         motions = robot.bicycle.extremes(spin)
-    return max(
+    fastest = max(
         sweep_rate(
             left * model.wheel_radius,
             right * model.wheel_radius,
@@ -294,6 +313,10 @@ def _fastest_sweep(robot: Robot) -> float:
         )
         for left, right, sideslip in motions
     )
+    if model.flight is None:
+        return fastest
+    turn = math.radians(model.flight.max_turn_deg) * robot.footprint.radius
+    return max(fastest, model.flight.max_linear + turn) + model.flight.max_lateral
 
 
 def _surroundings(columns: Floats, walls: WallTable) -> Surroundings:

@@ -29,6 +29,7 @@ from radarsim.robots.collision import (
 )
 from radarsim.robots.footprint import MARGIN
 from radarsim.robots.robot import (
+    ASIDE,
     BLOCKED,
     LEFT_ANGLE,
     LEFT_SPIN,
@@ -95,6 +96,16 @@ def advance(
 
 
 @njit_inline
+def _sidestep(pose: Place, wanted: Place, distance: float, turn: float) -> Place:
+    """Return a wanted pose moved to the left, on the same arc as ``advance``."""
+    half = turn / 2
+    chord = distance * (math.sin(half) / half if half != 0.0 else 1.0)
+    direction = pose[2] + half
+    x, y, yaw = wanted
+    return x - chord * math.sin(direction), y + chord * math.cos(direction), yaw
+
+
+@njit_inline
 def _wrap(angle: float) -> float:
     """Wrap an angle, rad, to (-pi, pi]; the same bits as ``geometry.wrap_angle``."""
     # The steps of C's remainder, each of them exact, which numba does not have.
@@ -148,7 +159,8 @@ def drive_robots(
         slot = order[i]
         robots[slot, TOUCHED] = UNKNOWN
         left, right = robots[slot, LEFT_SPIN], robots[slot, RIGHT_SPIN]
-        if left == 0.0 and right == 0.0:
+        aside = robots[slot, ASIDE]
+        if left == 0.0 and right == 0.0 and aside == 0.0:
             # Others may approach meanwhile: the next move measures the gap anew.
             robots[slot, ROBOT_GAP] = 0.0
             robots[slot, VELOCITY_X] = robots[slot, VELOCITY_Y] = 0.0
@@ -161,7 +173,7 @@ def drive_robots(
         right *= robots[slot, WHEEL_RADIUS]
         track, radius = robots[slot, TRACK], robots[slot, RADIUS]
         slip = robots[slot, SIDESLIP]
-        sweep = sweep_rate(left, right, track, radius, slip) * dt
+        sweep = (sweep_rate(left, right, track, radius, slip) + abs(aside)) * dt
         # In ticks of 10 ms that is one part, unless a point of the robot is
         # faster than 5 m/s. Splitting changes nothing, as arcs are exact.
         parts = max(1, math.ceil(sweep / _MAX_SWEEP))
@@ -169,6 +181,9 @@ def drive_robots(
         for _ in range(parts):
             pose = pose_of(robots, slot)
             wanted = advance(pose, left, right, track, slip, dt / parts)
+            if aside != 0.0:
+                turn = (right - left) / track * dt / parts
+                wanted = _sidestep(pose, wanted, aside * dt / parts, turn)
             _move(around, slot, wanted, sweep / parts, dt / parts)
         robots[slot, VELOCITY_X] = (robots[slot, X] - x) / dt
         robots[slot, VELOCITY_Y] = (robots[slot, Y] - y) / dt

@@ -42,8 +42,10 @@ BODY_Z: Final = 27  # z of the body frame, m
 # wheels, rad; 0 of a robot without a steering axle.
 SIDESLIP, FRONT_STEER, REAR_STEER = range(28, 31)
 # Velocity of the centre in the last step, pushes included, m/s, map frame.
-VELOCITY_X, VELOCITY_Y = range(31, 33)
-COLUMNS: Final = 33
+VELOCITY_X, VELOCITY_Y, VELOCITY_Z = range(31, 34)
+# Of a robot that flies: speed to its left and upwards, m/s; 0 of one that drives.
+ASIDE, CLIMB = range(34, 36)
+COLUMNS: Final = 36
 
 UNKNOWN: Final = -1.0
 
@@ -237,6 +239,63 @@ class Robot:
             spin, front, rear
         )
 
+    def fly(
+        self,
+        ahead: float | None = None,
+        left: float | None = None,
+        up: float | None = None,
+        turn: float | None = None,
+        *,
+        normalized: bool = False,
+    ) -> None:
+        """Apply a command to a robot that flies; None leaves a speed as it is.
+
+        Args:
+            ahead: Speed ahead, m/s; all speeds are limited to what the robot can.
+            left: Speed to the left, m/s.
+            up: Speed upwards, m/s.
+            turn: Turn rate, counter-clockwise, rad/s.
+            normalized: Whether these are percentages of the highest speeds.
+
+        Raises:
+            ValueError: If a number is not finite, or the robot does not fly.
+        """
+        flight, model = self.model.flight, self.model
+        if flight is None:
+            raise ValueError(f"{model.name} does not fly, expected drive()")
+        speeds = (ahead, left, up, turn)
+        if not all(math.isfinite(speed or 0.0) for speed in speeds):
+            raise ValueError(f"speeds {speeds!r}, expected finite numbers")
+        row, radius, half_track = self._row, model.wheel_radius, model.track / 2
+        before = (
+            (row[RIGHT_SPIN] + row[LEFT_SPIN]) / 2 * radius,
+            row[ASIDE],
+            row[CLIMB],
+            (row[RIGHT_SPIN] - row[LEFT_SPIN]) / 2 * radius / half_track,
+        )
+        limits = (
+            *(flight.max_linear, flight.max_lateral, flight.max_altitude),
+            math.radians(flight.max_turn_deg),
+        )
+        along, row[ASIDE], row[CLIMB], rate = (
+            old if speed is None else _limited(speed, limit, normalized=normalized)
+            for speed, old, limit in zip(speeds, before, limits, strict=True)
+        )
+        row[LEFT_SPIN] = (along - rate * half_track) / radius
+        row[RIGHT_SPIN] = (along + rate * half_track) / radius
+
+    @property
+    def _row(self) -> Floats:
+        row: Floats = self.fleet.columns[self.slot]
+        return row
+
     def halt(self) -> None:
-        """Stop the wheels."""
-        self.fleet.columns[self.slot, LEFT_SPIN : RIGHT_SPIN + 1] = 0.0
+        """Stop the wheels, or hover."""
+        row = self._row
+        row[LEFT_SPIN : RIGHT_SPIN + 1] = row[ASIDE : CLIMB + 1] = 0.0
+
+
+def _limited(speed: float, limit: float, *, normalized: bool) -> float:
+    """Return a speed within limits, or that of a percentage."""
+    wanted = speed * limit / 100 if normalized else speed
+    return max(-limit, min(limit, wanted))

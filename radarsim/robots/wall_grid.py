@@ -20,6 +20,7 @@ from radarsim.robots.footprint import (
     MIDDLE_X,
     MIDDLE_Y,
     NO_SEGMENTS,
+    RANK,
     line_table,
 )
 
@@ -62,23 +63,32 @@ def wall_table(floors: Sequence[Floats]) -> WallTable:
     Args:
         floors: The segments of each, (S, 2, 2) m, x and y of both ends, map frame.
     """
-    entries, grids = [np.zeros((0, 2), np.int64)], []
-    walls_before = entries_before = 0
+    nothing = np.zeros((0, 2), np.int64), np.zeros((0, 7))
+    table = WallTable(line_table(NO_SEGMENTS), *nothing, np.zeros(1, np.int64))
     for segments in floors:
-        size = _cell_size(segments)
-        corner = segments.reshape(-1, 2).min(axis=0) - size if len(segments) else (0, 0)
-        row, column, wall = _cells_crossed((segments - corner) / size)
-        columns, rows = column.max(initial=0) + 1, row.max(initial=0) + 1
-        found = np.column_stack([row * columns + column, wall + walls_before])
-        entries.append(found[np.argsort(found[:, 0], kind="stable")])
-        run = entries_before, entries_before + len(found)
-        grids.append([*corner, size, columns, rows, *run])
-        walls_before, entries_before = walls_before + len(segments), run[1]
+        table = with_floor(table, segments)
+    return table
+
+
+def with_floor(table: WallTable, segments: Floats) -> WallTable:
+    """Return a table with one more floor, of which the segments are given."""
+    walls, size = len(table.lines), _cell_size(segments)
+    corner = segments.reshape(-1, 2).min(axis=0) - size if len(segments) else (0, 0)
+    row, column, wall = _cells_crossed((segments - corner) / size)
+    columns, rows = column.max(initial=0) + 1, row.max(initial=0) + 1
+    found = np.column_stack([row * columns + column, wall + walls])
+    entries = np.concatenate(
+        [table.entries, found[np.argsort(found[:, 0], kind="stable")]]
+    )
+    run = len(table.entries), len(entries)
+    lines = line_table(segments)
+    lines[:, RANK] += walls
+    grid = np.array([[*corner, size, columns, rows, *run]], np.float64)
     return WallTable(
-        line_table(np.concatenate([NO_SEGMENTS, *floors])),
-        np.concatenate(entries),
-        np.array(grids, np.float64).reshape(-1, 7),
-        np.zeros(walls_before + 1, np.int64),
+        np.concatenate([table.lines, lines]),
+        entries,
+        np.concatenate([table.floors, grid]),
+        np.zeros(walls + len(segments) + 1, np.int64),
     )
 
 

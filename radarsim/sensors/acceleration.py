@@ -2,7 +2,7 @@
 
 Velocities are those of the body's last tick. An acceleration is the change of velocity
 since the last reading, as the original has it, along the axes of the sensor at its end.
-Robots stay level: only gravity and the horizontal plane count.
+Robots stay level.
 """
 
 import math
@@ -16,7 +16,7 @@ from radarsim.jit import Int, njit_inline
 GRAVITY: Final = 9.81  # m/s2
 # Numbers of a sensor: its axes in the body frame, row by row; time of the last reading,
 # s; velocity then, m/s, map frame; yaw then, rad; turn rate of that reading, rad/s.
-AXES, READ_TIME, VELOCITY, HEADING, RATE = 0, 9, 10, 12, 13
+AXES, READ_TIME, VELOCITY, HEADING, RATE = 0, 9, 10, 13, 14
 
 
 def new_acceleration(mount: Pose3, time: float, yaw: float) -> Floats:
@@ -28,7 +28,7 @@ def new_acceleration(mount: Pose3, time: float, yaw: float) -> Floats:
         yaw: Yaw of the body, rad.
     """
     axes = mount.rotation().T.ravel()
-    return np.concatenate([axes, [time, 0.0, 0.0, yaw, 0.0]])
+    return np.concatenate([axes, [time, 0.0, 0.0, 0.0, yaw, 0.0]])
 
 
 @njit_inline
@@ -36,7 +36,7 @@ def read_acceleration(
     numbers: Floats,
     place: Int,
     time: float,
-    motion: tuple[float, float, float],
+    motion: tuple[float, float, float, float],
     gravity: float,
     out: Floats,
     at: Int,
@@ -55,9 +55,9 @@ def read_acceleration(
     Returns:
         The time since the last reading, s; accelerations are 0 if it is 0.
     """
-    x, y, yaw = motion
+    x, y, z, yaw = motion
     elapsed = time - numbers[place + READ_TIME]
-    along, across = 0.0, 0.0
+    along, across, up = 0.0, 0.0, 0.0
     if elapsed > 1e-6:
         velocity = place + VELOCITY
         more_x, more_y = (
@@ -66,12 +66,14 @@ def read_acceleration(
         )
         c, s = math.cos(yaw), math.sin(yaw)
         along, across = c * more_x + s * more_y, c * more_y - s * more_x
+        up = (z - numbers[velocity + 2]) / elapsed
         numbers[velocity], numbers[velocity + 1] = x, y
+        numbers[velocity + 2] = z
         numbers[place + READ_TIME] = time
     for axis in range(3):
         row = place + AXES + 3 * axis
         level = numbers[row] * along + numbers[row + 1] * across
-        out[at + axis] = level - numbers[row + 2] * gravity
+        out[at + axis] = level + numbers[row + 2] * (up - gravity)
     return float(elapsed)
 
 

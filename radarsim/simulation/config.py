@@ -146,6 +146,9 @@ class SimulationConfig:
     def wheel_drive(self, model: RobotModel) -> WheelDrive:
         """Return the unit and the limit of wheel speeds in DRIVE to a robot."""
         unit = self.wheel_unit
+        if model.flight is not None:
+            fastest = model.flight.max_linear / model.wheel_radius
+            return WheelDrive(fastest / RAD_PER_S[unit], unit)
         if model.max_rev_per_s is None:
             return WheelDrive(MAX_WHEEL_SPEEDS[unit], unit)
         return WheelDrive(model.max_rev_per_s * 2 * math.pi / RAD_PER_S[unit], unit)

@@ -27,6 +27,7 @@ from radarsim.robots.robot import (
     TOUCHED,
     VELOCITY_X,
     VELOCITY_Y,
+    VELOCITY_Z,
     YAW,
     X,
     Y,
@@ -198,7 +199,8 @@ def _read_motion(
     if kind == STEERING:
         out[at], out[at + 1] = robot[FRONT_STEER], robot[REAR_STEER]
         return at + 2
-    motion = robot[VELOCITY_X], robot[VELOCITY_Y], robot[YAW]
+    velocity_z = robot[VELOCITY_Z]
+    motion = robot[VELOCITY_X], robot[VELOCITY_Y], velocity_z, robot[YAW]
     gravity = GRAVITY if kind == PROPER_ACCELERATION else 0.0
     elapsed = read_acceleration(numbers, place, ticks / 100, motion, gravity, out, at)
     if kind != INERTIA:

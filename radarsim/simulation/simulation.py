@@ -5,6 +5,7 @@ due are taken. The rays of all scans of a tick are cast together. A robot that h
 nothing due costs nothing but its motion.
 """
 
+import math
 from collections.abc import Sequence
 from itertools import islice
 from typing import Final
@@ -33,6 +34,7 @@ from radarsim.sensors.scan_batch import BatchRanges, ScanRequest, scan_ranges
 from radarsim.sensors.sonar import SonarArray
 from radarsim.simulation.clock import TICK, Clock, Schedule, ticks_of
 from radarsim.simulation.config import SimulationConfig
+from radarsim.simulation.flight import Airspace
 from radarsim.simulation.items import RayItem
 from radarsim.simulation.readings import Program, ReadingTable
 from radarsim.simulation.tick_output import (
@@ -75,11 +77,13 @@ class Simulation:
         self.shown: dict[str, tuple[int, str | None]] = {}
         self._clock = Clock()
         self._tracer = tracer_of(scene)
+        self._airspace = Airspace(scene, self._tracer)
         self._obstacles_by_floor: dict[float, Obstacles] = {}
         self._vehicles: dict[int, Vehicle] = {}
         self._fleet = Fleet()
         self._readings = ReadingTable(self._fleet)
         self._mortal: dict[Vehicle, None] = {}  # those whose battery runs out
+        self._flying: dict[Vehicle, None] = {}
         self._reporting: Schedule[Vehicle] = Schedule(self._clock)
         self._drifting: Schedule[Vehicle] = Schedule(self._clock)
         self.scanner_items: dict[str, ScannerItems] = {
@@ -107,7 +111,9 @@ class Simulation:
         """All robots, in the order of spawning."""
         return tuple(self._vehicles.values())
 
-    def spawn(self, name: str, model: RobotModel, pose: Pose2) -> Vehicle | None:
+    def spawn(
+        self, name: str, model: RobotModel, pose: Pose2, z: float = -math.inf
+    ) -> Vehicle | None:
         """Create a robot at the nearest free place within 1 m.
 
         Args:
@@ -115,13 +121,20 @@ class Simulation:
                 appended if another robot has that name.
             model: Robot class; it carries what it has in the simulation's dialect.
             pose: Requested pose, map frame.
+            z: Height of a robot that flies, m, map frame; on the floor if it is below.
 
         Returns:
             The robot; None if there is no free place.
         """
         model = model.in_dialect(self.config.dialect.name)
-        obstacles = self._obstacles(self.scene.floor_at(pose.x, pose.y))
-        height = obstacles.floor + model.origin_height
+        floor = self.scene.floor_at(pose.x, pose.y)
+        height = floor + model.origin_height
+        if model.flight is None:
+            obstacles = self._obstacles(floor)
+        else:
+            height = max(height, min(z, self._airspace.ceiling))
+            bottom = height - model.origin_height
+            obstacles = self._airspace.obstacles(bottom, model.height)
         footprint = Footprint(model.length, model.width)
         reach = SEARCH_RADIUS + footprint.radius + 0.1  # a little more than needed
         free = obstacles.nearest_free_pose(
@@ -145,6 +158,8 @@ class Simulation:
             obstacles=obstacles,
             wheel_drive=self.config.wheel_drive(model),
         )
+        if model.flight is not None:
+            self._fleet.lift(robot, height, obstacles)
         vehicle = Vehicle(
             robot,
             self.config,
@@ -156,6 +171,8 @@ class Simulation:
         self._vehicles[vehicle.number] = vehicle
         for items in self.scanner_items.values():
             items.add(vehicle)
+        if model.flight is not None:
+            self._flying[vehicle] = None
         if vehicle.battery.runs_out:
             self._mortal[vehicle] = None
         if vehicle.drift.end > vehicle.drift.first:
@@ -186,6 +203,7 @@ class Simulation:
         for items in self.scanner_items.values():
             items.remove(vehicle)
         self._mortal.pop(vehicle, None)
+        self._flying.pop(vehicle, None)
         self._reporting.remove(vehicle)
         self._drifting.remove(vehicle)
 
@@ -199,6 +217,10 @@ class Simulation:
             if not vehicle.alive:
                 vehicle.robot.halt()
         self._fleet.step(TICK)
+        if self._flying:
+            boxes = self.boxes()
+            for vehicle in self._flying:
+                self._airspace.climb(self._fleet, vehicle.robot, boxes, TICK)
         drifting = self._drifting.due()
         if drifting:
             self._compute([(vehicle, vehicle.drift) for vehicle in drifting])

@@ -13,7 +13,7 @@ from radarsim.presets.robots import Item, RobotModel
 from radarsim.presets.sensors import has_fmcw
 from radarsim.protocol.fields import ReportGroup
 from radarsim.protocol.packages import LinkOrder
-from radarsim.protocol.reports import Status
+from radarsim.protocol.reports import AerialStatus, Status
 from radarsim.rng import generator_for
 from radarsim.robots.robot import Battery, Robot
 from radarsim.scene.scene import Scene
@@ -387,8 +387,9 @@ class Vehicle:
         lit = sources
         steering = None if self.robot.bicycle is None else (0.0, 0.0)
         if STATUS_TICKS in intervals:
+            kind = Status if self.model.flight is None else AerialStatus
             sources, lit = (
-                [Source(Status(0.0, 0, light, steering), self._status_jobs), *sources]
+                [Source(kind(0.0, 0, light, steering), self._status_jobs), *sources]
                 for light in (False, True)
             )
         # Jobs are in the order in which the lines have their numbers.

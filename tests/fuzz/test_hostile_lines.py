@@ -39,6 +39,11 @@ VALID = (
     b"INIT {ClassName USARBot.P2AT} {Location 0,2,0} {Rotation 0,0,1.5}",
     b"INIT {ClassName USARBot.Hummer} {Name Car} {Location 5,2,0}",
     b"INIT {ClassName USARBot.Kenaf} {Name K} {Location 5,-3,0}",
+    b"INIT {ClassName USARBot.AirRobot} {Name Air} {Location 5,0,-3}",
+    b"INIT {ClassName USARBot.ARDrone} {Location -5,-3,-1}",
+    b"DRIVE {AltitudeVelocity 0.5} {LinearVelocity 1} {LateralVelocity -0,5} "
+    b"{RotationalVelocity 0.3} {Normalized false}",
+    *(b"DRIVE {AltitudeVelocity -50} {Normalized true}", b"DRIVE {LinearVelocity 2}"),
     *(b"DRIVE {Speed 3} {FrontSteer 0.2} {RearSteer -0,1}", b"DRIVE {Speed 1}"),
     *(b"MULTIDRIVE {FRFlipper 0.5} {RLFlipper -9}", b"ACT {Name Flippers} {Link 2}"),
     *(b"DRIVE {Name FLFlipper} {Order 1} {Value -0.5}", b"GETGEO {Type Actuator}"),
@@ -103,7 +108,7 @@ class LineSource:
     def valid(self) -> bytes:
         line = self._rng.choice(VALID)
         # A spawn blocks the client for some ticks, so that few bytes are fed.
-        return line if self._rng.random() < 0.3 else self._rng.choice(VALID[3:])
+        return line if self._rng.random() < 0.3 else self._rng.choice(VALID[6:])
 
     def replaced(self) -> bytes:
         """Replace numbers or words."""

@@ -73,9 +73,17 @@ def camera(*angles: float) -> MovePackage:
             id="UsarCommander: flippers",
         ),
         pytest.param(
-            b"DRIVE {AltitudeVelocity 0} {LinearVelocity 1} {LateralVelocity 0} "
+            b"DRIVE {AltitudeVelocity 0} {LinearVelocity 1} {LateralVelocity 2} "
             b"{RotationalVelocity 0} {Normalized False}\r\n",
-            [Drive(normalized=False)],
+            [
+                Drive(
+                    normalized=False,
+                    altitude=0.0,
+                    linear=1.0,
+                    lateral=-2.0,
+                    rotational=0.0,
+                )
+            ],
             id="UsarCommander: in the air",
         ),
         pytest.param(

@@ -14,6 +14,9 @@ from radarsim.protocol.packages import (
 )
 from radarsim.protocol.reports import (
     Acceleration,
+    AerialConf,
+    AerialGeo,
+    AerialStatus,
     CameraConf,
     CameraLimits,
     ClockTick,
@@ -135,6 +138,23 @@ COMPAT_LINES: list[tuple[str, Report, str]] = [
         "STA {Type GroundVehicle} {Time 10.20} {FrontSteer -0.2500} "
         "{RearSteer 0.1000} {LightToggle False} {LightIntensity 0} {Battery 3590} "
         "{View -1}",
+    ),
+    (
+        "status of a drone",
+        AerialStatus(10.2, 3590, light=False),
+        "STA {Type AerialVehicle} {Time 10.20} {LightToggle False} "
+        "{LightIntensity 0} {Battery 3590} {View -1}",
+    ),
+    (
+        "shape of a drone",
+        AerialGeo("AirRobot", (1.0, 1.0, 0.24), (0, 0, 0)),
+        "GEO {Type AerialVehicle} {Name AirRobot} {Dimensions 1.0000,1.0000,0.2400} "
+        "{COG 0.0000,0.0000,0.0000}",
+    ),
+    (
+        "abilities of a drone",
+        AerialConf("AirRobot", 1.0, 2.0),
+        "CONF {Type AerialVehicle} {Name AirRobot} {Mass 1.0000} {MaxSpeed 2.0000}",
     ),
     (
         "status with light and an empty battery, which never reads 0",

@@ -134,9 +134,12 @@ def ball() -> tuple[Floats, NDArray[np.int32]]:
 
 def test_slice_is_added_once_rays_have_paid_for_it() -> None:
     scene = EmbreeScene([Mesh(*ball())])
-    scene.count_unsliced(0.1, RAYS_PER_SLICE // 2)
+    rising = np.linspace(0.0, 0.19, 3 * MAX_SLICES).tolist()
+    for height in rising:  # as of a robot that flies, once at each height
+        scene.count_unsliced(height, RAYS_PER_SLICE // 2)
+        scene.count_unsliced(0.2, 2)
     assert scene.handle.heights.tolist()[1:] == []
-    scene.count_unsliced(0.2, RAYS_PER_SLICE)
+    scene.count_unsliced(0.2, 2 * RAYS_PER_SLICE)
     assert scene.handle.heights.tolist()[1:] == [0.2]
     assert 0 < len(scene.handle.sliced) < len(scene.triangles) / 2
 

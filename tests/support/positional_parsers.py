@@ -77,10 +77,13 @@ class MaldoParser:
         return Reading("GPS", "", values)
 
     def status(self, line: str) -> Reading:
-        """Parse a status, which has six fields besides time and type."""
+        """Parse a status: six fields besides time and type, in the air four."""
         fields = dict(group.split(" ") for group in groups_of(line))
         values: dict[str, Any] = {"LightToggle": flag(fields["LightToggle"])}
-        for key in ("FrontSteer", "RearSteer"):
+        steers = (
+            () if fields["Type"] == "AerialVehicle" else ("FrontSteer", "RearSteer")
+        )
+        for key in steers:
             values[key] = float(fields[key])
         for key in ("LightIntensity", "Battery", "View"):
             values[key] = int(fields[key])

@@ -75,7 +75,8 @@ class UsarCommanderParser:
     ) -> Mapping[str, Any]:
         """Parse the sizes of a robot, or the mount of its scanner in one part."""
         if kind == "Robot":
-            single = ("wheelradius", "wheelseparation", "wheelbase")
+            wheels = ["wheelradius", "wheelseparation", "wheelbase"]
+            single = [] if fields["type"] == "AerialVehicle" else wheels
             vectors = ("dimensions", "cog")
             sizes = {key: numbers(fields[key], 1) for key in single}
             return sizes | {key: numbers(fields[key], 3) for key in vectors}

@@ -6,7 +6,7 @@ no joint states: wheels are part of ``base_link``.
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Self
 from xml.etree import ElementTree as ET
 
@@ -33,7 +33,7 @@ class RobotBody:
         width: Width of the hull.
         height: Height above the floor of what it carries.
         origin_height: Height above the floor of the frame ``base_link``.
-        wheel_radius: Radius of the wheels.
+        wheel_radius: Radius of the wheels; 0 without any.
         wheel_separation: Distance between left and right wheels.
         wheel_base: Distance between front and rear wheels.
     """
@@ -72,7 +72,8 @@ class RobotBody:
                     robot.wheel_separation,
                     base if math.isfinite(base) else robot.length / 2,
                 )
-        return cls(*(getattr(model, name) for name in cls.__slots__))
+        body = cls(*(getattr(model, name) for name in cls.__slots__))
+        return body if model.flight is None else replace(body, wheel_radius=0.0)
 
 
 def robot_description(
@@ -99,7 +100,8 @@ def robot_description(
     _add_hull(base, body, scanners)
     axle = body.wheel_radius - body.origin_height
     tyre = {"radius": _numbers(body.wheel_radius), "length": _numbers(TYRE)}
-    for x in (body.wheel_base / 2, -body.wheel_base / 2):
+    ends = (body.wheel_base / 2, -body.wheel_base / 2)
+    for x in ends if body.wheel_radius else ():
         for y in (body.wheel_separation / 2, -body.wheel_separation / 2):
             place = Pose3(x, y, axle, roll=math.pi / 2)
             _add_visual(base, place, "black", "cylinder", tyre)

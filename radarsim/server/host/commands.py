@@ -388,8 +388,9 @@ class CommandHandler:
         # First, so that the old robot does not occupy the place of the new one.
         self._despawn(client)
         requested, diagnostic = self._requested_pose(command, model)
+        z = -math.inf if command.position is None else command.position[2]
         name = (command.name or model.name)[:MAX_NAME_LENGTH]
-        vehicle = client.vehicle = self.simulation.spawn(name, model, requested)
+        vehicle = client.vehicle = self.simulation.spawn(name, model, requested, z)
         place = f"({requested.x:.2f}, {requested.y:.2f})"
         if vehicle is None:
             client.next_spawn = now + FAILED_SPAWN_COOLDOWN
@@ -502,10 +503,18 @@ def _drive(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
     if command.value is not None and command.joint is not None:
         order = LinkOrder(command.joint, None, command.value, command.order)
         return _move_links(vehicle, command.verb, [order])
-    robot, is_car = vehicle.robot, vehicle.robot.bicycle is not None
     left, right = command.left, command.right
     normalized, light = command.normalized, command.light
-    robot.drive(left, right, normalized=normalized, light=light)
+    vehicle.robot.drive(left, right, normalized=normalized, light=light)
+    if vehicle.model.flight is not None:
+        return _fly(vehicle, command)
+    return _roll(vehicle, command)
+
+
+def _roll(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
+    """Steer a car, or tell what a robot on wheels misses in a command."""
+    robot, is_car = vehicle.robot, vehicle.robot.bicycle is not None
+    left, right = command.left, command.right
     if is_car and command.speed is not None:
         robot.steer(command.speed, command.front_steer, command.rear_steer)
         return None
@@ -522,6 +531,17 @@ def _drive(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
     if steers:
         text = f"DRIVE with FrontSteer of {vehicle.model.name}, which is skid-steered"
         return Diagnostic("steering", f"{text}, expected Left and Right")
+    return None
+
+
+def _fly(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
+    """Fly a robot, which also takes the speeds of two sides, as if it had wheels."""
+    speeds = command.linear, command.lateral, command.altitude, command.rotational
+    vehicle.robot.fly(*speeds, normalized=bool(command.normalized))
+    others = command.speed, command.front_steer, command.rear_steer
+    if speeds.count(None) == len(speeds) and others.count(None) < len(others):
+        text = f"DRIVE with Speed of {vehicle.model.name}, which flies, expected"
+        return Diagnostic("no speed", f"{text} AltitudeVelocity and LinearVelocity")
     return None
 
 

@@ -39,6 +39,8 @@ def geometry(
     Returns:
         None if the robot has no such item.
     """
+    if item_type.casefold() == ROBOT and model.flight is not None:
+        return reports.AerialGeo(model.name, model.dimensions, model.cog)
     if item_type.casefold() == ROBOT:
         return reports.RobotGeo(
             name=model.name,
@@ -79,6 +81,8 @@ def configuration(
 def _performance(model: RobotModel, config: SimulationConfig) -> reports.RobotConf:
     """Return the performance of a robot."""
     angles = None
+    if model.flight is not None:
+        return reports.AerialConf(model.name, model.mass, model.flight.max_linear)
     if model.steering is not None:
         limits = model.steering.max_front_deg, model.steering.max_rear_deg
         angles = config.dialect.steering_limits(*map(math.radians, limits))

@@ -221,7 +221,8 @@ def test_invalid_command_gives_a_diagnostic_and_no_effect(
             "DRIVE fields, one side",
             "DRIVE field 'Rigth' (did you mean 'Right'?), expected one of "
             "['Left', 'Right', 'Normalized', 'Light', 'Flip', 'Speed', 'FrontSteer', "
-            "'RearSteer', 'Name', 'Value', 'Order']"
+            "'RearSteer', 'Name', 'Value', 'Order', 'AltitudeVelocity', "
+            "'LinearVelocity', 'LateralVelocity', 'RotationalVelocity']"
             "; DRIVE without Right, expected Left and Right",
             id="misspelt wheel",
         ),
