@@ -49,6 +49,7 @@ from radarsim.plotting.style import (
     write_title,
 )
 from radarsim.presets.robots import load_robot
+from radarsim.presets.sensors import sensor_presets
 from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map
 from radarsim.scene.material import Material
@@ -90,8 +91,9 @@ def title_scans(scans: Sequence[Scan], sights: Sequence[Sight]) -> str:
 
 
 def name_sensor(scan: Scan) -> str:
-    """Return the name of a sensor as words, with its medium, such as Laser (sick)."""
-    name, medium = as_words(scan.sensor), scan.echoes.settings.medium
+    """Return what a sensor is, with its medium, such as Laser (SICK LMS200)."""
+    preset, medium = sensor_presets().get(scan.sensor), scan.echoes.settings.medium
+    name = (preset.title if preset else "") or as_words(scan.sensor)
     if re.search(rf"\b{medium}\b", name):
         return name[0].upper() + name[1:]
     return f"{medium.capitalize()} ({name})"

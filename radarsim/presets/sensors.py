@@ -36,6 +36,7 @@ class SensorPreset(BaseModel):
 
     Attributes:
         about: Description; the first sentence names the sensor.
+        title: What pictures call it; empty if the name says as much.
         settings: Settings by name; the others have their default.
         fmcw: Settings of its FMCW radar likewise; empty if it measures ranges only.
     """
@@ -43,6 +44,7 @@ class SensorPreset(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     about: str
+    title: str = ""
     settings: dict[str, SourcedValue]
     fmcw: dict[str, SourcedValue] = {}
 

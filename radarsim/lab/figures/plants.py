@@ -30,25 +30,27 @@ SUN: Final = np.array([-0.45, -0.55, 0.7])  # direction to the light: above left
 AMBIENT: Final = 0.55  # brightness of faces along the light
 RAY, END, WALL_END = RADAR, RADAR, MARKER
 BIN: Final = 0.1  # m
+SMALL: Final[dict[str, Any]] = {"loc": "left", "fontsize": "medium"}  # of panels
 TITLE: Final = "A shrub in three shapes: the same mean transmission, another scatter"
-TITLE_HEIGHT: Final = 0.55  # inches
+WIDTH: Final = 9.6  # inches; its letters are read where the manual shows it
+TITLE_HEIGHT: Final = 0.45  # inches
 MARGIN: Final = 0.15  # m, of the plan
 
 
 def plot_shapes(shapes: Sequence[Comparison]) -> Figure:
     """Plot a row for each shape, with side view, plan and histogram of ranges."""
-    height = TITLE_HEIGHT + 3.7 * len(shapes)
-    figure = Figure(figsize=(15, height), dpi=110)
+    height = TITLE_HEIGHT + 2.7 * len(shapes)
+    figure = Figure(figsize=(WIDTH, height), dpi=150)
     below = (0, 0, 1, 1 - TITLE_HEIGHT / height)
     figure.set_layout_engine("constrained", rect=below)
     top = 1 - TITLE_HEIGHT / 3 / height
-    figure.text(0.012, top, TITLE, va="top", fontsize=17, fontweight="bold")
-    grid = figure.subplots(len(shapes), 3, squeeze=False, width_ratios=[0.9, 1.5, 1.5])
+    figure.text(0.012, top, TITLE, va="top", fontsize=13, fontweight="bold")
+    grid = figure.subplots(len(shapes), 3, squeeze=False, width_ratios=[1.0, 1.5, 1.5])
     # One scale for all three, as they are to be compared.
     highest = max(_shares(shape.ranges)[0].max() for shape in shapes)
     for (side, plan, bars), shape in zip(grid, shapes, strict=True):
         draw_plant(side, shape.plant)
-        side.set_title(shape.title, loc="left")
+        side.set_title(shape.title, **SMALL)
         _draw_plan(plan, shape)
         _draw_histogram(bars, shape.ranges, 100 * highest)
     return figure
@@ -132,7 +134,7 @@ def _draw_plan(axes: Axes, shape: Comparison) -> None:
     axes.set_aspect("equal")
     axes.set_xlabel("x, m")
     axes.set_ylabel("y, m")
-    axes.set_title(f"rays from the left, {HEIGHT} m above the ground", loc="left")
+    axes.set_title(f"rays at a height of {HEIGHT:.2f} m", **SMALL)
 
 
 def _shares(ranges: PlantRanges) -> tuple[Floats, Floats]:
@@ -156,16 +158,13 @@ def _draw_histogram(axes: Axes, ranges: PlantRanges, highest: float) -> None:
         va="bottom",
     )
     statistics = ranges.statistics()
-    low, median, high = statistics.percentiles
     text = (
-        f"mean {statistics.mean:.2f} m, deviation {statistics.deviation:.2f} m\n"
-        f"5, 50, 95 %: {low:.2f}, {median:.2f}, {high:.2f} m\n"
-        f"deviation at one offset {statistics.at_one_offset:.2f} m,\n"
-        f"where spent {statistics.spent:.2f} m"
+        f"all: {statistics.mean:.2f} ± {statistics.deviation:.2f} m\n"
+        f"where spent: ± {statistics.spent:.2f} m"
     )
-    axes.text(0.86, 0.95, text, transform=axes.transAxes, ha="right", va="top")
+    axes.text(0.82, 0.95, text, transform=axes.transAxes, ha="right", va="top")
     axes.set_xlim(BEFORE - 1, WALL + 0.35)
     axes.set_ylim(0, 1.3 * highest)  # with space for the text
     axes.set_xlabel("range, m")
     axes.set_ylabel(f"% of rays in {BIN} m")
-    axes.set_title("ranges from all sides", loc="left")
+    axes.set_title("ranges from all sides", **SMALL)
