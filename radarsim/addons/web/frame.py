@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from radarsim.addons.web.robot_view import RobotView, SeenScan
-from radarsim.addons.web.viewers import encode_json
+from radarsim.addons.web.viewers import encode_json, finite
 from radarsim.client.robot_info import no_return
 from radarsim.geometry import Pose2, Pose3
 from radarsim.plotting.palette import ROBOTS, colour_of
@@ -136,7 +136,8 @@ def _scan(
         "offset": offset,
         "count": len(scan.ranges),
         # Which are most of a frame, and shown of the selected robot alone.
-        "settings": scanner.settings if with_settings else {},
+        # Without the limits that are infinite, for which all of it would be searched.
+        "settings": finite(scanner.settings) if with_settings else {},
     }
 
 

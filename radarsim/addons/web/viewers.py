@@ -169,14 +169,15 @@ def encode_json(message: Mapping[str, Any]) -> str:
         return json.dumps(message, separators=(",", ":"), allow_nan=False)
     except ValueError:
         # Rare enough that only then a message is searched for them.
-        return json.dumps(_finite(message), separators=(",", ":"))
+        return json.dumps(finite(message), separators=(",", ":"))
 
 
-def _finite(value: Any) -> Any:
+def finite(value: Any) -> Any:
+    """Return a value of JSON with None for the numbers that are not finite."""
     if isinstance(value, float) and not math.isfinite(value):
         return None
     if isinstance(value, Mapping):
-        return {key: _finite(each) for key, each in value.items()}
+        return {key: finite(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(each) for each in value]
+        return [finite(each) for each in value]
     return value
