@@ -187,7 +187,7 @@ class AsyncClient:
 
     async def drive(self, left: float, right: float) -> None:
         """See ``Client.drive``."""
-        await self.send(questions.drive(left, right))
+        await self.send(questions.drive(left, right, self._requests.session.car))
 
     async def stop(self) -> bool:
         """See ``Client.stop``."""

@@ -127,6 +127,14 @@ class Session(Readings):
         self.last = ""
         self._lines = LineBuffer()
 
+    @property
+    def car(self) -> RobotGeo | None:
+        """Geometry of the robot if it is known to steer as a car does."""
+        geo, conf = self.newest.get(RobotGeo), self.newest.get(RobotConf)
+        if not (isinstance(geo, RobotGeo) and isinstance(conf, RobotConf)):
+            return None
+        return geo if conf.max_steering and geo.name == conf.name else None
+
     def receive(self, data: bytes) -> list[Report]:
         """Add received bytes and return the reports that they complete, in order.
 
@@ -311,13 +319,28 @@ def _to_pose3(pose: PoseLike) -> Pose3:
     raise ValueError(f"pose {pose!r}, {expected}")
 
 
-def drive(left: float, right: float) -> bytes:
+def drive(left: float, right: float, car: RobotGeo | None = None) -> bytes:
     """Write the command for wheel speeds in the server's unit.
+
+    A car gets the speed and the angle of its front wheels with which it drives the same
+    curve. It cannot turn on the spot: it then goes ahead in its narrowest circle.
+
+    Args:
+        left: Speed of the left wheels.
+        right: Speed of the right wheels.
+        car: Geometry of a robot that steers as a car does; None for any other.
 
     Raises:
         ValueError: If one is not finite.
     """
-    return _bytes(Drive(left, right))
+    if car is None:
+        return _bytes(Drive(left, right))
+    speed, turn = (left + right) / 2, (right - left) / car.wheel_separation
+    if speed == 0.0 and turn != 0.0:
+        speed, angle = abs(right - left) / 2, math.copysign(math.pi / 2, turn)
+    else:
+        angle = math.atan(car.wheel_base * turn / speed) if turn else 0.0
+    return _bytes(Drive(speed=speed, front_steer=angle, rear_steer=0.0))
 
 
 def fly(ahead: float, left: float, up: float, turn: float) -> bytes:

@@ -250,9 +250,10 @@ class Client:
     def drive(self, left: float, right: float) -> None:
         """Set the speeds of the left and the right wheels in the server's unit.
 
-        They hold until the next call. ``RobotInfo.wheel_speeds`` computes them.
+        They hold until the next call. ``RobotInfo.wheel_speeds`` computes them. A car
+        is steered instead, once ``robot_info`` has told that it is one.
         """
-        self.send(questions.drive(left, right))
+        self.send(questions.drive(left, right, self._requests.session.car))
 
     def stop(self) -> bool:
         """Stop the wheels; return whether that could be sent, and never raise."""

@@ -199,7 +199,8 @@ class LocalRobot:
     def drive(self, speed: float, turn: float = 0.0) -> None:
         """Drive so until the next call.
 
-        If a wheel would exceed its maximum speed, both are slowed down by one factor.
+        If a wheel would exceed its maximum speed, both are slowed down by one factor. A
+        car takes the curve as far as its wheels turn, and does not turn on the spot.
 
         Args:
             speed: Forward speed, m/s.
@@ -212,7 +213,7 @@ class LocalRobot:
         """
         check_number("speed in m/s", speed)
         check_number("turn in rad/s", turn)
-        self.send(requests.drive(*self.info.wheel_speeds(speed, turn)))
+        self._drive(*self.info.wheel_speeds(speed, turn))
 
     def drive_wheels(self, left: float, right: float) -> None:
         """Turn the wheels of both sides so until the next call.
@@ -229,7 +230,14 @@ class LocalRobot:
         check_number("left in rad/s", left)
         check_number("right in rad/s", right)
         scale = self.info.drive_scale
-        self.send(requests.drive(left * scale, right * scale))
+        self._drive(left * scale, right * scale)
+
+    def _drive(self, left: float, right: float) -> None:
+        """Send wheel speeds in the unit of the server; a car is steered instead."""
+        model, car = self._vehicle.model, None
+        if model.steering is not None:
+            car = cast(RobotGeo, geometry(model, ROBOT, None))
+        self.send(requests.drive(left, right, car))
 
     def fly(
         self, ahead: float = 0.0, left: float = 0.0, up: float = 0.0, turn: float = 0.0

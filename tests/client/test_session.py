@@ -1,5 +1,5 @@
 from itertools import pairwise
-from math import isnan, pi
+from math import atan, isnan, pi
 
 import numpy as np
 import pytest
@@ -7,8 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.client import session as questions
-from radarsim.client.session import Question, Session
+from radarsim.client.session import Question, Session, drive
 from radarsim.geometry import Pose2, Pose3
+from radarsim.protocol.commands import Drive, parse_command
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.reports import (
     Encoder,
@@ -261,3 +262,39 @@ def test_question_accepts_only_its_reply(
 )
 def test_requests_are_encoded_as_usarsim_lines(data: bytes, line: bytes) -> None:
     assert data == (line and line + b"\r\n")
+
+
+CONF = b"CONF {Type GroundVehicle} {Name Hummer} {SteeringType %s} {Mass 2360} "
+LIMITS = b"{MaxSpeed 14.8} {MaxTorque 1} {MaxFrontSteer 0.4363} {MaxRearSteer 0}\r\n"
+GEO = (
+    b"GEO {Type GroundVehicle} {Name %s} {Dimensions 4.57,2.16,2.1} {COG 0,0,0} "
+    b"{WheelRadius 0.47} {WheelSeparation 1.82} {WheelBase 3.3}\r\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "speed", "angle"),
+    [
+        pytest.param(2.0, 2.0, 2.0, 0.0, id="straight"),
+        pytest.param(1.0, 3.0, 2.0, atan(3.3 * 2 / 1.82 / 2), id="left"),
+        pytest.param(-1.0, -3.0, -2.0, atan(3.3 * 2 / 1.82 / 2), id="back"),
+        pytest.param(3.0, -3.0, 3.0, -pi / 2, id="on the spot"),
+        pytest.param(0.0, 0.0, 0.0, 0.0, id="stop"),
+    ],
+)
+def test_a_car_is_steered_in_the_same_curve(
+    left: float, right: float, speed: float, angle: float
+) -> None:
+    session = Session()
+    session.receive(CONF % b"AckermanSteered" + LIMITS)
+    assert session.car is None
+    session.receive(GEO % b"Sedan")
+    assert session.car is None  # of a robot before
+    session.receive(GEO % b"Hummer")
+    parsed = parse_command(drive(left, right, session.car).decode().strip(), COMPAT)
+    assert isinstance(parsed.command, Drive)
+    assert parsed.command.speed == pytest.approx(speed)
+    assert parsed.command.front_steer == pytest.approx(angle)
+    session.receive(CONF % b"SkidSteered" + LIMITS)
+    assert session.car is None
+    assert drive(left, right, session.car).startswith(b"DRIVE {Left ")

@@ -362,3 +362,29 @@ def test_failure_of_the_server_ends_the_step(
         sim.step(10.0)
     with pytest.raises(ExceptionGroup, match="usarsim_server failed"):
         robot.drive(0.1)
+
+
+def test_a_car_drives_the_curve_that_is_asked_for() -> None:
+    with radarsim.simulate("empty_room", seed=0) as sim:
+        car = sim.spawn("Sedan", pose=(-4.0, -2.0))
+        car.drive(1.0, turn=0.1)
+        sim.step(4.0)
+        assert car.pose.yaw == pytest.approx(0.4, abs=0.01)
+        way = math.hypot(car.pose.x + 4.0, car.pose.y + 2.0)
+        assert way == pytest.approx(20 * math.sin(0.2), rel=0.02)
+
+
+def test_a_drone_rises_and_turns() -> None:
+    with radarsim.simulate("empty_room", seed=0) as sim:
+        drone = sim.spawn("AirRobot", pose=(0.0, 0.0))
+        drone.fly(ahead=0.5, up=0.25, turn=0.5)
+        sim.step(2.0)
+        assert drone.truth.pose.z == pytest.approx(0.12 + 0.5, abs=0.01)
+        assert drone.pose.yaw == pytest.approx(1.0, abs=0.01)
+        drone.drive(0.0)
+        drone.fly()
+        z = drone.truth.pose.z
+        sim.step(1.0)
+        assert drone.truth.pose.z == pytest.approx(z, abs=0.01)
+        with pytest.raises(ValueError, match="up in m/s"):
+            drone.fly(up=math.inf)
