@@ -57,6 +57,7 @@ from radarsim.robots.robot import (
 from radarsim.robots.wall_grid import WallTable, wall_table, with_floor
 
 _FIRST_SLOTS: Final = 8
+MOST_FLOORS: Final = 64  # that are kept although no robot is there
 _BOX_COLUMNS: Final = [X, Y, YAW, BOTTOM, TOP, HALF_LENGTH, HALF_WIDTH, NUMBER]
 
 
@@ -79,6 +80,11 @@ class Fleet:
         self._spawned = 0
         self._floors: list[Obstacles] = []
         self._around = _surroundings(new_columns(0), wall_table([]))
+
+    @property
+    def floors(self) -> tuple[Obstacles, ...]:
+        """The floors whose walls are known."""
+        return tuple(self._floors)
 
     @property
     def columns(self) -> Floats:
@@ -252,9 +258,20 @@ class Fleet:
     def _add_floor(self, obstacles: Obstacles) -> None:
         """Make room for the walls of a floor, unless it is known."""
         if obstacles not in self._floors:
+            if len(self._floors) >= MOST_FLOORS:
+                self._forget_floors()
             self._floors.append(obstacles)
             walls = with_floor(self._around.walls, obstacles.segments)
             self._around = _surroundings(self.columns, walls)
+
+    def _forget_floors(self) -> None:
+        """Keep only the floors on which robots are: those that fly have many."""
+        floors = self.columns[self.slots, FLOOR].astype(np.int64)
+        used, renumbered = np.unique(floors, return_inverse=True)
+        self._floors = [self._floors[number] for number in used.tolist()]
+        self.columns[self.slots, FLOOR] = renumbered
+        walls = wall_table([floor.segments for floor in self._floors])
+        self._around = _surroundings(self.columns, walls)
 
     def _fill_slot(self, robot: Robot, pose: Pose2, obstacles: Obstacles) -> None:
         model, row = robot.model, self.columns[robot.slot]

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import cache
+from functools import cache, cached_property
 from typing import Protocol
 
 import numpy as np
@@ -109,7 +109,11 @@ class Obstacles:
         known = np.zeros(len(segments), np.intp) if owners is None else owners
         self.owners = known[kept]
         self.floor = floor
-        self._tree = shapely.STRtree(shapely.linestrings(self.segments))
+
+    @cached_property
+    def _tree(self) -> shapely.STRtree:
+        # Not before it is needed: those of a robot that flies are many.
+        return shapely.STRtree(shapely.linestrings(self.segments))
 
     @classmethod
     def from_scene(cls, scene: Scene, *, floor: float = 0.0) -> "Obstacles":

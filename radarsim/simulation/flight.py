@@ -1,10 +1,10 @@
 """The heights of robots that fly: how far they rise and descend, and what stops them.
 
 A robot that flies moves level as others drive, among slices of everything solid at the
-heights of its hull. Slices are made once for each band of ``BAND`` m in which the
-bottom of a hull can be, when a robot first comes there. A robot rises and descends as
-far as vertical rays from its hull meet nothing that stops robots or light, and the
-slices of the next band leave it room.
+heights of its hull. Slices are made for each band of ``BAND`` m in which the bottom of
+a hull can be, when a robot comes there, and the last ones are kept. A robot rises and
+descends as far as vertical rays from its hull meet nothing that stops robots or light,
+and the slices of the next band leave it room.
 """
 
 import math
@@ -18,6 +18,7 @@ from radarsim.raycast.rays import Rays
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
 from radarsim.robots.fleet import Fleet
+from radarsim.robots.footprint import MARGIN
 from radarsim.robots.obstacles import Obstacles, slice_parts
 from radarsim.robots.robot import (
     BLOCKED,
@@ -32,6 +33,7 @@ from radarsim.scene.scene import Scene
 from radarsim.sensors.sonar import SONAR_CLASS
 
 BAND: Final = 0.1  # m
+MOST_BANDS: Final = 64  # that are kept: a large map has many walls at each height
 HEADROOM: Final = 20.0  # m above the highest point of a map, up to which robots rise
 INSET: Final = 0.01  # m from the sides of a hull to its outer rays
 _GRID: Final = (-1.0, 0.0, 1.0)  # places of the rays, in half lengths and half widths
@@ -66,12 +68,16 @@ class Airspace:
             last = band + math.ceil(height / BAND)
             cuts = [self._slice(number) for number in range(band, last + 1)]
             self._bands[key] = Obstacles(np.concatenate(cuts), floor=band * BAND)
+            if len(self._bands) > MOST_BANDS:
+                del self._bands[next(iter(self._bands))]
         return self._bands[key]
 
     def _slice(self, number: int) -> Floats:
         """Return the slice in the middle of a band; bands of several hulls share it."""
         if number not in self._slices:
             self._slices[number] = slice_parts(self._solid, (number + 0.5) * BAND)
+            if len(self._slices) > MOST_BANDS:
+                del self._slices[next(iter(self._slices))]
         return self._slices[number]
 
     def climb(self, fleet: Fleet, robot: Robot, boxes: Boxes, dt: float) -> None:
@@ -92,7 +98,7 @@ class Airspace:
         target = z + math.copysign(max(0.0, min(abs(wanted), room)), wanted)
         model, pose = robot.model, robot.pose
         obstacles = self.obstacles(target - model.origin_height, model.height)
-        if not obstacles.clear(robot.footprint, pose):
+        if robot.footprint.contact(pose, obstacles.segments).gap <= MARGIN:
             before = self.obstacles(z - model.origin_height, model.height)
             if obstacles is not before:
                 obstacles, target = before, z

@@ -266,7 +266,7 @@ def test_requests_are_encoded_as_usarsim_lines(data: bytes, line: bytes) -> None
 
 CONF = b"CONF {Type GroundVehicle} {Name Hummer} {SteeringType %s} {Mass 2360} "
 LIMITS = b"{MaxSpeed 14.8} {MaxTorque 1} {MaxFrontSteer 0.4363} {MaxRearSteer 0}\r\n"
-GEO = (
+SHAPE = (
     b"GEO {Type GroundVehicle} {Name %s} {Dimensions 4.57,2.16,2.1} {COG 0,0,0} "
     b"{WheelRadius 0.47} {WheelSeparation 1.82} {WheelBase 3.3}\r\n"
 )
@@ -288,9 +288,9 @@ def test_a_car_is_steered_in_the_same_curve(
     session = Session()
     session.receive(CONF % b"AckermanSteered" + LIMITS)
     assert session.car is None
-    session.receive(GEO % b"Sedan")
+    session.receive(SHAPE % b"Sedan")
     assert session.car is None  # of a robot before
-    session.receive(GEO % b"Hummer")
+    session.receive(SHAPE % b"Hummer")
     parsed = parse_command(drive(left, right, session.car).decode().strip(), COMPAT)
     assert isinstance(parsed.command, Drive)
     assert parsed.command.speed == pytest.approx(speed)

@@ -10,6 +10,7 @@ from wire import Wire
 from radarsim.geometry import Pose2
 from radarsim.presets.robots import load_robot
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
+from radarsim.protocol.reports import CameraConf, decode_report
 from radarsim.scene.scene import Scene
 from radarsim.server.camera import Renderer
 from radarsim.server.views import View, assign, tiles_of
@@ -61,6 +62,12 @@ def test_usarcommander_asks_for_the_camera_of_a_p3at(
     asked = ("GETGEO {Type Camera} {Name Camera}", "GETCONF {Type Camera} {Name }")
     answers = wire.send(*asked)
     assert answers == [GEOS[dialect.name], CONFS[dialect.name]]
+    conf = decode_report(answers[1])
+    assert isinstance(conf, CameraConf)
+    (camera,) = conf.cameras
+    assert camera[:3] == ("Camera", (0, 0), (160, 120))
+    fovs = [80, 20, 120, 80]
+    assert np.degrees(camera.fovs) == pytest.approx(fovs, abs=0.003)
     assert only_view(wire).camera.position() == pytest.approx([0.1005, 0, 0.566])
 
 
@@ -210,6 +217,9 @@ def test_viewports_show_the_cameras_that_a_drone_and_the_toolbox_choose(
     assert [is_down(tile) for tile in view(wire)] == [False, None, None, True]
     wire.send("SET {Type Viewports} {Config QuadView}")
     assert [is_down(tile) for tile in view(wire)] == [False, None, None, True]
+    wire.send("SET {Type Viewports} {Viewport2 Camera}")
+    assert [is_down(tile) for tile in view(wire)] == [False, False, None, True]
+    wire.send("SET {Type Viewports} {Viewport2 Disable}")
     assert wire.news == []
     wire.send("SET {Type Viewports} {Viewport1 Eye}", "SET {Type Viewports} {Config 2}")
     assert wire.news == [

@@ -14,7 +14,7 @@ from radarsim.geometry import Pose2
 from radarsim.presets.robots import load_robot
 from radarsim.protocol.dialect import WheelDrive
 from radarsim.robots.collision import CONTACT_GAP
-from radarsim.robots.fleet import Fleet
+from radarsim.robots.fleet import MOST_FLOORS, Fleet
 from radarsim.robots.footprint import RANK, line_table
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import Robot
@@ -223,3 +223,28 @@ def test_touch_is_found_anew_after_each_step_and_each_change_of_the_fleet() -> N
     moving.drive(FULL, FULL)
     fleet.step(TICK)
     assert not late.touched
+
+
+def test_heights_of_a_robot_that_flies_are_forgotten_but_not_those_in_use() -> None:
+    fleet, drive = Fleet(), WheelDrive(2.0)
+    wall = np.array([[[2.0, -5.0], [2.0, 5.0]]])
+    ground, drone_model = Obstacles(wall), load_robot("AirRobot")
+    rover = fleet.add(
+        "R", load_robot("P3AT"), Pose2(0, 3), obstacles=ground, wheel_drive=drive
+    )
+    drone = fleet.add(
+        "D", drone_model, Pose2(0, 0), obstacles=ground, wheel_drive=drive
+    )
+    for number in range(3 * MOST_FLOORS):
+        fleet.lift(drone, 1 + 0.1 * number, Obstacles(wall + number, floor=number))
+        assert len(fleet.floors) <= MOST_FLOORS + 1
+    assert ground in fleet.floors
+    for robot in (rover, drone):
+        robot.drive(2.0, 2.0)
+    for _ in range(1000):
+        fleet.step(0.01)
+    assert rover.pose.x == pytest.approx(2 - 0.276, abs=0.002)
+    assert drone.pose.x == pytest.approx(20.0)
+    fleet.lift(drone, 3.0, Obstacles(wall + np.array([19.0, 0.0])))
+    fleet.step(5.0)
+    assert drone.pose.x == pytest.approx(21 - 0.5, abs=0.002)
