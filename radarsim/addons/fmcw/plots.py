@@ -128,7 +128,9 @@ def outline_pieces(spectrum: "Spectrum", scene: "Scene") -> Floats:
     """
     pose = spectrum.pose
     cuts = [slice_mesh(part.vertices, part.faces, pose.z) for part in scene.parts]
-    lines = shapely.linestrings(np.concatenate([np.zeros((0, 2, 2)), *cuts]))
+    ends = np.concatenate([np.zeros((0, 2, 2)), *cuts])
+    # A triangle whose corner just reaches that height is cut in a point.
+    lines = shapely.linestrings(ends[(ends[:, 0] != ends[:, 1]).any(axis=1)])
     coordinates, line = shapely.get_coordinates(
         shapely.segmentize(lines, PIECE), return_index=True
     )

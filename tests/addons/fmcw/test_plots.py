@@ -4,16 +4,18 @@ import math
 
 import numpy as np
 import pytest
-from fmcw_scenes import block, radar, scene_of
+from fmcw_scenes import HARD, block, radar, scene_of
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from radarsim.addons.fmcw.plots import outline_pieces, plot_spectrum
 from radarsim.addons.fmcw.spectrum import Spectrum
-from radarsim.geometry import Pose3
+from radarsim.geometry import Pose3, rotation_matrix
 from radarsim.plotting.palette import TRUTH
 from radarsim.rng import generator_for
+from radarsim.scene.scene import Part
+from radarsim.scene.shapes import box
 
 # A block 2 m wide whose near side is 9 m ahead of a sensor that looks along y.
 SCENE = scene_of(block((2.0, 2.0, 3.0), (3.0, 14.0, 1.0)))
@@ -42,6 +44,21 @@ def test_outline_is_that_of_the_map_as_the_sensor_sees_it(turn: Spectrum) -> Non
     lengths = np.hypot(*(pieces[:, 1] - pieces[:, 0]).T)
     assert lengths.max() <= 0.1 + 1e-9
     assert lengths.sum() == pytest.approx(8.0)
+
+
+def test_outline_of_what_has_corners_at_the_height_of_the_sensor(
+    turn: Spectrum,
+) -> None:
+    vertices, faces = box(1.0, 1.0, 1.0)
+    # On its edge: the middle of the box, where it has corners, is at that height.
+    tilted = vertices @ rotation_matrix(0, math.pi / 4, 0).T + [3.0, 14.0, 1.0]
+    scene = scene_of(
+        Part("tilted", HARD, tilted, faces),
+        block((1.0, 1.0, 0.5), (3.0, 10.0, 0.75)),  # its top is there
+    )
+    pieces = outline_pieces(turn, scene)
+    assert np.hypot(*(pieces[:, 1] - pieces[:, 0]).T).max() <= 0.1 + 1e-9
+    plot_spectrum(turn, scene=scene, reach=20.0)
 
 
 @pytest.mark.parametrize("view", ["cartesian", "polar"])
