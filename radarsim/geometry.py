@@ -79,7 +79,7 @@ class Pose3:
 
     def position(self) -> Floats:
         """Return the position, (3,) m."""
-        return np.array([self.x, self.y, self.z])
+        return np.array([self.x, self.y, self.z], np.float64)
 
     def rotation(self) -> Floats:
         """Return the matrix, (3, 3), that rotates vectors to the outer frame."""

@@ -93,3 +93,7 @@ def test_level_pose_has_no_negative_zeros() -> None:
 def test_pose_is_six_finite_numbers(numbers: list[float]) -> None:
     with pytest.raises(ValueError, match="expected six finite numbers"):
         Pose3.from_numbers(numbers)
+
+
+def test_place_of_a_pose_of_integers_is_of_floats() -> None:
+    assert Pose3(1, 2, 3).position().dtype == np.float64

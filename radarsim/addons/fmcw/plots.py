@@ -96,8 +96,11 @@ def plot_spectrum(
     else:
         _draw_cartesian(ax, spectrum, reach, detections)
         if scene is not None:
-            _draw_outlines(ax, outline_pieces(spectrum, scene) @ [[0, 1], [-1, 0]])
-    ax.set_title(f"{spectrum.sensor}, {title}", fontsize="medium")
+            pieces = outline_pieces(spectrum, scene)
+            seen = pieces[np.hypot(*pieces.T).max(axis=0) < reach]
+            _draw_outlines(ax, seen @ [[0, 1], [-1, 0]])
+    # The legend of outlines is beside it.
+    ax.set_title(f"{spectrum.sensor}, {title}", fontsize="medium", loc="left")
     return ax
 
 
@@ -151,11 +154,13 @@ def _polar_lines(pieces: Floats) -> Floats:
 def _draw_outlines(axes: Axes, lines: Floats) -> None:
     """Draw outlines of the map over a picture, and say what they are."""
     limits = axes.get_xlim(), axes.get_ylim()
-    style: dict[str, Any] = {"colors": TRUTH, "linewidths": 1.0}
+    # Thin: it must not hide the echoes of what it shows.
+    style: dict[str, Any] = {"colors": TRUTH, "linewidths": 0.6, "alpha": 0.8}
     outlines = LineCollection(list(lines), **style, label="what is truly there")
     axes.add_collection(outlines, autolim=False)
     axes.set(xlim=limits[0], ylim=limits[1])
-    axes.legend(loc="upper right", fontsize="small")
+    place: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0)}
+    axes.legend(**place, borderaxespad=0.2, frameon=False, fontsize="small")
 
 
 def _mark_surfaces(
