@@ -223,9 +223,9 @@ def test_true_in_capitals_is_true_in_compat_only() -> None:
     ],
 )
 def test_unsupported_verbs_of_other_servers_are_accepted(verb: str) -> None:
-    assert parse_command(f"{verb} {{Name a}}", COMPAT).command == Unsupported(
-        verb.upper()
-    )
+    command = parse_command(f"{verb} {{Name a}}", COMPAT).command
+    assert command == Unsupported(verb.upper())
+    assert command.values() == ()
 
 
 @pytest.mark.parametrize(

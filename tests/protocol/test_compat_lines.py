@@ -52,6 +52,7 @@ from radarsim.protocol.reports import (
     TouchConf,
     WatchedLine,
     Watching,
+    decode_report,
 )
 from radarsim.protocol.rescue import (
     GasDensity,
@@ -447,6 +448,10 @@ COMPAT_LINES: list[tuple[str, Report, str]] = [
 )
 def test_reports_are_encoded_in_the_compat_dialect(report: Report, line: str) -> None:
     assert report.encode(COMPAT) == line
+    # What is read from it writes the same line; a little more than pi is read as -pi.
+    read = decode_report(line)
+    assert read is not None
+    assert read.encode(COMPAT) == line or "3.1416" in line
 
 
 @pytest.mark.parametrize(
