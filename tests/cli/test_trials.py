@@ -154,9 +154,9 @@ def test_random_trials_refuse_other_options(
 def test_folder_of_worlds_of_barn_runs_and_goes_on(
     radarsim: Command, tmp_path: Path
 ) -> None:
-    world = make_barn_world(0)
-    (tmp_path / "world_0.world").write_text(world.as_sdf())
-    np.save(tmp_path / "path_0.npy", world.path)
+    world = make_barn_world(5)  # whose passages are wide enough
+    (tmp_path / "world_5.world").write_text(world.as_sdf())
+    np.save(tmp_path / "path_5.npy", world.path)
     output = tmp_path / "runs.jsonl"
     options = ("--barn", tmp_path, "--algorithms", "planned", "--output", output)
     run = radarsim("trials", *options, "--workers", "1")
