@@ -51,6 +51,8 @@ def test_robot_info_matches_the_robot_class(
     )
     own = model.max_rev_per_s
     spin = 8.17 if own is None else 2 * pi * own  # rad/s
+    if model.flight is not None:
+        spin = model.flight.max_linear
     assert info.top_speed == pytest.approx(spin * model.wheel_radius, rel=1e-3)
     for scanner, item, scan in zip(
         info.scanners, model.items_of("RangeScanner"), scans, strict=True
