@@ -12,7 +12,8 @@ log = logging.getLogger(__name__)
 
 ROBOTS = 10
 SECONDS = 10.0
-LEAST = 7.0  # frames a second, of ten; two cores at a load of 6 show 7.7 to 8.9
+# Frames a second, of ten: two idle cores show all, and 7.7 to 8.9 at a load of 6.
+LEAST = 7.0
 COUNT = """(seconds) => new Promise((resolve) => {
   let frames = 0;
   const count = () => { frames += 1; };
