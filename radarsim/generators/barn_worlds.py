@@ -24,10 +24,8 @@ from scipy.sparse.csgraph import dijkstra
 from radarsim.geometry import Floats, Point
 from radarsim.rng import generator_for
 
-ROWS, COLUMNS = (
-    30,
-    66,
-)  # of cells: across, and from behind the robot to behind the field
+ROWS: Final = 30  # of cells, across
+COLUMNS: Final = 66  # from behind the robot to behind the field
 CELL: Final = 0.15  # m
 RADIUS: Final = CELL / 2  # m, of a cylinder
 START: Final[Point] = (-2.25, 3.0)  # m; the robot faces along y

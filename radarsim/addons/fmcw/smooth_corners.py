@@ -117,9 +117,9 @@ def corner_points(tracer: Tracer, origin: Floats, settings: FmcwSettings) -> Poi
         corners = _known[tracer] = _find_corners(tracer)
     way = origin - corners.feet
     heights = np.einsum("nki,ni->nk", corners.normals, way)  # over both facets
-    corners = Corners._make(each[heights.min(axis=1) > GAP] for each in corners)
-    way = origin - corners.feet
-    heights = np.einsum("nki,ni->nk", corners.normals, way)
+    inside = heights.min(axis=1) > GAP
+    corners = Corners._make(each[inside] for each in corners)
+    way, heights = way[inside], heights[inside]
     place = np.einsum("ni,ni->n", corners.along, way)
     distance = np.hypot(*heights.T)
     rcs = _cross_sections(corners, heights, place, settings)

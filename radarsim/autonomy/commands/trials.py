@@ -289,9 +289,11 @@ def trials(
         elif barn is not None:
             run_barn(barn, algorithms, sensors or ("laser",), output, workers)
         return
-    for hint, is_given in {"--output": output is not None, "--hard": hard}.items():
-        if is_given:
-            raise click.BadParameter("expected with --random", param_hint=hint)
+    if hard:
+        raise click.BadParameter("expected with --random", param_hint="--hard")
+    if output is not None:
+        text = "expected with --random or --barn"
+        raise click.BadParameter(text, param_hint="--output")
     sensors = sensors or ("radar",)
     names = maps or MAPS
     _check(names, algorithms, sensors, rules)
