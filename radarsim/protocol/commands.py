@@ -18,6 +18,7 @@ import numpy as np
 
 from radarsim.errors import MalformedMessage, expected_one_of
 from radarsim.geometry import Pose3
+from radarsim.protocol.control import UNSUPPORTED_ACTIONS, Control
 from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.message import (
     LARGEST_COMMANDED,
@@ -47,6 +48,16 @@ def _parse_angle(text: str) -> float:
 FOV: Final = "FOV"
 VIEWPORTS: Final = tuple(f"Viewport{number}" for number in range(1, 5))
 _CONFIGS: Final = ("singleview", "quadview", "0", "1")
+# As a client lists them: red, green and blue of each.
+TRACE_COLOURS: Final = {
+    "Red": (1.0, 0.0, 0.0),
+    "Yellow": (1.0, 1.0, 0.0),
+    "Green": (0.0, 1.0, 0.0),
+    "Cyan": (0.0, 1.0, 1.0),
+    "White": (1.0, 1.0, 1.0),
+    "Blue": (0.0, 0.0, 1.0),
+    "Purple": (0.5, 0.0, 0.5),
+}
 Values: TypeAlias = tuple[str | None, ...]  # one for each key; None leaves it out
 
 
@@ -485,6 +496,43 @@ class SetViewports:
 
 
 @dataclass(frozen=True, slots=True)
+class Trace:
+    """Leave a trail that cameras see, as servers for UT2004 draw one.
+
+    Attributes:
+        is_on: Whether to leave one; if not, what there is vanishes.
+        interval: Time between two marks, s.
+        colour: One of ``TRACE_COLOURS``.
+    """
+
+    verb: ClassVar[str] = "TRACE"
+    keys: ClassVar[Sequence[str]] = ("On", "Interval", "Color")
+
+    is_on: bool
+    interval: float = 1.0
+    colour: str = "Red"
+
+    @classmethod
+    def decode(cls, message: Message, _: Dialect) -> Self:
+        """Read the command from its message.
+
+        Raises:
+            MalformedMessage: If the interval is no number, or there is no such colour.
+        """
+        interval = message.parse_optional("Interval", _parse_number)
+        wanted = message.get("Color") or "Red"
+        colour = wanted.capitalize()
+        if colour not in TRACE_COLOURS:
+            raise MalformedMessage(f"Color {expected_one_of(wanted, TRACE_COLOURS)}")
+        is_on = parse_flag(message.get("On") or "")
+        return cls(is_on, 1.0 if interval is None else interval, colour)
+
+    def values(self) -> Values:
+        """Return the text for each of ``keys``."""
+        return (str(self.is_on).lower(), _format_number(self.interval), self.colour)
+
+
+@dataclass(frozen=True, slots=True)
 class Unsupported:
     """A command that other USARSim servers know and this one accepts without effect."""
 
@@ -508,6 +556,8 @@ Command: TypeAlias = (
     | SetItem
     | ShowCamera
     | SetViewports
+    | Trace
+    | Control
     | Watch
     | Unsupported
 )
@@ -534,12 +584,16 @@ COMMANDS: Final = {
     command.verb: command
     for command in (
         *(Init, Drive, MovePackage, Act, MultiDrive),
-        *(GetStartPoses, GetGeo, GetConf, SetItem, Watch),
+        *(GetStartPoses, GetGeo, GetConf, SetItem, Trace, Control, Watch),
     )
 }
 
-# Angles of a pan-tilt, as a driver of Player and older servers have them.
-_NEEDLESS_KEYS: Final = {MovePackage.verb: ["Type", "Rotation"]}
+# Angles of a pan-tilt, as a driver of Player and older servers have them; of crates
+# their looks and a text that only logs tell.
+_NEEDLESS_KEYS: Final = {
+    MovePackage.verb: ["Type", "Rotation"],
+    Control.verb: ["Material", "Memory"],
+}
 
 # Fields for boats, and for single wheels and joints.
 _UNSUPPORTED_KEYS: Final = {
@@ -580,7 +634,6 @@ UNSUPPORTED_TYPES: Final = frozenset(
 _UNSUPPORTED: Final = frozenset(
     [
         "CAMERA",
-        "CONTROL",
         "GETCLOSESTPATHNODE",
         "GETNFO",
         "GETPATHNODES",
@@ -589,7 +642,6 @@ _UNSUPPORTED: Final = frozenset(
         "PAUSE",
         "PING",
         "TEST",
-        "TRACE",
     ]
 )
 
@@ -611,6 +663,10 @@ def parse_command(line: str, dialect: Dialect) -> ParsedCommand:
         expected = expected_one_of(message.verb, sorted(COMMANDS))
         raise MalformedMessage(f"verb {expected}")
     form: Any = COMMANDS[verb]
+    if verb == Control.verb:
+        for action in UNSUPPORTED_ACTIONS:
+            if action.casefold() == (message.get("Type") or "").casefold():
+                return ParsedCommand(Unsupported(f"{verb} {action}"))
     if verb == SetItem.verb and message.get("Opcode") is None:
         wanted = (message.get("Type") or "").casefold()
         if wanted == "viewports":

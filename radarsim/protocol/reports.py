@@ -17,6 +17,7 @@ import numpy as np
 
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Floats, Pose2, Pose3
+from radarsim.protocol.control import CrateStates
 from radarsim.protocol.dialect import Dialect, NumberFormat
 from radarsim.protocol.echoes import EchoLine, RadarTargets, TargetEchoes
 from radarsim.protocol.fields import (
@@ -99,6 +100,7 @@ __all__ = [
     "CameraLimits",
     "ClockTick",
     "CommandError",
+    "CrateStates",
     "EchoLine",
     "Encoder",
     "EncoderConf",
@@ -599,6 +601,7 @@ Report: TypeAlias = (
     | StartPoses
     | Status
     | AerialStatus
+    | CrateStates
     | PackageState
     | RobotJoined
     | RobotLeft
@@ -660,6 +663,8 @@ def _decode_info(message: Message) -> Report | None:
 
 
 def _decode_status(message: Message) -> Report:
+    if message.get("Size") is not None:  # no robot has one
+        return CrateStates.decode(message)
     return (AerialStatus if is_aerial(message) else Status).decode(message)
 
 

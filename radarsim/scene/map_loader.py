@@ -23,6 +23,7 @@ from radarsim.scene.build import (
     make_material,
     make_reflectors,
 )
+from radarsim.scene.crates import MOST_CRATES, Crate
 from radarsim.scene.map_checks import (
     ProblemList,
     air_problems,
@@ -42,6 +43,7 @@ from radarsim.scene.map_schema import (
     MAX_TAGS,
     MAX_VARIANTS,
     MAX_VICTIMS,
+    CrateEntry,
     Entry,
     EntryContext,
     Header,
@@ -147,6 +149,7 @@ class MapLoader:
             tuple(reflectors),
             tuple(self._tags(data)),
             tuple(self._victims(data)),
+            tuple(self._crates(data)),
         )
         self.problems.report(("objects",), extent_problems(scene.bounds))
         return scene
@@ -313,6 +316,17 @@ class MapLoader:
                     entry.sound_s,
                     entry.co2_percent,
                 )
+
+    def _crates(self, data: dict[str, object]) -> Iterator[Crate]:
+        taken: dict[str, KeyPath] = {}
+        for at, item in self._entries([((), data)], "crates", MOST_CRATES):
+            entry = self._validate(CrateEntry, item, at)
+            if entry is not None:
+                self._claim(at, [entry.name], taken, ignore_case=True)
+                length, width, height = entry.size
+                x, y, z = entry.position
+                size, yaw = (length, width, height), math.radians(entry.yaw_deg)
+                yield Crate(entry.name, size, (x, y, z), yaw)
 
     def _trial(self, data: dict[str, object]) -> Trial | None:
         item = data.get("trial")

@@ -25,6 +25,7 @@ from pydantic import (
 
 from radarsim.errors import did_you_mean, expected_one_of, list_names
 from radarsim.presets.sensor_settings import BANDS_GHZ
+from radarsim.scene.crates import LARGEST, SMALLEST
 from radarsim.scene.material import OPAQUE, library_names
 from radarsim.scene.mesh_files import MeshError, find_inside
 from radarsim.scene.scene import GPS_ORIGIN
@@ -218,6 +219,7 @@ class Header(Entry):
     starts: list[object] | None = None
     tags: list[object] | None = None
     victims: list[object] | None = None
+    crates: list[object] | None = None
     trial: object = None
     air: Text | None = None
     gps_origin_deg: GpsOrigin = GPS_ORIGIN
@@ -430,6 +432,20 @@ class VictimEntry(Entry):
     sound_db: Annotated[Real, Ge(0), Le(MAX_LEVEL)] | None = None
     sound_s: Annotated[Real, Gt(0), Le(MAX_DURATION)] = 1.0
     co2_percent: Annotated[Real, Ge(0), Le(100)] = 0.0
+
+
+class CrateEntry(Entry):
+    """A box that clients may move.
+
+    Attributes:
+        size: Length, width and height, m.
+        position: Position of its middle, m.
+    """
+
+    name: Annotated[Text, MaxLen(MAX_NAME), AfterValidator(_name)]
+    size: Annotated[list[Annotated[Real, Ge(SMALLEST), Le(LARGEST)]], Len(3, 3)]
+    position: Vector
+    yaw_deg: Real = 0.0
 
 
 class TrialEntry(Entry):

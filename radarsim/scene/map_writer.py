@@ -124,6 +124,16 @@ def write_map(scene: Scene, path: Path) -> None:
         "tags": [{"id": t.id, "position": list(t.position)} for t in scene.tags]
         or None,
         "victims": [_victim_keys(each) for each in scene.victims] or None,
+        "crates": [
+            {
+                "name": crate.name,
+                "size": list(crate.size),
+                "position": list(crate.position),
+                "yaw_deg": _degrees(crate.yaw),
+            }
+            for crate in scene.crates
+        ]
+        or None,
         "trial": _trial_keys(scene.trial),
     }
     content = {key: value for key, value in content.items() if value is not None}

@@ -17,6 +17,7 @@ from radarsim.scene.shapes import Faces
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from radarsim.scene.crates import Crate
     from radarsim.scene.reflectors import Reflector
     from radarsim.scene.victims import Tag, Victim
 
@@ -131,6 +132,7 @@ class Scene:
             among the parts.
         tags: The RFID tags, in the order of the map file.
         victims: The victims, in the order of the map file; none is among the parts.
+        crates: The crates, which stand in simulations only, likewise.
     """
 
     name: str
@@ -144,6 +146,7 @@ class Scene:
     reflectors: tuple["Reflector", ...] = ()
     tags: tuple["Tag", ...] = ()
     victims: tuple["Victim", ...] = ()
+    crates: tuple["Crate", ...] = ()
 
     def __repr__(self) -> str:
         objects = len({part.object_name for part in self.parts})

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import io
 import math
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, Final, TypeAlias
 
@@ -32,7 +33,7 @@ from radarsim.protocol.images import (
     encode_image,
     encode_raw,
 )
-from radarsim.raycast.attenuation import EventKind
+from radarsim.raycast.attenuation import EventKind, Outcome
 from radarsim.raycast.rays import LASER, RayClass, Rays
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import tracer_of
@@ -52,6 +53,7 @@ FIELD_OF_VIEW: Final = math.radians(FOV_DEG)
 VIEWING_DISTANCE: Final = 1000.0  # m
 # A volume that takes a decibel of light is that much darker, whatever a laser's power.
 LIGHT: Final = RayClass(LASER, power_per_db=math.log(10) / 10)
+MARK_RADIUS: Final = 0.04  # m; of a disc for each mark of a trail
 MOST_ANGLES: Final = 8  # fields of view whose pixels are kept
 ZENITH: Final = "#8fb8de"
 HORIZON: Final = "#e4eef5"
@@ -192,8 +194,48 @@ class Renderer:
             _background(directions),
             pixels,
         )
+        if view.marks is not None and len(view.marks):
+            self._draw_marks(view, view.marks, pixels.reshape(self._shape))
         bytes_ = np.floor(255 * pixels + 0.5).clip(0, 255).astype(np.uint8)
         return bytes_.reshape(self._shape)
+
+    def _draw_marks(self, view: View, marks: Floats, pixels: Floats) -> None:
+        """Draw the marks of trails as discs over a picture, (H, W, 3).
+
+        Each is veiled as one ray to it is, and hidden with what that ray does not
+        reach.
+        """
+        height, width, _ = self._shape
+        angle = self._field_of_view or view.fov
+        focal_length = width / 2 / math.tan(angle / 2)  # pixels
+        offsets = marks[:, :3] - view.camera.position()
+        local = _rotate(offsets, view.camera.rotation().T)
+        near = np.flatnonzero(local[:, 0] > MARK_RADIUS)
+        order = near[np.argsort(-local[near, 0], kind="stable")]
+        lengths = np.sqrt((offsets[order] ** 2).sum(axis=1))
+        rays = replace(
+            Rays.uniform(
+                np.tile(view.camera.position(), (len(order), 1)),
+                offsets[order] / lengths[:, None],
+                max_range=0.0,
+                power=FULL_POWER,
+                carrier_id=view.carrier_id,
+                medium=0,
+            ),
+            max_range=lengths,
+            ray_classes=(LIGHT,),
+        )
+        traces = self._tracer.trace(rays, view.boxes)
+        seen = np.exp(traces.power - FULL_POWER)
+        seen[traces.outcomes != Outcome.NOTHING] = 0.0
+        rows, columns = np.mgrid[:height, :width]
+        for k, share in zip(order.tolist(), seen.tolist(), strict=True):
+            ahead, left, up = local[k]
+            column = (width - 1) / 2 - focal_length * left / ahead
+            row = (height - 1) / 2 - focal_length * up / ahead
+            radius = max(focal_length * MARK_RADIUS / ahead, 0.5)
+            disc = np.hypot(columns - column, rows - row) <= radius
+            pixels[disc] += share * (marks[k, 3:] - pixels[disc])
 
 
 def _colour_of(material: Material) -> tuple[float, float, float]:

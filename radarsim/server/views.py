@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Protocol, TypeAlias
 
-from radarsim.geometry import Pose3
+from radarsim.geometry import Floats, Pose3
 from radarsim.presets.robots import load_robot
 
 if TYPE_CHECKING:
@@ -33,12 +33,14 @@ class View:
         boxes: The robots.
         carrier_id: Id of the box of the robot that carries the camera; -1 for none.
         fov: Angle from left to right, rad.
+        marks: Marks of trails, as of ``Trails.marks``; None without any.
     """
 
     camera: Pose3
     boxes: Boxes
     carrier_id: int = -1
     fov: float = math.radians(FOV_DEG)
+    marks: Floats | None = None
 
     @classmethod
     def of(cls, simulation: Simulation, vehicle: Vehicle | None = None) -> View:
@@ -52,7 +54,8 @@ class View:
         boxes, vehicles = simulation.boxes(), simulation.vehicles
         if vehicles:
             first = vehicle or vehicles[0]
-            return cls(first.robot.body.compose(MOUNT), boxes, first.number)
+            camera, marks = first.robot.body.compose(MOUNT), simulation.trails.marks
+            return cls(camera, boxes, first.number, marks=marks)
         starts = simulation.scene.starts
         start = starts[0].pose if starts else Pose3(0.0, 0.0, 0.0)
         body = start.compose(Pose3(0.0, 0.0, load_robot("P3AT").origin_height))
@@ -91,13 +94,15 @@ def tiles_of(simulation: Simulation, shown: Shown) -> Tiles:
     if vehicle is None or not vehicle.cameras:
         return (View.of(simulation, vehicle),)
     names = [camera] if camera else vehicle.viewports[: 4 if vehicle.is_quad else 1]
-    boxes, items = simulation.boxes(), {item.name: item for item in vehicle.cameras}
+    boxes, marks = simulation.boxes(), simulation.trails.marks
+    items = {item.name: item for item in vehicle.cameras}
     return tuple(
         View(
             vehicle.camera_pose(items[name]),
             boxes,
             number,
             math.radians(vehicle.fovs[name]),
+            marks,
         )
         if name in items
         else None

@@ -34,6 +34,7 @@ from radarsim.sensors.scan_batch import BatchRanges, ScanRequest, scan_ranges
 from radarsim.sensors.sonar import SonarArray
 from radarsim.simulation.clock import TICK, Clock, Schedule, ticks_of
 from radarsim.simulation.config import SimulationConfig
+from radarsim.simulation.crates import Crates
 from radarsim.simulation.flight import Airspace
 from radarsim.simulation.items import RayItem
 from radarsim.simulation.readings import Program, ReadingTable
@@ -45,6 +46,7 @@ from radarsim.simulation.tick_output import (
     TickOutput,
     report_scan,
 )
+from radarsim.simulation.trails import Trails
 from radarsim.simulation.vehicle import MountedScanner, Vehicle
 
 SEARCH_RADIUS = 1.0  # m around an occupied place
@@ -64,6 +66,8 @@ class Simulation:
         config: Configuration of all robots.
         seed: Seed of all random numbers.
         scanner_items: Scanners that add-ons read, by the name of the add-on's entry.
+        crates: The crates of the map, and of clients.
+        trails: The trails that robots leave for cameras.
         shown: What viewers of pictures on a machine see, by its address: number of a
             robot, and name of a camera or None.
     """
@@ -76,11 +80,13 @@ class Simulation:
         self.seed = seed
         self.shown: dict[str, tuple[int, str | None]] = {}
         self._clock = Clock()
+        self.trails = Trails(self._clock)
         self._tracer = tracer_of(scene)
         self._airspace = Airspace(scene, self._tracer)
         self._obstacles_by_floor: dict[float, Obstacles] = {}
         self._vehicles: dict[int, Vehicle] = {}
         self._fleet = Fleet()
+        self.crates = Crates(scene, self._fleet)
         self._readings = ReadingTable(self._fleet)
         self._mortal: dict[Vehicle, None] = {}  # those whose battery runs out
         self._flying: dict[Vehicle, None] = {}
@@ -110,6 +116,11 @@ class Simulation:
     def vehicles(self) -> tuple[Vehicle, ...]:
         """All robots, in the order of spawning."""
         return tuple(self._vehicles.values())
+
+    @property
+    def body_names(self) -> dict[int, str]:
+        """The names of all robots and crates, by their numbers."""
+        return {body.number: body.name for body in self._fleet.robots}
 
     def spawn(
         self, name: str, model: RobotModel, pose: Pose2, z: float = -math.inf
@@ -199,6 +210,7 @@ class Simulation:
     def remove(self, vehicle: Vehicle) -> None:
         """Remove a robot from the simulation."""
         del self._vehicles[vehicle.number]
+        self.trails.end(vehicle.robot)
         self._fleet.remove(vehicle.robot)
         for items in self.scanner_items.values():
             items.remove(vehicle)
@@ -221,6 +233,7 @@ class Simulation:
             boxes = self.boxes()
             for vehicle in self._flying:
                 self._airspace.climb(self._fleet, vehicle.robot, boxes, TICK)
+        self.trails.step()
         drifting = self._drifting.due()
         if drifting:
             self._compute([(vehicle, vehicle.drift) for vehicle in drifting])

@@ -71,6 +71,14 @@ VALID = (
     b"SET {Type RangeScanner} {Opcode SETTING} {Params max_range=9 side_offset_uu=5}",
     b"WATCH {Robots All} {Echoes true}",
     *(b"WATCH {Robots R1,Compare}", b"WATCH {Robots None}"),
+    b"INIT {ClassName USARBotAPI.WorldController} {Location 0, 0, 0}",
+    b"CONTROL {Type Create} {ClassName WCCrate} {Name c1} {Location 2,-1,0} "
+    b"{Scale 1,1,1} {Physics RigidBody}",
+    b"CONTROL {Type Create}{ClassName WCCrate}{Name 2}{Start R1}{Permanent true}",
+    b"CONTROL {Type AbsMove} {Name c1} {Location 1,2,-1} {Rotation 0,0,0.5}",
+    *(b"CONTROL {Type RelMove} {Name c1} {Location 1,0,0}", b"CONTROL {Type GetSTA}"),
+    *(b"CONTROL {Type Kill} {Name c1}", b"CONTROL {Type KillAll} {MinPos 0,0,0}"),
+    *(b"Trace {On True} {Interval 0.1} {Color Red}", b"TRACE {On false}"),
     *(b"SET {Type Odometry} {Opcode RESET}", b"SET {Type Encoder} {Opcode RESET}"),
     *(b"SET {Type Tachometer} {Name TachTest} {Opcode RESET}", b"SET {Type Joint}"),
 )

@@ -25,12 +25,14 @@ from radarsim.protocol.commands import (
     SetItem,
     SetViewports,
     ShowCamera,
+    Trace,
     Unsupported,
     encode_command,
     parse_command,
     parse_pose,
     parse_switch,
 )
+from radarsim.protocol.control import Control
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.message import LineBuffer
 from radarsim.protocol.packages import RATE, RELATIVE, LinkOrder
@@ -172,6 +174,60 @@ def test_cameras_are_chosen_and_zoomed(line: str, command: Command, again: str) 
 
 
 @pytest.mark.parametrize(
+    ("line", "command", "again"),
+    [
+        pytest.param(
+            "Trace {On True} {Interval 0,5} {Color green}",
+            Trace(True, 0.5, "Green"),
+            "TRACE {On true} {Interval 0.5} {Color Green}",
+            id="trail",
+        ),
+        pytest.param(
+            "CONTROL {Type relmove} {Name a} {Location 1, 2, 3}",
+            Control("RelMove", "a", position=(1, -2, -3)),
+            "CONTROL {Type RelMove} {Name a}",
+            id="crate",
+        ),
+        pytest.param(
+            "CONTROL {Type Create} {ClassName USARPhysObj.WCCrate} {Name a} {Start s} "
+            "{Scale 1,2,3} {Physics Falling} {Permanent TRUE} {Memory m}",
+            Control(
+                "Create",
+                "a",
+                "WCCrate",
+                scale=(1, 2, 3),
+                start="s",
+                falls=True,
+                stays=True,
+            ),
+            "CONTROL {Type Create} {Name a} {ClassName WCCrate}",
+            id="new crate",
+        ),
+        pytest.param(
+            "CONTROL {Type KillAll} {MinPos 1,2,3} {MaxPos 0,0,0}",
+            Control("KillAll", corners=((0, -2, -3), (1, 0, 0))),
+            "CONTROL {Type KillAll}",
+            id="space",
+        ),
+        pytest.param(
+            "CONTROL {Type KillAll} {MinPos 0,0,0} {MaxPos 0,0,0}",
+            Control("KillAll"),
+            "CONTROL {Type KillAll}",
+            id="no space",
+        ),
+    ],
+)
+def test_trails_and_crates_are_written_as_they_are_read(
+    line: str, command: Command, again: str
+) -> None:
+    for dialect in (COMPAT, UDK):
+        assert parse_command(line, dialect) == ParsedCommand(command)
+    written = encode_command(command)
+    assert written.startswith(again)
+    assert parse_command(written, UDK).command == command
+
+
+@pytest.mark.parametrize(
     ("line", "problem"),
     [
         pytest.param(
@@ -218,8 +274,8 @@ def test_true_in_capitals_is_true_in_compat_only() -> None:
 @pytest.mark.parametrize(
     "verb",
     [
-        *("camera", "Control", "GETCLOSESTPATHNODE", "GETNFO", "GETPATHNODES"),
-        *("GOTO", "MOVE", "PAUSE", "PING", "TEST", "TRACE"),
+        *("camera", "GETCLOSESTPATHNODE", "GETNFO", "GETPATHNODES"),
+        *("GOTO", "MOVE", "PAUSE", "PING", "TEST"),
     ],
 )
 def test_unsupported_verbs_of_other_servers_are_accepted(verb: str) -> None:

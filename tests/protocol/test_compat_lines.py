@@ -21,6 +21,7 @@ from radarsim.protocol.reports import (
     CameraLimits,
     ClockTick,
     CommandError,
+    CrateStates,
     EchoLine,
     Encoder,
     EncoderConf,
@@ -132,6 +133,12 @@ COMPAT_LINES: list[tuple[str, Report, str]] = [
         "{Location 0.2085,0.0000,-0.2000} {Orientation 0.0000,0.0000,0.0000} "
         "{Link 2} {ParentLink 1} {Location 0.2085,0.0000,-0.2000} "
         "{Orientation 0.0000,0.0000,0.0000}",
+    ),
+    (
+        "crates",
+        CrateStates((("Box 1", (1.0, 2.0, 0.5), Pose3(-3.0, 2.0, 0.25, yaw=1.5)),)),
+        "STA {Name Box 1} {Size 1.0000,2.0000,0.5000} "
+        "{Location -3.0000,-2.0000,-0.2500} {Rotation 0.0000,0.0000,-1.5000}",
     ),
     (
         "status of a car",

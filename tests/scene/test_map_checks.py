@@ -37,7 +37,7 @@ START = "expected Robot, Player or ComSt, then letters, then digits"
         pytest.param(
             "version: 1\nwalls: 3",
             "m.yaml:2:1: walls: unknown key,"
-            " expected one of ['air', 'gps_origin_deg', 'level', 'materials',"
+            " expected one of ['air', 'crates', 'gps_origin_deg', 'level', 'materials',"
             " 'objects', 'starts', 'tags', 'trial', 'variants', 'version', 'victims']",
             id="unknown section",
         ),

@@ -1,10 +1,12 @@
-"""Victims and tags in map files."""
+"""Victims, tags and crates in map files."""
 
+import math
 from pathlib import Path
 
 import pytest
 
 from radarsim.errors import MapError
+from radarsim.scene.crates import Crate
 from radarsim.scene.map_file import load_map
 from radarsim.scene.victims import Tag, Victim
 
@@ -22,6 +24,8 @@ victims:
   - {name: Becky, position: [4, 1, 0.1], yaw_deg: 180, moves: true,
      sound_db: 60, sound_s: 2, co2_percent: 4}
   - {name: Ann, position: [4, 3, 0.1]}
+crates:
+  - {name: Box, size: [1, 2, 0.5], position: [-4, 1, 0.25], yaw_deg: 30}
 """
 
 
@@ -41,6 +45,8 @@ def test_map_has_victims_and_tags_and_writes_them_again(tmp_path: Path) -> None:
     scene.to_yaml(tmp_path / "again.yaml")
     again = load_map(tmp_path / "again.yaml")
     assert (again.tags, again.victims) == (scene.tags, scene.victims)
+    assert scene.crates == (Crate("Box", (1, 2, 0.5), (-4, 1, 0.25), math.pi / 6),)
+    assert again.crates == scene.crates
 
 
 @pytest.mark.parametrize(
@@ -65,6 +71,17 @@ def test_map_has_victims_and_tags_and_writes_them_again(tmp_path: Path) -> None:
             id="a wrong key, with a suggestion",
         ),
         pytest.param("victims: {name: A}", "victims", id="no list"),
+        pytest.param(
+            "crates: [{name: A, size: [1, 1, 99], position: [0, 0, 0]}]",
+            r"crates.0.size.2: ",
+            id="large crate",
+        ),
+        pytest.param(
+            "crates: [{name: A, size: [1, 1, 1], position: [0, 0, 0]},"
+            " {name: a, size: [1, 1, 1], position: [2, 0, 0]}]",
+            "'a'",
+            id="two crates of a name",
+        ),
     ],
 )
 def test_wrong_entries_are_told_with_their_place(

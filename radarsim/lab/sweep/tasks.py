@@ -99,6 +99,8 @@ def digest(scene: Scene) -> str:
     found.update(repr((*rest, scene.gps_origin)).encode())
     if scene.tags or scene.victims:  # else the digest is that of earlier versions
         found.update(repr((scene.tags, scene.victims)).encode())
+    if scene.crates:  # likewise
+        found.update(repr(scene.crates).encode())
     return found.hexdigest()[:16]
 
 

@@ -9,6 +9,7 @@ from radarsim.errors import MalformedMessage, PresetError, expected_one_of, list
 from radarsim.geometry import Pose2
 from radarsim.presets.sensors import parse_settings
 from radarsim.protocol.commands import (
+    TRACE_COLOURS,
     UNSUPPORTED_TYPES,
     Command,
     Drive,
@@ -21,11 +22,13 @@ from radarsim.protocol.commands import (
     SetItem,
     SetViewports,
     ShowCamera,
+    Trace,
     Unsupported,
     parse_command,
     parse_pose,
     parse_switch,
 )
+from radarsim.protocol.control import CONTROLLER, Control
 from radarsim.protocol.line_template import printable_name
 from radarsim.protocol.message import LARGEST_COMMANDED, parse_number
 from radarsim.protocol.packages import LinkOrder
@@ -34,6 +37,7 @@ from radarsim.protocol.watch import CommandError, Watch
 from radarsim.scene.scene import Scene
 from radarsim.server.host.camera_commands import set_viewports, show_camera
 from radarsim.server.host.connection import Client, Diagnostic, join_diagnostics
+from radarsim.server.host.control_commands import control
 from radarsim.server.host.replies import (
     CAMERA,
     camera_configuration,
@@ -53,7 +57,7 @@ if TYPE_CHECKING:
     from radarsim.simulation.vehicle import Vehicle
 
 RobotCommand: TypeAlias = (
-    Drive | MovePackage | MultiDrive | GetGeo | GetConf | SetItem | SetViewports
+    Drive | MovePackage | MultiDrive | GetGeo | GetConf | SetItem | SetViewports | Trace
 )
 Question: TypeAlias = GetStartPoses | GetGeo | GetConf
 ReplyKey: TypeAlias = tuple[str | None, ...] | None
@@ -78,6 +82,7 @@ SETTING: Final = "SETTING"
 SCANNER_OPCODES: Final = ("ECHOES", "TARGETS", SETTING)
 CAMERA_OPCODES: Final = ("ZOOM", "FOV")
 OPCODES: Final = ("SCAN", "RESET", "POSE", *SCANNER_OPCODES, *CAMERA_OPCODES)
+LONGEST_TRACE: Final = 3600.0  # s between two marks of a trail
 MAX_PROBLEMS: Final = 800  # characters; a client can have many settings wrong
 CACHED_REPLIES: Final = 1000  # a client can ask for types and names in any spelling
 
@@ -176,6 +181,9 @@ class CommandHandler:
         self._despawn(client)
 
     def _despawn(self, client: Client) -> None:
+        if client.controls:
+            self.simulation.crates.remove_owned(client.number)
+            client.controls = False
         if client.vehicle is not None:
             self.simulation.remove(client.vehicle)
             self._watchers.remove_robot(client.vehicle)
@@ -188,7 +196,7 @@ class CommandHandler:
                 return SETTING_WORK
             case Init() | SetItem() | MovePackage() | MultiDrive() | SetViewports():
                 return HEAVY_WORK
-            case Watch() | ShowCamera():
+            case Watch() | ShowCamera() | Control():
                 return HEAVY_WORK + len(self.clients_by_robot) // ROBOTS_A_UNIT
             case GetGeo(robot=str()) | GetConf(robot=str()):
                 return HEAVY_WORK + len(self.clients_by_robot) // ROBOTS_A_UNIT
@@ -223,8 +231,8 @@ class CommandHandler:
                 return self._reply(client, command)
             case Init():
                 return self._init(client, command)
-            case Watch() | ShowCamera():
-                return self._look_at(client, command)
+            case Watch() | ShowCamera() | Control():
+                return self._execute_without_robot(client, command)
             case GetGeo(robot=str(robot)) | GetConf(robot=str(robot)):
                 return self._reply_about(robot, client, command)
             case Unsupported(verb):
@@ -247,14 +255,34 @@ class CommandHandler:
                 return _drive(vehicle, command)
             case MovePackage() | MultiDrive():
                 return _move_links(vehicle, command.verb, command.orders)
-            case SetItem() | SetViewports():
+            case SetItem() | SetViewports() | Trace():
                 return self._set(vehicle, command)
             case _:
                 return self._reply(client, command)
 
+    def _trace(self, vehicle: Vehicle, command: Trace) -> None:
+        interval = round(100 * min(max(command.interval, 0.01), LONGEST_TRACE))
+        colour = TRACE_COLOURS[command.colour]
+        if command.is_on:
+            self.simulation.trails.begin(vehicle.robot, interval, colour)
+        else:
+            self.simulation.trails.end(vehicle.robot)
+
+    def _control(self, client: Client, command: Control) -> Diagnostic | None:
+        if not client.controls:
+            text = f"CONTROL of no controller, expected INIT of {CONTROLLER}"
+            return Diagnostic("no controller", text)
+        states, problem = control(self.simulation, command, client.number)
+        if states is not None:
+            client.replies.append(to_bytes([states.encode(self._config.dialect)]))
+        return problem
+
     def _set(
-        self, vehicle: Vehicle, command: SetItem | SetViewports
+        self, vehicle: Vehicle, command: SetItem | SetViewports | Trace
     ) -> Diagnostic | None:
+        if isinstance(command, Trace):
+            self._trace(vehicle, command)
+            return None
         if isinstance(command, SetViewports):
             return set_viewports(vehicle, command)
         if command.type == "Joint":  # as the original, in this case only
@@ -288,10 +316,12 @@ class CommandHandler:
             return Diagnostic(f"malformed {opcode}", f"SET {opcode}: {problems}")
         return None
 
-    def _look_at(
-        self, client: Client, command: Watch | ShowCamera
+    def _execute_without_robot(
+        self, client: Client, command: Watch | ShowCamera | Control
     ) -> Diagnostic | None:
-        """Watch robots, or show a camera to viewers of pictures."""
+        """Watch robots, show a camera to viewers of pictures, or move crates."""
+        if isinstance(command, Control):
+            return self._control(client, command)
         if isinstance(command, ShowCamera):
             robots = [c.vehicle for c in self.clients_by_robot.values() if c.vehicle]
             return show_camera(self._simulation, robots, command)
@@ -374,6 +404,10 @@ class CommandHandler:
 
     def _init(self, client: Client, command: Init) -> Diagnostic | None:
         """Spawn a robot, which replaces the client's previous one."""
+        if command.class_name.casefold() == CONTROLLER.casefold():
+            self._despawn(client)
+            client.controls = True
+            return None
         # Presets are cached by the requested spelling, of which clients have many.
         class_name = self._classes.get(command.class_name.casefold())
         try:

@@ -135,6 +135,7 @@ class Client:
         watch_queue: Copies of the lines of the robots that it watches.
         replies: Lines of replies for the next write.
         vehicle: The client's robot; None before INIT.
+        controls: Whether it is a world controller, without a robot.
         has_spoken: Whether its first line has come.
         speaks_http: Whether that line began a request of a web browser.
     """
@@ -149,6 +150,7 @@ class Client:
     watch_queue: SendQueue = field(default_factory=_watch_queue)
     replies: list[bytes] = field(default_factory=list)
     vehicle: Vehicle | None = None
+    controls: bool = False
     has_spoken: bool = False
     speaks_http: bool = False
 

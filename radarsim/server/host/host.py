@@ -183,9 +183,7 @@ class Host:
         """Begin a simulation that ``make_simulation`` has made."""
         from radarsim.server.host.echo_lines import EchoWriter
 
-        self._echo_writer = EchoWriter(
-            lambda: {v.number: v.robot.name for v in simulation.vehicles}
-        )
+        self._echo_writer = EchoWriter(lambda: simulation.body_names)
         self._commands.begin(simulation)
         for observer in self._observers:
             observer.begin(simulation)

@@ -163,9 +163,9 @@ def test_time_is_above_zero_and_never_goes_back(host: Host) -> None:
         pytest.param(
             b"DRVE {Left 1} {Right 1}",
             "malformed line",
-            "verb 'DRVE' (did you mean 'DRIVE'?), expected one of ['ACT', 'DRIVE', "
-            "'GETCONF', 'GETGEO', 'GETSTARTPOSES', 'INIT', 'MISPKG', 'MULTIDRIVE', "
-            "'SET', 'WATCH']",
+            "verb 'DRVE' (did you mean 'DRIVE'?), expected one of ['ACT', 'CONTROL', "
+            "'DRIVE', 'GETCONF', 'GETGEO', 'GETSTARTPOSES', 'INIT', 'MISPKG', "
+            "'MULTIDRIVE', 'SET', 'TRACE', 'WATCH']",
             id="misspelt verb",
         ),
         pytest.param(

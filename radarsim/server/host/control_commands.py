@@ -1,0 +1,138 @@
+"""Commands of world controllers, which create and move crates."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from radarsim.errors import expected_one_of, list_names
+from radarsim.geometry import Pose3
+from radarsim.protocol.control import (
+    CRATE,
+    CREATE,
+    KILL,
+    KILL_ALL,
+    LARGEST_PLACE,
+    MOVE_BY,
+    TELL,
+    Control,
+    CrateStates,
+)
+from radarsim.scene.crates import LARGEST, MOST_CRATES, SMALLEST, Crate
+from radarsim.server.host.connection import Diagnostic
+
+if TYPE_CHECKING:
+    from radarsim.simulation.crates import Crates, PlacedCrate
+    from radarsim.simulation.simulation import Simulation
+
+MAX_CRATE_NAME = 64  # characters
+
+
+def control(
+    simulation: Simulation, command: Control, owner: int
+) -> tuple[CrateStates | None, Diagnostic | None]:
+    """Execute a command of a world controller.
+
+    Args:
+        simulation: What it acts on.
+        command: The command.
+        owner: Number of the client, with which its crates leave.
+
+    Returns:
+        The answer, if there is one, and why the command had no effect, if it had none.
+    """
+    crates = simulation.crates
+    match command.action:
+        case action if action == TELL:
+            return _states(crates, command), None
+        case action if action == CREATE:
+            return None, _create(simulation, command, owner)
+        case action if action == KILL_ALL:
+            for placed in crates:
+                if placed.owner is not None and _is_within(placed, command):
+                    crates.remove(placed)
+            return None, None
+    placed_or_none = crates.find(command.name or "")
+    if placed_or_none is None:
+        names = [each.crate.name for each in crates]
+        wanted = expected_one_of(command.name or "", names)
+        return None, Diagnostic("crate", f"CONTROL {command.action} of {wanted}")
+    if command.action == KILL:
+        crates.remove(placed_or_none)
+        return None, None
+    return None, _move(crates, placed_or_none, command)
+
+
+def _states(crates: Crates, command: Control) -> CrateStates | None:
+    """Return where crates are; None if there are none, as no line is empty."""
+    wanted = (command.name or "").casefold()
+    is_of_class = (command.class_name or CRATE).casefold() == CRATE.casefold()
+    states = tuple(
+        (
+            placed.crate.name,
+            placed.crate.size,
+            Pose3(*placed.crate.position, yaw=placed.crate.yaw),
+        )
+        for placed in crates
+        if is_of_class and wanted in ("", placed.crate.name.casefold())
+    )
+    return CrateStates(states) if states else None
+
+
+def _create(simulation: Simulation, command: Control, owner: int) -> Diagnostic | None:
+    crates, name = simulation.crates, (command.name or "")[:MAX_CRATE_NAME]
+    if (command.class_name or "").casefold() != CRATE.casefold():
+        what = f"CONTROL Create of {(command.class_name or 'no class')[:80]!r}"
+        return Diagnostic.of_unsupported(what, f", but of {CRATE}")
+    if not name or crates.find(name) is not None or crates.is_full:
+        expected = f"a new name, and at most {MOST_CRATES} crates"
+        return Diagnostic("crate name", f"CONTROL Create {name!r}, expected {expected}")
+    length, width, height = command.scale
+    if not all(SMALLEST <= side <= LARGEST for side in command.scale):
+        text = f"CONTROL Create of {length:g} x {width:g} x {height:g} m"
+        return Diagnostic("crate size", f"{text}, expected {SMALLEST} to {LARGEST} m")
+    position, yaw = command.position, command.rotation[2]
+    if command.start is not None:
+        start = simulation.scene.start(command.start)
+        if start is None:
+            names = [each.name for each in simulation.scene.starts]
+            wanted = expected_one_of(command.start, names)
+            return Diagnostic("start", f"CONTROL Create at start {wanted}")
+        x, y, z = start.pose.position().tolist()
+        position, yaw = (x, y, z + height / 2), start.pose.yaw
+    in_way = crates.create(
+        Crate(name, command.scale, position, yaw),
+        falls=command.falls,
+        owner=None if command.stays else owner,
+    )
+    return _hindrance(command, in_way)
+
+
+def _move(crates: Crates, placed: PlacedCrate, command: Control) -> Diagnostic | None:
+    crate = placed.crate
+    x, y, z = command.position
+    yaw = command.rotation[2]
+    if command.action == MOVE_BY:
+        was_x, was_y, was_z = crate.position
+        x, y, z = x + was_x, y + was_y, z + was_z
+        yaw = math.remainder(yaw + crate.yaw, 2 * math.pi)
+    if max(abs(x), abs(y), abs(z)) > LARGEST_PLACE:
+        text = f"CONTROL {command.action} to ({x:g}, {y:g}, {z:g}) m"
+        return Diagnostic("place", f"{text}, expected at most {LARGEST_PLACE:g} m")
+    moved = Crate(crate.name, crate.size, (x, y, z), yaw)
+    return _hindrance(command, crates.move(placed, moved))
+
+
+def _hindrance(command: Control, in_way: list[str]) -> Diagnostic | None:
+    if not in_way:
+        return None
+    text = f"CONTROL {command.action} to a place of {list_names(in_way)}"
+    return Diagnostic("no place", f"{text}, expected a free place")
+
+
+def _is_within(placed: PlacedCrate, command: Control) -> bool:
+    if command.corners is None:
+        return True
+    low, high = command.corners
+    each = zip(low, placed.crate.position, high, strict=True)
+    return all(a < at < b for a, at, b in each)

@@ -1,0 +1,149 @@
+"""The crates of a simulation: those of the map, and those that clients create.
+
+To everything else they are robots that stand still: upright boxes of a fleet, which
+other robots touch and all sensors see.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from radarsim.geometry import Pose2
+from radarsim.presets.robots import RobotModel
+from radarsim.protocol.control import CRATE
+from radarsim.protocol.dialect import WheelDrive
+from radarsim.robots.fleet import Fleet
+from radarsim.robots.footprint import Footprint
+from radarsim.robots.obstacles import Obstacles, overlaps
+from radarsim.robots.robot import BOTTOM, TOP, Robot
+from radarsim.scene.crates import MOST_CRATES, Crate
+from radarsim.scene.scene import Scene
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedCrate:
+    """A crate that is there.
+
+    Attributes:
+        crate: Where it is, and how large.
+        body: Its body in the fleet.
+        falls: Whether it stands on the floor wherever it is moved.
+        owner: Whose it is: it leaves with this one. None if it stays.
+    """
+
+    crate: Crate
+    body: Robot
+    falls: bool = False
+    owner: int | None = None
+
+
+class Crates:
+    """The crates of a simulation."""
+
+    def __init__(self, scene: Scene, fleet: Fleet) -> None:
+        """Place the crates of a scene."""
+        self._scene, self._fleet = scene, fleet
+        self._nothing = Obstacles()
+        self._placed: dict[str, PlacedCrate] = {}
+        for crate in scene.crates:
+            self._keep(PlacedCrate(crate, self._add_body(crate)))
+
+    def __iter__(self) -> Iterator[PlacedCrate]:
+        """Iterate over the crates, in the order of their creation."""
+        return iter(tuple(self._placed.values()))
+
+    @property
+    def is_full(self) -> bool:
+        """Whether there is room for no further crate."""
+        return len(self._placed) >= MOST_CRATES
+
+    def find(self, name: str) -> PlacedCrate | None:
+        """Return the crate of a name, in any case."""
+        return self._placed.get(name.casefold())
+
+    def create(self, crate: Crate, *, falls: bool, owner: int | None) -> list[str]:
+        """Add a crate, of whose name there is none.
+
+        Args:
+            crate: The crate.
+            falls: Whether it stands on the floor wherever it is moved.
+            owner: As of ``PlacedCrate``.
+
+        Returns:
+            Names of robots and crates that are in the way; with any of them nothing is
+            added.
+        """
+        crate = self._landed(crate) if falls else crate
+        in_way = self._in_way(crate)
+        if not in_way:
+            self._keep(PlacedCrate(crate, self._add_body(crate), falls, owner))
+        return in_way
+
+    def move(self, placed: PlacedCrate, crate: Crate) -> list[str]:
+        """Put a crate elsewhere, unless something is in the way; see ``create``."""
+        crate = self._landed(crate) if placed.falls else crate
+        in_way = self._in_way(crate, placed.body)
+        if not in_way:
+            # As another body: what moved at once had no speed on its way.
+            self._fleet.remove(placed.body)
+            self._keep(replace(placed, crate=crate, body=self._add_body(crate)))
+        return in_way
+
+    def remove(self, placed: PlacedCrate) -> None:
+        """Remove a crate."""
+        self._fleet.remove(placed.body)
+        del self._placed[placed.crate.name.casefold()]
+
+    def remove_owned(self, owner: int) -> None:
+        """Remove the crates of an owner."""
+        for placed in self:
+            if placed.owner == owner:
+                self.remove(placed)
+
+    def _keep(self, placed: PlacedCrate) -> None:
+        self._placed[placed.crate.name.casefold()] = placed
+
+    def _landed(self, crate: Crate) -> Crate:
+        x, y, _ = crate.position
+        z = self._scene.floor_at(x, y) + crate.size[2] / 2
+        return replace(crate, position=(x, y, z))
+
+    def _in_way(self, crate: Crate, own: Robot | None = None) -> list[str]:
+        """Return the names of robots and crates that a crate would overlap."""
+        length, width, height = crate.size
+        x, y, z = crate.position
+        footprint, rows = Footprint(length, width), self._fleet.columns
+        return [
+            each.name
+            for each in self._fleet.near(x, y, footprint.radius)
+            if each is not own
+            and rows[each.slot, BOTTOM] < z + height / 2
+            and rows[each.slot, TOP] > z - height / 2
+            and overlaps(footprint, Pose2(x, y, crate.yaw), each)
+        ]
+
+    def _add_body(self, crate: Crate) -> Robot:
+        length, width, height = crate.size
+        x, y, z = crate.position
+        model = RobotModel(
+            name=CRATE,
+            length=length,
+            width=width,
+            height=height,
+            origin_height=height / 2,
+            wheel_radius=1.0,
+            wheel_separation=1.0,
+            wheel_base=1.0,
+            track=1.0,
+            wheels=("right", "left"),
+            mass=1.0,
+            max_torque=1.0,
+        )
+        body = self._fleet.add(
+            crate.name,
+            model,
+            Pose2(x, y, crate.yaw),
+            obstacles=self._nothing,
+            wheel_drive=WheelDrive(0.0),
+        )
+        self._fleet.lift(body, z, self._nothing)
+        return body

@@ -1,0 +1,72 @@
+"""Trails that robots leave on the floor for cameras, where their clients ask for it.
+
+Nothing but pictures shows them.
+"""
+
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from radarsim.geometry import Floats
+from radarsim.robots.robot import BOTTOM, Robot
+from radarsim.simulation.clock import Clock
+
+MOST_MARKS: Final = 200  # of a robot; the oldest vanish
+LIFT: Final = 0.02  # m of a mark above the floor
+
+Colour: TypeAlias = tuple[float, float, float]  # red, green and blue, 0 to 1
+
+
+@dataclass(slots=True)
+class _Trail:
+    """The trail of a robot: a mark every ``interval`` ticks, from ``start`` on."""
+
+    robot: Robot
+    start: int
+    interval: int
+    colour: Colour
+    marks: deque[tuple[float, ...]] = field(
+        default_factory=lambda: deque(maxlen=MOST_MARKS)
+    )
+
+
+class Trails:
+    """The trails of all robots."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._trails: dict[int, _Trail] = {}
+
+    def begin(self, robot: Robot, interval: int, colour: Colour) -> None:
+        """Let a robot leave marks from now on; marks of other colours stay.
+
+        Args:
+            robot: The robot.
+            interval: Ticks between two marks, at least one.
+            colour: Colour of the marks.
+        """
+        trail = _Trail(robot, self._clock.ticks, interval, colour)
+        known = self._trails.get(robot.number)
+        if known is not None:
+            trail.marks = known.marks
+        self._trails[robot.number] = trail
+
+    def end(self, robot: Robot) -> None:
+        """Remove the trail of a robot, if it has one."""
+        self._trails.pop(robot.number, None)
+
+    def step(self) -> None:
+        """Leave the marks that are due in this tick."""
+        for trail in self._trails.values():
+            if (self._clock.ticks - trail.start) % trail.interval == 0:
+                pose, row = trail.robot.pose, trail.robot.fleet.columns
+                z = row.item(trail.robot.slot, BOTTOM) + LIFT
+                trail.marks.append((pose.x, pose.y, z, *trail.colour))
+
+    @property
+    def marks(self) -> Floats:
+        """All marks, (M, 6): x, y, z, m, map frame; red, green and blue, 0 to 1."""
+        rows = [mark for trail in self._trails.values() for mark in trail.marks]
+        return np.array(rows).reshape(-1, 6)
