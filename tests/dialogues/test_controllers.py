@@ -163,7 +163,7 @@ def test_crates_leave_with_their_controller_unless_they_are_permanent(
     assert [*places(wire)] == ["crate1", "foo"]
     wire.host.disconnect(first.number)
     assert [*places(wire)] == ["foo"]
-    wire.send("CONTROL {Type KillAll}")
+    wire.send(CREATE, "CONTROL {Type KillAll}")
     assert [*places(wire)] == ["foo"]
     wire.send(CREATE)
     wire.send("CONTROL {Type KillAll} {MinPos 5,5,-5} {MaxPos 9,9,5}")
