@@ -240,6 +240,39 @@ def test_bot_ardrone_flies_for_a_minute() -> None:
     assert wire.news == []
 
 
+class MrlImu:
+    """MRL's reader of an IMU, by the rule of its others: segments by position."""
+
+    keys = ("XYZAcceleration", "AngularVel", "AngularAccel", "Rotation")
+
+    def parse(self, line: str) -> list[list[float]] | None:
+        if "{Type IMU}" not in line:
+            return None
+        segments = [each.split("}")[0] for each in line.split("{")[1:]]
+        shift = 3 if segments[0].startswith("Time") else 2
+        words = [each.split(" ") for each in segments[shift:]]
+        assert tuple(key for key, _ in words) == self.keys
+        return [[float(number) for number in text.split(",")] for _, text in words]
+
+
+@pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=["compat", "udk"])
+def test_mrl_reads_the_inertial_unit_for_a_minute(
+    empty_room: Scene, dialect: Dialect
+) -> None:
+    wire = Wire(empty_room, dialect)
+    wire.send("INIT {ClassName USARBot.AirRobot} {Location 0,0,-1}")
+    rate = 0.5 if dialect is COMPAT else math.degrees(0.5)
+    wire.send(fly(0, 0, 0, rate))
+    lines = [line for _ in range(60) for line in wire.wait(1)]
+    found = [MrlImu().parse(line) for line in lines]
+    units = [each for each in found if each is not None]
+    assert len(units) == 600
+    rates = [rates for _, rates, _, _ in units[1:]]
+    assert rates == [pytest.approx([0, 0, 0.5], abs=2e-3)] * 599
+    turned = np.unwrap([angles[2] for *_, angles in units])
+    assert turned[-1] - turned[0] == pytest.approx(0.5 * 59.9, abs=1e-3)
+
+
 def test_lcm_proxy_flies_an_air_robot_for_a_minute() -> None:
     wire = Wire(YARD, UDK)
     wire.send(

@@ -14,14 +14,17 @@ import numpy as np
 import pytest
 from client_parsers import PlayerParser, RosParser
 from positional_parsers import (
+    IridiumParser,
     MaldoParser,
     StudentParser,
     ThafParser,
     ToolboxParser,
 )
 
+from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
+from radarsim.simulation.config import SimulationConfig
 
 
 class Wire:
@@ -239,11 +242,146 @@ def test_the_java_controller_loses_only_the_status(wire: Wire) -> None:
     assert wire.x == pytest.approx(-8.169998)
 
 
+class Position3d:
+    """maldo's flight, as its Spanish locale writes it."""
+
+    def command(self, up: float, ahead: float, side: float, turn: float) -> str:
+        texts = [f"{each:f}".replace(".", ",") for each in (up, ahead, side, turn)]
+        keys = ("Altitude", "Linear", "Lateral", "Rotational")
+        fields = [f"{{{k}Velocity {t}}}" for k, t in zip(keys, texts, strict=True)]
+        return f"DRIVE {' '.join(fields)} {{Normalized false}}\r\n"
+
+
+def test_the_java_controller_flies_for_a_minute(wire: Wire) -> None:
+    java, flight = JavaController(wire), Position3d()
+    wire.send(
+        "INIT {ClassName USARBot.AirRobot} {Name 1} {Location -6,000000 1,000000 "
+        "-0,250000} {Rotation 0,000000 0,000000 0,000000}\r\nGETCONF {Type Robot}\r\n"
+    )
+    java.run(0.2)
+    for second in range(60):
+        x, y, z = java.readings["GroundTruth"][-1]["Location"]
+        yaw = java.readings["GroundTruth"][-1]["Orientation"][2]
+        # It rises to 2 m first, and then keeps on a circle to the right.
+        up = max(-0.5, min(0.5, 2.0 + z))
+        turn = 0.5 if second >= 5 else 0.0
+        wire.send(flight.command(up, 1.0 if turn else 0.0, 0.0, turn))
+        java.run(1.0)
+        assert abs(yaw) <= 3.1416
+        assert ((x, y) == (-6.0, 1.0)) is (second <= 5)
+    body = wire.host.simulation.vehicles[0].robot.body
+    read = java.readings["GroundTruth"][-1]["Location"]
+    assert read == pytest.approx([body.x, -body.y, -body.z], abs=1e-4)
+    assert body.z == pytest.approx(2.0, abs=0.01)
+    # A circle of 2 m to the right of where it was: y of the wire is from 1 to 5.
+    ys = [values["Location"][1] for values in java.readings["GroundTruth"]]
+    assert (min(ys), max(ys)) == pytest.approx((1.0, 5.0), abs=0.03)
+    assert len(java.readings["RangeScanner"]) == pytest.approx(602, abs=2)
+    assert len(java.readings["GPS"]) == pytest.approx(301, abs=2)
+    assert java.readings["Touch"][-1] == {"Touch": False}
+
+
 def test_the_java_controller_drives_in_percent(wire: Wire) -> None:
     wire.send("INIT {ClassName USARBot.P2AT} {Location -8,0,0}\r\n")
     wire.send("DRIVE {Left 2.0} {Right 2.0} {Normalized false}\r\n")
     list(wire.writes(1))
     assert wire.x == pytest.approx(-8 + 2 * 0.11)
+
+
+class Iridium:
+    """Its panels: actuators that it has learnt of, positions of links, a map."""
+
+    stop = (
+        "DRIVE {Left 0} {Right 0} {Speed 0} {AltitudeVelocity 0} {LinearVelocity 0} "
+        "{LateralVelocity 0} {RotationalVelocity 0}\r\n"
+    )
+
+    def __init__(self, wire: Wire, class_name: str) -> None:
+        self.wire = wire
+        self.actuators: list[str] = []
+        self.links: dict[str, dict[int, float]] = {}
+        self.track: list[tuple[float, float, float]] = []
+        self.battery = 0
+        self.parser = IridiumParser()
+        wire.send(
+            f"INIT {{ClassName USARBot.{class_name}}} {{Location 0.00, 0.00, 0.00}} "
+            "{Rotation 0.00, 0.00, 0.00}\r\n"
+        )
+        self.run(0.2)
+        wire.send("GETCONF {Type Actuator}\r\n")
+        self.run(0.1)
+
+    def run(self, seconds: float) -> None:
+        for line in self.wire.lines(seconds):
+            reading = self.parser.parse(line)
+            if reading is None:
+                continue
+            match reading.kind:
+                case "STA":
+                    self.battery = reading.values["Battery"]
+                case "MISSTA":
+                    self.links[reading.name] = reading.values["Links"]
+                case "CONF Actuator" if not self.actuators:
+                    keys = ("Name", "Name_0")
+                    values = reading.values
+                    self.actuators = [values[key] for key in keys if key in values]
+                case "GroundTruth":
+                    x, y, _ = reading.values["Location"]
+                    self.track.append((x, y, reading.values["Orientation"][2]))
+                case _:
+                    pass
+
+
+@pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=["compat", "udk"])
+def test_iridium_turns_a_pan_tilt_for_a_minute(
+    empty_room: Scene, dialect: Dialect
+) -> None:
+    wire = Wire(Host(empty_room, config=SimulationConfig(dialect)))
+    ui = Iridium(wire, "Kenaf")
+    assert ui.actuators == ["Flippers", "CameraPanTilt"]
+    for second in range(60):
+        pan, tilt = 0.5 * np.sin(second / 10), 0.2
+        wire.send(f"ACT {{Name CameraPanTilt}} {{Link 1}} {{Value {pan:.4f}}}\r\n")
+        wire.send(f"ACT {{Name CameraPanTilt}} {{Link 2}} {{Value {tilt:.4f}}}\r\n")
+        ui.run(1.0)
+        (vehicle,) = wire.host.simulation.vehicles
+        if second > 5:  # it turns at 0.17 rad/s
+            seen = vehicle.camera_pose(vehicle.cameras[0])
+            assert (seen.yaw, -seen.pitch) == pytest.approx((pan, tilt), abs=0.01)
+            if dialect is COMPAT:  # the lines of the other are not shown
+                shown = {0: pan, 1: tilt}
+                assert ui.links["CameraPanTilt"] == pytest.approx(shown, abs=0.01)
+    assert [*ui.links] == (["Flippers", "CameraPanTilt"] if dialect is COMPAT else [])
+    assert len(ui.track) == pytest.approx(603, abs=2)
+
+
+@pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=["compat", "udk"])
+def test_iridium_steers_a_car_for_a_minute(empty_room: Scene, dialect: Dialect) -> None:
+    wire = Wire(Host(empty_room, config=SimulationConfig(dialect)))
+    ui = Iridium(wire, "FrontAckerman")
+    assert ui.actuators == []
+    unit = 1.0 if dialect is UDK else 2 * np.pi
+    for second in range(60):
+        steer = 0.3 if second % 20 < 10 else 0.15
+        wire.send(
+            f"DRIVE {{Speed {0.3 * unit:.2f}}} {{FrontSteer {steer:.2f}}} "
+            "{RearSteer 0.00} {Light true}\r\n"
+        )
+        ui.run(1.0)
+    (vehicle,) = wire.host.simulation.vehicles
+    speed = round(0.3 * unit, 2) / unit * 2 * np.pi * 0.128
+    turned = np.unwrap([yaw for *_, yaw in ui.track])
+    rates = np.tan([0.3, 0.15]) / 0.956 * speed
+    # To the right, by the bicycle model, from the first command on.
+    assert turned[-1] - turned[0] == pytest.approx(30 * rates.sum(), rel=0.005)
+    steps = np.hypot(*np.diff([(x, y) for x, y, _ in ui.track], axis=0).T)
+    assert steps[5:].max() < 1.1 * speed / 10
+    wire.send(Iridium.stop)
+    where = vehicle.robot.pose
+    ui.run(1.0)
+    assert vehicle.robot.pose == where
+    battery = 3600 if dialect is COMPAT else 1200
+    assert ui.battery == pytest.approx(battery - 61, abs=1)
 
 
 class MatlabToolbox:

@@ -3,6 +3,7 @@
 An exception is where the real client would stop.
 """
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -112,6 +113,49 @@ class Mrl:
         return "VictSensor", found
 
 
+class UsFiducial:
+    """Player's us_fiducial: words after keys, y and z flipped."""
+
+    def parse(self, line: str) -> list[tuple[int, float, float, float]] | None:
+        if "{Name " not in line or "{Type RFID}" not in line:
+            return None
+        found: list[tuple[int, float, float, float]] = []
+        rest = line
+        while True:
+            number, rest = self.value(rest, "ID")
+            if number is None:
+                return found
+            place, rest = self.value(rest, "Location")
+            assert place is not None
+            x, y, z = map(float, place.split(","))
+            found.append((int(number), x, -y, -z))
+
+    def value(self, text: str, key: str) -> tuple[str | None, str]:
+        """Return the word after a key, and the text behind it."""
+        start = text.find(f"{{{key}")
+        if start == -1:
+            return None, text
+        word, _, rest = text[text.index(" ", start) + 1 :].partition(" ")
+        return word.removesuffix("}"), rest
+
+
+class UsarsimInf:
+    """usarsim_inf: keys in their case, values up to a comma or a brace."""
+
+    def parse(self, line: str) -> list[tuple[str, int | tuple[float, ...]]] | None:
+        if "{Type RFID}" not in line:
+            return None
+        found: list[tuple[str, int | tuple[float, ...]]] = []
+        for key, text in re.findall(r"\{\s*(\S+)\s([^{}]*)\}", line):
+            values = [word for word in re.split(r"[\s,{}]+", text) if word]
+            if key == "ID":
+                found.append((key, int(values[0])))
+            elif key == "Location":
+                x, y, z = map(float, values)
+                found.append((key, (x, y, z)))
+        return found
+
+
 @pytest.fixture(scope="module")
 def minute(empty_room: Scene) -> list[str]:
     return lines_of(empty_room, 60.0)
@@ -134,6 +178,24 @@ def test_tags_are_read_by_their_numbers(minute: list[str]) -> None:
     readings = filter(None, map(Commander().parse, minute))
     tags = [found for kind, found in readings if kind == "RFID"]
     assert {label for found in tags for label, *_ in found} == {"11137", "11138"}
+
+
+def test_fiducials_of_player_and_ros_are_the_tags_of_the_map(minute: list[str]) -> None:
+    player = [each for each in map(UsFiducial().parse, minute) if each is not None]
+    ros = [each for each in map(UsarsimInf().parse, minute) if each is not None]
+    assert len(player) == len(ros) == 600
+    for seen, read in zip(player, ros, strict=True):
+        tags = {number: (x, y, z) for number, x, y, z in seen}
+        assert [value for key, value in read if key == "ID"] == [*tags]
+        assert [value for key, value in read if key == "Location"] == [
+            (x, -y, -z) for x, y, z in tags.values()
+        ]
+        # Player has the left positive, where the first tag is; both are at rest.
+        assert tags[11137][1] == pytest.approx(1.0)
+        assert tags[11138][1] == pytest.approx(-1.0)
+        assert tags[11138][0] - tags[11137][0] == pytest.approx(1.0, abs=2e-4)
+    way = player[0][0][1] - player[-1][0][1]
+    assert way == pytest.approx(0.3 * 0.098 * 59.9, rel=0.01)
 
 
 def test_signs_of_life_become_clearer(minute: list[str]) -> None:

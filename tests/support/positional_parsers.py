@@ -139,7 +139,11 @@ class ThafParser:
 
 
 class IridiumParser:
-    """Iridium: splits at braces; what its panels show are texts."""
+    """Iridium: splits at braces; what its panels show are texts.
+
+    Of a key that comes again it keeps the last, under another name. So it shows the
+    first and the last link of a mission package, numbered from 0.
+    """
 
     sensors = frozenset(
         ("RangeScanner", "GroundTruth", "INS", "Odometry", "Tachometer", "Encoder")
@@ -152,21 +156,35 @@ class IridiumParser:
         for piece in pieces:
             if piece.strip():
                 key, value = piece.split(" ", 1)
-                fields[key] = value
+                fields[f"{key}_0" if key in fields else key] = value
         head = head.strip()
         if head == "STA":
+            assert "Type" in fields, "a null pointer"
             return Reading(head, "", {"Battery": int(fields["Battery"])})
         if head == "NFO":
             assert "Level" in fields or "StartPoses" in fields
             return Reading(head, "", fields)
-        if head in ("MISSTA", "ASTA"):
-            return None  # its rule is not known
+        if head == "ASTA":
+            return None
+        if head == "MISSTA":
+            return Reading(head, fields["Name"], {"Links": self.links(fields)})
         kind = fields["Type"] if head == "SEN" else f"{head} {fields['Type']}"
         values: dict[str, Any] = dict(fields)
         for key in ("Range", "Location", "Orientation", "Pose"):
             if key in fields:
                 values[key] = numbers(fields[key])
         return Reading(kind, fields.get("Name", ""), values)
+
+    def links(self, fields: dict[str, str]) -> dict[int, float]:
+        """Return the values of links by their numbers."""
+        values: dict[int, float] = {}
+        link = 0
+        for key, text in fields.items():
+            if key.lower().startswith("link"):
+                link = int(text) - 1
+            elif key.lower().startswith("value"):
+                values[link] = float(text)
+        return values
 
 
 class LcmProxyParser:
