@@ -35,6 +35,9 @@ ItemType: TypeAlias = Literal[
     "IMU",
     "Accel",
     "AcceleroMeter",
+    "AltitudeSensor",
+    "MagneticCompass",
+    "MissionTime",
     "MisPkg",
     "RFID",
     "VictSensor",
@@ -183,13 +186,16 @@ class Steering(BaseModel):
 
 
 class Flight(BaseModel):
-    """How a robot flies: it hovers, and moves in all directions without tilting.
+    """How a robot flies: it hovers, and moves in all directions.
 
     Attributes:
         max_linear: Highest speed ahead and backwards, m/s.
         max_lateral: Highest speed to either side, m/s.
         max_altitude: Highest speed up and down, m/s.
         max_turn_deg: Highest turn rate, degrees a second.
+        tilt_deg: How far it leans while it is told to move ahead or aside, in the
+            dialect ``udk``; in ``compat`` it stays level.
+        tilt_rate_deg: How fast it leans, degrees a second.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -198,6 +204,8 @@ class Flight(BaseModel):
     max_lateral: Length
     max_altitude: Length
     max_turn_deg: Length
+    tilt_deg: Annotated[float, Field(ge=0, le=45)] = 0.0
+    tilt_rate_deg: Length = 90.0
 
 
 _WHEEL_KEYS: Final = (
@@ -321,7 +329,11 @@ class RobotModel(BaseModel):
                 item if item.interval else item.model_copy(update=default)
                 for item in carried
             ]
-        return self.model_copy(update={"items": tuple(carried)})
+        flight = self.flight
+        if flight is not None and dialect == "compat":
+            # Clients of servers for UT2004 map what drones scan, which is level then.
+            flight = flight.model_copy(update={"tilt_deg": 0.0})
+        return self.model_copy(update={"items": tuple(carried), "flight": flight})
 
     def scanner_pose(self, start: Pose3) -> Pose3:
         """Return the pose of its first range scanner if it stands at a start pose.

@@ -60,7 +60,7 @@ from radarsim.protocol.geo_conf import (
     decode_geo,
     is_aerial,
 )
-from radarsim.protocol.line_template import FLIPPED, NO_SERIES, WHOLE, marks
+from radarsim.protocol.line_template import FLIPPED, NO_SERIES, WHOLE, WRAPPED, marks
 from radarsim.protocol.message import (
     Message,
     Triple,
@@ -96,10 +96,12 @@ __all__ = [
     "AerialConf",
     "AerialGeo",
     "AerialStatus",
+    "Altitude",
     "CameraConf",
     "CameraLimits",
     "ClockTick",
     "CommandError",
+    "Compass",
     "CrateStates",
     "EchoLine",
     "Encoder",
@@ -113,6 +115,7 @@ __all__ = [
     "Ins",
     "IntervalConf",
     "ItemGeo",
+    "MissionTime",
     "NameConf",
     "Odometry",
     "PackageConf",
@@ -462,6 +465,48 @@ class Imu(SensorReport):
 
 
 @dataclass(frozen=True, slots=True)
+class Altitude(SensorReport):
+    """The height of the robot above its spawn, and above the sea, m."""
+
+    sensor_type: ClassVar[str] = "AltitudeSensor"
+
+    name: Annotated[str, Text("Name")]
+    above_start: Annotated[float, Number("relativeAltitude", "robot")]
+    above_sea: Annotated[float, Number("absoluteAltitude", "robot")]
+
+
+class CompassAngle(FormattedField[float]):
+    """An angle from the north, clockwise on the wire."""
+
+    def read(self, message: Message) -> float:
+        return 0.0 - message.parse(self.key, parse_number)
+
+    def write(self, value: float, dialect: Dialect) -> Sequence[Segment]:
+        text = FLIPPED + WRAPPED + marks(self.format(dialect))
+        return (Segment(self.key, text, (value,)),)
+
+
+@dataclass(frozen=True, slots=True)
+class Compass(SensorReport):
+    """The heading of the robot from the x axis of the map, the north, rad."""
+
+    sensor_type: ClassVar[str] = "MagneticCompass"
+
+    name: Annotated[str, Text("Name")]
+    heading: Annotated[float, CompassAngle("MagneticAngle", "plain")]
+
+
+@dataclass(frozen=True, slots=True)
+class MissionTime(SensorReport):
+    """The whole minutes since the spawn of the robot."""
+
+    sensor_type: ClassVar[str] = "MissionTime"
+
+    name: Annotated[str, Text("Name")]
+    minutes: Annotated[int, Whole("Minutes")]
+
+
+@dataclass(frozen=True, slots=True)
 class Sonar(SensorReport):
     """The ranges of sonars.
 
@@ -585,6 +630,9 @@ SensorReading: TypeAlias = (
     | Acceleration
     | ProperAcceleration
     | Imu
+    | Altitude
+    | Compass
+    | MissionTime
     | Sonar
     | Gps
     | RfidTags

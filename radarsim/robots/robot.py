@@ -45,7 +45,9 @@ SIDESLIP, FRONT_STEER, REAR_STEER = range(28, 31)
 VELOCITY_X, VELOCITY_Y, VELOCITY_Z = range(31, 34)
 # Of a robot that flies: speed to its left and upwards, m/s; 0 of one that drives.
 ASIDE, CLIMB = range(34, 36)
-COLUMNS: Final = 36
+# Of a robot that flies: how far it tilts, and how far it is to tilt, rad.
+ROLL, PITCH, ROLL_WANTED, PITCH_WANTED = range(36, 40)
+COLUMNS: Final = 40
 
 UNKNOWN: Final = -1.0
 
@@ -148,7 +150,8 @@ class Robot:
         """Pose of the body frame, map frame."""
         number, slot = self.fleet.columns.item, self.slot
         x, y, z = number(slot, X), number(slot, Y), number(slot, BODY_Z)
-        return Pose3(x, y, z, 0.0, 0.0, number(slot, YAW))
+        roll, pitch = number(slot, ROLL), number(slot, PITCH)
+        return Pose3(x, y, z, roll, pitch, number(slot, YAW))
 
     @property
     def touched(self) -> bool:
@@ -281,8 +284,28 @@ class Robot:
             old if speed is None else _limited(speed, limit, normalized=normalized)
             for speed, old, limit in zip(speeds, before, limits, strict=True)
         )
+        # As the original, which leans by a part of itself if it is told percentages.
+        tilt = math.radians(flight.tilt_deg)
+        tilt *= flight.tilt_deg / 100 if normalized else 1.0
+        if ahead is not None:
+            row[PITCH_WANTED] = math.copysign(tilt, ahead) if ahead else 0.0
+        if left is not None:
+            row[ROLL_WANTED] = math.copysign(tilt, -left) if left else 0.0
         row[LEFT_SPIN] = (along - rate * half_track) / radius
         row[RIGHT_SPIN] = (along + rate * half_track) / radius
+
+    def lean(self, dt: float) -> None:
+        """Let a robot that flies tilt for a time step towards how it is to tilt.
+
+        Args:
+            dt: s.
+        """
+        flight, row = self.model.flight, self._row
+        if flight is None or not flight.tilt_deg:
+            return
+        step = math.radians(flight.tilt_rate_deg) * dt
+        for angle, wanted in ((ROLL, ROLL_WANTED), (PITCH, PITCH_WANTED)):
+            row[angle] += max(-step, min(step, row[wanted] - row[angle]))
 
     @property
     def _row(self) -> Floats:
@@ -293,6 +316,7 @@ class Robot:
         """Stop the wheels, or hover."""
         row = self._row
         row[LEFT_SPIN : RIGHT_SPIN + 1] = row[ASIDE : CLIMB + 1] = 0.0
+        row[ROLL_WANTED : PITCH_WANTED + 1] = 0.0
 
 
 def _limited(speed: float, limit: float, *, normalized: bool) -> float:

@@ -2,7 +2,7 @@
 
 Velocities are those of the body's last tick. An acceleration is the change of velocity
 since the last reading, as the original has it, along the axes of the sensor at its end.
-Robots stay level.
+Rates are the changes of roll, pitch and yaw, and not those about the axes of the body.
 """
 
 import math
@@ -15,8 +15,9 @@ from radarsim.jit import Int, njit_inline
 
 GRAVITY: Final = 9.81  # m/s2
 # Numbers of a sensor: its axes in the body frame, row by row; time of the last reading,
-# s; velocity then, m/s, map frame; yaw then, rad; turn rate of that reading, rad/s.
-AXES, READ_TIME, VELOCITY, HEADING, RATE = 0, 9, 10, 13, 14
+# s; velocity then, m/s, map frame; roll, pitch and yaw then, rad; and the rates of that
+# reading, rad/s.
+AXES, READ_TIME, VELOCITY, ATTITUDE, RATES = 0, 9, 10, 13, 16
 
 
 def new_acceleration(mount: Pose3, time: float, yaw: float) -> Floats:
@@ -28,7 +29,7 @@ def new_acceleration(mount: Pose3, time: float, yaw: float) -> Floats:
         yaw: Yaw of the body, rad.
     """
     axes = mount.rotation().T.ravel()
-    return np.concatenate([axes, [time, 0.0, 0.0, 0.0, yaw, 0.0]])
+    return np.concatenate([axes, [time, *[0.0] * 5, yaw, 0.0, 0.0, 0.0]])
 
 
 @njit_inline
@@ -36,7 +37,8 @@ def read_acceleration(
     numbers: Floats,
     place: Int,
     time: float,
-    motion: tuple[float, float, float, float],
+    motion: tuple[float, float, float],
+    attitude: tuple[float, float, float],
     gravity: float,
     out: Floats,
     at: Int,
@@ -47,7 +49,8 @@ def read_acceleration(
         numbers: Numbers of all sensors of the robot.
         place: Place from which on those of the sensor are.
         time: s.
-        motion: Velocity of the body, m/s, map frame, and its yaw, rad.
+        motion: Velocity of the body, m/s, map frame.
+        attitude: Its roll, pitch and yaw, rad.
         gravity: What is added downwards, m/s2.
         out: For the three numbers.
         at: Place of the first of them.
@@ -55,7 +58,8 @@ def read_acceleration(
     Returns:
         The time since the last reading, s; accelerations are 0 if it is 0.
     """
-    x, y, z, yaw = motion
+    x, y, z = motion
+    roll, pitch, yaw = attitude
     elapsed = time - numbers[place + READ_TIME]
     along, across, up = 0.0, 0.0, 0.0
     if elapsed > 1e-6:
@@ -70,16 +74,27 @@ def read_acceleration(
         numbers[velocity], numbers[velocity + 1] = x, y
         numbers[velocity + 2] = z
         numbers[place + READ_TIME] = time
+    up -= gravity
+    if roll != 0.0 or pitch != 0.0:
+        c, s = math.cos(pitch), math.sin(pitch)
+        along, up = c * along - s * up, s * along + c * up
+        c, s = math.cos(roll), math.sin(roll)
+        across, up = c * across + s * up, c * up - s * across
     for axis in range(3):
         row = place + AXES + 3 * axis
         level = numbers[row] * along + numbers[row + 1] * across
-        out[at + axis] = level + numbers[row + 2] * (up - gravity)
+        out[at + axis] = level + numbers[row + 2] * up
     return float(elapsed)
 
 
 @njit_inline
 def read_rotation(
-    numbers: Floats, place: Int, elapsed: float, yaw: float, out: Floats, at: Int
+    numbers: Floats,
+    place: Int,
+    elapsed: float,
+    attitude: tuple[float, float, float],
+    out: Floats,
+    at: Int,
 ) -> None:
     """Write rates, their changes, and angles of the body: nine numbers.
 
@@ -87,20 +102,20 @@ def read_rotation(
         numbers: Numbers of all sensors of the robot.
         place: Place from which on those of the sensor are.
         elapsed: Time since the last reading, s.
-        yaw: Yaw of the body, rad.
+        attitude: Roll, pitch and yaw of the body, rad.
         out: For roll, pitch and yaw: rates, rad/s, accelerations, rad/s2, angles, rad.
         at: Place of the first of them.
     """
-    for k in range(9):
-        out[at + k] = 0.0
-    if elapsed > 1e-6:
-        turn = yaw - numbers[place + HEADING]
-        if turn > math.pi:
-            turn -= 2 * math.pi
-        elif turn < -math.pi:
-            turn += 2 * math.pi
-        rate = turn / elapsed
-        out[at + 2] = rate
-        out[at + 5] = (rate - numbers[place + RATE]) / elapsed
-        numbers[place + HEADING], numbers[place + RATE] = yaw, rate
-    out[at + 8] = yaw
+    for axis in range(3):
+        angle, last = attitude[axis], place + ATTITUDE + axis
+        out[at + axis], out[at + 3 + axis], out[at + 6 + axis] = 0.0, 0.0, angle
+        if elapsed > 1e-6:
+            turn = angle - numbers[last]
+            if turn > math.pi:
+                turn -= 2 * math.pi
+            elif turn < -math.pi:
+                turn += 2 * math.pi
+            rate = turn / elapsed
+            out[at + axis] = rate
+            out[at + 3 + axis] = (rate - numbers[place + RATES + axis]) / elapsed
+            numbers[last], numbers[place + RATES + axis] = angle, rate

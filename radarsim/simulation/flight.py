@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from radarsim.geometry import Floats
+from radarsim.geometry import Floats, Pose3
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
@@ -110,12 +110,13 @@ class Airspace:
     def _room(self, robot: Robot, wanted: float, boxes: Boxes) -> float:
         """Return how far a robot can rise, or descend if that is negative, m."""
         model, body = robot.model, robot.body
+        level = Pose3(body.x, body.y, body.z, yaw=body.yaw)  # as its hull stays
         above = model.height - model.origin_height
         hull = above if wanted > 0 else model.origin_height
         half = np.array([model.length, model.width]) / 2 - INSET
         places = np.array([(x, y, 0.0) for x in _GRID for y in _GRID])
         places[:, :2] *= half
-        starts: Floats = places @ body.rotation().T + body.position()
+        starts: Floats = places @ level.rotation().T + level.position()
         directions = np.tile([0.0, 0.0, math.copysign(1.0, wanted)], (len(starts), 1))
         reach = hull + abs(wanted)
         rays = Rays.uniform(

@@ -50,16 +50,19 @@ from radarsim.sensors.sonar import SonarArray
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.readings import (
     ACCELERATION,
+    ALTITUDES,
     BODY_POSE,
     DRIFT,
     FROM_ANGLE,
     FROM_TICK,
+    HEADING,
     INERTIA,
     INS_POSE,
     IS_TOUCHED,
     LINK_ANGLES,
     LINK_NUMBERS,
     LINK_SPEED,
+    MINUTES,
     PROPER_ACCELERATION,
     TIME,
     TO_ANGLE,
@@ -272,6 +275,36 @@ _ACCELERATIONS: Final[dict[str, _Reading]] = {
 }
 
 
+class AltitudeItem(SensorItem):
+    """Reads how high the robot is above its spawn, and above the sea."""
+
+    def __init__(self, mounting: Mounting) -> None:
+        super().__init__(mounting)
+        start = self._numbers.add([self.robot.body.z]).start
+        sample = reports.Altitude(0.0, self.name, 0.0, 0.0)
+        # The job of the first attribute writes the numbers of both.
+        jobs = {"time": (Job(TIME),), "above_start": (Job(ALTITUDES, start),)}
+        self.source = Source(sample, {**jobs, "above_sea": ()})
+
+
+class CompassItem(SensorItem):
+    """Reads the heading of the robot."""
+
+    def __init__(self, mounting: Mounting) -> None:
+        super().__init__(mounting)
+        self._report(reports.Compass(0.0, self.name, 0.0), heading=Job(HEADING))
+
+
+class MissionTimeItem(SensorItem):
+    """Counts the minutes since the spawn."""
+
+    def __init__(self, mounting: Mounting) -> None:
+        super().__init__(mounting)
+        start = self._numbers.add([round(100 * mounting.time)]).start
+        sample = reports.MissionTime(0.0, self.name, 0)
+        self._report(sample, minutes=Job(MINUTES, start))
+
+
 class PackageItem(SensorItem):
     """A mission package: links that turn at their speeds to where they are told.
 
@@ -367,6 +400,9 @@ SENSOR_ITEMS: dict[str, Callable[[Mounting], SensorItem]] = {
     "Touch": TouchItem,
     **dict.fromkeys(_ACCELERATIONS, AccelerationItem),
     "MisPkg": PackageItem,
+    "AltitudeSensor": AltitudeItem,
+    "MagneticCompass": CompassItem,
+    "MissionTime": MissionTimeItem,
 }
 
 

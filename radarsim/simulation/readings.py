@@ -22,8 +22,10 @@ from radarsim.robots.robot import (
     BODY_Z,
     FRONT_STEER,
     LEFT_ANGLE,
+    PITCH,
     REAR_STEER,
     RIGHT_ANGLE,
+    ROLL,
     TOUCHED,
     VELOCITY_X,
     VELOCITY_Y,
@@ -63,7 +65,13 @@ DRIFT, STEERING = range(9, 11)
 # an inertial measurement unit.
 ACCELERATION, PROPER_ACCELERATION, INERTIA = range(11, 14)
 LINK_ANGLES: Final = 14  # of each link of a mission package
+# Two numbers: heights above the spawn and above the sea, m. One: minutes since the
+# spawn; yaw, rad.
+ALTITUDES, MINUTES, HEADING = range(15, 18)
 
+SEA_LEVEL: Final = -111.0  # m; height of the sea below the spawn, as of the original
+
+TICKS_A_MINUTE: Final = 6000
 SPENT: Final = 0  # place in the numbers of a robot: 1 if random numbers are used up
 # Numbers of a battery: time that it lasts, s; what it holds at least, s; tick of the
 # spawn.
@@ -128,6 +136,7 @@ def fill_readings(
         slot = due[row, 0]
         mine, body[0], body[1] = numbers[slot], robots[slot, X], robots[slot, Y]
         body[2], body[5] = robots[slot, BODY_Z], robots[slot, YAW]
+        body[3], body[4] = robots[slot, ROLL], robots[slot, PITCH]
         left, right = robots[slot, LEFT_ANGLE], robots[slot, RIGHT_ANGLE]
         for job in range(due[row, 1], due[row, 2]):
             kind, place, wheels = jobs[job, 0], jobs[job, 1], jobs[job, 2]
@@ -190,7 +199,7 @@ def _read_motion(
     out: Floats,
     at: int,
 ) -> int:
-    """Write angles of axles or links, or accelerations; return the place after."""
+    """Write what else follows from the motion; return the place after."""
     if kind == LINK_ANGLES:
         count = int(numbers[place + LINK_COUNT])
         for link in range(count):
@@ -199,14 +208,41 @@ def _read_motion(
     if kind == STEERING:
         out[at], out[at + 1] = robot[FRONT_STEER], robot[REAR_STEER]
         return at + 2
-    velocity_z = robot[VELOCITY_Z]
-    motion = robot[VELOCITY_X], robot[VELOCITY_Y], velocity_z, robot[YAW]
+    if kind >= ALTITUDES:
+        return _read_gauge(kind, numbers, place, robot, ticks, out, at)
+    motion = robot[VELOCITY_X], robot[VELOCITY_Y], robot[VELOCITY_Z]
+    attitude = robot[ROLL], robot[PITCH], robot[YAW]
     gravity = GRAVITY if kind == PROPER_ACCELERATION else 0.0
-    elapsed = read_acceleration(numbers, place, ticks / 100, motion, gravity, out, at)
+    time = ticks / 100
+    elapsed = read_acceleration(
+        numbers, place, time, motion, attitude, gravity, out, at
+    )
     if kind != INERTIA:
         return at + 3
-    read_rotation(numbers, place, elapsed, robot[YAW], out, at + 3)
+    read_rotation(numbers, place, elapsed, attitude, out, at + 3)
     return at + 12
+
+
+@njit_inline
+def _read_gauge(
+    kind: int,
+    numbers: Floats,
+    place: int,
+    robot: Floats,
+    ticks: int,
+    out: Floats,
+    at: int,
+) -> int:
+    """Write heights, minutes or the heading; return the place after."""
+    if kind == ALTITUDES:
+        height = robot[BODY_Z] - numbers[place]
+        out[at], out[at + 1] = height, max(0.0, height - SEA_LEVEL)
+        return at + 2
+    if kind == MINUTES:
+        out[at] = (ticks - numbers[place]) // TICKS_A_MINUTE
+    else:
+        out[at] = robot[YAW]
+    return at + 1
 
 
 @njit_inline

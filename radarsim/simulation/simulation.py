@@ -233,6 +233,7 @@ class Simulation:
             boxes = self.boxes()
             for vehicle in self._flying:
                 self._airspace.climb(self._fleet, vehicle.robot, boxes, TICK)
+                vehicle.robot.lean(TICK)
         self.trails.step()
         drifting = self._drifting.due()
         if drifting:

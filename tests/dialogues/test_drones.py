@@ -65,10 +65,91 @@ def test_air_robot_hovers_flies_an_arc_and_rises(
     wire.wait(1)
     assert wire.body.yaw < yaw - 0.2
     wire.send(fly(0, 0, 0, 0))
+    wire.wait(1)  # in which it gets level again
     before = wire.body
     wire.wait(1)
     assert wire.body == before
+    assert (before.roll, before.pitch) == (0, 0)
     assert wire.news == []
+
+
+def readings_of(lines: list[str], kind: str) -> list[dict[str, str]]:
+    """Return the fields of the readings of a kind of sensor."""
+    found = [line for line in lines if f"{{Type {kind}}}" in line]
+    return [dict(re.findall(r"{(\w+) ([^}]*)}", line)) for line in found]
+
+
+def test_drone_leans_in_udk_as_the_original_and_all_on_it_with_it(
+    empty_room: Scene,
+) -> None:
+    wire = Wire(empty_room, UDK)
+    wire.send("INIT {ClassName USARBot.AirRobot} {Location 0,0,-1.2}")
+    (drone,) = wire.host.simulation.vehicles
+    wire.send(fly(0, 0.2, 0.1, 0))  # a tick passes
+    wire.wait(0.29)
+    rate, full = math.radians(38.45), math.radians(25)
+    assert (wire.body.roll, wire.body.pitch) == pytest.approx((0.3 * rate, 0.3 * rate))
+    lines = wire.wait(0.5)
+    assert (wire.body.roll, wire.body.pitch) == pytest.approx((full, full))
+    # On the wire the nose down is negative, and the right side down positive.
+    truth = readings_of(lines, "GroundTruth")[-1]
+    assert truth["Orientation"] == "0.436,-0.436,0.000"
+    unit = [float(x) for x in readings_of(lines, "IMU")[0]["AngularVel"].split(",")]
+    assert unit == pytest.approx([rate, -rate, 0], abs=2e-3)
+    ins = readings_of(lines, "INS")[-1]["Orientation"].split(",")
+    assert float(ins[1]) == pytest.approx(2 * math.pi - full, abs=0.1)
+    camera = drone.camera_pose(drone.cameras[0])
+    level = Pose3(0, 0, 0, wire.body.roll, wire.body.pitch).rotation()
+    assert camera.rotation() == pytest.approx(level)
+    # Straight ahead the scanner reads the floor.
+    ranges = readings_of(wire.wait(0.2), "RangeScanner")[-1]["Range"].split(",")
+    sensor = drone.sensor_pose(drone.scanners[0].item)
+    reach = sensor.z / -sensor.rotation()[2, 0]
+    assert float(ranges[90]) == pytest.approx(reach, abs=0.1)
+    # Told percentages, it leans by a fourth; told nothing of its speeds, as before.
+    wire.send("DRIVE {LinearVelocity -50} {Normalized true}")
+    wire.wait(2)
+    assert wire.body.pitch == pytest.approx(-full / 4)
+    assert wire.body.roll == pytest.approx(full)
+    wire.send(fly(0, 0, 0, 1))
+    wire.wait(1)
+    assert (wire.body.roll, wire.body.pitch) == (0, 0)
+    wire.send("DRIVE {LinearVelocity 1}")
+    wire.wait(1)
+    drone.robot.halt()
+    wire.wait(1)
+    assert wire.body.pitch == 0
+
+
+def test_drone_stays_level_in_compat(empty_room: Scene) -> None:
+    wire = Wire(empty_room)
+    wire.send("INIT {ClassName USARBot.AirRobot}", fly(0, 0.2, 0.1, 0))
+    wire.wait(1)
+    assert (wire.body.roll, wire.body.pitch) == (0, 0)
+
+
+@pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=["compat", "udk"])
+def test_altitude_compass_and_minutes(empty_room: Scene, dialect: Dialect) -> None:
+    wire = Wire(empty_room, dialect)
+    wire.send("INIT {ClassName USARBot.AirRobot} {Location 0,0,-1} {Rotation 0,0,3}")
+    rate = 0.1 if dialect is COMPAT else math.degrees(0.1)
+    wire.send(fly(-0.25, 0, 0, rate))
+    lines = wire.wait(1.98)
+    digits = ".00" if dialect is COMPAT else ".0000"
+    assert f"SEN {{Time 2{digits}}} {{Type AltitudeSensor}} {{Name Altitude}} " in (
+        "".join(lines)
+    )
+    height = readings_of(lines, "AltitudeSensor")[-1]
+    assert float(height["relativeAltitude"]) == pytest.approx(-0.4975, abs=2e-4)
+    assert float(height["absoluteAltitude"]) == pytest.approx(110.5025, abs=2e-4)
+    # Clockwise from the x axis, past half a turn.
+    angle = float(readings_of(lines, "MagneticCompass")[-1]["MagneticAngle"])
+    assert angle == pytest.approx(3 + 0.199 - 2 * math.pi, abs=2e-4)
+    minutes = []
+    for _ in range(119):
+        minutes += readings_of(wire.wait(1), "MissionTime")
+    counts = [each["Minutes"] for each in minutes]
+    assert counts == ["0"] * 579 + ["1"] * 600 + ["2"] * 11
 
 
 def test_normalized_speeds_are_percentages_and_all_are_limited(

@@ -17,10 +17,12 @@ from radarsim.protocol.reports import (
     AerialConf,
     AerialGeo,
     AerialStatus,
+    Altitude,
     CameraConf,
     CameraLimits,
     ClockTick,
     CommandError,
+    Compass,
     CrateStates,
     EchoLine,
     Encoder,
@@ -32,6 +34,7 @@ from radarsim.protocol.reports import (
     Ins,
     IntervalConf,
     ItemGeo,
+    MissionTime,
     NameConf,
     Odometry,
     ProperAcceleration,
@@ -113,6 +116,22 @@ COMPAT_LINES: list[tuple[str, Report, str]] = [
         ProperAcceleration(1.5, "Accelerometer", (0, 0, -9.81)),
         "SEN {Time 1.50} {Type AcceleroMeter} {Name Accelerometer} "
         "{ProperAcceleration 0.0000,0.0000,9.8100}",
+    ),
+    (
+        "heights",
+        Altitude(1.5, "Altitude", -0.25, 110.75),
+        "SEN {Time 1.50} {Type AltitudeSensor} {Name Altitude} "
+        "{relativeAltitude -0.2500} {absoluteAltitude 110.7500}",
+    ),
+    (
+        "compass",
+        Compass(1.5, "Compass", 3.5),
+        "SEN {Time 1.50} {Type MagneticCompass} {Name Compass} {MagneticAngle 2.7832}",
+    ),
+    (
+        "minutes",
+        MissionTime(63.5, "Time", 1),
+        "SEN {Time 63.50} {Type MissionTime} {Name Time} {Minutes 1}",
     ),
     (
         "links of a camera, as recorded",

@@ -44,6 +44,9 @@ ITEMS: Final = {
     "imu": ("IMU", None),
     "acceleration": ("Accel", None),
     "accelerometer": ("AcceleroMeter", None),
+    "altitudesensor": ("AltitudeSensor", None),
+    "magneticcompass": ("MagneticCompass", None),
+    "missiontime": ("MissionTime", None),
     "battery": ("Battery", None),
 }
 _UNCOMMENTED: Final = re.compile(r'(?:[^;"]|"[^"]*(?:"|$))*')
