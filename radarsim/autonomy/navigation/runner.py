@@ -24,6 +24,7 @@ from radarsim.autonomy.navigation.control import (
     moved,
 )
 from radarsim.autonomy.navigation.controller import Activity, Controller
+from radarsim.autonomy.navigation.glimpses import Glimpses
 from radarsim.autonomy.navigation.moving_things import Waiting
 from radarsim.autonomy.navigation.observation import (
     ECHO_WAIT,
@@ -256,6 +257,7 @@ class Navigator:
         trip, stuck_detector, nearest = TripMeter(), StuckDetector(), math.inf
         clearance, twist = ClearanceCheck(bumpers), STOP
         waiting = Waiting(bumpers, self._robot.clearance)
+        glimpses = Glimpses()
         touches = TouchMemory(
             self._robot.length, self._robot.width, bumpers.safety_distance
         )
@@ -263,7 +265,7 @@ class Navigator:
             for scan in self._loop.scans():
                 if touches.notice(scan, twist):
                     bug.reconsider(scan.pose, touches.places.hide)
-                observation = touches.places.hide(scan)
+                observation = touches.places.hide(glimpses.add_to(scan))
                 # Among mirrors, what is seen from afar may be elsewhere.
                 trusted = GOAL_IN_SIGHT if len(touches.places) else math.inf
                 goal = bug.goals[0] if bug.goals else None
@@ -276,9 +278,11 @@ class Navigator:
                 away = touches.retreat(observation) or waiting.back_off(observation)
                 if away is not None:
                     twist = away
-                else:
+                elif has_to_wait:
                     # Who waits does not ask the bug: what passes becomes no obstacle.
-                    twist = STOP if has_to_wait else bug.step(observation)
+                    twist = STOP
+                else:
+                    twist = touches.keep_off(observation, bug.step(observation))
                 waits = has_to_wait or away is not None
                 touches.note_decision(scan, None if waits else twist)
                 trip.add(observation)

@@ -15,7 +15,10 @@ all that steers by scans treats what was touched as it treats what it sees.
 
 The robot goes back the way it came, which was free, until what it has touched is as far
 away as the safety distance. It keeps nothing if it stood: then something has driven
-into it, and will drive away.
+into it, and will drive away. Along a mirror the way back leads along it. So where that
+ends, it takes the motion that leads its centre away and its hull past all that it sees
+or has touched. It does the same instead of a motion that would press its hull against
+what it has touched, such as a turn beside it: nothing is touched twice.
 
 In a mirror that it faces it sees itself come as it comes. It may stop before its image,
 and stand there for good: then it takes what it faces for touched.
@@ -31,6 +34,7 @@ from numpy.typing import NDArray
 
 from radarsim.autonomy.navigation.control import STOP, Twist
 from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.navigation.open_directions import HORIZON
 from radarsim.geometry import Floats, Pose2, wrap_angle
 
 DEPTH: Final = 0.1  # m; of a box, so that it is seen from its end, too
@@ -43,6 +47,13 @@ LEAST_TURN: Final = 0.05  # rad/s
 _MOTIONS: Final = 200  # that are kept
 _POINTS: Final = 5  # on each side of the hull
 _LEADING: Final = 0.5  # of the highest outward speed, above which a point may have led
+_CLOSE: Final = 0.02  # m from the hull to a box, within which it may touch that
+_SOON: Final = (0.15, 0.3)  # s ahead at which a motion is judged that a bug decided on
+_AHEAD: Final = (0.25, 0.5, 0.75, 1.0)  # s; likewise, one that leads away
+_GAIN: Final = 0.01  # m that this has to lead away
+_SPEEDS: Final = (0.2, -0.2)  # m/s of motions that may
+_TURNS: Final = (0.0, 0.1, -0.1, 0.2, -0.2, 0.4, -0.4, 0.8, -0.8)  # rad/s, likewise
+_SAMPLE: Final = 0.05  # m between two points of a box
 _SAME: Final = 0.6  # m from a box within which the same thing was touched again
 _PART: Final = 0.15  # m from the point that is nearest to the box, likewise
 
@@ -84,6 +95,13 @@ class TouchedPlaces:
         off = np.abs(to - np.clip(share, 0.0, 1.0) * along)
         distances: Floats = off.min(axis=1, initial=math.inf)
         return distances
+
+    def samples(self) -> Points:
+        """Return points of all boxes, (N,), map frame."""
+        longest = np.abs(np.diff(self._walls)).max(initial=0.0)
+        shares = np.linspace(0.0, 1.0, math.ceil(longest / _SAMPLE) + 1)
+        points: Points = self._walls[:, 0, None] + np.diff(self._walls) * shares
+        return points.ravel()
 
     def hide(self, observation: Observation) -> Observation:
         """Return a scan whose beams end at the boxes, without what is behind them."""
@@ -152,6 +170,7 @@ class TouchMemory:
         """
         self.places = TouchedPlaces(math.hypot(length, width))
         self._safety_distance = safety_distance
+        self._half = np.array([length, width]) / 2
         self._outline, self._normals = _hull_outline(length, width)
         self._way_back = WayBack()
         self._last: Observation | None = None
@@ -196,20 +215,70 @@ class TouchMemory:
         """Return the motion back from what was touched; None away from it.
 
         Args:
-            observation: The newest scan, after ``notice``.
+            observation: The newest scan, after ``notice``, without what boxes hide.
         """
         if self._gone_back is None:
             return None
         pose = observation.pose
         (near,) = self.places.distances(np.array([complex(pose.x, pose.y)]))
         is_away = near >= self._safety_distance and not observation.touched
-        motion = self._way_back.pop()
-        if is_away or motion is None or self._gone_back > LONGEST_WAY_BACK:
+        has_way = not is_away and self._gone_back <= LONGEST_WAY_BACK
+        if has_way and (motion := self._way_back.pop()):
+            elapsed, back = motion
+            self._gone_back += abs(back.speed) * elapsed
+            return back
+        way_out = None if is_away else self._way_out(observation)
+        if way_out is None:
             self._gone_back = None
-            return None
-        elapsed, twist = motion
-        self._gone_back += abs(twist.speed) * elapsed
-        return twist
+        return way_out
+
+    def keep_off(self, observation: Observation, twist: Twist) -> Twist:
+        """Return a motion, or one that leads away if it would touch a box again.
+
+        Args:
+            observation: The newest scan, after ``retreat``.
+            twist: The motion that was decided on.
+        """
+        if _stands(twist) or not len(self.places):
+            return twist
+        boxes = _seen_from(observation.pose, self.places.samples())
+        now = self._hull_distance(boxes, STOP, 0.0)
+        soon = min(self._hull_distance(boxes, twist, time) for time in _SOON)
+        if soon >= min(_CLOSE, now):
+            return twist
+        self._gone_back = 0.0
+        return self.retreat(observation) or twist
+
+    def _way_out(self, observation: Observation) -> Twist | None:
+        """Return the motion that leads away from boxes, past all else; None if none."""
+        boxes = _seen_from(observation.pose, self.places.samples())
+        seen = observation.ranges * np.exp(1j * observation.bearings)
+        points = np.concatenate([boxes, seen[observation.ranges < HORIZON]])
+        least = min(_CLOSE, self._hull_distance(points, STOP, 0.0))
+        best, most = None, np.abs(boxes).min() + _GAIN
+        for twist in (Twist(v, w) for v in _SPEEDS for w in _TURNS):
+            end = _motion_after(twist, _AHEAD[-1])[0]
+            away = np.abs(boxes - end).min()
+            if away > most and all(
+                self._hull_distance(points, twist, time) >= least for time in _AHEAD
+            ):
+                best, most = twist, away
+        return best
+
+    def _hull_distance(self, points: Points, twist: Twist, time: float) -> float:
+        """Return how far the hull will be from points, robot's frame, m; < 0 inside.
+
+        Args:
+            points: (N,) m.
+            twist: The motion.
+            time: s from now.
+        """
+        place, turned = _motion_after(twist, time)
+        there = (points - place) * np.exp(-1j * turned)
+        x, y = np.abs(there.real) - self._half[0], np.abs(there.imag) - self._half[1]
+        outside = np.hypot(np.maximum(x, 0.0), np.maximum(y, 0.0))
+        distances = outside + np.minimum(np.maximum(x, y), 0.0)
+        return float(distances.min(initial=math.inf))
 
     def _touched_box(self, pose: Pose2) -> Points:
         """Return the corners of a box at the part of the hull that led, map frame."""
@@ -236,6 +305,21 @@ class TouchMemory:
         box += depth + np.array([0.0, 0.0, DEPTH, DEPTH])
         corners: Points = place + to_map * normal * box
         return corners
+
+
+def _seen_from(pose: Pose2, points: Points) -> Points:
+    """Return points, map frame, in the frame of a robot at a pose."""
+    seen: Points = (points - complex(pose.x, pose.y)) * np.exp(-1j * pose.yaw)
+    return seen
+
+
+def _motion_after(twist: Twist, time: float) -> tuple[complex, float]:
+    """Return where a motion leads, m, robot's frame, and by how much it turns, rad."""
+    turned = twist.turn * time
+    # of the arc its chord, by its middle; exact enough for a second
+    return twist.speed * time * complex(
+        math.cos(turned / 2), math.sin(turned / 2)
+    ), turned
 
 
 def _stands(twist: Twist) -> bool:

@@ -6,7 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from radarsim.autonomy.evaluation.random_trials import load_random_map
+from radarsim.autonomy.evaluation.random_trials import (
+    RandomTrialSpec,
+    load_random_map,
+    run_random_trial,
+)
 from radarsim.autonomy.evaluation.trials import run_plan
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.control import STOP, Twist
@@ -128,6 +132,46 @@ def test_robot_goes_back_the_way_it_came() -> None:
     assert near == pytest.approx(S, abs=0.04)
 
 
+@pytest.mark.parametrize("side", [1, -1], ids=["left", "right"])
+@pytest.mark.parametrize("turn", [0.8, -0.8])
+def test_who_turns_beside_what_was_touched_leads_its_hull_away_first(
+    side: int, turn: float
+) -> None:
+    memory, pose = TouchMemory(LENGTH, WIDTH, S), Pose2(0.0, 0.0)
+    # nearer than half the diagonal, so that a corner would swing into it
+    for k in range(-2, 3):
+        memory.places.add(box(0.2 * k, side * 0.42))
+    walls = memory.places.samples()
+    nearest, away = math.inf, 0.0
+    for k in range(60):
+        seen = memory.places.hide(scan(0.1 * k, pose))
+        memory.notice(scan(0.1 * k, pose), STOP)
+        bug = Twist(0.0, turn)
+        twist = memory.retreat(seen) or memory.keep_off(seen, bug)
+        pose = step(pose, twist)
+        there = (walls - (pose.x + 1j * pose.y)) * np.exp(-1j * pose.yaw)
+        inside = np.maximum(
+            np.abs(there.real) - LENGTH / 2, np.abs(there.imag) - WIDTH / 2
+        )
+        nearest = min(nearest, inside.min())
+        away = max(away, np.abs(there).min())
+        if twist == bug:
+            break
+    assert nearest > 0.0
+    assert away >= S - 0.02
+
+
+def test_motion_away_from_what_was_touched_is_as_it_was_decided() -> None:
+    memory = TouchMemory(LENGTH, WIDTH, S)
+    seen = scan(0.0, Pose2(0.0, 0.0))
+    assert memory.keep_off(seen, FORWARD) is FORWARD
+    memory.places.add(box(LENGTH / 2 + 0.1, 0.0))
+    for twist in (Twist(-0.3, 0.0), STOP):
+        assert memory.keep_off(seen, twist) is twist
+    # no way back is known, so a way out of it
+    assert memory.keep_off(seen, FORWARD).speed < 0
+
+
 def step(pose: Pose2, twist: Twist) -> Pose2:
     middle = pose.yaw + twist.turn * 0.05
     x = pose.x + twist.speed * 0.1 * math.cos(middle)
@@ -167,3 +211,17 @@ def test_robot_finds_out_that_it_is_among_mirrors(algorithm: str) -> None:
     # In mirrors that it has not touched it may see the image of a wall at its goal.
     assert outcome in ("no_path", "too_near")
     assert pushes == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("number", "algorithm"),
+    [
+        pytest.param(2, "tangentbug", id="end of a pane"),
+        pytest.param(6, "tangentbug", id="turns beside a mirror"),
+        pytest.param(6, "bug1", id="end of a mirror"),
+        pytest.param(14, "bug2", id="stuck at the end of a mirror"),
+    ],
+)
+def test_robot_is_right_on_maps_where_it_was_wrong(number: int, algorithm: str) -> None:
+    assert run_random_trial(RandomTrialSpec(number, algorithm, hard=True)).correct
