@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from radarsim.server.host import Host
     from radarsim.server.image_server import ImageServer
     from radarsim.server.question_server import QuestionServer
+    from radarsim.server.radio_server import RadioServer
     from radarsim.server.tcp_server import Companion
 
 log = logging.getLogger("radarsim.server")
@@ -83,6 +84,7 @@ def serve(
     image_port: Annotated[Port | None, RARE] = None,
     truth_port: Annotated[Port | None, RARE] = None,
     wireless_port: Annotated[Port | None, RARE] = None,
+    wss_port: Annotated[Port | None, RARE] = None,
     max_clients: Annotated[int, Ge(1), RARE] = DEFAULT_MAX_CLIENTS,
     config: Annotated[Path | None, Option(is_config_file=True)] = None,  # noqa: ARG001 - read while words are parsed
     log_options: LogOptions,
@@ -102,6 +104,8 @@ def serve(
             original's is 3989.
         wireless_port: Answer a wireless server (WSS) on this port as well; the
             original's is 7435.
+        wss_port: Be a wireless server (WSS) on this port as well, through which robots
+            talk that hear each other; the original's is 50000.
         max_clients: Refuse clients when this many are connected.
         config: YAML file with values of options that are not given, and the map.
         log_options: The log.
@@ -119,6 +123,7 @@ def serve(
         "--image-port": image_port or 0,
         "--truth-port": truth_port or 0,
         "--wireless-port": wireless_port or 0,
+        "--wss-port": wss_port or 0,
     }
     _check_ports(host, own_ports, beside)  # before imports that take long
     with ExitStack() as until_end:
@@ -136,6 +141,10 @@ def serve(
         from radarsim.server.tcp_server import serve as serve_until_signal
 
         own = _own_servers(simulated, image_port, truth_port, wireless_port)
+        if wss_port is not None:
+            from radarsim.server.radio_server import RadioServer
+
+            own["wss"] = RadioServer(port=wss_port)
         most = _permitted_clients(max_clients)
         server = Server(simulated, speed=speed, max_clients=most)
         for each in beside:
@@ -231,7 +240,7 @@ def _own_servers(
     image_port: int | None,
     truth_port: int | None,
     wireless_port: int | None,
-) -> dict[str, ImageServer | QuestionServer]:
+) -> dict[str, ImageServer | QuestionServer | RadioServer]:
     """Create the servers of pictures and of questions, by what they serve.
 
     Args:
@@ -240,7 +249,7 @@ def _own_servers(
         truth_port: Port of true poses, likewise.
         wireless_port: Port for a wireless server, likewise.
     """
-    servers: dict[str, ImageServer | QuestionServer] = {}
+    servers: dict[str, ImageServer | QuestionServer | RadioServer] = {}
     images = make_image_server(host, image_port)
     if images is not None:
         servers["images"] = images

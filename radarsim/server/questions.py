@@ -58,7 +58,11 @@ def wireless_answer(dialect: Dialect) -> Answer:
         ]
 
         def count(start: Triple, end: Triple) -> int:
-            return 0 if simulation is None else _obstacles(simulation.scene, start, end)
+            return (
+                0
+                if simulation is None
+                else count_obstacles(simulation.scene, start, end)
+            )
 
         try:
             request = WirelessRequest.decode(line)
@@ -71,7 +75,7 @@ def wireless_answer(dialect: Dialect) -> Answer:
     return answer
 
 
-def _obstacles(scene: Scene, start: Triple, end: Triple) -> int:
+def count_obstacles(scene: Scene, start: Triple, end: Triple) -> int:
     """Return how many bodies are on the straight line between two places."""
     tracer, place = tracer_of(scene), np.clip(start, -FARTHEST, FARTHEST)
     offset = np.clip(end, -FARTHEST, FARTHEST) - place

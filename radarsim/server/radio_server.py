@@ -1,0 +1,286 @@
+"""A wireless server (WSS): lets robots and operators talk who hear each other.
+
+Theory of operation
+===================
+A robot registers with its name and the ports on which its program listens. Another one
+asks for a port at which it reaches the first, and connects to that: its bytes are
+passed on, in both directions, as long as the signal between the two is strong enough.
+When it is not, which is looked at every ``LOOK_INTERVAL``, all that they have to each
+other is closed, and the port is open again when it is.
+
+Rule 1: a program is only connected to at the address from which it registered.
+Rule 2: a robot whose battery is empty, or that has left, is closed; one that is not
+there yet only hears nobody.
+Rule 3: nobody who reads slowly fills the memory: what comes for him waits at its
+sender.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+from contextlib import suppress
+from typing import TYPE_CHECKING, Final
+
+from radarsim.errors import ServerError
+from radarsim.protocol.line_template import printable_name
+from radarsim.protocol.message import LineBuffer
+from radarsim.protocol.radio import (
+    CUTOFF,
+    RadioRequest,
+    signal_strength,
+    strength_text,
+)
+from radarsim.server.peer_connections import PeerConnection, PeerServer, RefusalLog
+from radarsim.server.questions import count_obstacles
+from radarsim.server.radio_links import REST, Door, Place
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from radarsim.protocol.message import Triple
+    from radarsim.simulation.simulation import Simulation
+
+log = logging.getLogger("radarsim.server")
+
+MAX_ROBOTS: Final = 32
+MAX_DOORS: Final = 128  # ports of all pairs
+MAX_LINKS: Final = 64  # connections through all of them
+MAX_REQUESTS: Final = 1000  # of a robot that wait; one that sends more is closed
+LOOK_INTERVAL: Final = 1.0  # s, as the original
+LONGEST_REQUEST: Final = 1024  # characters
+
+
+class RadioServer(PeerServer):
+    """Listens to robots; ``begin`` tells it where they are."""
+
+    def __init__(self, *, port: int) -> None:
+        """Create a server that does not listen yet; port 0 is a free one."""
+        super().__init__(port)
+        self.robots: dict[str, RadioClient] = {}
+        self._clients: set[RadioClient] = set()
+        self._refusals = RefusalLog("robots that talk")
+        self._doors: dict[tuple[str, str, int], Door] = {}
+        self._simulation: Simulation | None = None
+        self._seen: set[str] = set()  # names of robots that were there
+        self._looking: asyncio.TimerHandle | None = None
+
+    def _accept(self) -> RadioClient:
+        return RadioClient(self._clients, self._refusals, self)
+
+    async def begin(self, simulation: Simulation) -> None:
+        """Look where the robots of a simulation are from now on."""
+        self._simulation = simulation
+        self._look()
+
+    async def stop(self) -> None:
+        """Close the port and all connections at once; never raises."""
+        if self._looking is not None:
+            self._looking.cancel()
+        self._close(self._clients)
+        await asyncio.sleep(0)  # sockets are closed in the next round of the loop
+
+    def strength(self, one: str, other: str) -> float | None:
+        """Return the strength of the signal, dBm; None if a robot is not there."""
+        places = self._places()
+        if self._simulation is None or not {one, other} <= places.keys():
+            return None
+        start, end = sorted((places[one], places[other]))
+        count = count_obstacles(self._simulation.scene, start, end)
+        return signal_strength(math.dist(start, end), count)
+
+    def hears(self, one: str, other: str) -> bool:
+        """Return whether two robots hear each other."""
+        strength = self.strength(one, other)
+        return strength is not None and strength >= CUTOFF
+
+    def door(self, source: str, target: str, port: int) -> int | None:
+        """Return the port at which one robot reaches a port of another, if any."""
+        key = source, target, port
+        if key not in self._doors:
+            if len(self._doors) >= MAX_DOORS:
+                return None
+            with suppress(ServerError):
+                self._doors[key] = Door(self.address[0], self._connect_to(target, port))
+        if key not in self._doors:
+            return None
+        if self.hears(source, target):
+            self._doors[key].open()
+        return self._doors[key].number
+
+    def caller(self, target: str, port: int) -> str | None:
+        """Return who reaches a robot from a port of this server."""
+        for (source, to, _), door in self._doors.items():
+            if to == target and port in door.outgoing_ports:
+                return source
+        return None
+
+    def _connect_to(self, target: str, port: int) -> Callable[[], Place | None]:
+        """Return what tells where a robot is connected to, if it may be."""
+
+        def place() -> Place | None:
+            robot = self.robots.get(target)
+            links = sum(len(door.links) for door in self._doors.values())
+            return (robot.address, port) if robot and links < MAX_LINKS else None
+
+        return place
+
+    def forget(self, name: str) -> None:
+        """Close all doors of a robot that has gone."""
+        self.robots.pop(name, None)
+        for key in [each for each in self._doors if name in each[:2]]:
+            self._doors.pop(key).close()
+
+    def _places(self) -> dict[str, Triple]:
+        """Return where robots are whose batteries are not empty, m."""
+        vehicles = () if self._simulation is None else self._simulation.vehicles
+        return {v.robot.name: v.robot.body.numbers()[:3] for v in vehicles if v.alive}
+
+    def _look(self) -> None:
+        """Open and close doors by what is heard now, and look again later."""
+        places = self._places()
+        self._seen |= places.keys() & self.robots.keys()
+        for name in self._seen - places.keys():
+            self._seen.discard(name)
+            if name in self.robots:
+                log.info("%s: %s has gone", self.robots[name].peer, name)
+                self.robots[name].close()
+        for (source, target, _), door in list(self._doors.items()):
+            if self.hears(source, target):
+                door.open()
+            else:
+                door.close()
+        loop = asyncio.get_running_loop()
+        self._looking = loop.call_later(LOOK_INTERVAL, self._look)
+
+
+class RadioClient(PeerConnection):
+    """The connection on which a robot registers and asks."""
+
+    KIND = "robot that talks"
+    MOST = MAX_ROBOTS
+
+    def __init__(
+        self, clients: set[RadioClient], refusals: RefusalLog, server: RadioServer
+    ) -> None:
+        """Create the protocol of a connection; arguments as of ``PeerConnection``."""
+        super().__init__(clients, refusals)
+        self._server = server
+        self._lines = LineBuffer(LONGEST_REQUEST)
+        self._requests: list[str] = []
+        self._has_room = True
+        self.name, self.address = "", ""
+        self.ports: tuple[int, ...] = ()
+
+    def _begin(self, transport: asyncio.Transport) -> None:
+        transport.set_write_buffer_limits(high=0)
+        self.address = transport.get_extra_info("peername")[0]
+
+    def buffer_updated(self, nbytes: int) -> None:
+        """Answer requests, one after the other."""
+        waiting = bool(self._requests)
+        self._requests += self._lines.feed(bytes(self._buffer[:nbytes]))
+        if self._lines.overflow is not None or len(self._requests) > MAX_REQUESTS:
+            log.warning("%s: closed: %s", self.peer, self._lines.overflow or "a flood")
+            self.close()
+        if self._requests and not waiting:
+            self._answer_next()
+
+    def pause_writing(self) -> None:
+        """Note that answers are still to be read."""
+        self._has_room = False
+
+    def resume_writing(self) -> None:
+        """Go on when all answers are read."""
+        self._has_room = True
+        self._answer_next()
+
+    def _answer_next(self) -> None:
+        """Answer a request, and the next one a little later."""
+        if self._transport is None or not self._requests or not self._has_room:
+            return
+        reply = self._answer(RadioRequest.decode(self._requests[0]))
+        self._transport.write(f"{reply}\r\n".encode("ascii", "replace"))
+        loop = asyncio.get_running_loop()
+        loop.call_later(REST, self._drop_first)
+
+    def _drop_first(self) -> None:
+        del self._requests[:1]
+        self._answer_next()
+
+    def _answer(self, request: RadioRequest) -> str:
+        if not self.name:
+            return self._register(request)
+        fault = _fault_of(request)
+        if fault:
+            return f"ERROR {{Reason {fault}}}"
+        answers = {
+            "GETSS": self._tell_strength,
+            "DNS": self._reach,
+            "REVERSEDNS": self._tell_caller,
+        }
+        return answers[request.verb](request)
+
+    def _tell_strength(self, request: RadioRequest) -> str:
+        robot = f"SS {{Robot {printable_name(request.robot)}}}"
+        if request.robot == self.name:
+            return f"{robot} {{Strength INF}} {{Error SS.To.Self}}"
+        if request.robot not in self._server.robots:
+            return f"{robot} {{Strength NaN}} {{Error Robot.Does.Not.Exist}}"
+        strength = self._server.strength(self.name, request.robot)
+        return f"{robot} {strength_text(strength)}"
+
+    def _tell_caller(self, request: RadioRequest) -> str:
+        port = (request.ports or (0,))[0]
+        name = self._server.caller(self.name, port)
+        who = "Error UnknownOrIllegalPort"
+        if name is not None:
+            who = f"Robot {printable_name(name)}"
+        return f"REVERSEDNSREPLY {{Port {port}}} {{{who}}}"
+
+    def _register(self, request: RadioRequest) -> str:
+        if request.verb != "INIT":
+            return "ERROR {Reason Must.Use.INIT.Method.First}"
+        if request.ports is None:
+            return "ERROR {Reason Ports.List.Must.Be.Integer}"
+        if not request.robot:
+            return "ERROR {Reason Robot.Name.Must.Not.Be.Empty}"
+        if request.robot in self._server.robots:
+            return "ERROR {Reason Robot.Alread.Exists}"  # as the original spells it
+        self.name, self.ports = request.robot, request.ports
+        self._server.robots[self.name] = self
+        log.info("%s: is %s", self.peer, printable_name(self.name))
+        return "INITREPLY {Status OK}"
+
+    def _reach(self, request: RadioRequest) -> str:
+        """Answer how another robot is reached."""
+        other = self._server.robots.get(request.robot)
+        robot, ports = printable_name(request.robot), request.ports or ()
+        if other is None or other is self:
+            error = "NoSuchRobot"
+        elif not (ports or other.ports) or (ports and ports[0] not in other.ports):
+            error = "RobotDoesNotListenOnThisPort"
+        else:
+            wanted = (ports or other.ports)[0]
+            number = self._server.door(self.name, request.robot, wanted)
+            if number is None:
+                return "ERROR {Reason Could.Not.Allocate.Port}"
+            return f"DNSREPLY {{Robot {robot}}} {{Port {number}}}"
+        return f"DNSREPLY {{Robot {robot}}} {{Port -1}} {{Error {error}}}"
+
+    def _forget(self) -> None:
+        super()._forget()
+        if self.name:
+            self._server.forget(self.name)
+
+
+def _fault_of(request: RadioRequest) -> str:
+    """Return what is wrong with a request of a registered robot, in one word."""
+    if request.verb not in ("GETSS", "DNS", "REVERSEDNS"):
+        return "Method.Unknown.Or.Can.INIT.only.once"
+    if request.verb != "GETSS" and request.ports is None:
+        return "Port.Must.Be.Integer"
+    if request.verb != "REVERSEDNS" and not request.robot:
+        return "Robot.Name.Must.Not.Be.Empty"
+    return ""

@@ -1,0 +1,335 @@
+"""The wireless server: programs of robots that register, ask, and talk through it."""
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, suppress
+from typing import TypeAlias
+
+import pytest
+
+from radarsim.geometry import Pose2
+from radarsim.presets.robots import load_robot
+from radarsim.robots.obstacles import Obstacles
+from radarsim.scene.scene import Scene
+from radarsim.server import radio_links, radio_server
+from radarsim.server.radio_server import RadioServer
+from radarsim.simulation.simulation import Simulation
+
+DEADLINE = 30.0  # s of the wall clock, for what a busy machine does late
+FAR = Pose2(8, 0)  # behind eight walls
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(radio_server, "LOOK_INTERVAL", 0.01)
+
+
+Streams: TypeAlias = tuple[asyncio.StreamReader, asyncio.StreamWriter]
+
+
+class Program:
+    """A robot's program: it asks the server, and listens on a port of its own."""
+
+    def __init__(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
+        self.reader, self.writer = reader, writer
+        self.port = 0
+        self.calls: asyncio.Queue[Streams] = asyncio.Queue()
+        self.listener: asyncio.Server | None = None
+        self._writers = [writer]
+
+    async def listen(self) -> None:
+        async def take(r: asyncio.StreamReader, w: asyncio.StreamWriter) -> None:
+            self._writers.append(w)
+            await self.calls.put((r, w))
+
+        self.listener = await asyncio.start_server(take, "127.0.0.1", 0)
+        self.port = self.listener.sockets[0].getsockname()[1]
+
+    async def ask(self, line: str) -> str:
+        self.writer.write(f"{line}\r\n".encode())
+        async with asyncio.timeout(DEADLINE):
+            return (await self.reader.readuntil(b"\r\n")).decode().removesuffix("\r\n")
+
+    async def call(self, robot: str) -> Streams:
+        reply = await self.ask(f"DNS {{Robot {robot}}}")
+        port = int(reply.rpartition("{Port ")[2].removesuffix("}"))
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        self._writers.append(writer)
+        return reader, writer
+
+    async def next_call(self) -> Streams:
+        async with asyncio.timeout(DEADLINE):
+            return await self.calls.get()
+
+    async def close(self) -> None:
+        if self.listener is not None:
+            self.listener.close()
+        for writer in self._writers:
+            writer.close()
+            with suppress(ConnectionError):
+                await writer.wait_closed()
+
+
+@asynccontextmanager
+async def program(server: RadioServer, name: str = "") -> AsyncIterator[Program]:
+    made = Program(*await asyncio.open_connection(*server.address))
+    if name:
+        await made.listen()
+        reply = await made.ask(f"INIT {{Robot {name}}} {{Port {made.port}}}")
+        assert reply == "INITREPLY {Status OK}"
+    yield made
+    await made.close()
+
+
+@pytest.fixture
+def simulation(empty_room: Scene) -> Simulation:
+    scene = empty_room
+    for number in range(8):
+        box = {"box": [0.05, 12, 3], "position": [3 + number / 4, 0, 1.5]}
+        scene = scene.with_object(f"wall{number}", material="concrete", **box)
+    made = Simulation(scene)
+    for name, pose in (("R1", Pose2(0, 0)), ("R2", Pose2(-4, 0)), ("R3", FAR)):
+        made.spawn(name, load_robot("P3AT"), pose)
+    return made
+
+
+@asynccontextmanager
+async def serving(simulation: Simulation) -> AsyncIterator[RadioServer]:
+    server = RadioServer(port=0)
+    await server.start()
+    await server.begin(simulation)
+    yield server
+    await server.stop()
+
+
+def move(simulation: Simulation, name: str, pose: Pose2) -> None:
+    (robot,) = [v.robot for v in simulation.vehicles if v.robot.name == name]
+    robot.fleet.place(robot, pose, Obstacles())
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    async with asyncio.timeout(DEADLINE):
+        while not condition():  # noqa: ASYNC110 - the server has no such event
+            await asyncio.sleep(0.005)
+
+
+async def rest_of(reader: asyncio.StreamReader) -> bytes:
+    """Return what comes until the connection is closed."""
+    async with asyncio.timeout(DEADLINE):
+        with suppress(ConnectionError):
+            return await reader.read()
+    return b""
+
+
+@pytest.mark.asyncio
+async def test_requests_are_answered_as_by_the_original(simulation: Simulation) -> None:
+    async with serving(simulation) as server, program(server) as one:
+        ask = one.ask
+        first = "ERROR {Reason Must.Use.INIT.Method.First}"
+        assert await ask("GETSS {Robot R2}") == first
+        assert await ask("{") == first
+        ports = "ERROR {Reason Ports.List.Must.Be.Integer}"
+        assert await ask("INIT {Robot R1} {Port a}") == ports
+        nameless = "ERROR {Reason Robot.Name.Must.Not.Be.Empty}"
+        assert await ask("INIT {Port 7000}") == nameless
+        assert await ask("INIT {Robot R1} {Port 7000}") == "INITREPLY {Status OK}"
+        once = "ERROR {Reason Method.Unknown.Or.Can.INIT.only.once}"
+        assert await ask("INIT {Robot R1} {Port 7000}") == once
+        async with program(server) as two, program(server, "R2"):
+            taken = "ERROR {Reason Robot.Alread.Exists}"
+            assert await two.ask("INIT {Robot R1}") == taken
+            assert await two.ask("INIT {Robot Silent}") == "INITREPLY {Status OK}"
+            strength = "SS {Robot R2} {Strength -52.6803}"  # 4 m away
+            assert await ask("GETSS {Robot R2}") == strength
+            assert await ask("GETSS {Robot R1}") == (
+                "SS {Robot R1} {Strength INF} {Error SS.To.Self}"
+            )
+            assert await ask("GETSS {Robot R9}") == (
+                "SS {Robot R9} {Strength NaN} {Error Robot.Does.Not.Exist}"
+            )
+            assert await ask("GETSS {Robot Silent}") == (
+                "SS {Robot Silent} {Strength NaN} {Error Model.Returned.NaN}"
+            )
+            assert await ask("GETSS") == nameless
+            assert await ask("DNS {Robot R2} {Port -1}") == (
+                "ERROR {Reason Port.Must.Be.Integer}"
+            )
+            for name in ("R1", "R9"):
+                error = "{Port -1} {Error NoSuchRobot}"
+                assert await ask(f"DNS {{Robot {name}}}") == (
+                    f"DNSREPLY {{Robot {name}}} {error}"
+                )
+            for request in ("{Robot R2} {Port 1}", "{Robot Silent}"):
+                reply = await ask(f"DNS {request}")
+                assert reply.endswith("{Port -1} {Error RobotDoesNotListenOnThisPort}")
+            assert await ask("REVERSEDNS {Port 7}") == (
+                "REVERSEDNSREPLY {Port 7} {Error UnknownOrIllegalPort}"
+            )
+
+
+@pytest.mark.asyncio
+async def test_robots_talk_in_both_directions(simulation: Simulation) -> None:
+    async with (
+        serving(simulation) as server,
+        program(server, "R1") as one,
+        program(server, "R2") as two,
+    ):
+        reader, writer = await one.call("R2")
+        writer.write(b"hello")
+        his_reader, his_writer = await two.next_call()
+        async with asyncio.timeout(DEADLINE):
+            assert await his_reader.readexactly(5) == b"hello"
+        port = his_writer.get_extra_info("peername")[1]
+        reply = f"REVERSEDNSREPLY {{Port {port}}} {{Robot R1}}"
+        assert await two.ask(f"REVERSEDNS {{Port {port}}}") == reply
+        # More than all buffers hold, to somebody who begins to read late.
+        data = bytes(range(256)) * 40_000
+        his_writer.write(data)
+        await asyncio.sleep(0.1)
+        async with asyncio.timeout(DEADLINE):
+            assert await reader.readexactly(len(data)) == data
+        writer.write(b"bye")
+        writer.close()
+        async with asyncio.timeout(DEADLINE):
+            assert await his_reader.read() == b"bye"
+        # The same port again, from the same robot to the same port.
+        assert (await one.ask("DNS {Robot R2}")) == (
+            await one.ask(f"DNS {{Robot R2}} {{Port {two.port}}}")
+        )
+
+
+@pytest.mark.asyncio
+async def test_who_is_too_far_is_cut_off_and_comes_back(simulation: Simulation) -> None:
+    async with (
+        serving(simulation) as server,
+        program(server, "R1") as one,
+        program(server, "R2") as two,
+    ):
+        reader, writer = await one.call("R2")
+        writer.write(b"x")
+        his_reader, _ = await two.next_call()
+        move(simulation, "R2", Pose2(8, 3))
+        assert await rest_of(reader) == b""
+        assert await rest_of(his_reader) == b"x"
+        reply = await one.ask("GETSS {Robot R2}")
+        assert float(reply.rpartition(" ")[2].removesuffix("}")) < -93
+        with pytest.raises(ConnectionError):
+            await one.call("R2")
+        move(simulation, "R2", Pose2(-4, 0))
+        await until(lambda: all(d._is_open for d in server._doors.values()))
+        reader, writer = await one.call("R2")
+        writer.write(b"again")
+        his_reader, _ = await two.next_call()
+        async with asyncio.timeout(DEADLINE):
+            assert await his_reader.readexactly(5) == b"again"
+
+
+@pytest.mark.asyncio
+async def test_who_has_left_the_simulation_is_closed(simulation: Simulation) -> None:
+    async with (
+        serving(simulation) as server,
+        program(server, "R1") as one,
+        program(server, "R2") as two,
+        program(server, "Later"),
+    ):
+        reader, _ = await one.call("R2")
+        await until(lambda: server._seen == {"R1", "R2"})
+        (robot,) = [v for v in simulation.vehicles if v.robot.name == "R2"]
+        simulation.remove(robot)
+        assert await rest_of(two.reader) == b""
+        assert await rest_of(reader) == b""
+        assert [*server.robots] == ["R1", "Later"]  # who is not there yet stays
+        reply = await one.ask("DNS {Robot R2}")
+        assert reply == "DNSREPLY {Robot R2} {Port -1} {Error NoSuchRobot}"
+
+
+@pytest.mark.asyncio
+async def test_before_the_simulation_nobody_is_heard() -> None:
+    server = RadioServer(port=0)
+    await server.start()
+    async with program(server, "R1") as one, program(server, "R2"):
+        reply = "SS {Robot R2} {Strength NaN} {Error Model.Returned.NaN}"
+        assert await one.ask("GETSS {Robot R2}") == reply
+        with pytest.raises(ConnectionError):
+            await one.call("R2")
+    await server.stop()
+
+
+@pytest.mark.asyncio
+async def test_calls_that_nobody_takes_are_closed(
+    simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with serving(simulation) as server, program(server, "R1") as one:
+        async with program(server, "R2") as two:
+            assert two.listener is not None
+            two.listener.close()
+            await two.listener.wait_closed()
+            reader, _ = await one.call("R2")
+            assert await rest_of(reader) == b""
+            # Who goes while the other is being reached leaves nothing behind.
+            _, writer = await one.call("R2")
+            writer.transport.abort()
+            monkeypatch.setattr(radio_server, "MAX_LINKS", 0)
+            reader, _ = await one.call("R2")
+            assert await rest_of(reader) == b""
+        await until(lambda: not server._doors)
+
+
+@pytest.mark.asyncio
+async def test_ports_are_limited_and_may_be_taken(
+    simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    none = "ERROR {Reason Could.Not.Allocate.Port}"
+    async with (
+        serving(simulation) as server,
+        program(server, "R1") as one,
+        program(server, "R2"),
+        program(server, "R3"),
+    ):
+        port = int((await one.ask("DNS {Robot R3}")).split()[-1].removesuffix("}"))
+        other = await asyncio.start_server(lambda *_: None, "127.0.0.1", port)
+        move(simulation, "R3", Pose2(-6, 2))
+        await asyncio.sleep(0.05)
+        assert not any(door._is_open for door in server._doors.values())
+        other.close()
+        await other.wait_closed()
+        await until(lambda: all(door._is_open for door in server._doors.values()))
+        monkeypatch.setattr(radio_server, "MAX_DOORS", 1)
+        assert await one.ask("DNS {Robot R2}") == none
+        monkeypatch.setattr(radio_server, "MAX_DOORS", 9)
+
+        def refuse(*_: object) -> None:
+            raise radio_links.ServerError("no port")
+
+        monkeypatch.setattr(radio_links, "bind", refuse)
+        assert await one.ask("DNS {Robot R2}") == none
+
+
+@pytest.mark.asyncio
+async def test_floods_and_long_lines_close_a_connection(
+    simulation: Simulation,
+) -> None:
+    async with serving(simulation) as server, program(server, "R1") as one:
+        async with program(server) as two:
+            two.writer.write(b"GETSS {Robot " + b"x" * 5000)
+            assert await rest_of(two.reader) == b""
+        async with program(server) as three:
+            three.writer.write(b"GETSS {Robot R1}\r\n" * 2000)
+            answers = await rest_of(three.reader)  # ends, after the first ones
+            assert answers.count(b"\r\n") < 2000
+        assert (await one.ask("GETSS {Robot R1}")).startswith("SS {Robot R1}")
+
+
+@pytest.mark.asyncio
+async def test_one_robot_too_many_is_refused(
+    simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(radio_server.RadioClient, "MOST", 1)
+    async with (
+        serving(simulation) as server,
+        program(server, "R1"),
+        program(server) as refused,
+    ):
+        assert await rest_of(refused.reader) == b""
