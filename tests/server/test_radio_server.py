@@ -7,6 +7,7 @@ from typing import TypeAlias
 
 import pytest
 
+from radarsim.errors import ServerError
 from radarsim.geometry import Pose2
 from radarsim.presets.robots import load_robot
 from radarsim.robots.obstacles import Obstacles
@@ -301,7 +302,7 @@ async def test_ports_are_limited_and_may_be_taken(
         monkeypatch.setattr(radio_server, "MAX_DOORS", 9)
 
         def refuse(*_: object) -> None:
-            raise radio_links.ServerError("no port")
+            raise ServerError("no port")
 
         monkeypatch.setattr(radio_links, "bind", refuse)
         assert await one.ask("DNS {Robot R2}") == none
