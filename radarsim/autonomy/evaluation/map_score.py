@@ -29,7 +29,7 @@ from radarsim.autonomy.mapping.occupancy_grid import (
     OccupancyGrid,
     distance_field,
 )
-from radarsim.autonomy.navigation.path_planning import flood_fill
+from radarsim.autonomy.navigation.grid_search import flood_fill
 from radarsim.geometry import Floats, Pose2
 from radarsim.presets.robots import load_robot
 from radarsim.robots.obstacles import slice_mesh

@@ -27,7 +27,11 @@ from scipy.sparse.csgraph import dijkstra
 from radarsim.autonomy.evaluation.task_runner import read_log
 from radarsim.autonomy.evaluation.traffic import Traffic
 from radarsim.autonomy.evaluation.trials import SCANNER, SENSORS, Row, run_plan
-from radarsim.autonomy.navigation.algorithms import ROBOT_RADIUS, Algorithm
+from radarsim.autonomy.navigation.algorithms import (
+    ROBOT_HALF_WIDTH,
+    ROBOT_RADIUS,
+    Algorithm,
+)
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.generators.hard_maps import (
     HARD_FAMILIES,
@@ -111,7 +115,7 @@ def raster_truth(map_: RandomMap, safety_distance: float, reach: float) -> Raste
     raster = _Raster(map_)
     # Between what surely is a passage and what surely is none, either answer is right.
     wide = raster.connects(safety_distance + HALF_PASSAGE + reach)
-    narrow = raster.connects(ROBOT_RADIUS)
+    narrow = raster.connects(ROBOT_HALF_WIDTH)
     near = min(raster.clearance(map_.start), raster.clearance(map_.goal))
     expectation = Expectation.EITHER
     if near < safety_distance:

@@ -20,7 +20,7 @@ from scipy import ndimage
 
 from radarsim.autonomy.mapping.occupancy_grid import Mask, OccupancyGrid, distance_field
 from radarsim.autonomy.navigation.algorithms import ROBOT_RADIUS
-from radarsim.autonomy.navigation.path_planning import (
+from radarsim.autonomy.navigation.grid_search import (
     CHEAP,
     COSTLY,
     ESCAPE_COST,

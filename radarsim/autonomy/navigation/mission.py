@@ -97,6 +97,11 @@ def run_mission(
         wall_on_left=mission.side == "left",
         give_up=mission.give_up,
         tolerance=mission.tolerance,
+        # Foliage begins that much before what is seen of it.
+        hull=(
+            robot.info.length + 2 * mission.penetration_depth,
+            robot.info.width + 2 * mission.penetration_depth,
+        ),
     )
     navigator = Navigator(
         client,

@@ -146,10 +146,11 @@ All sensors look all the way round, with a beam every {BEAMS["resolution_deg"]}Â
 {DRIVING_TIME:g} s{explores}. Unless it is told otherwise above, it asks its scanner for
 echoes: not only how far each beam gets, but everything that it meets on the way. What
 blocks a robot then counts where a beam first meets it, even if the beam goes on. The
-robot keeps 0.5 m from its centre to what it senses, with every sensor.</p>
+robot keeps 0.5 m from its centre to what it senses, with every sensor; along planned
+paths it keeps less, and drives slowly, where only its hull fits in.</p>
 <p>A verdict is right if the robot reaches the goal, or tells that there is no path
 where there is none for a disc of {ROBOT_RADIUS:g} m radius, half the robot's diagonal.
-A passage that is wide enough for the disc, but not for the safety distance, therefore
+A passage that is wide enough for the disc, but not for what the robot keeps, therefore
 gives a false "no path". A drive has no verdict if the robot would not start, because
 something seems to be too near, if it gets stuck, or if its time is up. Each time that
 the robot begins to touch something is a touch, in explorations too; a drive that

@@ -7,6 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+import shapely
 
 from radarsim.autonomy.evaluation.barn_trials import (
     BarnClock,
@@ -16,10 +17,12 @@ from radarsim.autonomy.evaluation.barn_trials import (
     optimal_time,
     read_cylinders,
     read_path,
+    run_barn_trial,
     score_of,
 )
 from radarsim.errors import ForeignFileError
 from radarsim.generators.barn_worlds import make_barn_world
+from radarsim.generators.random_maps import SAFETY_DISTANCE, Disc, RandomMap
 from radarsim.geometry import Pose2
 from radarsim.server.host import Host
 
@@ -182,3 +185,33 @@ def test_time_counts_from_the_first_motion_to_a_metre_from_the_goal() -> None:
     assert clock_after(*begin, (30.0, 12.1, False), (31.0, 13.0, False)) == 24.0
     assert clock_after(*begin, (107.0, 8.0, False), (108.0, 13.0, False)) is None
     assert clock_after(*begin, (9.0, 5.0, True), (30.0, 12.1, False)) is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [2, 3])
+def test_field_in_which_no_disc_keeps_its_distance_is_crossed(
+    tmp_path: Path, number: int
+) -> None:
+    write_world(tmp_path, number)
+    (spec,) = all_barn_trials(tmp_path, ["planned"], ["laser"])
+    map_, _ = spec.read()
+    assert not is_open_to_discs(map_, SAFETY_DISTANCE)
+    result = run_barn_trial(spec)
+    assert (result.outcome, result.collisions) == ("reached", 0)
+    assert result.success
+    assert result.shortest_path is not None
+    assert result.path_length <= 1.15 * result.shortest_path
+
+
+def is_open_to_discs(map_: RandomMap, radius: float) -> bool:
+    """Return whether start and goal are connected for a disc, among its cylinders."""
+    discs = [
+        shapely.Point(solid.x, solid.y).buffer(solid.radius + radius)
+        for solid in map_.solids
+        if isinstance(solid, Disc)
+    ]
+    free = shapely.box(-1, -3, 14, 8).difference(shapely.union_all(discs))
+    start, goal = shapely.Point(map_.start), shapely.Point(map_.goal)
+    return any(
+        part.contains(start) and part.contains(goal) for part in shapely.get_parts(free)
+    )

@@ -15,12 +15,9 @@ from radarsim.autonomy.exploration.strategies import find_unexplored
 from radarsim.autonomy.exploration.traversability import TraversabilityMap
 from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid
 from radarsim.autonomy.navigation.bumpers import Bumpers
+from radarsim.autonomy.navigation.grid_search import shortest_path, step_cost
 from radarsim.autonomy.navigation.observation import Observation
-from radarsim.autonomy.navigation.path_planning import (
-    ObstacleGrid,
-    shortest_path,
-    step_cost,
-)
+from radarsim.autonomy.navigation.obstacle_grid import ObstacleGrid
 from radarsim.geometry import Floats, Pose2
 from radarsim.scene.map_file import load_map
 from radarsim.server.host import Host

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from radarsim.autonomy.navigation.path_planning import flood_fill, shortest_path
+from radarsim.autonomy.navigation.grid_search import flood_fill, shortest_path
 from radarsim.geometry import Floats
 
 COSTS = arrays(

@@ -13,13 +13,10 @@ from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits
 from radarsim.autonomy.navigation.controller import Activity, ControllerSettings
+from radarsim.autonomy.navigation.grid_search import may_join_outside, step_cost
 from radarsim.autonomy.navigation.observation import Observation
-from radarsim.autonomy.navigation.path_planning import (
-    ObstacleGrid,
-    PathPlanning,
-    may_join_outside,
-    step_cost,
-)
+from radarsim.autonomy.navigation.obstacle_grid import ObstacleGrid
+from radarsim.autonomy.navigation.path_planning import PathPlanning
 from radarsim.geometry import Pose2
 
 World = Callable[..., Any]
@@ -118,9 +115,10 @@ def test_what_is_seen_behind_something_thin_is_on_the_grid() -> None:
 
 def test_what_has_driven_away_is_forgotten() -> None:
     grid, bearings = ObstacleGrid([(0.0, 0.0), (4.0, 0.0)]), np.zeros(1)
-    for length in (2.0, *[4.0] * 3):
+    for length in (2.0, *[4.003] * 3):
         pose = Pose2(0.0, 0.0)
         grid.add(Observation(0.0, pose, bearings, np.full(1, length)))
+    assert grid.points == pytest.approx(np.array([[4.003, 0.0]]))
     assert cost_is_open(grid, (2.0, 0.0))
     assert not cost_is_open(grid, (4.0, 0.0))
 

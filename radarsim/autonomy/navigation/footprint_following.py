@@ -1,0 +1,132 @@
+"""Follow the path of a rectangle, slowly where there is little room.
+
+The robot is led back to the line of each straight motion, and turns on the spot at its
+ends. A motion that would bring the hull nearer to what is seen than a centimetre is not
+made, and a path that leads so near is no longer followed: another has to be planned.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from radarsim.autonomy.navigation.control import (
+    HEADING_GAIN,
+    SpeedLimits,
+    Twist,
+)
+from radarsim.autonomy.navigation.footprint_planning import SLACK, Hull
+from radarsim.geometry import Floats, Pose2, wrap_angle
+
+LEAST_ROOM: Final = 0.01  # m that the hull keeps from what is seen
+TOUCHING: Final = 0.001  # m, from which on the hull touches something
+OFF: Final = 0.06  # m, or more than the rad below, off a path that is not followed
+OFF_TURN: Final = 0.3  # rad
+SLOW: Final = 0.08  # m/s where there is hardly any room
+SPEED_GAIN: Final = 2.0  # 1/s: m/s for each m of room around the hull
+SLOW_TURN: Final = 0.5  # rad/s; so the corners of the hull are as slow
+AT_END: Final = 0.01  # m before the end of a straight motion
+ALIGNED: Final = 0.03  # rad, with the heading of the next motion
+AHEAD: Final = 0.4  # s that a motion goes on until it is decided anew, and more
+LINE_GAIN: Final = 2.0  # rad of heading for each m beside the line
+_MOST: Final = 0.25  # rad, towards the line
+
+
+class FootprintFollower:
+    """Leads a robot along a path, motion by motion."""
+
+    def __init__(self, hull: Hull, path: Floats, limits: SpeedLimits) -> None:
+        """Create it at the begin of a path.
+
+        Args:
+            hull: The hull.
+            path: (P, 3) m and rad, as ``plan_footprint`` returns it.
+            limits: Greatest speeds where there is room.
+        """
+        self._hull = hull
+        self._path = path
+        self._limits = limits
+        self._next = 1  # the pose that it is on the way to
+
+    @property
+    def path(self) -> Floats:
+        """What is left of the path: (Q, 3), from the begin of the present motion on."""
+        return self._path[self._next - 1 :]
+
+    def is_blocked(self, points: Floats) -> bool:
+        """Return whether the path leads too near to one of some points, (N, 2) m."""
+        least = _least(self._hull.clearance(points, self.path[0]))
+        return bool((self._hull.clearances(points, self.path) < least).any())
+
+    def twist(self, pose: Pose2, points: Floats) -> Twist | None:
+        """Return the motion until the next scan.
+
+        Args:
+            pose: Of the robot.
+            points: What is seen, (N, 2) m, map frame.
+
+        Returns:
+            None if the path has ended, or cannot be followed from here.
+        """
+        here = np.array([pose.x, pose.y, pose.yaw])
+        room = self._hull.clearance(points, here)
+        while self._next < len(self._path):
+            begin, end = self._path[self._next - 1 : self._next + 1]
+            twist = self._straight(here, begin, end, room)
+            if not (end[:2] - begin[:2]).any():
+                twist = self._turn(here, end)
+            if twist is None:
+                self._next += 1
+                continue
+            after = _moved_by(here, twist)
+            is_near = self._hull.clearance(points, after) < _least(room)
+            return None if is_near or self._is_off(here, begin, end) else twist
+        return None
+
+    def _turn(self, here: Floats, end: Floats) -> Twist | None:
+        """Return the turn to a heading; None there."""
+        error = wrap_angle(end[2] - here[2])
+        if abs(error) < ALIGNED:
+            return None
+        most = min(self._limits.turn, SLOW_TURN)
+        return Twist(0.0, max(-most, min(most, HEADING_GAIN * error)))
+
+    def _straight(
+        self, here: Floats, begin: Floats, end: Floats, room: float
+    ) -> Twist | None:
+        """Return the motion along a line; None at its end."""
+        c, s = math.cos(end[2]), math.sin(end[2])
+        dx, dy = end[:2] - here[:2]
+        sign = math.copysign(1.0, c * (end[0] - begin[0]) + s * (end[1] - begin[1]))
+        left = sign * (c * dx + s * dy)
+        if left < AT_END:
+            return None
+        beside = s * dx - c * dy  # the robot is that far on the left of the line
+        towards = -sign * max(-_MOST, min(_MOST, LINE_GAIN * beside))
+        error = wrap_angle(end[2] + towards - here[2])
+        most = min(self._limits.turn, SLOW_TURN)
+        turn = max(-most, min(most, HEADING_GAIN * error))
+        speed = min(self._limits.speed, max(SLOW, SPEED_GAIN * room), 0.05 + left)
+        return Twist(sign * speed, turn)
+
+    def _is_off(self, here: Floats, begin: Floats, end: Floats) -> bool:
+        """Return whether the robot is not where the path leads."""
+        way, to = end[:2] - begin[:2], here[:2] - begin[:2]
+        share = way @ to / (way @ way) if way.any() else 0.0
+        off = math.dist(to, share * way)
+        turned = abs(wrap_angle(end[2] - here[2])) if way.any() else 0.0
+        return bool(off > OFF or turned > OFF_TURN)
+
+
+def _least(room: float) -> float:
+    """Return how near to something a motion may lead that begins with some room, m."""
+    # Hardly nearer than at its begin counts, as when the path was planned.
+    return max(min(LEAST_ROOM, room - SLACK), TOUCHING)
+
+
+def _moved_by(pose: Floats, twist: Twist) -> Floats:
+    """Return the pose after a motion, (3,)."""
+    turned = pose[2] + twist.turn * AHEAD
+    middle, way = (pose[2] + turned) / 2, twist.speed * AHEAD
+    step = np.array([way * math.cos(middle), way * math.sin(middle)])
+    return np.array([*(pose[:2] + step), turned])

@@ -1,0 +1,357 @@
+"""Paths of a rectangle: where a robot passes by its footprint, and a disc does not.
+
+Theory of operation
+===================
+A path is a sequence of motions that are either a turn on the spot or a straight motion
+along the robot's axis, forward or backward: what a robot with wheels on two sides does
+well. A* searches for the cheapest one over cells and 16 headings, each of which leads
+from the centre of a cell to that of another. The grid is laid by the robot's pose, so
+that this pose is one of its states, whatever it is.
+
+For each cell a mask tells in which orientations, and by which margins, the rectangle is
+free of the points where something was seen. Those are exact to a centimetre, as the
+margins are no wider. A turn also needs the orientation between two headings, and
+between these the corners of the hull lead less than the least margin farther out.
+
+The cost of the same way for a robot that could move in all directions guides the
+search. In the end straight motions replace detours of the lattice where they keep as
+far from everything. Their clearance is exact: a straight motion sweeps a rectangle.
+"""
+
+import heapq
+import itertools
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.autonomy.navigation.grid_search import path_costs
+from radarsim.geometry import Floats, Point, Pose2, wrap_angle
+from radarsim.jit import njit_cached
+
+CELL: Final = 0.05  # m
+LEAST_MARGIN: Final = 0.02  # m around the hull, within which nothing may be
+MARGINS: Final = (LEAST_MARGIN, 0.05, 0.1)  # m; within the others a step costs more
+MORE: Final = (3.0, 1.0)  # that it costs more within each of the others, per metre
+REVERSE: Final = 2.0  # times the cost of going forward
+TURN: Final = 0.1  # m that a turn to the next heading costs as much as
+AROUND: Final = 1.0  # m around all that was seen, within which paths are searched
+_PARTS: Final = 5  # of a cell on each axis, to which places of points are rounded
+SLACK: Final = 0.01  # m that rounded places may be off
+_ANGLE: Final = math.radians(3)  # between two poses of a turn that are looked at
+_NEAR: Final = 0.5  # m from a path, beyond which clearances do not matter
+# Cells from one centre to the next along each heading; the others are the opposite.
+_AHEAD: Final = ((1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1))
+_HEADINGS: Final = np.array([*_AHEAD, *((-x, -y) for x, y in _AHEAD)], np.int64)
+_LENGTHS: Final = np.hypot(*_HEADINGS.T) * CELL
+# A path over 8 neighbours is at most that much longer than one over 16.
+_LONGER: Final = (1 + math.sqrt(2)) / math.sqrt(5)
+_BITS: Final = (
+    16  # of a mask for each margin: an orientation every second heading apart
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Hull:
+    """A rectangle about the robot's centre, and how far it is from points.
+
+    Attributes:
+        length: m.
+        width: m.
+    """
+
+    length: float
+    width: float
+
+    @property
+    def radius(self) -> float:
+        """Half its diagonal, m."""
+        return math.hypot(self.length, self.width) / 2
+
+    def distances(
+        self, points: Floats, poses: Floats, longer: float | Floats = 0.0
+    ) -> Floats:
+        """Return how far points are from it at some poses, (P, N) m; 0 inside.
+
+        Args:
+            points: (N, 2) m.
+            poses: (P, 3) m and rad.
+            longer: That much longer, m; a number, or (P, 1).
+        """
+        c, s = np.cos(poses[:, 2:]), np.sin(poses[:, 2:])
+        x, y = points[:, 0] - poses[:, :1], points[:, 1] - poses[:, 1:2]
+        along = np.abs(c * x + s * y) - (self.length + longer) / 2
+        beside = np.abs(c * y - s * x) - self.width / 2
+        outside: Floats = np.hypot(np.maximum(along, 0.0), np.maximum(beside, 0.0))
+        return outside
+
+    def clearance(self, points: Floats, pose: Floats) -> float:
+        """Return how far the nearest of some points is at a pose, m; ``inf``: none."""
+        return float(self.distances(points, pose[None]).min(initial=math.inf))
+
+    def motion_clearance(self, points: Floats, begin: Floats, end: Floats) -> float:
+        """Return the least distance of points during a motion, m.
+
+        Args:
+            points: (N, 2) m.
+            begin: (3,) m and rad.
+            end: (3,): at the same place or with the same heading, ahead or behind.
+        """
+        way, middle = math.dist(begin[:2], end[:2]), (begin[:2] + end[:2]) / 2
+        reach = self.radius + _NEAR + way / 2
+        near = points[np.hypot(*(points - middle).T) < reach]
+        if way:
+            pose = np.array([[*middle, end[2]]])
+            return float(self.distances(near, pose, way).min(initial=_NEAR))
+        turn = wrap_angle(end[2] - begin[2])
+        yaws = begin[2] + np.linspace(0.0, turn, 2 + int(abs(turn) / _ANGLE))
+        poses = np.column_stack([np.tile(begin[:2], (len(yaws), 1)), yaws])
+        return float(self.distances(near, poses).min(initial=_NEAR))
+
+    def clearances(self, points: Floats, poses: Floats) -> Floats:
+        """Return ``motion_clearance`` of the motions from pose to pose, (P - 1,) m."""
+        pairs = itertools.pairwise(poses)
+        return np.array([self.motion_clearance(points, *pair) for pair in pairs])
+
+
+def warm_up() -> None:
+    """Plan a short path."""
+    plan_footprint(Hull(0.5, 0.4), np.array([[0.0, 0.5]]), Pose2(0.0, 0.0), (1.0, 0.0))
+
+
+def plan_footprint(
+    hull: Hull, points: Floats, start: Pose2, goal: Point
+) -> Floats | None:
+    """Plan a path of a hull among points.
+
+    No motion leads nearer to a point than the least margin, less a centimetre, or than
+    the hull is at the start.
+
+    Args:
+        hull: The hull.
+        points: Where something is, (N, 2) m.
+        start: m and rad.
+        goal: m; the path ends in the cell that holds it, and at the goal itself if the
+            hull can turn there.
+
+    Returns:
+        (P, 3) m and rad, from the start on: from pose to pose it turns on the spot, or
+        moves along its axis; None if there is no path.
+    """
+    grid = _PoseGrid(hull, points, start, goal)
+    path = grid.search()
+    if path is None:
+        return None
+    way = goal - path[-1, :2]
+    yaw = math.atan2(way[1], way[0])
+    end = np.array([path[-1], [*path[-1, :2], yaw], [*goal, yaw]])
+    if way.any() and hull.clearances(points, end).min() >= LEAST_MARGIN:
+        path = np.vstack([path, end[1:]])
+    return _shortened(hull, points, path)
+
+
+class _PoseGrid:
+    """Cells and masks in the frame of a start, which is the centre of a cell."""
+
+    def __init__(self, hull: Hull, points: Floats, start: Pose2, goal: Point) -> None:
+        self._start = start
+        c, s = math.cos(start.yaw), math.sin(start.yaw)
+        self._turned = np.array([[c, -s], [s, c]])  # to the map frame, by rows
+        places = np.vstack([points, [goal], [[start.x, start.y]]])
+        places = (places - (start.x, start.y)) @ self._turned
+        low = np.floor((places.min(axis=0) - AROUND) / CELL)
+        high = np.ceil((places.max(axis=0) + AROUND) / CELL)
+        self._first = low.astype(np.int64)  # column and row of the first cell
+        columns, rows = (high - low).astype(np.int64) + 1
+        self._shape = int(rows), int(columns)
+        clearance = hull.clearance(points, np.array([start.x, start.y, start.yaw]))
+        least = min(LEAST_MARGIN, clearance - SLACK)
+        self._masks = self._mask(hull, places[:-2], least)
+        column, row = np.rint(places[-2] / CELL).astype(np.int64) - self._first
+        self._goal = int(row) * self._shape[1] + int(column)
+
+    def _mask(self, hull: Hull, places: Floats, least: float) -> NDArray[np.int64]:
+        """Return the masks of all cells, (R, C).
+
+        Args:
+            hull: The hull.
+            places: (N, 2) m, in the frame of the grid.
+            least: Least margin, m; below 0 for a hull that is a little smaller.
+        """
+        rows, columns = self._shape
+        masks = np.zeros(rows * columns, np.int64)
+        parts = np.floor((places / CELL + 0.5) * _PARTS).astype(np.int64)
+        parts = np.unique(parts, axis=0)
+        cells, parts = np.divmod(parts, _PARTS)
+        numbers = (cells - self._first) @ np.array([1, columns])
+        reach = math.ceil((hull.radius + MARGINS[-1]) / CELL) + 1
+        steps = np.arange(-reach, reach + 1)
+        shifts = np.array([(dx, dy) for dx in steps for dy in steps])
+        for part in np.ndindex(_PARTS, _PARTS):
+            chosen = numbers[(parts == part).all(axis=1)]
+            # from the centres of the cells around it to the place of the point
+            ways = ((np.array(part) + 0.5) / _PARTS - 0.5 - shifts) * CELL
+            bits = _bits(hull, ways, least)
+            for (dx, dy), bit in zip(shifts[bits > 0], bits[bits > 0], strict=True):
+                masks[chosen + (dx + dy * columns)] |= bit
+        return masks.reshape(rows, columns)
+
+    def search(self) -> Floats | None:
+        """Return the cheapest path as poses in the map frame, (P, 3)."""
+        rows, columns = self._shape
+        cost = np.ones(self._shape)
+        even = sum(1 << bit for bit in range(0, _BITS, 2))
+        for level, more in enumerate(MORE, start=1):
+            # in no orientation is it farther away
+            cost += more * ((self._masks >> level * _BITS) & even == even)
+        cost[self._masks & even == even] = math.inf
+        column, row = -self._first
+        start = int(row) * columns + int(column)
+        guide = path_costs(cost, divmod(self._goal, columns)) * (CELL / _LONGER)
+        if not math.isfinite(guide.flat[start]):
+            return None
+        parents = np.full(rows * columns * len(_HEADINGS), -1, np.int32)
+        state = _search(self._masks, guide, start, self._goal, parents)
+        if state < 0:
+            return None
+        states = [state]
+        while parents[states[-1]] >= 0:
+            states.append(int(parents[states[-1]]))
+        cells, headings = np.divmod(np.array(states[::-1], np.int64), len(_HEADINGS))
+        places = np.column_stack([cells % columns, cells // columns]) + self._first
+        poses = places * CELL @ self._turned.T + (self._start.x, self._start.y)
+        yaws = np.arctan2(*_HEADINGS[headings].T[::-1]) + self._start.yaw
+        return np.column_stack([poses, yaws])
+
+
+def _bits(hull: Hull, ways: Floats, least: float) -> NDArray[np.int64]:
+    """Return the masks of a point, as seen from the centres of some cells.
+
+    Args:
+        hull: The hull.
+        ways: (N, 2) m, from the centres to the point.
+        least: Least margin, m.
+
+    Returns:
+        (N,); for each margin a bit for each orientation in which the point is nearer.
+    """
+    yaws = np.arctan2(*_HEADINGS.T[::-1])[: _BITS // 2 + 1]
+    yaws[-1] = math.pi
+    turns = np.zeros(_BITS)
+    turns[::2] = yaws[:-1]
+    turns[1::2] = (yaws[:-1] + yaws[1:]) / 2
+    poses = np.column_stack([np.zeros((_BITS, 2)), turns])
+    smaller = min(least, 0.0)
+    inner = Hull(hull.length + 2 * smaller, hull.width + 2 * smaller)
+    distances = inner.distances(ways, poses) + smaller
+    mask = np.zeros(len(ways), np.int64)
+    for level, margin in enumerate((least, *MARGINS[1:])):
+        for bit, row in enumerate(distances):
+            mask |= (row <= margin).astype(np.int64) << (level * _BITS + bit)
+    return mask
+
+
+@njit_cached
+def _search(
+    masks: NDArray[np.int64],
+    guide: Floats,
+    start: int,
+    goal: int,
+    parents: NDArray[np.int32],
+) -> int:
+    """Visit states by cost, guided (A*), until one is in the goal; return it, or -1.
+
+    A state is the number of a cell times 16, and the number of a heading. The first is
+    at heading 0.
+    """
+    rows, columns = masks.shape
+    best = np.full(rows * columns * 16, np.inf)
+    first = np.int64(start * 16)
+    best[first] = 0.0
+    queue = [(guide[start // columns, start % columns], 0.0, first)]
+    while queue:
+        _, so_far, state = heapq.heappop(queue)
+        if so_far > best[state]:
+            continue  # a cheaper way here has been found since this was queued
+        cell, heading = state // 16, state % 16
+        if cell == goal:
+            return int(state)
+        for move in range(4):
+            row, column, to = cell // columns, cell % columns, heading
+            if move < 2:
+                sign = 1 - 2 * move
+                row += sign * _HEADINGS[heading, 1]
+                column += sign * _HEADINGS[heading, 0]
+                if not (0 <= row < rows and 0 <= column < columns):
+                    continue
+                bits = masks[row, column] >> (2 * heading % 16)
+                length = _LENGTHS[heading] * (REVERSE if move else 1.0)
+            else:
+                turn = 2 * move - 5
+                to = (heading + turn) % 16
+                bits = masks[row, column] >> (2 * to % 16)
+                bits |= masks[row, column] >> ((2 * heading + turn) % 16)
+                length = TURN
+            if bits & 1:
+                continue
+            cost = 1.0 + MORE[0] * ((bits >> 16) & 1) + MORE[1] * ((bits >> 32) & 1)
+            total = so_far + length * cost
+            after = (row * columns + column) * 16 + to
+            if total < best[after]:
+                best[after] = total
+                parents[after] = state
+                heapq.heappush(queue, (total + guide[row, column], total, after))
+    return -1
+
+
+def _shortened(hull: Hull, points: Floats, path: Floats) -> Floats:
+    """Return a path with straight motions in place of detours, (P, 3).
+
+    They keep as far from everything as the detours, or as the widest margin.
+    """
+    path = _merged(path)
+    clearances = hull.clearances(points, path)
+    is_leg = (np.diff(path[:, :2], axis=0) != 0).any(axis=1)
+    ahead = np.column_stack([np.cos(path[1:, 2]), np.sin(path[1:, 2])])
+    is_back = is_leg & ((np.diff(path[:, :2], axis=0) * ahead).sum(axis=1) < 0)
+    done, i = [path[0]], 0
+    while i < len(path) - 1:
+        # up to where it goes backward
+        limit = i + int(np.append(is_back[i:], True).argmax())
+        for j in range(limit, i + 1, -1):
+            way = path[j, :2] - path[i, :2]
+            if not way.any():
+                continue
+            yaw = math.atan2(way[1], way[0])
+            # turn, go, and turn to how the path goes on
+            motions = np.array(
+                [done[-1], [*path[i, :2], yaw], [*path[j, :2], yaw], path[j]]
+            )
+            needed = min(MARGINS[-1], clearances[i:j].min())
+            if hull.clearances(points, motions).min() >= needed:
+                done += list(motions[1:])
+                i = j
+                break
+        else:
+            i += 1
+            done.append(path[i])
+    return _merged(np.array(done))
+
+
+def _merged(path: Floats) -> Floats:
+    """Return a path without stops between turns, or between equal straight motions."""
+    kept = [path[0]]
+    for pose, after in zip(path[1:], [*path[2:], None], strict=True):
+        if after is not None:
+            before = kept[-1]
+            ways = pose[:2] - before[:2], after[:2] - pose[:2]
+            stands = [not way.any() for way in ways]
+            if all(stands):
+                continue
+            same = pose[2] == before[2] == after[2] and ways[0] @ ways[1] > 0
+            if same and not any(stands):
+                continue
+        kept.append(pose)
+    return np.array(kept)

@@ -1,0 +1,142 @@
+"""Searches on grids, and the rule of passage: where a robot may be, at what cost.
+
+The robot's centre keeps the safety distance from what blocks robots, so a passage is
+wide enough if twice the safety distance, and what the sensor and the cells blur, fits
+in. Where there is room, paths keep farther away. All planners that work on grids follow
+this rule, so that what one of them can reach is what all can reach.
+
+Shortest paths and connected cells are found by compiled kernels.
+"""
+
+import heapq
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from radarsim.geometry import Floats
+from radarsim.jit import njit_cached
+
+COSTLY: Final = 0.4  # m beyond the safety distance, where a step costs more
+COSTLY_FACTOR: Final = 3.0  # added at its inner edge to the cost of a step, which is 1
+CHEAP: Final = 2.0  # cost of a step that a short cut may lead over
+ESCAPE_RADIUS: Final = 1.0  # m around a robot that is too near to something
+ESCAPE_COST: Final = 10.0
+
+
+def step_cost(clearance: Floats, safety_distance: float) -> Floats:
+    """Return the cost of a step of one cell into each; inf where none may be made.
+
+    Args:
+        clearance: (R, C) m from the centre of each cell to the nearest centre of a cell
+            that blocks robots; inf if that is far away.
+        safety_distance: m from the robot's centre.
+
+    Returns:
+        (R, C).
+    """
+    depth = np.clip(1 - (clearance - safety_distance) / COSTLY, 0.0, 1.0)
+    cost: Floats = 1.0 + COSTLY_FACTOR * depth
+    return np.where(clearance < safety_distance, math.inf, cost)
+
+
+Cell = tuple[int, int]
+
+_EIGHT_NEIGHBORS = np.ones((3, 3), np.bool_)
+
+
+def shortest_path(
+    cost: Floats, start: Cell, targets: NDArray[np.bool_]
+) -> NDArray[np.int64]:
+    """Return the cheapest path from a cell to any of the targets, over all 8 neighbors.
+
+    Args:
+        cost: (R, C) cost of a step of one cell into each; inf for closed cells.
+        start: Row and column, closed or not.
+        targets: (R, C).
+
+    Returns:
+        (N, 2) rows and columns, both ends included; N is 0 if there is no path, and 1
+        if the start is a target.
+    """
+    parents = np.full(cost.shape, -1, np.int64)
+    best = np.full(cost.shape, np.inf)
+    end = _search(cost, start[0], start[1], targets, parents, best)
+    path = []
+    while end >= 0:
+        row, column = divmod(int(end), cost.shape[1])
+        path.append((row, column))
+        end = parents[row, column] if (row, column) != start else -1
+    return np.array(path[::-1], np.int64).reshape(-1, 2)
+
+
+def path_costs(cost: Floats, start: Cell) -> Floats:
+    """Return the cost of the cheapest path from a cell to each, (R, C).
+
+    Args:
+        cost: (R, C) cost of a step of one cell into each; inf for closed cells.
+        start: Row and column, closed or not.
+    """
+    best = np.full(cost.shape, np.inf)
+    parents = np.full(cost.shape, -1, np.int64)
+    _search(cost, start[0], start[1], np.zeros(cost.shape, np.bool_), parents, best)
+    return best
+
+
+def flood_fill(passable: NDArray[np.bool_], start: Cell) -> NDArray[np.bool_]:
+    """Return all cells connected with the start, which is one of them, (R, C)."""
+    cells = passable.copy()
+    cells[start] = True
+    labels, _ = ndimage.label(cells, _EIGHT_NEIGHBORS)
+    return np.asarray(labels == labels[start])
+
+
+def may_join_outside(passable: NDArray[np.bool_], start: Cell, end: Cell) -> bool:
+    """Return whether two cells are both connected with the border of the grid.
+
+    Then a path between them may lead around what the grid shows.
+    """
+    border = np.ones(passable.shape, np.bool_)
+    border[1:-1, 1:-1] = False
+    return all((flood_fill(passable, each) & border).any() for each in (start, end))
+
+
+@njit_cached
+def _search(
+    cost: Floats,
+    row: int,
+    column: int,
+    targets: NDArray[np.bool_],
+    parents: NDArray[np.int64],
+    best: Floats,
+) -> int:
+    """Visit cells by cost until one is a target (Dijkstra); return it, or -1.
+
+    Unlike ``scipy.sparse.csgraph`` it stops at the first target, needs no graph, and
+    always chooses the same of several paths of equal cost.
+    """
+    rows, columns = cost.shape
+    best[row, column] = 0.0
+    queue = [(0.0, np.int64(row * columns + column))]
+    while queue:
+        so_far, cell = heapq.heappop(queue)
+        i, j = cell // columns, cell % columns
+        if so_far > best[i, j]:
+            continue  # a cheaper way here has been found since this was queued
+        if targets[i, j]:
+            return int(cell)
+        for di in range(-1, 2):
+            for dj in range(-1, 2):
+                k, n = i + di, j + dj
+                if not (0 <= k < rows and 0 <= n < columns):
+                    continue
+                total = so_far + cost[k, n] * math.sqrt(di * di + dj * dj)
+                # Less, and not as much; and the queue sorts equal costs by cells. So of
+                # several cheapest paths it is always the same.
+                if total < best[k, n]:
+                    best[k, n] = total
+                    parents[k, n] = cell
+                    heapq.heappush(queue, (total, np.int64(k * columns + n)))
+    return -1

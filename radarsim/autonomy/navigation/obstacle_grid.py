@@ -1,0 +1,153 @@
+"""A grid of what blocks robots, as it is seen on the way.
+
+Theory of operation
+===================
+A cell gains when a beam ends in it, and loses when a beam goes through: so what has
+driven away is forgotten, and one stray echo closes nothing for long. A beam that goes
+through a cell beside the very place where something was seen in it says nothing: it may
+have passed a pole. Cells that nobody has seen are open. The grid covers
+start and goal and a margin around them; what is beyond is left out until the grid
+grows.
+
+A radar that sends its echoes also shows what is behind a first thin hedge: a dead end
+is known before the robot has driven into it.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from radarsim.autonomy.navigation.grid_search import Cell
+from radarsim.autonomy.navigation.observation import Observation
+from radarsim.geometry import Floats, Point, Pose2
+
+CELL: Final = 0.1  # m
+MARGIN: Final = 8.0  # m around start and goal
+MAX_DISTANCE: Final = 10.0  # m; longer beams only say that this much is free
+_GAIN, _LOSS, _MOST, _LEAST = 2, 1, 10, -6  # evidence of a cell
+_SHORT: Final = 0.15  # m before its end where a beam tells nothing
+_POINT: Final = 0.02  # m; side of a square of which the newest point is kept
+_BESIDE: Final = 0.015  # m beside a place that a beam still goes through
+
+
+class ObstacleGrid:
+    """Square cells, and the evidence that something in each blocks robots.
+
+    Attributes:
+        points: Where something was seen in the cells that are closed, (N, 2) m, map
+            frame; the newest point of each few centimetres.
+    """
+
+    def __init__(self, points: list[Point]) -> None:
+        """Create an empty grid around some points, m, map frame."""
+        ends = np.array(points)
+        self._corner = ends.min(axis=0) - MARGIN
+        columns, rows = np.ceil((np.ptp(ends, axis=0) + 2 * MARGIN) / CELL).astype(int)
+        self._evidence = np.zeros((rows, columns), np.int16)
+        # what was last seen in each cell, m, map frame
+        self._places = np.zeros((rows, columns, 2))
+        self.points: Floats = np.zeros((0, 2))
+
+    def grow(self) -> None:
+        """Add a margin on all sides; nobody has seen it."""
+        width = round(MARGIN / CELL)
+        self._corner = self._corner - MARGIN
+        self._evidence = np.pad(self._evidence, width)
+        self._places = np.pad(self._places, ((width, width), (width, width), (0, 0)))
+
+    def clear(self) -> None:
+        """Forget all that was seen."""
+        self._evidence[:] = 0
+        self.points = np.zeros((0, 2))
+
+    def add(self, observation: Observation) -> None:
+        """Add a scan."""
+        ranges, pose = observation.ranges, observation.pose
+        steps = np.arange(CELL / 2, MAX_DISTANCE, CELL)
+        free = steps < np.minimum(ranges, MAX_DISTANCE)[:, None] - _SHORT
+        angles = observation.bearings + pose.yaw
+        directions = np.column_stack([np.cos(angles), np.sin(angles)])
+        points = (pose.x, pose.y) + steps[:, None] * directions[:, None]
+        beams = np.broadcast_to(directions[:, None], points.shape)[free]
+        passed = self._passed(points[free], beams, pose)
+        ends = observation.blocking_points()
+        ends = ends[np.hypot(*(ends - (pose.x, pose.y)).T) < MAX_DISTANCE]
+        rows, columns, inside = self._inside(ends)
+        met = np.zeros(self._evidence.shape, np.bool_)
+        met[rows, columns] = True
+        self._places[rows, columns] = ends[inside]
+        # A cell in which one beam ends and which another passes is an edge: it gains.
+        loss = np.where(self._evidence > 0, _GAIN, _LOSS)
+        change = np.where(met, _GAIN, np.where(passed, -loss, 0))
+        # Within limits, so that what has stood for long is forgotten soon, too.
+        self._evidence = np.clip(self._evidence + change, _LEAST, _MOST).astype(
+            np.int16
+        )
+        points = np.vstack([ends[inside], self.points])
+        _, newest = np.unique(
+            np.floor(points / _POINT).astype(np.int64), axis=0, return_index=True
+        )
+        points = points[newest]
+        self.points = points[self._evidence[self.cells(points)] > 0]
+
+    def _passed(self, points: Floats, beams: Floats, pose: Pose2) -> NDArray[np.bool_]:
+        """Return the cells that beams go through, (R, C).
+
+        Args:
+            points: Points of the beams, (N, 2) m, map frame.
+            beams: Unit vectors of their beams, (N, 2).
+            pose: Where the beams come from.
+        """
+        rows, columns, inside = self._inside(points)
+        beams = beams[inside]
+        x, y = (self._places[rows, columns] - (pose.x, pose.y)).T
+        off = np.abs(x * beams[:, 1] - y * beams[:, 0])
+        counts = (self._evidence[rows, columns] <= 0) | (off <= _BESIDE)
+        mask = np.zeros(self._evidence.shape, np.bool_)
+        mask[rows[counts], columns[counts]] = True
+        return mask
+
+    def clearance(self) -> Floats:
+        """Return the distance of each cell from what blocks robots, (R, C) m."""
+        is_open = self._evidence <= 0
+        # A distance transform needs a closed cell to measure from.
+        if is_open.all():
+            return np.full(is_open.shape, math.inf)
+        clearance: Floats = ndimage.distance_transform_edt(is_open) * CELL
+        return clearance
+
+    def cell(self, point: Point) -> Cell:
+        """Return row and column of a point; of the nearest cell, if it is outside."""
+        rows, columns = self.cells(np.array([point]))
+        return int(rows[0]), int(columns[0])
+
+    def cells(self, points: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the rows and columns of points, (N, 2) m, as ``cell`` does."""
+        places = np.floor((points - self._corner) / CELL).astype(np.int64)
+        most = np.array(self._evidence.shape)[::-1] - 1
+        columns, rows = np.clip(places, 0, most).T
+        return rows, columns
+
+    def centres(self, cells: NDArray[np.int64]) -> Floats:
+        """Return the centres of cells, (N, 2) rows and columns, as (N, 2) m."""
+        centres: Floats = self._corner + (cells[:, ::-1] + 0.5) * CELL
+        return centres
+
+    def _inside(
+        self, points: Floats
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+        """Return the rows and columns of the points that are inside.
+
+        Args:
+            points: (N, 2) m.
+
+        Returns:
+            Rows and columns, (M,) each, and which points they belong to, (N,).
+        """
+        columns, rows = np.floor((points - self._corner) / CELL).astype(np.int64).T
+        height, width = self._evidence.shape
+        inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+        return rows[inside], columns[inside], inside
