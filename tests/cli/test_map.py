@@ -93,7 +93,7 @@ def test_json_is_one_object(radarsim: Command, tmp_path: Path) -> None:
         *("outcome", "strategy", "seed_from", "time", "path_length"),
         *("left_out", "safety_distance", "scans", "scans_left_out"),
         *("loop_closures", "cells"),
-        *("pose_errors", "files"),
+        *("pose_errors", "area_over_time", "files"),
         "error",
         "judge",
     ]
@@ -109,6 +109,17 @@ def test_json_is_one_object(radarsim: Command, tmp_path: Path) -> None:
     ]
     assert 0 < told["pose_errors"]["ate"] < 0.02
     assert told["pose_errors"]["rpe"] is None  # for less than 1 m
+    curve = told["area_over_time"]
+    assert curve["time"][-1] == pytest.approx(told["time"], abs=0.01)
+    assert curve["path_length"][-1] == pytest.approx(told["path_length"], abs=0.01)
+    cells = told["cells"]
+    known = sum(cells[name] for name in ("free", "obstacle", "foliage", "smoke"))
+    area = known * cells["resolution"] ** 2
+    assert curve["area"][-1] == pytest.approx(area, rel=0.05)
+    reached = told["judge"]["reachable_coverage"]
+    assert curve["reachable_coverage"][-1] == pytest.approx(reached, abs=0.01)
+    assert list(told["judge"]["reached"]) == ["0.5", "0.9", "0.99"]
+    assert told["judge"]["reached"]["0.5"]["time"] < told["time"]
     assert told["judge"]["collisions"] == 0
     assert 0.2 < told["judge"]["hidden_coverage"] < 1
     assert told["judge"]["right"] > 1000 * told["judge"]["wrong"]
@@ -705,3 +716,20 @@ def test_interrupted_run_leaves_the_film_so_far(
         image.seek(getattr(image, "n_frames", 1) - 1)
         assert image.info["duration"] >= 2000
     assert sorted(file.name for file in tmp_path.iterdir()) == [*FILES, "run.gif"]
+
+
+def test_known_area_is_drawn(radarsim: Command, tmp_path: Path) -> None:
+    plot = tmp_path / "area.svg"
+    radarsim("map", "-o", str(tmp_path / "room"), *FOLIAGE, "--plot", str(plot))
+    text = plot.read_text()
+    assert text.startswith("<?xml")
+    assert str(tmp_path) not in text
+
+
+def test_area_is_not_drawn_into_what_is_no_picture(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    out = ("-o", str(tmp_path / "room"))
+    run = radarsim("map", *out, *FOLIAGE, "--plot", str(tmp_path / "area.csv"))
+    assert run.code == 2
+    assert "--plot" in run.err

@@ -72,12 +72,14 @@ class MapFileOptions(RunFiles):
 
     Attributes:
         output: A folder or the beginning of names; by default the map's name.
+        plot: Draw the known area over time into a .png, .svg or .pdf.
         mode: Cells of the map for nav2: occupied, free and unknown, or probabilities.
     """
 
     output: Annotated[str | None, Option(names=("-o", "--output"), metavar="OUT")] = (
         None
     )
+    plot: Path | None = None
     mode: Annotated[Literal["trinary", "scale"], RARE] = "trinary"
 
 
@@ -119,7 +121,14 @@ def map_(
     # Without the variant of a map, which follows an ``@``.
     out = files.output or Path((where.map or "map").partition("@")[0]).stem
     map_files = MapFiles(out, files.mode, robots)
-    output = MapOutput(map_files, recording, files.film, files.film_speed, as_json)
+    output = MapOutput(
+        map_files,
+        recording,
+        files.film,
+        files.film_speed,
+        as_json=as_json,
+        plot=files.plot,
+    )
     address = where.connect or LOCAL_SERVER
     with without_empty_folder(map_files.stem.parent):
         if where.follows:
@@ -182,6 +191,7 @@ def _check_combination(
             "--robot": plan.robot_class != default.robot_class,
             "--robots": robots > 1,
             "--safety-distance": plan.safety_distance,
+            "--plot": files.plot,
             "--foliage-density": plan.foliage_density,
         }
         followed = "--watch" if where.through is None else "--through"

@@ -29,9 +29,11 @@ from radarsim.autonomy.exploration.exploration import (
 )
 from radarsim.autonomy.exploration.multi_robot import MultiRobotExploration
 from radarsim.autonomy.exploration.plans import ExplorationPlan
+from radarsim.autonomy.plotting.area import draw_area_curves
 from radarsim.autonomy.proxy.observer import ScannerDefaults
 from radarsim.autonomy.proxy.traffic_mapper import TrafficMapper
 from radarsim.cli.compile_progress import live_status
+from radarsim.cli.files import PICTURE_FORMS, check_ending, check_writable, write_file
 from radarsim.cli.output import print_lines, print_message, start_log
 from radarsim.errors import (
     PortUnavailable,
@@ -39,6 +41,7 @@ from radarsim.errors import (
     describe_os_error,
     join_address,
 )
+from radarsim.plotting.style import as_words
 from radarsim.processes import raise_on_signals
 
 LISTEN: Final = "127.0.0.1"
@@ -67,6 +70,7 @@ class MapOutput:
         film: File to film the growing map into, or None.
         film_speed: Seconds of the run in a second of its film.
         as_json: Whether to print JSON.
+        plot: File to draw the known area over time into, or None.
     """
 
     files: MapFiles
@@ -74,11 +78,26 @@ class MapOutput:
     film: Path | None
     film_speed: float
     as_json: bool
+    plot: Path | None = None
 
     def check(self, served: str | None = None) -> None:
         """Check before a run on a map, or on none, that all can be written after it."""
         self.files.check(served=served)
         check_film(self.film)
+        if self.plot is not None:
+            check_writable(self.plot, "--plot")
+            check_ending(self.plot, PICTURE_FORMS, "--plot")
+
+    def write_plot(self, result: MappingResult) -> None:
+        """Draw the known area over time, if a file is given, and there was a scan."""
+        if self.plot is None or not result.area_curve.samples:
+            return
+        name = "" if result.scene is None else f" in {as_words(result.scene.name)}"
+        curves = {result.strategy or "": result.area_curve}
+        form = check_ending(self.plot, PICTURE_FORMS, "--plot")
+        picture = draw_area_curves(curves, f"Known area{name}", form=form)
+        write_file(self.plot, picture, "--plot")
+        print_message(f"wrote {self.plot}")
 
 
 def save_map(result: MappingResult, files: MapFiles) -> None:
@@ -238,6 +257,7 @@ def explore(
                 run.judge()
             finally:
                 save_map(result, output.files)
+                output.write_plot(result)
             print_result(result, as_json=output.as_json)
 
 

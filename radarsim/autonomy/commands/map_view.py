@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from radarsim.autonomy.commands.film import drawn_robot
-from radarsim.autonomy.evaluation.map_score import HiddenFloor
+from radarsim.autonomy.evaluation.map_score import FloorPart
 from radarsim.autonomy.evaluation.mapping_run import MappingResult
 from radarsim.autonomy.exploration.exploration import Exploration
 from radarsim.autonomy.exploration.multi_robot import MultiRobotExploration
@@ -113,7 +113,7 @@ class MapCamera:
         self._result, self._source = result, source
         self._mapper: Mapper | None = None
         self._frames: MapFrames | None = None
-        self._hidden: HiddenFloor | None = None
+        self._hidden: FloorPart | None = None
         self._outlines: tuple[Outline, ...] = ()
 
     def draw(self) -> Pixels:
@@ -137,7 +137,8 @@ class MapCamera:
         self._outlines = _true_outlines(result, mapper)
         x, y, _ = mapper.trajectory.rows()[0].tolist()
         if result.scene is not None:
-            self._hidden = HiddenFloor(
+            self._hidden = FloorPart(
+                "hidden",
                 result.scene,
                 resolution,
                 start=(x, y),

@@ -14,7 +14,7 @@ block of walls that is closed on all sides is no floor, unless the robot is in i
 
 import math
 from dataclasses import asdict, dataclass
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 import shapely
@@ -210,14 +210,16 @@ def find_floor(
     )
 
 
-class HiddenFloor:
-    """The free floor where a robot would fit, but that it cannot reach from its start.
+class FloorPart:
+    """The free floor that a robot can get to, or where it would fit, but cannot.
 
-    It is what ``MapScore.hidden_coverage`` counts, computed once for many maps.
+    It is what ``MapScore.reachable_coverage`` and ``hidden_coverage`` count, computed
+    once for many maps.
     """
 
     def __init__(
         self,
+        part: Literal["reachable", "hidden"],
         scene: Scene,
         resolution: float,
         *,
@@ -228,6 +230,7 @@ class HiddenFloor:
         """Find the cells.
 
         Args:
+            part: Which floor.
             scene: The mapped scene.
             resolution: Side of a cell of the maps, m.
             start: Start of the robot, m.
@@ -238,7 +241,9 @@ class HiddenFloor:
         frame = GridFrame(resolution).extended_to(tuple(low), tuple(high))
         truth = Truth(scene, frame, height)
         floor = find_floor(truth, scene, start=start, robot_radius=robot_radius)
-        rows, columns = np.nonzero(floor.hidden)
+        rows, columns = np.nonzero(
+            floor.reachable if part == "reachable" else floor.hidden
+        )
         self._rows, self._columns = rows + frame.row, columns + frame.column
 
     def coverage(self, grid: OccupancyGrid) -> float | None:
@@ -368,15 +373,28 @@ def score_mapper(
         robot_class: Class of the robot.
         start: Start pose of the robot, map frame.
     """
-    robot = load_robot(robot_class)
-    floor = scene.floor_at(start.x, start.y)
+    place = (start.x, start.y)
+    radius, height = robot_and_sensor(mapper, scene, robot_class, place)
     return score_map(
-        mapper.grid,
-        scene,
-        start=(start.x, start.y),
-        robot_radius=math.hypot(robot.length, robot.width) / 2,
-        height=floor + robot.origin_height + mapper.scanner.mount.z,
+        mapper.grid, scene, start=place, robot_radius=radius, height=height
     )
+
+
+def robot_and_sensor(
+    mapper: Mapper, scene: Scene, robot_class: str, start: Position
+) -> tuple[float, float]:
+    """Return half the diagonal of a robot, and how high its scanner is, m, map frame.
+
+    Args:
+        mapper: Knows the scanner.
+        scene: The mapped scene.
+        robot_class: Class of the robot.
+        start: Start of the robot, m.
+    """
+    robot = load_robot(robot_class)
+    above = robot.origin_height + mapper.scanner.mount.z
+    radius = math.hypot(robot.length, robot.width) / 2
+    return radius, scene.floor_at(*start) + above
 
 
 def _class_accuracy(classes: Any, truth: Truth) -> float | None:

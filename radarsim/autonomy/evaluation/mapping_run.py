@@ -14,7 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from radarsim.autonomy.evaluation.map_score import MapScore, score_mapper
+from radarsim.autonomy.evaluation.area_curve import AreaCurve
+from radarsim.autonomy.evaluation.map_score import (
+    FloorPart,
+    MapScore,
+    robot_and_sensor,
+    score_mapper,
+)
 from radarsim.autonomy.evaluation.navigation_run import (
     INTERRUPTED,
     GroundTruthMonitor,
@@ -62,6 +68,7 @@ class MappingResult:
         robot_class: Class of the robot; None where another client drove.
         scene: The scene, if the server was in this process.
         score: Comparison of the map with the scene, if the scene is known.
+        area_curve: Known area over time and path.
         files: Files that were written.
         error: What went wrong; empty if nothing did.
     """
@@ -78,6 +85,7 @@ class MappingResult:
     robot_class: str | None = None
     scene: Scene | None = None
     score: MapScore | None = None
+    area_curve: AreaCurve = field(default_factory=AreaCurve)
     files: tuple[Path, ...] = ()
     error: str = ""
 
@@ -102,6 +110,7 @@ class MappingResult:
             "loop_closures": 0 if self.mapper is None else self.mapper.slam.closures,
             "cells": _cell_counts(self.mapper),
             "pose_errors": self._pose_errors(),
+            "area_over_time": self.area_curve.to_dict(),
             "files": [str(file) for file in self.files],
             "error": self.error or None,
         }
@@ -112,6 +121,8 @@ class MappingResult:
             }
             if self.score is not None:
                 result["judge"] |= self.score.to_dict()
+            if self.area_curve.floor is not None:
+                result["judge"]["reached"] = self.area_curve.reached_to_dict()
         return result
 
     @property
@@ -261,6 +272,27 @@ class _Run:
             result.outcome, result.trip = exploration.outcome.value, exploration.trip
             result.mapper, result.unreached = exploration.mapper, exploration.unreached
             result.safety_distance = exploration.safety_distance
+            self._note_area(last=True)
+
+    def _note_area(self, *, last: bool = False) -> None:
+        """Add to the curve of known area; to be called at every scan."""
+        result, exploration = self._result, self._exploration
+        mapper, trip = exploration.mapper, exploration.trip
+        if mapper is None or trip.start is None:
+            return
+        curve, scene, robot_class = result.area_curve, result.scene, result.robot_class
+        if scene is not None and robot_class is not None and curve.floor is None:
+            start = (trip.start.x, trip.start.y)
+            radius, height = robot_and_sensor(mapper, scene, robot_class, start)
+            curve.floor = FloorPart(
+                "reachable",
+                scene,
+                mapper.grid.frame.resolution,
+                start=start,
+                robot_radius=radius,
+                height=height,
+            )
+        curve.add(trip, mapper.grid, last=last)
 
     def _open_client(self, address: tuple[str, int]) -> Client:
         if self._host is None:
@@ -312,9 +344,14 @@ class MappingRun(_Run):
             NavigationError: If the robot cannot do what is asked of it.
         """
         result = self.result
+
+        def note(step: ExplorationStep) -> None:
+            self._note_area()
+            observe(step)
+
         try:
             with self._completing(), self._open_client(address) as client:
-                self.exploration.run(client, observe)
+                self.exploration.run(client, note)
         finally:
             # An error before the exploration began, as of the connection, is not told.
             is_interrupted = result.error in ("", INTERRUPTED)
@@ -357,10 +394,15 @@ class MultiRobotRun(_Run):
             address: Host and port of the server, unless it is in this process.
             observe: Called at every scan with the number of the robot.
         """
+
+        def note(number: int, step: ExplorationStep) -> None:
+            self._note_area()
+            observe(number, step)
+
         with self._completing(), ExitStack() as stack:
             robots = self.exploration.robots
             clients = [stack.enter_context(self._open_client(address)) for _ in robots]
-            self.exploration.run(clients, observe)
+            self.exploration.run(clients, note)
 
 
 def _cell_counts(mapper: Mapper | None) -> dict[str, float] | None:

@@ -29,6 +29,7 @@ from radarsim.autonomy.mapping.occupancy_grid import SHORT_RANGE, Mask, Occupanc
 from radarsim.autonomy.navigation.boundary_policy import Landmark
 from radarsim.autonomy.navigation.control import (
     STOP,
+    SpeedLimits,
     Twist,
     bearing_of,
     distance,
@@ -57,6 +58,33 @@ _TURN_STEP: Final = math.radians(10.0)
 TargetSelector = Callable[[TraversabilityMap], Mask]
 
 
+class TurnOnSpot:
+    """A turn on the spot, so that other beams cross the gaps between those of one scan.
+
+    A frontier there would be one of the scanner, and not of what is known.
+    """
+
+    def __init__(self, angle: float, speed_limits: SpeedLimits) -> None:
+        """Create it.
+
+        Args:
+            angle: rad.
+            speed_limits: Those of the robot.
+        """
+        self._left = angle
+        self._yaw = math.nan
+        self._speed_limits = speed_limits
+
+    def step(self, observation: Observation) -> Twist | None:
+        """Return the twist until the next scan; None once the turn is over."""
+        if self._left <= 0:
+            return None
+        if not math.isnan(self._yaw):
+            self._left -= abs(wrap_angle(observation.pose.yaw - self._yaw))
+        self._yaw = observation.pose.yaw
+        return Twist(0.0, self._speed_limits.turn)
+
+
 class NearestTargetStrategy:
     """Strategy that drives to the nearest of the tiles that a selector returns.
 
@@ -83,9 +111,7 @@ class NearestTargetStrategy:
         """
         self.activity = activity
         self.is_done = False
-        self._turn = turn
-        self._yaw = math.nan
-        self._speed_limits = settings.speed_limits
+        self._turn = TurnOnSpot(turn, settings.speed_limits)
         self._select_targets = select_targets
         self._path_follower = PathFollower(settings)
         self._scans = 0
@@ -95,12 +121,8 @@ class NearestTargetStrategy:
         self._scans += 1
         if self.is_done or self._scans < MIN_SCANS:
             return STOP
-        # so that other beams cross the gaps between those of one scan
-        if self._turn > 0:
-            if not math.isnan(self._yaw):
-                self._turn -= abs(wrap_angle(observation.pose.yaw - self._yaw))
-            self._yaw = observation.pose.yaw
-            return Twist(0.0, self._speed_limits.turn)
+        if (twist := self._turn.step(observation)) is not None:
+            return twist
         if self._path_follower.update_map(observation, grid):
             floor, end = self._path_follower.floor, self._path_follower.end
             assert floor is not None

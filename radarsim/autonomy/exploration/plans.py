@@ -21,6 +21,7 @@ class StrategyName(StrEnum):
     CONTOUR = "contour"
     CENTRE_OUT = "centre_out"
     FRONTIERS = "frontiers"
+    INFORMATION_GAIN = "information_gain"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -115,6 +115,10 @@ class TraversabilityMap:
         chosen.flat[np.argmin(np.where(tiles, distance, math.inf))] = True
         return chosen & tiles
 
+    def nearer_than(self, distance: float) -> Mask:
+        """Return the tiles nearer than that, m, to what robots cannot enter."""
+        return np.asarray(self._clearance < distance)
+
     def area(self, tiles: Mask) -> float:
         """Return the area of some tiles, m²."""
         return float(np.count_nonzero(tiles)) * self.size**2
