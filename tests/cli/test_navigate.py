@@ -174,7 +174,7 @@ def test_json_is_one_object_that_agrees_with_the_judge(box_run: BoxRun) -> None:
     told = box_run.summary
     assert list(told) == [
         *("outcome", "algorithm", "goals", "goals_left", "path_length", "time"),
-        *("hit_points", "leave_points", "circuits", "nearest_obstacle"),
+        *("hit_points", "leave_points", "circuits", "legs", "nearest_obstacle"),
         *("safety_distance", "error", "judge"),
     ]
     assert (told["outcome"], told["algorithm"]) == ("reached", "bug2")
@@ -203,6 +203,33 @@ def test_no_path_exits_with_3(radarsim: Command) -> None:
     assert run.text.startswith("no path by bug2: -0.40 0.20\n")
 
 
+def test_each_goal_is_told_of_and_the_last_is_the_start(radarsim: Command) -> None:
+    way = (*BOX, "--goal", "-2.5,-0.4", "--goal", "4,-0.4", "--return-to-start")
+    told = json.loads(radarsim(*way, "--json").text)
+    assert told["goals"][:2] == [[-2.5, -0.4], [4.0, -0.4]]
+    assert math.dist(told["goals"][2], (-4, -0.4)) < 0.1
+    assert [leg["goal"] for leg in told["legs"]] == told["goals"]
+    assert [leg["outcome"] for leg in told["legs"]] == ["reached"] * 3
+    assert [len(leg["hit_points"]) for leg in told["legs"]] == [0, 1, 1]
+    leave_points = [point for leg in told["legs"] for point in leg["leave_points"]]
+    assert leave_points == told["leave_points"]
+    lengths = [leg["path_length"] for leg in told["legs"]]
+    assert sum(lengths) == pytest.approx(told["path_length"], abs=0.01)
+    # from where it truly started, though it knows that place by its own pose
+    assert told["judge"]["goal_distance"] < 0.3
+
+
+def test_goal_to_which_there_is_no_path_is_told_among_several(
+    radarsim: Command,
+) -> None:
+    way = ("--goal", "-3.5,-0.5", "--goal", "-0.4,0.2", "--return-to-start")
+    run = radarsim(*BUG2, "bug_closed_box", "--speed", "0.5", *way)
+    assert run.code == 3
+    assert re.search(r"\ngoal 1 +-3\.50 -0\.50: reached, \d\.\d\d m in", run.text)
+    assert re.search(r"\ngoal 2 +-0\.40 0\.20: no path, 1\d\.\d\d m in", run.text)
+    assert "goal 3" not in run.text
+
+
 def test_goal_not_reached_in_time_is_a_failure(radarsim: Command) -> None:
     run = radarsim(*BOX, "--time-limit", "2", "--json")
     told = json.loads(run.text)
@@ -210,6 +237,8 @@ def test_goal_not_reached_in_time_is_a_failure(radarsim: Command) -> None:
     assert (told["outcome"], told["goals_left"]) == ("failed", 1)
     assert told["error"].startswith("goal not reached within 2 s, 6.")
     assert run.err.endswith(f"radarsim: {told['error']}\n")
+    run = radarsim(*BOX, "--time-limit", "2", "--return-to-start")
+    assert "radarsim: goal 1 of 2 not reached within 2 s, 6." in run.err
 
 
 def test_impossible_mission_is_reported_in_json(radarsim: Command) -> None:

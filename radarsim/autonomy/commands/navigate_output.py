@@ -33,6 +33,7 @@ ACTIVITIES: Final = {
     Activity.NO_PATH: "there is no path",
 }
 OUTCOMES: Final = {"reached": "goal reached", "no_path": "no path"}
+ENDINGS: Final = {"reached": "reached", "no_path": "no path", "failed": "not reached"}
 TITLES: Final = {
     "reached": "reaches its goal",
     "no_path": "finds that there is no path",
@@ -113,13 +114,18 @@ def as_text(run: NavigationRun) -> list[str]:
     is_interrupted = run.error == INTERRUPTED
     ending = INTERRUPTED if is_interrupted else OUTCOMES.get(run.outcome, "failed")
     lines = [
-        f"{ending} by {summary['algorithm']}: {listed(run.mission.goals)}",
+        f"{ending} by {summary['algorithm']}: {listed(run.goals)}",
         f"path          {summary['path_length']:.2f} m in {summary['time']:.1f} s;"
         f" {near}",
         f"hit points    {listed(summary['hit_points'])}",
         f"leave points  {listed(summary['leave_points'])}",
         f"circuits      {summary['circuits']}",
     ]
+    for number, leg in enumerate(summary["legs"] if len(run.goals) > 1 else [], 1):
+        lines.append(
+            f"goal {number:<8} {listed([leg['goal']])}: {ENDINGS[leg['outcome']]},"
+            f" {leg['path_length']:.2f} m in {leg['time']:.1f} s"
+        )
     if judge := summary.get("judge"):
         lines.append(
             f"in truth      {judge['path_length']:.2f} m,"
@@ -136,7 +142,7 @@ def view_of(run: NavigationRun) -> RunView:
     if run.circuits:
         subtitle += f", {run.circuits} circuit{'s' * (run.circuits != 1)}"
     if monitor is not None:
-        away = monitor.distance(run.mission.goals[-1])
+        away = monitor.off_goal(run.mission)
         subtitle += f", in truth {away:.2f} m from the goal"
     return RunView(
         run_log,

@@ -106,6 +106,16 @@ class GroundTruthMonitor:
         ends = [] if self._pose is None else [(self._pose.x, self._pose.y)]
         return np.array([*self.path, *ends]).reshape(-1, 2)
 
+    def off_goal(self, mission: Mission) -> float:
+        """Return the robot's distance from the last goal of its mission, m.
+
+        That is where it truly started, if it is to return.
+        """
+        goal = mission.goals[-1]
+        if mission.return_to_start and self.path:
+            goal = self.path[0]
+        return self.distance(goal)
+
     def distance(self, goal: tuple[float, float]) -> float:
         """Return the robot's distance from a point, m; ``inf`` without a robot."""
         if self._pose is None:
@@ -157,12 +167,19 @@ class NavigationRun:
         return "failed" if self.result is None else self.result.outcome
 
     @property
+    def goals(self) -> tuple[Position, ...]:
+        """The goals in turn: the start as well, if the robot is to return there."""
+        first = self.run_log.rows[:1] if self.mission.return_to_start else []
+        return (*self.mission.goals, *((row.x, row.y) for row in first))
+
+    @property
     def goals_left(self) -> int:
         """Number of goals that the robot has not reached."""
         if self.result is not None:
             return self.result.goals_left
-        # A line begins with each goal, and all goals but that of the last are reached.
-        return len(self.mission.goals) - max(len(self.run_log.goal_lines) - 1, 0)
+        # A leg begins with each goal, and all goals but that of the last are reached.
+        goals = len(self.mission.goals) + self.mission.return_to_start
+        return goals - max(len(self.run_log.legs) - 1, 0)
 
     @property
     def circuits(self) -> int:
@@ -202,7 +219,9 @@ class NavigationRun:
         if self.outcome == "failed":
             distance = self.run_log.rows[-1].goal_distance
             limit = f"within {self.mission.time_limit:g} s"
-            self.error = f"goal not reached {limit}, {distance:.2f} m from it"
+            count = len(self.goals)
+            which = f" {count - self.goals_left + 1} of {count}" if count > 1 else ""
+            self.error = f"goal{which} not reached {limit}, {distance:.2f} m from it"
 
     def summary(self) -> dict[str, Any]:
         """Return all values of the run by name, numbers unrounded.
@@ -213,13 +232,14 @@ class NavigationRun:
         values: dict[str, Any] = {
             "outcome": self.outcome,
             "algorithm": mission.algorithm.value,
-            "goals": mission.goals,
+            "goals": self.goals,
             "goals_left": self.goals_left,
             "path_length": run_log.path_length,
             "time": run_log.time,
             "hit_points": run_log.hit_points,
             "leave_points": run_log.leave_points,
             "circuits": self.circuits,
+            "legs": self.legs(),
             "nearest_obstacle": run_log.nearest,
             "safety_distance": mission.safety_distance
             if result is None
@@ -230,9 +250,24 @@ class NavigationRun:
             values["judge"] = {
                 "path_length": self.monitor.path_length,
                 "collisions": self.monitor.collisions,
-                "goal_distance": self.monitor.distance(mission.goals[-1]),
+                "goal_distance": self.monitor.off_goal(mission),
             }
         return values
+
+    def legs(self) -> list[dict[str, Any]]:
+        """Return how the way to each goal went, as far as the robot came."""
+        legs = self.run_log.legs
+        return [
+            {
+                "goal": leg.goal,
+                "outcome": "reached" if number < len(legs) else self.outcome,
+                "path_length": leg.path_length,
+                "time": leg.ended - leg.began,
+                "hit_points": leg.hit_points,
+                "leave_points": leg.leave_points,
+            }
+            for number, leg in enumerate(legs, 1)
+        ]
 
     def to_dict(self) -> dict[str, Any]:
         """Return the summary for JSON: lengths to 1 mm, times to 1 ms."""

@@ -147,7 +147,7 @@ def _drive(mission: Mission, host: Host, after_tick: Callable[[], None]) -> Row:
         except (ClientError, NavigationError) as error:
             outcome = "too_near" if isinstance(error, TooNearError) else "failed"
             note = str(error)
-    off = monitor.distance(mission.goals[-1])
+    off = monitor.off_goal(mission)
     # the robot's own pose drifts: it may take another place for the goal
     if outcome == "reached" and off > GOAL_TOLERANCE:
         outcome, note = "failed", f"says reached, {off:.2f} m from the goal"

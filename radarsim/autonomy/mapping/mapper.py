@@ -15,7 +15,12 @@ import numpy as np
 
 from radarsim.autonomy.mapping.motion_reports import MotionReports
 from radarsim.autonomy.mapping.occupancy_grid import RESOLUTION, OccupancyGrid
-from radarsim.autonomy.mapping.scan import Layer, PlanarScan, read_scan
+from radarsim.autonomy.mapping.scan import (
+    MAX_RANGE,
+    Layer,
+    PlanarScan,
+    read_scan,
+)
 from radarsim.autonomy.mapping.scan_grid import RebuildableGrid, ScanGrid
 from radarsim.autonomy.mapping.slam import Slam, SlamSettings
 from radarsim.autonomy.mapping.trajectory import Trajectory
@@ -37,7 +42,6 @@ from radarsim.protocol.reports import (
 )
 
 MAX_SCANS_WITHOUT_MOTION: Final = 50  # after which the motion counts as unknown
-MAX_RANGE: Final = 200.0  # m; limit of beams, even if a server states more
 TRUTH_INTERVAL: Final = 0.05  # s; true poses in between are not stored
 
 _MOTION_SOURCES: Final[dict[type[Report], str]] = {Ins: "ins", Odometry: "odometry"}

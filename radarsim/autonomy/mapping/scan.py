@@ -59,6 +59,7 @@ _LEAVE, _SHEET, _HIT, _SPENT, _RAIN = 1, 2, 3, 4, 5
 _END_OF_ECHO: Final = np.array(
     [*[BeamEnd.BLIND] * 3, BeamEnd.HIT, BeamEnd.SPENT, BeamEnd.AIR], np.int8
 )
+MAX_RANGE: Final = 200.0  # m; limit of beams, even if a server states more
 ROUNDING: Final = 0.006  # m; how far an echo on the wire may be beyond the maximum
 
 

@@ -58,8 +58,9 @@ class GiveUp(StrEnum):
 
 
 class PoseSource(StrEnum):
-    """The sensor that poses are taken from."""
+    """Where poses are taken from."""
 
     INS = "ins"
     ODOMETRY = "odometry"
     GROUND_TRUTH = "ground_truth"
+    SLAM = "slam"  # scans matched with those before, and the motion of an INS

@@ -14,16 +14,20 @@ smoke, counts where a beam ends in it, since nothing beyond has been seen.
 
 Echo lines come before the scan that they belong to. Servers that know no echoes send
 none; then ranges alone count.
+
+Poses by SLAM are in the map frame, as all others, and so are the goals. They may jump
+when a loop closes: who has kept scans can correct them, and begins anew.
 """
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from radarsim.autonomy.mapping.localization import Localizer
 from radarsim.autonomy.navigation.algorithms import PoseSource
 from radarsim.client import ScannerInfo, beam_angles
 from radarsim.client.robot_info import from_centre, same_name
@@ -205,13 +209,16 @@ class ObservationBuilder:
 
         Args:
             scanner: The scanner to use.
-            pose_source: The sensor that poses are taken from.
+            pose_source: Where poses are taken from.
             clock: Returns the time in s; used where time stamps do not advance.
             echo_wait: How long scans without echoes are left out, since their echoes
                 may still come, s; 0 if the server was not asked for echoes.
         """
         self._scanner = scanner
-        self._pose_report = POSE_REPORTS[pose_source]
+        self._localizer = Localizer(scanner) if pose_source is PoseSource.SLAM else None
+        # SLAM needs the motion between scans.
+        needed = PoseSource.INS if self._localizer is not None else pose_source
+        self._pose_report = POSE_REPORTS[needed]
         self._scan_clock = ScanClock(clock)
         self._pose: Pose2 | None = None
         self._start: Pose2 | None = None
@@ -221,7 +228,7 @@ class ObservationBuilder:
         self._echoes_due = math.nan  # until when scans wait for their echoes, s
         self._pressed: dict[str, bool] = {}  # the touch sensors, by name
         self._touched = False  # whether one was pressed since the last scan
-        self.missing = f"pose from {pose_source.value}"
+        self.missing = f"pose from {needed.value}"
 
     @property
     def cure(self) -> str:
@@ -252,9 +259,21 @@ class ObservationBuilder:
         self._update_pose(report)
         return None
 
+    def pop_jump(self) -> bool:
+        """Return whether poses of earlier scans have changed since it was asked."""
+        return self._localizer is not None and self._localizer.pop_jump()
+
+    def corrected(self, observation: Observation) -> Observation:
+        """Return an earlier scan with its pose by all that is known now."""
+        if self._localizer is None:
+            return observation
+        return replace(observation, pose=self._localizer.pose_at(observation.time))
+
     def _update_pose(self, report: Report) -> None:
         """Update the pose; odometry counts from the first pose of any other sensor."""
         pose: Pose2 | None = None
+        if isinstance(report, Ins) and self._localizer is not None:
+            self._localizer.add_motion(report)
         if isinstance(report, Ins | GroundTruth):
             pose = Pose2(report.pose.x, report.pose.y, report.pose.yaw)
             self._start = self._start or pose
@@ -272,6 +291,9 @@ class ObservationBuilder:
         check_beams(len(report.ranges), scanner)
         time = self._scan_clock.time_of(report.time)
         echoes = self._echoes.of(report)
+        # Of a scan without echoes, too: the next one is matched with it.
+        if self._localizer is not None:
+            pose = self._localizer.locate(report, echoes, time)
         # The wait begins at the first scan, whether it has echoes or not.
         if echoes is not None or math.isnan(self._echoes_due):
             self._echoes_due = time + self._echo_wait

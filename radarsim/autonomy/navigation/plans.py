@@ -116,13 +116,15 @@ class Mission(DrivePlan):
         algorithm: How to get around obstacles: as a bug, or by paths planned on what
             is seen.
         goals: Goal, map frame; several are reached in turn.
+        return_to_start: Drive back to where it started, after the last goal.
         bumpers: Number of bumpers.
         share: Share of a bumper's beams that press it.
         rule: A bumper is pressed if a share of its beams is near, or if all are in the
             band; 'thesis' also follows boundaries by bumpers alone.
         give_up: Where Bug2 decides that there is no path: back at the hit point, or at
             the line to the goal, no nearer to it.
-        pose_source: Sensor from which the pose is read.
+        pose_source: Sensor from which the pose is read, or SLAM: scans matched with
+            those before.
         tolerance: Distance from a goal at which it is reached.
     """
 
@@ -130,6 +132,7 @@ class Mission(DrivePlan):
 
     algorithm: Algorithm
     goals: Annotated[tuple[PointXY, ...], Option(names=("--goal",))] = ()
+    return_to_start: bool = False
     bumpers: Annotated[int, Interval(ge=4, le=36), RARE] = 8
     share: Annotated[float, Interval(gt=0, le=1), RARE] = LEAST_SHARE
     rule: Annotated[Rule, RARE] = Rule.SHARE

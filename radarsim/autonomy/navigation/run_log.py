@@ -4,7 +4,7 @@ import csv
 import io
 import math
 from collections import Counter
-from dataclasses import astuple, dataclass, fields
+from dataclasses import astuple, dataclass, field, fields
 
 import numpy as np
 
@@ -64,12 +64,27 @@ class Row:
         return 0.0 if goal is None else math.hypot(goal[0] - self.x, goal[1] - self.y)
 
 
-@dataclass(frozen=True, slots=True)
-class GoalLine:
-    """The straight line to a goal from where the robot headed for it first, m."""
+@dataclass(slots=True)
+class Leg:
+    """The way to one of the goals.
+
+    Attributes:
+        start: Where the robot headed for it first, m, map frame.
+        goal: m, map frame.
+        began: When it did so, s.
+        ended: When it was there, or the run ended, s.
+        path_length: Length of the estimated path, m.
+        hit_points: Where boundaries were hit, m, map frame.
+        leave_points: Where boundaries were left, m, map frame.
+    """
 
     start: Point
     goal: Point
+    began: float
+    ended: float
+    path_length: float = 0.0
+    hit_points: list[Point] = field(default_factory=list)
+    leave_points: list[Point] = field(default_factory=list)
 
 
 class RunLog:
@@ -77,9 +92,7 @@ class RunLog:
 
     Attributes:
         rows: One row for each scan.
-        hit_points: Where boundaries were hit, m, map frame.
-        leave_points: Where boundaries were left, m, map frame.
-        goal_lines: The straight lines to the goals so far.
+        legs: The ways to the goals so far.
         circuits: Number of complete circuits after which the robot headed for a leave
             point.
         path_length: Length of the estimated path, m.
@@ -87,9 +100,7 @@ class RunLog:
 
     def __init__(self) -> None:
         self.rows: list[Row] = []
-        self.hit_points: list[Point] = []
-        self.leave_points: list[Point] = []
-        self.goal_lines: list[GoalLine] = []
+        self.legs: list[Leg] = []
         self.circuits = 0
         self.path_length = 0.0
         self._cells: Counter[int] = Counter()
@@ -116,6 +127,16 @@ class RunLog:
         columns, rows = np.floor(step.observation.points() / CELL).astype(np.int64).T
         self._cells.update((columns * _ROWS + rows).tolist())
         return row
+
+    @property
+    def hit_points(self) -> list[Point]:
+        """Where boundaries were hit, on the way to any goal, m, map frame."""
+        return [point for leg in self.legs for point in leg.hit_points]
+
+    @property
+    def leave_points(self) -> list[Point]:
+        """Where boundaries were left, likewise."""
+        return [point for leg in self.legs for point in leg.leave_points]
 
     @property
     def time(self) -> float:
@@ -149,7 +170,7 @@ class RunLog:
     def as_csv(self) -> str:
         """Return a row for each scan; fields without a value are empty."""
 
-        def field(value: object) -> object:
+        def rounded(value: object) -> object:
             if not isinstance(value, float):
                 return value
             # plus zero, as -0.0 would be another text
@@ -158,7 +179,7 @@ class RunLog:
         text = io.StringIO(trace_header())
         text.seek(0, io.SEEK_END)
         writer = csv.writer(text, lineterminator="\n")
-        writer.writerows(map(field, astuple(row)) for row in self.rows)
+        writer.writerows(map(rounded, astuple(row)) for row in self.rows)
         return text.getvalue()
 
     def _update(self, previous: Row | None, row: Row) -> None:
@@ -166,18 +187,24 @@ class RunLog:
         # Each goal has hit and leave points of its own: where it changes none is left.
         same_goal = previous is not None and previous.goal == row.goal
         was_at_boundary = previous is not None and previous.activity in AT_BOUNDARY
-        if row.goal is not None and not same_goal:
-            self.goal_lines.append(GoalLine(here, row.goal))
-        if row.activity in AT_BOUNDARY and not (was_at_boundary and same_goal):
-            self.hit_points.append(here)
-        if row.activity is Activity.GOING and was_at_boundary and same_goal:
-            self.leave_points.append(here)
         if previous is not None:
-            self.path_length += math.hypot(row.x - previous.x, row.y - previous.y)
+            step = math.hypot(row.x - previous.x, row.y - previous.y)
+            self.path_length += step
+            # The way up to here was that to the goal before, even if it ends here.
+            for leg in self.legs[-1:]:
+                leg.path_length += step
+                leg.ended = row.time
+        if row.goal is not None and not same_goal:
+            self.legs.append(Leg(here, row.goal, row.time, row.time))
+        if row.activity in AT_BOUNDARY and not (was_at_boundary and same_goal):
+            self.legs[-1].hit_points.append(here)
+        if row.activity is Activity.GOING and was_at_boundary and same_goal:
+            self.legs[-1].leave_points.append(here)
+        if previous is not None:
             self.circuits += previous.activity != row.activity == Activity.RETURNING
 
 
 def trace_header() -> str:
     """Return the first line of a trace, with its end."""
-    names = (field.name for field in fields(Row))
+    names = (each.name for each in fields(Row))
     return ",".join(COLUMN_NAMES.get(name, name) for name in names) + "\n"

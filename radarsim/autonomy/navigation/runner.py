@@ -216,7 +216,7 @@ class Navigator:
             client: The connection; its robot is spawned.
             robot_info: Properties of the robot.
             scanner: The scanner to steer by.
-            pose_source: The sensor that poses are taken from.
+            pose_source: Where poses are taken from.
             timeout: Time without a scan after which the run is given up, s.
             echoes: Whether to ask the server for echoes, and to use them.
         """
@@ -224,13 +224,13 @@ class Navigator:
         self._robot = robot_info
         if echoes:
             client.echoes(scanner.name)
-        source = ObservationBuilder(
+        self._source = ObservationBuilder(
             scanner,
             pose_source,
             client.transport.time,
             echo_wait=ECHO_WAIT if echoes else 0.0,
         )
-        self._loop = ControlLoop(client, robot_info, source, timeout=timeout)
+        self._loop = ControlLoop(client, robot_info, self._source, timeout=timeout)
 
     def run(
         self,
@@ -238,6 +238,7 @@ class Navigator:
         bumpers: Bumpers,
         *,
         time_limit: float = math.inf,
+        return_to_start: bool = False,
         observe: Callable[[NavigationStep], None] = lambda _: None,
     ) -> Result:
         """Drive until the bug is done, and leave the robot standing.
@@ -246,6 +247,7 @@ class Navigator:
             bug: Decides how to move.
             bumpers: The bumpers whose state the observer receives.
             time_limit: Longest run, s, by the result's time.
+            return_to_start: Whether where the robot is at first is one more goal.
             observe: Called at every scan, after the robot was commanded.
 
         Raises:
@@ -261,10 +263,17 @@ class Navigator:
         touches = TouchMemory(
             self._robot.length, self._robot.width, bumpers.safety_distance
         )
+
+        def correct(earlier: Observation) -> Observation:
+            return touches.places.hide(self._source.corrected(earlier))
+
         try:
             for scan in self._loop.scans():
-                if touches.notice(scan, twist):
-                    bug.reconsider(scan.pose, touches.places.hide)
+                if return_to_start and trip.start is None:
+                    bug.goals.append((scan.pose.x, scan.pose.y))
+                has_jumped = self._source.pop_jump()
+                if touches.notice(scan, twist) or has_jumped:
+                    bug.reconsider(scan.pose, correct)
                 observation = touches.places.hide(glimpses.add_to(scan))
                 # Among mirrors, what is seen from afar may be elsewhere.
                 trusted = GOAL_IN_SIGHT if len(touches.places) else math.inf

@@ -73,7 +73,7 @@ def marker_places(
         is_over: Whether a goal that is not reached by now never will be.
     """
     goals, activity = (
-        [line.goal for line in run_log.goal_lines],
+        [leg.goal for leg in run_log.legs],
         run_log.rows[-1].activity,
     )
     is_missed = activity is Activity.NO_PATH
@@ -81,7 +81,7 @@ def marker_places(
         is_missed = activity is not Activity.REACHED
     reached = len(goals) - is_missed
     places = {
-        START: [line.start for line in run_log.goal_lines[:1]],
+        START: [leg.start for leg in run_log.legs[:1]],
         HIT: run_log.hit_points,
         LEAVE: run_log.leave_points,
         GOAL: goals[:reached],
@@ -102,7 +102,7 @@ def draw_markers(
         is_over: Whether a goal that is not reached by now never will be.
     """
     drawn: list[Artist] = []
-    goals = len(run_log.goal_lines)
+    goals = len(run_log.legs)
     for style, points in marker_places(run_log, is_over=is_over).items():
         drawn += axes.plot(*np.array(points).T, **style.options, zorder=7.0)
         is_goal = style in (GOAL, MISSED)

@@ -188,7 +188,7 @@ def run_extent(run_log: RunLog, true_path: Floats = NO_PATH) -> Extent:
 
 def path_extent(run_log: RunLog, true_path: Floats = NO_PATH) -> Extent:
     """Return the extent of the paths and the goals of a run; at least one row."""
-    ends = [end for line in run_log.goal_lines for end in (line.start, line.goal)]
+    ends = [end for leg in run_log.legs for end in (leg.start, leg.goal)]
     points = np.concatenate([run_log.path, np.array(ends).reshape(-1, 2), true_path])
     return Extent(*points.min(axis=0).tolist(), *points.max(axis=0).tolist())
 
@@ -234,8 +234,8 @@ class RunPanel:
         axes = self._axes
         self._sensed.update(run_log)
         self._moving = []
-        for line in run_log.goal_lines:
-            ends = np.array([line.start, line.goal])
+        for leg in run_log.legs:
+            ends = np.array([leg.start, leg.goal])
             self._moving += axes.plot(*ends.T, **_GOAL_LINE, zorder=2.8)
         for lines in _path_lines(run_log):
             axes.add_collection(lines, autolim=False)

@@ -16,7 +16,7 @@ from radarsim.autonomy.navigation.bumpers import Bumpers, pressed_names
 from radarsim.autonomy.navigation.control import STOP, SpeedLimits, Twist
 from radarsim.autonomy.navigation.controller import Activity, ControllerSettings
 from radarsim.autonomy.navigation.observation import Observation
-from radarsim.autonomy.navigation.run_log import CELL, GoalLine, RunLog
+from radarsim.autonomy.navigation.run_log import CELL, RunLog
 from radarsim.autonomy.navigation.runner import NavigationStep
 from radarsim.geometry import Pose2
 
@@ -61,8 +61,14 @@ def test_log_agrees_with_the_bug(
     assert run_log.hit_points == bug.hit_points
     assert run_log.leave_points == bug.leave_points
     assert run_log.circuits == bug.circuits == (algorithm is Algorithm.BUG1)
-    assert [line.goal for line in run_log.goal_lines] == list(GOALS)
-    assert run_log.goal_lines[0] == GoalLine((-6.0, 0.0), GOALS[0])
+    assert [leg.goal for leg in run_log.legs] == list(GOALS)
+    assert run_log.legs[0].start == (-6.0, 0.0)
+    assert run_log.legs[1].start == pytest.approx(GOALS[0], abs=0.15)
+    lengths = [leg.path_length for leg in run_log.legs]
+    assert sum(lengths) == pytest.approx(run_log.path_length)
+    times = [leg.ended - leg.began for leg in run_log.legs]
+    assert sum(times) == pytest.approx(run_log.time)
+    assert min(times) > 5
     assert run_log.path_length == pytest.approx(world.length, abs=0.1)
     assert run_log.nearest == pytest.approx(world.nearest, abs=0.02)
 

@@ -162,6 +162,31 @@ def test_navigator_reaches_waypoints_in_turn(empty_room: Scene) -> None:
     assert result.outcome == "reached"
 
 
+def test_navigator_returns_to_where_it_started(empty_room: Scene) -> None:
+    link = FaultyTransport(Host(empty_room))
+    seen: list[NavigationStep] = []
+    result = go_with(
+        link, goals=((-7.0, 0.0),), return_to_start=True, observe=seen.append
+    )
+    start = (seen[0].observation.pose.x, seen[0].observation.pose.y)
+    assert math.dist(start, (-8, 0)) < 0.1
+    assert list(dict.fromkeys(each.goal for each in seen)) == [(-7.0, 0.0), start, None]
+    assert (result.outcome, result.goals_left) == ("reached", 0)
+    assert math.dist((link.pose.x, link.pose.y), (-8, 0)) < 0.3
+    assert 1.7 < result.path_length < 2.5
+
+
+@pytest.mark.slow
+def test_goal_is_met_by_slam_after_40_m(foliage_room: Scene) -> None:
+    """The INS alone is off by as much as 0.15 m then, and the goal is 0.1 m wide."""
+    link = FaultyTransport(Host(foliage_room))
+    corners = ((-2.0, -5.0), (-2.0, 5.0), (-9.0, 5.0), (-9.0, -5.0), (-2.0, -5.0))
+    result = go_with(link, goals=corners, pose_source=PoseSource.SLAM)
+    assert result.outcome == "reached"
+    assert result.path_length > 40
+    assert math.dist((link.pose.x, link.pose.y), corners[-1]) < 0.15
+
+
 def test_robot_is_stopped_if_the_server_pauses_for_three_seconds(
     empty_room: Scene,
 ) -> None:
@@ -238,6 +263,13 @@ def test_missing_poses_are_reported(
         ClientError, match=f"no pose from {pose_source.value} within 2 s"
     ):
         go_with(link, pose_source=pose_source)
+
+
+def test_slam_needs_the_motion_of_an_ins(empty_room: Scene) -> None:
+    link = FaultyTransport(Host(empty_room), b"{Type INS}", since=ALWAYS)
+    with pytest.raises(ClientError, match="no pose from ins within 2 s") as error:
+        go_with(link, pose_source=PoseSource.SLAM)
+    assert str(error.value).endswith("expected poses from odometry or ground_truth")
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,132 @@
+"""Localization: where a robot is at each scan, for what needs no map but the pose.
+
+The scans are matched with those before (``slam``); the motion in between is that of an
+INS. When a loop closes, or the map is turned back to its start, poses of earlier scans
+change as well: what was kept by them can be corrected.
+"""
+
+import math
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from radarsim.autonomy.mapping.motion_reports import MotionReports
+from radarsim.autonomy.mapping.point_map import PointMap
+from radarsim.autonomy.mapping.scan import MAX_RANGE, read_scan
+from radarsim.autonomy.mapping.slam import Slam, SlamSettings
+from radarsim.client import ScannerInfo
+from radarsim.geometry import Pose2, Pose3, wrap_angle
+from radarsim.protocol.reports import EchoLine, Ins, RangeScan, Report, TargetEchoes
+
+# Side beams of a radar show the end of a wall beside it, from each side another way:
+# what a few points say together is off by that, and where there is little to see an INS
+# is better over some metres.
+SETTINGS: Final = SlamSettings(drift=0.03, rest_sigma=(0.0015, 0.0005))
+JUMP: Final = (0.1, 0.03)  # m and rad; what was kept by less still fits what is seen
+
+
+class Localizer:
+    """Finds the pose of each scan of one scanner.
+
+    Attributes:
+        slam: Holds the poses, and the points that scans are matched with.
+    """
+
+    def __init__(self, scanner: ScannerInfo) -> None:
+        """Begin where the INS says first.
+
+        Args:
+            scanner: The scanner.
+        """
+        self.slam = Slam(SETTINGS)
+        self._scanner = scanner
+        mount = scanner.mount
+        self._mount = Pose2(mount.x, mount.y, mount.yaw)
+        self._motion = MotionReports()
+        self._has_jumped = False
+
+    def add_motion(self, report: Ins) -> None:
+        """Add a report of the INS."""
+        pose = report.pose
+        self._motion.add(report.time, Pose2(pose.x, pose.y, pose.yaw))
+
+    def locate(
+        self, report: RangeScan, echoes: Sequence[TargetEchoes] | None, time: float
+    ) -> Pose2:
+        """Return the robot's pose at a scan, map frame.
+
+        Args:
+            report: The scan; at least one report of the INS came before.
+            echoes: Those of the scan; None if none came.
+            time: When it was taken, s; the times of scans increase.
+        """
+        scan = read_scan(
+            replace(report, time=time),
+            echoes,
+            max_range=min(self._scanner.max_range, MAX_RANGE),
+            min_range=self._scanner.min_range,
+            mount=self._mount,
+        )
+        slam, motion = self.slam, self._motion.at(report.time)
+        last, revision = slam.pose, slam.revision
+        pose = slam.step(scan, *(motion or ()))
+        if slam.revision > revision:
+            # the scan before, whose pose has moved by the correction alone
+            moved = slam.trajectory.poses[-2]
+            distance, angle = JUMP
+            self._has_jumped |= (
+                math.hypot(moved.x - last.x, moved.y - last.y) > distance
+                or abs(wrap_angle(moved.yaw - last.yaw)) > angle
+            )
+        return pose
+
+    def pop_jump(self) -> bool:
+        """Return whether poses have jumped since this was asked before."""
+        has_jumped, self._has_jumped = self._has_jumped, False
+        return has_jumped
+
+    def pose_at(self, time: float) -> Pose2:
+        """Return the pose of an earlier scan by all that is known now, map frame.
+
+        Args:
+            time: When it was taken, s.
+        """
+        trajectory = self.slam.trajectory
+        return trajectory.poses[max(bisect_right(trajectory.times, time) - 1, 0)]
+
+
+_BEAMS: Final = 90
+_FOV: Final = math.radians(356)
+SAMPLE_SCANNER: Final = ScannerInfo(
+    "x", Pose3(0, 0, 0), 0.1, 6.0, math.radians(4), _FOV, _BEAMS
+)
+_SCANS: Final = 3
+_POINTS: Final = 1000  # more than a new map has rows for
+
+
+def sample_reports() -> Iterator[Report]:
+    """Return what a robot reports inside a round wall, with a hedge on one side.
+
+    Those who drive by scans take these once before: the first use of a compiled
+    function on a machine takes seconds, in which a moving robot would go on blindly.
+    """
+    # So many that the table grows, as copying it is compiled, too.
+    PointMap().add(np.zeros((_POINTS, 2)))
+    for k in range(_SCANS):
+        time = 0.1 * k
+        yield Ins(time, "x", Pose3(0.3 * k, 0.0, 0.0))
+        yield EchoLine(time, "x", 1, 2, _echoes("wall", _BEAMS, 5.0, "hit"))
+        yield EchoLine(time, "x", 2, 2, _echoes("hedge", _BEAMS // 2, 3.0, "enter"))
+        ranges = np.full(_BEAMS, 5.0)
+        yield RangeScan(time, "x", math.radians(4), _FOV, ranges)
+
+
+def _echoes(name: str, count: int, range_: float, kind: str) -> TargetEchoes:
+    beams, ones = np.arange(count), np.ones(count)
+    kinds, flags = (kind,) * count, (False, False)
+    return TargetEchoes(
+        name, name, 1.0, 0.5, *flags, beams, range_ * ones, kinds, ones, ones
+    )
