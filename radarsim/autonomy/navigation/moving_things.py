@@ -19,7 +19,8 @@ What has come to a stand is an obstacle like others.
 What does not give way may drive into the robot. Then the robot neither turns nor goes
 on, since both would press against it: it backs off until it has room to turn. It does
 so only from what is where something has moved: among things that stand it would have no
-room.
+room. In a mirror beside it its own image moves as it does. So here only motion counts
+that it has seen while it stood.
 """
 
 import math
@@ -30,8 +31,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.autonomy.navigation.bumpers import Bumpers
-from radarsim.autonomy.navigation.control import STOP, Twist
+from radarsim.autonomy.navigation.control import STOP, Twist, moved
 from radarsim.autonomy.navigation.observation import Observation, wrap_angles
+from radarsim.geometry import wrap_angle
 
 INTERVAL: Final = 2.0  # s between the scans that are compared
 MARGIN: Final = 0.25  # m that a beam went beyond a place where nothing was
@@ -47,6 +49,7 @@ IMPATIENCE: Final = 5.0  # s after that, in which it does not wait
 BACK_SPEED: Final = 0.3  # m/s away from what has driven into the robot
 RECENT: Final = 30.0  # s after motion was seen, in which it backs off
 MOVED_NEAR: Final = 0.5  # m from where that was, to what it backs off from
+STOOD: Final = 0.05  # m or rad between the scans that are compared, if it stood
 _BESIDE: Final = 0.3  # m beside a place where earlier beams count
 _LEAST_SPREAD: Final = math.radians(2.5)  # between such beams
 
@@ -76,9 +79,23 @@ class MotionDetector:
         beams[near] = _was_free(before, observation, near)
         return beams
 
+    def has_stood(self, observation: Observation) -> bool:
+        """Return whether the robot is where it was in the scan that is compared with.
+
+        Args:
+            observation: The newest scan, after ``moving_beams``.
+        """
+        before, now = self._earlier[0].pose, observation.pose
+        turned = abs(wrap_angle(now.yaw - before.yaw))
+        return moved(before, now) < STOOD and turned < STOOD
+
 
 class Waiting:
-    """Decides when to stand because something moves into the robot's way."""
+    """Decides when to stand because something moves into the robot's way.
+
+    Attributes:
+        has_seen_motion: Whether anything has moved yet, if only its own image.
+    """
 
     def __init__(self, bumpers: Bumpers, clearance: float) -> None:
         """Create it.
@@ -87,6 +104,7 @@ class Waiting:
             bumpers: Bumpers of the robot.
             clearance: What the robot needs around its centre to turn, m.
         """
+        self.has_seen_motion = False
         self._bumpers = bumpers
         self._clearance = clearance
         self._detector = MotionDetector()
@@ -96,7 +114,7 @@ class Waiting:
         self._ahead = 1.0  # or -1: whether the robot went forward, or backward
         self._moved = -math.inf  # s; when something last moved into its way
         self._crossed = -math.inf  # s; when a scan last showed that
-        # when and where something moved, s and m, map frame
+        # when and where something moved while the robot stood, s and m, map frame
         self._motions: deque[tuple[float, complex]] = deque()
         self._since = math.inf  # s; since when it waits
         self._impatient_until = -math.inf  # s
@@ -170,13 +188,15 @@ class Waiting:
             beams &= ~still
         if np.count_nonzero(beams) < LEAST_BEAMS:
             return False
+        self.has_seen_motion = True
         pose, now = observation.pose, observation.time
         angles = observation.bearings[beams] + pose.yaw
         ends = observation.ranges[beams] * np.exp(1j * angles)
         centre = complex(ends.mean())
         place = centre + complex(pose.x, pose.y)
         self._seen.append((now, place))
-        self._motions.append((now, place))
+        if self._detector.has_stood(observation):
+            self._motions.append((now, place))
         while now - self._seen[0][0] > INTERVAL:
             self._seen.popleft()
         begin, first = self._seen[0]

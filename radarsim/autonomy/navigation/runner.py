@@ -275,8 +275,10 @@ class Navigator:
                 if touches.notice(scan, twist) or has_jumped:
                     bug.reconsider(scan.pose, correct)
                 observation = touches.places.hide(glimpses.add_to(scan))
-                # Among mirrors, what is seen from afar may be elsewhere.
-                trusted = GOAL_IN_SIGHT if len(touches.places) else math.inf
+                # Among mirrors, what is seen from afar may be elsewhere. Who has not
+                # touched one may have seen itself there.
+                has_mirrors = len(touches.places) > 0 or waiting.has_seen_motion
+                trusted = GOAL_IN_SIGHT if has_mirrors else math.inf
                 goal = bug.goals[0] if bug.goals else None
                 clearance.check(observation, goal, trusted)
                 # asked at every scan, as it compares them

@@ -109,6 +109,24 @@ def test_robot_does_not_back_off_from_what_stands_or_into_something(
     assert waiting.back_off(scan) == STOP
 
 
+def test_robot_does_not_back_off_from_its_image(flatland: World) -> None:
+    """It drives along a mirror, and its image comes along on the other side."""
+    world, waiting = flatland(at=Pose2(0.0, 0.0)), Waiting(BUMPERS, 0.37)
+    seen = 0
+    for _ in range(80):
+        image = shapely.box(-0.2, 0.34, 0.2, 0.6)
+        image = shapely.affinity.translate(image, world.pose.x)
+        world.walls = flatland(image, at=world.pose).walls
+        scan = world.scan()
+        seen += waiting.has_to_wait(scan, Twist(0.3, 0.0))
+        assert scan.ranges.min() < 0.37
+        assert waiting.back_off(scan) is None
+        world.move(Twist(0.3, 0.0))
+    assert world.pose.x > 1.0
+    assert seen
+    assert waiting.has_seen_motion
+
+
 def test_robot_does_not_back_off_from_what_stands_where_another_thing_moves(
     flatland: World,
 ) -> None:
