@@ -9,12 +9,15 @@ The map merger finds where the maps of the robots are on the one that they share
 What a robot has seen is compared with what all robots on the shared map have seen. A
 map that is not there yet is tried again whenever robots have gone on a little, each
 time at another place of its robot's path. One that is there is fitted again now and
-then, as what was seen since tells more.
+then, as what was seen since tells more. If it contradicts another one by then, or has
+moved farther than start poses may be off, it is taken off: of two that contradict each
+other both, unless one is the first robot's, as nobody knows which of them is wrong.
 """
 
 from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
+from itertools import combinations
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -32,9 +35,16 @@ from radarsim.autonomy.exploration.target_allocation import (
     TargetBoard,
 )
 from radarsim.autonomy.mapping.loop_closure import Keyframe, KeyframeMap
-from radarsim.autonomy.mapping.map_alignment import VIEWS, align, refine
+from radarsim.autonomy.mapping.map_alignment import (
+    VIEWS,
+    align,
+    fits,
+    is_allowed,
+    placed,
+    refine,
+)
 from radarsim.autonomy.mapping.mapper import Mapper
-from radarsim.autonomy.mapping.scan_grid import RobotMap, SharedMap
+from radarsim.autonomy.mapping.scan_grid import ORIGIN, RobotMap, SharedMap
 from radarsim.autonomy.mapping.slam import FIRST_KEYFRAMES
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.runner import TripMeter
@@ -43,7 +53,9 @@ from radarsim.errors import ClientError, ClientTimeout, NavigationError, expecte
 from radarsim.geometry import Point, wrap_angle
 
 RETRY: Final = 1.0  # m of path, of it and of others, between two attempts to align one
-REFINE: Final = 5.0  # m of path after which an aligned map is fitted anew
+REFINE: Final = (
+    5.0  # m of path, likewise, after which one that is aligned is fitted anew
+)
 NEWS: Final = 0.01, 0.001  # m and rad by which a map has to be off for that to count
 STRATEGIES: Final = (StrategyName.AUTO, StrategyName.FRONTIERS)
 
@@ -65,40 +77,40 @@ class MapMerger:
 
     def step(self, number: int) -> None:
         """Align the map of a robot after a scan, if it is time to."""
-        map_, known = self._maps[number], self._keyframes(number)
+        known = self._keyframes(number)
         # The first robot's map is the shared one. The first keyframes are all of one
         # place, which tells too little.
         if number == 0 or len(known) < FIRST_KEYFRAMES:
             return
-        station = known.keyframes[-1].station
         # A robot that waits sees nothing new, but others may come to where it was.
-        if map_.frame is None:
-            others = [self._keyframes(k).keyframes for k in self._placed()]
-            station += sum(each[-1].station for each in others if each)
+        others = [self._keyframes(k).keyframes for k in self._placed() if k != number]
+        station = known.keyframes[-1].station
+        station += sum(each[-1].station for each in others if each)
         if station < self._next_station[number]:
             return
-        if map_.frame is not None:
+        if self._maps[number].frame is not None:
             self._next_station[number] = station + REFINE
             self._refine(number)
+            self._check()
             return
         self._next_station[number] = station + RETRY
         if self._try_to_align(number):
-            self._next_station[number] = known.keyframes[-1].station + REFINE
+            self._next_station[number] = station + REFINE
 
     def refine_all(self) -> bool:
         """Fit all aligned maps again; return whether any of them has moved."""
         moved = [self._refine(number) for number in range(1, len(self._maps))]
-        return any(moved)
+        return self._check() or any(moved)
 
     def finish(self) -> None:
         """Align all maps with what is known at the end."""
+        self.refine_all()
         for number in range(1, len(self._maps)):
-            if not len(self._keyframes(number)):
-                continue
-            if self._maps[number].frame is None:
+            if self._maps[number].frame is None and len(self._keyframes(number)):
                 # Until one succeeds; each attempt looks at another place.
                 any(self._try_to_align(number) for _ in range(VIEWS))
-            self._refine(number)
+        while self.refine_all():
+            pass
 
     def _try_to_align(self, number: int) -> bool:
         """Find where the robot's map is on the shared one; return whether it is known.
@@ -133,17 +145,50 @@ class MapMerger:
         map_.align(frame)
         return True
 
-    def _reference(self, number: int) -> list[Keyframe]:
+    def _check(self) -> bool:
+        """Undo alignments that have turned out to be wrong; return whether any has."""
+        found = False
+        # Those first that contradict the first robot's map, or where they may be.
+        for wrong in (self._beyond, self._contradicted):
+            for number in wrong():
+                self._maps[number].undo_alignment()
+                self._next_station[number] = 0.0
+                found = True
+        return found
+
+    def _beyond(self) -> list[int]:
+        """Return the robots whose maps are wrong whatever those of others are."""
         return [
-            Keyframe(
-                self._maps[other].frame_pose.compose(each.pose),
-                each.points,
-                each.station,
-            )
-            for other in self._placed()
-            if other != number
-            for each in self._keyframes(other).keyframes
+            number for number in self._placed() if number and not self._is_right(number)
         ]
+
+    def _is_right(self, number: int) -> bool:
+        frame, known = self._maps[number].frame, self._keyframes(number)
+        assert frame is not None
+        return is_allowed(frame, known, ORIGIN) and self._fits(0, number)
+
+    def _contradicted(self) -> list[int]:
+        """Return the robots whose maps contradict each other."""
+        pairs = combinations([number for number in self._placed() if number], 2)
+        return sorted(
+            {each for pair in pairs if not self._fits(*pair) for each in pair}
+        )
+
+    def _fits(self, one: int, other: int) -> bool:
+        frame = self._maps[other].frame
+        assert frame is not None
+        if not len(self._keyframes(one)) or not len(self._keyframes(other)):
+            return True
+        others = [self._on_map(k) for k in self._placed() if k not in (one, other)]
+        robots = [each for keyframes in others for each in keyframes]
+        return fits(self._on_map(one), self._keyframes(other), frame, robots)
+
+    def _reference(self, number: int) -> list[Keyframe]:
+        others = [self._on_map(k) for k in self._placed() if k != number]
+        return [each for keyframes in others for each in keyframes]
+
+    def _on_map(self, number: int) -> list[Keyframe]:
+        return placed(self._keyframes(number), self._maps[number].frame_pose)
 
     def _placed(self) -> list[int]:
         return [k for k, map_ in enumerate(self._maps) if map_.frame is not None]

@@ -71,6 +71,7 @@ class TargetBoard:
             self.rough_poses.pop(number, None)
             self.poses[number] = pose
         else:
+            self.poses.pop(number, None)
             self.rough_poses[number] = pose
 
     def may_move(self, number: int, *, wants_to: bool) -> bool:

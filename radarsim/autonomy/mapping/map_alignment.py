@@ -3,34 +3,21 @@
 Theory of operation
 ===================
 What a robot has seen from a place of its path is matched with a map of the points of
-others, at poses all around the one that the start poses of the robots give. Not how
-many points fit decides, since most of them may be where no other robot has been, but
-how many of those that the others must have seen are there (``overlap``). A match counts
-where nearly all of them are, where it is no corridor, and where no other pose nearby
-does about as well, as it would in a row of equal pillars.
+others, at all poses where it can be if the robot's start pose is off by up to 1.5 m and
+11°, and at no others. Not how many points fit decides, since most of them may be where
+no other robot has been, but how many of those that the others must have seen are there
+(``map_agreement``). A match counts where nearly all of them are, where it is no
+corridor, where the rest of both maps does not contradict it, and where no other pose
+nearby does about as well, as it would in a row of equal pillars.
 
 From then on the robot's whole map is fitted from time to time, as the maps that overlap
-grow.
-
-An alignment is judged by the overlap: what keyframes of both have seen of a place, and
-whether they saw the same there.
-
-Theory of operation
-===================
-A place was seen by a keyframe if none of its points in that direction is nearer. Points
-of another map that lie in what was seen should be there, too; others say nothing about
-whether the maps fit. The share of those that are there tells right from wrong better
-than a robust fit does, which forgives what contradicts it.
+grow. Where they come to contradict each other, the match was wrong.
 """
 
-import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from radarsim.autonomy.mapping.loop_closure import (
     MIN_EVENNESS,
@@ -41,20 +28,15 @@ from radarsim.autonomy.mapping.loop_closure import (
     map_of,
     moved,
     starts_around,
-    turned,
 )
-from radarsim.autonomy.mapping.occupancy_grid import Mask
-from radarsim.autonomy.mapping.point_map import Table
+from radarsim.autonomy.mapping.map_agreement import Agreement, SeenArea, contradiction
 from radarsim.autonomy.mapping.scan_matching import best_start, fit
 from radarsim.geometry import Floats, Pose2, wrap_angle
 
-SECTORS: Final = 180  # in which the nearest point of a keyframe bounds what it saw
-BEHIND: Final = 0.15  # m behind that point that count as seen
-NEAR: Final = 0.1  # m within which two points are the same thing; more far away
-STRIDE: Final = 0.5  # m between the keyframes that are looked at
-MAX_DISTANCE: Final = 1.5  # m by which the first guess may be off
+MAX_DISTANCE: Final = 1.5  # m by which a start pose may be off
 MAX_TURN: Final = 0.2  # rad
-FARTHEST: Final = 1.5  # by which a fit may be farther away, in these
+CANDIDATES: Final = 3  # poses that are looked at where others prove to be wrong
+MAX_CONTRADICTION: Final = 10  # squares of 0.1 m of a map that contradict another one
 VIEW_LENGTH: Final = 3.0  # m of path whose keyframes are matched together
 VIEW_POINTS: Final = 600  # of these, that are matched
 RIVALS: Final = 2  # other poses that are compared, at most
@@ -69,84 +51,6 @@ MIN_CONFIRMED: Final = 0.8  # of the points that are there, by a pose as good as
 MAX_POINTS: Final = 3000  # of a whole map
 MIN_FITTING: Final = 300  # points of a whole map that have to fit
 SIGMA: Final = (0.2, 0.2, 0.03)  # m, m and rad; of a frame that is known
-
-
-class Agreement(NamedTuple):
-    """How well points agree with what keyframes saw.
-
-    Attributes:
-        seen: Number of the points in the area that was seen.
-        share: Share of these that are near a point of the keyframes; 0 without any.
-    """
-
-    seen: int
-    share: float
-
-    @property
-    def confirmed(self) -> float:
-        """Number of the points that are near a point of the keyframes."""
-        return self.seen * self.share
-
-
-class SeenArea:
-    """The area that some keyframes have seen, and their points."""
-
-    def __init__(self, keyframes: Sequence[Keyframe]) -> None:
-        """Prepare.
-
-        Args:
-            keyframes: At least one, each with at least one point.
-        """
-        self._points = KDTree(
-            np.concatenate([moved(each.points.places, each.pose) for each in keyframes])
-        )
-        self._near = np.concatenate([_near(each.points.places) for each in keyframes])
-        # Some way apart: those in between have seen about the same.
-        chosen: list[Keyframe] = []
-        for each in keyframes:
-            if not chosen or distance(chosen[-1].pose, each.pose) >= STRIDE:
-                chosen.append(each)
-        self._poses = [each.pose for each in chosen]
-        self._profiles = [_profile(each.points.places) for each in chosen]
-
-    def sees(self, places: Floats) -> Mask:
-        """Return which places, (K, 2) m, are in the area, (K,)."""
-        is_seen = np.zeros(len(places), np.bool_)
-        for pose, profile in zip(self._poses, self._profiles, strict=True):
-            x, y = turned(places - np.array([pose.x, pose.y]), -pose.yaw).T
-            is_seen |= np.hypot(x, y) < profile[_sectors(x, y)] + BEHIND
-        return is_seen
-
-    def compare(self, places: Floats) -> Agreement:
-        """Compare the points of another map, (K, 2) m, with what was seen."""
-        seen = places[self.sees(places)]
-        if not len(seen):
-            return Agreement(0, 0.0)
-        distances, nearest = self._points.query(seen)
-        return Agreement(len(seen), float((distances < self._near[nearest]).mean()))
-
-
-def _near(places: Floats) -> Floats:
-    """Return how near to each point of a scan there is none beside it, (K,) m."""
-    x, y = places.T
-    # Half of the gap between two beams more, at that distance.
-    near: Floats = NEAR + np.hypot(x, y) * math.pi / max(len(places), 1)
-    return near
-
-
-def _profile(places: Floats) -> Floats:
-    """Return the distance of the nearest point in each sector, (SECTORS,) m."""
-    x, y = places.T
-    profile = np.full(SECTORS, math.inf)
-    np.minimum.at(profile, _sectors(x, y), np.hypot(x, y))
-    profile[np.isinf(profile)] = -math.inf  # nobody knows what is there
-    return profile
-
-
-def _sectors(x: Floats, y: Floats) -> NDArray[np.int64]:
-    turns = (np.arctan2(y, x) + math.pi) / (2 * math.pi)
-    # An angle of just pi would be in a sector beyond the last.
-    return (turns * SECTORS).astype(np.int64) % SECTORS
 
 
 class _Candidate(NamedTuple):
@@ -165,8 +69,8 @@ def align(
     Args:
         reference: Keyframes of the other map, their poses on it.
         known: Keyframes of the robot.
-        guess: About where the origin of its map is on the other one, within 1.5 m and
-            11°, seen from the robot's keyframes.
+        guess: About where the origin of its map is on the other one: at the robot's
+            start within 1.5 m and 11°.
         attempt: Number of the attempt, from 0: each takes long, and tries one place of
             the path, the one with the greatest overlap by the guess, and others.
 
@@ -180,9 +84,43 @@ def align(
     if not views:
         return None
     view = views[attempt % min(len(views), VIEWS)]
-    there = Keyframe(guess.compose(view.pose), view.points, view.station)
-    found = _find(map_of(list(reference)).table, area, there)
+    search = _Search(reference, area, known, guess, view)
+    found = search.find()
     return None if found is None else _frame(found, view.pose)
+
+
+def is_allowed(frame: Pose2, known: KeyframeMap, guess: Pose2) -> bool:
+    """Return whether a robot's start is within 1.5 m and 11° of where it should be."""
+    start = known.keyframes[0].pose
+    off = distance(frame.compose(start), guess.compose(start))
+    return off <= MAX_DISTANCE and abs(wrap_angle(frame.yaw - guess.yaw)) <= MAX_TURN
+
+
+def fits(
+    reference: Sequence[Keyframe],
+    known: KeyframeMap,
+    frame: Pose2,
+    robots: Sequence[Keyframe] = (),
+) -> bool:
+    """Return whether a robot's map, at a pose of its origin, contradicts no other.
+
+    Args:
+        reference: Keyframes of the other map, their poses on it.
+        known: Keyframes of the robot.
+        frame: Pose of its origin on the other map.
+        robots: Keyframes of further robots that the two may have seen.
+    """
+    own = placed(known, frame)
+    places = [(at.pose.x, at.pose.y) for at in (*reference, *own, *robots)]
+    return contradiction(reference, own, np.array(places)) < MAX_CONTRADICTION
+
+
+def placed(known: KeyframeMap, frame: Pose2) -> list[Keyframe]:
+    """Return a robot's keyframes on the map where its origin has a pose."""
+    return [
+        Keyframe(frame.compose(each.pose), each.points, each.station)
+        for each in known.keyframes
+    ]
 
 
 def _views(known: KeyframeMap, area: SeenArea, guess: Pose2) -> list[Keyframe]:
@@ -209,47 +147,105 @@ def _views(known: KeyframeMap, area: SeenArea, guess: Pose2) -> list[Keyframe]:
     return [views[k] for k in order.tolist() if overlaps[k] >= MIN_OVERLAP]
 
 
-def _find(table: Table, area: SeenArea, view: Keyframe) -> Pose2 | None:
-    """Find where a view is, near its pose; None if that is not sure."""
-    # Spots count, even where the robot's own poses are found without them: what would
-    # be wrong then is found out by its agreement.
-    view = replace(view, points=view.points._replace(spots=True))
-    starts = starts_around(view.pose, MAX_DISTANCE, MAX_TURN)
-    first = _candidate(table, area, view, starts)
-    seen, share = first.agreement
-    # A fit may run away from where it was looked for.
-    turn = abs(wrap_angle(first.pose.yaw - view.pose.yaw))
-    is_far = distance(first.pose, view.pose) >= FARTHEST * MAX_DISTANCE
-    if seen < MIN_SEEN or share < MIN_SHARE or is_far or turn >= FARTHEST * MAX_TURN:
-        return None
-    if _evenness(table, area, view, first.pose) < MIN_EVENNESS:
-        return None
-    # In a row of equal pillars another pose does as well, and no choice is sure.
-    starts = _away(starts, first)[::COARSE]
-    for _ in range(RIVALS):
-        if not len(starts):
-            break
-        rival = _candidate(table, area, view, starts)
-        starts = _away(starts, rival)
-        # As good: nearly as many points are there, and nearly as large a share.
-        is_as_good = rival.agreement.share > share - MIN_LEAD and (
-            rival.agreement.confirmed > MIN_CONFIRMED * first.agreement.confirmed
-        )
-        if is_as_good and distance(rival.pose, first.pose) > APART:
+class _Search:
+    """Search for the pose of what a robot has seen from a place."""
+
+    def __init__(
+        self,
+        reference: Sequence[Keyframe],
+        area: SeenArea,
+        known: KeyframeMap,
+        guess: Pose2,
+        view: Keyframe,
+    ) -> None:
+        self._reference, self._area, self._known = reference, area, known
+        self._guess, self._own = guess, view.pose
+        self._table = map_of(list(reference)).table
+        # Spots count, even where the robot's own poses are found without them: what
+        # would be wrong then is found out by its agreement.
+        points = view.points._replace(spots=True)
+        self._view = Keyframe(guess.compose(view.pose), points, view.station)
+
+    def find(self) -> Pose2 | None:
+        """Return where the view is; None if that is not sure."""
+        starts = self._starts()
+        first = self._candidate(starts)
+        starts = starts[::COARSE]
+        for _ in range(CANDIDATES):
+            starts = _away(starts, first)
+            seen, share = first.agreement
+            if seen < MIN_SEEN or share < MIN_SHARE:
+                return None
+            if self._is_possible(first.pose):
+                break
+            if not len(starts):
+                return None
+            first = self._candidate(starts)
+        else:
             return None
-    return first.pose
+        if self._evenness(first.pose) < MIN_EVENNESS:
+            return None
+        # In a row of equal pillars another pose does as well, and no choice is sure.
+        for _ in range(RIVALS):
+            if not len(starts):
+                break
+            rival = self._candidate(starts)
+            starts = _away(starts, rival)
+            if _is_as_good(rival, first) and self._is_possible(rival.pose):
+                return None
+        return first.pose
+
+    def _starts(self) -> Floats:
+        """Return where the view may be, (S, 3), by where the robot may have started."""
+        start = self._known.keyframes[0].pose
+        there = self._guess.compose(start)
+        starts = starts_around(there, MAX_DISTANCE, MAX_TURN)
+        x, y, yaw = starts.T
+        to = self._own.relative_to(start)
+        c, s = np.cos(yaw), np.sin(yaw)
+        return np.column_stack(
+            [x + c * to.x - s * to.y, y + s * to.x + c * to.y, yaw + to.yaw]
+        )
+
+    def _candidate(self, starts: Floats) -> _Candidate:
+        """Return the best pose of the view that is near any of some, (S, 3)."""
+        points = self._view.points
+        start = Pose2(*starts[best_start(self._table, points, starts)].tolist())
+        sigma = np.array([MAX_DISTANCE, MAX_DISTANCE, MAX_TURN])
+        found = fit(self._table, points, start, self._view.pose, sigma)
+        agreement = self._area.compare(moved(points.places, found.pose))
+        return _Candidate(start, found.pose, agreement)
+
+    def _is_possible(self, pose: Pose2) -> bool:
+        """Return whether the start allows a pose, and all that is known fits there."""
+        frame = _frame(pose, self._own)
+        # A fit may run away from where it was looked for.
+        return is_allowed(frame, self._known, self._guess) and fits(
+            self._reference, self._known, frame
+        )
+
+    def _evenness(self, pose: Pose2) -> float:
+        """Return the evenness of the view at a pose, by what others have seen alone.
+
+        What is beyond a thin wall may continue the walls on this side of it.
+        """
+        points = self._view.points
+        seen = self._area.sees(moved(points.places, pose))
+        # Kernels are compiled for contiguous arrays.
+        columns = (np.ascontiguousarray(rows[seen]) for rows in points[:3])
+        places, along, normals = columns
+        points = points._replace(places=places, along=along, normals=normals)
+        return fit(self._table, points, pose, pose, np.array(SIGMA)).evenness
 
 
-def _candidate(
-    table: Table, area: SeenArea, view: Keyframe, starts: Floats
-) -> _Candidate:
-    """Return the best pose of a view that is near any of some, (S, 3)."""
-    points = view.points
-    start = Pose2(*starts[best_start(table, points, starts)].tolist())
-    sigma = np.array([MAX_DISTANCE, MAX_DISTANCE, MAX_TURN])
-    found = fit(table, points, start, view.pose, sigma)
-    agreement = area.compare(moved(points.places, found.pose))
-    return _Candidate(start, found.pose, agreement)
+def _is_as_good(rival: _Candidate, first: _Candidate) -> bool:
+    """Return whether another pose agrees nearly as well as the first one."""
+    share, confirmed = first.agreement.share, first.agreement.confirmed
+    return (
+        rival.agreement.share > share - MIN_LEAD
+        and rival.agreement.confirmed > MIN_CONFIRMED * confirmed
+        and distance(rival.pose, first.pose) > APART
+    )
 
 
 def _away(starts: Floats, candidate: _Candidate) -> Floats:
@@ -258,20 +254,6 @@ def _away(starts: Floats, candidate: _Candidate) -> Floats:
         distances = np.hypot(starts[:, 0] - pose.x, starts[:, 1] - pose.y)
         starts = starts[distances > APART]
     return starts
-
-
-def _evenness(table: Table, area: SeenArea, view: Keyframe, pose: Pose2) -> float:
-    """Return the evenness of a view at a pose, by what others have seen alone.
-
-    What is beyond a thin wall may continue the walls on this side of it.
-    """
-    points = view.points
-    seen = area.sees(moved(points.places, pose))
-    # Kernels are compiled for contiguous arrays.
-    columns = (np.ascontiguousarray(rows[seen]) for rows in points[:3])
-    places, along, normals = columns
-    points = points._replace(places=places, along=along, normals=normals)
-    return fit(table, points, pose, pose, np.array(SIGMA)).evenness
 
 
 def refine(

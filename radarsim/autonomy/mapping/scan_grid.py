@@ -10,7 +10,8 @@ the new one replaces it when it holds all scans.
 Several robots make one map. Each finds its poses on a map of points of its own, as it
 does alone. Where that map is on the shared one is found by matching their points
 (``map_alignment``); until then the robot's scans are in a grid of its own, and after
-that, those before included, in the shared one. The first robot's map is the shared one.
+that, those before included, in the shared one. If that turns out to be wrong, all of
+them go back to a grid of its own. The first robot's map is the shared one.
 
 Robots see each other. What is beside the pose of another robot at the time of a scan is
 left out of the map, as nothing that moves is part of it.
@@ -280,6 +281,21 @@ class RobotMap:
             self._shared.scans.extend(self._own.scans)
         self.frame = frame
         self._shared.rebuild()
+
+    def undo_alignment(self) -> None:
+        """Take the robot's scans off the shared map; it goes on with its own map."""
+        self.frame, self.is_merged = None, False
+        shared, own = self._shared, self._own
+        own.scans = [
+            each for each in shared.scans if each.trajectory is self.trajectory
+        ]
+        shared.scans = [
+            each for each in shared.scans if each.trajectory is not self.trajectory
+        ]
+        shared.rebuild()
+        # At once, since it needs a map of its own to drive by.
+        own.rebuild()
+        own.finish()
 
     def rebuild(self) -> None:
         """Begin to build the map anew, as the trajectory has changed."""

@@ -2,13 +2,15 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from flat_world import Look
-from office_map import office_map
+from office_map import office_map, row_of_rooms
 
 from radarsim.autonomy.evaluation.mapping_run import MultiRobotRun
 from radarsim.autonomy.exploration import multi_robot as map_merger
@@ -21,14 +23,24 @@ from radarsim.autonomy.exploration.target_allocation import (
     SharedTargetStrategy,
     TargetBoard,
 )
+from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid
+from radarsim.autonomy.mapping.scan_grid import RobotMap, SharedMap
+from radarsim.autonomy.mapping.slam import Slam, SlamSettings
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.errors import ClientTimeout, NavigationError
-from radarsim.geometry import Floats, Pose2
+from radarsim.geometry import Floats, Pose2, Pose3
+from radarsim.protocol.reports import Ins, Report
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
+
+HERE = Pose2(0.0, 0.0)
+PATHS = [
+    [Pose2(x + 0.3 * k, y, 0.05 * k) for k in range(14)]
+    for x, y in ((-4.5, 2.5), (-4.0, 0.0), (0.0, -2.5))
+]
 
 
 def run(scene: Scene, robots: int = 2, seed: int = 0, **plan: Any) -> MultiRobotRun:
@@ -75,6 +87,76 @@ def test_robots_look_again_when_the_last_fit_moves_a_map(
         ends.append(made.exploration.trip.time)
     # Robots look for targets once a second.
     assert [b - a for a, b in pairwise(ends)] == pytest.approx([1.0, 1.0], abs=0.3)
+
+
+def explored(
+    look: Look,
+    walls: Floats,
+    shared: SharedMap,
+    path: Sequence[Pose2],
+    off: Pose2 = HERE,
+) -> SimpleNamespace:
+    """Let a robot drive whose start pose is off; its map is put where it is right."""
+    own = [pose.relative_to(off) for pose in path]
+    slam = Slam(SlamSettings(motion_source="odometry"), own[0])
+    map_ = shared.join(0.2)
+    for k, (pose, prior) in enumerate(zip(path, own, strict=True)):
+        scan = look(walls, pose, time=0.1 * k)
+        slam.step(scan, prior)
+        map_.add(slam.trajectory, scan)
+    map_.align(off)
+    return SimpleNamespace(mapper=SimpleNamespace(slam=slam))
+
+
+def merger_of(shared: SharedMap, robots: Sequence[Any]) -> MapMerger:
+    shared.finish()
+    return MapMerger(robots, shared.robots)
+
+
+def test_maps_that_contradict_each_other_are_taken_off(
+    look: Look, room: Floats, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shared = SharedMap(0.05)
+    robots = [explored(look, room, shared, path) for path in PATHS]
+    merger = merger_of(shared, robots)
+    merger.refine_all()
+    assert None not in [map_.frame for map_ in shared.robots]
+    shared.robots[2].align(Pose2(1.3, 0.0))
+    with monkeypatch.context() as context:
+        context.setattr(map_merger, "refine", lambda *_: None)
+        assert merger.refine_all()
+    assert [map_.frame is None for map_ in shared.robots] == [False, False, True]
+    on_map = {id(stored.trajectory) for stored in shared.scans}
+    assert on_map == {id(map_.trajectory) for map_ in shared.robots[:2]}
+    # At the end it is tried once more.
+    merger.finish()
+    found = shared.robots[2].frame
+    assert found is not None
+    assert (found.x, found.y) == pytest.approx((0.0, 0.0), abs=0.05)
+
+
+def test_where_only_two_others_contradict_each_other_both_are_taken_off(
+    look: Look, room: Floats, nowhere: Floats, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(map_merger, "refine", lambda *_: None)
+    shared = SharedMap(0.05)
+    robots = [explored(look, nowhere, shared, PATHS[0])]  # which has seen nothing
+    robots += [explored(look, room, shared, path) for path in PATHS[1:]]
+    merger = merger_of(shared, robots)
+    shared.robots[2].align(Pose2(1.3, 0.0))
+    assert merger.refine_all()
+    assert [map_.frame is None for map_ in shared.robots] == [False, True, True]
+
+
+def test_a_map_that_is_farther_off_than_start_poses_may_be_is_taken_off(
+    look: Look, room: Floats
+) -> None:
+    for x, is_off in ((1.4, False), (1.6, True)):
+        shared = SharedMap(0.05)
+        robots = [explored(look, room, shared, PATHS[0])]
+        robots.append(explored(look, room, shared, PATHS[1], Pose2(x, 0.0)))
+        merger_of(shared, robots).refine_all()
+        assert (shared.robots[1].frame is None) is is_off
 
 
 def three_rooms(starts: Sequence[tuple[float, float, float]]) -> str:
@@ -273,3 +355,54 @@ def test_two_robots_explore_an_office_sooner_than_one(tmp_path: Path) -> None:
         assert told["judge"]["misplaced"] < 0.005
         times.append(told["time"])
     assert times[1] < 0.8 * times[0]
+
+
+def misplace(monkeypatch: pytest.MonkeyPatch, offsets: Sequence[Pose2]) -> None:
+    """Let the INS of each robot begin beside its start, by x, y in m and a yaw."""
+    take = Mapper.take
+    starts: dict[int, tuple[Pose2, Pose2]] = {}
+
+    def shifted(mapper: Mapper, report: Report) -> Observation | None:
+        shared = getattr(mapper, "_grid", None)
+        if isinstance(report, Ins) and isinstance(shared, RobotMap):
+            pose = report.pose
+            at = Pose2(pose.x, pose.y, pose.yaw)
+            if id(mapper) not in starts:
+                off = offsets[len(starts)]
+                starts[id(mapper)] = (
+                    at,
+                    Pose2(at.x + off.x, at.y + off.y, at.yaw + off.yaw),
+                )
+            start, told = starts[id(mapper)]
+            at = told.compose(at.relative_to(start))
+            moved = Pose3(at.x, at.y, pose.z, pose.roll, pose.pitch, at.yaw)
+            report = replace(report, pose=moved)
+        return take(mapper, report)
+
+    monkeypatch.setattr(Mapper, "take", shifted)
+
+
+# x and y, m, and yaw, rad, by which the start poses of three robots are off
+OFF = [
+    [Pose2(0, 0), Pose2(0, 0), Pose2(0, 0)],
+    [Pose2(0, 0), Pose2(1.2, 0), Pose2(-1.2, 0)],
+    [Pose2(0, 0), Pose2(-1.2, 0, 0.05), Pose2(1.1, 0.3, -0.05)],
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("offsets", OFF)
+def test_robots_in_equal_rooms_are_where_they_are_or_not_on_the_map(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, offsets: Sequence[Pose2]
+) -> None:
+    path = tmp_path / "rooms.yaml"
+    path.write_text(row_of_rooms())
+    misplace(monkeypatch, offsets)
+    made = run(load_map(path), 3, seed=1, safety_distance=0.38)
+    told = json.loads(made.result.to_json())
+    assert told["judge"]["collisions"] == 0
+    is_whole = True
+    for robot in told["robots"]:
+        is_whole = is_whole and robot["aligned"] is not None
+        assert robot["aligned"] is None or robot["ate"] < 0.1
+    assert told["outcome"] == ("explored" if is_whole else "incomplete")

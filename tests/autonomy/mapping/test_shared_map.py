@@ -8,7 +8,7 @@ import pytest
 from flat_world import ROOM, Look, box
 
 from radarsim.autonomy.mapping.loop_closure import Keyframe
-from radarsim.autonomy.mapping.map_alignment import align, refine
+from radarsim.autonomy.mapping.map_alignment import align, fits, is_allowed, refine
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.autonomy.mapping.scan import BeamEnd
 from radarsim.autonomy.mapping.scan_grid import SharedMap, without_discs
@@ -102,6 +102,46 @@ def test_rooms_that_look_alike_are_not_taken_for_each_other(look: Look) -> None:
             assert align(reference, known, Pose2(x, y), attempt) is None
 
 
+def test_a_map_is_not_aligned_farther_than_its_start_may_be_off(look: Look) -> None:
+    # Two rooms, 2.2 m from each other: what is seen of one fits the other, too.
+    walls = np.concatenate([box(x, 0, 2.08, 3) for x in (-1.1, 1.1)])
+    desks = np.concatenate([box(x, 1.2, 0.6, 0.3) for x in (-1.4, 0.8)])
+    walls = np.concatenate([walls, desks])
+    reference = drive(look, walls, line(-1.6, -1, 0.06), "odometry").keyframes.keyframes
+    known = drive(look, walls, line(0.6, -1, 0.06), "odometry").keyframes
+    for attempt in range(2):
+        assert align(reference, known, Pose2(0.0, 0.0), attempt) is None
+    # Were the start off by as much as a room, that would be the place.
+    found = align(reference, known, Pose2(-0.9, 0.2, 0.1))
+    assert found is not None
+    assert (found.x, found.y) == pytest.approx((-2.2, 0.0), abs=0.05)
+    assert is_allowed(found, known, Pose2(-0.9, 0.2, 0.1))
+    assert not is_allowed(found, known, Pose2(0.0, 0.0))
+    assert not is_allowed(Pose2(0.0, 0.0, 0.25), known, Pose2(0.0, 0.0))
+
+
+def test_walls_in_the_middle_of_what_others_saw_as_free_do_not_fit(
+    look: Look, room: Floats
+) -> None:
+    reference, known = keyframes_of(look, room), slam_of(look, room, FRAME).keyframes
+    assert fits(reference, known, FRAME)
+    near = Pose2(FRAME.x + 0.1, FRAME.y - 0.1, FRAME.yaw + 0.01)
+    assert fits(reference, known, near)
+    for x, y in ((1.3, 0.0), (-1.3, 0.0), (0.0, 1.0)):
+        assert not fits(reference, known, Pose2(FRAME.x + x, FRAME.y + y, FRAME.yaw))
+
+
+def test_robots_in_view_are_no_walls_that_contradict(look: Look, room: Floats) -> None:
+    # The other robot passes while this one looks; later both look through there.
+    slam = Slam(SlamSettings(motion_source="odometry"), POSES[0])
+    for k, pose in enumerate(POSES):
+        passing = box(-2.0 + 0.4 * k, -0.5, 0.5, 0.5)
+        walls = np.concatenate([room, passing]) if k < 10 else room
+        slam.step(look(walls, pose, time=0.1 * k), pose)
+    own = slam_of(look, room, FRAME).keyframes
+    assert fits(slam.keyframes.keyframes, own, FRAME)
+
+
 def test_a_map_is_not_aligned_where_two_places_fit_as_well(look: Look) -> None:
     # Equal pillars at equal distances: any two places a metre apart look the same.
     pillars = [box(x, y, 0.2, 0.2) for x in range(-60, 60) for y in (-1, 1)]
@@ -166,3 +206,35 @@ def test_scans_are_on_the_shared_map_once_it_is_known_where(
     assert obstacles_near(first.grid, true) == 0
     on_map = second.on_map(other.poses[-1])
     assert (on_map.x, on_map.y) == pytest.approx((true.x, true.y))
+
+
+def test_scans_leave_the_shared_map_when_an_alignment_is_undone(
+    look: Look, room: Floats
+) -> None:
+    shared = SharedMap(0.05)
+    first, second = shared.join(0.2), shared.join(0.2)
+    mine, other = Trajectory(), Trajectory()
+    for k, pose in enumerate(POSES):
+        mine.add(0.1 * k, POSES[0])
+        first.add(mine, look(room, POSES[0], time=0.1 * k))
+        other.add(0.1 * k, pose.relative_to(FRAME))
+        second.add(other, look(room, pose, time=0.1 * k))
+        if k == 3:
+            alone = first.grid.classes().copy()
+            second.align(Pose2(FRAME.x + 1.3, FRAME.y, FRAME.yaw))
+            shared.finish()
+    assert second.is_merged
+    assert first.grid.classes().shape != alone.shape
+    second.undo_alignment()
+    assert not second.is_merged
+    assert second.frame is None
+    assert len(second.grid.classes()) > 0
+    assert second.on_map(other.poses[-1]) == other.poses[-1]
+    shared.finish()
+    assert first.grid is not second.grid
+    # What is left is what the first robot has seen, which stood.
+    assert (first.grid.classes() == alone).mean() > 0.99
+    # All its scans, those from before and since, can be merged again.
+    second.align(FRAME)
+    shared.finish()
+    assert len(shared.scans) == 2 * len(POSES)
