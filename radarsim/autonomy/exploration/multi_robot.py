@@ -82,10 +82,7 @@ class MapMerger:
         # place, which tells too little.
         if number == 0 or len(known) < FIRST_KEYFRAMES:
             return
-        # A robot that waits sees nothing new, but others may come to where it was.
-        others = [self._keyframes(k).keyframes for k in self._placed() if k != number]
-        station = known.keyframes[-1].station
-        station += sum(each[-1].station for each in others if each)
+        station = self._station(number)
         if station < self._next_station[number]:
             return
         if self._maps[number].frame is not None:
@@ -96,6 +93,7 @@ class MapMerger:
         self._next_station[number] = station + RETRY
         if self._try_to_align(number):
             self._next_station[number] = station + REFINE
+            self._check()
 
     def refine_all(self) -> bool:
         """Fit all aligned maps again; return whether any of them has moved."""
@@ -109,8 +107,8 @@ class MapMerger:
             if self._maps[number].frame is None and len(self._keyframes(number)):
                 # Until one succeeds; each attempt looks at another place.
                 any(self._try_to_align(number) for _ in range(VIEWS))
-        while self.refine_all():
-            pass
+                self._refine(number)
+        self._check()
 
     def _try_to_align(self, number: int) -> bool:
         """Find where the robot's map is on the shared one; return whether it is known.
@@ -148,24 +146,28 @@ class MapMerger:
     def _check(self) -> bool:
         """Undo alignments that have turned out to be wrong; return whether any has."""
         found = False
-        # Those first that contradict the first robot's map, or where they may be.
-        for wrong in (self._beyond, self._contradicted):
-            for number in wrong():
+        # Those first that are wrong for sure, as others may contradict these alone.
+        for find_wrong in (self._wrong, self._contradicted):
+            for number in find_wrong():
                 self._maps[number].undo_alignment()
-                self._next_station[number] = 0.0
+                # With what is known now, the next attempt would end as this one did.
+                self._next_station[number] = self._station(number) + RETRY
                 found = True
         return found
 
-    def _beyond(self) -> list[int]:
-        """Return the robots whose maps are wrong whatever those of others are."""
+    def _wrong(self) -> list[int]:
+        """Return the robots whose maps contradict the first one, or their start."""
         return [
-            number for number in self._placed() if number and not self._is_right(number)
+            number
+            for number in self._placed()
+            if number
+            and not (
+                is_allowed(
+                    self._maps[number].frame_pose, self._keyframes(number), ORIGIN
+                )
+                and self._fits(0, number)
+            )
         ]
-
-    def _is_right(self, number: int) -> bool:
-        frame, known = self._maps[number].frame, self._keyframes(number)
-        assert frame is not None
-        return is_allowed(frame, known, ORIGIN) and self._fits(0, number)
 
     def _contradicted(self) -> list[int]:
         """Return the robots whose maps contradict each other."""
@@ -175,13 +177,18 @@ class MapMerger:
         )
 
     def _fits(self, one: int, other: int) -> bool:
-        frame = self._maps[other].frame
-        assert frame is not None
-        if not len(self._keyframes(one)) or not len(self._keyframes(other)):
+        if not len(self._keyframes(one)):
             return True
         others = [self._on_map(k) for k in self._placed() if k not in (one, other)]
         robots = [each for keyframes in others for each in keyframes]
-        return fits(self._on_map(one), self._keyframes(other), frame, robots)
+        known, frame = self._keyframes(other), self._maps[other].frame_pose
+        return fits(self._on_map(one), known, frame, robots)
+
+    def _station(self, number: int) -> float:
+        """Return the length of the way of a robot and of all that are placed, m."""
+        # A robot that waits sees nothing new, but others may come to where it was.
+        known = [self._keyframes(k).keyframes for k in {*self._placed(), number}]
+        return sum(each[-1].station for each in known if each)
 
     def _reference(self, number: int) -> list[Keyframe]:
         others = [self._on_map(k) for k in self._placed() if k != number]
