@@ -40,6 +40,7 @@ from radarsim.autonomy.mapping.map_alignment import (
     align,
     fits,
     is_allowed,
+    is_sole,
     placed,
     refine,
 )
@@ -88,17 +89,17 @@ class MapMerger:
         if self._maps[number].frame is not None:
             self._next_station[number] = station + REFINE
             self._refine(number)
-            self._check()
+            self._check(self._wrong, self._contradicted)
             return
         self._next_station[number] = station + RETRY
         if self._try_to_align(number):
             self._next_station[number] = station + REFINE
-            self._check()
+            self._check(self._wrong, self._contradicted)
 
     def refine_all(self) -> bool:
         """Fit all aligned maps again; return whether any of them has moved."""
         moved = [self._refine(number) for number in range(1, len(self._maps))]
-        return self._check() or any(moved)
+        return self._check_all() or any(moved)
 
     def finish(self) -> None:
         """Align all maps with what is known at the end."""
@@ -108,7 +109,7 @@ class MapMerger:
                 # Until one succeeds; each attempt looks at another place.
                 any(self._try_to_align(number) for _ in range(VIEWS))
                 self._refine(number)
-        self._check()
+        self._check_all()
 
     def _try_to_align(self, number: int) -> bool:
         """Find where the robot's map is on the shared one; return whether it is known.
@@ -143,11 +144,15 @@ class MapMerger:
         map_.align(frame)
         return True
 
-    def _check(self) -> bool:
+    def _check_all(self) -> bool:
+        """Undo those, too, that are no longer sure, which takes longer to find out."""
+        return self._check(self._wrong, self._contradicted, self._unsure)
+
+    def _check(self, *checks: Callable[[], list[int]]) -> bool:
         """Undo alignments that have turned out to be wrong; return whether any has."""
         found = False
         # Those first that are wrong for sure, as others may contradict these alone.
-        for find_wrong in (self._wrong, self._contradicted):
+        for find_wrong in checks:
             for number in find_wrong():
                 self._maps[number].undo_alignment()
                 # With what is known now, the next attempt would end as this one did.
@@ -175,6 +180,21 @@ class MapMerger:
         return sorted(
             {each for pair in pairs if not self._fits(*pair) for each in pair}
         )
+
+    def _unsure(self) -> list[int]:
+        """Return the robots whose maps would fit elsewhere as well by now."""
+        return [
+            number
+            for number in self._placed()
+            if number
+            and (reference := self._reference(number))
+            and not is_sole(
+                reference,
+                self._keyframes(number),
+                self._maps[number].frame_pose,
+                ORIGIN,
+            )
+        ]
 
     def _fits(self, one: int, other: int) -> bool:
         if not len(self._keyframes(one)):

@@ -39,6 +39,7 @@ CANDIDATES: Final = 3  # poses that are looked at where others prove to be wrong
 MAX_CONTRADICTION: Final = 10  # squares of 0.1 m of a map that contradict another one
 VIEW_LENGTH: Final = 3.0  # m of path whose keyframes are matched together
 VIEW_POINTS: Final = 600  # of these, that are matched
+WHOLE_POINTS: Final = 1500  # of a whole map, that are matched
 RIVALS: Final = 2  # other poses that are compared, at most
 COARSE: Final = 5  # of so many poses, one is where a rival is looked for
 APART: Final = 0.4  # m between poses that are compared, at least
@@ -87,6 +88,20 @@ def align(
     search = _Search(reference, area, known, guess, view)
     found = search.find()
     return None if found is None else _frame(found, view.pose)
+
+
+def is_sole(
+    reference: Sequence[Keyframe], known: KeyframeMap, frame: Pose2, guess: Pose2
+) -> bool:
+    """Return whether a robot's whole map fits nowhere else as well; as for ``align``.
+
+    What was found when maps were small may be one of several places by now.
+    """
+    own = known.keyframes[-1]
+    points = joined(known.keyframes, own.pose, WHOLE_POINTS)
+    view = Keyframe(own.pose, points, own.station)
+    search = _Search(reference, SeenArea(reference), known, guess, view)
+    return search.is_sole(frame.compose(own.pose))
 
 
 def is_allowed(frame: Pose2, known: KeyframeMap, guess: Pose2) -> bool:
@@ -185,6 +200,15 @@ class _Search:
             return None
         if self._evenness(first.pose) < MIN_EVENNESS:
             return None
+        return None if self._has_rival(first, starts) else first.pose
+
+    def is_sole(self, pose: Pose2) -> bool:
+        """Return whether no other pose of the view does about as well as this one."""
+        places = moved(self._view.points.places, pose)
+        first = _Candidate(pose, pose, self._area.compare(places))
+        return not self._has_rival(first, _away(self._starts()[::COARSE], first))
+
+    def _has_rival(self, first: _Candidate, starts: Floats) -> bool:
         # In a row of equal pillars another pose does as well, and no choice is sure.
         for _ in range(RIVALS):
             if not len(starts):
@@ -192,8 +216,8 @@ class _Search:
             rival = self._candidate(starts)
             starts = _away(starts, rival)
             if _is_as_good(rival, first) and self._is_possible(rival.pose):
-                return None
-        return first.pose
+                return True
+        return False
 
     def _starts(self) -> Floats:
         """Return where the view may be, (S, 3), by where the robot may have started."""
