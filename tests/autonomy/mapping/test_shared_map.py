@@ -8,7 +8,13 @@ import pytest
 from flat_world import ROOM, Look, box
 
 from radarsim.autonomy.mapping.loop_closure import Keyframe
-from radarsim.autonomy.mapping.map_alignment import align, fits, is_allowed, refine
+from radarsim.autonomy.mapping.map_alignment import (
+    align,
+    fits,
+    is_allowed,
+    is_sole,
+    refine,
+)
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.autonomy.mapping.scan import BeamEnd
 from radarsim.autonomy.mapping.scan_grid import SharedMap, without_discs
@@ -150,6 +156,13 @@ def test_a_map_is_not_aligned_where_two_places_fit_as_well(look: Look) -> None:
     known = drive(look, walls, line(-1, 0, 0.2), "odometry").keyframes
     for x in (0.0, 0.5, -0.9):
         assert align(reference, known, Pose2(x, 0.0)) is None
+    # Even if it was aligned once, when less was known.
+    assert not is_sole(reference, known, Pose2(0.0, 0.0), Pose2(0.5, 0.0))
+
+
+def test_a_map_with_one_place_is_sure(look: Look, room: Floats) -> None:
+    reference, known = keyframes_of(look, room), slam_of(look, room, FRAME).keyframes
+    assert is_sole(reference, known, FRAME, Pose2(0.0, 0.0))
 
 
 def test_maps_without_overlap_are_not_refined(look: Look, room: Floats) -> None:
