@@ -56,6 +56,8 @@ class SlamSettings:
         rest_sigma: Standard deviations of the reported motion of a robot at rest, m and
             rad.
         drift: Standard deviation of the motion as a share of its length and turn.
+        wheel_drift: Standard deviation of the turn that odometry does not know of, on
+            each metre, rad/m; wheels half a metre apart whose sizes differ by 0.75 %.
         keyframe_distance: Distance between keyframes, m.
         keyframe_angle: Turn between keyframes, rad.
         search_distance: How far the robot gets between two scans, m; used without a
@@ -67,6 +69,7 @@ class SlamSettings:
     beam_spread: float = 0.08
     rest_sigma: tuple[float, float] = (0.005, 0.001)
     drift: float = 0.1
+    wheel_drift: float = 0.015
     keyframe_distance: float = 0.2
     keyframe_angle: float = 0.1
     search_distance: float = 0.12
@@ -185,9 +188,14 @@ class Slam:
         # What is reported is off by a share of the motion, and a little at rest.
         before, drift = self._prior, self.settings.drift
         predicted = self._moved(self.pose, before, prior)
+        length = math.hypot(prior.x - before.x, prior.y - before.y)
         sigma_distance, sigma_turn = self.settings.rest_sigma
-        sigma_distance += drift * math.hypot(prior.x - before.x, prior.y - before.y)
+        sigma_distance += drift * length
         sigma_turn += drift * abs(wrap_angle(prior.yaw - before.yaw))
+        # Wheels of two sizes turn the robot as it drives straight on, all the way to the
+        # same side: a surer prior bends the map. A gyroscope knows nothing of wheels.
+        if self.settings.motion_source == "odometry":
+            sigma_turn += self.settings.wheel_drift * length
         sigma_distance += guessed * SPEED_CHANGE[0]
         sigma_turn += guessed * SPEED_CHANGE[1]
         sigma = np.array([sigma_distance, sigma_distance, sigma_turn])

@@ -1,5 +1,6 @@
-"""Corridors that are longer than the scanner sees: a straight one, and a ring."""
+"""Corridors that are longer than the scanner sees: straight ones, and a ring."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,10 +12,11 @@ from radarsim.autonomy.exploration.exploration import Exploration
 from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.mapping.trajectory import trajectory_errors
 from radarsim.client import Client
-from radarsim.geometry import Pose2
+from radarsim.geometry import Point, Pose2
 from radarsim.protocol.reports import Odometry, Report
 from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map
+from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
 from radarsim.server.host.lockstep import InProcessTransport
 from radarsim.simulation.config import SimulationConfig
@@ -111,28 +113,64 @@ class UnevenWheels(Client):
         return replace(report, pose=self.drifted)
 
 
-@pytest.mark.parametrize("seed", range(1, 6))
-def test_a_ring_closes_with_odometry_that_drifts(tmp_path: Path, seed: int) -> None:
-    path = tmp_path / "ring.yaml"
-    path.write_text(RING)
-    config = SimulationConfig(item_settings={"lms200": {"max_range": 8.0}})
+def drive(
+    tmp_path: Path, text: str, way: tuple[Point, ...], max_range: float, seed: int
+) -> tuple[Exploration, Scene]:
+    """Drive along a way with odometry that drifts."""
+    path = tmp_path / "map.yaml"
+    path.write_text(text)
+    config = SimulationConfig(item_settings={"lms200": {"max_range": max_range}})
     host = Host(load_map(path), config=config, seed=seed)
-    plan = ExplorationPlan(
-        waypoints=AROUND,
-        speed=0.6,
-        motion_source="odometry",
-    )
+    plan = ExplorationPlan(waypoints=way, speed=0.6, motion_source="odometry")
     exploration = Exploration(plan, generator_for(seed, "exploring"))
     with UnevenWheels(InProcessTransport(host)) as client:
         exploration.run(client)
+    return exploration, host.scene
+
+
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_a_ring_closes_with_odometry_that_drifts(tmp_path: Path, seed: int) -> None:
+    exploration, scene = drive(tmp_path, RING, AROUND, 8.0, seed)
     mapper, start = exploration.mapper, exploration.trip.start
     assert mapper is not None
     assert start is not None
     found = trajectory_errors(mapper.trajectory, mapper.truth)
     motion = trajectory_errors(mapper.slam.dead_reckoning, mapper.truth)
-    score = score_mapper(mapper, host.scene, robot_class=plan.robot_class, start=start)
+    robot_class = exploration.plan.robot_class
+    score = score_mapper(mapper, scene, robot_class=robot_class, start=start)
     assert motion.ate > 0.3
     assert found.ate < 0.1
     assert mapper.slam.closures >= 1
     assert score.misplaced is not None
     assert score.misplaced < 0.005
+
+
+def niches() -> str:
+    """Return the corridor with niches 1 m wide and deep, 4.5 m apart, on both sides."""
+    blocks = [
+        f"  - {{name: {side}_{k}, box: [3.5, 1, 2],"
+        f" position: [{first + 4.5 * k}, {y}, 1], material: concrete}}"
+        for side, first, y, count in (("left", -18.25, 1.6, 9), ("right", -16, -1.6, 8))
+        for k in range(count)
+    ]
+    around = CORRIDOR.replace("0, 1.2, 1", "0, 2.2, 1").replace(
+        "0, -1.2, 1", "0, -2.2, 1"
+    )
+    around = around.replace("[0.2, 2.2, 2]", "[0.2, 4.2, 2]")
+    head, starts = around.split("starts:")
+    return f"{head}{chr(10).join(blocks)}\nstarts:{starts}"
+
+
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_corridors_with_niches_stay_straight_with_odometry_that_drifts(
+    tmp_path: Path, seed: int
+) -> None:
+    exploration, _ = drive(tmp_path, niches(), ((18.0, 0.0),), 6.0, seed)
+    mapper = exploration.mapper
+    assert mapper is not None
+    found = trajectory_errors(mapper.trajectory, mapper.truth)
+    motion = trajectory_errors(mapper.slam.dead_reckoning, mapper.truth)
+    assert found.length > 30
+    assert motion.yaw > math.radians(3)
+    assert found.yaw < math.radians(0.2)
+    assert found.yaw_max < math.radians(0.4)
