@@ -192,8 +192,8 @@ class Slam:
         sigma_distance, sigma_turn = self.settings.rest_sigma
         sigma_distance += drift * length
         sigma_turn += drift * abs(wrap_angle(prior.yaw - before.yaw))
-        # Wheels of two sizes turn the robot as it drives straight on, all the way to the
-        # same side: a surer prior bends the map. A gyroscope knows nothing of wheels.
+        # Wheels of two sizes turn a robot that drives straight on, always to the same
+        # side: a surer prior bends the map. An INS does not know of wheels.
         if self.settings.motion_source == "odometry":
             sigma_turn += self.settings.wheel_drift * length
         sigma_distance += guessed * SPEED_CHANGE[0]
