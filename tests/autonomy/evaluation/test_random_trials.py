@@ -1,6 +1,7 @@
 """Trials on random maps: what counts as right, and a sample of runs."""
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,10 +11,12 @@ from radarsim.autonomy.evaluation.random_trials import (
     RandomTrialResult,
     RandomTrialSpec,
     all_random_trials,
+    raster_truth,
     read_results,
     run_random_trial,
 )
 from radarsim.autonomy.evaluation.task_runner import as_line
+from radarsim.generators.random_maps import SAFETY_DISTANCE, Block, RandomMap
 
 DONE = RandomTrialResult(
     number=3,
@@ -45,6 +48,24 @@ def test_right_is_what_the_raster_allows(
     result = replace(DONE, expected=expected, outcome=outcome)
     assert result.correct is is_correct
     assert not replace(result, collisions=1).correct
+
+
+@pytest.mark.parametrize(
+    ("gap", "expected"),
+    [
+        pytest.param(1.6, "reached", id="wide"),
+        pytest.param(0.9, "either", id="for a disc of half the diagonal"),
+        pytest.param(0.65, "either", id="for the hull"),
+        pytest.param(0.4, "no_path", id="for nothing"),
+    ],
+)
+def test_what_is_expected_follows_from_the_gap(gap: float, expected: str) -> None:
+    walls = [Block(0.0, side * (gap / 2 + 5.0), 0.3, 10.0) for side in (-1.0, 1.0)]
+    ends = [Block(x, 0.0, 0.2, 20.3) for x in (-5.0, 5.0)]
+    sides = [Block(0.0, y, 10.2, 0.2) for y in (-10.0, 10.0)]
+    solids = (*walls, *ends, *sides)
+    map_ = RandomMap(0, "boxes", solids, math.inf, (-3.0, 0.0), (3.0, 0.0))
+    assert raster_truth(map_, SAFETY_DISTANCE, 0.0).expectation == expected
 
 
 def test_only_trials_without_a_line_are_run(tmp_path: Path) -> None:

@@ -120,6 +120,16 @@ def test_findings_tell_where_the_radar_wins_and_loses() -> None:
     assert "radar 20 of 24, range-only radar 24 of 24," in verdicts
 
 
+def test_who_gets_through_where_no_disc_does_is_right() -> None:
+    def change(task: StudyTask, row: Row) -> None:
+        if (task.map, task.sensor) == ("office", "radar"):
+            row["expected"], row["shortest_path"] = "no_path", None
+
+    summary = summarise(made_up_rows(change))["office", "radar"]
+    assert summary.success.value == 1.0
+    assert summary.false_no_path == 0
+
+
 def test_paths_are_compared_on_the_same_maps() -> None:
     def change(task: StudyTask, row: Row) -> None:
         if task.map != "forest":
