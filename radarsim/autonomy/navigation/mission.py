@@ -102,11 +102,7 @@ def run_mission(
         wall_on_left=mission.side == "left",
         give_up=mission.give_up,
         tolerance=mission.tolerance,
-        # Foliage begins that much before what is seen of it.
-        hull=(
-            robot.info.length + 2 * mission.penetration_depth,
-            robot.info.width + 2 * mission.penetration_depth,
-        ),
+        hull=hull_for(robot.info, mission),
     )
     navigator = Navigator(
         client,
@@ -156,6 +152,17 @@ def safety_distance_for(
             f" half the diagonal of {robot_info.name}{foliage}"
         )
     return wanted
+
+
+def hull_for(robot_info: RobotInfo, mission: Mission) -> tuple[float, float] | None:
+    """Return the length and the width of what paths have to be wide enough for, m.
+
+    None if it is not known how far before the ends of beams that is which blocks.
+    """
+    if not mission.echoes and mission.foliage_density is None:
+        return None
+    more = 2 * mission.penetration_depth
+    return robot_info.length + more, robot_info.width + more
 
 
 def check_field_of_view(bumpers: Bumpers, scanner: ScannerInfo) -> None:
