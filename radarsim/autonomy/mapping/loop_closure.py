@@ -11,10 +11,12 @@ Loop closure: near keyframes that the local map has left behind, what the robot 
 last is matched with the map that these make. The pose may have drifted since, in
 proportion to the path, so that poses are tried all around the estimated one, and the
 best is corrected. It counts only where most points fit, and not in a corridor, which
-looks the same everywhere along it. What a wall looks like depends on where it is seen
-from: a match from some metres beside the old place can be off by more than the whole
-loop is, above all while much of what the robot sees is not on the old map yet. From
-there, almost all points must fit; otherwise the loop closes farther on.
+looks the same everywhere along it, nor where the points fit about as well at the
+estimated pose, far from the best one, as in a row of niches. What a wall looks like
+depends on where it is seen from: a match from some metres beside the old place can be
+off by more than the whole loop is, above all while much of what the robot sees is not
+on the old map yet. From there, almost all points must fit; otherwise the loop closes
+farther on.
 
 Anchoring: a robot that stands sees all from one place, and each wall by few beams. What
 it sees next is matched with that little, and goes on from there: the map is true in
@@ -53,6 +55,8 @@ MIN_TURN, MAX_TURN = 0.05, 0.2  # rad
 STEP, TURN_STEP = 0.15, 0.025  # m and rad between poses that are tried
 MIN_INLIERS: Final = 0.6  # share of the points
 MIN_EVENNESS: Final = 0.1  # wrong matches along corridors had up to 0.05
+APART: Final = 0.4  # m between two poses that are not the same
+MAX_RIVAL: Final = 0.75  # score of one by the other's; at wrong ones 0.82 to 1.09
 ANCHOR_INTERVAL: Final = 25.0  # m of path
 MOST_ANCHORINGS: Final = 4
 LEAST_TURN: Final = math.radians(0.1)  # by which a map has to be off to be moved
@@ -258,27 +262,34 @@ class LoopCloser:
 
 
 def find_pose(
-    table: Table, keyframe: Keyframe, distance: float, turn: float
+    table: Table, keyframe: Keyframe, limit: float, turn: float
 ) -> Fit | None:
     """Find where a keyframe is on a map, near its pose.
 
     Args:
         table: The map.
         keyframe: The keyframe, with points of those around it.
-        distance: How far its pose may be off, m.
+        limit: How far its pose may be off, m.
         turn: And its heading, rad.
 
     Returns:
-        The fit; None if too few points fit, or the place is a corridor.
+        The fit; None if too few points fit, the place is a corridor, or the keyframe
+        fits about as well where it seems to be.
     """
     points, pose = keyframe.points, keyframe.pose
-    starts = starts_around(pose, distance, turn)
+    starts = starts_around(pose, limit, turn)
     # The fit alone finds the nearest optimum, which need not be the best one.
     start = Pose2(*starts[best_start(table, points, starts)].tolist())
     # The estimate holds the pose no tighter than it may be off.
-    found = fit(table, points, start, pose, np.array([distance, distance, turn]))
-    is_sure = found.inliers >= MIN_INLIERS and found.evenness >= MIN_EVENNESS
-    return found if is_sure else None
+    sigma = np.array([limit, limit, turn])
+    found = fit(table, points, start, pose, sigma)
+    if found.inliers < MIN_INLIERS or found.evenness < MIN_EVENNESS:
+        return None
+    # Niches, doors or pillars in a row look alike from many poses. A row that is only
+    # half known fits best at a wrong one, and about as well at the estimated pose.
+    rival = fit(table, points, pose, pose, sigma)
+    is_apart = distance(rival.pose, found.pose) > APART
+    return None if is_apart and rival.score > MAX_RIVAL * found.score else found
 
 
 def starts_around(pose: Pose2, distance: float, turn: float) -> Floats:

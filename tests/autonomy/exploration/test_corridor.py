@@ -174,3 +174,20 @@ def test_corridors_with_niches_stay_straight_with_odometry_that_drifts(
     assert motion.yaw > math.radians(3)
     assert found.yaw < math.radians(0.2)
     assert found.yaw_max < math.radians(0.4)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_niches_in_a_row_are_not_taken_for_one_another(
+    tmp_path: Path, seed: int
+) -> None:
+    way = ((18.0, 0.0), (-18.0, 0.0))
+    exploration, _ = drive(tmp_path, niches(), way, 6.0, seed)
+    mapper = exploration.mapper
+    assert mapper is not None
+    found = trajectory_errors(mapper.trajectory, mapper.truth)
+    motion = trajectory_errors(mapper.slam.dead_reckoning, mapper.truth)
+    assert found.length > 65
+    assert motion.ate > 1.0
+    assert mapper.slam.closures >= 1
+    assert found.ate < 0.25  # with wrong closures up to 1.4 m
+    assert found.ate_max < 0.5
