@@ -14,7 +14,8 @@ from radarsim.autonomy.exploration.path_follower import (
     Strategy,
     WaypointFollower,
 )
-from radarsim.autonomy.exploration.plans import ExplorationPlan
+from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
+from radarsim.autonomy.exploration.second_look import SecondLook
 from radarsim.autonomy.exploration.strategies import create_strategy, find_unexplored
 from radarsim.autonomy.exploration.traversability import TraversabilityMap
 from radarsim.autonomy.mapping.localization import SAMPLE_SCANNER, sample_reports
@@ -202,7 +203,9 @@ class Exploration:
             return loop, self._new_strategy(self.settings)
         if plan.waypoints:
             return loop, WaypointFollower(self.settings, plan.waypoints)
-        return loop, create_strategy(plan.strategy, self.settings, self._rng)
+        strategy = create_strategy(plan.strategy, self.settings, self._rng)
+        fills = plan.strategy is not StrategyName.FRONTIERS
+        return loop, SecondLook(self.settings, strategy, fills=fills)
 
     def _explore(
         self, loop: ControlLoop, strategy: Strategy
@@ -221,6 +224,9 @@ class Exploration:
             yield ExplorationStep(observation, strategy.activity, twist)
             if is_over:
                 self._conclude(observation, strategy)
+                if isinstance(strategy, SecondLook):
+                    self.mapper.finish()
+                    strategy.forget_moved(self.mapper.grid)
                 return
             stuck.check(observation, twist)
             # a robot that gives way may stand for long, and is not stuck
@@ -237,5 +243,7 @@ class Exploration:
         start = self.trip.start or observation.pose
         left = find_unexplored([observation], self.mapper.grid, self.settings, start)
         self.unreached = tuple(left.frontiers + left.cut_off)
-        if left.frontiers:
+        unseen = strategy.unseen if isinstance(strategy, SecondLook) else ()
+        self.unreached += unseen
+        if left.frontiers or unseen:
             self.outcome = Outcome.INCOMPLETE

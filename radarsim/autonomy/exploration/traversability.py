@@ -12,6 +12,7 @@ range.
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from functools import cached_property
 from typing import Final
 
@@ -23,6 +24,7 @@ from radarsim.autonomy.navigation.algorithms import ROBOT_RADIUS
 from radarsim.autonomy.navigation.grid_search import (
     CHEAP,
     COSTLY,
+    COSTLY_FACTOR,
     ESCAPE_COST,
     ESCAPE_RADIUS,
     Cell,
@@ -93,6 +95,35 @@ class TraversabilityMap:
     def unvisited(self) -> Mask:
         """Open tiles that were not seen at short range."""
         return self._opening(self.open & ~self._near, self.size)
+
+    def reopened(self, tiles: Mask) -> "TraversabilityMap":
+        """Return the map on which some more tiles are open."""
+        other = copy(self)
+        other.__dict__ |= {"open": self.open | tiles}
+        other.__dict__.pop("frontiers", None)
+        other.__dict__.pop("unvisited", None)
+        inner = 1.0 + COSTLY_FACTOR
+        is_shut = tiles & np.isinf(self._step_cost)
+        other._step_cost = np.where(is_shut, inner, self._step_cost)
+        return other
+
+    def tiles_of(self, other: "TraversabilityMap", tiles: Mask) -> Mask:
+        """Return the tiles of this map that some tiles of an earlier one are."""
+        left, bottom = self._corner
+        column = round((other._corner[0] - left) / self.size)
+        row = round((other._corner[1] - bottom) / self.size)
+        result = np.zeros_like(self.open)
+        # Cut, as a map that was built anew need not have all of them.
+        tiles = tiles[max(-row, 0) :, max(-column, 0) :]
+        place = result[max(row, 0) :, max(column, 0) :]
+        rows, columns = np.minimum(place.shape, tiles.shape)
+        place[:rows, :columns] = tiles[:rows, :columns]
+        return result
+
+    def cells_of(self, tiles: Mask) -> Mask:
+        """Return the cells of some tiles, with those beyond the map's last ones."""
+        inner = tiles[_PADDING:-_PADDING, _PADDING:-_PADDING]
+        return inner.repeat(self._factor, axis=0).repeat(self._factor, axis=1)
 
     def tile_centers(self) -> tuple[Floats, Floats]:
         """Return the centers of columns, (C,) x, and of rows, (R,) y, m."""

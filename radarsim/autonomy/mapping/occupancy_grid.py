@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.autonomy.mapping.inverse_sensor_model import (
+    LOG_ODDS_FREE,
     LOG_ODDS_LIMIT,
     NEAR,
     SENSED,
@@ -280,6 +281,12 @@ class OccupancyGrid:
         # As sure as can be, as the robot is there. Smoke may be around it all the same.
         for layer in (Layer.SOLID, Layer.FOLIAGE):
             self._evidence[layer, rows, columns][disc] = -LOG_ODDS_LIMIT
+
+    def free(self, cells: Mask) -> None:
+        """Forget what is solid in some cells, (R, C)."""
+        for layer in (Layer.SOLID, Layer.BEAM_END):
+            evidence = self._evidence[layer]
+            evidence[cells] = np.minimum(evidence[cells], -LOG_ODDS_FREE)
 
     def sensed(self, x: float, y: float) -> bool:
         """Return whether any beam was in the cell around a point, m."""

@@ -1,0 +1,180 @@
+"""Second look: waits where something came that closes floor off, and explores on.
+
+Theory of operation
+===================
+Floor that the robot could have reached does not close by itself: something came that
+closes it, and may go again. So the open floor is remembered. When a strategy is done
+and there is more to see beyond floor that was open, the robot drives towards it as far
+as the way is open, stays at a distance, so that the thing has room to go, and looks.
+Once the way is free, it explores on. If nothing changes for a while, it leaves that
+place alone, and the run ends as ``incomplete``.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+from scipy import ndimage
+
+from radarsim.autonomy.exploration.coverage import coverage_strategy, frontier_strategy
+from radarsim.autonomy.exploration.path_follower import (
+    GIVEN_UP_RADIUS,
+    WAITING,
+    ExplorationSettings,
+    PathFollower,
+    Strategy,
+)
+from radarsim.autonomy.exploration.strategies import is_enclosed
+from radarsim.autonomy.exploration.traversability import TraversabilityMap
+from radarsim.autonomy.mapping.moved_things import moved_things
+from radarsim.autonomy.mapping.occupancy_grid import Mask, OccupancyGrid
+from radarsim.autonomy.navigation.control import STOP, Twist, distance
+from radarsim.autonomy.navigation.observation import Observation
+from radarsim.geometry import Point, Pose2
+
+ROOM: Final = 1.5  # m that are left between the robot and what closes its way
+NEAR: Final = 0.4  # m from the place to look from, where the robot has arrived
+LOOK_TIME: Final = 40.0  # s that it looks at a place
+MOST_LOOKS: Final = 30  # times that it explores on
+
+
+class SecondLook:
+    """Strategy that looks again at what has closed floor off to another strategy.
+
+    Attributes:
+        is_done: Whether the other strategy is done, and nothing is left to look at.
+        unseen: A place in each piece of floor that borders on the unknown, and was
+            closed off until the end, m.
+    """
+
+    def __init__(
+        self, settings: ExplorationSettings, strategy: Strategy, *, fills: bool
+    ) -> None:
+        """Begin with the other strategy.
+
+        Args:
+            settings: How the robot explores.
+            strategy: The other strategy.
+            fills: Whether the robot explores on to floor not seen at short range, too.
+        """
+        self.is_done = False
+        self.unseen: tuple[Point, ...] = ()
+        self._settings = settings
+        self._strategy = strategy
+        self._create = coverage_strategy if fills else frontier_strategy
+        self._path_follower = PathFollower(settings)
+        self._grid: OccupancyGrid | None = None
+        self._floor: TraversabilityMap | None = None
+        self._was_open: Mask = np.zeros((0, 0), np.bool_)
+        self._may_open: Mask = self._was_open  # without that where it waited in vain
+        self._start: Pose2 | None = None
+        self._since: float | None = None  # when it began to look; None while exploring
+        self._left: list[Point] = []  # what strategies have left alone
+        self._looks = 0
+
+    @property
+    def activity(self) -> str:
+        """What the robot is doing."""
+        return self._strategy.activity if self._since is None else WAITING
+
+    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
+        """Return the twist until the next scan."""
+        self._start = self._start or observation.pose
+        is_new = self._path_follower.update_map(observation, grid)
+        if is_new:
+            self._remember(grid)
+        if self._since is None:
+            twist = self._strategy.step(observation, grid)
+            if not self._strategy.is_done:
+                return twist
+            # By the map of this scan, as a passage may have closed just now.
+            self._path_follower = PathFollower(self._settings)
+            self._path_follower.update_map(observation, grid)
+            self._remember(grid)
+            self._begin_to_look(observation)
+        elif is_new:
+            self._look(observation)
+        if self.is_done or self._since is None:
+            return STOP
+        end = self._path_follower.end
+        if end is None or distance(observation.pose, *end) < NEAR:
+            return STOP
+        return self._path_follower.step(observation)
+
+    def forget_moved(self, grid: OccupancyGrid) -> None:
+        """Forget, on the map at the end, what came where floor was open."""
+        if self._floor is None:
+            return
+        floor = self._settings.traversability(grid)
+        was_open = floor.cells_of(floor.tiles_of(self._floor, self._was_open))
+        blocked = grid.blocked_cells()
+        rows, columns = blocked.shape
+        was_open = was_open[:rows, :columns]
+        grid.free(moved_things(blocked, was_open, grid.frame.resolution))
+
+    def _remember(self, grid: OccupancyGrid) -> None:
+        """Remember the floor where the robot may be."""
+        floor = self._path_follower.floor
+        assert floor is not None
+        was_open, may_open = floor.open, floor.open
+        # A map that was built anew has other places for all that was seen.
+        if self._floor is not None and grid is self._grid:
+            was_open = floor.open | floor.tiles_of(self._floor, self._was_open)
+            may_open = floor.open | floor.tiles_of(self._floor, self._may_open)
+        self._grid, self._floor = grid, floor
+        self._was_open, self._may_open = was_open, may_open
+
+    def _begin_to_look(self, observation: Observation) -> None:
+        floor = self._floor
+        assert floor is not None
+        reachable = floor.reachable(observation.pose)
+        targets = self._targets(observation, self._was_open)
+        if not (targets & ~reachable).any():
+            self.is_done = True
+            return
+        self._left += floor.places_of(targets & reachable, 0.0)
+        self._since = observation.time
+        self._look(observation)
+
+    def _look(self, observation: Observation) -> None:
+        """Choose where to look from, explore on, or be done."""
+        floor, pose = self._floor, observation.pose
+        assert floor is not None
+        assert self._since is not None
+        beyond = floor.reopened(self._may_open)
+        targets = self._targets(observation, self._may_open)
+        for place in self._left:
+            targets = targets & ~floor.disc(*place, GIVEN_UP_RADIUS)
+        path = beyond.find_path(pose, targets)
+        at = next(
+            (k for k, point in enumerate(path) if not floor.is_open(*point)), None
+        )
+        if not path or (at is None and self._looks >= MOST_LOOKS):
+            self.is_done = True
+            hidden = self._targets(observation, self._was_open)
+            hidden &= ~floor.reachable(pose)
+            self.unseen = tuple(floor.places_of(hidden, 0.0))
+        elif at is None:
+            self._looks += 1
+            self._since = None
+            self._strategy = self._create(self._settings)
+        elif observation.time > self._since + LOOK_TIME:
+            # Until it is open again: then it is remembered anew.
+            shut = self._may_open & ~floor.open
+            labels, _ = ndimage.label(shut, np.ones((3, 3)))
+            number = labels[floor.nearest(shut, *path[at])]
+            self._may_open = self._may_open & ~np.isin(labels, number)
+            self._since = observation.time
+        else:
+            away = [p for p in path[:at] if math.dist(p, path[at]) >= ROOM]
+            place = floor.nearest(floor.reachable(pose), *(away or path[:1])[-1])
+            self._path_follower.plan(observation, place)
+
+    def _targets(self, observation: Observation, also_open: Mask) -> Mask:
+        """Return floor that borders on the unknown, were some more floor open."""
+        assert self._floor is not None
+        floor, start = self._floor.reopened(also_open), self._start
+        targets = floor.frontiers & floor.reachable(observation.pose)
+        if start is not None and not is_enclosed(observation):
+            targets &= floor.disc(start.x, start.y, self._settings.radius)
+        return targets
