@@ -71,6 +71,7 @@ class SecondLook:
         self._since: float | None = None  # when it began to look; None while exploring
         self._left: list[Point] = []  # what strategies have left alone
         self._looks = 0
+        self._has_looked = False
 
     @property
     def activity(self) -> str:
@@ -102,15 +103,18 @@ class SecondLook:
         return self._path_follower.step(observation)
 
     def forget_moved(self, grid: OccupancyGrid) -> None:
-        """Forget, on the map at the end, what came where floor was open."""
-        if self._floor is None:
+        """Forget, on the map at the end, what came where floor was open.
+
+        Nothing if the robot has never looked again: then nothing has closed floor off,
+        and what little there is of such cells are errors of poses and beams.
+        """
+        if self._floor is None or not self._has_looked:
             return
         floor = self._settings.traversability(grid)
         was_open = floor.cells_of(floor.tiles_of(self._floor, self._was_open))
-        blocked = grid.blocked_cells()
-        rows, columns = blocked.shape
-        was_open = was_open[:rows, :columns]
-        grid.free(moved_things(blocked, was_open, grid.frame.resolution))
+        rows, columns = grid.frame.shape
+        safety = self._settings.bumpers.safety_distance
+        grid.free(moved_things(grid, was_open[:rows, :columns], safety))
 
     def _remember(self, grid: OccupancyGrid) -> None:
         """Remember the floor where the robot may be."""
@@ -133,7 +137,7 @@ class SecondLook:
             self.is_done = True
             return
         self._left += floor.places_of(targets & reachable, 0.0)
-        self._since = observation.time
+        self._since, self._has_looked = observation.time, True
         self._look(observation)
 
     def _look(self, observation: Observation) -> None:
@@ -167,8 +171,8 @@ class SecondLook:
             self._since = observation.time
         else:
             away = [p for p in path[:at] if math.dist(p, path[at]) >= ROOM]
-            place = floor.nearest(floor.reachable(pose), *(away or path[:1])[-1])
-            self._path_follower.plan(observation, place)
+            target = floor.nearest(floor.reachable(pose), *(away or path[:1])[-1])
+            self._path_follower.plan(observation, target)
 
     def _targets(self, observation: Observation, also_open: Mask) -> Mask:
         """Return floor that borders on the unknown, were some more floor open."""
