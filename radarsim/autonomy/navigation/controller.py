@@ -22,7 +22,7 @@ from radarsim.autonomy.navigation.control import (
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.open_directions import leads_too_near
 from radarsim.autonomy.navigation.plans import TOLERANCE
-from radarsim.geometry import Point, Pose2
+from radarsim.geometry import Floats, Point, Pose2
 
 
 class Activity(StrEnum):
@@ -119,6 +119,17 @@ class Controller(ABC):
             self.leave_points.append((pose.x, pose.y))
         self._begin_goal(pose)
         self.activity = Activity.GOING
+
+    def avoid(self, places: Floats) -> bool:  # noqa: ARG002 - planners need it
+        """Keep out of the way of what meets the robot; return whether it does.
+
+        Who does not waits.
+
+        Args:
+            places: Where that is and will be soon, (M, 2) m, map frame; M is 0 if
+                nothing meets it.
+        """
+        return False
 
     def _goal_distance(self, pose: Pose2) -> float:
         return distance(pose, *self.goals[0])

@@ -1,4 +1,4 @@
-"""Things that move: who sees something come into its way stops and waits.
+"""Things that move: who sees something come into its way goes round it, or waits.
 
 Theory of operation
 ===================
@@ -12,6 +12,12 @@ From where it is seen at first and now follows its velocity, which is known afte
 second: so things are looked at some metres away, before they are near. The robot stands
 if the two would come too near to each other within the next seconds, and less so if it
 stands.
+
+To stand does not help where something comes the other way and does not stop. Who plans
+paths does not wait for that, but keeps out of where it is and will be within three
+seconds, if it goes on as it does, and passes it on the side on which the robot is
+already, or else on the right. Where several things move it is not
+known which of them goes where, and all wait.
 
 A robot that waits for something follows nothing, so what passes becomes no obstacle.
 What has come to a stand is an obstacle like others.
@@ -33,7 +39,7 @@ from numpy.typing import NDArray
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import STOP, Twist, moved
 from radarsim.autonomy.navigation.observation import Observation, wrap_angles
-from radarsim.geometry import wrap_angle
+from radarsim.geometry import Floats, wrap_angle
 
 INTERVAL: Final = 2.0  # s between the scans that are compared
 MARGIN: Final = 0.25  # m that a beam went beyond a place where nothing was
@@ -46,6 +52,15 @@ PAUSE: Final = 1.0  # s without motion after which it goes on
 CONFIRMED_WITHIN: Final = 1.0  # s in which a second scan has to show the same
 PATIENCE: Final = 15.0  # s of waiting after which it goes on nevertheless
 IMPATIENCE: Final = 5.0  # s after that, in which it does not wait
+SEEN_COMING: Final = 2.0  # m farther than that, where what meets the robot is seen
+MET_WITHIN: Final = np.arange(0.0, 8.1, 0.25)  # s in which something meets the robot
+KEPT_OUT_OF: Final = np.arange(0.0, 3.1, 0.25)  # s of its way that paths keep out of
+HEAD_ON: Final = math.cos(math.radians(45))  # of its direction, against the robot's
+BESIDE_IT: Final = 0.6  # m to one side of it that paths keep out of as well
+STRAIGHT_AT: Final = 0.1  # m beside the robot, where it comes straight at it
+ASIDE: Final = 0.3  # m more than the safety distance, within which it meets
+REMEMBERED: Final = 0.5  # s for which a thing that no scan shows is where it would be
+ONE_THING: Final = 1.5  # m; what moves farther apart is more than one
 BACK_SPEED: Final = 0.3  # m/s away from what has driven into the robot
 RECENT: Final = 30.0  # s after motion was seen, in which it backs off
 MOVED_NEAR: Final = 0.5  # m from where that was, to what it backs off from
@@ -117,6 +132,12 @@ class Waiting:
         # when and where something moved while the robot stood, s and m, map frame
         self._motions: deque[tuple[float, complex]] = deque()
         self._since = math.inf  # s; since when it waits
+        self._berth = bumpers.safety_distance + ASIDE
+        # when, ends of beams on one thing that moves, m, map frame, its velocity, m/s
+        self._thing: tuple[float, NDArray[np.complex128], complex] | None = None
+        self._track: deque[tuple[float, complex]] = deque()  # when and where it was
+        self._closed_side = -1j  # of what meets the robot, as it drives: right, or left
+        self._meets = False  # whether that meets the robot
         self._impatient_until = -math.inf  # s
 
     def has_to_wait(
@@ -150,6 +171,40 @@ class Waiting:
         self._impatient_until = now + IMPATIENCE
         return False
 
+    def meeting(self, observation: Observation) -> Floats:
+        """Return where what meets the robot is and will be, (M, 2) m, map frame.
+
+        M is 0 if nothing does.
+
+        Args:
+            observation: The newest scan, after ``has_to_wait``.
+        """
+        now, pose = observation.time, observation.pose
+        if self._thing is None or now - self._thing[0] > REMEMBERED:
+            self._thing, self._meets = None, False
+            return np.zeros((0, 2))
+        seen, ends, velocity = self._thing
+        to_robot = complex(pose.x, pose.y) - (ends + velocity * (now - seen))
+        off = np.abs(to_robot[:, None] - velocity * MET_WITHIN).min()
+        heading = complex(math.cos(pose.yaw), math.sin(pose.yaw))
+        against = (velocity * heading.conjugate()).real < -HEAD_ON * abs(velocity)
+        # The robot turns aside, and it is still the same that meets it.
+        met_before = self._meets
+        berth = self._berth * (1.5 if met_before else 1.0)
+        self._meets = bool(off < berth and (met_before or against))
+        if not self._meets:
+            return np.zeros((0, 2))
+        along = velocity / abs(velocity)
+        # Once, or the shorter side may change from plan to plan; if it comes straight
+        # at the robot, both keep to the right.
+        if not met_before:
+            is_left_of_it = (complex(to_robot.mean()) / along).imag > -STRAIGHT_AT
+            self._closed_side = -1j if is_left_of_it else 1j
+        places = ends[:, None] + velocity * (now - seen + KEPT_OUT_OF)
+        beside = places.ravel() + BESIDE_IT * self._closed_side * along
+        both = np.concatenate([places.ravel(), beside])
+        return np.column_stack([both.real, both.imag])
+
     def back_off(self, observation: Observation) -> Twist | None:
         """Return the motion away from what has driven into the robot; None if nothing.
 
@@ -178,14 +233,34 @@ class Waiting:
         point = complex(pose.x, pose.y) + complex(away)
         return any(abs(place - point) < MOVED_NEAR for _, place in self._motions)
 
+    def _follow(self, observation: Observation, beams: NDArray[np.bool_]) -> None:
+        """Note where a thing is that moves, and its velocity, if it is one thing."""
+        if np.count_nonzero(beams) < LEAST_BEAMS:
+            return
+        pose, now = observation.pose, observation.time
+        angles = observation.bearings[beams] + pose.yaw
+        ends = observation.ranges[beams] * np.exp(1j * angles)
+        ends += complex(pose.x, pose.y)
+        centre = complex(ends.mean())
+        self._track.append((now, centre))
+        while now - self._track[0][0] > INTERVAL:
+            self._track.popleft()
+        begin, first = self._track[0]
+        velocity = (centre - first) / max(now - begin, LEAST_TRACK)
+        is_one = np.abs(ends - centre).max() <= ONE_THING / 2
+        if is_one and velocity and now - begin >= LEAST_TRACK:
+            self._thing = now, ends, velocity
+
     def _detect_crossing(
         self, observation: Observation, still: NDArray[np.bool_] | None
     ) -> bool:
         """Return whether something that moves would come too near if the robot went."""
         reach = self._bumpers.pressed_below + MORE
-        beams = self._detector.moving_beams(observation, reach)
+        beams = self._detector.moving_beams(observation, reach + SEEN_COMING)
         if still is not None:
             beams &= ~still
+        self._follow(observation, beams)
+        beams &= observation.ranges < reach
         if np.count_nonzero(beams) < LEAST_BEAMS:
             return False
         self.has_seen_motion = True

@@ -110,9 +110,16 @@ class ObstacleGrid:
         mask[rows[counts], columns[counts]] = True
         return mask
 
-    def clearance(self) -> Floats:
-        """Return the distance of each cell from what blocks robots, (R, C) m."""
+    def clearance(self, places: Floats | None = None) -> Floats:
+        """Return the distance of each cell from what blocks robots, (R, C) m.
+
+        Args:
+            places: Where something is or will be in addition, (N, 2) m, map frame.
+        """
         is_open = self._evidence <= 0
+        if places is not None:
+            rows, columns, _ = self._inside(places)
+            is_open[rows, columns] = False
         # A distance transform needs a closed cell to measure from.
         if is_open.all():
             return np.full(is_open.shape, math.inf)

@@ -59,6 +59,9 @@ class PathPlanning(Controller):
         self._planned = -math.inf  # s
         self._hopeless_since: float | None = None  # s
         self._looked_at = -math.inf  # s; when there last was no path
+        self._moving: Floats = np.zeros(
+            (0, 2)
+        )  # where something meets it, m, map frame
         self._grown = 0  # number of times that the grid has grown
         hull = settings.hull
         self._hull = None if hull is None else Hull(*hull)
@@ -77,6 +80,17 @@ class PathPlanning(Controller):
             self._scans = [correct(scan) for scan in self._scans]
             for scan in self._scans:
                 self._grid.add(scan)
+
+    def avoid(self, places: Floats) -> bool:
+        """See ``Controller``; paths of the hull have no room to do so."""
+        # It will have left the goal by then: a goal that is closed has no path at all.
+        if self.goals:
+            least = self._settings.bumpers.safety_distance + 2 * CELL
+            places = places[np.hypot(*(places - self.goals[0]).T) > least]
+        if len(places) and not len(self._moving):
+            self._planned = -math.inf
+        self._moving = places
+        return bool(len(places)) and self._follower is None
 
     def _begin_goal(self, _: Pose2) -> None:
         self._planned = -math.inf
@@ -108,7 +122,7 @@ class PathPlanning(Controller):
         if not self._scans or _are_apart(self._scans[-1].pose, pose):
             self._scans.append(observation)
         self._planned = observation.time
-        clearance = self._grid.clearance()
+        clearance = self._grid.clearance(self._moving)
         cost = step_cost(clearance, self._settings.bumpers.safety_distance)
         start, end = self._grid.cell((pose.x, pose.y)), self._grid.cell(goal)
         # It is too near to something, by noise or as that has moved: it may leave, and
@@ -146,8 +160,11 @@ class PathPlanning(Controller):
         """Stand where there is no path; if none appears, there is none."""
         looked, self._looked_at = self._looked_at, observation.time
         # Who waited meanwhile for something that moves has not looked.
-        if self._hopeless_since is None or observation.time > looked + PAUSE:
+        is_new = self._hopeless_since is None or observation.time > looked + PAUSE
+        # What is in the way now will not be for long.
+        if is_new or len(self._moving):
             self._hopeless_since = observation.time
+        assert self._hopeless_since is not None
         if observation.time - self._hopeless_since >= SURE_AFTER:
             # Nothing leads there as a disc; once that is sure, a hull may get through.
             is_first, self._is_narrow = not self._is_narrow, self._hull is not None

@@ -285,16 +285,17 @@ class Navigator:
                 has_to_wait = waiting.has_to_wait(
                     observation, twist, observation.ranges < scan.ranges
                 )
+                goes_round = bug.avoid(waiting.meeting(observation))
                 # What touches the robot overrules every way to the goal.
                 away = touches.retreat(observation) or waiting.back_off(observation)
                 if away is not None:
                     twist = away
-                elif has_to_wait:
+                elif has_to_wait and not goes_round:
                     # Who waits does not ask the bug: what passes becomes no obstacle.
                     twist = STOP
                 else:
                     twist = touches.keep_off(observation, bug.step(observation))
-                waits = has_to_wait or away is not None
+                waits = (has_to_wait and not goes_round) or away is not None
                 touches.note_decision(scan, None if waits else twist)
                 trip.add(observation)
                 nearest = min(nearest, float(observation.ranges.min(initial=math.inf)))

@@ -1,4 +1,4 @@
-"""Another robot crosses the path of a navigator, and does not look where it goes."""
+"""Another robot crosses a navigator's path, or meets it, and looks nowhere."""
 
 import math
 
@@ -64,3 +64,51 @@ def test_crossing_robot_is_let_by_and_not_touched(
         result = run_mission(client, mission, start_other)
     assert result.outcome == "reached"
     assert monitor.collisions == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("speed", "beside", "begin"),
+    [
+        pytest.param(0.2, 0.1, 6.0, id="slow"),
+        pytest.param(0.3, 0.0, 6.0, id="as fast"),
+        pytest.param(0.3, 0.3, 7.0, id="beside on the left"),
+        pytest.param(0.3, -0.3, 8.0, id="beside on the right, over the goal"),
+        pytest.param(0.5, 0.0, 7.0, id="faster"),
+        pytest.param(0.5, -0.1, 6.0, id="faster, a little beside"),
+    ],
+)
+def test_planned_path_leads_round_a_robot_that_comes_the_other_way(
+    speed: float, beside: float, begin: float
+) -> None:
+    """To stand, or to back off before it, would never end: it drives on and on."""
+    start, goal = (-5.0, 0.0), (3.0, 0.0)
+    yard = RandomMap(0, "boxes", (), math.inf, start, goal)
+    host = Host(load_random_map(yard))
+    monitor = GroundTruthMonitor(host)
+    with (
+        Client(InProcessTransport(host)) as other,
+        Client(InProcessTransport(host, after_tick=monitor.watch)) as client,
+    ):
+        other.spawn("P3AT", pose=Pose2(begin, beside, math.pi))
+        wheels = other.robot_info().wheel_speeds(speed, 0.0)
+        is_going = False
+
+        def start_other(_: NavigationStep) -> None:
+            nonlocal is_going
+            if not is_going:
+                other.drive(*wheels)
+            is_going = True
+
+        mission = Mission(
+            algorithm=Algorithm.PLANNED,
+            goals=(goal,),
+            safety_distance=0.5,
+            time_limit=60.0,
+        )
+        result = run_mission(client, mission, start_other)
+    assert result.outcome == "reached"
+    assert monitor.collisions == 0
+    # without the other robot it takes 26.7 s and 7.9 m
+    assert result.time < 40
+    assert result.path_length < 9.5
