@@ -8,6 +8,7 @@ Source of the lines: USARSim for UDK (repository hrnr/robocup-usarsim),
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import partial
 from typing import ClassVar, Final, Self
 
@@ -30,10 +31,6 @@ from radarsim.protocol.message import (
 
 CONTROLLER: Final = "WorldController"  # class of robots; it has no body
 CRATE: Final = "WCCrate"  # class of objects
-CREATE, KILL, KILL_ALL, MOVE_TO, MOVE_BY, TELL = (
-    *("Create", "Kill", "KillAll", "AbsMove", "RelMove", "GetSTA"),
-)
-ACTIONS: Final = (CREATE, KILL, KILL_ALL, MOVE_TO, MOVE_BY, TELL)
 UNSUPPORTED_ACTIONS: Final = ("Conveyor", "Rotate", "SetWP", "AddWP", "ClearWP")
 NOWHERE: Final = (0.0, 0.0, 0.0)
 LARGEST_PLACE: Final = 1e4  # m; rad
@@ -42,12 +39,23 @@ _FALLING: Final = ("rigidbody", "falling", "ground")
 _parse_place = partial(parse_flipped, largest=LARGEST_PLACE)
 
 
+class Action(StrEnum):
+    """What a world controller does."""
+
+    CREATE = "Create"
+    KILL = "Kill"
+    KILL_ALL = "KillAll"
+    MOVE_TO = "AbsMove"
+    MOVE_BY = "RelMove"
+    GET_STATE = "GetSTA"
+
+
 @dataclass(frozen=True, slots=True)
 class Control:
     """Create, move, remove or list crates.
 
     Attributes:
-        action: One of ``ACTIONS``.
+        action: What to do.
         name: Name of the crate, in any case; None for all of them.
         class_name: Class of what is created or listed.
         position: Where it is put, or by what it is moved: x, y, z, m.
@@ -66,7 +74,7 @@ class Control:
         *("Physics", "Permanent", "MinPos", "MaxPos"),
     )
 
-    action: str
+    action: Action
     name: str | None = None
     class_name: str | None = None
     position: Triple = NOWHERE
@@ -85,9 +93,11 @@ class Control:
             MalformedMessage: If there is no such action, or a number is not readable.
         """
         wanted = message.require("Type")
-        action = next((a for a in ACTIONS if a.lower() == wanted.lower()), None)
+        action = next((a for a in Action if a.lower() == wanted.lower()), None)
         if action is None:
-            raise MalformedMessage(f"Type {expected_one_of(wanted, ACTIONS)}")
+            raise MalformedMessage(
+                f"Type {expected_one_of(wanted, [each.value for each in Action])}"
+            )
         class_name = (message.get("ClassName") or "").rpartition(".")[2]
         scale = message.parse_optional("Scale", parse_triple)
         low, high = (

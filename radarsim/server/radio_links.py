@@ -26,7 +26,7 @@ REST: Final = 0.01  # s
 Place: TypeAlias = tuple[str, int]  # address and port
 
 
-class Door:
+class RelayPort:
     """A port at which one robot reaches a port of another.
 
     Attributes:

@@ -34,7 +34,7 @@ from radarsim.protocol.radio import (
 )
 from radarsim.server.peer_connections import PeerConnection, PeerServer, RefusalLog
 from radarsim.server.questions import count_obstacles
-from radarsim.server.radio_links import REST, Door, Place
+from radarsim.server.radio_links import REST, Place, RelayPort
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("radarsim.server")
 
 MAX_ROBOTS: Final = 32
-MAX_DOORS: Final = 128  # ports of all pairs
+MAX_RELAYS: Final = 128  # ports of all pairs
 MAX_LINKS: Final = 64  # connections through all of them
 MAX_REQUESTS: Final = 1000  # of a robot that wait; one that sends more is closed
 LOOK_INTERVAL: Final = 1.0  # s, as the original
@@ -61,7 +61,7 @@ class RadioServer(PeerServer):
         self.robots: dict[str, RadioClient] = {}
         self._clients: set[RadioClient] = set()
         self._refusals = RefusalLog("robots that talk")
-        self._doors: dict[tuple[str, str, int], Door] = {}
+        self._relays: dict[tuple[str, str, int], RelayPort] = {}
         self._simulation: Simulation | None = None
         self._seen: set[str] = set()  # names of robots that were there
         self._looking: asyncio.TimerHandle | None = None
@@ -95,24 +95,26 @@ class RadioServer(PeerServer):
         strength = self.strength(one, other)
         return strength is not None and strength >= CUTOFF
 
-    def door(self, source: str, target: str, port: int) -> int | None:
+    def relay_port(self, source: str, target: str, port: int) -> int | None:
         """Return the port at which one robot reaches a port of another, if any."""
         key = source, target, port
-        if key not in self._doors:
-            if len(self._doors) >= MAX_DOORS:
+        if key not in self._relays:
+            if len(self._relays) >= MAX_RELAYS:
                 return None
             with suppress(ServerError):
-                self._doors[key] = Door(self.address[0], self._connect_to(target, port))
-        if key not in self._doors:
+                self._relays[key] = RelayPort(
+                    self.address[0], self._connect_to(target, port)
+                )
+        if key not in self._relays:
             return None
         if self.hears(source, target):
-            self._doors[key].open()
-        return self._doors[key].number
+            self._relays[key].open()
+        return self._relays[key].number
 
     def caller(self, target: str, port: int) -> str | None:
         """Return who reaches a robot from a port of this server."""
-        for (source, to, _), door in self._doors.items():
-            if to == target and port in door.outgoing_ports:
+        for (source, to, _), relay in self._relays.items():
+            if to == target and port in relay.outgoing_ports:
                 return source
         return None
 
@@ -121,16 +123,16 @@ class RadioServer(PeerServer):
 
         def place() -> Place | None:
             robot = self.robots.get(target)
-            links = sum(len(door.links) for door in self._doors.values())
+            links = sum(len(relay.links) for relay in self._relays.values())
             return (robot.address, port) if robot and links < MAX_LINKS else None
 
         return place
 
     def forget(self, name: str) -> None:
-        """Close all doors of a robot that has gone."""
+        """Close all relay ports of a robot that has gone."""
         self.robots.pop(name, None)
-        for key in [each for each in self._doors if name in each[:2]]:
-            self._doors.pop(key).close()
+        for key in [each for each in self._relays if name in each[:2]]:
+            self._relays.pop(key).close()
 
     def _places(self) -> dict[str, Triple]:
         """Return where robots are whose batteries are not empty, m."""
@@ -138,7 +140,7 @@ class RadioServer(PeerServer):
         return {v.robot.name: v.robot.body.numbers()[:3] for v in vehicles if v.alive}
 
     def _look(self) -> None:
-        """Open and close doors by what is heard now, and look again later."""
+        """Open and close relay ports by what is heard now, and look again later."""
         places = self._places()
         self._seen |= places.keys() & self.robots.keys()
         for name in self._seen - places.keys():
@@ -146,11 +148,11 @@ class RadioServer(PeerServer):
             if name in self.robots:
                 log.info("%s: %s has gone", self.robots[name].peer, name)
                 self.robots[name].close()
-        for (source, target, _), door in list(self._doors.items()):
+        for (source, target, _), relay in list(self._relays.items()):
             if self.hears(source, target):
-                door.open()
+                relay.open()
             else:
-                door.close()
+                relay.close()
         loop = asyncio.get_running_loop()
         self._looking = loop.call_later(LOOK_INTERVAL, self._look)
 
@@ -263,7 +265,7 @@ class RadioClient(PeerConnection):
             error = "RobotDoesNotListenOnThisPort"
         else:
             wanted = (ports or other.ports)[0]
-            number = self._server.door(self.name, request.robot, wanted)
+            number = self._server.relay_port(self.name, request.robot, wanted)
             if number is None:
                 return "ERROR {Reason Could.Not.Allocate.Port}"
             return f"DNSREPLY {{Robot {robot}}} {{Port {number}}}"

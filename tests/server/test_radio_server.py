@@ -219,7 +219,7 @@ async def test_who_is_too_far_is_cut_off_and_comes_back(simulation: Simulation) 
         with pytest.raises(ConnectionError):
             await one.call("R2")
         move(simulation, "R2", Pose2(-4, 0))
-        await until(lambda: all(d._is_open for d in server._doors.values()))
+        await until(lambda: all(d._is_open for d in server._relays.values()))
         reader, writer = await one.call("R2")
         writer.write(b"again")
         his_reader, _ = await two.next_call()
@@ -275,7 +275,7 @@ async def test_calls_that_nobody_takes_are_closed(
             monkeypatch.setattr(radio_server, "MAX_LINKS", 0)
             reader, _ = await one.call("R2")
             assert await rest_of(reader) == b""
-        await until(lambda: not server._doors)
+        await until(lambda: not server._relays)
 
 
 @pytest.mark.asyncio
@@ -293,13 +293,13 @@ async def test_ports_are_limited_and_may_be_taken(
         other = await asyncio.start_server(lambda *_: None, "127.0.0.1", port)
         move(simulation, "R3", Pose2(-6, 2))
         await asyncio.sleep(0.05)
-        assert not any(door._is_open for door in server._doors.values())
+        assert not any(relay._is_open for relay in server._relays.values())
         other.close()
         await other.wait_closed()
-        await until(lambda: all(door._is_open for door in server._doors.values()))
-        monkeypatch.setattr(radio_server, "MAX_DOORS", 1)
+        await until(lambda: all(relay._is_open for relay in server._relays.values()))
+        monkeypatch.setattr(radio_server, "MAX_RELAYS", 1)
         assert await one.ask("DNS {Robot R2}") == none
-        monkeypatch.setattr(radio_server, "MAX_DOORS", 9)
+        monkeypatch.setattr(radio_server, "MAX_RELAYS", 9)
 
         def refuse(*_: object) -> None:
             raise ServerError("no port")

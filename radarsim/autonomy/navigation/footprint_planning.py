@@ -48,9 +48,8 @@ _HEADINGS: Final = np.array([*_AHEAD, *((-x, -y) for x, y in _AHEAD)], np.int64)
 _LENGTHS: Final = np.hypot(*_HEADINGS.T) * CELL
 # A path over 8 neighbours is at most that much longer than one over 16.
 _LONGER: Final = (1 + math.sqrt(2)) / math.sqrt(5)
-_BITS: Final = (
-    16  # of a mask for each margin: an orientation every second heading apart
-)
+# Bits of a mask for each margin: one for each heading of half a turn, and one between.
+_BITS: Final = 16
 
 
 @dataclass(frozen=True, slots=True)

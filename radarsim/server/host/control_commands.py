@@ -9,12 +9,8 @@ from radarsim.errors import expected_one_of, list_names
 from radarsim.geometry import Pose3
 from radarsim.protocol.control import (
     CRATE,
-    CREATE,
-    KILL,
-    KILL_ALL,
     LARGEST_PLACE,
-    MOVE_BY,
-    TELL,
+    Action,
     Control,
     CrateStates,
 )
@@ -43,11 +39,11 @@ def control(
     """
     crates = simulation.crates
     match command.action:
-        case action if action == TELL:
+        case Action.GET_STATE:
             return _states(crates, command), None
-        case action if action == CREATE:
+        case Action.CREATE:
             return None, _create(simulation, command, owner)
-        case action if action == KILL_ALL:
+        case Action.KILL_ALL:
             for placed in crates:
                 if placed.owner is not None and _is_within(placed, command):
                     crates.remove(placed)
@@ -57,7 +53,7 @@ def control(
         names = [each.crate.name for each in crates]
         wanted = expected_one_of(command.name or "", names)
         return None, Diagnostic("crate", f"CONTROL {command.action} of {wanted}")
-    if command.action == KILL:
+    if command.action is Action.KILL:
         crates.remove(placed_or_none)
         return None, None
     return None, _move(crates, placed_or_none, command)
@@ -112,7 +108,7 @@ def _move(crates: Crates, placed: PlacedCrate, command: Control) -> Diagnostic |
     crate = placed.crate
     x, y, z = command.position
     yaw = command.rotation[2]
-    if command.action == MOVE_BY:
+    if command.action is Action.MOVE_BY:
         was_x, was_y, was_z = crate.position
         x, y, z = x + was_x, y + was_y, z + was_z
         yaw = math.remainder(yaw + crate.yaw, 2 * math.pi)
