@@ -32,7 +32,7 @@ from radarsim.protocol.commands import (
     parse_pose,
     parse_switch,
 )
-from radarsim.protocol.control import Control
+from radarsim.protocol.control import Action, Control
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.message import LineBuffer
 from radarsim.protocol.packages import RATE, RELATIVE, LinkOrder
@@ -184,7 +184,7 @@ def test_cameras_are_chosen_and_zoomed(line: str, command: Command, again: str) 
         ),
         pytest.param(
             "CONTROL {Type relmove} {Name a} {Location 1, 2, 3}",
-            Control("RelMove", "a", position=(1, -2, -3)),
+            Control(Action.MOVE_BY, "a", position=(1, -2, -3)),
             "CONTROL {Type RelMove} {Name a}",
             id="crate",
         ),
@@ -192,7 +192,7 @@ def test_cameras_are_chosen_and_zoomed(line: str, command: Command, again: str) 
             "CONTROL {Type Create} {ClassName USARPhysObj.WCCrate} {Name a} {Start s} "
             "{Scale 1,2,3} {Physics Falling} {Permanent TRUE} {Memory m}",
             Control(
-                "Create",
+                Action.CREATE,
                 "a",
                 "WCCrate",
                 scale=(1, 2, 3),
@@ -205,13 +205,13 @@ def test_cameras_are_chosen_and_zoomed(line: str, command: Command, again: str) 
         ),
         pytest.param(
             "CONTROL {Type KillAll} {MinPos 1,2,3} {MaxPos 0,0,0}",
-            Control("KillAll", corners=((0, -2, -3), (1, 0, 0))),
+            Control(Action.KILL_ALL, corners=((0, -2, -3), (1, 0, 0))),
             "CONTROL {Type KillAll}",
             id="space",
         ),
         pytest.param(
             "CONTROL {Type KillAll} {MinPos 0,0,0} {MaxPos 0,0,0}",
-            Control("KillAll"),
+            Control(Action.KILL_ALL),
             "CONTROL {Type KillAll}",
             id="no space",
         ),

@@ -48,6 +48,8 @@ def control(
                 if placed.owner is not None and _is_within(placed, command):
                     crates.remove(placed)
             return None, None
+        case _:  # the others are about one crate
+            pass
     placed_or_none = crates.find(command.name or "")
     if placed_or_none is None:
         names = [each.crate.name for each in crates]
