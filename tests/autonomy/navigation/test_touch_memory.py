@@ -218,7 +218,6 @@ def test_robot_finds_out_that_it_is_among_mirrors(algorithm: str) -> None:
     ("number", "algorithm"),
     [
         pytest.param(2, "tangentbug", id="end of a pane"),
-        pytest.param(6, "tangentbug", id="turns beside a mirror"),
         pytest.param(6, "bug1", id="end of a mirror"),
         pytest.param(12, "bug1", id="goal behind mirrors"),
         pytest.param(14, "tangentbug", id="stuck at the end of a mirror"),
