@@ -20,6 +20,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
+from collections import deque
 from contextlib import suppress
 from typing import TYPE_CHECKING, Final
 
@@ -119,7 +120,7 @@ class RadioServer(PeerServer):
         return None
 
     def _connect_to(self, target: str, port: int) -> Callable[[], Place | None]:
-        """Return what tells where a robot is connected to, if it may be."""
+        """Return a function that returns where to connect to; None if it may not."""
 
         def place() -> Place | None:
             robot = self.robots.get(target)
@@ -170,7 +171,8 @@ class RadioClient(PeerConnection):
         super().__init__(clients, refusals)
         self._server = server
         self._lines = LineBuffer(LONGEST_REQUEST)
-        self._requests: list[str] = []
+        self._requests: deque[str] = deque()
+        self._is_resting = False
         self._has_room = True
         self.name, self.address = "", ""
         self.ports: tuple[int, ...] = ()
@@ -181,13 +183,11 @@ class RadioClient(PeerConnection):
 
     def buffer_updated(self, nbytes: int) -> None:
         """Answer requests, one after the other."""
-        waiting = bool(self._requests)
         self._requests += self._lines.feed(bytes(self._buffer[:nbytes]))
         if self._lines.overflow is not None or len(self._requests) > MAX_REQUESTS:
             log.warning("%s: closed: %s", self.peer, self._lines.overflow or "a flood")
             self.close()
-        if self._requests and not waiting:
-            self._answer_next()
+        self._answer_next()
 
     def pause_writing(self) -> None:
         """Note that answers are still to be read."""
@@ -200,15 +200,16 @@ class RadioClient(PeerConnection):
 
     def _answer_next(self) -> None:
         """Answer a request, and the next one a little later."""
-        if self._transport is None or not self._requests or not self._has_room:
+        is_ready = self._has_room and not self._is_resting
+        if self._transport is None or not self._requests or not is_ready:
             return
-        reply = self._answer(RadioRequest.decode(self._requests[0]))
+        reply = self._answer(RadioRequest.decode(self._requests.popleft()))
+        self._is_resting = True
         self._transport.write(f"{reply}\r\n".encode("ascii", "replace"))
-        loop = asyncio.get_running_loop()
-        loop.call_later(REST, self._drop_first)
+        asyncio.get_running_loop().call_later(REST, self._wake)
 
-    def _drop_first(self) -> None:
-        del self._requests[:1]
+    def _wake(self) -> None:
+        self._is_resting = False
         self._answer_next()
 
     def _answer(self, request: RadioRequest) -> str:

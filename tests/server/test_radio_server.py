@@ -334,3 +334,23 @@ async def test_one_robot_too_many_is_refused(
         program(server) as refused,
     ):
         assert await rest_of(refused.reader) == b""
+
+
+@pytest.mark.asyncio
+async def test_a_reader_that_pauses_gets_each_answer_once(
+    simulation: Simulation,
+) -> None:
+    async with serving(simulation) as server, program(server, "R1") as one:
+        (client,) = server._clients
+        await until(lambda: not client._is_resting)
+        names = [f"X{k}" for k in range(4)]
+        lines = "".join(f"GETSS {{Robot {name}}}\r\n" for name in names).encode()
+        client.get_buffer(-1)[: len(lines)] = lines
+        client.buffer_updated(len(lines))
+        client.pause_writing()
+        client.resume_writing()  # before the next answer is due
+        replies = [(await one.reader.readuntil(b"\r\n")).decode() for _ in names]
+        assert [reply.split("}")[0] for reply in replies] == [
+            f"SS {{Robot {name}" for name in names
+        ]
+        assert (await one.ask("GETSS {Robot R1}")).startswith("SS {Robot R1}")
