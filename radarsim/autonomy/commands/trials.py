@@ -59,16 +59,11 @@ def run_random(
         read_results,
         run_random_trial,
     )
+    from radarsim.autonomy.evaluation.task_runner import split_tasks
 
+    specs = all_random_trials(count, algorithms, hard=hard)
     earlier = _read_earlier(output, read_results)
-    todo = all_random_trials(count, algorithms, earlier, hard=hard)
-    results = [
-        each
-        for each in earlier
-        if each["number"] < count
-        and each["algorithm"] in algorithms
-        and each.get("hard", False) == hard
-    ]
+    todo, results = split_tasks(specs, earlier, ("number", "algorithm", "hard"))
     results += _run_logged(run_random_trial, todo, output, workers)
     results.sort(key=lambda each: (each["number"], algorithms.index(each["algorithm"])))
     Console().print(_random_table(results))
@@ -95,21 +90,17 @@ def run_barn(
     """
     from radarsim.autonomy.evaluation.barn_trials import (
         all_barn_trials,
-        find_worlds,
         read_barn_results,
         run_barn_trial,
     )
+    from radarsim.autonomy.evaluation.task_runner import split_tasks
 
     earlier = _read_earlier(output, read_barn_results)
-    todo = all_barn_trials(folder, algorithms, sensors, earlier)
-    numbers = find_worlds(folder)
-    results = [
-        each
-        for each in earlier
-        if each["number"] in numbers
-        and each["algorithm"] in algorithms
-        and each["sensor"] in sensors
-    ]
+    specs = all_barn_trials(folder, algorithms, sensors)
+    todo, results = split_tasks(specs, earlier, ("number", "algorithm", "sensor"))
+    # Before any trial, so that a wrong file is not found after minutes.
+    for spec in {spec.number: spec for spec in todo}.values():
+        spec.read()
     results += _run_logged(run_barn_trial, todo, output, workers)
     results.sort(key=lambda each: (each["algorithm"], each["sensor"], each["number"]))
     Console().print(_barn_table(results))
@@ -199,7 +190,7 @@ def _random_table(results: Sequence[dict[str, Any]]) -> Table:
             f"{sum(each['correct'] for each in group)}/{len(group)}",
             str(endings["no_path", "reached"]),
             str(sum(each["collisions"] for each in group)),
-            str(sum(each.get("pushes", 0) for each in group)),
+            str(sum(each["pushes"] for each in group)),
             str(sum(each["outcome"] == "failed" for each in group)),
         )
     return table
@@ -211,7 +202,7 @@ def _random_failure(result: dict[str, Any]) -> str:
     reasons = "; ".join(filter(None, (told, result["note"], collisions)))
     name = f"map {result['number']} ({result['family']}) {result['algorithm']}"
     sensor = f"{result['sensor']} N = {result['side_offset']}"
-    if result.get("hard", False):
+    if result["hard"]:
         name, sensor = f"hard {name}", f"{sensor}, {result['resolution']} degrees"
     return f"{name} {sensor}: {reasons}"
 

@@ -284,34 +284,24 @@ class BarnTrialResult(Row, BarnTrialSpec):
 
 
 def all_barn_trials(
-    folder: Path,
-    algorithms: Sequence[str],
-    sensors: Sequence[str],
-    done: Iterable[dict[str, Any]] = (),
+    folder: Path, algorithms: Sequence[str], sensors: Sequence[str]
 ) -> list[BarnTrialSpec]:
-    """Return the trials of the worlds in a folder that are left.
+    """Return the trials of the worlds in a folder.
 
     Args:
         folder: The folder.
         algorithms: Algorithms, each of which runs on each world.
         sensors: Sensors, likewise.
-        done: Results that exist already.
 
     Raises:
-        ForeignFileError: If a file is wrong.
+        ForeignFileError: If there are no worlds, or some are not as expected.
     """
-    left_out = {(each["number"], each["algorithm"], each["sensor"]) for each in done}
-    specs = [
+    return [
         BarnTrialSpec(number, algorithm, sensor, *files)
         for (number, files), algorithm, sensor in product(
             find_worlds(folder).items(), algorithms, sensors
         )
-        if (number, algorithm, sensor) not in left_out
     ]
-    # Before any trial, so that a wrong file is not found after minutes.
-    for spec in {spec.number: spec for spec in specs}.values():
-        spec.read()
-    return specs
 
 
 def read_barn_results(file: Path) -> list[dict[str, Any]]:

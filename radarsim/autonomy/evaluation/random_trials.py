@@ -11,7 +11,7 @@ shared with navigators, nor with the free space of scenes: a truth of its own.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -75,6 +75,7 @@ RESULT: Final = (
     "correct",
 )
 MORE: Final = ("hard", "resolution", "pushes")  # keys that lines of old logs lack
+OLD: Final = {"hard": False, "resolution": 1, "pushes": 0}  # their values in these
 
 
 _Cell = TypeVar("_Cell", bound=np.generic)
@@ -265,30 +266,19 @@ class RandomTrialResult(Row, RandomTrialSpec):
 
 
 def all_random_trials(
-    count: int,
-    algorithms: Sequence[str],
-    done: Iterable[dict[str, Any]] = (),
-    *,
-    hard: bool = False,
+    count: int, algorithms: Sequence[str], *, hard: bool = False
 ) -> list[RandomTrialSpec]:
-    """Return the trials of the first maps that are left.
+    """Return the trials of the first maps.
 
     Args:
         count: Number of maps.
         algorithms: Algorithms, each of which runs on each map.
-        done: Results that exist already, as ``read_results`` returns them.
         hard: Whether they run on hard maps.
     """
-    left_out = {
-        (each["number"], each["algorithm"])
-        for each in done
-        if each.get("hard", False) == hard
-    }
     return [
         RandomTrialSpec(number, algorithm, hard)
         for number in range(count)
         for algorithm in algorithms
-        if (number, algorithm) not in left_out
     ]
 
 
@@ -299,7 +289,8 @@ def read_results(file: Path) -> list[dict[str, Any]]:
         OSError: If the file exists and cannot be read.
         ValueError: If it has other lines.
     """
-    return read_log(file, RESULT, "the result of a trial on a random map")
+    results = read_log(file, RESULT, "the result of a trial on a random map")
+    return [OLD | result for result in results]
 
 
 def run_random_trial(spec: RandomTrialSpec) -> RandomTrialResult:

@@ -20,6 +20,7 @@ from radarsim.autonomy.evaluation.barn_trials import (
     run_barn_trial,
     score_of,
 )
+from radarsim.autonomy.evaluation.task_runner import split_tasks
 from radarsim.errors import ForeignFileError
 from radarsim.generators.barn_worlds import make_barn_world
 from radarsim.generators.random_maps import SAFETY_DISTANCE, Disc, RandomMap
@@ -142,8 +143,13 @@ def test_worlds_are_found_with_their_paths(tmp_path: Path) -> None:
     for number in (2, 10):
         np.save(tmp_path / "path_files" / f"path_{number}.npy", [[1, 2]])
     assert list(find_worlds(tmp_path)) == [2, 10]
-    done = [{"number": 2, "algorithm": "bug2", "sensor": "laser"}]
-    left = all_barn_trials(tmp_path, ["bug2", "planned"], ["laser"], done)
+    done = [
+        {"number": number, "algorithm": "bug2", "sensor": sensor}
+        for number, sensor in ((2, "laser"), (3, "laser"), (10, "radar"))
+    ]
+    specs = all_barn_trials(tmp_path, ["bug2", "planned"], ["laser"])
+    left, results = split_tasks(specs, done, ("number", "algorithm", "sensor"))
+    assert results == done[:1]
     assert [(spec.number, spec.algorithm) for spec in left] == [
         (2, "planned"),
         (10, "bug2"),
