@@ -10,7 +10,6 @@ from radarsim.scene.victims import Place
 
 MOST_CRATES = 20  # that one line can tell of
 SMALLEST, LARGEST = 0.05, 10.0  # m; sides
-FARTHEST = 10_000.0  # m from the origin along an axis
 
 
 @dataclass(frozen=True, slots=True)

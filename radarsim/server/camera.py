@@ -228,14 +228,19 @@ class Renderer:
         traces = self._tracer.trace(rays, view.boxes)
         seen = np.exp(traces.power - FULL_POWER)
         seen[traces.outcomes != Outcome.NOTHING] = 0.0
-        rows, columns = np.mgrid[:height, :width]
         for k, share in zip(order.tolist(), seen.tolist(), strict=True):
             ahead, left, up = local[k]
             column = (width - 1) / 2 - focal_length * left / ahead
             row = (height - 1) / 2 - focal_length * up / ahead
             radius = max(focal_length * MARK_RADIUS / ahead, 0.5)
+            # Pixels around it alone, as there may be thousands of marks.
+            rows, columns = np.ogrid[
+                max(0, int(row - radius)) : min(height, int(row + radius) + 2),
+                max(0, int(column - radius)) : min(width, int(column + radius) + 2),
+            ]
             disc = np.hypot(columns - column, rows - row) <= radius
-            pixels[disc] += share * (marks[k, 3:] - pixels[disc])
+            before = pixels[rows, columns]
+            pixels[rows, columns] += share * disc[..., None] * (marks[k, 3:] - before)
 
 
 def _colour_of(material: Material) -> tuple[float, float, float]:

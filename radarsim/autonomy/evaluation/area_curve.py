@@ -71,6 +71,8 @@ class AreaCurve:
         for each in SHARES:
             if sample.reachable >= each:
                 self.reached.setdefault(each, sample)
+        if last and self.samples and self.samples[-1].time == sample.time:
+            del self.samples[-1]  # what was known at that scan before the run ended
         # all are looked at, but not all are kept
         before = self.samples[-1].time if self.samples else -math.inf
         if last or sample.time >= before + self._interval - 1e-9:

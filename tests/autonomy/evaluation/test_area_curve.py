@@ -39,7 +39,8 @@ def curve_of(counts: list[int], *, step: float = 0.1) -> AreaCurve:
     curve.floor = KnownFloor()
     for k, grid.count in enumerate(counts):
         trip.time, trip.length = k * step, 0.5 * k * step
-        curve.add(trip, grid, last=k == len(counts) - 1)
+        curve.add(trip, grid)
+    curve.add(trip, grid, last=True)
     return curve
 
 
@@ -50,11 +51,10 @@ def test_samples_are_few_and_in_order_and_end_with_the_last(
     counts = np.cumsum(gains).tolist()
     curve = curve_of(counts, step=step)
     times = [sample.time for sample in curve.samples]
-    assert times == sorted(times)
+    assert times == sorted(set(times))
     assert len(times) <= MOST_SAMPLES
     assert curve.samples[0].area == pytest.approx(counts[0] * 0.01)
-    if len(times) < MOST_SAMPLES / 2:
-        assert curve.samples[-1].area == pytest.approx(counts[-1] * 0.01)
+    assert curve.samples[-1].area == pytest.approx(counts[-1] * 0.01)
 
 
 def test_long_runs_are_sampled_less_often_but_shares_are_told_to_a_second() -> None:
