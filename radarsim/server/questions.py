@@ -58,11 +58,9 @@ def wireless_answer(dialect: Dialect) -> Answer:
         ]
 
         def count(start: Triple, end: Triple) -> int:
-            return (
-                0
-                if simulation is None
-                else count_obstacles(simulation.scene, start, end)
-            )
+            if simulation is None:
+                return 0
+            return count_obstacles(simulation.scene, start, end)
 
         try:
             request = WirelessRequest.decode(line)

@@ -1,8 +1,8 @@
 """Ports at which robots reach each other, and the connections through them.
 
-Whoever reads slowly fills no memory: what comes for him waits at its sender. A
-connection rests after each piece that it has passed on, so that robots have time
-whatever is sent.
+A robot that reads slowly does not fill the memory: what comes for it waits at its
+sender. A connection rests after each piece that it has passed on, so that robots have
+time whatever is sent.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class RelayPort:
 
         Args:
             address: Address to listen on.
-            target: Returns where who comes is connected to; None if he is refused.
+            target: Returns the place that a caller is connected to; None to refuse it.
 
         Raises:
             ServerError: If there is no free port.
@@ -63,7 +63,7 @@ class RelayPort:
             return
         with suppress(ServerError, OSError):
             sock = bind(self._address, self.number)
-            sock.listen()  # at once, as whoever has asked comes now
+            sock.listen()  # at once, as the robot that has asked connects now
             self._is_open = True
             self._run(self._serve(sock))
 
@@ -82,7 +82,7 @@ class RelayPort:
         return Pipe(self._link)
 
     def _link(self, pipe: Pipe) -> None:
-        """Connect the robot for somebody who came."""
+        """Connect a caller with the robot, or close its connection."""
         place = self._target() if self._is_open else None
         if place is None:
             pipe.close()

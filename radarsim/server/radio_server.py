@@ -1,4 +1,4 @@
-"""A wireless server (WSS): lets robots and operators talk who hear each other.
+"""A wireless server (WSS), through which robots talk that hear each other.
 
 Theory of operation
 ===================
@@ -11,8 +11,8 @@ other is closed, and the port is open again when it is.
 Rule 1: a program is only connected to at the address from which it registered.
 Rule 2: a robot whose battery is empty, or that has left, is closed; one that is not
 there yet only hears nobody.
-Rule 3: nobody who reads slowly fills the memory: what comes for him waits at its
-sender.
+Rule 3: a robot that reads slowly does not fill the memory: what comes for it waits at
+its sender.
 """
 
 from __future__ import annotations

@@ -54,9 +54,7 @@ from radarsim.errors import ClientError, ClientTimeout, NavigationError, expecte
 from radarsim.geometry import Point, wrap_angle
 
 RETRY: Final = 1.0  # m of path, of it and of others, between two attempts to align one
-REFINE: Final = (
-    5.0  # m of path, likewise, after which one that is aligned is fitted anew
-)
+REFINE: Final = 5.0  # m, likewise, after which one that is aligned is fitted anew
 NEWS: Final = 0.01, 0.001  # m and rad by which a map has to be off for that to count
 STRATEGIES: Final = (StrategyName.AUTO, StrategyName.FRONTIERS)
 

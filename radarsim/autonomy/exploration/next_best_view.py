@@ -36,7 +36,7 @@ VIEW_RANGE: Final = 10.0  # m around a place within which unknown area counts
 LEAST_GAIN: Final = 0.25  # m² of unknown area that is worth a way
 SPACING: Final = 1.0  # m between places on the lattice
 ARRIVED: Final = 0.3  # m from a place from which it looks
-APART: Final = 0.5  # m around a place from which it has looked, for no other one
+APART: Final = 0.5  # m around where it has looked from, where it does not again
 RAYS: Final = 90  # all round
 GAP: Final = 0.4  # m; narrower gaps in walls are closed to sight
 

@@ -121,9 +121,9 @@ class Controller(ABC):
         self.activity = Activity.GOING
 
     def avoid(self, places: Floats) -> bool:  # noqa: ARG002 - planners need it
-        """Keep out of the way of what meets the robot; return whether it does.
+        """Keep out of the way of what meets the robot; return whether it does so.
 
-        Who does not waits.
+        If the controller does not, the robot waits.
 
         Args:
             places: Where that is and will be soon, (M, 2) m, map frame; M is 0 if

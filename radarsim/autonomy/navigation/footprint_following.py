@@ -36,7 +36,7 @@ class FootprintFollower:
     """Leads a robot along a path, motion by motion."""
 
     def __init__(self, hull: Hull, path: Floats, limits: SpeedLimits) -> None:
-        """Create it at the begin of a path.
+        """Create it at the beginning of a path.
 
         Args:
             hull: The hull.
@@ -50,7 +50,7 @@ class FootprintFollower:
 
     @property
     def path(self) -> Floats:
-        """What is left of the path: (Q, 3), from the begin of the present motion on."""
+        """What is left of the path: (Q, 3), from the beginning of this motion on."""
         return self._path[self._next - 1 :]
 
     def is_blocked(self, points: Floats) -> bool:
@@ -120,7 +120,7 @@ class FootprintFollower:
 
 def _least(room: float) -> float:
     """Return how near to something a motion may lead that begins with some room, m."""
-    # Hardly nearer than at its begin counts, as when the path was planned.
+    # It may lead hardly nearer than where it begins, as when the path was planned.
     return max(min(LEAST_ROOM, room - SLACK), TOUCHING)
 
 

@@ -77,7 +77,7 @@ class Hull:
         Args:
             points: (N, 2) m.
             poses: (P, 3) m and rad.
-            longer: That much longer, m; a number, or (P, 1).
+            longer: How much longer than its length it is, m; a number, or (P, 1).
         """
         c, s = np.cos(poses[:, 2:]), np.sin(poses[:, 2:])
         x, y = points[:, 0] - poses[:, :1], points[:, 1] - poses[:, 1:2]

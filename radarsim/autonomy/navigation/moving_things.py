@@ -13,11 +13,11 @@ second: so things are looked at some metres away, before they are near. The robo
 if the two would come too near to each other within the next seconds, and less so if it
 stands.
 
-To stand does not help where something comes the other way and does not stop. Who plans
-paths does not wait for that, but keeps out of where it is and will be within three
-seconds, if it goes on as it does, and passes it on the side on which the robot is
-already, or else on the right. Where several things move it is not
-known which of them goes where, and all wait.
+To stand does not help where something comes the other way and does not stop. A robot
+that plans paths does not wait for that. Its paths keep out of where the thing is and
+will be within three seconds, if it goes on as it does, and pass it on the side on which
+the robot is already, or else on the right. Where several things move, it is not known
+which of them goes where, and all robots wait.
 
 A robot that waits for something follows nothing, so what passes becomes no obstacle.
 What has come to a stand is an obstacle like others.
@@ -123,9 +123,8 @@ class Waiting:
         self._bumpers = bumpers
         self._clearance = clearance
         self._detector = MotionDetector()
-        self._seen: deque[tuple[float, complex]] = (
-            deque()
-        )  # when and where things moved
+        # when and where things moved, s and m, map frame
+        self._seen: deque[tuple[float, complex]] = deque()
         self._ahead = 1.0  # or -1: whether the robot went forward, or backward
         self._moved = -math.inf  # s; when something last moved into its way
         self._crossed = -math.inf  # s; when a scan last showed that

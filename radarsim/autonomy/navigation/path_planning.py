@@ -59,9 +59,8 @@ class PathPlanning(Controller):
         self._planned = -math.inf  # s
         self._hopeless_since: float | None = None  # s
         self._looked_at = -math.inf  # s; when there last was no path
-        self._moving: Floats = np.zeros(
-            (0, 2)
-        )  # where something meets it, m, map frame
+        # where something meets the robot, (M, 2) m, map frame
+        self._moving: Floats = np.zeros((0, 2))
         self._grown = 0  # number of times that the grid has grown
         hull = settings.hull
         self._hull = None if hull is None else Hull(*hull)

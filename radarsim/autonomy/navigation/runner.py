@@ -275,8 +275,8 @@ class Navigator:
                 if touches.notice(scan, twist) or has_jumped:
                     bug.reconsider(scan.pose, correct)
                 observation = touches.places.hide(glimpses.add_to(scan))
-                # Among mirrors, what is seen from afar may be elsewhere. Who has not
-                # touched one may have seen itself there.
+                # Among mirrors, what is seen from afar may be elsewhere. A robot that
+                # has touched none may have seen its own image in one.
                 has_mirrors = len(touches.places) > 0 or waiting.has_seen_motion
                 trusted = GOAL_IN_SIGHT if has_mirrors else math.inf
                 goal = bug.goals[0] if bug.goals else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from radarsim.errors import expected_one_of, list_names
 from radarsim.geometry import Pose3
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from radarsim.simulation.crates import Crates, PlacedCrate
     from radarsim.simulation.simulation import Simulation
 
-MAX_CRATE_NAME = 64  # characters
+MAX_CRATE_NAME: Final = 64  # characters
 
 
 def control(
