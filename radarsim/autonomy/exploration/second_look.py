@@ -3,11 +3,13 @@
 Theory of operation
 ===================
 Floor that the robot could have reached does not close by itself: something came that
-closes it, and may go again. So the open floor is remembered. When a strategy is done
-and there is more to see beyond floor that was open, the robot drives towards it as far
-as the way is open, stays at a distance, so that the thing has room to go, and looks.
-Once the way is free, it explores on. If nothing changes for a while, it leaves that
-place alone, and the run ends as ``incomplete``.
+closes it, and may go again. It stands where the robot has seen that nothing was, while
+a wall that makes a passage too narrow stands where nobody has looked before. So open
+and free floor are remembered. When a strategy is done and there is more to see beyond
+floor that was open, the robot drives towards it as far as the way is open, stays at a
+distance, so that the thing has room to go, and looks. Once the way is free, it explores
+on. If nothing changes for a while, it leaves that place alone, and the run ends as
+``incomplete``.
 """
 
 import math
@@ -25,8 +27,8 @@ from radarsim.autonomy.exploration.path_follower import (
     Strategy,
 )
 from radarsim.autonomy.exploration.strategies import is_enclosed
-from radarsim.autonomy.exploration.traversability import TraversabilityMap
-from radarsim.autonomy.mapping.moved_things import moved_things
+from radarsim.autonomy.exploration.traversability import FREE_RADIUS, TraversabilityMap
+from radarsim.autonomy.mapping.moved_things import MARGIN, moved_things
 from radarsim.autonomy.mapping.occupancy_grid import Mask, OccupancyGrid
 from radarsim.autonomy.navigation.control import STOP, Twist, distance
 from radarsim.autonomy.navigation.observation import Observation
@@ -67,6 +69,7 @@ class SecondLook:
         self._floor: TraversabilityMap | None = None
         self._was_open: Mask = np.zeros((0, 0), np.bool_)
         self._may_open: Mask = self._was_open  # without that where it waited in vain
+        self._was_free: Mask = self._was_open
         self._start: Pose2 | None = None
         self._since: float | None = None  # when it began to look; None while exploring
         self._left: list[Point] = []  # what strategies have left alone
@@ -120,13 +123,14 @@ class SecondLook:
         """Remember the floor where the robot may be."""
         floor = self._path_follower.floor
         assert floor is not None
-        was_open, may_open = floor.open, floor.open
+        was_open, may_open, was_free = floor.open, floor.open, floor.free
         # A map that was built anew has other places for all that was seen.
         if self._floor is not None and grid is self._grid:
             was_open = floor.open | floor.tiles_of(self._floor, self._was_open)
             may_open = floor.open | floor.tiles_of(self._floor, self._may_open)
+            was_free = floor.free | floor.tiles_of(self._floor, self._was_free)
         self._grid, self._floor = grid, floor
-        self._was_open, self._may_open = was_open, may_open
+        self._was_open, self._may_open, self._was_free = was_open, may_open, was_free
 
     def _begin_to_look(self, observation: Observation) -> None:
         floor = self._floor
@@ -145,7 +149,7 @@ class SecondLook:
         floor, pose = self._floor, observation.pose
         assert floor is not None
         assert self._since is not None
-        beyond = floor.reopened(self._may_open)
+        beyond = self._reopened(self._may_open)
         targets = self._targets(observation, self._may_open)
         for place in self._left:
             targets = targets & ~floor.disc(*place, GIVEN_UP_RADIUS)
@@ -176,9 +180,16 @@ class SecondLook:
 
     def _targets(self, observation: Observation, also_open: Mask) -> Mask:
         """Return floor that borders on the unknown, were some more floor open."""
-        assert self._floor is not None
-        floor, start = self._floor.reopened(also_open), self._start
+        floor, start = self._reopened(also_open), self._start
         targets = floor.frontiers & floor.reachable(observation.pose)
         if start is not None and not is_enclosed(observation):
             targets &= floor.disc(start.x, start.y, self._settings.radius)
         return targets
+
+    def _reopened(self, tiles: Mask) -> TraversabilityMap:
+        """Return the map without what came, where it stands on some tiles."""
+        floor = self._floor
+        assert floor is not None
+        labels, _ = ndimage.label(tiles & ~floor.open, np.ones((3, 3)))
+        came = labels[self._was_free & floor.nearer_than(FREE_RADIUS - MARGIN)]
+        return floor.reopened((labels > 0) & np.isin(labels, came))

@@ -36,6 +36,7 @@ from radarsim.geometry import Floats, Point, Pose2
 
 TILE_SIZE: Final = 0.1  # m, about
 HOLE_RADIUS: Final = 0.25  # m, of the smallest hole that counts as unknown
+FREE_RADIUS: Final = 0.25  # m around a tile that counts as free
 ROBOT_MARGIN: Final = 0.03  # m around another robot, whose pose is an estimate
 _PADDING: Final = 4  # unknown tiles around the map
 
@@ -85,6 +86,12 @@ class TraversabilityMap:
     def open(self) -> Mask:
         """Tiles where the robot may be."""
         return np.asarray(np.isfinite(self._step_cost) & ~self.unknown)
+
+    @cached_property
+    def free(self) -> Mask:
+        """Tiles in a disc of ``FREE_RADIUS`` in which all was sensed, and is free."""
+        is_sensed = np.isinf(self._distances(~self._sensed, FREE_RADIUS))
+        return np.asarray(is_sensed & ~self.nearer_than(FREE_RADIUS))
 
     @cached_property
     def frontiers(self) -> Mask:

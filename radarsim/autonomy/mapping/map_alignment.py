@@ -49,6 +49,9 @@ MIN_SEEN: Final = 120  # points of a view in the area that others saw
 MIN_SHARE: Final = 0.8  # of these that are there; at wrong poses up to 0.75 were
 MIN_LEAD: Final = 0.1  # by which that share is above the next pose's
 MIN_CONFIRMED: Final = 0.8  # of the points that are there, by a pose as good as another
+# The same of a whole map: in a row of equal rooms it may lie on more of the others'
+# maps where it is wrong.
+WHOLE_CONFIRMED: Final = 0.5
 MAX_POINTS: Final = 3000  # of a whole map
 MIN_FITTING: Final = 300  # points of a whole map that have to fit
 SIGMA: Final = (0.2, 0.2, 0.03)  # m, m and rad; of a frame that is known
@@ -200,22 +203,27 @@ class _Search:
             return None
         if self._evenness(first.pose) < MIN_EVENNESS:
             return None
-        return None if self._has_rival(first, starts) else first.pose
+        is_sure = not self._has_rival(first, starts, MIN_CONFIRMED)
+        return first.pose if is_sure else None
 
     def is_sole(self, pose: Pose2) -> bool:
         """Return whether no other pose of the view does about as well as this one."""
         places = moved(self._view.points.places, pose)
         first = _Candidate(pose, pose, self._area.compare(places))
-        return not self._has_rival(first, _away(self._starts()[::COARSE], first))
+        starts = _away(self._starts()[::COARSE], first)
+        return not self._has_rival(first, starts, WHOLE_CONFIRMED)
 
-    def _has_rival(self, first: _Candidate, starts: Floats) -> bool:
+    def _has_rival(
+        self, first: _Candidate, starts: Floats, min_confirmed: float
+    ) -> bool:
         # In a row of equal pillars another pose does as well, and no choice is sure.
         for _ in range(RIVALS):
             if not len(starts):
                 break
             rival = self._candidate(starts)
             starts = _away(starts, rival)
-            if _is_as_good(rival, first) and self._is_possible(rival.pose):
+            is_as_good = _is_as_good(rival, first, min_confirmed)
+            if is_as_good and self._is_possible(rival.pose):
                 return True
         return False
 
@@ -262,12 +270,12 @@ class _Search:
         return fit(self._table, points, pose, pose, np.array(SIGMA)).evenness
 
 
-def _is_as_good(rival: _Candidate, first: _Candidate) -> bool:
+def _is_as_good(rival: _Candidate, first: _Candidate, min_confirmed: float) -> bool:
     """Return whether another pose agrees nearly as well as the first one."""
     share, confirmed = first.agreement.share, first.agreement.confirmed
     return (
         rival.agreement.share > share - MIN_LEAD
-        and rival.agreement.confirmed > MIN_CONFIRMED * confirmed
+        and rival.agreement.confirmed > min_confirmed * confirmed
         and distance(rival.pose, first.pose) > APART
     )
 

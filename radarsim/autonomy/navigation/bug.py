@@ -43,6 +43,7 @@ _MOST_GONE = 20  # obstacles that go away, before it gives up nevertheless
 MOST_OTHERS = 3  # circuits around another obstacle, likewise
 _MOST_MISSES = 3  # leave points that are not found again, likewise
 _LOST = 1.5  # circles without a boundary after which the boundary is given up
+_MOST_REVERSALS = 3  # of the turn until a boundary is abeam
 
 
 class Bug(Controller):
@@ -59,6 +60,8 @@ class Bug(Controller):
         self._policy: BoundaryPolicy | None = None  # likewise
         self._starts: list[Pose2] = []  # of the lines of which Bug2 has to meet one
         self._lost = 0.0  # m driven without a boundary
+        self._turn = 0.0  # rad/s; of the last step of aligning
+        self._reversals = 0  # of that turn
         self._best_leave = math.inf  # m from the goal
         self._leaving = False  # whether it is still beside the boundary it has left
         self._seen_from = math.inf  # m; goal distance when the goal was last seen
@@ -87,7 +90,11 @@ class Bug(Controller):
             bearing = self._goal_bearing(observation.pose)
             mode = self._boundary.mode
             twist, aligned = self._steering.align(observation, mode, bearing)
-            self.activity = Activity.FOLLOWING if aligned else Activity.ALIGNING
+            # Before a mirror what is nearest may change to and fro with each turn.
+            self._reversals += twist.turn * self._turn < 0
+            self._turn = twist.turn
+            if aligned or self._reversals >= _MOST_REVERSALS:
+                self.activity = Activity.FOLLOWING
             return twist
         return self._follow(observation, self._policy, self._boundary, driven)
 
@@ -126,6 +133,7 @@ class Bug(Controller):
         pose, goal = observation.pose, self.goals[0]
         self.hit_points.append((pose.x, pose.y))
         self.activity, self._lost = Activity.ALIGNING, 0.0
+        self._turn, self._reversals = 0.0, 0
         boundary = FollowedBoundary(self._follower, self._first_mode)
         obstacle = self._goal_bearing(pose)
         boundary.reach(observation, obstacle)

@@ -77,7 +77,7 @@ def test_robots_look_again_when_the_last_fit_moves_a_map(
 ) -> None:
     ends = []
     for moved in ([False], [True, False], [True, True, False]):
-        answers = list(moved)
+        answers = [*moved, False]  # the last one when the run ends
         monkeypatch.setattr(
             MapMerger, "refine_all", lambda _, left=answers: left.pop(0)
         )
