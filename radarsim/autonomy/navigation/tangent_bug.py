@@ -259,8 +259,7 @@ class TangentBug(Controller):
         if self._left is not None and distance(pose, *self.leave_points[-1]) < AGAIN:
             # it could not go on where it left: as if it never had
             self._boundary, self.activity = self._left, Activity.FOLLOWING
-            # For a while, or it would leave at the same place at once.
-            self._left.least = self._left.travelled + AGAIN
+            self._left.resume(AGAIN)
             return STOP
         self.activity = Activity.ALIGNING
         # on the hand on which the way over what it sees is shorter
