@@ -382,18 +382,22 @@ def misplace(monkeypatch: pytest.MonkeyPatch, offsets: Sequence[Pose2]) -> None:
     monkeypatch.setattr(Mapper, "take", shifted)
 
 
-# x and y, m, and yaw, rad, by which the start poses of three robots are off
+# x and y, m, and yaw, rad, by which the start poses of three robots are off, and the
+# greatest error of their places, m
 OFF = [
-    [Pose2(0, 0), Pose2(0, 0), Pose2(0, 0)],
-    [Pose2(0, 0), Pose2(1.2, 0), Pose2(-1.2, 0)],
-    [Pose2(0, 0), Pose2(-1.2, 0, 0.05), Pose2(1.1, 0.3, -0.05)],
+    ([Pose2(0, 0), Pose2(0, 0), Pose2(0, 0)], 0.1),
+    ([Pose2(0, 0), Pose2(1.2, 0), Pose2(-1.2, 0)], 0.1),
+    ([Pose2(0, 0), Pose2(-1.2, 0, 0.05), Pose2(1.1, 0.3, -0.05)], 0.2),
 ]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("offsets", OFF)
+@pytest.mark.parametrize(("offsets", "most"), OFF)
 def test_robots_in_equal_rooms_are_where_they_are_or_not_on_the_map(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, offsets: Sequence[Pose2]
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    offsets: Sequence[Pose2],
+    most: float,
 ) -> None:
     path = tmp_path / "rooms.yaml"
     path.write_text(row_of_rooms())
@@ -404,5 +408,5 @@ def test_robots_in_equal_rooms_are_where_they_are_or_not_on_the_map(
     is_whole = True
     for robot in told["robots"]:
         is_whole = is_whole and robot["aligned"] is not None
-        assert robot["aligned"] is None or robot["ate"] < 0.1
+        assert robot["aligned"] is None or robot["ate"] < most
     assert told["outcome"] == ("explored" if is_whole else "incomplete")

@@ -154,7 +154,7 @@ def test_movers_in_doors_are_no_walls_and_the_map_is_whole_or_said_not_to_be(
         Host(load_map(path), seed=1),
         movers,
         strategy=StrategyName.FRONTIERS,
-        time_limit=400,
+        time_limit=900,
     )
     made.run(("", 0))
     made.judge()
