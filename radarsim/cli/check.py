@@ -41,6 +41,7 @@ def summarise(scene: Scene) -> list[str]:
         f"{_count(len(scene.starts), 'start')}, x y z in m, yaw in degrees",
         *(f"  {_start(start)}" for start in scene.starts),
         *([_trial(scene.trial)] if scene.trial else []),
+        *_crates(scene),
         _count(len(scene.materials), "material"),
         *(
             f"  {material.name}: {_properties(material)};"
@@ -135,6 +136,18 @@ def _mirrored(material: Material) -> list[str]:
     """Return the waves to which a material is a mirror."""
     waves = {"radar": material.radar_mirror, "laser": material.laser_mirror}
     return [wave for wave, mirrors in waves.items() if mirrors]
+
+
+def _crates(scene: Scene) -> list[str]:
+    """Return a title and a line for each crate; nothing if there is none."""
+    lines = []
+    for crate in scene.crates:
+        x, y, z = crate.position
+        size = " x ".join(f"{side:g}" for side in crate.size)
+        yaw = math.degrees(crate.yaw)
+        lines.append(f"  {crate.name}: {x:.3f} {y:.3f} {z:.3f}, {yaw:.1f}, {size}")
+    title = f"{_count(len(lines), 'crate')}, x y z in m, yaw in degrees, size in m"
+    return [title, *lines] if lines else []
 
 
 def _start(start: StartPose) -> str:

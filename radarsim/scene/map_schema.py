@@ -108,9 +108,9 @@ def _known_material(value: str, info: ValidationInfo) -> str:
 def unknown_material(value: str, own: Iterable[str]) -> str:
     """Return the message for a material that neither the map nor the library has."""
     names = sorted(own)
-    library = f"or of the library, {list(library_names())}"
     meant = did_you_mean(value, (*library_names(), *names))
-    expected = f"expected one of {list_names(names)}, {library}"
+    of_map = f"{list_names(names)}, or " if names else ""
+    expected = f"expected one of {of_map}of the library, {list(library_names())}"
     return f"{short_repr(value)}{meant}, {expected}"
 
 

@@ -228,6 +228,7 @@ def test_goal_to_which_there_is_no_path_is_told_among_several(
     assert re.search(r"\ngoal 1 +-3\.50 -0\.50: reached, \d\.\d\d m in", run.text)
     assert re.search(r"\ngoal 2 +-0\.40 0\.20: no path, 1\d\.\d\d m in", run.text)
     assert "goal 3" not in run.text
+    assert re.search(r"collisions: 0, \d\.\d\d m from its start\n$", run.text)
 
 
 def test_goal_not_reached_in_time_is_a_failure(radarsim: Command) -> None:
@@ -237,6 +238,8 @@ def test_goal_not_reached_in_time_is_a_failure(radarsim: Command) -> None:
     assert (told["outcome"], told["goals_left"]) == ("failed", 1)
     assert told["error"].startswith("goal not reached within 2 s, 6.")
     assert run.err.endswith(f"radarsim: {told['error']}\n")
+    run = radarsim(*BOX, "--time-limit", "2", "--goal", "-2.5,-0.4", "--goal", "4,-0.4")
+    assert re.search(r" m from the last goal\n$", run.text)
     run = radarsim(*BOX, "--time-limit", "2", "--return-to-start")
     assert "radarsim: goal 1 of 2 not reached within 2 s, 6." in run.err
 

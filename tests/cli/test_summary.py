@@ -1,7 +1,10 @@
+import math
+
 import pytest
 
 from radarsim.cli.check import summarise
 from radarsim.geometry import Pose3
+from radarsim.scene.crates import Crate
 from radarsim.scene.material import OPAQUE, Material
 from radarsim.scene.scene import Part, Scene, StartPose, Trial
 from radarsim.scene.shapes import box, sphere
@@ -107,6 +110,16 @@ def test_summary_has_the_trial() -> None:
     lines = summarise(Scene("room", "DM-Room", trial=trial))
     text = "trial: RobotStart1 to 7.000 -2.500, safety distance 0.500 m"
     assert text in lines
+
+
+def test_crates_are_listed_only_if_there_are_any() -> None:
+    crate = Crate("crate1", (1, 0.5, 0.8), (2, -1, 0.4), math.radians(30))
+    with_one = summarise(Scene("room", "DM-Room", crates=(crate,)))
+    title = "1 crate, x y z in m, yaw in degrees, size in m"
+    begin = with_one.index(title)
+    assert with_one[begin + 1] == "  crate1: 2.000 -1.000 0.400, 30.0, 1 x 0.5 x 0.8"
+    without = summarise(Scene("room", "DM-Room"))
+    assert without == with_one[:begin] + with_one[begin + 2 :]
 
 
 def test_objects_that_differ_in_their_number_only_are_in_one_line() -> None:

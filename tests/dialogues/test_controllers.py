@@ -176,7 +176,7 @@ def test_crates_leave_with_their_controller_unless_they_are_permanent(
     wire.wait(0.1)
     wire.send("INIT {ClassName USARBot.P3AT} {Name R1}", "CONTROL {Type GetSTA}")
     assert wire.news == [
-        "CONTROL of no controller, expected INIT of WorldController",
+        "CONTROL by a client that is no controller, expected INIT of WorldController",
     ]
     assert [each.crate.name for each in wire.host.simulation.crates] == ["foo"]
 
@@ -189,7 +189,10 @@ CREATED = "CONTROL {Type Create} {ClassName WCCrate} {Name c}"
     [
         (CREATE.replace("crate1", "Foo"), "CONTROL Create 'Foo', expected a new name"),
         (CREATE.replace("{Name crate1}", ""), "CONTROL Create '', expected a new name"),
-        (CREATED.replace("WCCrate", "WCBox"), "not supported: CONTROL Create of 'WCBo"),
+        (
+            CREATED.replace("WCCrate", "WCBox"),
+            "not supported: CONTROL Create of 'WCBox', expected WCCrate",
+        ),
         (
             CREATED.replace("{ClassName WCCrate}", ""),
             "not supported: CONTROL Create of",

@@ -397,7 +397,7 @@ def test_air_fills_the_scene(text: str, air: Material | None) -> None:
         ),
         pytest.param(
             "air: mist",
-            "m.yaml:2:6: air: 'mist', expected one of [], or of the library,"
+            "m.yaml:2:6: air: 'mist', expected one of the library,"
             f" {list(library_names())}",
             id="unknown",
         ),

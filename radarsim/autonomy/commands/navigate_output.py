@@ -12,6 +12,7 @@ from radarsim.autonomy.commands.film import drawn_robot
 from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED, NavigationRun
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.controller import Activity
+from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.run_log import Row, RunLog
 from radarsim.autonomy.plotting.frames import RunFrames, first_run_extent
 from radarsim.autonomy.plotting.outlines import Outline, outlines_of
@@ -130,9 +131,16 @@ def as_text(run: NavigationRun) -> list[str]:
         lines.append(
             f"in truth      {judge['path_length']:.2f} m,"
             f" collisions: {judge['collisions']},"
-            f" {judge['goal_distance']:.2f} m from the goal"
+            f" {judge['goal_distance']:.2f} m from {_judged_goal(run.mission)}"
         )
     return lines
+
+
+def _judged_goal(mission: Mission) -> str:
+    """Return what the judge measures the distance from: the last goal, in words."""
+    if mission.return_to_start:
+        return "its start"
+    return "the last goal" if len(mission.goals) > 1 else "the goal"
 
 
 def view_of(run: NavigationRun) -> RunView:
@@ -143,7 +151,7 @@ def view_of(run: NavigationRun) -> RunView:
         subtitle += f", {run.circuits} circuit{'s' * (run.circuits != 1)}"
     if monitor is not None:
         away = monitor.off_goal(run.mission)
-        subtitle += f", in truth {away:.2f} m from the goal"
+        subtitle += f", in truth {away:.2f} m from {_judged_goal(run.mission)}"
     return RunView(
         run_log,
         headline(run),

@@ -245,7 +245,7 @@ def trials(
         sensors: Sensor presets, which see all the way round; by default radar, and
             laser with --barn.
         seeds: Repeat each trial with seeds 0 to K - 1.
-        random: Run on random maps 0 to N - 1 instead: radar and laser by turn.
+        random: Run on random maps 0 to N - 1 instead: radar and laser alternate.
         hard: With --random: maps with mirrors, panes, thin poles, and robots that
             drive to and fro.
         barn: Run on worlds of the BARN benchmark instead: world_N.world and

@@ -67,7 +67,7 @@ class DrivePlan:
         pose: Start here instead, map frame.
         scanner: Scanner to steer by; the first one by default.
         safety_distance: Distance between the robot's centre and obstacles; by default
-            the least that its size and foliage allow.
+            0.13 m more than its size and foliage require.
         foliage_density: Density of the thinnest foliage that it may meet, 1/m, for
             servers that send no echoes: the radar sees into it.
         penetration_power: Penetration power of the radar, for the density of foliage.

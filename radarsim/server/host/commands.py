@@ -270,7 +270,8 @@ class CommandHandler:
 
     def _control(self, client: Client, command: Control) -> Diagnostic | None:
         if not client.controls:
-            text = f"CONTROL of no controller, expected INIT of {CONTROLLER}"
+            expected = f"expected INIT of {CONTROLLER}"
+            text = f"CONTROL by a client that is no controller, {expected}"
             return Diagnostic("no controller", text)
         states, problem = control(self.simulation, command, client.number)
         if states is not None:

@@ -81,7 +81,7 @@ def _create(simulation: Simulation, command: Control, owner: int) -> Diagnostic 
     crates, name = simulation.crates, (command.name or "")[:MAX_CRATE_NAME]
     if (command.class_name or "").casefold() != CRATE.casefold():
         what = f"CONTROL Create of {(command.class_name or 'no class')[:80]!r}"
-        return Diagnostic.of_unsupported(what, f", but of {CRATE}")
+        return Diagnostic.of_unsupported(what, f", expected {CRATE}")
     if not name or crates.find(name) is not None or crates.is_full:
         expected = f"a new name, and at most {MOST_CRATES} crates"
         return Diagnostic("crate name", f"CONTROL Create {name!r}, expected {expected}")
