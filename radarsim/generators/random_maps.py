@@ -132,7 +132,7 @@ class RandomMap:
         """Return the map file."""
         density = "opaque" if math.isinf(self.density) else f"{self.density:.3f}"
         objects = (
-            f"  - {{name: {self.family}_{i}, {solid.as_yaml()},"
+            f"  - {{name: obstacle_{i}, {solid.as_yaml()},"
             f" material: {solid.material}}}\n"
             for i, solid in enumerate(self.solids)
         )

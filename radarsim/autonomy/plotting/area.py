@@ -45,7 +45,7 @@ def draw_area_curves(
     if shows_share:
         for share in SHARES:
             axes.axhline(100 * share, color=QUIET, linewidth=0.6, linestyle=":")
-        axes.set_ylabel("known floor of what is within reach, %")
+        axes.set_ylabel("known share of the floor within reach, %")
     else:
         axes.set_ylabel("sensed area, m²")
     axes.set_xlabel("time, s")
