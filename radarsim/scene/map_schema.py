@@ -109,8 +109,8 @@ def unknown_material(value: str, own: Iterable[str]) -> str:
     """Return the message for a material that neither the map nor the library has."""
     names = sorted(own)
     meant = did_you_mean(value, (*library_names(), *names))
-    of_map = f"{list_names(names)}, or " if names else ""
-    expected = f"expected one of {of_map}of the library, {list(library_names())}"
+    of_map = f"one of {list_names(names)}, or of" if names else "one of"
+    expected = f"expected {of_map} the library, {list(library_names())}"
     return f"{short_repr(value)}{meant}, {expected}"
 
 
