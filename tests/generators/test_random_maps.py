@@ -68,7 +68,8 @@ def test_map_file_agrees_with_the_raster(number: int) -> None:
         (1.6, 0.2, Expectation.EITHER),
         (2.0, 0.2, Expectation.REACHED),
         (0.8, 0.0, Expectation.EITHER),
-        (0.6, 0.0, Expectation.NO_PATH),
+        (0.6, 0.0, Expectation.EITHER),
+        (0.4, 0.0, Expectation.NO_PATH),
     ],
 )
 def test_expectation_depends_on_the_width_of_the_gate(
