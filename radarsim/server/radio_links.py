@@ -1,8 +1,9 @@
 """Ports at which robots reach each other, and the connections through them.
 
 A robot that reads slowly does not fill the memory: what comes for it waits at its
-sender. A connection rests after each piece that it has passed on, so that robots have
-time whatever is sent.
+sender, and it is closed if it reads nothing for ``STALL_TIMEOUT``. A connection rests
+after each piece that it has passed on, and longer the more of them there are, so that
+robots have time whatever is sent.
 """
 
 from __future__ import annotations
@@ -13,7 +14,12 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from radarsim.errors import ServerError
-from radarsim.listening import bind
+from radarsim.listening import (
+    ACCEPTED_AT_ONCE,
+    MAX_WAITING,
+    bind,
+    configure_socket,
+)
 
 if TYPE_CHECKING:
     import socket
@@ -23,6 +29,9 @@ log = logging.getLogger("radarsim.server")
 
 CONNECT_TIMEOUT: Final = 5.0  # s
 REST: Final = 0.01  # s
+READ_BYTES: Final = 32_768  # passed on at a time
+STALL_TIMEOUT: Final = 60.0  # s; else who is gone would hold a link for ever
+CLOSE_GRACE: Final = 2.0  # s to read what was written before a link was closed
 Place: TypeAlias = tuple[str, int]  # address and port
 
 
@@ -34,17 +43,23 @@ class RelayPort:
         links: The connections through it.
     """
 
-    def __init__(self, address: str, target: Callable[[], Place | None]) -> None:
+    def __init__(
+        self,
+        address: str,
+        target: Callable[[], Place | None],
+        rest: Callable[[], float],
+    ) -> None:
         """Choose a port, which is closed at first.
 
         Args:
             address: Address to listen on.
             target: Returns the place that a caller is connected to; None to refuse it.
+            rest: Returns how long a connection rests after each piece, s.
 
         Raises:
             ServerError: If there is no free port.
         """
-        self._address, self._target = address, target
+        self._address, self._target, self._rest = address, target, rest
         self._listener: asyncio.Server | None = None
         self._tasks: set[asyncio.Task[Any]] = set()
         self._is_open = False
@@ -63,7 +78,7 @@ class RelayPort:
             return
         with suppress(ServerError, OSError):
             sock = bind(self._address, self.number)
-            sock.listen()  # at once, as the robot that has asked connects now
+            sock.listen(MAX_WAITING)  # at once, as whoever has asked comes now
             self._is_open = True
             self._run(self._serve(sock))
 
@@ -74,12 +89,15 @@ class RelayPort:
 
     async def _serve(self, sock: socket.socket) -> None:
         loop = asyncio.get_running_loop()
-        self._listener = await loop.create_server(self._accept, sock=sock)
+        self._listener = await loop.create_server(
+            self._accept, sock=sock, backlog=ACCEPTED_AT_ONCE
+        )
+        sock.listen(MAX_WAITING)  # as of ``listening.listen``
         if not self._is_open:  # closed meanwhile
             self.close()
 
     def _accept(self) -> asyncio.BaseProtocol:
-        return Pipe(self._link)
+        return Pipe(self._link, self._rest)
 
     def _link(self, pipe: Pipe) -> None:
         """Connect a caller with the robot, or close its connection."""
@@ -87,7 +105,7 @@ class RelayPort:
         if place is None:
             pipe.close()
             return
-        link = Link(pipe, self.links.discard)
+        link = Link(pipe, Pipe(lambda _: None, self._rest), self.links.discard)
         self.links.add(link)
         self._run(link.connect(*place))
 
@@ -101,12 +119,21 @@ class RelayPort:
             link.close()
 
 
-class Pipe(asyncio.Protocol):
+class Pipe(asyncio.BufferedProtocol):
     """An end of a link: what comes is written to the other end."""
 
-    def __init__(self, ready: Callable[[Pipe], None]) -> None:
-        """Create the protocol of a connection; ``ready`` is called once it is made."""
-        self._ready = ready
+    def __init__(
+        self, ready: Callable[[Pipe], None], rest: Callable[[], float]
+    ) -> None:
+        """Create the protocol of a connection.
+
+        Args:
+            ready: Called once it is made.
+            rest: Returns how long it rests after each piece, s.
+        """
+        self._ready, self._rest = ready, rest
+        self._buffer = bytearray(READ_BYTES)
+        self._deadline: asyncio.TimerHandle | None = None  # to read what is written
         self._transport: asyncio.Transport | None = None
         self.other: Pipe | None = None  # nothing is read before there is one
         self.closed: Callable[[], None] = lambda: None
@@ -118,6 +145,7 @@ class Pipe(asyncio.Protocol):
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
         transport.pause_reading()
+        configure_socket(transport)
         self._ready(self)
 
     def join(self, other: Pipe) -> None:
@@ -126,19 +154,28 @@ class Pipe(asyncio.Protocol):
         self._read_on()
 
     @property
+    def is_open(self) -> bool:
+        """Whether there is a connection, even if it is being closed."""
+        return self._transport is not None
+
+    @property
     def local_port(self) -> int:
         """The port of this program at this end."""
         assert self._transport is not None
         port: int = self._transport.get_extra_info("sockname")[1]
         return port
 
-    def data_received(self, data: bytes) -> None:
+    def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002 - asyncio's name
+        """Return the buffer that received bytes are written to."""
+        return self._buffer
+
+    def buffer_updated(self, nbytes: int) -> None:
         """Pass on data, and rest, so that robots have time whatever is sent."""
         assert self.other is not None
-        self.other.write(data)
+        self.other.write(bytes(self._buffer[:nbytes]))
         self._is_resting = True
         self._read_on()
-        asyncio.get_running_loop().call_later(REST, self._wake)
+        asyncio.get_running_loop().call_later(self._rest(), self._wake)
 
     def write(self, data: bytes) -> None:
         """Write data to this end."""
@@ -146,22 +183,36 @@ class Pipe(asyncio.Protocol):
             self._transport.write(data)
 
     def pause_writing(self) -> None:
-        """Let the other end wait."""
+        """Let the other end wait, but not for ever."""
+        self._abort_after(STALL_TIMEOUT)
         self._let_other_read(has_room=False)
 
     def resume_writing(self) -> None:
         """Let the other end go on."""
+        if self._transport is not None and not self._transport.is_closing():
+            self._abort_after(None)
         self._let_other_read(has_room=True)
 
     def connection_lost(self, _: Exception | None) -> None:
         """Close the other end as well."""
+        self._abort_after(None)
         self._transport = None
         self.closed()
 
     def close(self) -> None:
-        """Close this end, once what is written has been sent."""
+        """Close this end, once what is written has been sent, but soon."""
         if self._transport is not None:
+            self._abort_after(CLOSE_GRACE)
             self._transport.close()
+
+    def _abort_after(self, seconds: float | None) -> None:
+        """Close this end whatever is written, after a time or, with None, never."""
+        if self._deadline is not None:
+            self._deadline.cancel()
+            self._deadline = None
+        if self._transport is not None and seconds is not None:
+            loop = asyncio.get_running_loop()
+            self._deadline = loop.call_later(seconds, self._transport.abort)
 
     def _let_other_read(self, *, has_room: bool) -> None:
         if self.other is not None:
@@ -189,18 +240,19 @@ class Link:
             before it is.
     """
 
-    def __init__(self, near: Pipe, forget: Callable[[Link], None]) -> None:
+    def __init__(self, near: Pipe, far: Pipe, forget: Callable[[Link], None]) -> None:
         """Begin with the end of the robot that came.
 
         Args:
             near: Its end.
-            forget: Called once the link is closed.
+            far: The other one, which is not connected yet.
+            forget: Called once both ends are closed.
         """
         self.outgoing_port = 0
-        self._near, self._far = near, Pipe(lambda _: None)
+        self._near, self._far = near, far
         self._forget = forget
         self._is_closed = False
-        near.closed = self._far.closed = self.close
+        near.closed = far.closed = self._lose
 
     async def connect(self, address: str, port: int) -> None:
         """Connect the other end, or close the link if nobody listens there."""
@@ -212,10 +264,10 @@ class Link:
             log.info("no connection to %s port %d: %s", address, port, error)
             self.close()
             return
-        self.outgoing_port = self._far.local_port
         if self._is_closed:
             self._far.close()
             return
+        self.outgoing_port = self._far.local_port
         self._near.join(self._far)
         self._far.join(self._near)
 
@@ -223,6 +275,11 @@ class Link:
         """Close both ends."""
         if not self._is_closed:
             self._is_closed = True
-            self._forget(self)
             self._near.close()
             self._far.close()
+
+    def _lose(self) -> None:
+        """Close the other end after one, and be forgotten after both."""
+        self.close()
+        if not (self._near.is_open or self._far.is_open):
+            self._forget(self)

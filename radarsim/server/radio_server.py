@@ -5,7 +5,7 @@ Theory of operation
 A robot registers with its name and the ports on which its program listens. Another one
 asks for a port at which it reaches the first, and connects to that: its bytes are
 passed on, in both directions, as long as the signal between the two is strong enough.
-When it is not, which is looked at every ``LOOK_INTERVAL``, all that they have to each
+When it is not, which is looked at in each ``LOOK_INTERVAL``, all that they have to each
 other is closed, and the port is open again when it is.
 
 Rule 1: a program is only connected to at the address from which it registered.
@@ -13,6 +13,8 @@ Rule 2: a robot whose battery is empty, or that has left, is closed; one that is
 there yet only hears nobody.
 Rule 3: a robot that reads slowly does not fill the memory: what comes for it waits at
 its sender.
+Rule 4: few requests are answered in a ``REST``, of the robots in turns, and relay ports
+are looked at one after the other, so that ticks are on time whatever is asked.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ from typing import TYPE_CHECKING, Final
 
 from radarsim.errors import ServerError
 from radarsim.protocol.line_template import printable_name
-from radarsim.protocol.message import LineBuffer
+from radarsim.protocol.message import LineBuffer, is_http_request
 from radarsim.protocol.radio import (
     CUTOFF,
     RadioRequest,
@@ -40,8 +42,8 @@ from radarsim.server.radio_links import REST, Place, RelayPort
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from radarsim.protocol.message import Triple
     from radarsim.simulation.simulation import Simulation
+    from radarsim.simulation.vehicle import Vehicle
 
 log = logging.getLogger("radarsim.server")
 
@@ -51,6 +53,8 @@ MAX_LINKS: Final = 64  # connections through all of them
 MAX_REQUESTS: Final = 1000  # of a robot that wait; one that sends more is closed
 LOOK_INTERVAL: Final = 1.0  # s, as the original
 LONGEST_REQUEST: Final = 1024  # characters
+MOST_ANSWERS: Final = 8  # in a ``REST``; each may trace rays through many objects
+UNHURRIED_LINKS: Final = 8  # that rest for as short as one alone
 
 
 class RadioServer(PeerServer):
@@ -66,6 +70,8 @@ class RadioServer(PeerServer):
         self._simulation: Simulation | None = None
         self._seen: set[str] = set()  # names of robots that were there
         self._looking: asyncio.TimerHandle | None = None
+        self._turns: deque[RadioClient] = deque()
+        self._answering: asyncio.TimerHandle | None = None
 
     def _accept(self) -> RadioClient:
         return RadioClient(self._clients, self._refusals, self)
@@ -77,17 +83,32 @@ class RadioServer(PeerServer):
 
     async def stop(self) -> None:
         """Close the port and all connections at once; never raises."""
-        if self._looking is not None:
-            self._looking.cancel()
+        for timer in filter(None, (self._looking, self._answering)):
+            timer.cancel()
         self._close(self._clients)
         await asyncio.sleep(0)  # sockets are closed in the next round of the loop
 
+    def add_turn(self, client: RadioClient) -> None:
+        """Let a robot have its next request answered when it is its turn."""
+        self._turns.append(client)
+        if self._answering is None:
+            self._answer_some()
+
+    def _answer_some(self) -> None:
+        count = min(len(self._turns), MOST_ANSWERS)
+        loop = asyncio.get_running_loop()
+        # Before the answers: robots that have further requests take their next turns.
+        self._answering = loop.call_later(REST, self._answer_some) if count else None
+        for _ in range(count):
+            self._turns.popleft().answer_next()
+
     def strength(self, one: str, other: str) -> float | None:
         """Return the strength of the signal, dBm; None if a robot is not there."""
-        places = self._places()
-        if self._simulation is None or not {one, other} <= places.keys():
+        present = self._present()
+        if self._simulation is None or not {one, other} <= present.keys():
             return None
-        start, end = sorted((places[one], places[other]))
+        places = [present[each].robot.body.numbers()[:3] for each in (one, other)]
+        start, end = sorted(places)
         count = count_obstacles(self._simulation.scene, start, end)
         return signal_strength(math.dist(start, end), count)
 
@@ -104,7 +125,7 @@ class RadioServer(PeerServer):
                 return None
             with suppress(ServerError):
                 self._relays[key] = RelayPort(
-                    self.address[0], self._connect_to(target, port)
+                    self.address[0], self._connect_to(target, port), self._rest
                 )
         if key not in self._relays:
             return None
@@ -124,10 +145,17 @@ class RadioServer(PeerServer):
 
         def place() -> Place | None:
             robot = self.robots.get(target)
-            links = sum(len(relay.links) for relay in self._relays.values())
-            return (robot.address, port) if robot and links < MAX_LINKS else None
+            has_room = self._count_links() < MAX_LINKS
+            return (robot.address, port) if robot and has_room else None
 
         return place
+
+    def _count_links(self) -> int:
+        return sum(len(relay.links) for relay in self._relays.values())
+
+    def _rest(self) -> float:
+        """Return how long a link rests after each piece, s."""
+        return REST * max(1.0, self._count_links() / UNHURRIED_LINKS)
 
     def forget(self, name: str) -> None:
         """Close all relay ports of a robot that has gone."""
@@ -135,27 +163,33 @@ class RadioServer(PeerServer):
         for key in [each for each in self._relays if name in each[:2]]:
             self._relays.pop(key).close()
 
-    def _places(self) -> dict[str, Triple]:
-        """Return where robots are whose batteries are not empty, m."""
+    def _present(self) -> dict[str, Vehicle]:
+        """Return the robots whose batteries are not empty, by their names."""
         vehicles = () if self._simulation is None else self._simulation.vehicles
-        return {v.robot.name: v.robot.body.numbers()[:3] for v in vehicles if v.alive}
+        return {v.robot.name: v for v in vehicles if v.alive}
 
     def _look(self) -> None:
-        """Open and close relay ports by what is heard now, and look again later."""
-        places = self._places()
-        self._seen |= places.keys() & self.robots.keys()
-        for name in self._seen - places.keys():
+        """Open or close a relay port by what is heard now, and look at the next later.
+
+        Robots that have gone are closed.
+        """
+        present = self._present()
+        self._seen |= present.keys() & self.robots.keys()
+        for name in self._seen - present.keys():
             self._seen.discard(name)
             if name in self.robots:
-                log.info("%s: %s has gone", self.robots[name].peer, name)
-                self.robots[name].close()
-        for (source, target, _), relay in list(self._relays.items()):
-            if self.hears(source, target):
+                client = self.robots[name]
+                log.info("%s: %s has gone", client.peer, printable_name(name))
+                client.close()
+        for key in list(self._relays)[:1]:
+            relay = self._relays[key] = self._relays.pop(key)  # as the last one
+            if self.hears(*key[:2]):
                 relay.open()
             else:
                 relay.close()
         loop = asyncio.get_running_loop()
-        self._looking = loop.call_later(LOOK_INTERVAL, self._look)
+        interval = LOOK_INTERVAL / max(1, len(self._relays))
+        self._looking = loop.call_later(interval, self._look)
 
 
 class RadioClient(PeerConnection):
@@ -172,8 +206,8 @@ class RadioClient(PeerConnection):
         self._server = server
         self._lines = LineBuffer(LONGEST_REQUEST)
         self._requests: deque[str] = deque()
-        self._is_resting = False
         self._has_room = True
+        self._has_turn = False
         self.name, self.address = "", ""
         self.ports: tuple[int, ...] = ()
 
@@ -182,12 +216,26 @@ class RadioClient(PeerConnection):
         self.address = transport.get_extra_info("peername")[0]
 
     def buffer_updated(self, nbytes: int) -> None:
-        """Answer requests, one after the other."""
-        self._requests += self._lines.feed(bytes(self._buffer[:nbytes]))
-        if self._lines.overflow is not None or len(self._requests) > MAX_REQUESTS:
-            log.warning("%s: closed: %s", self.peer, self._lines.overflow or "a flood")
+        """Let requests wait for their turns, and read no more for a while."""
+        lines = self._lines.feed(bytes(self._buffer[:nbytes]))
+        self._requests += lines
+        fault = str(self._lines.overflow or "")
+        if len(self._requests) > MAX_REQUESTS:
+            fault = "a flood"
+        # Any page can make a browser on the machine of robots send requests here.
+        if any(map(is_http_request, lines)):
+            fault = "an HTTP request"
+        if fault:
+            log.warning("%s: closed: %s", self.peer, fault)
             self.close()
-        self._answer_next()
+        if self._transport is not None:
+            self._transport.pause_reading()
+            asyncio.get_running_loop().call_later(REST, self._read_on)
+            self._ask_for_turn()
+
+    def _read_on(self) -> None:
+        if self._transport is not None:
+            self._transport.resume_reading()
 
     def pause_writing(self) -> None:
         """Note that answers are still to be read."""
@@ -196,21 +244,21 @@ class RadioClient(PeerConnection):
     def resume_writing(self) -> None:
         """Go on when all answers are read."""
         self._has_room = True
-        self._answer_next()
+        self._ask_for_turn()
 
-    def _answer_next(self) -> None:
-        """Answer a request, and the next one a little later."""
-        is_ready = self._has_room and not self._is_resting
-        if self._transport is None or not self._requests or not is_ready:
+    def _ask_for_turn(self) -> None:
+        if self._requests and self._has_room and not self._has_turn:
+            self._has_turn = True
+            self._server.add_turn(self)
+
+    def answer_next(self) -> None:
+        """Answer a request, and let the next one wait for its turn."""
+        self._has_turn = False
+        if self._transport is None:
             return
         reply = self._answer(RadioRequest.decode(self._requests.popleft()))
-        self._is_resting = True
         self._transport.write(f"{reply}\r\n".encode("ascii", "replace"))
-        asyncio.get_running_loop().call_later(REST, self._wake)
-
-    def _wake(self) -> None:
-        self._is_resting = False
-        self._answer_next()
+        self._ask_for_turn()
 
     def _answer(self, request: RadioRequest) -> str:
         if not self.name:

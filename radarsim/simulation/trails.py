@@ -3,7 +3,6 @@
 Nothing but pictures shows them.
 """
 
-from collections import deque
 from dataclasses import dataclass, field
 from typing import Final, TypeAlias
 
@@ -21,15 +20,23 @@ Colour: TypeAlias = tuple[float, float, float]  # red, green and blue, 0 to 1
 
 @dataclass(slots=True)
 class _Trail:
-    """The trail of a robot: a mark every ``interval`` ticks, from ``start`` on."""
+    """The trail of a robot: a mark every ``interval`` ticks, from ``start`` on.
+
+    The n-th mark is in row n modulo ``MOST_MARKS``; there have been ``count``.
+    """
 
     robot: Robot
     start: int
     interval: int
     colour: Colour
-    marks: deque[tuple[float, ...]] = field(
-        default_factory=lambda: deque(maxlen=MOST_MARKS)
-    )
+    rows: Floats = field(default_factory=lambda: np.zeros((MOST_MARKS, 6)))
+    count: int = 0
+
+    @property
+    def marks(self) -> Floats:
+        """The marks, the oldest first."""
+        oldest = self.count % MOST_MARKS if self.count > MOST_MARKS else 0
+        return np.roll(self.rows[: self.count], -oldest, axis=0)
 
 
 class Trails:
@@ -50,7 +57,7 @@ class Trails:
         trail = _Trail(robot, self._clock.ticks, interval, colour)
         known = self._trails.get(robot.number)
         if known is not None:
-            trail.marks = known.marks
+            trail.rows, trail.count = known.rows, known.count
         self._trails[robot.number] = trail
 
     def end(self, robot: Robot) -> None:
@@ -63,10 +70,12 @@ class Trails:
             if (self._clock.ticks - trail.start) % trail.interval == 0:
                 pose, row = trail.robot.pose, trail.robot.fleet.columns
                 z = row.item(trail.robot.slot, BOTTOM) + LIFT
-                trail.marks.append((pose.x, pose.y, z, *trail.colour))
+                mark = (pose.x, pose.y, z, *trail.colour)
+                trail.rows[trail.count % MOST_MARKS] = mark
+                trail.count += 1
 
     @property
     def marks(self) -> Floats:
         """All marks, (M, 6): x, y, z, m, map frame; red, green and blue, 0 to 1."""
-        rows = [mark for trail in self._trails.values() for mark in trail.marks]
-        return np.array(rows).reshape(-1, 6)
+        each = [trail.marks for trail in self._trails.values()]
+        return np.concatenate(each) if each else np.zeros((0, 6))

@@ -252,6 +252,16 @@ def test_crates_stand_at_starts_and_are_not_too_many(empty_room: Scene) -> None:
     ]
 
 
+def test_crates_are_found_by_names_that_were_cut(empty_room: Scene) -> None:
+    wire, name = Wire(empty_room), "x" * 70
+    wire.send(CONTROLLER, CREATE.replace("crate1", name))
+    assert [*places(wire)] == [name[:64]]
+    assert len(told(wire, f"CONTROL {{Type GetSTA}} {{Name {name}}}")) == 1
+    wire.send(f"CONTROL {{Type Kill}} {{Name {name}}}")
+    assert places(wire) == {}
+    assert wire.news == []
+
+
 def test_longest_names_and_places_fit_into_one_line() -> None:
     crate = ("x" * 64, (10.0, 10.0, 10.0), Pose3(-1e4, -1e4, 1e4, yaw=3.1))
     for dialect in (COMPAT, UDK):

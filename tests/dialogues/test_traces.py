@@ -1,5 +1,7 @@
 """Trails that clients let their robots leave, in the pictures of cameras."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -85,3 +87,29 @@ def test_what_is_no_trace_is_logged(empty_room: Scene, line: str, news: str) -> 
     wire.send("TRACE {On true}", "INIT {ClassName USARBot.P3AT}", line)
     assert wire.news[0] == "TRACE without a robot, expected INIT"
     assert wire.news[1].startswith(news)
+
+
+def test_marks_are_the_pixels_around_where_they_are(
+    empty_room: Scene, renderer: Renderer
+) -> None:
+    wire = Wire(empty_room)
+    wire.send("INIT {ClassName USARBot.P3AT} {Location 0,0,0}")
+    (view,) = tiles_of(
+        wire.host.simulation, (wire.host.simulation.vehicles[0].number, None)
+    )
+    assert isinstance(view, View)
+    # Half behind each edge of the picture, outside of it, and in front of all of it.
+    ahead, focal = 0.5, 80 / np.tan(view.fov / 2)
+    places = [(80, 0), (-80, 0), (0, 60), (0, -60), (90, 0), (0, 900), (3, 7)]
+    camera = view.camera.position()
+    for left, up in places:
+        place = camera + ahead * np.array([1.0, left / focal, up / focal])
+        mark = np.array([[*place, 1.0, 0.0, 0.0]])
+        red = (renderer.render(replace(view, marks=mark)) == (255, 0, 0)).all(axis=2)
+        rows, columns = np.mgrid[:120, :160]
+        offsets = np.hypot(columns - (79.5 - left), rows - (59.5 - up))
+        assert (red == (offsets <= focal * 0.04 / ahead)).all()
+    x, y, z = camera.tolist()
+    near = np.array([[x + 0.041, y, z, 1.0, 0.0, 0.0]])
+    red = (renderer.render(replace(view, marks=near)) == (255, 0, 0)).all(axis=2)
+    assert red.sum() > 10_000

@@ -342,7 +342,7 @@ async def test_a_reader_that_pauses_gets_each_answer_once(
 ) -> None:
     async with serving(simulation) as server, program(server, "R1") as one:
         (client,) = server._clients
-        await until(lambda: not client._is_resting)
+        await until(lambda: server._answering is None)
         names = [f"X{k}" for k in range(4)]
         lines = "".join(f"GETSS {{Robot {name}}}\r\n" for name in names).encode()
         client.get_buffer(-1)[: len(lines)] = lines
@@ -354,3 +354,53 @@ async def test_a_reader_that_pauses_gets_each_answer_once(
             f"SS {{Robot {name}" for name in names
         ]
         assert (await one.ask("GETSS {Robot R1}")).startswith("SS {Robot R1}")
+
+
+@pytest.mark.asyncio
+async def test_robots_are_answered_in_turns(simulation: Simulation) -> None:
+    async with (
+        serving(simulation) as server,
+        program(server, "R1") as one,
+        program(server, "R2") as two,
+    ):
+        for each in (one, two):
+            each.writer.write(b"GETSS {Robot R3}\r\n" * 50)
+        await until(lambda: all(c._requests for c in server.robots.values()))
+        assert len(server._turns) <= 2
+        for each in (one, two):
+            async with asyncio.timeout(DEADLINE):
+                for _ in range(50):
+                    assert b"Robot.Does.Not.Exist" in await each.reader.readline()
+
+
+@pytest.mark.asyncio
+async def test_requests_of_browsers_are_not_answered(simulation: Simulation) -> None:
+    async with serving(simulation) as server, program(server) as page:
+        page.writer.write(b"POST / HTTP/1.1\r\n\r\nINIT {Robot R1} {Port 22}\r\n")
+        assert await rest_of(page.reader) == b""
+        assert server.robots == {}
+
+
+@pytest.mark.asyncio
+@pytest.mark.parametrize("limit", ["STALL_TIMEOUT", "CLOSE_GRACE"])
+async def test_who_never_reads_holds_no_link(
+    simulation: Simulation, monkeypatch: pytest.MonkeyPatch, limit: str
+) -> None:
+    monkeypatch.setattr(radio_links, limit, 0.05)
+    async with (
+        serving(simulation) as server,
+        program(server, "R1") as one,
+        program(server, "R2") as two,
+    ):
+        _, writer = await one.call("R2")
+        _, his_writer = await two.next_call()
+        his_writer.transport.pause_reading()  # type: ignore[attr-defined]
+        writer.write(bytes(30_000_000))
+        (relay,) = server._relays.values()
+        (link,) = relay.links
+        await until(lambda: limit == "STALL_TIMEOUT" or not link._near._has_room)
+        if limit == "CLOSE_GRACE":
+            link.close()
+            assert link in relay.links  # it still counts
+        await until(lambda: not relay.links)
+        writer.transport.abort()

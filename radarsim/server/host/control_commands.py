@@ -50,7 +50,7 @@ def control(
             return None, None
         case _:  # the others are about one crate
             pass
-    placed_or_none = crates.find(command.name or "")
+    placed_or_none = crates.find(_name_of(command))
     if placed_or_none is None:
         names = [each.crate.name for each in crates]
         wanted = expected_one_of(command.name or "", names)
@@ -61,9 +61,13 @@ def control(
     return None, _move(crates, placed_or_none, command)
 
 
+def _name_of(command: Control) -> str:
+    return (command.name or "")[:MAX_CRATE_NAME]
+
+
 def _states(crates: Crates, command: Control) -> CrateStates | None:
     """Return where crates are; None if there are none, as no line is empty."""
-    wanted = (command.name or "").casefold()
+    wanted = _name_of(command).casefold()
     is_of_class = (command.class_name or CRATE).casefold() == CRATE.casefold()
     states = tuple(
         (
@@ -78,7 +82,7 @@ def _states(crates: Crates, command: Control) -> CrateStates | None:
 
 
 def _create(simulation: Simulation, command: Control, owner: int) -> Diagnostic | None:
-    crates, name = simulation.crates, (command.name or "")[:MAX_CRATE_NAME]
+    crates, name = simulation.crates, _name_of(command)
     if (command.class_name or "").casefold() != CRATE.casefold():
         what = f"CONTROL Create of {(command.class_name or 'no class')[:80]!r}"
         return Diagnostic.of_unsupported(what, f", expected {CRATE}")
