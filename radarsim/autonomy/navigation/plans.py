@@ -74,7 +74,7 @@ class DrivePlan:
         echoes: Ask the server for the echoes of each beam, or use ranges alone: what
             blocks robots then counts where a beam first meets it, even if the beam
             goes through.
-        speed: Maximum speed, as far as the robot allows.
+        speed: Maximum speed, at most its own.
         turn_speed: Maximum speed of turning on the spot.
         side: Side on which the robot keeps boundaries.
         drive_unit: Unit in which the server takes wheel speeds.
