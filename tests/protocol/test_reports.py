@@ -641,3 +641,8 @@ def test_targets_of_a_turn_fill_lines(targets: int, sizes: list[int]) -> None:
         assert read.beams.tolist() == line.beams.tolist()
         assert read.ranges == pytest.approx(line.ranges, abs=0.0051)
         assert read.dbm == pytest.approx(line.dbm, abs=0.0051)
+
+
+def test_a_package_may_have_no_links() -> None:
+    message = decode_message("MISSTA {Time 1.00} {Name Arm}")
+    assert PackageState.decode(message) == PackageState(1.0, "Arm", ())
