@@ -38,7 +38,6 @@ MAX_DISTANCE = 10.0  # m; points farther away are not looked at
 MARGIN = 0.4  # m that a beam goes beyond a point that has gone, or stops before it
 DRIFT = 0.03  # rad; times the root of the angle turned, the drift of the yaw
 _BESIDE = 0.15  # m beside a point that beams still count as beams to it
-_MOST_RESUMED = 5  # times that a circuit begins anew where the boundary was left
 
 
 class FollowedObstacle:
@@ -185,7 +184,6 @@ class FollowedBoundary:
         self._follower = follower
         self._obstacle: FollowedObstacle | None = None
         self._trail: Trail | None = None
-        self._resumed = 0
 
     @property
     def is_reached(self) -> bool:
@@ -199,17 +197,16 @@ class FollowedBoundary:
         self._obstacle = FollowedObstacle(self.hit_place, self._follower)
         self.goal_distance, self.reached_at = math.inf, observation.time
 
-    def resume(self, least: float) -> None:
-        """Follow it again after it was left, a few times from the start of a circuit.
+    def resume(self, least: float, *, is_anew: bool) -> None:
+        """Follow it again after it was left.
 
         Args:
             least: m to be followed before it is left again: else the robot might leave
                 it at the same place at once.
+            is_anew: Whether a circuit begins here, as the robot was elsewhere between.
         """
         self.least = self.travelled + least
-        # Elsewhere the robot has not been beside it, so that its way is no circuit.
-        if self._resumed < _MOST_RESUMED:
-            self._resumed += 1
+        if is_anew:
             self._trail = None
 
     def look(self, observation: Observation, goal: Point) -> Observation:

@@ -71,6 +71,7 @@ AGAIN: Final = 0.5  # m from where a boundary was left, within which it goes on 
 MOST_ALIGNING: Final = 8.0  # s; a whole turn
 _SAME: Final = 0.7  # m within which an edge is the last one
 _MOST_GONE: Final = 20  # obstacles that go away, before it gives up nevertheless
+_MOST_RESUMED: Final = 5  # times that a circuit begins anew where a boundary was left
 
 
 def ways_to_goal(edges: Floats, goal: Point, directions: OpenDirections) -> Floats:
@@ -143,6 +144,9 @@ class TangentBug(Controller):
         self._left: FollowedBoundary | None = None  # the boundary that it left last
         self._gone = 0
         self._others = 0  # number of times that another obstacle was circled
+        # Number of times that it went on along what it had left, in the whole run: so a
+        # run ends, however often what is seen in mirrors begins anew.
+        self._resumed = 0
         self._last_hand: bool | None = None  # then: whether it was on the left
 
     def _begin_goal(self, _: Pose2) -> None:
@@ -259,7 +263,8 @@ class TangentBug(Controller):
         if self._left is not None and distance(pose, *self.leave_points[-1]) < AGAIN:
             # it could not go on where it left: as if it never had
             self._boundary, self.activity = self._left, Activity.FOLLOWING
-            self._left.resume(AGAIN)
+            self._left.resume(AGAIN, is_anew=self._resumed < _MOST_RESUMED)
+            self._resumed += 1
             return STOP
         self.activity = Activity.ALIGNING
         # on the hand on which the way over what it sees is shorter
