@@ -70,8 +70,17 @@ class Control:
 
     verb: ClassVar[str] = "CONTROL"
     keys: ClassVar[Sequence[str]] = (
-        *("Type", "Name", "ClassName", "Location", "Rotation", "Scale", "Start"),
-        *("Physics", "Permanent", "MinPos", "MaxPos"),
+        "Type",
+        "Name",
+        "ClassName",
+        "Location",
+        "Rotation",
+        "Scale",
+        "Start",
+        "Physics",
+        "Permanent",
+        "MinPos",
+        "MaxPos",
     )
 
     action: Action

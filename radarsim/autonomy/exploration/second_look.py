@@ -10,6 +10,11 @@ floor that was open, the robot drives towards it as far as the way is open, stay
 distance, so that the thing has room to go, and looks. Once the way is free, it explores
 on. If nothing changes for a while, it leaves that place alone, and the run ends as
 ``incomplete``.
+
+At the end the map forgets what has moved. Floor where a robot may be keeps the safety
+distance from all that was seen by then, so what stands on it, or so near to it, came
+later: an obstacle that stands is seen larger from afar, not smaller. Few cells are
+errors of poses and beams.
 """
 
 import math
@@ -28,8 +33,7 @@ from radarsim.autonomy.exploration.path_follower import (
 )
 from radarsim.autonomy.exploration.strategies import is_enclosed
 from radarsim.autonomy.exploration.traversability import FREE_RADIUS, TraversabilityMap
-from radarsim.autonomy.mapping.moved_things import MARGIN, moved_things
-from radarsim.autonomy.mapping.occupancy_grid import Mask, OccupancyGrid
+from radarsim.autonomy.mapping.occupancy_grid import Mask, OccupancyGrid, distance_field
 from radarsim.autonomy.navigation.control import STOP, Twist, distance
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.geometry import Point, Pose2
@@ -38,6 +42,9 @@ ROOM: Final = 1.5  # m that are left between the robot and what closes its way
 NEAR: Final = 0.4  # m from the place to look from, where the robot has arrived
 LOOK_TIME: Final = 40.0  # s that it looks at a place
 MOST_LOOKS: Final = 30  # times that it explores on
+SMALLEST: Final = 6  # cells, of a thing, on floor where the robot could have been
+GAP: Final = 0.1  # m between pieces of a thing, half of it
+MARGIN: Final = 0.13  # m by which the safety distance may be kept less, in whole tiles
 
 
 class SecondLook:
@@ -193,3 +200,21 @@ class SecondLook:
         labels, _ = ndimage.label(tiles & ~floor.open, np.ones((3, 3)))
         came = labels[self._was_free & floor.nearer_than(FREE_RADIUS - MARGIN)]
         return floor.reopened((labels > 0) & np.isin(labels, came))
+
+
+def moved_things(grid: OccupancyGrid, was_open: Mask, safety: float) -> Mask:
+    """Return the cells of things that have moved to where they are, (R, C).
+
+    Args:
+        grid: The map.
+        was_open: Cells of floor where the robot could have been, (R, C).
+        safety: Distance of the robot's centre from what it could not enter, m.
+    """
+    blocked, size = grid.blocked_cells(), grid.frame.resolution
+    reach = max(safety - MARGIN, 0.0) / size
+    near = blocked & np.isfinite(distance_field(was_open, reach))
+    # Pieces near each other are one: between two beams there is a gap.
+    joined = np.isfinite(distance_field(near, GAP / size))
+    labels, count = ndimage.label(joined, np.ones((3, 3)))
+    sizes = np.bincount(labels[blocked & was_open], minlength=count + 1)
+    return np.asarray(near & (sizes[labels] >= SMALLEST))

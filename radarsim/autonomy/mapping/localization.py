@@ -3,6 +3,9 @@
 The scans are matched with those before (``slam``); the motion in between is that of an
 INS. When a loop closes, or the map is turned back to its start, poses of earlier scans
 change as well: what was kept by them can be corrected.
+
+``sample_reports`` are those of a made-up robot, by which all that is compiled for
+localization can be compiled before a robot drives.
 """
 
 import math

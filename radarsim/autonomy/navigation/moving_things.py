@@ -131,7 +131,7 @@ class Waiting:
         # when and where something moved while the robot stood, s and m, map frame
         self._motions: deque[tuple[float, complex]] = deque()
         self._since = math.inf  # s; since when it waits
-        self._berth = bumpers.safety_distance + ASIDE
+        self._passing_distance = bumpers.safety_distance + ASIDE
         # when, ends of beams on one thing that moves, m, map frame, its velocity, m/s
         self._thing: tuple[float, NDArray[np.complex128], complex] | None = None
         self._track: deque[tuple[float, complex]] = deque()  # when and where it was
@@ -189,8 +189,8 @@ class Waiting:
         against = (velocity * heading.conjugate()).real < -HEAD_ON * abs(velocity)
         # The robot turns aside, and it is still the same that meets it.
         met_before = self._meets
-        berth = self._berth * (1.5 if met_before else 1.0)
-        self._meets = bool(off < berth and (met_before or against))
+        least = self._passing_distance * (1.5 if met_before else 1.0)
+        self._meets = bool(off < least and (met_before or against))
         if not self._meets:
             return np.zeros((0, 2))
         along = velocity / abs(velocity)

@@ -24,7 +24,7 @@ from radarsim.autonomy.navigation.controller import (
     Controller,
     ControllerSettings,
 )
-from radarsim.autonomy.navigation.footprint_following import FootprintFollower
+from radarsim.autonomy.navigation.footprint_follower import FootprintFollower
 from radarsim.autonomy.navigation.footprint_planning import Hull, plan_footprint
 from radarsim.autonomy.navigation.grid_search import (
     CHEAP,

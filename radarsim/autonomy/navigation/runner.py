@@ -24,7 +24,6 @@ from radarsim.autonomy.navigation.control import (
     moved,
 )
 from radarsim.autonomy.navigation.controller import Activity, Controller
-from radarsim.autonomy.navigation.glimpses import Glimpses
 from radarsim.autonomy.navigation.moving_things import Waiting
 from radarsim.autonomy.navigation.observation import (
     ECHO_WAIT,
@@ -32,6 +31,7 @@ from radarsim.autonomy.navigation.observation import (
     ObservationBuilder,
 )
 from radarsim.autonomy.navigation.touch_memory import TouchMemory
+from radarsim.autonomy.navigation.vanished_points import VanishedPoints
 from radarsim.client import Client, RobotInfo, ScannerInfo
 from radarsim.errors import TooNearError
 from radarsim.geometry import Point, Pose2
@@ -259,7 +259,7 @@ class Navigator:
         trip, stuck_detector, nearest = TripMeter(), StuckDetector(), math.inf
         clearance, twist = ClearanceCheck(bumpers), STOP
         waiting = Waiting(bumpers, self._robot.clearance)
-        glimpses = Glimpses()
+        vanished = VanishedPoints()
         touches = TouchMemory(
             self._robot.length, self._robot.width, bumpers.safety_distance
         )
@@ -274,7 +274,7 @@ class Navigator:
                 has_jumped = self._source.pop_jump()
                 if touches.notice(scan, twist) or has_jumped:
                     bug.reconsider(scan.pose, correct)
-                observation = touches.places.hide(glimpses.add_to(scan))
+                observation = touches.places.hide(vanished.add_to(scan))
                 # Among mirrors, what is seen from afar may be elsewhere. A robot that
                 # has touched none may have seen its own image in one.
                 has_mirrors = len(touches.places) > 0 or waiting.has_seen_motion

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from radarsim.autonomy.navigation.glimpses import KEPT_FOR, Glimpses
 from radarsim.autonomy.navigation.observation import Observation
+from radarsim.autonomy.navigation.vanished_points import KEPT_FOR, VanishedPoints
 from radarsim.geometry import Pose2
 
 POSE = Pose2(1.0, -1.0, 0.5)
@@ -21,17 +21,17 @@ def scan(
 
 
 def test_what_a_scan_shows_near_and_the_next_looks_through_stays_for_a_while() -> None:
-    glimpses = Glimpses()
+    vanished = VanishedPoints()
     shown = scan(0.0, 30, 0.5)
-    assert glimpses.add_to(shown) is shown
-    seen = glimpses.add_to(scan(0.1))
+    assert vanished.add_to(shown) is shown
+    seen = vanished.add_to(scan(0.1))
     assert seen.ranges[180 + 30] == pytest.approx(0.5, abs=0.001)
     assert (seen.ranges < 5.0).sum() == pytest.approx(12, abs=2)
     # from elsewhere it is at the same place
-    turned = glimpses.add_to(scan(0.2, pose=Pose2(1.0, -1.0, 0.5 + np.radians(90))))
+    turned = vanished.add_to(scan(0.2, pose=Pose2(1.0, -1.0, 0.5 + np.radians(90))))
     assert turned.ranges[180 - 60] == pytest.approx(0.5, abs=0.001)
-    assert (glimpses.add_to(scan(KEPT_FOR)).ranges < 5.0).any()
-    assert not (glimpses.add_to(scan(KEPT_FOR + 0.2)).ranges < 5.0).any()
+    assert (vanished.add_to(scan(KEPT_FOR)).ranges < 5.0).any()
+    assert not (vanished.add_to(scan(KEPT_FOR + 0.2)).ranges < 5.0).any()
 
 
 @pytest.mark.parametrize(
@@ -43,13 +43,13 @@ def test_what_a_scan_shows_near_and_the_next_looks_through_stays_for_a_while() -
     ],
 )
 def test_what_moves_or_is_far_away_is_not_kept(range_: float, now: Observation) -> None:
-    glimpses = Glimpses()
-    glimpses.add_to(scan(0.0, 30, range_))
-    assert glimpses.add_to(now).ranges.tolist() == now.ranges.tolist()
+    vanished = VanishedPoints()
+    vanished.add_to(scan(0.0, 30, range_))
+    assert vanished.add_to(now).ranges.tolist() == now.ranges.tolist()
 
 
 def test_nothing_has_vanished_where_no_beam_looks() -> None:
-    glimpses = Glimpses()
-    glimpses.add_to(scan(0.0, 30, 0.5))
+    vanished = VanishedPoints()
+    vanished.add_to(scan(0.0, 30, 0.5))
     now = Observation(0.1, POSE, BEARINGS[:150], np.full(150, 5.0))
-    assert glimpses.add_to(now).ranges.tolist() == now.ranges.tolist()
+    assert vanished.add_to(now).ranges.tolist() == now.ranges.tolist()

@@ -31,7 +31,7 @@ _SAME: Final = 0.1  # m within which it is the same
 _HALF: Final = 0.05  # m; half the side of the box that is kept
 
 
-class Glimpses:
+class VanishedPoints:
     """Keeps what has vanished from one scan to the next."""
 
     def __init__(self) -> None:

@@ -13,7 +13,7 @@ from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits
 from radarsim.autonomy.navigation.controller import Activity, ControllerSettings
-from radarsim.autonomy.navigation.footprint_following import (
+from radarsim.autonomy.navigation.footprint_follower import (
     LEAST_ROOM,
     SLOW,
     FootprintFollower,
