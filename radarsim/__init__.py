@@ -7,10 +7,14 @@
 [10.402, 10.4, 10.402]
 """
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from __future__ import annotations
 
+# The module typing takes longer to import than all that a command does before it
+# handles Ctrl-C.
+TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from typing import Any
+
     from radarsim.addons.recording.recording import Recording, load_recording
     from radarsim.autonomy.evaluation.own_controllers import Evaluation as Evaluation
     from radarsim.autonomy.evaluation.own_controllers import evaluate
@@ -107,7 +111,8 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in _MODULES and name not in _PLUGINS:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    plugins = importlib.import_module("radarsim.plugins")
+    from radarsim import plugins  # noqa: PLC0415 - it imports others
+
     if name in _PLUGINS:
         return plugins.load(_PLUGINS[name], name)
     return getattr(plugins.import_part(_MODULES[name]), name)

@@ -5,17 +5,27 @@ was closed, 143 told to end by SIGTERM before the work was done. Commands that r
 they are stopped are done then.
 """
 
-from radarsim.processes import (
-    TERMINATED,
-    exit_immediately_on_signals,
-    set_exit_code_of_sigterm,
-)
+import os
+import signal
 
 __all__ = ["main"]
 
 
 def main() -> None:
     """Run a command and exit with its code."""
+    # Before the first import that takes some time, in which Ctrl-C would end in a
+    # traceback. A signal that the parent process has told to be ignored stays ignored.
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, lambda *_: os._exit(130))
+    # Pictures need no window. Matplotlib cannot be imported if the variable names a
+    # backend that is absent, such as that of another environment's notebook.
+    os.environ["MPLBACKEND"] = "agg"
+    from radarsim.processes import (
+        TERMINATED,
+        exit_immediately_on_signals,
+        set_exit_code_of_sigterm,
+    )
+
     set_exit_code_of_sigterm(TERMINATED)
     with exit_immediately_on_signals():
         from radarsim.cli import app

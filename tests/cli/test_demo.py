@@ -1,3 +1,6 @@
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -21,6 +24,19 @@ def test_demo_needs_no_options_and_says_where_its_picture_is(
     first = (tmp_path / "radarsim_demo.png").read_bytes()
     assert radarsim("demo").code == 0  # its own picture may be replaced
     assert (tmp_path / "radarsim_demo.png").read_bytes() == first
+
+
+@pytest.mark.parametrize("backend", ["nonsense", "TkAgg", "module://no.such_module"])
+def test_pictures_need_no_backend(tmp_path: Path, backend: str) -> None:
+    path = tmp_path / "demo.png"
+    done = subprocess.run(
+        [sys.executable, "-m", "radarsim", "demo", str(path)],
+        check=False,
+        env={**os.environ, "MPLBACKEND": backend},
+        capture_output=True,
+    )
+    assert (done.returncode, done.stdout) == (0, f"{path}\n".encode())
+    assert path.exists()
 
 
 def test_demo_does_not_overwrite_files_of_others(

@@ -67,6 +67,41 @@ def test_signal_at_the_start_is_not_taken_for_the_end(
     assert process.returncode != 0
 
 
+INTERRUPTED_AT = """
+import os, signal, sys
+
+class Interrupt:
+    def find_spec(self, name, *_):
+        if name == {module!r}:
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupt())
+sys.argv[1:] = {words!r}
+from radarsim.cli import main
+main()
+"""
+
+
+@pytest.mark.parametrize(
+    "module", ["radarsim.processes", "concurrent", "click", "radarsim.cli.scan"]
+)
+def test_interrupt_during_an_import_leaves_no_traceback(module: str) -> None:
+    code = INTERRUPTED_AT.format(module=module, words=[*SCAN])
+    done = subprocess.run(
+        [sys.executable, "-c", code], check=False, capture_output=True
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, b"", b"")
+
+
+def test_ctrl_c_is_handled_before_anything_that_takes_time_is_imported() -> None:
+    code = "import sys; before = {*sys.modules}; import radarsim.cli"
+    code += "; print(*{*sys.modules} - before)"
+    out = subprocess.check_output([sys.executable, "-S", "-c", code], text=True)
+    imported = out.split()
+    assert "signal" in imported
+    assert not {"typing", "threading", "logging", "concurrent.futures"} & {*imported}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("name", COMMANDS)
