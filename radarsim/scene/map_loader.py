@@ -6,6 +6,7 @@ over those of the map; what it does not change is built once.
 """
 
 import math
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from itertools import islice
@@ -35,6 +36,7 @@ from radarsim.scene.map_checks import (
     unknown_materials,
 )
 from radarsim.scene.map_schema import (
+    LEVEL_NAME,
     MAX_BUILT,
     MAX_ENTRIES,
     MAX_MATERIALS,
@@ -54,6 +56,7 @@ from radarsim.scene.map_schema import (
     TrialEntry,
     VariantEntry,
     VictimEntry,
+    level_of,
     unknown_material,
 )
 from radarsim.scene.material import Material, library_material, library_names
@@ -122,7 +125,8 @@ class MapLoader:
         stem = self._file.path.stem
         # All sections are read even if the header is wrong: who corrects a map wants to
         # see everything in one run.
-        header = self._validate(Header, {"level": stem, **data}, ())
+        level = stem if re.fullmatch(LEVEL_NAME, stem) else level_of(stem)
+        header = self._validate(Header, {"level": level, **data}, ())
         layers = list(self._layers(data, variant))
         materials, invalid = self._materials(layers)
         air = self._air(layers, materials, invalid)
@@ -139,7 +143,7 @@ class MapLoader:
             materials.setdefault(REFLECTOR.name, REFLECTOR)
         scene = Scene(
             stem if variant is None else f"{stem}@{variant}",
-            header.level if header else stem,
+            header.level if header else level,
             parts,
             starts,
             materials,

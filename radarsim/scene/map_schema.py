@@ -53,6 +53,7 @@ MAX_SWAY = 10.0  # m/s
 MAX_TAG = 2**31 - 1  # clients read numbers of tags into 32 bits
 MAX_DURATION = 3600.0  # s, of a sound
 
+LEVEL_NAME = rf"[!-z|~]{{1,{MAX_NAME}}}"  # one word of a line on the wire
 START_NAME = r"(Robot|Player|ComSt)[A-Za-z]*[0-9]*(_[0-9])?"
 _BAND_KEYS = [str(band) for band in BANDS_GHZ]
 
@@ -86,6 +87,11 @@ def _matching(pattern: str, expected: str) -> AfterValidator:
         return value
 
     return AfterValidator(check)
+
+
+def level_of(stem: str) -> str:
+    """Return a level name for a file: its stem in ASCII, "_" for other signs."""
+    return re.sub("[^A-Za-z0-9-]", "_", stem)[: MAX_NAME - len("DM-")]
 
 
 def _ordered(value: list[list[float]]) -> list[list[float]]:
@@ -179,8 +185,7 @@ Whole: TypeAlias = Annotated[int, Strict()]
 MaterialName: TypeAlias = Annotated[Text, AfterValidator(_known_material)]
 MeshFile: TypeAlias = Annotated[Text, AfterValidator(_mesh_file)]
 LevelName: TypeAlias = Annotated[
-    # one word of a line on the wire
-    Text, MaxLen(MAX_NAME), _matching(r"[!-z|~]+", "ASCII without blanks and braces")
+    Text, MaxLen(MAX_NAME), _matching(LEVEL_NAME, "ASCII without blanks and braces")
 ]
 StartName: TypeAlias = Annotated[
     Text,

@@ -48,8 +48,27 @@ def test_map_becomes_parts_materials_and_starts() -> None:
     assert (second.name, second.pose) == ("PlayerStart_2", Pose3(0, 1, 0))
 
 
-def test_level_defaults_to_the_stem_of_the_file() -> None:
-    assert load("version: 1\n").level == "m"
+@pytest.mark.parametrize(
+    ("stem", "level"),
+    [
+        ("m", "m"),
+        ("m.v2(b)", "m.v2(b)"),
+        ("my room", "my_room"),
+        ("büro", "b_ro"),
+        ("room (copy)", "room__copy_"),
+        ("{a}", "_a_"),
+        ("x" * 250, "x" * 197),
+    ],
+)
+def test_level_defaults_to_the_stem_of_the_file(
+    tmp_path: Path, stem: str, level: str
+) -> None:
+    path = tmp_path / f"{stem}.yaml"
+    path.write_text("version: 1\n")
+    assert (load_map(path).name, load_map(path).level) == (stem, level)
+
+
+def test_sections_may_be_empty() -> None:
     assert load("version: 1\nobjects:\nstarts:\nmaterials:\n").parts == ()
 
 

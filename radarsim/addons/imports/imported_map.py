@@ -14,7 +14,7 @@ from radarsim.addons.imports.source_file import rounded
 from radarsim.errors import ForeignFileError, MapError
 from radarsim.geometry import Pose3
 from radarsim.scene.map_loader import MapLoader
-from radarsim.scene.map_schema import MAX_NAME, MAX_OBJECTS
+from radarsim.scene.map_schema import MAX_NAME, MAX_OBJECTS, level_of
 from radarsim.xml_reader import place
 from radarsim.yaml_reader import parse_yaml
 
@@ -169,10 +169,8 @@ class ImportedMap:
             raise ForeignFileError(f"{text}: {self.summary()}")
         *position, yaw = self.start
         start = {"name": "RobotStart1", "position": rounded(position)}
-        stem = self._source.stem
-        signs = [c if c.isascii() and (c.isalnum() or c in "-_") else "_" for c in stem]
-        level = "".join(signs)[: MAX_NAME - 3] or "world"
-        head: dict[str, object] = {"version": 1, "level": f"DM-{level}"}
+        level = f"DM-{level_of(self._source.stem)}"
+        head: dict[str, object] = {"version": 1, "level": level}
         if self.materials:
             head["materials"] = self.materials
         lines = [
