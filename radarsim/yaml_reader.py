@@ -255,7 +255,10 @@ def compose(text: str, *, finite: bool = True) -> tuple[Node, list[YamlProblem]]
         position = (mark.line + 1, mark.column + 1) if mark else (1, 1)
         # libyaml may point behind the end of a text that breaks off
         position = min(position, _position_at(text, len(text)))
-        message = f"not YAML: {error.problem or error.context}"
+        reason = error.problem or error.context
+        if mark and text[mark.index : mark.index + 1] == "\t":
+            reason = "a tab, expected blanks"  # libyaml does not always name it
+        message = f"not YAML: {reason}"
         raise UnreadableYaml(position, message) from error
 
 

@@ -316,6 +316,9 @@ def test_all_problems_are_found_and_reading_continues() -> None:
             "not YAML: did not find expected ',' or ']'",
             id="open bracket",
         ),
+        pytest.param("\ta: 1", (1, 1), "not YAML: a tab, expected blanks"),
+        pytest.param("b: ü\na:\n  -\tb: 1", (3, 4), "not YAML: a tab, expected blanks"),
+        pytest.param("b: 1\r\n\tc: 1", (2, 1), "not YAML: a tab, expected blanks"),
         pytest.param("a: 1\nb: \0", (2, 4), "not YAML: character '\\x00'", id="NUL"),
         pytest.param("a: 1\n---\n", (2, 1), "a second document, expected one"),
         pytest.param(
