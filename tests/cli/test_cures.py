@@ -184,6 +184,7 @@ def plain_user() -> Iterator[None]:
         ("map", "-o", "{}/m", "empty_room"),
         ("map", "-o", "{}/m/", "empty_room"),
         ("figures", "{}", "--only", "1"),
+        ("serve", "empty_room", "--port", "0", "--record", "{}/bag"),
     ],
 )
 @pytest.mark.usefixtures("empty_room")  # which compiles as the user of the cache

@@ -38,7 +38,7 @@ from radarsim.addons.recording.cdr import (
     typestore,
 )
 from radarsim.addons.recording.host_recorder import EventType, RunEvent
-from radarsim.errors import RecordingError
+from radarsim.errors import RecordingError, describe_os_error
 from radarsim.files import write_atomically
 
 CHUNK_BYTES: Final = 64 * 1024
@@ -370,7 +370,7 @@ class BagReader:
                 except BROKEN:
                     return
         except OSError as error:
-            raise RecordingError(f"{self._path}: {error.strerror}") from error
+            raise RecordingError(f"{self._path}: {describe_os_error(error)}") from error
 
 
 def decode_call(message: EncodedMessage) -> RunEvent:

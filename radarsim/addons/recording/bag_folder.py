@@ -17,6 +17,7 @@ from radarsim import __version__
 from radarsim.errors import (
     MapError,
     RecordingError,
+    describe_os_error,
     did_you_mean,
     install_command,
     list_names,
@@ -194,7 +195,7 @@ def create_folder(folder: Path) -> None:
         text = f"{folder} exists, expected a new folder for the recording"
         raise RecordingError(text) from error
     except OSError as error:
-        raise RecordingError(f"{folder}: {error.strerror}") from error
+        raise RecordingError(f"{folder}: {describe_os_error(error)}") from error
 
 
 def file_name(folder: Path) -> str:

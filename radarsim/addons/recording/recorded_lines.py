@@ -21,7 +21,7 @@ from radarsim.addons.recording.bag_folder import RecordingInfo
 from radarsim.addons.recording.call_converter import TICK, TO_CLIENT, TO_SERVER
 from radarsim.addons.recording.cdr import EncodedMessage
 from radarsim.addons.recording.host_recorder import EventType, RunEvent
-from radarsim.errors import MalformedMessage, RecordingError
+from radarsim.errors import MalformedMessage, RecordingError, describe_os_error
 from radarsim.protocol.message import LineBuffer
 from radarsim.protocol.reports import WatchedLine, decode_report
 from radarsim.simulation.clock import seconds
@@ -114,7 +114,7 @@ class RecordedLines:
         try:
             file = bag.path.open("rb")
         except OSError as error:
-            raise RecordingError(f"{bag.path}: {error.strerror}") from error
+            raise RecordingError(f"{bag.path}: {describe_os_error(error)}") from error
         try:
             return cls(file, bag.info)
         except BaseException:

@@ -11,7 +11,7 @@ import click
 
 from radarsim.cli.files import check_writable
 from radarsim.cli.output import print_message
-from radarsim.errors import PresetError, expected_one_of
+from radarsim.errors import PresetError, describe_os_error, expected_one_of
 
 if TYPE_CHECKING:
     from radarsim.plotting.film import Pixels
@@ -93,5 +93,5 @@ def filmed(
         if film.is_written:
             print_message(f"wrote {path}")
     if film.error is not None:
-        text = f"cannot write {path}: {film.error.strerror or film.error}"
+        text = f"cannot write {path}: {describe_os_error(film.error)}"
         raise click.BadParameter(text, param_hint=HINT)
