@@ -164,6 +164,14 @@ class SweepFile(_Model):
         ]
 
 
+def flat_parameters(task: Parameters) -> Parameters:
+    """Return the parameters of a task as columns, ``sensor.name`` and so on."""
+    sensor = {f"sensor.{key}": value for key, value in task["sensor"].items()}
+    left_out = ("sensor", "kind", "scene", "count")
+    others = {key: value for key, value in task.items() if key not in left_out}
+    return {"map": others.pop("map"), **sensor, **others}
+
+
 def shipped_sweeps() -> dict[str, Path]:
     """Return the paths of the sweeps that come with radarsim, by name."""
     folder = Path(__file__).parent / "shipped"
@@ -202,7 +210,8 @@ def read_sweep(path_or_name: str) -> tuple[Path, SweepFile]:
             known = sorted(SweepFile.model_fields)
             problems = file.validation_problems(error, known=known, most=20)
     if sweep is not None:
-        problems = [*_sensor_problems(file, sweep), *_size_problems(file, sweep)]
+        checks = (_sensor_problems, _size_problems, _figure_problems)
+        problems = [each for check in checks for each in check(file, sweep)]
     if sweep is None or problems:
         raise SweepError("\n".join(problems))
     return path, sweep
@@ -235,3 +244,13 @@ def _size_problems(file: YamlFile, sweep: SweepFile) -> Iterator[str]:
     count = int(np.prod([len(each) for each in [*lists, *sweep.sensor.values()]]))
     if count > MAX_TASKS:
         yield file.problem((), f"{count} tasks, expected at most {MAX_TASKS}")
+
+
+def _figure_problems(file: YamlFile, sweep: SweepFile) -> Iterator[str]:
+    """Yield the parameters of the figure that the sweep does not have."""
+    entry = sweep.figure
+    known = flat_parameters(next(sweep.tasks()))
+    for key in ("x", "lines") if entry is not None else ():
+        name = getattr(entry, key)
+        if name not in known:
+            yield file.problem(("figure", key), expected_one_of(name, known))

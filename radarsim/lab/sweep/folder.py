@@ -22,13 +22,14 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from radarsim import __version__
 from radarsim.autonomy.evaluation.task_runner import Result, as_line, task_key
 from radarsim.errors import SweepError, describe_os_error, import_optional
 from radarsim.files import write_atomically, written_atomically
 from radarsim.geometry import Floats
-from radarsim.lab.sweep.file import FigureEntry, Parameters, SweepFile
+from radarsim.lab.sweep.file import FigureEntry, Parameters, SweepFile, flat_parameters
 from radarsim.lab.sweep.tasks import MAP_VALUES, digest, unpacked
 from radarsim.plotting.palette import GRID, RADAR_SHADES, sensor_colours
 from radarsim.plotting.style import render
@@ -48,14 +49,6 @@ _LENGTH: Final = re.compile(r"([0-9]+)(mm|cm|m)")
 # Lines may lie on each other.
 _DASHES: Final = ("-", "--", ":")
 _MARKERS: Final = "os^Dv"
-
-
-def flat_parameters(task: Parameters) -> Row:
-    """Return the parameters of a task as columns, ``sensor.name`` and so on."""
-    sensor = {f"sensor.{key}": value for key, value in task["sensor"].items()}
-    left_out = ("sensor", "kind", "scene", "count")
-    others = {key: value for key, value in task.items() if key not in left_out}
-    return {"map": others.pop("map"), **sensor, **others}
 
 
 def _schema(arrow: Any, sweep: SweepFile) -> Any:
@@ -217,7 +210,6 @@ class SweepFolder:
 
         Raises:
             OSError: If a file cannot be written.
-            SweepError: If the sweep has no such parameters as the figure has.
         """
         with written_atomically(self.path / TABLE) as table:
             self._write_table(table, sweep, tasks)
@@ -298,28 +290,27 @@ def draw_sweep(sweep: SweepFile, entry: FigureEntry, table: Path) -> Figure:
         sweep: The sweep.
         entry: What to draw.
         table: Its table.
-
-    Raises:
-        SweepError: If the sweep has no such parameters.
     """
     points = _points(sweep, entry, table)
     figure = Figure((8.0, 4.6), layout="constrained")
     axes = figure.subplots()
     axes.set_title(entry.title, loc="left", fontsize=12, fontweight="bold")
     colours = _line_colours([*points], entry)
+    places = {place for line in points.values() for place in line}
+    shown = str if any(isinstance(place, str) for place in places) else float
     for number, (name, line) in enumerate(points.items()):
         colour = colours[name]
-        places = sorted(line)
+        places = sorted(line, key=shown)
+        ticks = [shown(place) for place in places]
         means = [float(np.mean(line[place])) for place in places]
         dashes = _DASHES[number % len(_DASHES)]
-        label = f"{name}"
         mark = _MARKERS[number % len(_MARKERS)]
-        axes.plot(places, means, dashes, color=colour, marker=mark, ms=5, label=label)
+        axes.plot(ticks, means, dashes, color=colour, marker=mark, ms=5, label=name)
         low, high = (
             [float(np.quantile(line[place], share)) for place in places]
             for share in (0.25, 0.75)
         )
-        axes.fill_between(places, low, high, color=colour, alpha=0.12, lw=0)
+        axes.fill_between(ticks, low, high, color=colour, alpha=0.12, lw=0)
     axes.set_ylim(0, None)
     axes.yaxis.set_major_formatter(lambda value, _: f"{100 * value:.0f} %")
     axes.set_ylabel(f"beams that end beyond x = {entry.beyond_x:g} m")
@@ -327,10 +318,12 @@ def draw_sweep(sweep: SweepFile, entry: FigureEntry, table: Path) -> Figure:
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(color=GRID, lw=0.6)
     axes.legend(title=entry.lines_label or entry.lines, frameon=False)
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)  # what the file says may have dollar signs
     return figure
 
 
-def _line_colours(lines: Sequence[Any], entry: FigureEntry) -> dict[Any, str]:
+def _line_colours(lines: Sequence[str], entry: FigureEntry) -> dict[str, str]:
     """Return the colour of each line: of its sensor, or a shade of the radar's."""
     if entry.lines == "sensor.name":
         return sensor_colours({name: load_settings(name).medium for name in lines})
@@ -340,14 +333,10 @@ def _line_colours(lines: Sequence[Any], entry: FigureEntry) -> dict[Any, str]:
 
 def _points(
     sweep: SweepFile, entry: FigureEntry, table: Path
-) -> dict[Any, dict[Any, list[float]]]:
+) -> dict[str, dict[str | float, list[float]]]:
     """Return the share of each scan, by line and place on it."""
-    known = list(flat_parameters(next(sweep.tasks())))
-    for name in (entry.x, entry.lines):
-        if name not in known:
-            raise SweepError(f"figure: {name!r}, expected one of {known}")
     parquet = import_optional("pyarrow.parquet", EXTRA)
-    columns = {*known, "ranges"}
+    columns = {*flat_parameters(next(sweep.tasks())), "ranges"}
     points: dict[Any, Any] = defaultdict(lambda: defaultdict(list))
     # Few sensors have all the rows, and to make a scanner for each row would take long.
     angles_of = cache(_angles)
@@ -367,14 +356,17 @@ def _points(
             ranges = np.array([np.nan if r is None else r for r in row["ranges"]])
             beyond = row["x"] + ranges * np.cos(angles) > entry.beyond_x
             place = _number_of(row[entry.x])
-            points[row[entry.lines]][place].append(float(np.mean(beyond)))
+            points[str(row[entry.lines])][place].append(float(np.mean(beyond)))
     return points
 
 
-def _number_of(value: Any) -> Any:
-    """Return a value, or the number that the name of a map's variant begins with."""
+def _number_of(value: Any) -> str | float:
+    """Return a number: the value, or what the name of a map's variant begins with.
+
+    Other values become texts.
+    """
     if not isinstance(value, str):
-        return value
+        return value if isinstance(value, int | float) else str(value)
     found = _LENGTH.fullmatch(value.rpartition("@")[2])
     return float(found[1]) if found else value
 

@@ -37,6 +37,9 @@ sensor: {name: radar, side_offset_uu: [0, 25.5], fov_deg: 40}
 pose: {x: -7.8, y: {from: -1, to: 1, steps: 2}}
 count: 3
 """
+FIGURE_ENTRY = """
+figure: {title: Seen, x: sensor.side_offset_uu, lines: map, beyond_x: 1}
+"""
 MANY_SCANS = SMALL.replace("steps: 2", "steps: 20")
 TRIALS = """\
 version: 1
@@ -240,12 +243,18 @@ def test_failed_task_is_a_row_with_its_error(
         ("steps: 2", "steps: 1", "small.yaml:5:20: pose.y: steps 1, expected 2"),
         ("kind: scan", "kind: trial", "'pose' is of kind scan"),
         ("x: -7.8, ", "", "small.yaml:5:7: pose.x: missing"),
+        (
+            "x: sensor.side",
+            "x: side",
+            "small.yaml:8:26: figure.x: 'side_offset_uu' (did",
+        ),
+        ("lines: map", "lines: maps", "small.yaml:8:56: figure.lines: 'maps' (did"),
     ],
 )
 def test_mistakes_in_a_file_are_told_with_their_place(
     small: Path, old: str, new: str, told: str
 ) -> None:
-    small.write_text(SMALL.replace(old, new))
+    small.write_text((SMALL + FIGURE_ENTRY).replace(old, new))
     out = small.parent / "out"
     run = sweep(small, "-o", out)
     assert run.code == 1
@@ -263,15 +272,14 @@ def test_map_is_told_to_be_one(small: Path, name: str) -> None:
     assert run.err.startswith(f"radarsim: {name}: a map, {expected}['foliage_thick")
 
 
-FIGURE_ENTRY = """
-figure: {title: Seen, x: sensor.side_offset_uu, lines: map, beyond_x: 1}
-"""
-
-
 def test_figure_is_named_when_a_sweep_ends(small: Path) -> None:
     plain = sweep(small, "-o", small.parent / "plain", "--workers", 1)
     assert FIGURE not in plain.text
-    small.write_text(SMALL + FIGURE_ENTRY)
+    # Values of any kinds can be drawn, and a title is no formula.
+    lists = "[0, 25.5], ray_weights: [[1, 1, 1], [1, 2, 1]]"
+    entry = FIGURE_ENTRY.replace("map", "sensor.ray_weights").replace("Seen", "$x_$")
+    entry = entry.replace("sensor.side_offset_uu", "map")
+    small.write_text(SMALL.replace("[0, 25.5]", lists) + entry)
     out = small.parent / "out"
     run = sweep(small, "-o", out, "--workers", 1)
     assert run.text.splitlines()[-1] == str(out / FIGURE)
