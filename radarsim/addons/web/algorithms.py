@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.colors import to_rgb
+from numpy.typing import NDArray
 from PIL import Image
 
 from radarsim.addons.web.own_robot import RobotClient, Tell, Work
@@ -190,7 +191,7 @@ def describe_map(robot: str, grid: OccupancyGrid, colours: Colours) -> dict[str,
     """Return the message ``map``: a picture of what is sensed, and where it belongs.
 
     The first row of the picture is the northernmost; ``origin`` is the south-western
-    corner, m, map frame. ``legend`` has each colour of it with what it means.
+    corner, m, map frame. ``legend`` has each colour in it with what it means.
 
     Args:
         robot: Name of the robot that it is a map of.
@@ -218,9 +219,14 @@ def describe_map(robot: str, grid: OccupancyGrid, colours: Colours) -> dict[str,
         "width": width,
         "height": height,
         "colours": colours,
-        "legend": legend,
+        "legend": [each for each in legend if _is_in(each[0], pixels)],
         "png": base64.b64encode(data.getvalue()).decode(),
     }
+
+
+def _is_in(colour: str, pixels: NDArray[np.uint8]) -> bool:
+    rgb = np.frombuffer(bytes.fromhex(colour[1:]), np.uint8)
+    return bool((pixels == rgb).all(axis=-1).any())
 
 
 class MapMaker:

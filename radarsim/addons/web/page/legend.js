@@ -6,30 +6,24 @@ import { byId, element, setText } from "./elements.js";
 import { freeStarts } from "./starts.js";
 import { theme } from "./theme.js";
 
-const RADAR = [
-  ["ray", "radar ray, fainter with less power"],
-  ["reading", "radar reading"],
-  ["dot", "reading behind what the ray passed"],
-  ["hole", "ray inside of it"],
-  ["cross", "power used up"],
-];
-const LASER = [["square", "laser reading"]];
-const SPACE = [["ray", "ray, fainter with less power"]];
-const SPACE_RADAR = [["box", "radar reading"]]; // points are square in 3D
-const STARTS = [["start", "free start: click adds a robot"]];
-const RUN = [
-  ["path", "its way"],
-  ["hit", "hits an obstacle"],
-  ["leave", "leaves it"],
-  ["goal", "goal"],
-];
+const KEPT = 3000; // ms that a mark stays after it was drawn: a few beams come and go
 
 let shown = ""; // what the legend lists
+let subject = ""; // what it is about
+const drawnAt = new Map(); // when each mark was drawn last, ms, by its text
 
-/** List the marks of the view that can be there, and the materials of the scene. */
+/** List the marks that are drawn, and the materials of the scene. */
 export function updateLegend(world, view) {
   const map = world.maps.get(world.chosen);
-  const marks = marksOf(world, view).map(([mark, text]) => ["mark", mark, text]);
+  const now = performance.now();
+  const about = `${view} ${world.chosen}`;
+  if (about !== subject) drawnAt.clear();
+  subject = about;
+  const known = marksOf(world, view);
+  for (const [, text, drawn] of known) if (drawn) drawnAt.set(text, now);
+  const marks = known
+    .filter(([, text]) => now - drawnAt.get(text) < KEPT)
+    .map(([mark, text]) => ["mark", mark, text]);
   const patches = view === "map" ? (map?.legend ?? []) : materialsOf(world);
   const rows = [...marks, ...patches.map(([colour, text]) => ["patch", colour, text])];
   const key = JSON.stringify([rows, theme.dark]);
@@ -41,14 +35,42 @@ export function updateLegend(world, view) {
   }));
 }
 
+/** Return the marks that a view can have: [sign, text, whether it is drawn now]. */
 function marksOf(world, view) {
-  const kinds = new Set(world.robot?.scans.map((scan) => scan.kind));
-  const path = world.paths.get(world.chosen);
-  const run = path?.goal ? RUN : path?.points.length ? RUN.slice(0, 1) : [];
-  if (view === "map") return [["true", "what is truly there"], ...run];
-  const lasers = kinds.has("laser") ? LASER : [];
-  if (view === "space") return [...(kinds.size ? SPACE : []), ...(kinds.has("radar") ? SPACE_RADAR : []), ...lasers];
-  return [...(kinds.has("radar") ? RADAR : []), ...lasers, ...run, ...(freeStarts(world).length ? STARTS : [])];
+  const marks = [];
+  const scans = world.robot?.scans ?? [];
+  const traced = world.scan ?? scans[0]; // whose rays are drawn
+  if (traced && view !== "map") {
+    const { beams, through, spent } = world.countBeams(traced);
+    marks.push([`ray ${traced.kind}`, `${traced.kind} ray, fainter with less power`, beams]);
+    if (view === "plan") {
+      marks.push(
+        [`dot ${traced.kind}`, "reading behind what the ray passed", through],
+        [`hole ${traced.kind}`, "ray inside of it", through],
+        [`cross ${traced.kind}`, "power used up", spent],
+      );
+    }
+  }
+  for (const [kind, sign] of [["radar", view === "space" ? "box" : "reading"], ["laser", "square"]]) {
+    const reads = (scan) => {
+      const { returned, spent } = world.countBeams(scan);
+      return scan.kind === kind && returned > (view === "plan" ? spent : 0);
+    };
+    marks.push([sign, `${kind} reading`, scans.some(reads)]);
+  }
+  if (view === "map") marks.push(["true", "what is truly there", world.scene?.parts.length]);
+  if (view !== "space") {
+    const path = world.paths.get(world.chosen);
+    const goal = world.goal ?? (world.stateOfGoal(world.chosen) === "cancelled" ? null : path?.goal);
+    marks.push(
+      ["path", "its way", path?.points.length],
+      ["hit", "hits an obstacle", path?.hits?.length],
+      ["leave", "leaves it", path?.leaves?.length],
+      ["goal", "goal", goal],
+    );
+  }
+  if (view === "plan") marks.push(["start", "free start: click adds a robot", freeStarts(world).length]);
+  return marks;
 }
 
 function materialsOf(world) {

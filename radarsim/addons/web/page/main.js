@@ -72,7 +72,7 @@ const takers = {
   map(message) {
     world.takeMap(message, () => {
       tasks.updateMap();
-      redraw();
+      fit();
     });
   },
   path(message) {
@@ -212,7 +212,7 @@ function select(name) {
   world.choose(name);
   link.send("select", { robot: name });
   tasks.updateMap();
-  redraw();
+  fit();
 }
 
 function stopAll() {
@@ -307,12 +307,12 @@ async function show(name) {
     if (!world.triangles && world.scene) link.send("triangles");
     await space.open();
   }
-  redraw();
+  fit();
 }
 
 /** Show everything again, unless the view was moved by hand. */
 function fit() {
-  if (viewport.fitted) viewport.fit(world.extent());
+  if (viewport.fitted) viewport.fit(view === "map" ? world.extentWithMap() : world.extent());
   redraw();
 }
 

@@ -24,31 +24,41 @@ export function drawRobot(pen, viewport, robot, chosen) {
   pen.textAlign = "left";
 }
 
+/** Stroke paper around a path: what is below may be as bright as the ink, as maps are. */
+function strokeHalo(pen, path) {
+  pen.strokeStyle = theme.paper;
+  pen.lineWidth = 4.5;
+  pen.stroke(path);
+}
+
 function drawRing(pen, radius) {
-  pen.beginPath();
-  pen.arc(0, 0, radius, 0, 2 * Math.PI);
+  const ring = new Path2D();
+  ring.arc(0, 0, radius, 0, 2 * Math.PI);
+  strokeHalo(pen, ring);
   pen.strokeStyle = theme.ink;
   pen.lineWidth = 1.5;
   pen.setLineDash([4, 3]);
-  pen.stroke();
+  pen.stroke(ring);
   pen.setLineDash([]);
 }
 
 function drawHull(pen, half, side, colour) {
-  pen.fillStyle = theme.ink;
+  const [wheels, hull] = [new Path2D(), new Path2D()];
   for (const along of [-1, 1]) {
     for (const across of [-1, 1]) {
       const wheel = [half * 0.62, side * 0.42];
-      pen.fillRect(along * half * 0.52 - wheel[0] / 2, across * side * 0.8 - wheel[1] / 2, ...wheel);
+      wheels.rect(along * half * 0.52 - wheel[0] / 2, across * side * 0.8 - wheel[1] / 2, ...wheel);
     }
   }
-  pen.beginPath();
-  pen.rect(-half, -side * 0.62, 2 * half, side * 1.24);
+  hull.rect(-half, -side * 0.62, 2 * half, side * 1.24);
+  for (const path of [wheels, hull]) strokeHalo(pen, path);
+  pen.fillStyle = theme.ink;
+  pen.fill(wheels);
   pen.fillStyle = colour;
   pen.strokeStyle = theme.ink;
   pen.lineWidth = 1.5;
-  pen.fill();
-  pen.stroke();
+  pen.fill(hull);
+  pen.stroke(hull);
   pen.beginPath();
   pen.moveTo(half * 0.85, 0);
   pen.lineTo(half * 0.15, -side * 0.45);

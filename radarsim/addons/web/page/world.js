@@ -132,6 +132,16 @@ export class World {
     return this.drives.get(robot) ?? "running";
   }
 
+  /** Return the extent of the scene and of a map, m, as ``extent``. */
+  extentWithMap() {
+    const [x0, y0, x1, y1] = this.extent();
+    const map = this.maps.get(this.chosen);
+    if (!map) return [x0, y0, x1, y1];
+    const [x, y] = map.origin;
+    const [right, top] = [x + map.width * map.resolution, y + map.height * map.resolution];
+    return [Math.min(x0, x), Math.min(y0, y), Math.max(x1, right), Math.max(y1, top)];
+  }
+
   /** Return the extent of the scene, or of robots and readings, [x0, y0, x1, y1] m. */
   extent() {
     if (this.scene) return this.scene.bounds;
