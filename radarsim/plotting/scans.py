@@ -57,10 +57,17 @@ from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor
 from radarsim.sensors.scan import Scan
 
-_PANEL: Final = (5.0, 3.7)  # inches of one of several panels
-_PANEL_LEGEND: Final = 1.2  # inches of their legend and what stands above them
-_COLUMNS: Final = 4  # of their legend
-_PANEL_TITLE: Final = 50  # characters of a line of the title of a panel
+# Of one of several panels, in inches.
+_PANEL: Final = (5.0, 3.7)
+_TALL_PANEL: Final = (2.5, 5.5)  # of maps that are higher than wide by a half
+_LONG_PANEL: Final = 10.0  # width of panels one above the other
+_LONG: Final = 4.0  # width of such a map by its height, at least
+_TALL: Final = 2 / 3  # likewise, at most
+_PANEL_TITLE: Final = 0.45
+_PANEL_LEGEND: Final = 1.2  # of their legend and what stands above them
+_LEGEND_COLUMN: Final = 2.5
+_COLUMNS: Final = 4  # of their legend, at most
+_LETTERS: Final = 10  # per inch of the title of a panel
 _NAMES: Final = 20  # of objects; with more of them rays could not be seen
 # What a title counts, if there is any.
 _COUNTED: Final = (
@@ -72,13 +79,17 @@ _COUNTED: Final = (
 )
 
 
-def title_scans(scans: Sequence[Scan], sights: Sequence[Sight]) -> str:
+def title_scans(
+    scans: Sequence[Scan], sights: Sequence[Sight], name: str | None = None
+) -> str:
     """Return a title: the sensor, and how many of its beams end how.
 
     Args:
         scans: One or more scans of one sensor.
         sights: How their beams see.
+        name: Name of the sensor; by default that of ``name_sensor``.
     """
+    name = name or name_sensor(scans[0])
     many = f"{len(scans)} scans of " if len(scans) > 1 else ""
     counts = []
     for end in _COUNTED:
@@ -87,7 +98,7 @@ def title_scans(scans: Sequence[Scan], sights: Sequence[Sight]) -> str:
             most = max(sights, key=lambda sight: len(sight.materials[end]))
             counts.append(f"{count} {describe_end(end, most)}")
     beams = f"{many}{len(scans[0].ranges)} beams"
-    return f"{name_sensor(scans[0])}, {beams}: {', '.join(counts) or 'all come back'}"
+    return f"{name}, {beams}: {', '.join(counts) or 'all come back'}"
 
 
 def name_sensor(scan: Scan) -> str:
@@ -99,14 +110,32 @@ def name_sensor(scan: Scan) -> str:
     return f"{medium.capitalize()} ({name})"
 
 
-def _finding(scans: Sequence[Scan], sights: Sequence[Sight]) -> str:
+def _names_of(scans: Sequence[Scan]) -> list[str]:
+    """Return the names of sensors; those of one name with the settings that differ."""
+    names = [name_sensor(scan) for scan in scans]
+    settings = [scan.echoes.settings.model_dump() for scan in scans]
+    for number, own in enumerate(settings):
+        name = name_sensor(scans[number])
+        others = [
+            settings[n] for n, scan in enumerate(scans) if name_sensor(scan) == name
+        ]
+        changed = [
+            f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}"
+            for key, value in own.items()
+            if any(other[key] != value for other in others)
+        ]
+        names[number] += f" with {', '.join(changed)}" if changed else ""
+    return names
+
+
+def _finding(names: Sequence[str], sights: Sequence[Sight]) -> str:
     """Return which of several sensors see through something; "" if all or none do."""
     seeing: list[str] = []
     blocked: list[str] = []
     passed: list[Material] = []
-    for scan, sight in zip(scans, sights, strict=True):
+    for name, sight in zip(names, sights, strict=True):
         is_through = bool((sight.ends == BeamEnd.THROUGH).any())
-        (seeing if is_through else blocked).append(name_sensor(scan))
+        (seeing if is_through else blocked).append(name)
         passed += sight.materials.get(BeamEnd.THROUGH, ())
     if not seeing or not blocked:
         return ""
@@ -322,22 +351,47 @@ def compare(
         scanner.scan(scene, pose, generator_for(seed, scanner.name))
         for scanner in scanners
     ]
-    size = (_PANEL[0] * max(len(scans), 2), _PANEL[1] + _PANEL_LEGEND)
-    figure = _ShownFigure(figsize=size, dpi=120, layout="constrained")
+    figure = _ShownFigure(dpi=120, layout="constrained")
     legend, robot = Legend(QUIET), Pose2(place.pose.x, place.pose.y, place.pose.yaw)
     panels = figure.subplots(1, len(scans), squeeze=False)[0]
     for axes, scan in zip(panels, scans, strict=True):
         draw_scan(axes, scene, [scan], legend, robot=robot)
-        words = title_scans([scan], [find_sight(scene, scan)])
-        words = textwrap.fill(words, _PANEL_TITLE)
-        axes.set_title(words, loc="left", fontsize=11, fontweight="bold")
         axes.set_xlabel("")
-    title = _finding(scans, [find_sight(scene, scan) for scan in scans])
+    width = _fit_panels(figure, panels)
+    sights = [find_sight(scene, scan) for scan in scans]
+    names = _names_of(scans)
+    for axes, scan, sight, name in zip(panels, scans, sights, names, strict=True):
+        words = textwrap.fill(title_scans([scan], [sight], name), int(_LETTERS * width))
+        axes.set_title(words, loc="left", fontsize=11, fontweight="bold")
+    title = _finding(names, sights)
     title = title or f"{scene.name}, from {place.name}: what each sensor sees"
     figure.suptitle(
         title, parse_math=False, fontsize="x-large", fontweight="bold", wrap=True
     )
-    legend.draw(figure, _COLUMNS)
+    columns = int(figure.get_size_inches()[0] / _LEGEND_COLUMN)
+    legend.draw(figure, min(_COLUMNS, columns))
     for axes in panels:
         name_objects(axes, scene.parts, pose.z, _NAMES)
     return figure
+
+
+def _fit_panels(figure: Figure, panels: Sequence[Axes]) -> float:
+    """Place panels of equal limits so that they are filled; return their width, inches.
+
+    Those of long maps are one above the other, others side by side.
+    """
+    (west, east), (south, north) = panels[0].get_xlim(), panels[0].get_ylim()
+    aspect, count = (east - west) / (north - south), len(panels)
+    if aspect > _LONG:
+        for axes, spec in zip(panels, figure.add_gridspec(count, 1), strict=True):
+            axes.set_subplotspec(spec)
+        height = count * (_LONG_PANEL / aspect + _PANEL_TITLE) + _PANEL_LEGEND
+        figure.set_size_inches(_LONG_PANEL, height)
+        return _LONG_PANEL
+    width, height = _TALL_PANEL if aspect < _TALL else _PANEL
+    if aspect < _TALL:
+        for axes in panels:
+            axes.set_anchor("W")  # below the beginning of its title
+    height = min(height, width / aspect + _PANEL_TITLE)
+    figure.set_size_inches(width * max(count, 2), height + _PANEL_LEGEND)
+    return width

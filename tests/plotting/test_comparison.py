@@ -1,6 +1,7 @@
 """Pictures from Python: of scenes, of scans, and of several sensors side by side."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from matplotlib.figure import Figure
 import radarsim
 from radarsim import Material, Scene
 from radarsim.geometry import Pose3
+from radarsim.plotting.style import render
 from radarsim.raycast.tracer import tracer_of
 from radarsim.sensors.scan_batch import ScanRequest, scan_batch
 
@@ -35,6 +37,49 @@ def test_wrong_arguments_say_what_is_expected(
 ) -> None:
     with pytest.raises(ValueError, match=text):
         radarsim.compare(foliage_room, *sensors, start=start)
+
+
+@pytest.mark.parametrize(
+    ("size", "columns"),
+    [((60, 4), 1), ((30, 10), 2), ((20, 12), 2), ((4, 60), 2)],
+    ids=["long", "wide", "room", "tall"],
+)
+def test_panels_leave_no_empty_bands(
+    tmp_path: Path, size: tuple[int, int], columns: int
+) -> None:
+    path = tmp_path / "room.yaml"
+    path.write_text(
+        "version: 1\nobjects:\n"
+        f"  - {{name: walls, box: [{size[0]}, {size[1]}, 2], material: concrete}}\n"
+        "starts:\n  - {name: RobotStart1, position: [0, 0, 0]}\n"
+    )
+    figure = radarsim.compare(path, "radar", "laser")
+    render(figure)  # which places the panels
+    places = [axes.get_position() for axes in figure.axes]
+    assert len({round(place.x0, 3) for place in places}) == columns
+    # The plans fill the figure in one direction, but for titles and the legend.
+    inches = figure.get_size_inches()
+    wide = sum(place.width for place in places) * inches[0] / (3 - columns)
+    tall = sum(place.height for place in places) * inches[1] / columns
+    assert wide > 0.95 * inches[0] or tall > 0.75 * inches[1]
+    assert inches[1] - tall < 2.2
+    legends = figure.legends[0].get_window_extent(figure.canvas.get_renderer())
+    assert 0 <= legends.x0 < legends.x1 <= inches[0] * figure.dpi
+    for axes in figure.axes:
+        title = axes.get_tightbbox(figure.canvas.get_renderer())
+        assert title is not None
+        assert title.x1 <= inches[0] * figure.dpi
+
+
+def test_panels_of_one_sensor_have_the_settings_that_differ() -> None:
+    radars = [
+        radarsim.load_sensor("radar", penetration_power=power) for power in (0.5, 40)
+    ]
+    figure = radarsim.compare("foliage_room", *radars, "laser")
+    titles = [axes.get_title(loc="left").replace("\n", " ") for axes in figure.axes]
+    assert titles[0].startswith("Radar with penetration_power 0.5, 181 beams: ")
+    assert titles[1].startswith("Radar with penetration_power 40, 181 beams: ")
+    assert titles[2].startswith("Laser, 181 beams: ")
 
 
 def test_scans_and_scenes_are_drawn_into_axes_of_the_caller(empty_room: Scene) -> None:
