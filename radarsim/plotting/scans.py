@@ -383,8 +383,9 @@ def _fit_panels(figure: Figure, panels: Sequence[Axes]) -> float:
     (west, east), (south, north) = panels[0].get_xlim(), panels[0].get_ylim()
     aspect, count = (east - west) / (north - south), len(panels)
     if aspect > _LONG:
-        for axes, spec in zip(panels, figure.add_gridspec(count, 1), strict=True):
-            axes.set_subplotspec(spec)
+        grid = figure.add_gridspec(count, 1)
+        for row, axes in enumerate(panels):
+            axes.set_subplotspec(grid[row])
         height = count * (_LONG_PANEL / aspect + _PANEL_TITLE) + _PANEL_LEGEND
         figure.set_size_inches(_LONG_PANEL, height)
         return _LONG_PANEL

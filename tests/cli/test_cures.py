@@ -185,6 +185,8 @@ def plain_user() -> Iterator[None]:
         ("map", "-o", "{}/m/", "empty_room"),
         ("figures", "{}", "--only", "1"),
         ("serve", "empty_room", "--port", "0", "--record", "{}/bag"),
+        ("sweep", "{}/sweep.yaml", "-o", "/dev/null/out"),
+        ("replay", "{}/bag"),
     ],
 )
 @pytest.mark.usefixtures("empty_room")  # which compiles as the user of the cache
@@ -206,3 +208,5 @@ def test_missing_permission_has_one_wording(
     folder.chmod(0o755)
     assert run.code in (1, 2)
     assert "no permission" in run.text + run.err
+    if command[0] in ("sweep", "replay"):  # which read it
+        assert "cannot write" not in run.err

@@ -212,10 +212,15 @@ def find_file(folder: Path) -> Path:
     """
     # The file of a folder that was renamed has another name, and counts if it is alone.
     expected = folder / file_name(folder)
+    try:
+        is_there = expected.exists()
+    except OSError as error:
+        text = f"{folder}: {describe_os_error(error)}, expected a recording"
+        raise RecordingError(text) from error
     files = list(folder.glob("*.mcap"))
     if len(files) == 1:
         return files[0]
-    if expected.exists():
+    if is_there:
         return expected
     reason = "no recording in it" if folder.is_dir() else "no such recording"
     instead = "the folder of a recording, with one file *.mcap"

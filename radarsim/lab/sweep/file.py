@@ -188,13 +188,13 @@ def read_sweep(path_or_name: str) -> tuple[Path, SweepFile]:
         SweepError: If it is wrong; a line for each problem, with file and place.
     """
     path = Path(path_or_name)
-    if not path.is_file():
-        path = shipped_sweeps().get(path_or_name, path)
     known = sorted(shipped_sweeps())
     expected = f"expected a sweep file, whose 'map' names maps, or one of {known}"
-    if not path.is_file() and path_or_name.partition("@")[0] in shipped_maps():
-        raise SweepError(f"{path}: a map, {expected}")
     try:
+        if not path.is_file():
+            path = shipped_sweeps().get(path_or_name, path)
+        if not path.is_file() and path_or_name.partition("@")[0] in shipped_maps():
+            raise SweepError(f"{path}: a map, {expected}")
         file = read_yaml(path)
     except OSError as error:
         reason = describe_os_error(error) + did_you_mean(path_or_name, known)
