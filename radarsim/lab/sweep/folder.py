@@ -13,7 +13,7 @@ import json
 import math
 import re
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from itertools import islice
@@ -296,8 +296,10 @@ def draw_sweep(sweep: SweepFile, entry: FigureEntry, table: Path) -> Figure:
     axes = figure.subplots()
     axes.set_title(entry.title, loc="left", fontsize=12, fontweight="bold")
     colours = _line_colours([*points], entry)
-    places = {place for line in points.values() for place in line}
-    shown = str if any(isinstance(place, str) for place in places) else float
+    are_texts = any(
+        isinstance(place, str) for line in points.values() for place in line
+    )
+    shown: Callable[[Any], Any] = str if are_texts else float
     for number, (name, line) in enumerate(points.items()):
         colour = colours[name]
         places = sorted(line, key=shown)
