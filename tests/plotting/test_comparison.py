@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
@@ -64,11 +63,10 @@ def test_panels_leave_no_empty_bands(
     tall = sum(place.height for place in places) * inches[1] / columns
     assert wide > 0.95 * inches[0] or tall > 0.75 * inches[1]
     assert inches[1] - tall < 2.2
-    renderer = FigureCanvasAgg(figure).get_renderer()
-    legends = figure.legends[0].get_window_extent(renderer)
+    legends = figure.legends[0].get_window_extent()
     assert 0 <= legends.x0 < legends.x1 <= inches[0] * figure.dpi
     for axes in figure.axes:
-        title = axes.get_tightbbox(renderer)
+        title = axes.get_tightbbox()
         assert title is not None
         assert title.x1 <= inches[0] * figure.dpi
 
