@@ -49,7 +49,7 @@ class Terminal:
 
     def close(self) -> None:
         os.close(self.program)  # ends the reading thread
-        self._thread.join(5)
+        self._thread.join(240)
         os.close(self.user)
 
     def _read(self) -> None:
@@ -111,10 +111,13 @@ def test_keys_drive_the_robot_and_the_terminal_is_restored(
             terminal.type(UP)
             time.sleep(0.05)
         wait_until(lambda: vehicle.robot.pose.x > began + 0.1)
-        time.sleep(1.0)  # no key comes, for longer than any key holds
-        stopped = vehicle.robot.pose
-        time.sleep(0.2)
-        assert vehicle.robot.pose == stopped
+
+        def stands() -> bool:
+            pose = vehicle.robot.pose
+            time.sleep(0.2)
+            return vehicle.robot.pose == pose
+
+        wait_until(stands)  # since no key comes, for longer than any key holds
         terminal.type(b"q")
         assert process.wait(timeout=240) == 0
     assert terminal.attributes() == before

@@ -109,7 +109,7 @@ class Relay:
                     end.shutdown(socket.SHUT_RDWR)
                 end.close()
         for thread in self._threads:
-            thread.join(30)
+            thread.join(240)
 
 
 @pytest.fixture
@@ -436,7 +436,7 @@ def test_robot_is_stopped_when_the_server_fails(
     deadline = time.monotonic() + 240
     while middle.driven[-1][1] != Drive(0.0, 0.0) and time.monotonic() < deadline:
         time.sleep(0.01)
-    assert 0.3 < middle.stops[0] < 30.0
+    assert 0.3 < middle.stops[0] < 240.0
 
 
 @pytest.mark.slow
@@ -464,7 +464,7 @@ def test_signal_stops_the_robot_and_the_trace_is_written(
     assert out.startswith(b"interrupted by bug")
     assert b"Traceback" not in errors
     for thread in middle._threads:
-        thread.join(30)
+        thread.join(240)
     assert middle.driven[-1][1] == Drive(0.0, 0.0)
     rows = list(csv.DictReader(trace.read_text().splitlines()))
     assert len(rows) >= 10

@@ -26,7 +26,7 @@ from radarsim.protocol.reports import (
     RobotGeo,
 )
 
-DEADLINE = 30.0  # s of the wall clock, for a busy machine
+DEADLINE = 240.0  # s of the wall clock, for a busy machine
 Connect = Callable[..., Client]
 Serve = Callable[[Callable[[socket.socket], None]], int]
 GREETING = b"NFO {Gametype X} {Level DM-Odd} {TimeLimit 0}\r\n"
@@ -193,7 +193,7 @@ def test_endless_unknown_lines_do_not_prevent_the_timeout(
             peer.sendall(b"SEN {Type Victim}\r\n" * 10)
             time.sleep(0.001)
 
-    client = connect(serve(rave), timeout=1)
+    client = connect(serve(rave), timeout=3)
     began = time.monotonic()
     with pytest.raises(
         ClientTimeout, match=r"'SEN {Type Victim}'; .* of no known kind"

@@ -124,8 +124,10 @@ def test_threads_get_each_what_they_wait_for(usarsim_server: UsarsimServer) -> N
             return [client.wait_for(kind).time for _ in range(10)]
 
         series = [threads.submit(times, kind) for kind in (RangeScan, Odometry)]
-        for each in series:
-            assert np.diff(each.result()) == pytest.approx(0.1, abs=0.011)
+        for each in series:  # a busy machine drops some of them, and repeats none
+            periods = np.diff(each.result()) / 0.1
+            assert periods.min() > 0.8
+            assert periods == pytest.approx(np.round(periods), abs=0.11)
         waiting = threads.submit(times, RangeScan)
         for _ in range(20):
             assert isinstance(client.geometry("RangeScanner"), ItemGeo)

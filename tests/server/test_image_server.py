@@ -25,7 +25,7 @@ from radarsim.server.views import Tiles, View, tiles_of
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.simulation import Simulation
 
-DEADLINE = 30.0  # s of the wall clock, for what a busy machine does late
+DEADLINE = 240.0  # s of the wall clock, for what a busy machine does late
 
 
 class InlinePictures:

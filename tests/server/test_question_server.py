@@ -16,7 +16,7 @@ from radarsim.server.question_server import MAX_CLIENTS, QuestionServer
 from radarsim.server.questions import Answer, truth_answer, wireless_answer
 from radarsim.simulation.simulation import Simulation
 
-DEADLINE = 30.0  # s of the wall clock, for what a busy machine does late
+DEADLINE = 240.0  # s of the wall clock, for what a busy machine does late
 R1 = "{Name R1} {Class P3AT} {Time 0.03} {Location 1.0000,-2.0000,-0.1460} "
 R1 += "{Rotation 0.0000,0.0000,-0.5000}"
 R2 = "{Name R 2} {Class Talon} {Time 0.03} {Location -3.0000,0.0000,-0.1400} "

@@ -16,7 +16,7 @@ from radarsim.server import radio_links, radio_server
 from radarsim.server.radio_server import RadioServer
 from radarsim.simulation.simulation import Simulation
 
-DEADLINE = 30.0  # s of the wall clock, for what a busy machine does late
+DEADLINE = 240.0  # s of the wall clock, for what a busy machine does late
 FAR = Pose2(8, 0)  # behind eight walls
 
 

@@ -30,7 +30,6 @@ from radarsim.server.tcp_server import (
     Server,
     serve,
 )
-from radarsim.simulation.clock import TICK
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.simulation import Simulation
 
@@ -42,7 +41,7 @@ STARTS = (
 )
 INIT = b"INIT {ClassName USARBot.P3AT} {Start RobotStart1}\r\n"
 LONG_LINES = SimulationConfig(item_settings={"lms200": {"resolution_deg": 0.1}})
-DEADLINE = 30.0  # s of the wall clock, for what a busy machine does late
+DEADLINE = 240.0  # s of the wall clock, for what a busy machine does late
 TIME = re.compile(rb"SEN {Time ([0-9.]+)} {Type RangeScanner}")
 
 
@@ -374,41 +373,29 @@ async def test_diagnostics_of_commands_that_waited_are_logged(
     await running_server.wait_until(lambda: "verb 'FOO'" in caplog.text)
 
 
-async def test_robots_for_which_nobody_waits_any_more_delay_no_other(
+def test_robots_for_which_nobody_waits_any_more_delay_no_other(
     empty_room: Scene,
 ) -> None:
     host = Host(empty_room)
     model, crowded = load_robot("P3AT"), Pose2(5.0, 0.0, 0.0)
     while host.simulation.spawn("other", model, crowded):
         pass  # until no place is free there
-    bad_init = b"INIT {ClassName P3AT} {Location 5,0,0}\r\n"
 
-    async with serving(host, speed=1.0) as running_server:
+    def ticks_to_spawn() -> int:
+        number, ticks = host.connect(), 0
+        host.receive(number, INIT)
+        while b"STA " not in host.take(number):
+            host.step()
+            ticks += 1
+        host.disconnect(number)
+        return ticks
 
-        async def seconds_to_spawn() -> float:
-            start = host.simulation.time
-            peer = await running_server.peer()
-            await peer.send(INIT)
-            line = await peer.until(b"STA ")
-            peer.writer.close()
-            time = re.search(rb"{Time ([0-9.]+)}", line)
-            assert time
-            return float(time[1]) - start
-
-        def come_and_go() -> None:
-            for _ in range(1000):
-                with socket.create_connection(running_server.server.address) as sock:
-                    sock.recv(1000)
-                    sock.sendall(bad_init)
-
-        alone = await seconds_to_spawn()
-        coming = asyncio.get_running_loop().run_in_executor(None, come_and_go)
-        waits = []
-        while not coming.done():
-            waits.append(await seconds_to_spawn())
-        await coming
-        waits.append(await seconds_to_spawn())
-        assert max(waits) <= 2 * alone + TICK
+    alone = ticks_to_spawn()
+    for _ in range(1000):
+        number = host.connect()
+        host.receive(number, b"INIT {ClassName P3AT} {Location 5,0,0}\r\n")
+        host.disconnect(number)
+    assert ticks_to_spawn() <= 2 * alone + 1
 
 
 @pytest.mark.parametrize("broken", [False, True])

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from tests.dialogues import test_usarcommander as usarcommander
 
 LEGS = ((1, 0, 0), (1, 0, 1.5), (3, 4, 0.2))
-TIMEOUT = 5.0  # s
+TIMEOUT = 240.0  # s
 NOISELESS = {"sigma": 0, "position_bias": 0, "angle_bias": 0}
 CONDITIONS = SimulationConfig(item_settings={"InsTest": NOISELESS})
 
