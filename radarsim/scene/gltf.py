@@ -1,30 +1,33 @@
-"""Reduce glTF files to their triangles, and check their counts.
+"""Read the triangles of glTF files, and check their counts.
 
 A few hundred bytes of glTF can announce any number of values, share one buffer between
-thousands of meshes, or build a chain of nodes that takes minutes to follow. Before
-trimesh parses a file, everything that is not geometry is dropped, and what is left is
-counted as the scene graph uses it.
+thousands of meshes, or build a chain of nodes that takes minutes to follow. So what the
+scene graph uses is counted before it is read, and nothing else is read.
+
+Source: the specification of glTF 2.0, and of the extension KHR_mesh_quantization.
 """
 
 import base64
 import binascii
 import struct
-from typing import Annotated, Final, TypeAlias, TypeVar
+from collections.abc import Iterator
+from typing import Annotated, Any, Final, TypeAlias, TypeVar
 from urllib.parse import unquote
 
+import numpy as np
 from annotated_types import Ge, Le, Len, MaxLen
 from pydantic import BaseModel, ConfigDict, FailFast, Field, ValidationError
 from pydantic_core import ErrorDetails
 
+from radarsim.geometry import Floats
 from radarsim.scene.mesh_files import (
     MAX_SURFACES,
     MAX_TRIANGLES,
-    MeshBudget,
     MeshError,
     MeshFiles,
     expect_at_most,
 )
-from radarsim.validation import describe_invalid
+from radarsim.validation import describe_invalid, short_repr
 
 MAX_JSON_BYTES: Final = 16 * 1024 * 1024
 MAX_NODES: Final = 10_000
@@ -33,9 +36,14 @@ MAX_VERTICES: Final = 3 * MAX_TRIANGLES
 
 _HEADER = struct.Struct("<4sII")  # magic, version, length
 _CHUNK = struct.Struct("<I4s")  # length, type
-_COMPONENT_BYTES: Final = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
-_COMPONENTS: Final = {"SCALAR": 1, "VEC3": 3}
-_TRIANGLE_MODES: Final = (4, 5)  # separate triangles, and strips
+_INDEX_TYPES: Final = {5121: "u1", 5123: "<u2", 5125: "<u4"}
+_TYPES: Final = {5120: "i1", 5122: "<i2", 5126: "<f4", **_INDEX_TYPES}
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6  # modes of primitives; the others are lines, points
+# A file that requires others may show other triangles than are read here.
+_QUANTIZATION: Final = "KHR_mesh_quantization"
+_EXTENSIONS_OF_LOOKS: Final = (
+    *("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_"),
+)
 
 _Index: TypeAlias = Annotated[int, Ge(0)]
 # The first wrong value ends the validation: millions of errors would fill the memory.
@@ -72,10 +80,8 @@ class _Accessor(_Object):
     componentType: int  # noqa: N815
     count: _Index
     type: str
+    normalized: bool = False
     sparse: object = None
-
-
-_EMPTY: Final = _Accessor(componentType=5126, count=0, type="VEC3")
 
 
 class _Attributes(_Object):
@@ -90,12 +96,10 @@ class _Primitive(_Object):
 
 
 class _Mesh(_Object):
-    name: str | None = None
     primitives: Annotated[list[_Primitive], MaxLen(MAX_SURFACES), FailFast()]
 
 
 class _Node(_Object):
-    name: str | None = None
     mesh: _Index | None = None
     children: Annotated[list[_Index], MaxLen(MAX_NODES), FailFast()] = []
     matrix: Annotated[_Numbers, Len(16, 16)] = []
@@ -113,9 +117,12 @@ class _Material(_Object):
 
 
 class _Tree(_Object):
-    """The part of a glTF file's JSON that trimesh gets."""
+    """The part of a glTF file's JSON that is read."""
 
     asset: _Asset = _Asset()
+    extensions_required: Annotated[
+        list[str], FailFast(), Field(alias="extensionsRequired")
+    ] = []
     scene: _Index = 0
     scenes: Annotated[list[_Roots], MaxLen(MAX_NODES), FailFast()] = []
     nodes: Annotated[list[_Node], MaxLen(MAX_NODES), FailFast()] = []
@@ -131,35 +138,181 @@ class _Tree(_Object):
     buffers: Annotated[list[_Buffer], MaxLen(MAX_NODES), FailFast()] = []
 
 
-def reduce_gltf(content: bytes, suffix: str, files: MeshFiles) -> bytes:
-    """Reduce a glTF file to its triangles, nodes and the names of its materials.
+class GltfFile:
+    """A file that has been parsed, whose triangles can be read."""
 
-    Args:
-        content: The file.
-        suffix: ``.glb`` or ``.gltf``.
-        files: Where buffers beside the file are read, and all are added by number.
+    def __init__(self, content: bytes, suffix: str, files: MeshFiles) -> None:
+        """Parse the JSON of a file.
 
-    Returns:
-        The JSON of a glTF file that refers to these buffers.
+        Args:
+            content: The file.
+            suffix: ``.glb`` or ``.gltf``.
+            files: Reads buffers beside the file, and counts triangles.
 
-    Raises:
-        MeshError: If it is broken, or too large in any way.
-        OSError: If a buffer cannot be read.
-    """
-    # trimesh gets JSON with virtual buffers also for a GLB file: one form to check
-    text, binary = split_glb(content) if suffix == ".glb" else (content, None)
-    # Before it is parsed: objects in memory take many times what their text does.
-    expect_at_most(len(text), MAX_JSON_BYTES, "bytes of JSON")
-    try:
-        tree = _Tree.model_validate_json(text)
-    except ValidationError as error:
-        raise MeshError(_describe(error.errors(include_url=False)[0])) from error
-    if tree.asset.version.partition(".")[0] != "2":
-        raise MeshError(f"glTF {tree.asset.version[:20]}, expected glTF 2")
-    _keep_triangles(tree)
-    _check_instances(tree, files.budget)
-    _add_buffers(tree, binary, files)
-    return tree.model_dump_json(exclude_defaults=True, by_alias=True).encode()
+        Raises:
+            MeshError: If it is broken or too large, or requires an unknown extension.
+        """
+        text, self._binary = split_glb(content) if suffix == ".glb" else (content, None)
+        # Before it is parsed: objects in memory take many times what their text does.
+        expect_at_most(len(text), MAX_JSON_BYTES, "bytes of JSON")
+        try:
+            self._tree = _Tree.model_validate_json(text)
+        except ValidationError as error:
+            raise MeshError(_describe(error.errors(include_url=False)[0])) from error
+        version = self._tree.asset.version
+        if version.partition(".")[0] != "2":
+            raise MeshError(f"glTF {version[:20]}, expected glTF 2")
+        for name in self._tree.extensions_required:
+            if name != _QUANTIZATION and not name.startswith(_EXTENSIONS_OF_LOOKS):
+                text = f"requires the extension {short_repr(name)}"
+                raise MeshError(f"{text}, expected none but {_QUANTIZATION}")
+        self._files = files
+        self._buffers: dict[int, bytes | memoryview] = {}
+
+    def surfaces(self) -> Iterator[tuple[str | None, Any, Any, Floats]]:
+        """Yield material, vertices, faces and matrix of what the scene shows.
+
+        Raises:
+            MeshError: If it is broken, or too large in any way.
+            OSError: If a buffer cannot be read.
+        """
+        count = vertices = 0
+        for node, matrix in self._nodes():
+            if node.mesh is None:
+                continue
+            for primitive in _item(self._tree.meshes, node.mesh, "mesh").primitives:
+                if primitive.mode not in (_TRIANGLES, _STRIP, _FAN):
+                    continue
+                expect_at_most(count := count + 1, MAX_SURFACES, "surfaces")
+                positions = self._accessor(primitive.attributes.POSITION, "VEC3")
+                corners = positions.count
+                expect_at_most(vertices := vertices + corners, MAX_VERTICES, "vertices")
+                if primitive.indices is not None:
+                    corners = self._accessor(primitive.indices, "SCALAR").count
+                separate = primitive.mode == _TRIANGLES
+                triangles = corners // 3 if separate else max(0, corners - 2)
+                self._files.budget.take(triangles, "triangles")
+                yield (*self._read(primitive), matrix)
+
+    def _nodes(self) -> Iterator[tuple[_Node, Floats]]:
+        """Yield the nodes of the scene, which have to form trees, and their matrices.
+
+        The last child comes first.
+        """
+        tree = self._tree
+        roots = _item(tree.scenes, tree.scene, "scene").nodes if tree.scenes else []
+        seen: set[int] = set()
+        left: list[tuple[int, int, Floats]] = []
+
+        def add(indices: list[int], level: int, matrix: Floats) -> None:
+            expect_at_most(level, MAX_LEVELS, "levels of nodes")
+            for index in indices:
+                if index in seen:  # a loop, or a diamond that doubles at each level
+                    raise MeshError(
+                        f"node {index} is in the scene twice, expected once"
+                    )
+                seen.add(index)
+                left.append((index, level, matrix))
+
+        add(roots, 1, np.eye(4))
+        while left:
+            index, level, outer = left.pop()
+            node = _item(tree.nodes, index, "node")
+            matrix = outer @ _matrix(node)
+            if node.children:
+                add(node.children, level + 1, matrix)
+            yield node, matrix
+
+    def _accessor(self, index: int, kind: str) -> _Accessor:
+        """Return an accessor that has all its values in a buffer view."""
+        accessor = _item(self._tree.accessors, index, "accessor")
+        name = f"accessor {index}"
+        if accessor.bufferView is None or accessor.sparse is not None:
+            raise MeshError(f"{name} is sparse or compressed, expected plain values")
+        types = _TYPES if kind == "VEC3" else _INDEX_TYPES
+        if accessor.type != kind or accessor.componentType not in types:
+            given = f"{accessor.type[:20]} of {accessor.componentType}"
+            raise MeshError(f"{name} is {given}, expected {kind} of {list(types)}")
+        if accessor.count == 0:
+            raise MeshError(f"{name} is empty, expected values")
+        return accessor
+
+    def _read(self, primitive: _Primitive) -> tuple[str | None, Any, Any]:
+        """Return the material, the vertices and the faces of a primitive."""
+        positions = primitive.attributes.POSITION
+        vertices = self._values(positions, 3).astype(np.float64)
+        accessor = self._tree.accessors[positions]
+        kind = np.dtype(_TYPES[accessor.componentType])
+        if accessor.normalized and kind.kind != "f":
+            vertices = np.maximum(vertices / np.iinfo(kind).max, -1.0)
+        if primitive.indices is None:
+            corners = np.arange(len(vertices))
+        else:
+            corners = self._values(primitive.indices, 1)[:, 0].astype(np.int64)
+        name = None
+        if primitive.material is not None:
+            name = _item(self._tree.materials, primitive.material, "material").name
+        return name, vertices, _faces(corners, primitive.mode)
+
+    def _values(self, index: int, width: int) -> Any:
+        """Return a view of the values of an accessor, (N, width)."""
+        accessor = self._tree.accessors[index]
+        view = _item(self._tree.buffer_views, accessor.bufferView or 0, "buffer view")
+        kind = np.dtype(_TYPES[accessor.componentType])
+        size = width * kind.itemsize
+        stride = view.byteStride or size
+        end = accessor.byteOffset + (accessor.count - 1) * stride + size
+        expect_at_most(end, view.byteLength, f"bytes of accessor {index}")
+        if view.buffer not in self._buffers:
+            self._buffers[view.buffer] = self._buffer(view.buffer)
+        content = self._buffers[view.buffer]
+        end = view.byteOffset + view.byteLength
+        expect_at_most(end, len(content), f"bytes of buffer {view.buffer}")
+        start = view.byteOffset + accessor.byteOffset
+        shape, strides = (accessor.count, width), (stride, kind.itemsize)
+        return np.ndarray(shape, kind, content, start, strides)
+
+    def _buffer(self, index: int) -> bytes | memoryview:
+        """Return the bytes of a buffer: of the GLB file, in the JSON, or of a file."""
+        uri = _item(self._tree.buffers, index, "buffer").uri
+        if uri is None:
+            if self._binary is None:
+                raise MeshError("a buffer has no uri, expected one")
+            return self._binary
+        head, separator, data = uri.partition("base64,")
+        if not separator:
+            return self._files.read(self._files.find(unquote(head)))
+        try:
+            return base64.b64decode(data)
+        except binascii.Error as error:
+            raise MeshError(f"a buffer in base64: {error}, expected base64") from error
+
+
+def _matrix(node: _Node) -> Floats:
+    """Return the matrix of a node, (4, 4), to the frame of its parent."""
+    from trimesh import transformations  # noqa: PLC0415 - slow, see `meshes`
+
+    matrix = np.reshape(node.matrix, (4, 4)).T if node.matrix else np.eye(4)
+    if node.translation:
+        matrix = matrix @ transformations.translation_matrix(node.translation)
+    if node.rotation:
+        x, y, z, w = node.rotation
+        matrix = matrix @ transformations.quaternion_matrix([w, x, y, z])
+    if node.scale:
+        matrix = matrix @ np.diag([*node.scale, 1.0])
+    return matrix
+
+
+def _faces(corners: Any, mode: int) -> Any:
+    """Return the triangles, (F, 3), that corners form in a mode."""
+    if mode == _TRIANGLES:
+        return corners.reshape(-1, 3)
+    if mode == _FAN:
+        first = np.full(max(0, len(corners) - 2), corners[0])
+        return np.column_stack([corners[1:-1], corners[2:], first])
+    faces = np.column_stack([corners[:-2], corners[1:-1], corners[2:]])
+    faces[1::2] = faces[1::2, ::-1].copy()  # so that all face the same side
+    return faces
 
 
 def _describe(details: ErrorDetails) -> str:
@@ -191,125 +344,6 @@ def split_glb(content: bytes) -> tuple[bytes, memoryview | None]:
     if b"JSON" not in chunks:
         raise MeshError("no JSON chunk, expected one")
     return bytes(chunks[b"JSON"]), chunks.get(b"BIN\0")
-
-
-def _keep_triangles(tree: _Tree) -> None:
-    """Drop primitives of points and lines, and meshes that the scene does not show."""
-    shown = set()
-    for node in _scene_nodes(tree):
-        if node.mesh is not None:
-            mesh = _item(tree.meshes, node.mesh, "mesh")
-            shown.add(node.mesh)
-            mesh.primitives = [p for p in mesh.primitives if p.mode in _TRIANGLE_MODES]
-            node.mesh = node.mesh if mesh.primitives else None
-    for index, mesh in enumerate(tree.meshes):
-        if index not in shown:
-            mesh.primitives = []  # trimesh would parse what nobody shows
-
-
-def _scene_nodes(tree: _Tree) -> list[_Node]:
-    """Return the nodes of the scene, which have to form trees."""
-    scenes = tree.scenes
-    level = _item(scenes, tree.scene, "scene").nodes if scenes else []
-    found: dict[int, _Node] = {}
-    depth = 0
-    while level:
-        expect_at_most(depth := depth + 1, MAX_LEVELS, "levels of nodes")
-        below: list[int] = []
-        for index in level:
-            if index in found:  # a loop, or a diamond that doubles at each level
-                raise MeshError(f"node {index} is in the scene twice, expected once")
-            found[index] = _item(tree.nodes, index, "node")
-            below += found[index].children
-        level = below
-    return list(found.values())
-
-
-def _check_instances(tree: _Tree, budget: MeshBudget) -> None:
-    """Count what the scene shows, with every use of a mesh."""
-    surfaces = vertices = triangles = 0
-    for node in _scene_nodes(tree):
-        primitives = [] if node.mesh is None else tree.meshes[node.mesh].primitives
-        expect_at_most(surfaces := surfaces + len(primitives), MAX_SURFACES, "surfaces")
-        for primitive in primitives:
-            corners = _accessor(tree, primitive.attributes.POSITION, "VEC3").count
-            vertices += corners
-            if primitive.indices is not None:
-                corners = _accessor(tree, primitive.indices, "SCALAR").count
-            # A strip of n corners has n - 2 triangles; n is near enough for a limit.
-            triangles += corners // 3 if primitive.mode == 4 else corners
-    expect_at_most(vertices, MAX_VERTICES, "vertices")
-    budget.take(triangles, "triangles")
-
-
-def _accessor(tree: _Tree, index: int, kind: str) -> _Accessor:
-    """Return an accessor that has all its values in a buffer view."""
-    accessor = _item(tree.accessors, index, "accessor")
-    name = f"accessor {index}"
-    if accessor.bufferView is None or accessor.sparse is not None:
-        raise MeshError(f"{name} is sparse or compressed, expected plain values")
-    if accessor.type != kind or accessor.componentType not in _COMPONENT_BYTES:
-        given = f"{accessor.type[:20]} of {accessor.componentType}"
-        raise MeshError(f"{name} is {given}, expected {kind} of a known type")
-    if accessor.count == 0:
-        raise MeshError(f"{name} is empty, expected values")
-    view = _item(tree.buffer_views, accessor.bufferView, "buffer view")
-    item = _COMPONENTS[kind] * _COMPONENT_BYTES[accessor.componentType]
-    stride = view.byteStride or item
-    end = accessor.byteOffset + (accessor.count - 1) * stride + item
-    expect_at_most(end, view.byteLength, f"bytes of {name}")
-    return accessor
-
-
-def _add_buffers(tree: _Tree, binary: memoryview | None, files: MeshFiles) -> None:
-    """Add the buffers that are used as virtual files; empty the others, and views.
-
-    All values of accessors that are not used are dropped as well.
-    """
-    # Only what triangles need: normals and textures can be most of a file.
-    accessors = {
-        number
-        for mesh in tree.meshes
-        for primitive in mesh.primitives
-        for number in (primitive.attributes.POSITION, primitive.indices)
-    }
-    tree.accessors = [
-        # Replaced and not removed: others refer to accessors by their numbers.
-        accessor if number in accessors else _EMPTY
-        for number, accessor in enumerate(tree.accessors)
-    ]
-    views = {accessor.bufferView for accessor in tree.accessors}
-    sizes: dict[int, int] = {}
-    for number, view in enumerate(tree.buffer_views):
-        if number not in views:
-            view.byteOffset = view.byteLength = view.buffer = 0
-        _item(tree.buffers, view.buffer, "buffer")
-        end = view.byteOffset + view.byteLength
-        sizes[view.buffer] = max(end, sizes.get(view.buffer, 0))
-    for number, buffer in enumerate(tree.buffers):
-        size = sizes.get(number, 0)
-        content = _buffer(buffer, binary, files) if size else b""
-        expect_at_most(size, len(content), f"bytes of buffer {number}")
-        # trimesh sees numbers only: no name of the file's choice reaches the disk
-        buffer.uri = str(number)
-        files.add(buffer.uri, memoryview(content))
-
-
-def _buffer(
-    buffer: _Buffer, binary: memoryview | None, files: MeshFiles
-) -> bytes | memoryview:
-    """Return the bytes of a buffer: of the GLB file, in the JSON, or of a file."""
-    if buffer.uri is None:
-        if binary is None:
-            raise MeshError("a buffer has no uri, expected one")
-        return binary
-    head, separator, data = buffer.uri.partition("base64,")
-    if not separator:
-        return files.read(files.find(unquote(head)))
-    try:
-        return base64.b64decode(data)
-    except binascii.Error as error:
-        raise MeshError(f"a buffer in base64: {error}, expected base64") from error
 
 
 def _item(items: list[_AnyObject], index: int, name: str) -> _AnyObject:

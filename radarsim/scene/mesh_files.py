@@ -58,15 +58,11 @@ class MeshBudget:
 
 
 class MeshFiles:
-    """Reads a mesh file, and on its behalf the files that it refers to.
-
-    It is the resolver that trimesh asks for these; virtual ones are added by name.
+    """Reads a mesh file, and the files that it refers to.
 
     Attributes:
         budget: What these files may contain, with all others of the map.
     """
-
-    file_name = None  # trimesh asks for it
 
     def __init__(self, start: Path, folder: Path, budget: MeshBudget) -> None:
         """Start with nothing read.
@@ -79,7 +75,6 @@ class MeshFiles:
         self.budget = budget
         self._start = start
         self._folder = folder
-        self._virtual: dict[str, bytes | memoryview] = {}
 
     def read(self, path: Path) -> bytes:
         """Return the bytes of a file.
@@ -94,10 +89,6 @@ class MeshFiles:
         with path.open("rb") as file:
             return file.read(size)
 
-    def add(self, name: str, content: bytes | memoryview) -> None:
-        """Add a virtual file."""
-        self._virtual[name] = content
-
     def find(self, reference: str) -> Path:
         """Return the path of a file that the mesh file refers to.
 
@@ -108,14 +99,6 @@ class MeshFiles:
             return find_inside(self._folder, self._start, reference)
         except MeshError as error:
             raise MeshError(f"refers to {error}") from error
-
-    def get(self, name: str) -> bytes | memoryview:
-        """Return a virtual file; nothing else is read for trimesh."""
-        if name not in self._virtual:
-            raise FileNotFoundError(name)
-        return self._virtual[name]
-
-    __getitem__ = get
 
 
 def find_inside(folder: Path, start: Path, reference: str) -> Path:
@@ -166,8 +149,8 @@ def expect_at_most(count: int, most: int, what: str) -> None:
         raise MeshError(f"{count} {what}, expected at most {most}")
 
 
-def check_stl(content: bytes, budget: MeshBudget) -> None:
-    """Check an STL file.
+def check_stl(content: bytes, budget: MeshBudget) -> bytes:
+    """Check an STL file; return it, as ASCII if it is text.
 
     Raises:
         MeshError: If it has too many triangles or solids, or its header counts another
@@ -182,9 +165,12 @@ def check_stl(content: bytes, budget: MeshBudget) -> None:
         budget.take(len(content), "bytes of text")
         budget.take(content.count(b"endfacet"), "triangles")
         expect_at_most(content.count(b"endsolid"), MAX_SURFACES, "solids")
+        # Names of solids may be in any encoding, and are not used.
+        return content.decode("ascii", "replace").encode("ascii", "replace")
     elif len(content) > _STL_HEADER:
         expected = f"expected a file of {size} bytes, not of {len(content)}"
         raise MeshError(f"{count} triangles in the header, {expected}")
+    return content
 
 
 def check_ply(content: bytes, budget: MeshBudget) -> None:

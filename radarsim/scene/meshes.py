@@ -1,11 +1,11 @@
 """Read triangles and material names from mesh files.
 
-trimesh parses all formats but OBJ; it is imported at the first file, because the import
-takes longer than everything else that loading a map of primitives does. It gets bytes
-and never a path, and only files whose counts have been checked: files that a mesh file
-refers to are read on its behalf, and only from inside of the map's folder. These are
-the buffers of a glTF file: textures do not matter here, and of an OBJ file's material
-library only the names do, which the OBJ file itself contains.
+trimesh parses STL and PLY; it is imported at the first file, because the import takes
+longer than everything else that loading a map of primitives does. It gets bytes and
+never a path, and only files whose counts have been checked. Files that a mesh file
+refers to are read only from inside of the map's folder. These are the buffers of a glTF
+file: textures do not matter here, and of an OBJ file's material library only the names
+do, which the OBJ file itself contains.
 """
 
 import io
@@ -17,7 +17,7 @@ import numpy as np
 
 from radarsim.geometry import Floats
 from radarsim.scene.face_passes import connect_faces, weld_vertices
-from radarsim.scene.gltf import reduce_gltf
+from radarsim.scene.gltf import GltfFile
 from radarsim.scene.mesh_files import (
     MeshBudget,
     MeshError,
@@ -144,29 +144,28 @@ def _read(content: bytes, suffix: str, files: MeshFiles) -> list[Surface]:
     """Read the surfaces in the content of a file."""
     if suffix == ".obj":
         return read_obj(content, files.budget)
-    options: dict[str, Any] = {}
+    if suffix in (".glb", ".gltf"):
+        with np.errstate(all="ignore"):  # what is not finite is refused
+            file = GltfFile(content, suffix, files)
+            found = [_surface(*each) for each in file.surfaces()]
+        return [surface for surface in found if surface is not None]
     # Parsers allocate what a header counts, and spend seconds on each of many small
     # pieces, so a file of a few hundred bytes is counted before they get it.
-    if suffix in (".glb", ".gltf"):
-        content, suffix = reduce_gltf(content, suffix, files), ".gltf"
-    elif suffix == ".ply":
+    if suffix == ".ply":
         check_ply(content, files.budget)
-        options["skip_materials"] = True
     else:
-        check_stl(content, files.budget)
+        content = check_stl(content, files.budget)
     import trimesh  # noqa: PLC0415 - slow, see above
 
-    resolver: Any = files
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         scene = trimesh.load_scene(
             io.BytesIO(content),
             file_type=suffix[1:],
-            resolver=resolver,
             process=False,
-            **options,
+            skip_materials=True,
         )
-    surfaces = (_surface(scene, node) for node in scene.graph.nodes_geometry)
+    surfaces = (_node_surface(scene, node) for node in scene.graph.nodes_geometry)
     return [surface for surface in surfaces if surface is not None]
 
 
@@ -183,17 +182,21 @@ def _reason(error: BaseException) -> str:
     return (text.splitlines() or [type(error).__name__])[0][:120]
 
 
-def _surface(scene: Any, node: str) -> Surface | None:
-    """Return a node's triangles; None for points and lines."""
+def _node_surface(scene: Any, node: str) -> Surface | None:
     matrix, name = scene.graph[node]
     geometry = scene.geometry[name]
-    faces = np.asarray(getattr(geometry, "faces", ())).reshape(-1, 3)
+    faces = np.asarray(getattr(geometry, "faces", ()))
+    return _surface(None, np.asarray(geometry.vertices, np.float64), faces, matrix)
+
+
+def _surface(
+    material: str | None, vertices: Floats, faces: Any, matrix: Any
+) -> Surface | None:
+    """Return placed triangles; None for points and lines."""
+    faces = faces.reshape(-1, 3)
     if not len(faces):
         return None
     matrix = np.array(matrix, dtype=np.float64)
-    vertices = np.asarray(geometry.vertices, dtype=np.float64)
-    if vertices.ndim != 2 or vertices.shape[1] != 3:  # an OBJ with short lines
-        raise ValueError("a vertex does not have three coordinates")
     if not np.array_equal(matrix, np.eye(4)):
         vertices = vertices @ matrix[:3, :3].T + matrix[:3, 3]
     if not 0 <= faces.min() <= faces.max() < len(vertices):
@@ -202,5 +205,4 @@ def _surface(scene: Any, node: str) -> Surface | None:
         raise ValueError("a vertex is not finite")
     if np.linalg.det(matrix[:3, :3]) < 0:  # mirroring inverts the orientation
         faces = faces[:, ::-1]
-    material = getattr(getattr(geometry.visual, "material", None), "name", None)
     return Surface(material or None, vertices, faces.astype(np.int32))
