@@ -5,6 +5,7 @@ become gigabytes, or the content of other files.
 """
 
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +15,7 @@ from xml.parsers import expat
 from radarsim.errors import ForeignFileError, describe_os_error
 from radarsim.validation import short_repr
 
+_DECLARED: Final = re.compile(rb"""<\?xml[^>]*?encoding\s*=\s*["']([\w.-]+)""")
 MAX_TEXT_BYTES: Final = 16 * 2**20
 MAX_DEPTH: Final = 100
 MAX_ELEMENTS: Final = 500_000
@@ -70,6 +72,7 @@ class XmlElement:
     Attributes:
         tag: Its name.
         attributes: Its attributes.
+        path: The file that has it.
         line: Where it begins.
         text: All text directly in it.
         children: The elements directly in it.
@@ -77,6 +80,7 @@ class XmlElement:
 
     tag: str
     attributes: dict[str, str]
+    path: Path
     line: int
     text: str = ""
     children: list["XmlElement"] = field(default_factory=list)
@@ -93,6 +97,10 @@ class XmlElement:
         """Return the text of the first element of a name; empty if there is none."""
         found = self.first(tag)
         return found.text.strip() if found else ""
+
+    def size(self) -> int:
+        """Return the number of elements in it, itself included."""
+        return 1 + sum(child.size() for child in self.children)
 
     @property
     def name(self) -> str:
@@ -113,18 +121,22 @@ def is_xml(path: Path) -> bool:
 def read_xml(path: Path) -> XmlElement:
     """Read a file, and return its outermost element.
 
+    Text that is not in the encoding that the file declares, UTF-8 by default, is taken
+    for Latin-1.
+
     Raises:
         ForeignFileError: If it cannot be read, is no XML, declares a document type, or
             is too large.
     """
-    parser = expat.ParserCreate()
+    content = read_bytes(path)
+    parser = expat.ParserCreate(_encoding(content))
     root: XmlElement | None = None
     open_: list[XmlElement] = []
     count = 0
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal root, count
-        element = XmlElement(tag, attributes, parser.CurrentLineNumber)
+        element = XmlElement(tag, attributes, path, parser.CurrentLineNumber)
         count += 1
         if len(open_) >= MAX_DEPTH or count > MAX_ELEMENTS:
             text = f"more than {MAX_DEPTH} levels or {MAX_ELEMENTS} elements"
@@ -152,7 +164,7 @@ def read_xml(path: Path) -> XmlElement:
     # Else expat calls for each line of a text, which is added to slowly.
     parser.buffer_text = True
     try:
-        parser.Parse(read_bytes(path), True)
+        parser.Parse(content, True)
     except expat.ExpatError as error:
         reason = expat.errors.messages[error.code]
         raise wrong(path, error.lineno, f"no XML: {reason}") from error
@@ -161,3 +173,16 @@ def read_xml(path: Path) -> XmlElement:
     if root is None:
         raise ForeignFileError(f"{path}:1: no XML")
     return root
+
+
+def _encoding(content: bytes) -> str | None:
+    """Return the encoding of a file that is in another one than it says, or None."""
+    declared = _DECLARED.match(content)
+    is_utf_8 = declared is None or declared[1].lower() == b"utf-8"
+    if content.startswith((b"\xff\xfe", b"\xfe\xff", b"<\0")) or not is_utf_8:
+        return None
+    try:
+        content.decode()
+    except UnicodeDecodeError:
+        return "iso-8859-1"
+    return None

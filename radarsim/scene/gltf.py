@@ -164,8 +164,8 @@ class GltfFile:
             raise MeshError(f"glTF {version[:20]}, expected glTF 2")
         for name in self._tree.extensions_required:
             if name != _QUANTIZATION and not name.startswith(_EXTENSIONS_OF_LOOKS):
-                text = f"requires the extension {short_repr(name)}"
-                raise MeshError(f"{text}, expected none but {_QUANTIZATION}")
+                needed = f"requires the extension {short_repr(name)}"
+                raise MeshError(f"{needed}, expected none but {_QUANTIZATION}")
         self._files = files
         self._buffers: dict[int, bytes | memoryview] = {}
 
@@ -290,8 +290,9 @@ class GltfFile:
 
 def _matrix(node: _Node) -> Floats:
     """Return the matrix of a node, (4, 4), to the frame of its parent."""
-    from trimesh import transformations  # noqa: PLC0415 - slow, see `meshes`
+    import trimesh  # noqa: PLC0415 - slow, see `meshes`
 
+    transformations: Any = trimesh.transformations
     matrix = np.reshape(node.matrix, (4, 4)).T if node.matrix else np.eye(4)
     if node.translation:
         matrix = matrix @ transformations.translation_matrix(node.translation)

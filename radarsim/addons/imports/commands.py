@@ -59,7 +59,10 @@ class ImportOptions:
             the first that fits counts.
         default_material: Material of all else.
         wall_height: Height of the walls of plans.
-        model_path: Folder with models or files that worlds include; repeat it.
+        model_path: Folder with models or files that worlds include, or pictures of
+            plans; repeat it.
+        visuals: Import what lidars on the GPU see in Gazebo, the visuals of models,
+            in place of their collisions.
     """
 
     start: _Start | None = None
@@ -67,6 +70,7 @@ class ImportOptions:
     default_material: Annotated[str, RARE] = "concrete"
     wall_height: Annotated[float, Gt(0), Unit("m"), RARE] = 2.0
     model_path: Annotated[tuple[Path, ...], Option(metavar="DIR", is_rare=True)] = ()
+    visuals: bool = False
 
 
 def import_(

@@ -20,6 +20,7 @@ from radarsim.yaml_reader import parse_yaml
 
 MAX_SHOWN: Final = 8  # names in a warning
 LEVEL: Final = 1e-7  # rad; less is taken for upright
+LOW: Final = 0.05  # m; what begins higher is no floor
 LONGEST_LINE: Final = 2**30  # characters: an object is on one line
 _DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
@@ -34,6 +35,8 @@ class ImportedMap:
         defaulted: Names of what got the default material, in their order.
         meshes: Content of the mesh files that are written with the map, by name.
         models: Number of models in the file, those that are left out with them.
+        others: What else is left out: its name, and how often.
+        has_floor: Whether something is below the start, after `to_text`.
         start: x, y, z, m, and yaw, degrees, of the start.
     """
 
@@ -50,6 +53,8 @@ class ImportedMap:
         self.defaulted: list[str] = []
         self.meshes: dict[str, bytes] = {}
         self.models = 0
+        self.others: Counter[str] = Counter()
+        self.has_floor = True
         self.start = (0.0, 0.0, 0.0, 0.0)
         if options.start is not None:
             self.start = (*options.start[:2], 0.0, options.start[2])
@@ -74,6 +79,8 @@ class ImportedMap:
         self.models += 1
         if len(reasons) > added:
             self._left_out[Counter(reasons).most_common(1)[0][0]] += 1
+        elif reasons:
+            self.others["shape"] += len(reasons)
 
     @property
     def count(self) -> int:
@@ -86,13 +93,15 @@ class ImportedMap:
         return 2 * self._left_out.total() > self.models
 
     def summary(self) -> str:
-        """Return how many models are left out, and why."""
+        """Return how many models are left out, and why, and what else is."""
         told = f"{self._left_out.total()} of {self.models} models left out"
         reasons = self._left_out.most_common()
         shown = [f"{count} {reason}" for reason, count in reasons[:MAX_SHOWN]]
         if more := sum(count for _, count in reasons[MAX_SHOWN:]):
             shown.append(f"{more} for other reasons")
-        return told + (": " + ", ".join(shown)) * bool(shown)
+        told += (": " + ", ".join(shown)) * bool(shown)
+        others = (f"{n} {each}{'s' * (n > 1)}" for each, n in self.others.items())
+        return told + f"; also {', '.join(others)}" * bool(self.others)
 
     def material_of(self, name: str, known: str | None = None) -> str:
         """Choose the material of what has a name: a pattern's counts first.
@@ -112,7 +121,7 @@ class ImportedMap:
         return known or self.options.default_material
 
     def warnings(self) -> list[str]:
-        """Return which patterns fit nothing, and what got the default material."""
+        """Return which patterns fit nothing, and what else may be unexpected."""
         lines = [f"--material {each!r} fits nothing" for each in self._unused]
         names = list(dict.fromkeys(self.defaulted))
         if names:
@@ -120,6 +129,9 @@ class ImportedMap:
             more = len(names) - MAX_SHOWN
             shown += f" and {more} more" * (more > 0)
             lines.append(f"{self.options.default_material} by default: {shown}")
+        if not self.has_floor:
+            text = "robots drive at z = 0, and rays that point down meet nothing"
+            lines.append(f"no floor below the start: {text}")
         return lines
 
     def add(
@@ -185,7 +197,7 @@ class ImportedMap:
         text = "".join(lines)
         # What is written has to be a map: names and sizes of other programs may not be.
         loader = MapLoader(parse_yaml(file, text))
-        loader.load()
+        scene = loader.load()
         try:
             loader.problems.raise_all()
         except MapError as error:
@@ -193,6 +205,11 @@ class ImportedMap:
             reason = first.partition(": ")[2]
             told = f"{self._source}: does not become a map: {reason}"
             raise ForeignFileError(told) from error
+        x, y, z = position
+        self.has_floor = any(
+            low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] < z + LOW
+            for low, high in (part.bounds for part in scene.parts)
+        )
         return text
 
     def _unique(self, name: str) -> str:

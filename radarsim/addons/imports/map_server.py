@@ -3,7 +3,7 @@
 Source: the documentation of nav2_map_server.
 """
 
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Annotated, Literal
 
 import numpy as np
@@ -19,9 +19,11 @@ from radarsim.addons.imports.plan_picture import (
     place_start,
     read_picture,
 )
-from radarsim.addons.imports.source_file import find_beside
+from radarsim.addons.imports.source_file import find_in
 from radarsim.errors import ForeignFileError, describe_os_error
 from radarsim.geometry import Floats, Pose3
+from radarsim.validation import short_repr
+from radarsim.xml_reader import wrong
 from radarsim.yaml_reader import YamlFile, read_yaml
 
 KNOWN = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
@@ -63,7 +65,16 @@ def import_map_server(path: Path, options: ImportOptions) -> ImportedMap:
     """
     file, keys = _read(path)
     line = int(file.place(["image"]).rsplit(":", 2)[1])
-    brightness, is_opaque = read_picture(find_beside(path, line, keys.image))
+    folders = (path.parent, *options.model_path)
+    picture = find_in(folders, keys.image)
+    if picture is None:  # paths of the machine that wrote the map
+        picture = find_in(options.model_path, PurePath(keys.image).name)
+    if picture is None:
+        looked = ", ".join(repr(str(each)) for each in folders)
+        cure = "expected it there, or its folder as --model-path"
+        text = f"no picture {short_repr(keys.image)} below {looked}, {cure}"
+        raise wrong(path, line, text)
+    brightness, is_opaque = read_picture(picture)
     probability: Floats
     if keys.mode == "raw":  # percent; more, as 255, is unknown
         is_opaque = is_opaque & (brightness <= 100)

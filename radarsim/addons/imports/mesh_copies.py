@@ -60,9 +60,26 @@ class MeshCopies:
         key = (file, own, part, centred)
         if key not in self._made:
             try:
-                self._made[key] = self._copy(file, own, part, centred=centred)
+                meshes = self._placed(file, own, part, centred=centred)
+                self._made[key] = self._write(file.stem, meshes)
             except MeshError as error:
                 self._made[key] = error
+        shape = self._shape(key)
+        return shape if uniform == 1 else {**shape, "scale": uniform}
+
+    def add_mesh(self, name: str, mesh: Mesh) -> dict[str, object]:
+        """Return the keys of a map file for a mesh that no file has.
+
+        Raises:
+            MeshError: If no map can have it.
+        """
+        key = (name, *(array.tobytes() for array in mesh))
+        if key not in self._made:
+            self._made[key] = self._write(name, [mesh])
+        return self._shape(key)
+
+    def _shape(self, key: tuple[object, ...]) -> dict[str, object]:
+        """Return the keys of one more object with a mesh that has been made."""
         made = self._made[key]
         if isinstance(made, MeshError):
             raise made
@@ -70,13 +87,12 @@ class MeshCopies:
         if self._triangles + count > MAX_TRIANGLES:
             raise MeshError(f"{count} more triangles, expected {MAX_TRIANGLES} in all")
         self._triangles += count
-        shape: dict[str, object] = {"mesh": name, "up_axis": "y"}
-        return shape if uniform == 1 else {**shape, "scale": uniform}
+        return {"mesh": name, "up_axis": "y"}
 
-    def _copy(
+    def _placed(
         self, file: Path, scale: tuple[float, ...], part: str, *, centred: bool
-    ) -> tuple[str, int]:
-        """Make a copy; return its path from the map, and its number of triangles."""
+    ) -> list[Mesh]:
+        """Return the meshes of a file, scaled and moved."""
         if file not in self._originals:
             self._originals[file] = self._read(file)
         original = self._originals[file]
@@ -89,27 +105,39 @@ class MeshCopies:
         low = np.min([vertices.min(0) for vertices, _ in meshes], axis=0)
         high = np.max([vertices.max(0) for vertices, _ in meshes], axis=0)
         origin = (low + high) / 2 if centred else np.zeros(3)
+        mirrored = np.prod(scale) < 0
+        with np.errstate(all="ignore"):
+            return [
+                ((vertices - origin) * scale, faces[:, ::-1] if mirrored else faces)
+                for vertices, faces in meshes
+            ]
+
+    def _write(self, stem: str, meshes: list[Mesh]) -> tuple[str, int]:
+        """Make a GLB file; return its path from the map, and its number of triangles.
+
+        Raises:
+            MeshError: If no map can have it.
+        """
         import trimesh  # noqa: PLC0415 - slow, and not every world has meshes
 
         scene: Any = trimesh.Scene()
         has_area = False
         for vertices, faces in meshes:
             with np.errstate(all="ignore"):
-                placed = ((vertices - origin) * scale).astype(np.float32)
-            if not np.isfinite(placed).all():
+                single = vertices.astype(np.float32)
+            if not np.isfinite(single).all():
                 raise MeshError("a vertex is not finite")
-            x, y, z = placed.T
-            corners = placed[faces]
+            corners = single[faces]
             differ = (corners != np.roll(corners, 1, axis=1)).any(axis=2)
             has_area |= bool(differ.all(axis=1).any())
-            turned = faces if np.prod(scale) > 0 else faces[:, ::-1]
-            scaled = np.column_stack([x, z, -y])  # y is up in GLB
-            scene.add_geometry(trimesh.Trimesh(scaled, turned, process=False))
+            x, y, z = single.T
+            turned = np.column_stack([x, z, -y])  # y is up in GLB
+            scene.add_geometry(trimesh.Trimesh(turned, faces, process=False))
         if not has_area:
             raise MeshError("no triangle has an area")
         content: bytes = scene.export(file_type="glb")
         self._budget.take(len(content), "bytes")
-        stem = re.sub(r"[^\w-]", "_", file.stem, flags=re.ASCII)[:80]
+        stem = re.sub(r"[^\w-]", "_", stem, flags=re.ASCII)[:80]
         name = f"{stem}_{len(self._map.meshes) + 1}.glb"
         self._map.meshes[name] = content
         return f"{self._folder}/{name}", sum(len(faces) for _, faces in meshes)

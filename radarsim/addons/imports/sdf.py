@@ -1,49 +1,39 @@
-"""Worlds of Gazebo: the collision shapes of their models.
+"""Worlds of Gazebo: the collision shapes of their models, or what its lidars see.
 
-Source: the specification of SDFormat 1.11, and how it resolves poses.
+Source: the specification of SDFormat 1.11, and how Gazebo finds models and restores
+the state of a world that was saved from its window.
 """
 
-import itertools
-import math
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
-
-from scipy.spatial.transform import Rotation
+from urllib.parse import unquote
 
 from radarsim.addons.imports.commands import ImportOptions
 from radarsim.addons.imports.imported_map import ImportedMap
-from radarsim.addons.imports.mesh_copies import KNOWN, MeshCopies
+from radarsim.addons.imports.mesh_copies import MeshCopies
+from radarsim.addons.imports.sdf_frames import ORIGIN, Frames, LeftOut, parse_pose
+from radarsim.addons.imports.sdf_shapes import read_mesh, read_shape
 from radarsim.addons.imports.source_file import find_in
-from radarsim.errors import MissingPackage, install_command
+from radarsim.errors import ForeignFileError
 from radarsim.geometry import Pose3
-from radarsim.scene.mesh_files import MeshError
 from radarsim.validation import short_repr
 from radarsim.xml_reader import XmlElement, parse_numbers, read_xml, wrong
 
 MAX_LEVELS: Final = 100  # of models and includes in each other
-MAX_INCLUDES: Final = 20_000  # in all files
-LEFT_OUT: Final = ("light", "road", "population", "actor", "state")  # of a world
-HERE: Final = ("", "world", "__model__")
+MAX_INCLUDED: Final = 2_000_000  # elements that all includes have together
+NEWEST: Final = (1, 12)  # version of SDFormat; newer files are the last choice
+LEFT_OUT: Final = ("road", "population", "actor")  # of a world
 # Folders of resources that Gazebo searches, which --model-path names here.
 SEARCHED: Final = ("model://", "package://", "file://")
-# Worlds of Gazebo have them; there is always a floor here, and light.
-ALWAYS_THERE: Final = ("model://sun", "model://ground_plane")
-
-
-class _LeftOut(Exception):
-    """Something is left out.
-
-    Attributes:
-        line: Where it is.
-        reason: What is counted in the summary, in words that follow a number; empty
-            for what is not missed.
-    """
-
-    def __init__(self, element: XmlElement, text: str, reason: str) -> None:
-        super().__init__(text)
-        self.line = element.line
-        self.reason = reason
+# Worlds of Gazebo have them; robots drive at z = 0 here, and scanners need no light.
+_NOT_NEEDED: Final = re.compile(r".*/(sun|ground[ _]plane)(/[0-9]+|/tip)?")
+_FUEL: Final = re.compile(
+    r"https?://([^/]+)/(?:1\.0/)?([^/]+)/models/([^/]+)(?:/(\d+|tip))?(?:/files/(.*))?"
+    r"/?"
+)
 
 
 def import_sdf(path: Path, options: ImportOptions, meshes: str) -> ImportedMap:
@@ -62,203 +52,246 @@ def import_sdf(path: Path, options: ImportOptions, meshes: str) -> ImportedMap:
     if root.tag != "sdf":
         text = f"<{short_repr(root.tag)[1:-1]}>, expected <sdf>"
         raise wrong(path, root.line, text)
-    copies = MeshCopies(imported, meshes)
-    importer = _SdfFile(path, imported, copies, (), itertools.count(1))
-    for world in root.all("world"):
-        importer.add_all(world, Pose3(0.0, 0.0, 0.0), "", 0)
-    importer.add_all(root, Pose3(0.0, 0.0, 0.0), "", 0)
+    importer = _Importer(imported, MeshCopies(imported, meshes))
+    # By resolved paths: two links to one file are the same file.
+    for scope in (*root.all("world"), root):
+        state = scope.first("state")
+        importer.add_all(scope, ORIGIN, "", (path.resolve(),), state)
+        for each in state.children if state else ():
+            if each.tag in ("insertions", "deletions") and each.children:
+                imported.note(path, each.line, f"<{each.tag}> is left out")
+                imported.others[f"<{each.tag}>"] += 1
     return imported
 
 
-class _SdfFile:
-    """Adds the models of one file to a map."""
+class _Importer:
+    """Adds the models of a file, and of those that it includes, to a map."""
 
-    def __init__(
-        self,
-        path: Path,
-        imported: ImportedMap,
-        copies: MeshCopies,
-        included_by: tuple[Path, ...],
-        includes: Iterator[int],
-    ) -> None:
-        self._path = path
+    def __init__(self, imported: ImportedMap, copies: MeshCopies) -> None:
         self._map = imported
         self._copies = copies
-        # By resolved paths: two links to one file are the same file.
-        self._files = (*included_by, path.resolve())
-        self._includes = includes  # counts those of all files
+        self._shapes = "visual" if imported.options.visuals else "collision"
+        self._files: dict[Path, tuple[XmlElement | None, int]] = {}
+        self._included = 0  # elements of all includes
 
-    def add_all(self, parent: XmlElement, pose: Pose3, prefix: str, level: int) -> None:
-        """Add the models of a world, a model or a file, whose pose is given."""
+    def add_all(
+        self,
+        scope: XmlElement,
+        pose: Pose3,
+        prefix: str,
+        files: tuple[Path, ...],
+        state: XmlElement | None,
+        level: int = 0,
+    ) -> None:
+        """Add the models of a world, a model or a file.
+
+        Args:
+            scope: It.
+            pose: Its pose.
+            prefix: What names of its models begin with.
+            files: The files that it is in, each included by the one before.
+            state: The state that it is in, if one was saved.
+            level: The number of models that it is in.
+        """
         if level > MAX_LEVELS:
             text = f"more than {MAX_LEVELS} models and includes in each other"
-            raise wrong(self._path, parent.line, text)
-        for child in parent.children:
+            raise wrong(scope.path, scope.line, text)
+        frames = Frames(scope, self._model_of)
+        states = {each.name: each for each in state.all("model")} if state else {}
+        for child in scope.children:
             try:
-                if child.tag == "model":
-                    self._add_model(child, pose, prefix, level)
-                elif child.tag == "include":
-                    self._include(child, pose, prefix, level)
+                if child.tag in ("model", "include"):
+                    model, inside = child, files
+                    if child.tag == "include":
+                        model = self._model_of(child)
+                        inside = (*files, self._count_include(child, model, files))
+                    saved = states.get(model.name)
+                    place = pose.compose(frames.pose(model))
+                    self._add_model(model, place, prefix, inside, saved, level)
+                elif child.tag == "light":
+                    text = "<light> is not needed: scanners see without it"
+                    self._map.note(child.path, child.line, text)
                 elif child.tag in LEFT_OUT:
                     text = f"<{child.tag}> is left out"
-                    self._map.note(self._path, child.line, text)
-            except _LeftOut as error:
-                self._map.note(self._path, error.line, str(error))
+                    self._map.note(child.path, child.line, text)
+                    self._map.others[f"<{child.tag}>"] += 1
+            except LeftOut as error:
+                self._note(error)
                 if error.reason:
                     self._map.count_model([error.reason])
 
+    def _note(self, error: LeftOut, name: str = "") -> None:
+        text = f"{short_repr(name)}: {error}" if name else str(error)
+        self._map.note(error.element.path, error.element.line, text)
+
     def _add_model(
-        self, model: XmlElement, outer: Pose3, prefix: str, level: int
+        self,
+        model: XmlElement,
+        place: Pose3,
+        prefix: str,
+        files: tuple[Path, ...],
+        state: XmlElement | None,
+        level: int,
     ) -> None:
-        place = self._pose(model, outer)
         if model.text_of("static") not in ("true", "1") and not prefix:
             text = f"the model {model.name!r} stands still here"
-            self._map.note(self._path, model.line, text)
+            self._map.note(model.path, model.line, text)
         name = f"{prefix}{model.name}"
-        reasons, added, has_ground = [], 0, False
+        place, scale, saved = _restored(state, place)
+        frames = Frames(model, self._model_of)
+        reasons, added, is_not_missed = [], 0, False
         for link in model.all("link"):
-            for collision in link.all("collision"):
+            for shape in link.all(self._shapes):
                 # Often all three are the same name, which is written once then.
-                names = "_".join(dict.fromkeys((name, link.name, collision.name)))
+                names = "_".join(dict.fromkeys((name, link.name, shape.name)))
                 try:
-                    placed = self._pose(collision, self._pose(link, place))
-                    self._map.add(names, self._shape(collision), placed)
+                    if link.name in saved:
+                        base = place.inverse().compose(saved[link.name])
+                    else:
+                        base = frames.pose(link)
+                    placed = place.compose(frames.pose(shape, base))
+                    self._map.add(names, self._shape(shape, scale), placed)
                     added += 1
-                except _LeftOut as error:
-                    text = f"{short_repr(names)}: {error}"
-                    self._map.note(self._path, error.line, text)
-                    has_ground |= not error.reason
+                except LeftOut as error:
+                    self._note(error, names)
+                    is_not_missed |= not error.reason
                     reasons += [error.reason] * bool(error.reason)
         inner = [each for each in model.children if each.tag in ("model", "include")]
-        if not (reasons or added or has_ground or inner):
-            text = f"the model {name!r} is left out: it has no collision"
-            self._map.note(self._path, model.line, text)
-            reasons = ["without a collision"]
+        if not (reasons or added or is_not_missed or inner):
+            text = f"the model {name!r} is left out: it has no {self._shapes}"
+            if any(link.first("visual") for link in model.all("link")):
+                text += " (see --visuals)"
+            self._map.note(model.path, model.line, text)
+            reasons = [f"without a {self._shapes}"]
         if reasons or added:
             self._map.count_model(reasons, added)
-        self.add_all(model, place, f"{name}_", level + 1)
+        self.add_all(model, place, f"{name}_", files, state, level + 1)
 
-    def _shape(self, collision: XmlElement) -> dict[str, object]:
-        """Return the keys of a map file for the shape of a collision."""
-        geometry = collision.first("geometry")
+    def _shape(self, holder: XmlElement, scale: Sequence[float]) -> dict[str, object]:
+        """Return the keys of a map file for the shape of a collision or a visual."""
+        geometry = holder.first("geometry")
         if geometry is None or not geometry.children:
-            text = "a collision without a shape is left out"
-            raise _LeftOut(collision, text, "without a shape")
-        element = geometry.children[0]
+            text = f"a {holder.tag} without a shape is left out"
+            raise LeftOut(holder, text, "without a shape")
+        mesh = geometry.children[0]
+        if mesh.tag != "mesh":
+            return read_shape(geometry, scale, self._copies)
+        file = self._find(mesh, f"the mesh {mesh.text_of('uri')!r} is left out")
+        return read_mesh(mesh, file, scale, self._copies)
 
-        def sizes(tag: str, count: int = 1) -> list[float]:
-            found = element.first(tag)
-            if found is None:
-                raise wrong(self._path, element.line, f"expected <{tag}>")
-            values = parse_numbers(self._path, found.line, found.text, count)
-            if min(values) <= 0:
-                text = f"<{tag}> {found.text.strip()[:80]}, expected more than 0"
-                raise wrong(self._path, found.line, text)
-            return values
-
-        match element.tag:
-            case "box":
-                return {"box": sizes("size", 3)}
-            case "sphere":
-                return {"sphere": sizes("radius")[0]}
-            case "cylinder":
-                return {"cylinder": [*sizes("radius"), *sizes("length")]}
-            case "mesh":
-                return self._mesh(element)
-            case "plane":
-                text = "<plane> is left out: robots drive at z = 0 as well"
-                raise _LeftOut(element, text, "")
-            case other:
-                text = f"<{other[:40]}> is left out"
-                raise _LeftOut(element, text, f"with <{other[:40]}>")
-
-    def _mesh(self, mesh: XmlElement) -> dict[str, object]:
-        uri = mesh.text_of("uri")
-        text = f"the mesh {uri!r} is left out"
-        file, suffix = self._find(mesh, text), Path(uri).suffix.lower()
-        if not file.is_file() or suffix not in KNOWN:
-            told = f"{text}, expected {', '.join(KNOWN)}"
-            raise _LeftOut(mesh, told, f"{suffix[:20] or 'files'} that are not read")
-        given = mesh.text_of("scale") or "1 1 1"
-        scale = parse_numbers(self._path, mesh.line, given, 3)
-        if 0 in scale:
-            raise _LeftOut(mesh, f"{text}: a scale of 0", "with a scale of 0")
-        part = mesh.first("submesh")
-        named = part.text_of("name") if part else ""
-        centred = part is not None and part.text_of("center") in ("true", "1")
-        try:
-            return self._copies.add(file, scale, named, centred=centred)
-        except MeshError as error:
-            reason = f"{suffix} that cannot be used"
-            raise _LeftOut(mesh, f"{text}: {error}", reason) from error
-        except MissingPackage as error:
-            cure = install_command("collada")
-            reason = f"{suffix} without pycollada ({cure})"
-            raise _LeftOut(
-                mesh, f"{text}: pycollada is not installed", reason
-            ) from error
-
-    def _include(
-        self, include: XmlElement, outer: Pose3, prefix: str, level: int
-    ) -> None:
+    def _model_of(self, include: XmlElement) -> XmlElement:
+        """Return the model that an include stands for, as this changes it."""
         uri, named = include.text_of("uri"), include.text_of("name")
+        if _NOT_NEEDED.fullmatch(unquote(uri).lower()):
+            told = "robots drive at z = 0, and scanners need no light"
+            raise LeftOut(include, f"{uri!r} is not needed: {told}", "")
         known = " of ".join(repr(each) for each in (named, uri) if each)
-        file = self._find(include, f"the model {known} is left out")
-        if file.is_dir():
-            file = file / "model.sdf"
-        if file.resolve() in self._files:
-            raise wrong(self._path, include.line, f"{uri!r} includes itself")
+        text = f"the model {known} is left out"
+        file = self._find(include, text)
+        if file not in self._files:
+            models = [*read_xml(file).all("model")]
+            self._files[file] = next(iter(models), None), sum(m.size() for m in models)
+            for other in models[1:]:
+                told = f"<model> {other.name!r} is left out: one is read, as in Gazebo"
+                self._map.note(file, other.line, told)
+        model = self._files[file][0]
+        if model is None:
+            raise LeftOut(include, f"{text}: no <model> in it", "without a <model>")
+        changed = [each for each in include.children if each.tag in ("pose", "static")]
+        tags = [each.tag for each in changed]
+        kept = (each for each in model.children if each.tag not in tags)
+        attributes = dict(model.attributes)
+        if named:
+            attributes["name"] = named
+        if include.first("placement_frame"):
+            attributes["placement_frame"] = include.text_of("placement_frame")
+        return XmlElement("model", attributes, file, model.line, "", [*changed, *kept])
+
+    def _count_include(
+        self, include: XmlElement, model: XmlElement, files: tuple[Path, ...]
+    ) -> Path:
+        """Return the file of an include, which may be in none of its own models."""
+        if model.path in files:
+            uri = include.text_of("uri")
+            raise wrong(include.path, include.line, f"{uri!r} includes itself")
         # Includes of includes could double at each level.
-        if next(self._includes) > MAX_INCLUDES:
-            text = f"more than {MAX_INCLUDES} includes, expected fewer"
-            raise wrong(self._path, include.line, text)
-        place = self._pose(include, outer)
-        root = read_xml(file)
-        # Its own folder is where its meshes are, not that of the world.
-        other = _SdfFile(file, self._map, self._copies, self._files, self._includes)
-        for model in root.all("model"):
-            if named:
-                model.attributes["name"] = named
-            if include.first("pose") is not None:  # it replaces that of the model
-                model.children = [each for each in model.children if each.tag != "pose"]
-        other.add_all(root, place, prefix, level + 1)
+        self._included += self._files[model.path][1]
+        if self._included > MAX_INCLUDED:
+            text = f"more than {MAX_INCLUDED} elements in includes, expected fewer"
+            raise wrong(include.path, include.line, text)
+        return model.path
 
     def _find(self, element: XmlElement, text: str) -> Path:
-        """Return the file or folder that the URI of an element names."""
+        """Return the file that the URI of an element names."""
         uri = element.text_of("uri")
         scheme = next((each for each in SEARCHED if uri.startswith(each)), "")
-        folders = self._map.options.model_path if scheme else (self._path.parent,)
-        found = None
-        if scheme or "://" not in uri:
-            found = find_in(folders, uri.removeprefix(scheme))
-        if found is None or (found.is_dir() and not (found / "model.sdf").is_file()):
-            reason = "not found (see --model-path)" if scheme else "not found"
-            missed = "" if uri in ALWAYS_THERE else reason
-            raise _LeftOut(element, f"{text}: {reason}", missed)
-        return found
+        folders, references = self._map.options.model_path, [uri.removeprefix(scheme)]
+        if fuel := _FUEL.fullmatch(unquote(uri)):
+            references = [*_fuel_references(fuel, folders)]
+        elif not scheme:
+            folders = (element.path.parent, *folders)
+            references *= "://" not in uri
+        for reference in references:
+            for folder in folders:
+                found = find_in((folder,), reference)
+                if found and found.is_dir():
+                    found = _model_file(found)
+                if found:
+                    return found
+        reason = "not found (see --model-path)"
+        raise LeftOut(element, f"{text}: {reason}", reason)
 
-    def _pose(self, element: XmlElement, outer: Pose3) -> Pose3:
-        """Return the pose of an element."""
-        found = element.first("pose")
-        if found is None:
-            return outer
-        relative = found.attributes.get("relative_to", "")
-        if relative not in HERE:
-            told = f"its pose is relative to {relative!r}"
-            text = f"<{element.tag}> {element.name!r} is left out: {told}"
-            raise _LeftOut(found, text, "with a pose that is relative to something")
-        text = found.text.strip()
-        if not text:
-            return outer.compose(Pose3(0.0, 0.0, 0.0))
-        if found.attributes.get("rotation_format") == "quat_xyzw":
-            x, y, z, *quaternion = parse_numbers(self._path, found.line, text, 7)
-            if not any(quaternion):
-                raise wrong(self._path, found.line, "a quaternion of length 0")
-            yaw, pitch, roll = map(
-                float, Rotation.from_quat(quaternion).as_euler("ZYX")
-            )
-        else:
-            x, y, z, roll, pitch, yaw = parse_numbers(self._path, found.line, text, 6)
-            if found.attributes.get("degrees") in ("true", "1"):
-                roll, pitch, yaw = map(math.radians, (roll, pitch, yaw))
-        return outer.compose(Pose3(x, y, z, roll, pitch, yaw))
+
+def _restored(
+    state: XmlElement | None, place: Pose3
+) -> tuple[Pose3, list[float], dict[str, Pose3]]:
+    """Return a model's pose, its scale, and the poses of its links, in the world."""
+    if state is None:
+        return place, [1.0, 1.0, 1.0], {}
+    pose, scale = state.first("pose"), state.first("scale")
+    factors = [1.0, 1.0, 1.0]
+    if scale:
+        factors = parse_numbers(scale.path, scale.line, scale.text, 3)
+        if min(factors) <= 0:
+            raise wrong(scale.path, scale.line, "a scale, expected more than 0")
+    links = {
+        link.name: parse_pose(found)
+        for link in state.all("link")
+        if (found := link.first("pose"))
+    }
+    return parse_pose(pose) if pose else place, factors, links
+
+
+def _model_file(folder: Path) -> Path | None:
+    """Return the file of a model's folder: the newest that its model.config names."""
+    name = "model.sdf"
+    with suppress(ForeignFileError):  # without a model.config, or with a broken one
+        files = [
+            (_version(each.attributes.get("version", "")), each.text.strip())
+            for each in read_xml(folder / "model.config").all("sdf")
+        ]
+        known = [each for each in files if each[0] <= NEWEST] or files
+        if known:
+            name = max(known, key=lambda each: each[0])[1]
+    found = find_in((folder,), name)
+    return found if found and found.is_file() else None
+
+
+def _version(text: str) -> tuple[int, ...]:
+    return tuple(int(number) for number in re.findall("[0-9]{1,9}", text))
+
+
+def _fuel_references(uri: re.Match[str], folders: Sequence[Path]) -> Iterator[str]:
+    """Yield where a model of Fuel may be: by its name, or as Fuel's tools store it."""
+    host, owner, name, version, file = uri.groups(default="")
+    for base in (name, f"{host}/{owner}/models/{name}".lower(), name.lower()):
+        yield f"{base}/{file}"
+        if version.isdecimal():
+            yield f"{base}/{version}/{file}"
+            continue
+        for folder in filter(None, (find_in((each,), base) for each in folders)):
+            versions = [
+                int(p.name) for p in folder.glob("[0-9]*") if p.name.isdecimal()
+            ]
+            if versions:
+                yield f"{base}/{max(versions)}/{file}"

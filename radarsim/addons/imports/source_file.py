@@ -3,42 +3,28 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from radarsim.scene.mesh_files import MeshError, find_inside
 from radarsim.xml_reader import read_bytes, wrong
 
 
 def read_text(path: Path) -> str:
-    """Read a file of UTF-8 text; line ends become line feeds.
+    """Read a file of text; line ends become line feeds.
+
+    It is UTF-16 if it begins with a byte order mark of that, else UTF-8, or Latin-1 if
+    it is not valid UTF-8.
 
     Raises:
         ForeignFileError: If it cannot be read, is too large, or is no text.
     """
     content = read_bytes(path)
+    is_utf_16 = content.startswith((b"\xff\xfe", b"\xfe\xff"))
     try:
-        text = content.decode("utf-8-sig")
+        text = content.decode("utf-16" if is_utf_16 else "utf-8-sig")
     except UnicodeDecodeError as error:
-        line = content[: error.start].count(b"\n") + 1
-        raise wrong(path, line, "bytes that are no text, expected UTF-8") from error
+        if is_utf_16 or b"\0" in content:
+            expected = "expected UTF-8, UTF-16 or Latin-1"
+            raise wrong(path, 1, f"bytes that are no text, {expected}") from error
+        text = content.decode("latin-1")
     return text.replace("\r\n", "\n").replace("\r", "\n")
-
-
-def find_beside(path: Path, line: int, reference: str) -> Path:
-    """Return the path of a file that another one refers to.
-
-    Args:
-        path: The file that refers to it.
-        line: Where it does.
-        reference: A path relative to its folder.
-
-    Raises:
-        ForeignFileError: If it leads out of the folder, or there is no such file.
-    """
-    folder = path.parent.resolve()
-    try:
-        return find_inside(folder, folder, reference)
-    except MeshError as error:
-        text = str(error).replace("the map's own folder", "the folder of this one")
-        raise wrong(path, line, text) from error
 
 
 def find_in(folders: Iterable[Path], reference: str) -> Path | None:

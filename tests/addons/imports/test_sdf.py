@@ -104,7 +104,7 @@ def test_what_is_left_out_is_told_with_its_line(
     path = write(tmp_path / "w.sdf", WORLD.format(SHAPES + more))
     done = import_file(path)
     lines = done.text.splitlines()
-    for word in ("--model-path", "<light>", "stands still", "<plane>", "<heightmap>"):
+    for word in ("model://tree", "<light>", "stands still", "<plane>", "<heightmap>"):
         assert sum(word in line for line in lines) == 1
     for word in ("a.dae", "../a.stl", "relative to 'f'"):
         assert sum(word in line for line in lines) == 1
@@ -116,7 +116,8 @@ def test_included_models_are_found_below_the_model_path(
 ) -> None:
     models = tmp_path / "models"
     (models / "shape").mkdir(parents=True)
-    (models / "shape" / "model.sdf").write_text(f"<sdf>{SHAPES}</sdf>")
+    shapes = f"<sdf><model name='m'><static>1</static>{SHAPES}</model></sdf>"
+    (models / "shape" / "model.sdf").write_text(shapes)
     include = "<include><uri>model://{}</uri><pose>5 0 0 0 0 0</pose></include>"
     path = write(tmp_path / "w.sdf", WORLD.format(include.format("shape") * 2))
     assert import_file(path, "--model-path", str(models)).text == ""
@@ -151,13 +152,13 @@ def test_many_models_in_each_other_are_no_loop(
 def test_includes_that_double_are_refused(
     import_file: Import, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sdf, "MAX_INCLUDES", 200)  # 20000 take seconds
+    monkeypatch.setattr(sdf, "MAX_INCLUDED", 200)  # 2000000 take seconds
     for number in range(20):
         twice = f"<include><uri>{number + 1}.sdf</uri></include>" * 2
         text = f"<sdf><model name='m'>{twice}</model></sdf>"
         (tmp_path / f"{number}.sdf").write_text(text)
     (tmp_path / "20.sdf").write_text("<sdf/>")
-    assert "more than 200 includes" in import_file(tmp_path / "0.sdf").err
+    assert "more than 200 elements in includes" in import_file(tmp_path / "0.sdf").err
 
 
 def test_model_that_includes_itself_is_an_error(

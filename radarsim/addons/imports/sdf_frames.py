@@ -1,0 +1,134 @@
+"""Poses of what is in a model or a world of SDF, and of its frames.
+
+Source: the specification of SDFormat 1.11, and its proposal "Pose Frame Semantics".
+"""
+
+import math
+from collections.abc import Callable
+from typing import Final
+
+from scipy.spatial.transform import Rotation
+
+from radarsim.geometry import Pose3
+from radarsim.xml_reader import XmlElement, parse_numbers, wrong
+
+MAX_CHAIN: Final = 100  # of poses that are relative to each other
+ORIGIN: Final = Pose3(0.0, 0.0, 0.0)
+_HERE: Final = ("", "world", "__model__")
+
+
+class LeftOut(Exception):
+    """Something is left out.
+
+    Attributes:
+        element: What refers to it.
+        reason: What is counted in the summary, in words that follow a number; empty
+            for what is not missed.
+    """
+
+    def __init__(self, element: XmlElement, text: str, reason: str) -> None:
+        super().__init__(text)
+        self.element = element
+        self.reason = reason
+
+
+class Frames:
+    """The poses in a model or a world."""
+
+    def __init__(
+        self, scope: XmlElement, model_of: Callable[[XmlElement], XmlElement]
+    ) -> None:
+        """Begin with nothing known.
+
+        Args:
+            scope: The model or world.
+            model_of: Returns the model of an include, or raises `LeftOut`.
+        """
+        self._scope = scope
+        self._model_of = model_of
+        self._named: dict[str, XmlElement] | None = None
+        self._inner: dict[str, Frames] = {}
+        self._poses: dict[str, Pose3] = dict.fromkeys(_HERE, ORIGIN)
+
+    def pose(
+        self, element: XmlElement, base: Pose3 = ORIGIN, *, depth: int = 0
+    ) -> Pose3:
+        """Return the pose of an element in the scope's frame.
+
+        Args:
+            element: It or its parent is directly in the scope.
+            base: What its pose is relative to if it names nothing.
+            depth: The number of poses that wait for this one.
+
+        Raises:
+            LeftOut: If it is relative to what is not there.
+            ForeignFileError: If it is no pose, or relative to itself.
+        """
+        given = element.first("pose")
+        relative = given.attributes.get("relative_to", "") if given else ""
+        if not relative and element.tag == "frame":
+            relative = element.attributes.get("attached_to", "")
+        elif not relative and element.tag == "joint":
+            relative = element.text_of("child")
+        outer = self._frame(relative, element, depth) if relative else base
+        pose = outer.compose(parse_pose(given)) if given else outer
+        placed = element.attributes.get("placement_frame", "")
+        if element.tag == "model" and placed:
+            inner = Frames(element, self._model_of)._frame(placed, element, depth)
+            pose = pose.compose(inner.inverse())
+        return pose
+
+    def _frame(self, name: str, user: XmlElement, depth: int) -> Pose3:
+        """Return the pose of a frame that an element names."""
+        if name not in self._poses:
+            if depth >= MAX_CHAIN:
+                text = f"more than {MAX_CHAIN} poses relative to each other"
+                raise wrong(user.path, user.line, f"{text}, expected no loop")
+            head, _, rest = name.partition("::")
+            named = self._find(head)
+            if named is None or (rest and named.tag != "model"):
+                text = f"<{user.tag}> {user.name!r} is left out: its pose is relative"
+                reason = "with a pose that is relative to something else"
+                raise LeftOut(user, f"{text} to {name!r}, which is not there", reason)
+            pose = self.pose(named, depth=depth + 1)
+            if rest:
+                inner = self._inner.setdefault(head, Frames(named, self._model_of))
+                pose = pose.compose(inner._frame(rest, user, depth + 1))
+            self._poses[name] = pose
+        return self._poses[name]
+
+    def _find(self, name: str) -> XmlElement | None:
+        """Return the link, frame, joint or model of a name in the scope."""
+        if self._named is None:
+            self._named = {}
+            for child in self._scope.children:
+                if child.tag in ("link", "frame", "joint", "model"):
+                    self._named.setdefault(child.name, child)
+                elif child.tag == "include":
+                    try:
+                        model = self._model_of(child)
+                    except LeftOut:
+                        continue
+                    self._named.setdefault(model.name, model)
+        return self._named.get(name)
+
+
+def parse_pose(pose: XmlElement) -> Pose3:
+    """Return a pose, in whatever it is relative to.
+
+    Raises:
+        ForeignFileError: If it is none.
+    """
+    text = pose.text.strip()
+    if not text:
+        return ORIGIN
+    if pose.attributes.get("rotation_format") == "quat_xyzw":
+        x, y, z, *quaternion = parse_numbers(pose.path, pose.line, text, 7)
+        if not any(quaternion):
+            raise wrong(pose.path, pose.line, "a quaternion of length 0")
+        yaw, pitch, roll = map(float, Rotation.from_quat(quaternion).as_euler("ZYX"))
+    else:
+        x, y, z, roll, pitch, yaw = parse_numbers(pose.path, pose.line, text, 6)
+        if pose.attributes.get("degrees") in ("true", "1"):
+            roll, pitch, yaw = map(math.radians, (roll, pitch, yaw))
+    return Pose3(x, y, z, roll, pitch, yaw)
