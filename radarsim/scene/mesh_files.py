@@ -165,16 +165,15 @@ def check_stl(content: bytes, budget: MeshBudget) -> bytes:
         budget.take(len(content), "bytes of text")
         budget.take(content.count(b"endfacet"), "triangles")
         expect_at_most(content.count(b"endsolid"), MAX_SURFACES, "solids")
-        # Names of solids may be in any encoding, and are not used.
-        return content.decode("ascii", "replace").encode("ascii", "replace")
+        return _as_ascii(content)
     elif len(content) > _STL_HEADER:
         expected = f"expected a file of {size} bytes, not of {len(content)}"
         raise MeshError(f"{count} triangles in the header, {expected}")
     return content
 
 
-def check_ply(content: bytes, budget: MeshBudget) -> None:
-    """Check a PLY file.
+def check_ply(content: bytes, budget: MeshBudget) -> bytes:
+    """Check a PLY file; return it, its header as ASCII.
 
     Raises:
         MeshError: If its header is broken, or counts more than the file can contain.
@@ -196,6 +195,12 @@ def check_ply(content: bytes, budget: MeshBudget) -> None:
         counts = ", ".join(f"{count} {name}" for name, count, _ in rows)
         expected = f"expected a file that is {-left} bytes longer"
         raise MeshError(f"{short_repr(counts)} in the header, {expected}")
+    return _as_ascii(content[:end]) + content[end:]
+
+
+def _as_ascii(content: bytes) -> bytes:
+    """Return a text of the same length: names and comments may be in any encoding."""
+    return content.decode("ascii", "replace").encode("ascii", "replace")
 
 
 def _ply_elements(header: bytes) -> tuple[list[tuple[str, int, int]], bool]:

@@ -151,10 +151,8 @@ def _read(content: bytes, suffix: str, files: MeshFiles) -> list[Surface]:
         return [surface for surface in found if surface is not None]
     # Parsers allocate what a header counts, and spend seconds on each of many small
     # pieces, so a file of a few hundred bytes is counted before they get it.
-    if suffix == ".ply":
-        check_ply(content, files.budget)
-    else:
-        content = check_stl(content, files.budget)
+    check = check_ply if suffix == ".ply" else check_stl
+    content = check(content, files.budget)
     import trimesh  # noqa: PLC0415 - slow, see above
 
     with warnings.catch_warnings():

@@ -138,6 +138,13 @@ def test_box_without_materials_is_one_closed_surface(
     assert volume(vertices, faces) == pytest.approx(1)
 
 
+def test_text_may_have_names_in_any_encoding(tmp_path: Path) -> None:
+    for ending, text, word in (("stl", stl_box(), "box"), ("ply", ply_box(), "etc")):
+        content = text.replace(word, "büsche").encode("latin-1")
+        (surface,) = read_surfaces(write(tmp_path / f"a.{ending}", content), tmp_path)
+        assert volume(*join_volume([welded(surface)])) == pytest.approx(1)
+
+
 @pytest.mark.parametrize(
     ("name", "content"),
     [

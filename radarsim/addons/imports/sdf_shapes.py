@@ -125,7 +125,10 @@ def _capsule() -> Mesh:
     """Return a capsule of radius 1 and length 2 between the centres of its ends."""
     from trimesh import creation  # noqa: PLC0415 - slow, and not every world has one
 
-    solid = creation.capsule(height=2.0, radius=1.0)
+    angles = np.linspace(0, np.pi / 2, CYLINDER_SIDES // 4 + 1)
+    upper = np.column_stack([np.cos(angles), 1 + np.sin(angles)])
+    outline = np.vstack([upper[::-1] * [1, -1], upper])
+    solid = creation.revolve(outline, sections=CYLINDER_SIDES)
     return np.array(solid.vertices), np.array(solid.faces, np.int32)
 
 

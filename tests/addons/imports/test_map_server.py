@@ -94,6 +94,32 @@ def test_walls_are_where_the_picture_has_them(
     assert scan.ranges[:4] == pytest.approx([0.25, 0.75, 0.75, 0.75], abs=0.05)
 
 
+@pytest.mark.parametrize(
+    ("image", "model_path"),
+    [
+        ("../pictures/plan.pgm", "pictures"),
+        ("pictures/plan.pgm", "."),
+        ("../plan.pgm", "pictures"),
+        ("/home/someone/maps/plan.pgm", "pictures"),
+    ],
+)
+def test_picture_may_be_below_the_model_path(
+    import_file: Import, tmp_path: Path, image: str, model_path: str
+) -> None:
+    (tmp_path / "pictures").mkdir()
+    (tmp_path / "site").mkdir()
+    write_plan(tmp_path / "pictures")
+    path = tmp_path / "site" / "room.yaml"
+    path.write_text(KEYS.replace("plan.pgm", image))
+    refused = import_file(path)
+    assert refused.code == 1
+    assert f"{path}:1: no picture '{image}' below '{tmp_path}/site'" in refused.err
+    assert "--model-path" in refused.err
+    other = import_file(path, "--model-path", str(tmp_path / "site"))
+    assert f"below '{tmp_path}/site', '{tmp_path}/site', expected" in other.err
+    assert import_file(path, "--model-path", str(tmp_path / model_path)).code == 0
+
+
 @pytest.mark.slow
 def test_map_that_is_imported_and_mapped_again_agrees(
     import_file: Import, tmp_path: Path

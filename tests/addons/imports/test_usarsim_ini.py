@@ -56,6 +56,8 @@ WRONG = {
     "no name": f"[USARBot.P3AT]\n{SICK.replace('lms200', '1 2')}\n",
     "no class name": f"[USARBot.1]\n{SICK}\n",
     "empty": "",
+    "half a letter": b"\xff\xfe[",
+    "no text": b"\xfc\0\1",
 }
 
 
@@ -104,10 +106,23 @@ def test_what_is_left_out_is_told(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-be", "latin-1"])
+def test_text_may_be_in_another_encoding(tmp_path: Path, encoding: str) -> None:
+    model = imported(tmp_path)
+    text = f"; Roboter für Übungen\n{P3AT}".replace("\n", "\r\n")
+    mark = b"\xfe\xff" * (encoding == "utf-16-be")
+    path, out = tmp_path / "a.ini", tmp_path / "other.yaml"
+    path.write_bytes(mark + text.encode(encoding))
+    done = run_in_process("import", str(path), "-o", str(out))
+    assert done.code == 0, done.err
+    assert read_robot(out) == model
+
+
 @pytest.mark.parametrize("name", WRONG)
 def test_wrong_file_is_told_with_its_line(name: str, tmp_path: Path) -> None:
     path, out = tmp_path / "a.ini", tmp_path / "b.yaml"
-    path.write_text(WRONG[name])
+    content = WRONG[name]
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
     done = run_in_process("import", str(path), "-o", str(out))
     assert (done.code, out.exists()) == (1, False)
     assert done.err.count("\n") == 1
