@@ -103,7 +103,7 @@ WORLD: Final = f"""<?xml version="1.0"?><sdf version="1.9"><world name="w">
 CONFIG: Final = (
     '<model><sdf version="1.4">old.sdf</sdf><sdf version="1.9">part.sdf</sdf></model>'
 )
-_HOSTILE: Final = (
+_HOSTILE: Final[tuple[object, ...]] = (
     *(-1, 0, 1, 2, 7, 255, 2**31, 2**63, 10**30, 0.5, 1e-30, 1e30, 1e308),
     *(None, True, [], {}, "", "a", "..", "\0", "é", [[]] * 3, "SCALAR", 5125),
 )
@@ -178,7 +178,7 @@ def _changed(rng: random.Random, name: str, text: str) -> bytes:
                 content[at:at] = rng.randbytes(size)
             case 2:
                 content[at : at + 1] = bytes([rng.randrange(256)])
-            case 3:
+            case _:
                 content[at:at] = content[at : at + size] * rng.choice([1, 2, 1000])
     return bytes(content)
 
@@ -228,7 +228,7 @@ def _change_xml(rng: random.Random, text: str) -> str:
             child.tag = other.tag
         case 4:
             child.text = rng.choice([*_WORDS, other.text or ""])
-        case 5:
+        case _:
             names = ("name", "relative_to", "placement_frame", "attached_to", "degrees")
             child.set(rng.choice(names), rng.choice(_WORDS))
     return ElementTree.tostring(root, encoding="unicode")

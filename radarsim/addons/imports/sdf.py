@@ -104,7 +104,12 @@ class _Importer:
                     model, inside = child, files
                     if child.tag == "include":
                         model = self._model_of(child)
-                        inside = (*files, self._count_include(child, model, files))
+                        if model.path in files:
+                            uri = child.text_of("uri")
+                            raise wrong(
+                                child.path, child.line, f"{uri!r} includes itself"
+                            )
+                        inside = (*files, model.path)
                     saved = states.get(model.name)
                     place = pose.compose(frames.pose(model))
                     self._add_model(model, place, prefix, inside, saved, level)
@@ -192,9 +197,15 @@ class _Importer:
             models = [*read_xml(file).all("model")]
             self._files[file] = next(iter(models), None), sum(m.size() for m in models)
             for other in models[1:]:
-                told = f"<model> {other.name!r} is left out: one is read, as in Gazebo"
+                told = f"the model {other.name!r} is left out: it is not the first"
                 self._map.note(file, other.line, told)
-        model = self._files[file][0]
+                self._map.count_model(["not the first in an included file"])
+        model, size = self._files[file]
+        # Includes of includes could double at each level.
+        self._included += size + 1
+        if self._included > MAX_INCLUDED:
+            told = f"more than {MAX_INCLUDED} elements in includes, expected fewer"
+            raise wrong(include.path, include.line, told)
         if model is None:
             raise LeftOut(include, f"{text}: no <model> in it", "without a <model>")
         changed = [each for each in include.children if each.tag in ("pose", "static")]
@@ -206,20 +217,6 @@ class _Importer:
         if include.first("placement_frame"):
             attributes["placement_frame"] = include.text_of("placement_frame")
         return XmlElement("model", attributes, file, model.line, "", [*changed, *kept])
-
-    def _count_include(
-        self, include: XmlElement, model: XmlElement, files: tuple[Path, ...]
-    ) -> Path:
-        """Return the file of an include, which may be in none of its own models."""
-        if model.path in files:
-            uri = include.text_of("uri")
-            raise wrong(include.path, include.line, f"{uri!r} includes itself")
-        # Includes of includes could double at each level.
-        self._included += self._files[model.path][1]
-        if self._included > MAX_INCLUDED:
-            text = f"more than {MAX_INCLUDED} elements in includes, expected fewer"
-            raise wrong(include.path, include.line, text)
-        return model.path
 
     def _find(self, element: XmlElement, text: str) -> Path:
         """Return the file that the URI of an element names."""

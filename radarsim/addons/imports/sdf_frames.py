@@ -47,7 +47,7 @@ class Frames:
         self._scope = scope
         self._model_of = model_of
         self._named: dict[str, XmlElement] | None = None
-        self._inner: dict[str, Frames] = {}
+        self._inner: dict[int, Frames] = {}  # of models, by their identity
         self._poses: dict[str, Pose3] = dict.fromkeys(_HERE, ORIGIN)
 
     def pose(
@@ -74,7 +74,7 @@ class Frames:
         pose = outer.compose(parse_pose(given)) if given else outer
         placed = element.attributes.get("placement_frame", "")
         if element.tag == "model" and placed:
-            inner = Frames(element, self._model_of)._frame(placed, element, depth)
+            inner = self._inside(element)._frame(placed, element, depth)
             pose = pose.compose(inner.inverse())
         return pose
 
@@ -92,10 +92,18 @@ class Frames:
                 raise LeftOut(user, f"{text} to {name!r}, which is not there", reason)
             pose = self.pose(named, depth=depth + 1)
             if rest:
-                inner = self._inner.setdefault(head, Frames(named, self._model_of))
-                pose = pose.compose(inner._frame(rest, user, depth + 1))
+                inner = self._inside(named)._frame(rest, user, depth + 1)
+                pose = pose.compose(inner)
             self._poses[name] = pose
         return self._poses[name]
+
+    def _inside(self, model: XmlElement) -> "Frames":
+        """Return the frames of a model, the same ones each time."""
+        # Else models in each other, each with two poses that need those of the next
+        # one, would take twice as long for each level.
+        if id(model) not in self._inner:
+            self._inner[id(model)] = Frames(model, self._model_of)
+        return self._inner[id(model)]
 
     def _find(self, name: str) -> XmlElement | None:
         """Return the link, frame, joint or model of a name in the scope."""

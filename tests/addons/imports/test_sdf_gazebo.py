@@ -179,6 +179,20 @@ def test_frames_that_are_relative_to_each_other_are_refused(
     assert "more than 100 poses relative to each other, expected no loop" in done.err
 
 
+def test_time_does_not_double_with_each_level(
+    import_file: Import, tmp_path: Path
+) -> None:
+    inside = ""
+    for level in range(40):
+        frame = "<frame name='x' attached_to='m::x'/>" if level else "<frame name='x'/>"
+        inside = f"{frame}<model name='m' placement_frame='x'>{inside}</model>"
+    content = box_model(1, inside.partition("/>")[2]).replace(
+        "<model ", "<model placement_frame='m::x' ", 1
+    )
+    part = imported(import_file, tmp_path, content)["m"]
+    np.testing.assert_allclose(part.bounds.mean(axis=0), 0, atol=1e-5)
+
+
 STATE = """
 <state world_name="w"><sim_time>12 5</sim_time><model name="m">
 <pose>5 2 1 0 0 0.5</pose><scale>1 4 2</scale>
@@ -317,6 +331,21 @@ def test_summary_counts_all_that_is_left_out(
     also = "also 2 <actor>s, 1 <road>, 1 shape"
     assert f"0 of 1 models left out; {also}\n" in done.err
     assert done.text.count("is not needed") == 3
+
+
+def test_file_that_is_included_has_one_model(
+    import_file: Import, tmp_path: Path
+) -> None:
+    (tmp_path / "a").mkdir()
+    two = box_model(1, name="first") + box_model(1, name="second")
+    (tmp_path / "a" / "model.sdf").write_text(f"<sdf>{two}</sdf>")
+    path = tmp_path / "w.sdf"
+    include = "<include><uri>model://a</uri><name>{}</name></include>"
+    path.write_text(WORLD.format(include.format("one") + include.format("two")))
+    done = import_file(path, "--model-path", str(tmp_path))
+    assert parts_of(tmp_path).keys() == {"one", "two"}
+    assert "the model 'second' is left out: it is not the first" in done.text
+    assert "1 of 3 models left out: 1 not the first in an included file" in done.err
 
 
 def test_map_without_a_floor_is_told(import_file: Import, tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ SCANNER_GEO = (
     "GEO {Type RangeScanner} {Name lms200} {Location 0.21,0.00,-0.20}"
     " {Orientation 0.00,0.00,0.00}{Mount P3AT}"
 )
-WRONG = {
+WRONG: dict[str, str | bytes] = {
     "no section": SICK,
     "no parts": "[USARBot.P3AT]\nbDebug=true\n",
     "two classes": f"[USARBot.P3AT]\n{SICK}\n[USARBot.P2AT]\n{SICK}\n",
