@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import unquote
 
+import numpy as np
+
 from radarsim.addons.imports.commands import ImportOptions
 from radarsim.addons.imports.imported_map import ImportedMap
 from radarsim.addons.imports.mesh_copies import MeshCopies
@@ -36,6 +38,7 @@ _FUEL: Final = re.compile(
 )
 
 
+@np.errstate(all="ignore")  # what is not finite is refused
 def import_sdf(path: Path, options: ImportOptions, meshes: str) -> ImportedMap:
     """Import a world.
 

@@ -4,6 +4,7 @@ Source: the specification of SDFormat 1.11, and its proposal "Pose Frame Semanti
 """
 
 import math
+import warnings
 from collections.abc import Callable
 from typing import Final
 
@@ -132,9 +133,13 @@ def parse_pose(pose: XmlElement) -> Pose3:
         return ORIGIN
     if pose.attributes.get("rotation_format") == "quat_xyzw":
         x, y, z, *quaternion = parse_numbers(pose.path, pose.line, text, 7)
-        if not any(quaternion):
+        largest = max(map(abs, quaternion))  # its length may be below all numbers
+        if not largest:
             raise wrong(pose.path, pose.line, "a quaternion of length 0")
-        yaw, pitch, roll = map(float, Rotation.from_quat(quaternion).as_euler("ZYX"))
+        rotation = Rotation.from_quat([each / largest for each in quaternion])
+        with warnings.catch_warnings():  # of a pitch of 90 degrees, where roll is 0
+            warnings.simplefilter("ignore")
+            yaw, pitch, roll = map(float, rotation.as_euler("ZYX"))
     else:
         x, y, z, roll, pitch, yaw = parse_numbers(pose.path, pose.line, text, 6)
         if pose.attributes.get("degrees") in ("true", "1"):

@@ -164,6 +164,30 @@ def test_pose_may_be_relative_to_a_frame_or_a_model(
         np.testing.assert_allclose(got, middle, atol=1e-5)
 
 
+@pytest.mark.parametrize("size", [1, 1e-320, 1e308])
+def test_quaternion_may_have_any_length(
+    import_file: Import, tmp_path: Path, size: float
+) -> None:
+    turn = f"<pose rotation_format='quat_xyzw'>0 0 0 0 {size} 0 {size}</pose>"
+    content = model("m", "<box><size>1 2 3</size></box>", turn)
+    part = imported(import_file, tmp_path, content)["m"]  # pitch is 90 degrees
+    np.testing.assert_allclose(np.ptp(part.bounds, axis=0), [3, 2, 1], atol=1e-5)
+
+
+@pytest.mark.parametrize("shape", [CONE, CAPSULE, ELLIPSOID, L_SHAPE])
+def test_shape_that_is_too_large_is_left_out(
+    import_file: Import, tmp_path: Path, shape: str
+) -> None:
+    path = tmp_path / "w.sdf"
+    for tag, power in (("radius", 308), ("radii", 308), ("height", 307)):
+        shape = shape.replace(f"</{tag}>", f"e{power}</{tag}>")
+    state = STATE.format("5 2 1 0 0 0.5")  # its scale makes radii infinite
+    path.write_text(
+        WORLD.format(model("m", shape) + 2 * box_model(1, name="o") + state)
+    )
+    assert "1 of 3 models left out: 1 with <" in import_file(path).err
+
+
 @pytest.mark.parametrize("count", [1, 2, 90, 200])
 def test_frames_that_are_relative_to_each_other_are_refused(
     import_file: Import, tmp_path: Path, count: int
