@@ -2,12 +2,14 @@
 
 import asyncio
 import errno
+import logging
 import signal
 import socket
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
+from typing import Any
 
 from radarsim.errors import (
     PortUnavailable,
@@ -23,6 +25,8 @@ from radarsim.processes import (
     signal_handlers,
 )
 
+OUT_OF_FILES = (errno.EMFILE, errno.ENFILE)
+ACCEPT_LOG_INTERVAL = 10.0  # s between two lines
 # Connections accepted before others are served, and those that may wait meanwhile.
 ACCEPTED_AT_ONCE = 16
 MAX_WAITING = 128
@@ -169,6 +173,27 @@ async def listen(
             same.listen(MAX_WAITING)
     host, bound_port = listener.sockets[0].getsockname()[:2]
     return listener, (host, bound_port)
+
+
+def log_refused_accepts(log: logging.Logger) -> None:
+    """Log in one line if the running loop accepts nothing as no file may be opened.
+
+    asyncio tries again every second, and logs a traceback each time.
+    """
+    loop = asyncio.get_running_loop()
+    next_line = 0.0
+
+    def handle(_: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        nonlocal next_line
+        error = context.get("exception")
+        if not isinstance(error, OSError) or error.errno not in OUT_OF_FILES:
+            loop.default_exception_handler(context)
+        elif loop.time() >= next_line:
+            next_line = loop.time() + ACCEPT_LOG_INTERVAL
+            text = "connections wait until others end: %s; 'ulimit -n' tells the limit"
+            log.warning(text, describe_os_error(error))
+
+    loop.set_exception_handler(handle)
 
 
 def _listening_error(

@@ -208,7 +208,7 @@ def _permitted_clients(wanted: int) -> int:
     files = raise_file_limit(expected)
     if files == expected:
         return wanted
-    most = max(1, files - OTHER_FILES)
+    most = max(files // 2, files - OTHER_FILES)
     log.warning(
         "at most %d clients: the system permits %d open files, expected %d for"
         " --max-clients %d; 'ulimit -n' tells the limit",

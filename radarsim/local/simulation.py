@@ -200,6 +200,7 @@ class LocalSimulation:
             for _ in range(ticks):
                 for number, diagnostic in self.host.step():
                     self._log(number, diagnostic)
+                self.host.raise_fault()
                 self._pass_on()
         else:
             self._wait_until(self.host.simulation.ticks + ticks)

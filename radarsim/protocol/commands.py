@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Final, Self, TypeAlias
 import numpy as np
 
 from radarsim.errors import MalformedMessage, expected_one_of
-from radarsim.geometry import Pose3
+from radarsim.geometry import Pose3, wrap_angle
 from radarsim.protocol.control import UNSUPPORTED_ACTIONS, Control
 from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.message import (
@@ -30,7 +30,7 @@ from radarsim.protocol.message import (
     parse_flipped,
     parse_number,
     parse_numbers,
-    pose_from_wire,
+    wrapped_pose,
 )
 from radarsim.protocol.packages import ABSOLUTE, LinkOrder
 from radarsim.protocol.watch import Watch
@@ -43,6 +43,11 @@ _parse_flipped = partial(parse_flipped, largest=LARGEST_COMMANDED)
 
 def _parse_angle(text: str) -> float:
     return 0.0 - _parse_number(text)
+
+
+def _parse_attitude(text: str) -> Triple:
+    roll, pitch, yaw = _parse_flipped(text)
+    return wrap_angle(roll), wrap_angle(pitch), wrap_angle(yaw)
 
 
 FOV: Final = "FOV"
@@ -106,7 +111,7 @@ class Init:
             class_name,
             name,
             position=message.parse_optional("Location", _parse_flipped),
-            rotation=message.parse_optional("Rotation", _parse_flipped),
+            rotation=message.parse_optional("Rotation", _parse_attitude),
             takes_free=takes_free,
         )
 
@@ -704,7 +709,8 @@ def parse_pose(params: str) -> Pose3:
     Raises:
         MalformedMessage: If the text is not six numbers.
     """
-    return pose_from_wire(parse_numbers(params, 6, largest=LARGEST_COMMANDED))
+    x, y, z, roll, pitch, yaw = parse_numbers(params, 6, largest=LARGEST_COMMANDED)
+    return wrapped_pose(flip_axes((x, y, z)), flip_axes((roll, pitch, yaw)))
 
 
 def parse_switch(params: str) -> bool:

@@ -15,7 +15,7 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 
 from radarsim.protocol.images import ImageType
-from radarsim.protocol.message import LARGEST
+from radarsim.protocol.message import LARGEST, clip_numbers
 
 DriveUnit: TypeAlias = Literal["rad_per_s", "rev_per_s"]
 Generation: TypeAlias = Literal["ut2004", "udk"]
@@ -56,13 +56,9 @@ class NumberFormat:
     step: float | None = None
 
     def format(self, value: float) -> str:
-        """Write one number.
-
-        Raises:
-            ValueError: If it is not finite or does not fit into 32 bits.
-        """
+        """Write one number; one that does not fit into 32 bits is clipped."""
         if not abs(value) < LARGEST:
-            raise ValueError(f"number {value!r}, expected less than 2**31 in size")
+            value = float(clip_numbers(np.array(value)))
         value = self.cut_to_step(value)
         if self.rounding is Rounding.NEAREST:
             return _rounded(value, self.decimals)

@@ -408,11 +408,7 @@ class LineReport:
         return f"{line}{LINE_END}".encode("latin-1"), numbers, series
 
     def encode(self, dialect: Dialect) -> str:
-        """Write the report as one line without its end.
-
-        Raises:
-            ValueError: If a number is not finite or does not fit into 32 bits.
-        """
+        """Write the report as one line without its end."""
         template, numbers, series = self.split(dialect)
         # The writer is compiled code, which a server does not have before its
         # simulation.

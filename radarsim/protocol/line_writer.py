@@ -28,7 +28,7 @@ from radarsim.protocol.line_template import (
     TRUTH,
     WRAPPED,
 )
-from radarsim.protocol.message import LARGEST
+from radarsim.protocol.message import LARGEST, clip_numbers
 
 _LINE_END, _TRUTH = ord(LINE_END), ord(TRUTH)
 _FLIPPED, _WRAPPED, _POSITIVE = ord(FLIPPED), ord(WRAPPED), ord(POSITIVE)
@@ -61,11 +61,7 @@ class ReportBlock(NamedTuple):
 
 
 def encode_blocks(blocks: Sequence[ReportBlock]) -> list[bytes]:
-    """Return the lines of each block, with CRLF.
-
-    Raises:
-        ValueError: If a number is not finite or does not fit into 32 bits.
-    """
+    """Return the lines of each block, with CRLF; see ``fill_lines``."""
     templates: list[bytes] = []
     numbers: list[float] = []
     series = [NO_SERIES]
@@ -88,15 +84,12 @@ def encode_blocks(blocks: Sequence[ReportBlock]) -> list[bytes]:
 def fill_lines(
     templates: Sequence[bytes], numbers: Sequence[float], series: Floats
 ) -> bytes:
-    """Return lines with CRLF.
+    """Return lines with CRLF; numbers that do not fit into 32 bits are clipped.
 
     Args:
         templates: Templates of the lines.
         numbers: Numbers of all lines, in the order of their marks.
         series: Series of all lines, in the order of their marks.
-
-    Raises:
-        ValueError: If a number is not finite or does not fit into 32 bits.
     """
     return _write(b"".join([*templates, _BLOCK_END]), numbers, [series], 1)[0]
 
@@ -117,9 +110,9 @@ def _write(
     most = len(codes) + templates.count(_LINE_END)
     most += _LONGEST_NUMBER * (len(values) + len(entries))
     out, ends = np.zeros(most, np.uint8), np.zeros(blocks, np.int64)
-    refused = write_lines(codes, values, entries, out, ends)
-    if refused != 0.0:
-        raise ValueError(f"number {refused!r}, expected less than 2**31 in size")
+    if write_lines(codes, values, entries, out, ends) != 0.0:
+        values, entries = clip_numbers(values), clip_numbers(entries)
+        write_lines(codes, values, entries, out, ends)
     return out[: ends[-1]].tobytes() if blocks else b"", ends.tolist()
 
 

@@ -15,6 +15,7 @@ sign, the other two change theirs.
 """
 
 import functools
+import logging
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -26,6 +27,8 @@ from pydantic_core import from_json
 
 from radarsim.errors import LineTooLong, MalformedMessage
 from radarsim.geometry import Floats, Pose3, wrap_angle
+
+log = logging.getLogger("radarsim.server")
 
 _BLANKS = b" \t\n\r\v\f\x1c\x1d\x1e\x1f\x85\xa0"  # in Latin-1
 # With the blank lines after it, of which there can be thousands in one packet. CR is
@@ -121,12 +124,25 @@ class LineBuffer:
 LARGEST_COMMANDED = 1e9  # m, rad, rad/s; what follows from it can still be written
 # compiled into kernels
 LARGEST = 2.0**31  # in reports; the original casts to 32 bit integers
+_LARGEST_WRITTEN = 2.0**31 - 128.0  # the largest number of single precision below that
 
 _NUMBER = re.compile(r"[+-]?([0-9]+([.,][0-9]*)?|[.,][0-9]+)([eE][+-]?[0-9]+)?")
 # As nearly all servers write them: below any limit, and float() reads them as they are.
 _PLAIN_NUMBER = re.compile(r"-?[0-9]{1,9}(?:\.[0-9]+)?")
 _PLAIN_TRIPLE = re.compile(",".join([f"({_PLAIN_NUMBER.pattern})"] * 3))
 _LIST = re.compile(r"[-+0-9.eE, ]*")  # float() would also accept nan, inf and 1_0
+
+
+def clip_numbers(numbers: Floats) -> Floats:
+    """Return numbers that can be written: below ``LARGEST`` in size, and 0 for NaN."""
+    _warn_of_clipping()
+    finite = np.nan_to_num(numbers, nan=0.0)
+    return np.clip(finite, -_LARGEST_WRITTEN, _LARGEST_WRITTEN)
+
+
+@functools.cache  # once: a sensor would repeat it in every tick
+def _warn_of_clipping() -> None:
+    log.warning("a number of a line is clipped, expected less than 2**31 in size")
 
 
 def parse_number(text: str, *, largest: float = LARGEST) -> float:

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.geometry import Floats, Pose2
+from radarsim.geometry import Floats, Pose2, wrap_angle
 from radarsim.presets.robots import RobotModel
 from radarsim.protocol.dialect import WheelDrive
 from radarsim.robots.collision import Surroundings, new_robot_grid
@@ -278,7 +278,7 @@ class Fleet:
         row[:] = new_columns(1)
         radius, floor = robot.footprint.radius, obstacles.floor
         top_speed = MAX_DISPLACEMENT_RATIO * _fastest_sweep(robot)
-        row[[X, Y, YAW]] = pose.x, pose.y, pose.yaw
+        row[[X, Y, YAW]] = pose.x, pose.y, wrap_angle(pose.yaw)
         row[[BOTTOM, TOP]] = floor, floor + model.height
         row[BODY_Z] = floor + model.origin_height
         row[[HALF_LENGTH, HALF_WIDTH]] = model.length / 2, model.width / 2

@@ -4,7 +4,8 @@ Rule 1: a client is read again ``READ_PAUSE`` after its last questions, of which
 ``MOST_QUESTIONS`` are answered, and not before it has read the answers. What it sends
 meanwhile waits in its socket, so that questions without end take little time from the
 ticks.
-Rule 2: every line is answered, and one that is too long closes the connection.
+Rule 2: every line is answered, and one that is too long closes the connection, as an
+HTTP request does.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import asyncio
 import logging
 from typing import TYPE_CHECKING, Final
 
-from radarsim.protocol.message import LineBuffer
+from radarsim.protocol.message import LineBuffer, is_http_request
 from radarsim.server.peer_connections import PeerConnection, PeerServer, RefusalLog
 
 if TYPE_CHECKING:
@@ -92,9 +93,14 @@ class QuestionClient(PeerConnection):
 
     def buffer_updated(self, nbytes: int) -> None:
         """Answer received questions, and read no more for a while."""
-        self._questions += self._lines.feed(bytes(self._buffer[:nbytes]))
-        if self._lines.overflow is not None:
-            log.warning("%s: closed: %s", self.peer, self._lines.overflow)
+        lines = self._lines.feed(bytes(self._buffer[:nbytes]))
+        self._questions += lines
+        fault = str(self._lines.overflow or "")
+        # Any page can make a browser on this machine send requests here.
+        if any(map(is_http_request, lines)):
+            fault = "an HTTP request, expected questions"
+        if fault:
+            log.warning("%s: closed: %s", self.peer, fault)
             self.close()
         if self._transport is not None:
             self._transport.pause_reading()

@@ -15,6 +15,7 @@ from radarsim.listening import (
     configure_socket,
     exit_code_of_signal,
     listen,
+    log_refused_accepts,
     peer_name,
 )
 from radarsim.processes import TERMINATED
@@ -34,7 +35,7 @@ MAX_LAG = 0.1  # s; a server that is later than this drops the lost time
 LAG_LOG_INTERVAL = 10.0  # s between two log lines about lost time
 READ_BYTES = 2048  # read from one client before others are served
 WATCHER_TICKS = 3  # between two writes to a client that only watches: each costs time
-CLOSE_GRACE = 2.0  # s for a client that has closed its side to read its replies
+CLOSE_GRACE = 0.8  # s from when a client has closed its side until it is closed
 MAX_LOGGED_KINDS = 50  # per client, as a client may send random verbs
 
 
@@ -288,21 +289,29 @@ class Connection(asyncio.BufferedProtocol):
             return False
         self._sends_no_more = True
         self._connections.held.add(self)
-        loop = asyncio.get_running_loop()
-        self._grace = loop.call_later(CLOSE_GRACE, self._transport.abort)
+        self._end_in_time()
         self.flush(only_replies=True)
         return True  # the transport stays open for the replies
+
+    def _end_in_time(self) -> None:
+        """Abort after ``CLOSE_GRACE``, whatever waits then."""
+        if self._grace is None and self._transport is not None:
+            loop = asyncio.get_running_loop()
+            self._grace = loop.call_later(CLOSE_GRACE, self._transport.abort)
 
     def hang_up(self, *, is_gone: bool) -> None:
         """Close if nothing that waits is of use to a peer that has closed its side.
 
-        A robot would be removed as soon as it is there.
+        A robot would be removed as soon as it is there. What else it has sent may be
+        much more than can be executed until its time is over.
 
         Args:
             is_gone: Whether the peer reads no more either.
         """
         if is_gone or self._host.waits_to_spawn(self._number):
             self._finish()
+        else:
+            self._end_in_time()
 
     def connection_lost(self, error: Exception | None) -> None:
         """Despawn the client's robot."""
@@ -331,7 +340,11 @@ class Connection(asyncio.BufferedProtocol):
             return
         if reason := self._host.close_reason(self._number):
             log.warning("%s: closed: %s", self.peer, reason)
-            self.close()
+            if self._host.has_failed(self._number):
+                self._end_in_time()
+                self._finish()
+            else:
+                self.close()
             return
         if self._sends_no_more:
             if not self._host.is_busy(self._number):
@@ -354,11 +367,11 @@ class Connection(asyncio.BufferedProtocol):
                 transport.write(data)
 
     def _finish(self) -> None:
-        """Send the last replies to a peer that has closed its side, and close."""
+        """Send the last replies to a peer, and close."""
         transport = self._transport
         assert transport is not None
         transport.write(self._host.finish(self._number))
-        self._disconnect("it closed its side")
+        self._disconnect("it closed its side" if self._sends_no_more else "no robot")
         transport.close()  # when everything is sent
 
     def close(self) -> None:
@@ -448,6 +461,7 @@ async def _run(
     companions: Sequence[Companion],
 ) -> None:
     """Start a server, and wait until it fails; arguments and errors as above."""
+    log_refused_accepts(log)
     loading = asyncio.ensure_future(server.begin())
     try:
         # To read the engine takes less than a second, and some clients wait no longer

@@ -9,6 +9,7 @@ before anything else, also before the token.
 
 import asyncio
 import ipaddress
+import logging
 import secrets
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
@@ -20,6 +21,10 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
+
+from radarsim.listening import log_refused_accepts
+
+log = logging.getLogger("radarsim.server")
 
 ANY_ADDRESS: Final = ("0.0.0.0", "::")  # compared, not bound
 HTTP_PORT: Final = 80
@@ -188,5 +193,6 @@ class WebServer(uvicorn.Server):
 
     async def startup(self, sockets: list[socket] | None = None) -> None:
         """Listen, and tell that it does."""
+        log_refused_accepts(log)
         await super().startup(sockets)
         self._on_start()

@@ -51,6 +51,9 @@ class Crates:
         """Iterate over the crates, in the order of their creation."""
         return iter(tuple(self._placed.values()))
 
+    def __len__(self) -> int:
+        return len(self._placed)
+
     @property
     def is_full(self) -> bool:
         """Whether there is room for no further crate."""

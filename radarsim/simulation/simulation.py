@@ -27,6 +27,7 @@ from radarsim.rng import generator_for
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles, overlaps
+from radarsim.robots.robot import Robot
 from radarsim.scene.scene import Scene
 from radarsim.sensors.motion_readings import INS_DRIFT_INTERVAL
 from radarsim.sensors.range_scanner import load_sensor
@@ -35,6 +36,7 @@ from radarsim.sensors.sonar import SonarArray
 from radarsim.simulation.clock import TICK, Clock, Schedule, ticks_of
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.crates import Crates
+from radarsim.simulation.faults import Faults
 from radarsim.simulation.flight import Airspace
 from radarsim.simulation.items import RayItem
 from radarsim.simulation.readings import Program, ReadingTable
@@ -47,7 +49,7 @@ from radarsim.simulation.tick_output import (
     report_scan,
 )
 from radarsim.simulation.trails import Trails
-from radarsim.simulation.vehicle import MountedScanner, Vehicle
+from radarsim.simulation.vehicle import DueItems, MountedScanner, Vehicle
 
 SEARCH_RADIUS = 1.0  # m around an occupied place
 # Scans of a tick whose echoes are listed for watchers only, each of which takes a
@@ -68,6 +70,7 @@ class Simulation:
         scanner_items: Scanners that add-ons read, by the name of the add-on's entry.
         crates: The crates of the map, and of clients.
         trails: The trails that robots leave for cameras.
+        faults: The robots in which something has failed.
         shown: What viewers of pictures on a machine see, by its address: number of a
             robot, and name of a camera or None.
     """
@@ -78,6 +81,7 @@ class Simulation:
         self.scene = scene
         self.config = config or SimulationConfig()
         self.seed = seed
+        self.faults = Faults()
         self.shown: dict[str, tuple[int, str | None]] = {}
         self._clock = Clock()
         self.trails = Trails(self._clock)
@@ -232,25 +236,47 @@ class Simulation:
         if self._flying:
             boxes = self.boxes()
             for vehicle in self._flying:
-                self._airspace.climb(self._fleet, vehicle.robot, boxes, TICK)
-                vehicle.robot.lean(TICK)
+                self.faults.call(vehicle, self._fly, vehicle.robot, boxes)
         self.trails.step()
         drifting = self._drifting.due()
         if drifting:
             self._compute([(vehicle, vehicle.drift) for vehicle in drifting])
 
+    def _fly(self, robot: Robot, boxes: Boxes) -> None:
+        self._airspace.climb(self._fleet, robot, boxes, TICK)
+        robot.lean(TICK)
+
     def collect_reports(self) -> dict[int, TickOutput]:
         """Take all readings that are due in this tick.
 
         Returns:
-            What each robot reports, by its number; robots without a report are missing.
+            What each robot reports, by its number; robots without a report, or in which
+            something has failed, are missing.
         """
         # First, as a robot whose radar has a scan reports even if nothing else is due.
         read_by_others = self._read_scanner_items()
         reporting = self._reporting.due()
         if not reporting:
             return {}
-        due = [(vehicle, vehicle.due()) for vehicle in reporting]
+        due = []
+        for vehicle in reporting:
+            items = self.faults.call(vehicle, vehicle.due)
+            if items is not None:
+                due.append((vehicle, items))
+        try:
+            return self._take_readings(due, read_by_others)
+        except Exception:  # noqa: BLE001 - the robot that failed is found below
+            outputs: dict[int, TickOutput] = {}
+            for vehicle, items in due:
+                scans = [scan for scan in read_by_others if scan.vehicle is vehicle]
+                alone = [(vehicle, items)], scans
+                outputs |= self.faults.call(vehicle, self._take_readings, *alone) or {}
+            return outputs
+
+    def _take_readings(
+        self, due: list[tuple[Vehicle, DueItems]], read_by_others: list[DueScan]
+    ) -> dict[int, TickOutput]:
+        """Take the readings of robots, and return them as ``collect_reports`` does."""
         scanners = [
             (v, each) for v, items in due for each in items.scanners if each.scans
         ]
@@ -258,7 +284,7 @@ class Simulation:
         # Robots are boxes of this tick for all sensors, so that no reading depends on
         # the order in which they are taken.
         boxes = self.boxes() if scanners or ray_items else NOTHING
-        scans: dict[int, list[RangeScan]] = {v.number: [] for v in reporting}
+        scans: dict[int, list[RangeScan]] = {v.number: [] for v, _ in due}
         echoes: dict[int, list[ScanEchoes | ScanDetails]] = {}
         listing = self._select_listing(scanners)
         taken = self._scan(scanners, listing, boxes)
@@ -280,7 +306,7 @@ class Simulation:
                 echoes.setdefault(number, []).append(due_scan.details)
         cast = self._cast(ray_items, boxes)
         # Found out for all robots at once, where a reading asks for it.
-        self._fleet.touched([v.robot.slot for v in reporting if v.has_touch])
+        self._fleet.touched([v.robot.slot for v, _ in due if v.has_touch])
         numbers = iter(self._compute([(v, items.program) for v, items in due]))
         return {
             vehicle.number: TickOutput(
@@ -298,7 +324,7 @@ class Simulation:
         due_scans = [
             due_scan
             for items in self.scanner_items.values()
-            for due_scan in items.read_due(self.boxes)
+            for due_scan in items.read_due(self.boxes, self.faults)
         ]
         for due_scan in due_scans:
             self._reporting.request(due_scan.vehicle)

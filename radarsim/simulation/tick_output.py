@@ -11,6 +11,7 @@ from radarsim.protocol.fields import ReportGroup, SensorReport
 from radarsim.protocol.reports import RangeScan, Status
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.sensors.scan import Echoes
+from radarsim.simulation.faults import Faults
 from radarsim.simulation.vehicle import Vehicle
 
 
@@ -101,11 +102,14 @@ class ScannerItems(Protocol):
     def remove(self, vehicle: Vehicle) -> None:
         """Read those of a robot no more."""
 
-    def read_due(self, find_boxes: Callable[[], Boxes]) -> Sequence[DueScan]:
+    def read_due(
+        self, find_boxes: Callable[[], Boxes], faults: Faults
+    ) -> Sequence[DueScan]:
         """Pass a tick, and return the readings that are due in it.
 
         Args:
             find_boxes: Returns the robots.
+            faults: For errors of single robots.
         """
         ...
 

@@ -401,7 +401,7 @@ COMMANDS = st.one_of(
         WORDS,
         st.none() | TEXTS,
         position=st.none() | TRIPLES,
-        rotation=st.none() | TRIPLES,
+        rotation=st.none() | st.tuples(*[st.floats(-3.14, 3.14)] * 3),
         takes_free=st.booleans(),
     ),
     st.builds(Drive, st.none() | NUMBERS, st.none() | NUMBERS, FLAGS, FLAGS, FLAGS),

@@ -7,6 +7,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Pose2, Pose3, wrap_angle
+from radarsim.protocol import message
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect, NumberFormat, Rounding
 from radarsim.protocol.fields import MOST_KEPT, LineReport, ReportGroup
 from radarsim.protocol.line_writer import ReportBlock, encode_blocks
@@ -107,17 +108,24 @@ def test_numbers_around_halves_have_the_digits_of_each_number(
 
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf, 2.0**31])
-def test_number_that_cannot_be_written_is_an_error(
+def test_number_that_cannot_be_written_is_clipped(
     dialect: Dialect, number: float
 ) -> None:
     good = GroundTruth(1.0, "GndTruth", Pose3(1.0, 2.0, 3.0))
-    for bad in (
-        GroundTruth(1.0, "GndTruth", Pose3(number, 2.0, 3.0)),
-        RangeScan(1.0, "radar", 0.1, 0.2, np.array([1.0, number])),
-        RangeScan(1.0, "radar", number, 0.2, np.array([1.0])),
-    ):
-        with pytest.raises(ValueError, match="expected less than"):
-            encode_blocks([ReportBlock([good, bad, good], dialect)])
+    near = 0.0 if math.isnan(number) else math.copysign(2.0**31 - 128, number)
+
+    def bad(value: float) -> list[LineReport]:
+        return [
+            GroundTruth(1.0, "GndTruth", Pose3(value, 2.0, 3.0)),
+            RangeScan(1.0, "radar", 0.1, 0.2, np.array([1.0, value])),
+            RangeScan(1.0, "radar", value, 0.2, np.array([1.0])),
+        ]
+
+    written, expected = (
+        encode_blocks([ReportBlock([good, *bad(value), good], dialect)])
+        for value in (number, near)
+    )
+    assert written == expected
 
 
 def test_lines_of_reports_and_groups_are_in_blocks() -> None:
@@ -150,10 +158,16 @@ def test_a_thousand_scans_are_written_at_once() -> None:
     assert line.count(b"-2147483647.00") == 181
 
 
-def test_number_of_a_group_that_cannot_be_written_is_an_error() -> None:
+def test_clipping_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
+    message._warn_of_clipping.cache_clear()
     group = ReportGroup([Odometry(0.0, "Odometer", Pose2(0, 0))], COMPAT)
-    with pytest.raises(ValueError, match="number nan, expected less than"):
-        encode_blocks([ReportBlock([], COMPAT, group, [1.0, math.nan, 0.0, 0.0])])
+    for _ in range(2):
+        (line,) = encode_blocks(
+            [ReportBlock([], COMPAT, group, [1.0, math.nan, 0.0, 0.0])]
+        )
+        assert b"{Pose 0.0000,0.0000,0.0000}" in line
+    assert "a number of a line is clipped" in caplog.text
+    assert len(caplog.records) == 1
 
 
 def test_angles_of_any_size_are_wrapped() -> None:

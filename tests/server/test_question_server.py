@@ -142,6 +142,21 @@ async def test_flood_of_questions_is_answered_in_turns(empty_room: Scene) -> Non
 
 
 @pytest.mark.asyncio
+@pytest.mark.parametrize("tell", [truth_answer, wireless_answer])
+async def test_request_of_a_web_page_is_closed_without_an_answer(
+    empty_room: Scene,
+    caplog: pytest.LogCaptureFixture,
+    tell: Callable[[Dialect], Answer],
+) -> None:
+    async with running(empty_room, tell=tell) as server, connected(server) as client:
+        client.writer.write(b"POST / HTTP/1.1\r\nHost: evil.example\r\n\r\n")
+        async with asyncio.timeout(DEADLINE):
+            with suppress(ConnectionResetError):
+                assert await client.reader.read() == b""
+    assert "closed: an HTTP request, expected questions" in caplog.text
+
+
+@pytest.mark.asyncio
 async def test_line_without_end_closes_the_connection(
     empty_room: Scene, caplog: pytest.LogCaptureFixture
 ) -> None:

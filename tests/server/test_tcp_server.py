@@ -32,6 +32,7 @@ from radarsim.server.tcp_server import (
 )
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.simulation import Simulation
+from radarsim.simulation.vehicle import DueItems, Vehicle
 
 GREETING = b"NFO {Gametype BotDeathMatch} {Level DM-EmptyRoom} {TimeLimit 0}\r\n"
 STARTS = (
@@ -414,6 +415,48 @@ async def test_closed_connection_gives_up_its_place_while_its_init_waits(
             peer.writer.close()
         await running_server.wait_until(lambda: "disconnected" in caplog.text)
         assert await (await running_server.peer()).line() == GREETING
+
+
+class Busy(Host):
+    """A host in which what a client has sent takes without end."""
+
+    def is_busy(self, number: int) -> bool:  # noqa: ARG002 - of every client
+        return True
+
+
+async def test_what_a_closed_client_had_sent_ends_in_time(
+    empty_room: Scene, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO, "radarsim.server")
+    async with serving(Busy(empty_room)) as running_server:
+        peer = await running_server.peer()
+        await peer.until(GREETING)
+        await peer.send(b"DRIVE {Left 1} {Right 1}\r\n" * 100)
+        peer.writer.close()
+        await running_server.wait_until(lambda: "disconnected" in caplog.text)
+
+
+async def test_error_of_one_robot_closes_its_connection_with_a_message(
+    running_server: RunningServer,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    good, bad = [await running_server.driver() for _ in range(2)]
+    failing = running_server.host.simulation.vehicles[1]
+    due = Vehicle.due
+
+    def fail(vehicle: Vehicle) -> DueItems:
+        if vehicle is failing:
+            raise ArithmeticError("a bug")
+        return due(vehicle)
+
+    monkeypatch.setattr(Vehicle, "due", fail)
+    last = (await bad.rest()).splitlines()[-1]
+    assert last.startswith(b"NFO {Error an error in the server, which is a bug")
+    assert "closed: an error in the server: ArithmeticError: a bug" in caplog.text
+    assert "Traceback" in caplog.text
+    assert_every_scan_came(await good.scans(3))
+    assert running_server.robots == 1
 
 
 @pytest.mark.slow

@@ -137,15 +137,19 @@ def test_how_fast_turns_are_computed_changes_nothing(
     assert len(scans_of(expected)) == 1
 
 
-def test_failure_of_a_turn_is_raised_in_a_tick(
+def test_failure_of_a_turn_ends_the_robot(
     foliage_room: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(*_: object) -> Received:
         raise ArithmeticError("no turn")
 
     monkeypatch.setattr(TurnReceiver, "advance", fail)
-    with pytest.raises(ArithmeticError, match="no turn") as caught:
-        play(foliage_room, LATENCY + 2)
+    host = Host(foliage_room)
+    host.receive(host.connect(), INIT)
+    with pytest.raises(ArithmeticError, match="no turn") as caught:  # noqa: PT012
+        for _ in range(LATENCY + 2):
+            host.step()
+            host.raise_fault()
     (note,) = caught.value.__notes__
     assert note.startswith("in the thread of antennas: ")
 

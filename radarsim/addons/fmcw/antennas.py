@@ -33,6 +33,7 @@ from radarsim.rng import NumberedStreams, generator_for
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import load_sensor
 from radarsim.simulation.clock import TICK, Clock
+from radarsim.simulation.faults import Faults
 from radarsim.simulation.tick_output import DueScan, ScanDetails, report_scan
 from radarsim.simulation.vehicle import MountedScanner, Vehicle
 
@@ -254,18 +255,26 @@ class Antennas:
         """Return the robots that have antennas, in the order of spawning."""
         return [carried[0].vehicle for carried in self._antennas.values()]
 
-    def read_due(self, find_boxes: Callable[[], Boxes]) -> list[DueScan]:
+    def read_due(
+        self, find_boxes: Callable[[], Boxes], faults: Faults
+    ) -> list[DueScan]:
         """Turn all that turn for a tick; return the scans that are received in it.
 
         Args:
             find_boxes: Returns the robots.
+            faults: For errors of single robots.
         """
         ticks, turning = self._clock.ticks, self.turning
         if turning:
             boxes = self._with_velocities(find_boxes(), ticks)
             for antenna in turning:
-                antenna.advance(self._scene, ticks, boxes, self.worker)
-        return [scan for each in self._every() for scan in each.receive(ticks)]
+                turn = antenna.advance, self._scene, ticks, boxes, self.worker
+                faults.call(antenna.vehicle, *turn)
+        return [
+            scan
+            for each in self._every()
+            for scan in faults.call(each.vehicle, each.receive, ticks) or ()
+        ]
 
     def _with_velocities(self, boxes: Boxes, ticks: int) -> Boxes:
         """Return boxes with their velocities since the last tick; new ones stand."""

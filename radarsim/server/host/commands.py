@@ -28,7 +28,7 @@ from radarsim.protocol.commands import (
     parse_pose,
     parse_switch,
 )
-from radarsim.protocol.control import CONTROLLER, Control
+from radarsim.protocol.control import CONTROLLER, Action, Control
 from radarsim.protocol.line_template import printable_name
 from radarsim.protocol.message import LARGEST_COMMANDED, parse_number
 from radarsim.protocol.packages import LinkOrder
@@ -71,9 +71,11 @@ SEARCH_COOLDOWN = 3  # the requested place was occupied
 FAILED_SEARCH_COOLDOWN = 10  # and no other was free
 
 # Units of work, about 20 us each: most commands take one; a spawn, a scan that is asked
-# for, and a reply that has to be computed take five. Reading a long line takes more.
+# for, and a reply that has to be computed take five. Reading a long line takes more,
+# and so do orders to many links.
 LIGHT_WORK: Final = 1
 HEAVY_WORK: Final = 5
+CRATE_WORK: Final = 2  # a body comes or goes
 SETTING_WORK: Final = 50  # the rays of a scanner have to be prepared anew
 SUGGESTION_WORK: Final = 3  # for a verb or a key that is not known
 CHARACTERS_A_UNIT: Final = 300
@@ -145,7 +147,8 @@ class CommandHandler:
             parsed = parse_command(line, self._config.dialect)
         except MalformedMessage as error:
             malformed = Diagnostic.of_malformed(line, error)
-            if malformed.kind == f"malformed {Watch.verb}":
+            # A line in UTF-16 has zeros: a client of today that needs to be told.
+            if malformed.kind == f"malformed {Watch.verb}" or "\0" in line:
                 self._answer_error(client, malformed)
             return Handled(True, malformed, LIGHT_WORK + SUGGESTION_WORK + reading)
         command = parsed.command
@@ -194,12 +197,18 @@ class CommandHandler:
         match command:
             case SetItem() if command.opcode.upper() == SETTING:
                 return SETTING_WORK
-            case Init() | SetItem() | MovePackage() | MultiDrive() | SetViewports():
+            case Init() | SetItem() | SetViewports():
                 return HEAVY_WORK
-            case Watch() | ShowCamera() | Control():
-                return HEAVY_WORK + len(self.clients_by_robot) // ROBOTS_A_UNIT
-            case GetGeo(robot=str()) | GetConf(robot=str()):
-                return HEAVY_WORK + len(self.clients_by_robot) // ROBOTS_A_UNIT
+            case MovePackage(orders=orders) | MultiDrive(orders=orders):
+                return HEAVY_WORK + len(orders) // 2
+            case (
+                Watch()
+                | ShowCamera()
+                | Control()
+                | GetGeo(robot=str())
+                | GetConf(robot=str())
+            ):
+                return self._work_among_robots(command)
             # Clients ask for every item at the start, many of them at once: what is
             # known already must not use up the work of a tick.
             case GetGeo() | GetConf() | GetStartPoses():
@@ -207,6 +216,13 @@ class CommandHandler:
                 return LIGHT_WORK if known else HEAVY_WORK
             case _:
                 return LIGHT_WORK
+
+    def _work_among_robots(self, command: Command) -> int:
+        work = HEAVY_WORK + len(self.clients_by_robot) // ROBOTS_A_UNIT
+        if not isinstance(command, Control) or self._simulation is None:
+            return work
+        is_of_all = command.action in (Action.GET_STATE, Action.KILL_ALL)
+        return work + CRATE_WORK * (len(self._simulation.crates) if is_of_all else 2)
 
     def _is_too_early(self, client: Client) -> bool:
         # The intervals of sensors start at the spawn: robots of one tick would be due

@@ -17,6 +17,7 @@ b'NFO {A b}\r\n'
 
 from __future__ import annotations
 
+import re
 from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
@@ -30,6 +31,13 @@ if TYPE_CHECKING:
 
 WATCH_LIMIT: Final = 4_194_304  # bytes; 100 robots can list as many echoes in a second
 WATCH_CEILING: Final = 1_048_576  # bytes that tell of robots, some 20 000 of them
+
+# Before the first command: the mark of UTF-8, of editors and of programs in .NET, and
+# the options that a telnet client offers. Both in Latin-1.
+_PREAMBLE: Final = re.compile(
+    r"(?:\xef\xbb\xbf|\xff(?:[\xfb-\xfe].?|\xfa.*?\xff\xf0|[\xf1-\xf9])|\0)*",
+    re.DOTALL,
+)
 
 
 class SendQueue:
@@ -138,6 +146,7 @@ class Client:
         controls: Whether it is a world controller, without a robot.
         has_spoken: Whether its first line has come.
         speaks_http: Whether that line began a request of a web browser.
+        fault: The error that has ended its robot, which only a bug can cause.
     """
 
     number: int
@@ -153,20 +162,29 @@ class Client:
     controls: bool = False
     has_spoken: bool = False
     speaks_http: bool = False
+    fault: Exception | None = None
 
     def feed(self, data: bytes) -> None:
         """Add what was received to the lines that wait to be handled.
 
         Nothing of what a web browser sends is added.
         """
-        lines = self.lines.feed(data)
-        # The first line of a browser is that of its request; later ones may
-        # contain anything.
+        # Programs in C send the ends of their strings as well, after each line.
+        lines = [line for each in self.lines.feed(data) if (line := each.strip("\0"))]
         if lines and not self.has_spoken:
             self.has_spoken = True
+            lines[0] = _PREAMBLE.sub("", lines[0], 1)
+            # The first line of a browser is that of its request; later ones may
+            # contain anything.
             self.speaks_http = is_http_request(lines[0])  # for ever
         if not self.speaks_http:
             self.pending.extend(lines)
+
+    @property
+    def robot(self) -> Vehicle:
+        """The client's robot, which has just reported."""
+        assert self.vehicle is not None
+        return self.vehicle
 
     def take(self) -> bytes:
         """Return and remove what is to be sent: whole lines, the robot's own first."""
@@ -175,6 +193,8 @@ class Client:
 
     def close_reason(self) -> str:
         """Return why the connection is to be closed; empty if it is not."""
+        if self.fault is not None:
+            return f"an error in the server: {type(self.fault).__name__}: {self.fault}"
         if self.speaks_http:
             return "an HTTP request, expected commands"
         is_deaf = self.send_queue.overflowed or self.watch_queue.overflowed

@@ -268,9 +268,6 @@ class EchoWriter:
             scanner: Name of the scanner item.
             echoes: Echoes of the scan.
             dialect: Dialect of the lines.
-
-        Raises:
-            ValueError: If a number is not finite or does not fit into 32 bits.
         """
         rows = EchoRows.of(echoes)
         count = len(rows.lines)

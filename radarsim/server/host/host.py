@@ -8,7 +8,9 @@ one write of the next tick, together with the readings of the tick. A client wit
 robot gets nothing in a tick: its replies can be sent at once.
 
 Rule 1: nothing that a client sends raises. What cannot be executed is ignored, as the
-original server does, and returned as a ``Diagnostic`` for the log.
+original server does, and returned as a ``Diagnostic`` for the log. An error that only a
+bug can cause ends the robot of one client, which is told so and is to be disconnected;
+the others go on.
 Rule 2: a write consists of status, replies, readings, echoes and scans, in this order,
 on which clients rely. Only clients that ask for echoes get them.
 Rule 3: a client that does not read loses readings, but no replies; one that keeps on
@@ -34,6 +36,7 @@ Imports no compiled code before there is a simulation.
 
 from __future__ import annotations
 
+import logging
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterable, Mapping
@@ -42,6 +45,7 @@ from typing import TYPE_CHECKING
 
 from radarsim.protocol.commands import Init
 from radarsim.protocol.reports import Greeting, to_bytes
+from radarsim.protocol.watch import CommandError
 from radarsim.scene.scene import Scene
 from radarsim.server.host.commands import SPAWNS_PER_TICK, CommandHandler, Handled
 from radarsim.server.host.connection import Client, Diagnostic
@@ -55,13 +59,15 @@ if TYPE_CHECKING:
     from radarsim.simulation.tick_output import ScanDetails, ScanEchoes, TickOutput
     from radarsim.simulation.vehicle import Vehicle
 
+log = logging.getLogger("radarsim.server")
+
 COMMANDS_PER_TICK = 20  # of a client; real ones send a few
 # Units of work of all clients together in a tick: for commands on arrival, for the
 # first command of each client once that is used up, and for those that have waited. A
 # unit is about 20 us.
-ARRIVAL_WORK = 100
-FIRST_WORK = 60
-WAITING_WORK = 60
+ARRIVAL_WORK = 80
+FIRST_WORK = 50
+WAITING_WORK = 40
 
 
 class HostObserver:
@@ -231,7 +237,7 @@ class Host:
         client = self._clients[number]
         for observer in self._observers:
             observer.receive(number, data)
-        if client.lines.overflow is not None:
+        if client.lines.overflow is not None or client.fault is not None:
             return []
         # Lines that wait go first, whatever comes with the next packet: a client relies
         # on the order of its commands.
@@ -271,9 +277,20 @@ class Host:
     def close_reason(self, number: int) -> str:
         """Return why a client is to be disconnected; empty if it is not.
 
-        It sent an endless line or an HTTP request, or it reads too few replies.
+        It sent an endless line or an HTTP request, it reads too few replies, or its
+        robot has ended by an error; of the last it is to be sent what waits.
         """
         return self._clients[number].close_reason()
+
+    def has_failed(self, number: int) -> bool:
+        """Return whether the robot of a client has ended by an error."""
+        return self._clients[number].fault is not None
+
+    def raise_fault(self) -> None:
+        """Raise the error that has ended the robot of a client, if there is one."""
+        for client in self._clients.values():
+            if client.fault is not None:
+                raise client.fault
 
     def step(self, *, passes: bool = True) -> list[tuple[int, Diagnostic]]:
         """Advance by 10 ms, and queue everything that is due for the clients.
@@ -303,6 +320,7 @@ class Host:
             self.simulation.step()
             self._watchers.tell_time(self.simulation.time)
             self._queue_outputs(self.simulation.collect_reports())
+            self._remove_failed()
         # Robots that reported have got theirs already, within the write of their tick.
         for number in sorted(self._replying):
             self._queue_replies(self._clients[number])
@@ -396,7 +414,11 @@ class Host:
         return diagnostics
 
     def _handle_next(self, client: Client) -> Handled:
-        handled = self._commands.handle(client, client.pending[0])
+        try:
+            handled = self._commands.handle(client, client.pending[0])
+        except Exception as error:  # noqa: BLE001 - see rule 1
+            self._fail(client, error)
+            return Handled(True)
         if handled.done:
             client.pending.popleft()
             client.command_budget -= 1
@@ -407,6 +429,27 @@ class Host:
             elif client.replies:
                 self._replying.add(client.number)
         return handled
+
+    def _remove_failed(self) -> None:
+        """Remove the robots in which something has failed in this tick."""
+        errors = self.simulation.faults.errors
+        while errors:
+            number, error = errors.popitem()
+            if number not in self._commands.clients_by_robot:
+                raise error  # whoever has spawned this robot is no client
+            self._fail(self._commands.clients_by_robot[number], error)
+
+    def _fail(self, client: Client, error: Exception) -> None:
+        """Remove the robot of a client, which is told why."""
+        name = client.vehicle.robot.name if client.vehicle else "none"
+        text = "an error in the server, which is a bug, has ended the robot"
+        log.error("client %d, robot %s: %s", client.number, name, text, exc_info=error)
+        client.fault = error
+        client.pending.clear()
+        self._commands.remove(client)
+        line = CommandError(f"{text}: {error!r:.200}").encode(self._dialect)
+        client.replies.append(to_bytes([line]))
+        self._put_replies(client)
 
     def _queue_replies(self, client: Client) -> None:
         replies = self._put_replies(client)
@@ -430,19 +473,27 @@ class Host:
 
         robots = self._commands.clients_by_robot  # others may have been spawned
         heard = [(robots[n], output) for n, output in outputs.items() if n in robots]
-        encoded = encode_blocks(
-            [
-                ReportBlock(
-                    [*output.cast, *output.scans],
-                    output.group.dialect,
-                    output.group,
-                    output.numbers,
-                )
-                for _, output in heard
+        blocks = [
+            ReportBlock(
+                [*output.cast, *output.scans],
+                output.group.dialect,
+                output.group,
+                output.numbers,
+            )
+            for _, output in heard
+        ]
+        call = self.simulation.faults.call
+        encoded: list[list[bytes] | None]
+        try:
+            encoded = [[lines] for lines in encode_blocks(blocks)]
+        except Exception:  # noqa: BLE001 - the robot that failed is found below
+            encoded = [
+                call(client.robot, encode_blocks, [block])
+                for (client, _), block in zip(heard, blocks, strict=True)
             ]
-        )
         for (client, output), lines in zip(heard, encoded, strict=True):
-            self._queue_output(client, output, lines)
+            if lines is not None:
+                call(client.robot, self._queue_output, client, output, lines[0])
 
     def _queue_output(self, client: Client, output: TickOutput, lines: bytes) -> None:
         """Queue what one robot reports; ``lines`` are those of its reports."""
@@ -452,8 +503,7 @@ class Host:
             shown += its_lines
             if scan.is_requested:
                 requested += its_lines
-        put, vehicle = client.send_queue.put_readings, client.vehicle
-        assert vehicle is not None  # it has just reported
+        put, vehicle = client.send_queue.put_readings, client.robot
         is_watched = vehicle in self._watchers
         if client.replies or shown:
             # Lines are cut apart only where something comes between them (rule 2).

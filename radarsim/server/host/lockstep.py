@@ -60,6 +60,7 @@ class InProcessTransport:
         Raises:
             TimeoutError: If no data has come by then.
             ConnectionError: If the connection is closed.
+            Exception: The error of a robot, which only a bug can cause.
         """
         self._require_open()
         data = self.host.take(self.number)
@@ -68,6 +69,7 @@ class InProcessTransport:
             if data:
                 return data
             waited = self.host.step()
+            self.host.raise_fault()
             self._note([found for number, found in waited if number == self.number])
             self._after_tick()
             data = self.host.take(self.number)

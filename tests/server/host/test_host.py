@@ -104,6 +104,39 @@ def test_only_clients_with_bytes_are_to_be_sent_something(host: Host) -> None:
     assert host.clients_to_send() == []
 
 
+@pytest.mark.parametrize(
+    "before",
+    [
+        pytest.param(b"\xef\xbb\xbf", id="mark of UTF-8"),
+        pytest.param(b"\0", id="zero"),
+        pytest.param(b"\xff\xfb\x1f\xff\xfb \xff\xfd\x01\xff\xf1", id="telnet"),
+        pytest.param(b"\xff\xfa\x1f\0P\0\x18\xff\xf0", id="size of a window"),
+    ],
+)
+def test_what_editors_and_telnet_send_first_is_skipped(
+    host: Host, before: bytes
+) -> None:
+    number = connected(host)
+    assert host.receive(number, before) == []
+    assert host.receive(number, b"GETSTARTPOSES\r\n") == []
+    assert host.take(number) == STARTS
+    web = connected(host)
+    host.receive(web, before + b"GET / HTTP/1.1\r\n")
+    assert host.close_reason(web) == "an HTTP request, expected commands"
+
+
+def test_ends_of_strings_are_skipped_after_every_line(host: Host) -> None:
+    number = connected(host)
+    assert host.receive(number, b"GETSTARTPOSES\r\n\0" * 3) == []
+    assert host.take(number) == STARTS * 3
+
+
+def test_line_in_utf_16_is_answered_with_an_error(host: Host) -> None:
+    number = connected(host)
+    host.receive(number, "GETSTARTPOSES\r\n".encode("utf-16-le"))
+    assert host.take(number).startswith(b"NFO {Error verb 'G")
+
+
 def test_start_poses_are_sent_at_once_without_a_robot(host: Host) -> None:
     number = connected(host)
     assert host.receive(number, b"GETSTARTPOSES\r\n") == []
