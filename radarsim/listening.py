@@ -3,6 +3,7 @@
 import asyncio
 import errno
 import logging
+import select
 import signal
 import socket
 import sys
@@ -24,6 +25,10 @@ from radarsim.processes import (
     is_ignored,
     signal_handlers,
 )
+
+if sys.platform == "linux":
+    import fcntl
+    import termios
 
 OUT_OF_FILES = (errno.EMFILE, errno.ENFILE)
 ACCEPT_LOG_INTERVAL = 10.0  # s between two lines
@@ -84,7 +89,7 @@ def check_port(address: str, port: int) -> None:
     Other obstacles, such as an address of another machine, are left to ``listen``.
 
     Args:
-        address: Address to listen on.
+        address: Address to listen on, or several with commas between them.
         port: Port to listen on; 0, for a free one, is always right.
 
     Raises:
@@ -92,6 +97,11 @@ def check_port(address: str, port: int) -> None:
     """
     if not port:
         return
+    for each in address.split(","):
+        _check_places(each, port)
+
+
+def _check_places(address: str, port: int) -> None:
     with suppress(OSError, UnicodeError):
         for family, *_, place in socket.getaddrinfo(
             address, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
@@ -142,21 +152,25 @@ async def listen(
 
     Args:
         protocol_factory: Creates the protocol of a connection.
-        address: Address to listen on.
-        port: Port to listen on; 0 for a free one.
+        address: Address to listen on, or several with commas between them.
+        port: Port to listen on at all of them; 0 for a free one.
 
     Returns:
-        The listening server, and the host and port that it listens on.
+        The listening server, and the first host and the port that it listens on.
 
     Raises:
         PortUnavailable: If the port is in use, or reserved.
         ServerError: If the address is not one of this machine.
     """
     loop = asyncio.get_running_loop()
+    addresses = address.split(",")
+    if not port and len(addresses) > 1:  # asyncio would take another one at each
+        with bind(addresses[0], 0) as free:
+            port = free.getsockname()[1]
     try:
         listener = await loop.create_server(
             protocol_factory,
-            address,
+            addresses,
             port,
             reuse_address=True,
             # asyncio accepts as many connections in one round of its loop as the
@@ -166,12 +180,13 @@ async def listen(
     except (OSError, UnicodeError) as error:
         raise _listening_error(error, address, port) from error
     if not listener.sockets:
-        at = join_address(address, port)
-        raise ServerError(f"cannot listen on {at}: no socket to be had")
+        raise ServerError(f"cannot listen on {_join(address, port)}: no socket there")
     for listening in listener.sockets:
         with listening.dup() as same:  # asyncio has one number for both
             same.listen(MAX_WAITING)
-    host, bound_port = listener.sockets[0].getsockname()[:2]
+    places = [each.getsockname()[:2] for each in listener.sockets]  # in any order
+    places.sort(key=lambda place: place[0] != addresses[0])
+    host, bound_port = places[0]
     return listener, (host, bound_port)
 
 
@@ -199,11 +214,14 @@ def log_refused_accepts(log: logging.Logger) -> None:
 def _listening_error(
     error: OSError | UnicodeError, address: str, port: int
 ) -> ServerError:
-    at = join_address(address, port)
-    text = f"cannot listen on {at}: {describe_os_error(error)}"
+    text = f"cannot listen on {_join(address, port)}: {describe_os_error(error)}"
     number = error_number(error) if isinstance(error, OSError) else 0
     of_port = number in (errno.EADDRINUSE, errno.EACCES)
     return PortUnavailable(text, port) if of_port else ServerError(text)
+
+
+def _join(addresses: str, port: int) -> str:
+    return " and ".join(join_address(each, port) for each in addresses.split(","))
 
 
 def configure_socket(transport: asyncio.BaseTransport) -> None:
@@ -215,6 +233,24 @@ def configure_socket(transport: asyncio.BaseTransport) -> None:
             sock.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
     # A large buffer would hide a slow reader for seconds, until all it gets is old.
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+
+
+def waiting_bytes(transport: asyncio.BaseTransport) -> int:
+    """Return how much a socket has received that is not read; 0 if nobody can say."""
+    if sys.platform != "linux":
+        return 0
+    number = transport.get_extra_info("socket").fileno()
+    found = fcntl.ioctl(number, termios.FIONREAD, bytes(4))
+    return int.from_bytes(found, sys.byteorder)
+
+
+def has_hung_up(transport: asyncio.BaseTransport) -> bool:
+    """Return whether a peer sends no more, as a transport that is not read hides."""
+    if sys.platform != "linux":
+        return False
+    poller = select.poll()
+    poller.register(transport.get_extra_info("socket").fileno(), select.POLLRDHUP)
+    return bool(poller.poll(0))
 
 
 def peer_name(transport: asyncio.BaseTransport) -> str:

@@ -1,6 +1,8 @@
 """Exit codes and handlers of signals to a program in the foreground."""
 
 import asyncio
+import errno
+import logging
 import os
 import signal
 import socket
@@ -10,7 +12,13 @@ from typing import cast
 
 import pytest
 
-from radarsim.listening import configure_socket, exit_code_of_signal
+from radarsim.errors import ServerError
+from radarsim.listening import (
+    configure_socket,
+    exit_code_of_signal,
+    listen,
+    log_refused_accepts,
+)
 
 CODES = [
     pytest.param(signal.SIGINT, 130, id="interrupt"),
@@ -70,3 +78,32 @@ def test_peer_that_is_gone_without_a_word_is_noticed_within_minutes() -> None:
             )
         ]
         assert idle + interval * count <= 180
+
+
+async def test_several_addresses_have_one_port() -> None:
+    server, (host, port) = await listen(asyncio.Protocol, "127.0.0.2,127.0.0.1", 0)
+    assert host == "127.0.0.2"
+    places = {sock.getsockname() for sock in server.sockets}
+    assert places == {("127.0.0.1", port), ("127.0.0.2", port)}
+    server.close()
+
+
+async def test_error_names_all_addresses() -> None:
+    with pytest.raises(ServerError, match=r"127\.0\.0\.1:\d+ and 192\.0\.2\.1:\d+: "):
+        await listen(asyncio.Protocol, "127.0.0.1,192.0.2.1", 0)
+
+
+async def test_lack_of_files_is_logged_in_one_line(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    log_refused_accepts(logging.getLogger("radarsim.server"))
+    loop = asyncio.get_running_loop()
+    lack = OSError(errno.EMFILE, "Too many open files")
+    for _ in range(2):
+        message = "socket.accept() out of system resource"
+        loop.call_exception_handler({"message": message, "exception": lack})
+    (record,) = caplog.records
+    assert record.getMessage().startswith("connections wait until others end: ")
+    assert record.exc_info is None
+    loop.call_exception_handler({"message": "other", "exception": ValueError("bug")})
+    assert "ValueError: bug" in caplog.text

@@ -46,6 +46,9 @@ def read_config(
             expected = f"unknown key, expected one of {sorted(known)}"
             raise click.BadParameter(file.problem([key], expected, of_key=True))
     given = {known[key]: value for key, value in data.items()}
+    for each in ctx.command.params:  # a single value of those that can be repeated
+        if getattr(each, "multiple", False) and isinstance(given.get(each.name), str):
+            given[str(each.name)] = [given[str(each.name)]]
     # To click a default map ranks below words and variables of the environment, as a
     # file should.
     ctx.default_map = {**(ctx.default_map or {}), **given}

@@ -28,6 +28,7 @@ from radarsim.cli.server_options import (
     cure_of_port,
     load_host,
 )
+from radarsim.errors import join_address
 from radarsim.plans import RARE, Option
 from radarsim.processes import exit_immediately
 
@@ -42,6 +43,7 @@ log = logging.getLogger("radarsim.server")
 
 DEFAULT_MAX_CLIENTS: Final = 1024
 OTHER_FILES: Final = 128  # that the server opens besides those of its clients
+FEWEST_CLIENTS: Final = 32  # even if that leaves fewer for the rest
 WAIT_FOR_ENGINE: Final = (
     "INIT waits until the ray engine is compiled, up to a minute on an idle machine"
 )
@@ -114,7 +116,7 @@ def serve(
     Returns:
         The exit code.
     """
-    host, port = listener.host, listener.port
+    host, port = listener.addresses, listener.port
     served = ServedMap(map_, options, seed)
     planned = [each.extension(served) for each in extensions]
     beside = [each for each in planned if each is not None]
@@ -152,6 +154,8 @@ def serve(
 
         def announce_all(address: tuple[str, int]) -> None:
             announce(address)
+            for other in listener.host[1:]:
+                print_now(f"radarsim: listening on {join_address(other, address[1])}")
             for name, each in own.items():
                 print_now(f"radarsim: {name} on {each.address[0]}:{each.address[1]}")
             for extension in beside:
@@ -208,7 +212,7 @@ def _permitted_clients(wanted: int) -> int:
     files = raise_file_limit(expected)
     if files == expected:
         return wanted
-    most = max(files // 2, files - OTHER_FILES)
+    most = max(min(files // 2, FEWEST_CLIENTS), files - OTHER_FILES)
     log.warning(
         "at most %d clients: the system permits %d open files, expected %d for"
         " --max-clients %d; 'ulimit -n' tells the limit",

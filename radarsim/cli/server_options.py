@@ -45,14 +45,19 @@ class Listener:
     """Where a server listens.
 
     Attributes:
-        host: Address to listen on.
+        host: Address to listen on; repeat it, as for IPv4 and IPv6.
         port: Port to listen on; 0 takes a free one.
     """
 
     option_group: ClassVar = "Address"
 
-    host: str = "127.0.0.1"
+    host: tuple[str, ...] = ("127.0.0.1",)
     port: Port = DEFAULT_PORT
+
+    @property
+    def addresses(self) -> str:
+        """All addresses, as ``listening.listen`` takes them."""
+        return ",".join(self.host)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -33,6 +33,7 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING, Final, Protocol
 
 from radarsim.errors import ServerError
+from radarsim.listening import has_hung_up, waiting_bytes
 from radarsim.processes import worker_pool
 from radarsim.protocol.images import WHOLE, Region, RequestBuffer
 from radarsim.server.peer_connections import PeerConnection, PeerServer, RefusalLog
@@ -120,7 +121,9 @@ INTERVAL: Final = 0.2  # s of the wall clock between two pictures
 SILENCE: Final = 1.0  # s
 MAX_VIEWERS: Final = 64
 READ_PAUSE: Final = 0.01  # s
-CLOSE_GRACE: Final = 2.0  # s for a viewer that has closed its side to read a picture
+CLOSE_GRACE: Final = 0.8  # s for a viewer that has closed its side to read a picture
+LOOK_INTERVAL: Final = 0.1  # s between two looks at a viewer that is not read
+MOST_UNREAD: Final = 32_768  # bytes of requests, which hide that a viewer has gone
 
 
 class PictureSource(Protocol):
@@ -281,6 +284,19 @@ class Viewer(PeerConnection):
         transport.set_write_buffer_limits(high=0)
         loop = asyncio.get_running_loop()
         self._silence = loop.call_later(SILENCE, self._request, WHOLE)
+        loop.call_later(LOOK_INTERVAL, self._look)
+
+    def _look(self) -> None:
+        """Close in time if the viewer has gone while it waits for a picture."""
+        transport = self._transport
+        if transport is None:
+            return
+        if waiting_bytes(transport) >= MOST_UNREAD:
+            log.warning("%s: closed: a flood of requests", self.peer)
+            self.close()
+        elif has_hung_up(transport):
+            self.eof_received()
+        asyncio.get_running_loop().call_later(LOOK_INTERVAL, self._look)
 
     def buffer_updated(self, nbytes: int) -> None:
         """Look for a request in received bytes."""
@@ -307,7 +323,7 @@ class Viewer(PeerConnection):
 
         Reading is paused while a request waits, so there is none.
         """
-        if self._transport is not None:
+        if self._transport is not None and self._grace is None:
             loop = asyncio.get_running_loop()
             self._grace = loop.call_later(CLOSE_GRACE, self._transport.abort)
 

@@ -17,6 +17,7 @@ from radarsim.listening import (
     listen,
     log_refused_accepts,
     peer_name,
+    waiting_bytes,
 )
 from radarsim.processes import TERMINATED
 from radarsim.server.engine_loader import EngineLoader
@@ -36,6 +37,11 @@ LAG_LOG_INTERVAL = 10.0  # s between two log lines about lost time
 READ_BYTES = 2048  # read from one client before others are served
 WATCHER_TICKS = 3  # between two writes to a client that only watches: each costs time
 CLOSE_GRACE = 0.8  # s from when a client has closed its side until it is closed
+# A client whose socket holds so much for so long sends more than is executed. The end
+# of its connection comes after all that: nothing shows whether it is still there.
+FLOOD_BYTES = 32_768
+FLOOD_LOOKS = 8
+LOOK_TICKS = 10  # between two looks
 MAX_LOGGED_KINDS = 50  # per client, as a client may send random verbs
 
 
@@ -185,6 +191,9 @@ class Server:
         # Those that are not read get no callback: they are looked at in each tick.
         for connection in list(self._connections.held):
             connection.flush()
+        if self._ticks % LOOK_TICKS == 0:
+            for connection in list(self._connections.held):
+                connection.end_flood()
         self._after_tick()
 
 
@@ -244,6 +253,7 @@ class Connection(asyncio.BufferedProtocol):
         self._number = 0
         self._sends_no_more = False
         self._grace: asyncio.TimerHandle | None = None  # aborts after eof
+        self._looks = 0  # in succession that found a flood
         self._logged_kinds: set[str] = set()
 
     @property
@@ -312,6 +322,15 @@ class Connection(asyncio.BufferedProtocol):
             self._finish()
         else:
             self._end_in_time()
+
+    def end_flood(self) -> None:
+        """Close if much of what the client has sent waits for long."""
+        assert self._transport is not None
+        floods = waiting_bytes(self._transport) >= FLOOD_BYTES
+        self._looks = self._looks + 1 if floods else 0
+        if self._looks >= FLOOD_LOOKS:
+            log.warning("%s: closed: a flood of commands", self.peer)
+            self.close()
 
     def connection_lost(self, error: Exception | None) -> None:
         """Despawn the client's robot."""

@@ -215,6 +215,7 @@ def serve(plan: Served) -> None:
         ("# none\n", ("hall",), "hall 3\n"),
         ("map: 44\nloud: true\nwords: [1, 2.5]\n", (), "44 3 loud 1 2.5\n"),
         ("map: a\nloud: 1\n", (), "a 3 loud\n"),
+        ("map: a\nwords: one\n", (), "a 3 one\n"),
         ("map: a\nloud: 3", (), "--config: {}:2:7: loud: '3', expected true or false"),
         ("map: a\nloud: [3]", (), "--config: {}:2:7: loud: '[3]', expected true or"),
         ("map: [a]\n", (), "--config: {}:1:6: map: ['a'], expected text"),

@@ -105,3 +105,6 @@ def test_fewer_clients_are_taken_where_the_system_permits_fewer_files(
     radarsim("serve", "empty_room", *options)
     assert "at most 72 clients: the system permits 200 open files" in caplog.text
     assert "expected 228 for --max-clients 100" in caplog.text
+    monkeypatch.setattr("radarsim.listening.raise_file_limit", lambda _: 64)
+    radarsim("serve", "empty_room", *options)
+    assert "at most 32 clients: the system permits 64 open files" in caplog.text

@@ -436,6 +436,22 @@ async def test_what_a_closed_client_had_sent_ends_in_time(
         await running_server.wait_until(lambda: "disconnected" in caplog.text)
 
 
+async def test_flood_is_closed(
+    empty_room: Scene, caplog: pytest.LogCaptureFixture
+) -> None:
+    """What it has sent would be executed for minutes after its end."""
+    async with serving(Busy(empty_room)) as running_server:
+        peer, modest = [await running_server.peer() for _ in range(2)]
+        await modest.send(b"DRIVE {Left 1} {Right 1}\r\n" * 900)
+        with suppress(ConnectionError):
+            await peer.send(b"DRIVE {Left 1} {Right 1}\r\n" * 900_000)
+        await running_server.wait_until(lambda: "a flood of commands" in caplog.text)
+        with suppress(ConnectionError):
+            await peer.rest()
+        assert await modest.line() == GREETING
+        assert caplog.text.count("a flood of commands") == 1
+
+
 async def test_error_of_one_robot_closes_its_connection_with_a_message(
     running_server: RunningServer,
     monkeypatch: pytest.MonkeyPatch,

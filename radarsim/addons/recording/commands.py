@@ -69,7 +69,7 @@ def replay(
     if not bag.is_complete:
         print_message(f"{bag.folder}: {end_text(bag)}")
     server = ReplayServer(writes, speed=speed)
-    return asyncio.run(server.serve(listener.host, listener.port, announce))
+    return asyncio.run(server.serve(listener.addresses, listener.port, announce))
 
 
 def _verify(bag: BagReader, map_: str | None) -> int:

@@ -147,8 +147,8 @@ class CommandHandler:
             parsed = parse_command(line, self._config.dialect)
         except MalformedMessage as error:
             malformed = Diagnostic.of_malformed(line, error)
-            # A line in UTF-16 has zeros: a client of today that needs to be told.
-            if malformed.kind == f"malformed {Watch.verb}" or "\0" in line:
+            # A line in UTF-16, of a client of today that needs to be told.
+            if malformed.kind == f"malformed {Watch.verb}" or line[1:4:2] == "\0\0":
                 self._answer_error(client, malformed)
             return Handled(True, malformed, LIGHT_WORK + SUGGESTION_WORK + reading)
         command = parsed.command
