@@ -124,6 +124,7 @@ READ_PAUSE: Final = 0.01  # s
 CLOSE_GRACE: Final = 0.8  # s for a viewer that has closed its side to read a picture
 LOOK_INTERVAL: Final = 0.1  # s between two looks at a viewer that is not read
 MOST_UNREAD: Final = 32_768  # bytes of requests, which hide that a viewer has gone
+FLOOD_LOOKS: Final = 8  # in succession that found more
 
 
 class PictureSource(Protocol):
@@ -267,6 +268,7 @@ class Viewer(PeerConnection):
         self._can_write = True
         self._silence: asyncio.TimerHandle | None = None
         self._grace: asyncio.TimerHandle | None = None  # aborts after eof
+        self._looks = 0  # in succession that found too many requests
 
     @property
     def address(self) -> str:
@@ -291,7 +293,8 @@ class Viewer(PeerConnection):
         transport = self._transport
         if transport is None:
             return
-        if waiting_bytes(transport) >= MOST_UNREAD:
+        self._looks = self._looks + 1 if waiting_bytes(transport) >= MOST_UNREAD else 0
+        if self._looks >= FLOOD_LOOKS:
             log.warning("%s: closed: a flood of requests", self.peer)
             self.close()
         elif has_hung_up(transport):

@@ -358,8 +358,9 @@ class Connection(asyncio.BufferedProtocol):
         if transport is None:
             return
         if reason := self._host.close_reason(self._number):
-            log.warning("%s: closed: %s", self.peer, reason)
-            if self._host.has_failed(self._number):
+            fault = self._host.fault(self._number)
+            log.warning("%s: closed: %s", self.peer, reason, exc_info=fault)
+            if fault is not None:
                 self._end_in_time()
                 self._finish()
             else:

@@ -347,6 +347,27 @@ async def test_viewers_that_leave_while_they_wait_are_forgotten(
     await wait_until(lambda: caplog.text.count("viewer disconnected") == 5)
 
 
+@pytest.mark.parametrize(
+    ("sent", "told"),
+    [
+        pytest.param(b"OK", "viewer disconnected", id="one request"),
+        pytest.param(b"OK" * 1_000_000, "closed: a flood of requests", id="flood"),
+    ],
+)
+async def test_viewers_that_leave_before_there_are_pictures_are_forgotten(
+    empty_room: Scene, caplog: pytest.LogCaptureFixture, sent: bytes, told: str
+) -> None:
+    """What they have sent waits unread, and hides that they have gone."""
+    caplog.set_level(logging.INFO, "radarsim.server")
+    server = ImageServer(InlinePictures(Simulation(empty_room)), port=0)
+    await server.start()
+    _, writer = await asyncio.open_connection(*server.address)
+    writer.write(sent)
+    writer.close()
+    await wait_until(lambda: told in caplog.text)
+    await server.stop()
+
+
 async def test_viewers_beyond_the_limit_are_refused(running: RunningServer) -> None:
     viewers = [await running.viewer() for _ in range(64)]
     await viewers[-1].send(b"OK")

@@ -268,8 +268,14 @@ class Antennas:
         if turning:
             boxes = self._with_velocities(find_boxes(), ticks)
             for antenna in turning:
-                turn = antenna.advance, self._scene, ticks, boxes, self.worker
-                faults.call(antenna.vehicle, *turn)
+                faults.call(
+                    antenna.vehicle,
+                    antenna.advance,
+                    self._scene,
+                    ticks,
+                    boxes,
+                    self.worker,
+                )
         return [
             scan
             for each in self._every()

@@ -36,7 +36,6 @@ Imports no compiled code before there is a simulation.
 
 from __future__ import annotations
 
-import logging
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterable, Mapping
@@ -58,8 +57,6 @@ if TYPE_CHECKING:
     from radarsim.simulation.simulation import Simulation
     from radarsim.simulation.tick_output import ScanDetails, ScanEchoes, TickOutput
     from radarsim.simulation.vehicle import Vehicle
-
-log = logging.getLogger("radarsim.server")
 
 COMMANDS_PER_TICK = 20  # of a client; real ones send a few
 # Units of work of all clients together in a tick: for commands on arrival, for the
@@ -282,9 +279,9 @@ class Host:
         """
         return self._clients[number].close_reason()
 
-    def has_failed(self, number: int) -> bool:
-        """Return whether the robot of a client has ended by an error."""
-        return self._clients[number].fault is not None
+    def fault(self, number: int) -> Exception | None:
+        """Return the error that has ended the robot of a client, if there is one."""
+        return self._clients[number].fault
 
     def raise_fault(self) -> None:
         """Raise the error that has ended the robot of a client, if there is one."""
@@ -443,7 +440,7 @@ class Host:
         """Remove the robot of a client, which is told why."""
         name = client.vehicle.robot.name if client.vehicle else "none"
         text = "an error in the server, which is a bug, has ended the robot"
-        log.error("client %d, robot %s: %s", client.number, name, text, exc_info=error)
+        error.add_note(f"of client {client.number}, robot {name!r}")
         client.fault = error
         client.pending.clear()
         self._commands.remove(client)
