@@ -15,9 +15,9 @@ sign, the other two change theirs.
 """
 
 import functools
-import logging
 import math
 import re
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias, TypeVar
@@ -27,8 +27,6 @@ from pydantic_core import from_json
 
 from radarsim.errors import LineTooLong, MalformedMessage
 from radarsim.geometry import Floats, Pose3, wrap_angle
-
-log = logging.getLogger("radarsim.server")
 
 _BLANKS = b" \t\n\r\v\f\x1c\x1d\x1e\x1f\x85\xa0"  # in Latin-1
 # With the blank lines after it, of which there can be thousands in one packet. CR is
@@ -135,14 +133,10 @@ _LIST = re.compile(r"[-+0-9.eE, ]*")  # float() would also accept nan, inf and 1
 
 def clip_numbers(numbers: Floats) -> Floats:
     """Return numbers that can be written: below ``LARGEST`` in size, and 0 for NaN."""
-    _warn_of_clipping()
+    text = "a number of a line is clipped, expected less than 2**31 in size"
+    warnings.warn(text, RuntimeWarning, stacklevel=1)  # Python shows it once
     finite = np.nan_to_num(numbers, nan=0.0)
     return np.clip(finite, -_LARGEST_WRITTEN, _LARGEST_WRITTEN)
-
-
-@functools.cache  # once: a sensor would repeat it in every tick
-def _warn_of_clipping() -> None:
-    log.warning("a number of a line is clipped, expected less than 2**31 in size")
 
 
 def parse_number(text: str, *, largest: float = LARGEST) -> float:

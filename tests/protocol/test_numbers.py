@@ -189,7 +189,8 @@ def test_engine_numbers_are_rounded_from_float32(
 @pytest.mark.parametrize("rule", list(Rounding))
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf"), 2.0**31])
 def test_numbers_out_of_range_are_clipped(rule: Rounding, value: float) -> None:
-    text = NumberFormat(2, rule).format(value)
+    with pytest.warns(RuntimeWarning, match="is clipped"):
+        text = NumberFormat(2, rule).format(value)
     largest = "2147483520.00"
     signed = f"-{largest}" if value < 0 else largest
     assert text == ("0.00" if math.isnan(value) else signed)

@@ -257,7 +257,8 @@ def test_lines_are_those_of_the_reports_however_much_is_kept(
 
 
 def test_number_that_no_line_can_hold_is_clipped() -> None:
-    line = WRITER.write(1e10, "lms200", echoes_of([(90, 0)]), COMPAT)
+    with pytest.warns(RuntimeWarning, match="is clipped"):
+        line = WRITER.write(1e10, "lms200", echoes_of([(90, 0)]), COMPAT)
     assert b"{Time 2147483520.00}" in line
 
 
