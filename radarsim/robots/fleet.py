@@ -54,10 +54,9 @@ from radarsim.robots.robot import (
     Y,
     new_columns,
 )
-from radarsim.robots.wall_grid import WallTable, wall_table, with_floor
+from radarsim.robots.wall_grid import WallStore, WallTable
 
 _FIRST_SLOTS: Final = 8
-MOST_FLOORS: Final = 64  # that are kept although no robot is there
 _BOX_COLUMNS: Final = [X, Y, YAW, BOTTOM, TOP, HALF_LENGTH, HALF_WIDTH, NUMBER]
 
 
@@ -79,7 +78,8 @@ class Fleet:
         self._free_slots: list[int] = []
         self._spawned = 0
         self._floors: list[Obstacles] = []
-        self._around = _surroundings(new_columns(0), wall_table([]))
+        self._walls = WallStore()
+        self._around = _surroundings(new_columns(0), self._walls.table)
 
     @property
     def floors(self) -> tuple[Obstacles, ...]:
@@ -251,18 +251,19 @@ class Fleet:
             # Highest first, as slots are taken from the end: the lowest one is used
             # first.
             self._free_slots = list(range(len(columns) - 1, count - 1, -1))
-            self._around = _surroundings(columns, self._around.walls)
+            self._around = _surroundings(columns, self._walls.table)
         self._add_floor(obstacles)
         return self._free_slots.pop()
 
     def _add_floor(self, obstacles: Obstacles) -> None:
         """Make room for the walls of a floor, unless it is known."""
         if obstacles not in self._floors:
-            if len(self._floors) >= MOST_FLOORS:
+            if not self._walls.add(obstacles.walls):
                 self._forget_floors()
+                floors = [*self._floors, obstacles]
+                self._walls = WallStore([floor.walls for floor in floors])
+                self._around = _surroundings(self.columns, self._walls.table)
             self._floors.append(obstacles)
-            walls = with_floor(self._around.walls, obstacles.segments)
-            self._around = _surroundings(self.columns, walls)
 
     def _forget_floors(self) -> None:
         """Keep only the floors on which robots are: those that fly have many."""
@@ -270,8 +271,6 @@ class Fleet:
         used, renumbered = np.unique(floors, return_inverse=True)
         self._floors = [self._floors[number] for number in used.tolist()]
         self.columns[self.slots, FLOOR] = renumbered
-        walls = wall_table([floor.segments for floor in self._floors])
-        self._around = _surroundings(self.columns, walls)
 
     def _fill_slot(self, robot: Robot, pose: Pose2, obstacles: Obstacles) -> None:
         model, row = robot.model, self.columns[robot.slot]
@@ -290,9 +289,9 @@ class Fleet:
     def _take_over(self, robot: Robot) -> None:
         """Become the fleet of one robot of another fleet."""
         other, slot = robot.fleet, robot.slot
-        self._floors = list(other._floors)
+        self._floors, self._walls = list(other._floors), other._walls.sealed()
         columns = other.columns[slot : slot + 1].copy()
-        self._around = _surroundings(columns, other._around.walls)
+        self._around = _surroundings(columns, self._walls.table)
         self._spawned = robot.number
         self.robots = (robot,)
         self._odometries = [o for o in other._odometries if o.robot is robot]

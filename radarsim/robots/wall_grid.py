@@ -7,19 +7,19 @@ entries, and empty cells cost nothing, however large the map.
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.jit import njit_inline
+from radarsim.jit import njit_cached, njit_inline
 from radarsim.robots.footprint import (
     HALF_X,
     HALF_Y,
     MIDDLE_X,
     MIDDLE_Y,
-    NO_SEGMENTS,
     RANK,
     line_table,
 )
@@ -29,6 +29,7 @@ Ints = NDArray[np.int64]
 _MIN_CELL: Final = 1.0  # m; larger where long walls would cross too many cells
 _ENTRIES_PER_WALL: Final = 16
 _FREE_ENTRIES: Final = 65536
+_SPARE_ROWS: Final = np.array([2048, 4096, 64])  # walls, entries, floors
 _TOLERANCE: Final = 1e-6  # cells; a wall this close to a cell crosses it
 
 
@@ -57,39 +58,84 @@ class WallTable(NamedTuple):
     marks: Ints
 
 
-def wall_table(floors: Sequence[Floats]) -> WallTable:
-    """Return the table of the walls of some floors.
+class FloorWalls(NamedTuple):
+    """The walls of one floor, as if its ``WallTable`` had no other.
 
-    Args:
-        floors: The segments of each, (S, 2, 2) m, x and y of both ends, map frame.
+    Attributes:
+        lines: (S, 5) table of lines.
+        entries: (E, 2) as in ``WallTable``.
+        grid: (7,) row of ``WallTable.floors``.
     """
-    nothing = np.zeros((0, 2), np.int64), np.zeros((0, 7))
-    table = WallTable(line_table(NO_SEGMENTS), *nothing, np.zeros(1, np.int64))
-    for segments in floors:
-        table = with_floor(table, segments)
-    return table
+
+    lines: Floats
+    entries: Ints
+    grid: Floats
 
 
-def with_floor(table: WallTable, segments: Floats) -> WallTable:
-    """Return a table with one more floor, of which the segments are given."""
-    walls, size = len(table.lines), _cell_size(segments)
+def floor_walls(segments: Floats) -> FloorWalls:
+    """Return the walls of a floor: segments, (S, 2, 2) m, x and y of both ends."""
+    size = _cell_size(segments)
     corner = segments.reshape(-1, 2).min(axis=0) - size if len(segments) else (0, 0)
     row, column, wall = _cells_crossed((segments - corner) / size)
     columns, rows = column.max(initial=0) + 1, row.max(initial=0) + 1
-    found = np.column_stack([row * columns + column, wall + walls])
-    entries = np.concatenate(
-        [table.entries, found[np.argsort(found[:, 0], kind="stable")]]
-    )
-    run = len(table.entries), len(entries)
-    lines = line_table(segments)
-    lines[:, RANK] += walls
-    grid = np.array([[*corner, size, columns, rows, *run]], np.float64)
-    return WallTable(
-        np.concatenate([table.lines, lines]),
-        entries,
-        np.concatenate([table.floors, grid]),
-        np.zeros(walls + len(segments) + 1, np.int64),
-    )
+    found = np.column_stack([row * columns + column, wall])
+    entries = found[np.argsort(found[:, 0], kind="stable")]
+    grid = np.array([*corner, size, columns, rows, 0, len(entries)], np.float64)
+    return FloorWalls(line_table(segments), entries, grid)
+
+
+class WallStore:
+    """A ``WallTable`` with room for more floors.
+
+    Floors are only added: what is in the table never changes, so that whoever holds it
+    can go on using it.
+
+    Attributes:
+        table: The table; rows that are not used yet hold zeros.
+    """
+
+    def __init__(self, floors: Sequence[FloorWalls] = ()) -> None:
+        """Create a table of some floors, with room for as much again."""
+        needed = sum(map(_sizes, floors), np.zeros(3, np.int64))
+        walls, entries, count = (2 * needed + _SPARE_ROWS).tolist()
+        self.table = WallTable(
+            np.zeros((walls, 5)),
+            np.zeros((entries, 2), np.int64),
+            np.zeros((count, 7)),
+            np.zeros(walls + 1, np.int64),
+        )
+        self._used = np.zeros(3, np.int64)
+        for floor in floors:
+            self.add(floor)
+
+    def add(self, floor: FloorWalls) -> bool:
+        """Add a floor; its number is that of the floors before.
+
+        Returns:
+            False if there is no room for it: then nothing is added.
+        """
+        table, end = self.table, self._used + _sizes(floor)
+        if (end > [len(rows) for rows in table[:3]]).any():
+            return False
+        walls, entries, number = self._used.tolist()
+        table.lines[walls : end[0]] = floor.lines
+        table.lines[walls : end[0], RANK] += walls
+        table.entries[entries : end[1]] = floor.entries + np.array([0, walls])
+        table.floors[number] = floor.grid
+        table.floors[number, FIRST:] += entries
+        self._used = end
+        return True
+
+    def sealed(self) -> "WallStore":
+        """Return a store of the same table that has no room for more floors."""
+        store = copy(self)
+        store._used = np.array([len(rows) for rows in self.table[:3]])
+        return store
+
+
+def _sizes(floor: FloorWalls) -> Ints:
+    """Return the numbers of walls, of entries and of floors."""
+    return np.array([len(floor.lines), len(floor.entries), 1])
 
 
 def _cell_size(segments: Floats) -> float:
@@ -171,6 +217,14 @@ def find_walls(
                     lines[count, i] = table.lines[wall, i]
                 count += 1
     return count
+
+
+@njit_cached
+def find_walls_of_floor(
+    table: WallTable, x: float, y: float, reach: float, lines: Floats
+) -> int:
+    """Find the walls of a table with one floor; see ``find_walls``."""
+    return find_walls(table, 0, x, y, reach, lines)
 
 
 @njit_inline

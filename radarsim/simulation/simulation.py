@@ -6,7 +6,7 @@ nothing due costs nothing but its motion.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from itertools import islice
 from typing import Final
 
@@ -26,7 +26,7 @@ from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.footprint import Footprint
-from radarsim.robots.obstacles import Obstacles, overlaps
+from radarsim.robots.obstacles import Obstacles, finish, overlaps
 from radarsim.robots.robot import Robot
 from radarsim.scene.scene import Scene
 from radarsim.sensors.motion_readings import INS_DRIFT_INTERVAL
@@ -129,6 +129,12 @@ class Simulation:
     def spawn(
         self, name: str, model: RobotModel, pose: Pose2, z: float = -math.inf
     ) -> Vehicle | None:
+        """Create a robot as ``spawn_stepwise`` does, in one step."""
+        return finish(self.spawn_stepwise(name, model, pose, z))
+
+    def spawn_stepwise(
+        self, name: str, model: RobotModel, pose: Pose2, z: float = -math.inf
+    ) -> Generator[int, None, Vehicle | None]:
         """Create a robot at the nearest free place within 1 m.
 
         Args:
@@ -137,6 +143,10 @@ class Simulation:
             model: Robot class; it carries what it has in the simulation's dialect.
             pose: Requested pose, map frame.
             z: Height of a robot that flies, m, map frame; on the floor if it is below.
+
+        Yields:
+            The work of the next step of the search for a place, as of
+            ``Obstacles.search_free_pose``; there is none if the requested one is free.
 
         Returns:
             The robot; None if there is no free place.
@@ -152,10 +162,10 @@ class Simulation:
             obstacles = self._airspace.obstacles(bottom, model.height)
         footprint = Footprint(model.length, model.width)
         reach = SEARCH_RADIUS + footprint.radius + 0.1  # a little more than needed
-        free = obstacles.nearest_free_pose(
+        free = yield from obstacles.search_free_pose(
             footprint,
             pose,
-            self._fleet.near(pose.x, pose.y, reach),
+            lambda: self._fleet.near(pose.x, pose.y, reach),
             within=SEARCH_RADIUS,
             is_open=lambda places: ~self._are_inside_solids(places, height),
         )

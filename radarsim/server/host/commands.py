@@ -50,7 +50,7 @@ from radarsim.server.host.watchers import MAX_WATCHERS, Watchers
 from radarsim.simulation.config import SimulationConfig
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Generator, Sequence
 
     from radarsim.presets.robots import Item, RobotModel
     from radarsim.simulation.simulation import Simulation
@@ -84,6 +84,9 @@ SETTING: Final = "SETTING"
 SCANNER_OPCODES: Final = ("ECHOES", "TARGETS", SETTING)
 CAMERA_OPCODES: Final = ("ZOOM", "FOV")
 OPCODES: Final = ("SCAN", "RESET", "POSE", *SCANNER_OPCODES, *CAMERA_OPCODES)
+# Of all searches for a free place in a tick: 3 ms by ``Obstacles.search_free_pose``.
+SEARCH_WORK: Final = 600_000
+START_WORK: Final = 60_000  # to find out whether a start is free
 LONGEST_TRACE: Final = 3600.0  # s between two marks of a trail
 MAX_PROBLEMS: Final = 800  # characters; a client can have many settings wrong
 CACHED_REPLIES: Final = 1000  # a client can ask for types and names in any spelling
@@ -110,7 +113,7 @@ class CommandHandler:
         has_begun: Whether there is a simulation to act on. Before, INIT waits for it.
         clients_by_robot: The client of each robot, by the robot's number.
         spawn_queue: Numbers of the clients whose INIT waits for its turn, the first
-            come first.
+            come first; the first one keeps its turn while its place is looked for.
     """
 
     def __init__(
@@ -125,6 +128,7 @@ class CommandHandler:
         self._last_spawn = -1  # the last tick with a spawn
         self._spawn_count = 0  # of that tick
         self._next_spawn = 0  # the first tick that may have one
+        self._search_work = SEARCH_WORK  # that is left in this tick
         self.spawn_queue: dict[int, None] = {}
         self._classes = {name.casefold(): name for name in config.robot_names()}
         self._reply_lines: dict[ReplyKey, bytes] = {}
@@ -139,6 +143,10 @@ class CommandHandler:
         """Let robots be spawned in a simulation."""
         self._simulation = simulation
         self.has_begun = True
+
+    def begin_tick(self) -> None:
+        """Let searches for a free place go on; what they exceeded counts."""
+        self._search_work = min(self._search_work, 0) + SEARCH_WORK
 
     def handle(self, client: Client, line: str) -> Handled:
         """Execute the command in a line."""
@@ -157,7 +165,12 @@ class CommandHandler:
         if isinstance(command, Init) and self._is_too_early(client):
             return Handled(False, work=LIGHT_WORK + reading)
         work = self._work_of(client, command) + reading
-        diagnostic = self._execute(client, command)
+        if isinstance(command, Init):
+            is_done, diagnostic = self._go_on_spawning(client, command)
+            if not is_done:
+                return Handled(False, work=work)
+        else:
+            diagnostic = self._execute(client, command)
         match command:
             # No old client sends these; to all others an answer would be unknown.
             case Watch() | GetGeo(robot=str()) | GetConf(robot=str()):
@@ -181,6 +194,7 @@ class CommandHandler:
     def remove(self, client: Client) -> None:
         """Remove a client, and its robot if it has one."""
         self.spawn_queue.pop(client.number, None)
+        client.spawning = None
         self._despawn(client)
 
     def _despawn(self, client: Client) -> None:
@@ -229,6 +243,8 @@ class CommandHandler:
         # together for ever, and all their scans would fall into the same ticks.
         if not self.has_begun:
             return True
+        if client.spawning is not None:
+            return False
         now = self.simulation.ticks
         if now < client.next_spawn:
             return True
@@ -236,17 +252,31 @@ class CommandHandler:
         self.spawn_queue.setdefault(client.number)
         is_first = next(iter(self.spawn_queue)) == client.number
         full = self._last_spawn == now and self._spawn_count >= SPAWNS_PER_TICK
-        if full or now < self._next_spawn or not is_first:
-            return True
-        del self.spawn_queue[client.number]
-        return False
+        return full or now < self._next_spawn or not is_first
+
+    def _go_on_spawning(
+        self, client: Client, command: Init
+    ) -> tuple[bool, Diagnostic | None]:
+        """Spawn a robot; return whether that is done, and its diagnostic."""
+        if client.spawning is None:
+            client.spawning = self._init(client, command)
+        elif self._search_work <= 0:
+            return False, None
+        try:
+            while True:
+                self._search_work -= next(client.spawning)
+                if self._search_work <= 0:
+                    return False, None
+        except StopIteration as end:
+            client.spawning = None
+            del self.spawn_queue[client.number]
+            diagnostic: Diagnostic | None = end.value
+            return True, diagnostic
 
     def _execute(self, client: Client, command: Command) -> Diagnostic | None:
         match command:
             case GetStartPoses():
                 return self._reply(client, command)
-            case Init():
-                return self._init(client, command)
             case Watch() | ShowCamera() | Control():
                 return self._execute_without_robot(client, command)
             case GetGeo(robot=str(robot)) | GetConf(robot=str(robot)):
@@ -419,8 +449,14 @@ class CommandHandler:
             return camera_configuration(vehicle, item_type, name)
         return configuration(vehicle.model, vehicle.config, item_type, name)
 
-    def _init(self, client: Client, command: Init) -> Diagnostic | None:
-        """Spawn a robot, which replaces the client's previous one."""
+    def _init(
+        self, client: Client, command: Init
+    ) -> Generator[int, None, Diagnostic | None]:
+        """Spawn a robot, which replaces the client's previous one.
+
+        Yields:
+            The work of the next step of the search for a free place.
+        """
         if command.class_name.casefold() == CONTROLLER.casefold():
             self._despawn(client)
             client.controls = True
@@ -438,10 +474,13 @@ class CommandHandler:
         client.next_spawn = now + SPAWN_COOLDOWN
         # First, so that the old robot does not occupy the place of the new one.
         self._despawn(client)
-        requested, diagnostic = self._requested_pose(command, model)
+        requested, diagnostic = yield from self._requested_pose(command, model)
         z = -math.inf if command.position is None else command.position[2]
         name = (command.name or model.name)[:MAX_NAME_LENGTH]
-        vehicle = client.vehicle = self.simulation.spawn(name, model, requested, z)
+        vehicle = client.vehicle = yield from self.simulation.spawn_stepwise(
+            name, model, requested, z
+        )
+        now = self.simulation.ticks
         place = f"({requested.x:.2f}, {requested.y:.2f})"
         if vehicle is None:
             client.next_spawn = now + FAILED_SPAWN_COOLDOWN
@@ -471,13 +510,18 @@ class CommandHandler:
 
     def _requested_pose(
         self, command: Init, model: RobotModel
-    ) -> tuple[Pose2, Diagnostic | None]:
-        """Return the requested pose; the origin for an unknown start."""
+    ) -> Generator[int, None, tuple[Pose2, Diagnostic | None]]:
+        """Return the requested pose; the origin for an unknown start.
+
+        Yields:
+            The work of looking at the next start.
+        """
         if command.takes_free:
             for each in self._scene.starts:
                 pose = Pose2(each.pose.x, each.pose.y, each.pose.yaw)
                 if not self.simulation.hindrances(model, pose):
                     return pose, None
+                yield START_WORK
         if command.start is None:
             x, y, _ = command.position or (0.0, 0.0, 0.0)
             _, _, yaw = command.rotation or (0.0, 0.0, 0.0)

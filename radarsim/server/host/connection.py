@@ -27,6 +27,8 @@ from radarsim.protocol.commands import COMMANDS, ParsedCommand
 from radarsim.protocol.message import LineBuffer, is_http_request
 
 if TYPE_CHECKING:
+    from collections.abc import Generator
+
     from radarsim.simulation.vehicle import Vehicle
 
 WATCH_LIMIT: Final = 4_194_304  # bytes; 100 robots can list as many echoes in a second
@@ -143,6 +145,7 @@ class Client:
         watch_queue: Copies of the lines of the robots that it watches.
         replies: Lines of replies for the next write.
         vehicle: The client's robot; None before INIT.
+        spawning: The steps of its INIT while a free place is looked for.
         controls: Whether it is a world controller, without a robot.
         has_spoken: Whether its first line has come.
         speaks_http: Whether that line began a request of a web browser.
@@ -159,6 +162,7 @@ class Client:
     watch_queue: SendQueue = field(default_factory=_watch_queue)
     replies: list[bytes] = field(default_factory=list)
     vehicle: Vehicle | None = None
+    spawning: Generator[int, None, Diagnostic | None] | None = None
     controls: bool = False
     has_spoken: bool = False
     speaks_http: bool = False

@@ -310,6 +310,7 @@ class Host:
             self._clients[number].command_budget = COMMANDS_PER_TICK
         self._spent.clear()
         self._arrival_work, self._first_work = ARRIVAL_WORK, FIRST_WORK
+        self._commands.begin_tick()
         diagnostics = self._handle_waiting()
         # Motion first: a client reads the pose at the end of the tick, with what it
         # commanded before it.
