@@ -66,7 +66,7 @@ _MIN_CELL: Final = 2.0  # m
 _CELLS_IN_REACH: Final = 3
 CONTACT_GAP: Final = 1e-3  # m left between the robot and what it runs into
 TOUCH_RANGE: Final = 2e-3  # m; anything closer touches the robot
-_WALL_RANGE: Final = 0.5  # m beyond the robot's circle within which walls are found
+WALL_RANGE: Final = 0.5  # m beyond the robot's circle within which walls are found
 _OUTLINE_RANGE: Final = 0.1  # m between the circles below which outlines matter
 _MAX_PUSHES: Final = 8  # out of two walls in turn; more would not get out of a wedge
 
@@ -232,7 +232,7 @@ def _note_gaps(
     robots: Floats, slot: Int, gap: float, offset: float, has_robots: bool
 ) -> None:
     """Update the known gaps by that to lines found ``offset`` m away."""
-    robots[slot, WALL_GAP] = min(gap, _WALL_RANGE - offset)
+    robots[slot, WALL_GAP] = min(gap, WALL_RANGE - offset)
     if has_robots:
         robots[slot, ROBOT_GAP] = min(gap, robots[slot, ROBOT_GAP])
 
@@ -254,7 +254,7 @@ def _find_lines(around: Surroundings, slot: Int, pose: Place) -> tuple[int, int]
     robots, grid = around.robots, around.grid
     x, y, _ = pose
     radius, floor = robots[slot, RADIUS], int(robots[slot, FLOOR])
-    walls = find_walls(around.walls, floor, x, y, radius + _WALL_RANGE, around.lines)
+    walls = find_walls(around.walls, floor, x, y, radius + WALL_RANGE, around.lines)
     count, nearest = walls, ROBOT_RANGE
     reach, cell = radius + grid.limits[REACH], grid.limits[CELL]
     first, last = math.floor((x - reach) / cell), math.floor((x + reach) / cell)

@@ -94,6 +94,16 @@ class Fleet:
         """
         return self._around.robots
 
+    def prepare(self, obstacles: Obstacles) -> None:
+        """Enter the walls of a floor, unless it is known."""
+        if obstacles not in self._floors:
+            if not self._walls.add(obstacles.walls):
+                self._forget_floors()
+                floors = [*self._floors, obstacles]
+                self._walls = WallStore([floor.walls for floor in floors])
+                self._around = _surroundings(self.columns, self._walls.table)
+            self._floors.append(obstacles)
+
     def add(
         self,
         name: str,
@@ -168,7 +178,7 @@ class Fleet:
         Odometry goes on as if the robot had not been moved.
         """
         number = robot.number
-        self._add_floor(obstacles)
+        self.prepare(obstacles)
         self._fill_slot(robot, pose, obstacles)
         self.columns[robot.slot, NUMBER] = number
         self._forget_gaps()
@@ -181,7 +191,7 @@ class Fleet:
             z: Height of its body frame, m, map frame.
             obstacles: What is at that height.
         """
-        self._add_floor(obstacles)
+        self.prepare(obstacles)
         model, row = robot.model, self.columns[robot.slot]
         bottom, floor = z - model.origin_height, self._floors.index(obstacles)
         row[[BOTTOM, TOP, BODY_Z]] = bottom, bottom + model.height, z
@@ -252,18 +262,8 @@ class Fleet:
             # first.
             self._free_slots = list(range(len(columns) - 1, count - 1, -1))
             self._around = _surroundings(columns, self._walls.table)
-        self._add_floor(obstacles)
+        self.prepare(obstacles)
         return self._free_slots.pop()
-
-    def _add_floor(self, obstacles: Obstacles) -> None:
-        """Make room for the walls of a floor, unless it is known."""
-        if obstacles not in self._floors:
-            if not self._walls.add(obstacles.walls):
-                self._forget_floors()
-                floors = [*self._floors, obstacles]
-                self._walls = WallStore([floor.walls for floor in floors])
-                self._around = _surroundings(self.columns, self._walls.table)
-            self._floors.append(obstacles)
 
     def _forget_floors(self) -> None:
         """Keep only the floors on which robots are: those that fly have many."""

@@ -29,7 +29,8 @@ Ints = NDArray[np.int64]
 _MIN_CELL: Final = 1.0  # m; larger where long walls would cross too many cells
 _ENTRIES_PER_WALL: Final = 16
 _FREE_ENTRIES: Final = 65536
-_SPARE_ROWS: Final = np.array([2048, 4096, 64])  # walls, entries, floors
+_FEW_WALLS: Final = 64
+_SPARE_ROWS: Final = np.array([16384, 32768, 512])  # walls, entries, floors
 _TOLERANCE: Final = 1e-6  # cells; a wall this close to a cell crosses it
 
 
@@ -74,8 +75,14 @@ class FloorWalls(NamedTuple):
 
 def floor_walls(segments: Floats) -> FloorWalls:
     """Return the walls of a floor: segments, (S, 2, 2) m, x and y of both ends."""
+    if len(segments) <= _FEW_WALLS:
+        # One cell without end: to look at each wall takes less time than to sort them.
+        numbers = np.arange(len(segments))
+        grid = np.array([0.0, 0.0, np.inf, 1, 1, 0, len(segments)])
+        entries = np.column_stack([np.zeros_like(numbers), numbers])
+        return FloorWalls(line_table(segments), entries, grid)
     size = _cell_size(segments)
-    corner = segments.reshape(-1, 2).min(axis=0) - size if len(segments) else (0, 0)
+    corner = segments.reshape(-1, 2).min(axis=0) - size
     row, column, wall = _cells_crossed((segments - corner) / size)
     columns, rows = column.max(initial=0) + 1, row.max(initial=0) + 1
     found = np.column_stack([row * columns + column, wall])

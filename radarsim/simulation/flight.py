@@ -2,41 +2,69 @@
 
 A robot that flies moves level as others drive, among slices of everything solid at the
 heights of its hull. Slices are made for each band of ``BAND`` m in which the bottom of
-a hull can be, when a robot comes there, and the last ones are kept. A robot rises and
-descends as far as vertical rays from its hull meet nothing that stops robots or light,
-and the slices of the next band leave it room.
+its hull is, around the tile of the map in which it is, when it comes there, and only
+kept until it leaves. A robot rises and descends as far as vertical rays from its hull
+meet nothing that stops robots or light, and the slices of the next band leave it room.
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from radarsim.geometry import Floats, Pose3
+from radarsim.presets.robots import RobotModel
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
+from radarsim.robots.collision import WALL_RANGE
 from radarsim.robots.fleet import Fleet
-from radarsim.robots.footprint import MARGIN
-from radarsim.robots.obstacles import Obstacles, slice_parts
+from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import (
     BLOCKED,
     BODY_Z,
     CLIMB,
+    NUMBER,
     TOUCHED,
     UNKNOWN,
     VELOCITY_Z,
     Robot,
+    X,
+    Y,
 )
+from radarsim.robots.solid_mesh import Area, SolidMesh
 from radarsim.scene.scene import Scene
 from radarsim.sensors.sonar import SONAR_CLASS
+from radarsim.simulation.clock import TICK
 
 BAND: Final = 0.1  # m
-MOST_BANDS: Final = 64  # that are kept: a large map has many walls at each height
+TILE: Final = 1.0  # m
 HEADROOM: Final = 20.0  # m above the highest point of a map, up to which robots rise
 INSET: Final = 0.01  # m from the sides of a hull to its outer rays
-_GRID: Final = (-1.0, 0.0, 1.0)  # places of the rays, in half lengths and half widths
+_LOOK_AHEAD: Final = 4  # ticks between two looks at the next band
+_SIDES: Final = (-1.0, 0.0, 1.0)
+# Places of the rays, in half lengths and half widths.
+_GRID: Final = np.array([(x, y, 0.0) for x in _SIDES for y in _SIDES])
+_PLACE_AND_CLIMB: Final = [X, Y, BODY_Z, CLIMB]
+
+
+class Surroundings(NamedTuple):
+    """What a robot can reach in a tick, wherever it is in a tile and a band.
+
+    Attributes:
+        tile: Column and row of the tile, which is ``TILE`` m wide.
+        band: Number of the band, which is ``BAND`` m high.
+        slices: The slices, by the numbers of the bands in whose middle they are.
+        obstacles: All of them.
+    """
+
+    tile: tuple[int, int]
+    band: int
+    slices: dict[int, Floats]
+    obstacles: Obstacles
 
 
 class Airspace:
@@ -50,78 +78,155 @@ class Airspace:
         self._tracer = tracer
         self._top = float(scene.bounds[1, 2])
         self.ceiling = self._top + HEADROOM
-        self._solid = [part for part in scene.parts if part.material.solid]
-        self._slices: dict[int, Floats] = {}
-        self._bands: dict[tuple[int, float], Obstacles] = {}
+        self._mesh = SolidMesh(scene.parts)
+        self._ticks = 0
+        # Of each robot what is around it, and perhaps around a height that it has left,
+        # or could not reach.
+        self._around: WeakKeyDictionary[Robot, tuple[Surroundings, ...]]
+        self._around = WeakKeyDictionary()
 
-    def obstacles(self, bottom: float, height: float) -> Obstacles:
-        """Return the obstacles of a hull.
+    def surroundings(
+        self,
+        model: RobotModel,
+        place: tuple[float, float, float],
+        reach: float,
+        known: tuple[Surroundings, ...] = (),
+    ) -> Surroundings:
+        """Return what is around a robot.
 
         Args:
-            bottom: z of its bottom, m.
-            height: Its height, m.
+            model: Robot class.
+            place: x, y and z of its body frame, m, map frame.
+            reach: How far around the tile obstacles count, m.
+            known: What was found around it before, the last first.
+
+        Returns:
+            One of ``known`` if the robot is in its tile and band again.
         """
+        x, y, z = place
+        tile = math.floor(x / TILE), math.floor(y / TILE)
         # Above everything all bands are the same, and empty.
-        band = math.floor(min(bottom, self._top + BAND) / BAND + 1e-9)
-        key = band, height
-        if key not in self._bands:
-            last = band + math.ceil(height / BAND)
-            cuts = [self._slice(number) for number in range(band, last + 1)]
-            self._bands[key] = Obstacles(np.concatenate(cuts), floor=band * BAND)
-            if len(self._bands) > MOST_BANDS:
-                del self._bands[next(iter(self._bands))]
-        return self._bands[key]
+        bottom = min(z - model.origin_height, self._top + BAND)
+        band = math.floor(bottom / BAND + 1e-9)
+        for each in known:
+            if each.tile == tile and each.band == band:
+                return each
+        old = known[0].slices if known and known[0].tile == tile else {}
+        left, lower = tile[0] * TILE - reach, tile[1] * TILE - reach
+        width = TILE + 2 * reach
+        area = Area(left, left + width, lower, lower + width)
+        slices = {}
+        for number in range(band, band + math.ceil(model.height / BAND) + 1):
+            cut = old.get(number)
+            if cut is None:
+                cut = self._mesh.slice(area, (number + 0.5) * BAND)
+            slices[number] = cut
+        obstacles = Obstacles(np.concatenate([*slices.values()]), floor=band * BAND)
+        return Surroundings(tile, band, slices, obstacles)
 
-    def _slice(self, number: int) -> Floats:
-        """Return the slice in the middle of a band; bands of several hulls share it."""
-        if number not in self._slices:
-            self._slices[number] = slice_parts(self._solid, (number + 0.5) * BAND)
-            if len(self._slices) > MOST_BANDS:
-                del self._slices[next(iter(self._slices))]
-        return self._slices[number]
+    def lift(self, fleet: Fleet, robot: Robot, z: float) -> None:
+        """Move a robot to a height, m, among what is there."""
+        around = self._around_robot(robot, z)
+        self._around[robot] = (around,)
+        fleet.lift(robot, z, around.obstacles)
 
-    def climb(self, fleet: Fleet, robot: Robot, boxes: Boxes, dt: float) -> None:
+    def climb(self, fleet: Fleet, robot: Robot, room: float | None, dt: float) -> None:
         """Let a robot rise or descend for a time step, as far as there is room.
 
         Args:
             fleet: The fleet of the robot.
             robot: A robot that flies.
+            room: How far it can rise, or descend, m, of ``rooms``; None if it does
+                neither.
+            dt: s.
+        """
+        x, y, z, climb = fleet.columns[robot.slot, _PLACE_AND_CLIMB].tolist()
+        if room is not None:
+            self._climb(fleet, robot, room, climb * dt)
+            row = fleet.columns[robot.slot]
+            row[VELOCITY_Z] = (row[BODY_Z] - z) / dt
+            return
+        fleet.columns[robot.slot, VELOCITY_Z] = 0.0
+        tile = math.floor(x / TILE), math.floor(y / TILE)
+        if self._around[robot][0].tile != tile:
+            self.lift(fleet, robot, z)
+
+    def _climb(self, fleet: Fleet, robot: Robot, room: float, wanted: float) -> None:
+        """Let a robot rise by ``wanted`` m, or descend, as far as there is room."""
+        row = fleet.columns[robot.slot]
+        z = row.item(BODY_Z)
+        room = min(room, self.ceiling - z)
+        target = z + math.copysign(max(0.0, min(abs(wanted), room)), wanted)
+        here = self._around_robot(robot, z)
+        around = self._around_robot(robot, target, here)
+        other = here
+        if around is not here and not around.obstacles.clear(
+            robot.footprint, robot.pose
+        ):
+            around, other, target = here, around, z
+        elif (robot.number + self._ticks) % _LOOK_AHEAD == 0:
+            # Before it comes there, and not in the same tick as for all other robots
+            # that rise together.
+            beyond = target + math.copysign(BAND, wanted)
+            other = self._around_robot(robot, beyond, around)
+        self._around[robot] = around, other
+        row[TOUCHED] = UNKNOWN
+        row[BLOCKED] = row[BLOCKED] or abs(target - z) < abs(wanted) - 1e-9
+        fleet.lift(robot, target, around.obstacles)
+
+    def rooms(
+        self, fleet: Fleet, robots: Iterable[Robot], boxes: Boxes, dt: float
+    ) -> dict[Robot, float]:
+        """Return how far the robots that rise or descend in this tick can do so, m.
+
+        Args:
+            fleet: The fleet of the robots.
+            robots: Robots that fly.
             boxes: All robots.
             dt: s.
         """
-        row = fleet.columns[robot.slot]
-        wanted, z = row[CLIMB] * dt, row[BODY_Z]
-        if wanted == 0.0:
-            row[VELOCITY_Z] = 0.0
-            return
-        room = min(self._room(robot, wanted, boxes), self.ceiling - z)
-        target = z + math.copysign(max(0.0, min(abs(wanted), room)), wanted)
-        model, pose = robot.model, robot.pose
-        obstacles = self.obstacles(target - model.origin_height, model.height)
-        if robot.footprint.contact(pose, obstacles.segments).gap <= MARGIN:
-            before = self.obstacles(z - model.origin_height, model.height)
-            if obstacles is not before:
-                obstacles, target = before, z
-        row[VELOCITY_Z] = (target - z) / dt
-        row[TOUCHED] = UNKNOWN
-        row[BLOCKED] = row[BLOCKED] or abs(target - z) < abs(wanted) - 1e-9
-        fleet.lift(robot, target, obstacles)
-
-    def _room(self, robot: Robot, wanted: float, boxes: Boxes) -> float:
-        """Return how far a robot can rise, or descend if that is negative, m."""
-        model, body = robot.model, robot.body
-        level = Pose3(body.x, body.y, body.z, yaw=body.yaw)  # as its hull stays
-        above = model.height - model.origin_height
-        hull = above if wanted > 0 else model.origin_height
-        half = np.array([model.length, model.width]) / 2 - INSET
-        places = np.array([(x, y, 0.0) for x in _GRID for y in _GRID])
-        places[:, :2] *= half
-        starts: Floats = places @ level.rotation().T + level.position()
-        directions = np.tile([0.0, 0.0, math.copysign(1.0, wanted)], (len(starts), 1))
-        reach = hull + abs(wanted)
-        rays = Rays.uniform(
-            starts, directions, max_range=reach, carrier_id=robot.number
+        self._ticks += 1
+        robots = [robot for robot in robots if fleet.columns[robot.slot, CLIMB]]
+        if not robots:
+            return {}
+        rows = fleet.columns[[robot.slot for robot in robots]]
+        signs = np.copysign(1.0, rows[:, CLIMB])
+        hulls = np.array(
+            [
+                robot.model.height - robot.model.origin_height
+                if sign > 0
+                else robot.model.origin_height
+                for robot, sign in zip(robots, signs, strict=True)
+            ]
         )
-        rays = replace(rays, ray_classes=(SONAR_CLASS,))
-        ranges = self._tracer.trace(rays, boxes).ranges
-        return float(ranges.min()) - hull
+        count = len(_GRID)
+        starts = np.concatenate([_ray_starts(robot) for robot in robots])
+        directions = np.zeros((len(starts), 3))
+        directions[:, 2] = np.repeat(signs, count)
+        rays = replace(
+            Rays.uniform(starts, directions, max_range=0.0),
+            max_range=np.repeat(hulls + np.abs(rows[:, CLIMB] * dt), count),
+            carrier_id=np.repeat(rows[:, NUMBER].astype(np.int64), count),
+            ray_classes=(SONAR_CLASS,),
+        )
+        ranges = self._tracer.trace(rays, boxes).ranges.reshape(-1, count)
+        rooms = ranges.min(axis=1) - hulls
+        return dict(zip(robots, rooms.tolist(), strict=True))
+
+    def _around_robot(
+        self, robot: Robot, z: float, *known: Surroundings
+    ) -> Surroundings:
+        """Return what is around a robot at a height, m; see ``surroundings``."""
+        pose, radius = robot.pose, robot.footprint.radius
+        reach = radius + WALL_RANGE + robot.top_speed * TICK
+        known += self._around.get(robot, ())
+        return self.surroundings(robot.model, (pose.x, pose.y, z), reach, known)
+
+
+def _ray_starts(robot: Robot) -> Floats:
+    """Return where the rays of a robot start, (9, 3) m, map frame."""
+    model, body = robot.model, robot.body
+    level = Pose3(body.x, body.y, body.z, yaw=body.yaw)  # as its hull stays
+    half = (model.length / 2 - INSET, model.width / 2 - INSET, 0.0)
+    starts: Floats = (_GRID * half) @ level.rotation().T + level.position()
+    return starts

@@ -6,7 +6,7 @@ nothing due costs nothing but its motion.
 """
 
 import math
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from itertools import islice
 from typing import Final
 
@@ -55,6 +55,7 @@ SEARCH_RADIUS = 1.0  # m around an occupied place
 # Scans of a tick whose echoes are listed for watchers only, each of which takes a
 # millisecond or two: so these delay no one else, however many robots are watched.
 MAX_SHOWN: Final = 4
+MOST_READY_FLOORS: Final = 8  # that the first robot finds sliced
 DRIFT_TICKS: Final = ticks_of(INS_DRIFT_INTERVAL)
 ITEMS_GROUP: Final = "radarsim.items"  # of plugins
 NOTHING: Final = Boxes(np.zeros((0, 8)))
@@ -154,14 +155,14 @@ class Simulation:
         model = model.in_dialect(self.config.dialect.name)
         floor = self.scene.floor_at(pose.x, pose.y)
         height = floor + model.origin_height
+        footprint = Footprint(model.length, model.width)
+        reach = SEARCH_RADIUS + footprint.radius + 0.1  # a little more than needed
         if model.flight is None:
             obstacles = self._obstacles(floor)
         else:
             height = max(height, min(z, self._airspace.ceiling))
-            bottom = height - model.origin_height
-            obstacles = self._airspace.obstacles(bottom, model.height)
-        footprint = Footprint(model.length, model.width)
-        reach = SEARCH_RADIUS + footprint.radius + 0.1  # a little more than needed
+            place = pose.x, pose.y, height
+            obstacles = self._airspace.surroundings(model, place, reach).obstacles
         free = yield from obstacles.search_free_pose(
             footprint,
             pose,
@@ -184,7 +185,7 @@ class Simulation:
             wheel_drive=self.config.wheel_drive(model),
         )
         if model.flight is not None:
-            self._fleet.lift(robot, height, obstacles)
+            self._airspace.lift(self._fleet, robot, height)
         vehicle = Vehicle(
             robot,
             self.config,
@@ -244,16 +245,17 @@ class Simulation:
                 vehicle.robot.halt()
         self._fleet.step(TICK)
         if self._flying:
-            boxes = self.boxes()
+            robots = [vehicle.robot for vehicle in self._flying]
+            rooms = self._airspace.rooms(self._fleet, robots, self.boxes(), TICK)
             for vehicle in self._flying:
-                self.faults.call(vehicle, self._fly, vehicle.robot, boxes)
+                self.faults.call(vehicle, self._fly, vehicle.robot, rooms)
         self.trails.step()
         drifting = self._drifting.due()
         if drifting:
             self._compute([(vehicle, vehicle.drift) for vehicle in drifting])
 
-    def _fly(self, robot: Robot, boxes: Boxes) -> None:
-        self._airspace.climb(self._fleet, robot, boxes, TICK)
+    def _fly(self, robot: Robot, rooms: Mapping[Robot, float]) -> None:
+        self._airspace.climb(self._fleet, robot, rooms.get(robot), TICK)
         robot.lean(TICK)
 
     def collect_reports(self) -> dict[int, TickOutput]:
@@ -418,6 +420,9 @@ class Simulation:
         radar.plan(self._tracer, pose, rng, boxes, 0)  # as beside a wall
         sonar = SonarArray([pose], [sonar_settings()])
         self._tracer.trace(sonar.rays(pose), boxes, incidence=True)
+        floors = dict.fromkeys(start.pose.z for start in self.scene.starts)
+        for floor in islice(floors or [0.0], MOST_READY_FLOORS):
+            self._fleet.prepare(self._obstacles(floor))
         self._fleet.step(TICK)
         self._fleet.touched([])
         self._readings.run([], 0)

@@ -84,8 +84,8 @@ SETTING: Final = "SETTING"
 SCANNER_OPCODES: Final = ("ECHOES", "TARGETS", SETTING)
 CAMERA_OPCODES: Final = ("ZOOM", "FOV")
 OPCODES: Final = ("SCAN", "RESET", "POSE", *SCANNER_OPCODES, *CAMERA_OPCODES)
-# Of all searches for a free place in a tick: 3 ms by ``Obstacles.search_free_pose``.
-SEARCH_WORK: Final = 600_000
+# Of all searches for a free place in a tick: 2 ms by ``Obstacles.search_free_pose``.
+SEARCH_WORK: Final = 400_000
 START_WORK: Final = 60_000  # to find out whether a start is free
 LONGEST_TRACE: Final = 3600.0  # s between two marks of a trail
 MAX_PROBLEMS: Final = 800  # characters; a client can have many settings wrong
