@@ -69,9 +69,11 @@ class SolidMesh:
         places = np.flatnonzero(is_met)[:, None] * _BLOCK + np.arange(_BLOCK)
         numbers = np.sort(self._order[places[places < len(self._order)]])
         corners = self._vertices[self._faces[numbers]].reshape(-1, 3)
-        segments = slice_mesh(corners, np.arange(len(corners)).reshape(-1, 3), height)
+        faces = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
+        segments = slice_mesh(corners, faces, height)
         ends = segments[:, 0], segments[:, 1]
         low, high = np.minimum(*ends).T, np.maximum(*ends).T
         is_inside = (low[0] <= area.x_max) & (area.x_min <= high[0])
         is_inside &= (low[1] <= area.y_max) & (area.y_min <= high[1])
-        return segments[is_inside]
+        inside: Floats = segments[is_inside]
+        return inside

@@ -158,17 +158,18 @@ class Airspace:
         room = min(room, self.ceiling - z)
         target = z + math.copysign(max(0.0, min(abs(wanted), room)), wanted)
         here = self._around_robot(robot, z)
-        around = self._around_robot(robot, target, here)
-        other = here
+        around = beyond = self._around_robot(robot, target, here)
         if around is not here and not around.obstacles.clear(
             robot.footprint, robot.pose
         ):
-            around, other, target = here, around, z
+            around, target = here, z
         elif (robot.number + self._ticks) % _LOOK_AHEAD == 0:
             # Before it comes there, and not in the same tick as for all other robots
             # that rise together.
-            beyond = target + math.copysign(BAND, wanted)
-            other = self._around_robot(robot, beyond, around)
+            next_z = target + math.copysign(BAND, wanted)
+            beyond = self._around_robot(robot, next_z, around)
+        others = (beyond, here, *self._around[robot])
+        other = next((each for each in others if each is not around), around)
         self._around[robot] = around, other
         row[TOUCHED] = UNKNOWN
         row[BLOCKED] = row[BLOCKED] or abs(target - z) < abs(wanted) - 1e-9

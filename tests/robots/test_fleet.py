@@ -14,11 +14,11 @@ from radarsim.geometry import Pose2
 from radarsim.presets.robots import load_robot
 from radarsim.protocol.dialect import WheelDrive
 from radarsim.robots.collision import CONTACT_GAP
-from radarsim.robots.fleet import MOST_FLOORS, Fleet
+from radarsim.robots.fleet import Fleet
 from radarsim.robots.footprint import RANK, line_table
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import Robot
-from radarsim.robots.wall_grid import find_walls, wall_table
+from radarsim.robots.wall_grid import WallStore, find_walls, floor_walls
 
 TICK = 0.01
 MODELS = [load_robot(name) for name in ("P3AT", "P2DX", "P2AT")]
@@ -94,7 +94,7 @@ def test_walls_of_the_grid_are_those_within_reach(
     lines: list[tuple[float, ...]], x: float, y: float, reach: float
 ) -> None:
     around = obstacles([*lines, *room(40), (-40, -40, 40, 39)])
-    table = wall_table([around.segments])
+    table = WallStore([floor_walls(around.segments)]).table
     near = np.zeros((len(around.segments), 5))
     count = find_walls(table, 0, x, y, reach, near)
     found = near[near[:count, RANK].argsort()]
@@ -235,9 +235,9 @@ def test_heights_of_a_robot_that_flies_are_forgotten_but_not_those_in_use() -> N
     drone = fleet.add(
         "D", drone_model, Pose2(0, 0), obstacles=ground, wheel_drive=drive
     )
-    for number in range(3 * MOST_FLOORS):
+    for number in range(2000):
         fleet.lift(drone, 1 + 0.1 * number, Obstacles(wall + number, floor=number))
-        assert len(fleet.floors) <= MOST_FLOORS + 1
+        assert len(fleet.floors) < 600
     assert ground in fleet.floors
     for robot in (rover, drone):
         robot.drive(2.0, 2.0)

@@ -59,6 +59,10 @@ if TYPE_CHECKING:
 RobotCommand: TypeAlias = (
     Drive | MovePackage | MultiDrive | GetGeo | GetConf | SetItem | SetViewports | Trace
 )
+# All but INIT, which may need several ticks.
+ImmediateCommand: TypeAlias = (
+    RobotCommand | GetStartPoses | Watch | ShowCamera | Control | Unsupported
+)
 Question: TypeAlias = GetStartPoses | GetGeo | GetConf
 ReplyKey: TypeAlias = tuple[str | None, ...] | None
 
@@ -273,7 +277,7 @@ class CommandHandler:
             diagnostic: Diagnostic | None = end.value
             return True, diagnostic
 
-    def _execute(self, client: Client, command: Command) -> Diagnostic | None:
+    def _execute(self, client: Client, command: ImmediateCommand) -> Diagnostic | None:
         match command:
             case GetStartPoses():
                 return self._reply(client, command)

@@ -1,0 +1,42 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radarsim.geometry import Floats
+from radarsim.robots.obstacles import slice_parts
+from radarsim.robots.solid_mesh import Area, SolidMesh
+from radarsim.scene.material import Material
+from radarsim.scene.scene import Part, Scene
+
+
+def reaching_into(segments: Floats, area: Area) -> Floats:
+    """Return the segments whose bounding boxes reach into an area."""
+    low, high = segments.min(axis=1), segments.max(axis=1)
+    inside = (low <= [area.x_max, area.y_max]) & (high >= [area.x_min, area.y_min])
+    return segments[inside.all(axis=1)]
+
+
+@given(
+    x=st.floats(-12, 12),
+    y=st.floats(-12, 12),
+    size=st.floats(0, 8),
+    height=st.floats(-0.5, 6),
+)
+def test_a_slice_is_that_of_all_parts_in_the_same_order(
+    foliage_room: Scene, x: float, y: float, size: float, height: float
+) -> None:
+    area = Area(x, x + size, y, y + size)
+    solid = [part for part in foliage_room.parts if part.material.solid]
+    expected = reaching_into(slice_parts(solid, height), area)
+    found = SolidMesh(foliage_room.parts).slice(area, height)
+    np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize("solid", [True, False])
+def test_parts_that_are_not_solid_are_left_out(solid: bool) -> None:
+    corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 0, 1]])
+    faces = np.array([[0, 1, 2]], np.int32)
+    part = Part("p", Material("m", 1.0, 1.0, solid=solid), corners, faces)
+    found = SolidMesh([part]).slice(Area(-1, 2, -1, 2), 0.5)
+    assert found.shape == (int(solid), 2, 2)

@@ -1,0 +1,194 @@
+"""The search for a free place is limited in each tick, by counted work."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from radarsim.geometry import Pose2, Pose3
+from radarsim.presets.robots import load_robot
+from radarsim.robots.footprint import Footprint
+from radarsim.robots.obstacles import Obstacles
+from radarsim.scene.scene import Scene, StartPose
+from radarsim.server.host import Host, commands
+from radarsim.server.host.commands import FAILED_SPAWN_COOLDOWN, SEARCH_WORK
+from radarsim.simulation.simulation import Simulation
+
+BUSH = (
+    b"INIT {ClassName P3AT} {Location -0.2,2.75,0}\r\n"  # beside a bush, in its leaves
+)
+HUMMER = b"INIT {ClassName Hummer} {Location 0.5,1.64,0}\r\n"  # no place within 1 m
+FEW = 20_000  # as much work as a step
+FREE = b"INIT {ClassName P3AT} {Start RobotStart2}\r\n"
+
+
+@pytest.fixture
+def host(foliage_room: Scene) -> Host:
+    return Host(foliage_room)
+
+
+def begin(host: Host, line: bytes) -> int:
+    number = host.connect()
+    host.take(number)
+    host.receive(number, line)
+    return number
+
+
+def step_until(host: Host, is_true: Callable[[], bool]) -> int:
+    for ticks in range(1000):
+        if is_true():
+            return ticks
+        host.step()
+    raise AssertionError("it never became true")
+
+
+def test_no_step_of_a_search_takes_more_than_the_work_of_a_tick(
+    foliage_room: Scene,
+) -> None:
+    simulation, model = Simulation(foliage_room), load_robot("Hummer")
+    steps = list(simulation.spawn_stepwise("R", model, Pose2(0.5, -1.64)))
+    assert sum(steps) > SEARCH_WORK
+    assert max(steps) < SEARCH_WORK / 2
+
+
+def test_a_search_in_a_thicket_is_cut_into_small_steps() -> None:
+    """A map may have as many walls at a place as it likes."""
+    ends = np.random.default_rng(1).uniform(-3, 3, (50_000, 1, 2))
+    thicket = Obstacles(ends + np.array([[[0.0, 0.0], [0.01, 0.0]]]))
+    search = thicket.search_free_pose(
+        Footprint(0.01, 0.01),
+        Pose2(0, 0),
+        tuple,
+        within=1.0,
+        is_open=lambda places: np.zeros(len(places), np.bool_),
+    )
+    steps = list(search)
+    assert sum(steps) > 10 * SEARCH_WORK
+    assert np.median(steps) < SEARCH_WORK / 2
+    assert max(steps) < 3 * SEARCH_WORK  # to sort the walls once
+
+
+def test_the_answer_at_a_free_place_comes_at_once(
+    host: Host, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(commands, "SEARCH_WORK", FEW)
+    host.step()
+    assert host.has_robot(begin(host, FREE))
+
+
+@pytest.mark.parametrize("work", [FEW, 100_000, 10**9])
+def test_work_of_a_tick_changes_when_a_place_is_found_but_not_which(
+    host: Host, work: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expected = Simulation(host.scene).spawn("R", load_robot("P3AT"), Pose2(-0.2, -2.75))
+    assert expected is not None
+    monkeypatch.setattr(commands, "SEARCH_WORK", work)
+    host.step()
+    number = begin(host, BUSH)
+    ticks = step_until(host, lambda: host.has_robot(number))
+    assert (ticks == 0) is (work == 10**9)
+    (vehicle,) = host.simulation.vehicles
+    assert vehicle.robot.pose == expected.robot.pose
+
+
+def test_a_search_that_takes_long_delays_its_client_alone(host: Host) -> None:
+    """What it sends after INIT waits; another one drives, and is answered."""
+    driver = begin(host, FREE)
+    host.step()
+    number = begin(host, HUMMER + b"GETGEO {Type Robot}\r\n")
+    assert host.is_busy(number)
+    host.take(driver)
+    told = []
+    for _ in range(3):
+        host.receive(driver, b"GETGEO {Type Robot}\r\n")
+        told += host.step()
+        assert b"GEO {Type GroundVehicle}" in host.take(driver)
+    while host.is_busy(number):
+        told += host.step()
+    assert [each.kind for who, each in told if who == number] == [
+        "no place",
+        "GETGEO without robot",
+    ]
+
+
+def test_commands_after_init_are_executed_once_the_robot_is_there(
+    host: Host, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(commands, "SEARCH_WORK", FEW)
+    host.step()
+    number = begin(host, BUSH + b"DRIVE {Left 1} {Right 1}\r\n")
+    assert not host.has_robot(number)
+    step_until(host, lambda: not host.is_busy(number))
+    (vehicle,) = host.simulation.vehicles
+    before = vehicle.robot.side_angles
+    host.step()
+    assert vehicle.robot.side_angles > before
+
+
+def test_robots_that_others_ask_for_meanwhile_come_after_it(host: Host) -> None:
+    first, second = begin(host, HUMMER), begin(host, FREE)
+    step_until(host, lambda: not host.is_busy(first))
+    assert not host.has_robot(second)
+    step_until(host, lambda: host.has_robot(second))
+
+
+def test_a_client_that_leaves_ends_its_search(host: Host) -> None:
+    first, second = begin(host, HUMMER), begin(host, FREE)
+    host.disconnect(first)
+    host.step()
+    assert host.has_robot(second)
+
+
+def test_a_place_is_not_taken_that_another_robot_has_reached_meanwhile(
+    host: Host, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(commands, "SEARCH_WORK", FEW)
+    host.step()
+    number = begin(host, BUSH)
+    host.step()
+    other = host.simulation.spawn("other", load_robot("P3AT"), Pose2(-0.2, -2.75))
+    assert other is not None  # at the place that the search would find
+    step_until(host, lambda: host.has_robot(number))
+    _, vehicle = host.simulation.vehicles
+    assert vehicle.robot.pose != other.robot.pose
+    assert Obstacles().clear(vehicle.robot.footprint, vehicle.robot.pose, [other.robot])
+
+
+def test_starts_are_looked_at_within_the_work_of_ticks(foliage_room: Scene) -> None:
+    """A map may have many starts that are all taken."""
+    taken = tuple(StartPose(f"S{k}", Pose3(0.5, -1.64, 0.0)) for k in range(100))
+    free = StartPose("free", Pose3(-8.0, 0.0, 0.0))
+    host = Host(replace(foliage_room, starts=(*taken, free)))
+    number = begin(host, b"INIT {ClassName P3AT} {Start S0} {FreeStart True}\r\n")
+    assert host.is_busy(number)
+    step_until(host, lambda: not host.is_busy(number))
+    (vehicle,) = host.simulation.vehicles
+    assert (vehicle.robot.pose.x, vehicle.robot.pose.y) == (-8.0, 0.0)
+
+
+def test_clients_without_a_place_leave_most_ticks_to_others(
+    host: Host, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Many of them that try again and again search no more than one of them."""
+    spent: list[int] = []
+    original = Simulation.spawn_stepwise
+
+    def counted(self: Simulation, *args: object) -> object:
+        steps = original(self, *args)  # type: ignore[arg-type]
+        while True:
+            try:
+                work = next(steps)
+            except StopIteration as end:
+                return end.value
+            spent.append(work)
+            yield work
+
+    monkeypatch.setattr(Simulation, "spawn_stepwise", counted)
+    for _ in range(50):
+        begin(host, 3 * HUMMER)
+    for _ in range(3 * FAILED_SPAWN_COOLDOWN):
+        before = sum(spent)
+        host.step()
+        assert sum(spent) - before < 1.5 * SEARCH_WORK
+    assert sum(spent) < 3 * FAILED_SPAWN_COOLDOWN * SEARCH_WORK / 2
