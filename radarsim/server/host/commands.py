@@ -70,7 +70,7 @@ MAX_NAME_LENGTH = 64  # characters of a robot's name; longer ones are cut
 SPAWN_COOLDOWN = 10  # ticks between two robots of one client: a free place costs work
 FAILED_SPAWN_COOLDOWN = 100  # ticks after a spawn for which there was no free place
 SPAWNS_PER_TICK = 4  # of all clients
-# Ticks without a spawn, for all clients, after a search that takes a tick or more.
+# Ticks without a spawn, for all clients, after a search for a free place.
 SEARCH_COOLDOWN = 3  # the requested place was occupied
 FAILED_SEARCH_COOLDOWN = 10  # and no other was free
 
