@@ -99,10 +99,20 @@ class Fleet:
         if obstacles not in self._floors:
             if not self._walls.add(obstacles.walls):
                 self._forget_floors()
-                floors = [*self._floors, obstacles]
-                self._walls = WallStore([floor.walls for floor in floors])
-                self._around = _surroundings(self.columns, self._walls.table)
-            self._floors.append(obstacles)
+                self._floors.append(obstacles)
+                self._enter_floors()
+            else:
+                self._floors.append(obstacles)
+
+    def _enter_missing(self) -> None:
+        """Enter the walls of a robot that has left another fleet."""
+        if self._walls.count < len(self._floors):
+            self._enter_floors()
+
+    def _enter_floors(self) -> None:
+        """Enter the walls of all floors into another table."""
+        self._walls = WallStore([floor.walls for floor in self._floors])
+        self._around = _surroundings(self.columns, self._walls.table)
 
     def add(
         self,
@@ -201,6 +211,7 @@ class Fleet:
 
     def step(self, dt: float) -> None:
         """Drive all robots for one time step of ``dt`` s."""
+        self._enter_missing()
         drive_robots(self._around, self.slots, self.odometry, dt)
 
     def drive(
@@ -217,6 +228,7 @@ class Fleet:
         Returns:
             (K,) whether each was blocked, or touched something, after any of the steps.
         """
+        self._enter_missing()
         touched = np.zeros(len(slots), np.bool_)
         kernel = drive_on if meets else drive_each_alone
         kernel(self._around, slots, self.odometry, dt, steps, touched)
@@ -231,6 +243,7 @@ class Fleet:
         Args:
             slots: (K,) their slots.
         """
+        self._enter_missing()
         asked = np.asarray(slots, np.int64)
         find_touched(self._around, self.slots, asked)
         touched: NDArray[np.bool_] = self.columns[asked, TOUCHED] == 1.0
@@ -289,8 +302,12 @@ class Fleet:
     def _take_over(self, robot: Robot) -> None:
         """Become the fleet of one robot of another fleet."""
         other, slot = robot.fleet, robot.slot
-        self._floors, self._walls = list(other._floors), other._walls.sealed()
         columns = other.columns[slot : slot + 1].copy()
+        self._floors = [other._floors[int(columns[0, FLOOR])]]
+        columns[0, FLOOR] = 0
+        # Its walls are entered if it moves again, which those that have left seldom do:
+        # the table of all walls would stay in memory as long as one of them.
+        self._walls = WallStore(spare=np.zeros(3, np.int64))
         self._around = _surroundings(columns, self._walls.table)
         self._spawned = robot.number
         self.robots = (robot,)

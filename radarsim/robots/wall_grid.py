@@ -7,7 +7,6 @@ entries, and empty cells cost nothing, however large the map.
 
 import math
 from collections.abc import Sequence
-from copy import copy
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -101,10 +100,17 @@ class WallStore:
         table: The table; rows that are not used yet hold zeros.
     """
 
-    def __init__(self, floors: Sequence[FloorWalls] = ()) -> None:
-        """Create a table of some floors, with room for as much again."""
+    def __init__(
+        self, floors: Sequence[FloorWalls] = (), spare: Ints = _SPARE_ROWS
+    ) -> None:
+        """Create a table of some floors.
+
+        Args:
+            floors: The floors; there is room for as much again.
+            spare: Numbers of walls, entries and floors for which there is more room.
+        """
         needed = sum(map(_sizes, floors), np.zeros(3, np.int64))
-        walls, entries, count = (2 * needed + _SPARE_ROWS).tolist()
+        walls, entries, count = (2 * needed + spare).tolist()
         self.table = WallTable(
             np.zeros((walls, 5)),
             np.zeros((entries, 2), np.int64),
@@ -114,6 +120,11 @@ class WallStore:
         self._used = np.zeros(3, np.int64)
         for floor in floors:
             self.add(floor)
+
+    @property
+    def count(self) -> int:
+        """Number of the floors in the table."""
+        return int(self._used[2])
 
     def add(self, floor: FloorWalls) -> bool:
         """Add a floor; its number is that of the floors before.
@@ -132,12 +143,6 @@ class WallStore:
         table.floors[number, FIRST:] += entries
         self._used = end
         return True
-
-    def sealed(self) -> "WallStore":
-        """Return a store of the same table that has no room for more floors."""
-        store = copy(self)
-        store._used = np.array([len(rows) for rows in self.table[:3]])
-        return store
 
 
 def _sizes(floor: FloorWalls) -> Ints:

@@ -248,3 +248,20 @@ def test_heights_of_a_robot_that_flies_are_forgotten_but_not_those_in_use() -> N
     fleet.lift(drone, 3.0, Obstacles(wall + np.array([19.0, 0.0])))
     fleet.step(5.0)
     assert drone.pose.x == pytest.approx(21 - 0.5, abs=0.002)
+
+
+def test_a_robot_that_has_left_drives_on_among_its_walls_but_keeps_no_others() -> None:
+    fleet, drive = Fleet(), WheelDrive(2.0)
+    wall = Obstacles(np.array([[[2.0, -5.0], [2.0, 5.0]]]))
+    elsewhere = Obstacles(np.tile([[[0.0, 0.0], [1.0, 0.0]]], (1000, 1, 1)))
+    model = load_robot("P3AT")
+    fleet.add("A", model, Pose2(9, 9), obstacles=elsewhere, wheel_drive=drive)
+    left = fleet.add("B", model, Pose2(0, 0), obstacles=wall, wheel_drive=drive)
+    left.drive(2.0, 2.0)
+    fleet.step(TICK)
+    fleet.remove(left)
+    assert left.fleet.floors == (wall,)
+    for _ in range(1000):
+        left.fleet.step(TICK)
+    assert left.pose.x == pytest.approx(2 - 0.276, abs=0.002)
+    assert left.touched

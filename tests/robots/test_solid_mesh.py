@@ -14,7 +14,8 @@ def reaching_into(segments: Floats, area: Area) -> Floats:
     """Return the segments whose bounding boxes reach into an area."""
     low, high = segments.min(axis=1), segments.max(axis=1)
     inside = (low <= [area.x_max, area.y_max]) & (high >= [area.x_min, area.y_min])
-    return segments[inside.all(axis=1)]
+    reaching: Floats = segments[inside.all(axis=1)]
+    return reaching
 
 
 @given(

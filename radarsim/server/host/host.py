@@ -21,9 +21,10 @@ of a tick for all clients together; what exceeds a limit waits for the next tick
 once, except INIT while those of others wait, which go first. Commands that wait are
 executed in turns, one of each client, and cannot use up the work that is reserved for
 those that arrive. The searches for a free place have a limit of their own: one goes on
-after the other, over several ticks, while the later commands of its client wait. Nor can several clients that send much
-use up what is reserved for the first command of each client in a tick, unless these
-first commands do. How the bytes of a client are split into packets changes nothing.
+after the other, over several ticks, while the later commands of its client wait. Nor
+can several clients that send much use up what is reserved for the first command of each
+client in a tick, unless these first commands do. How the bytes of a client are split
+into packets changes nothing.
 Rule 5: a client that watches robots gets copies of what their clients are sent, in a
 queue of its own, which comes last in a write. It changes no byte that others get.
 Rule 6: a host can be there before its simulation, which takes a second to load and half

@@ -1,7 +1,8 @@
 """The search for a free place is limited in each tick, by counted work."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -172,19 +173,17 @@ def test_clients_without_a_place_leave_most_ticks_to_others(
 ) -> None:
     """Many of them that try again and again search no more than one of them."""
     spent: list[int] = []
-    original = Simulation.spawn_stepwise
+    original = Obstacles.search_free_pose
 
-    def counted(self: Simulation, *args: object) -> object:
-        steps = original(self, *args)  # type: ignore[arg-type]
-        while True:
-            try:
-                work = next(steps)
-            except StopIteration as end:
-                return end.value
+    def counted(
+        self: Obstacles, *args: Any, **options: Any
+    ) -> Generator[int, None, Pose2 | None]:
+        for work in original(self, *args, **options):
             spent.append(work)
             yield work
+        return None  # there is no place
 
-    monkeypatch.setattr(Simulation, "spawn_stepwise", counted)
+    monkeypatch.setattr(Obstacles, "search_free_pose", counted)
     for _ in range(50):
         begin(host, 3 * HUMMER)
     for _ in range(3 * FAILED_SPAWN_COOLDOWN):
