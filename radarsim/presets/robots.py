@@ -8,7 +8,7 @@ further items follow the inherited ones.
 import math
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, Self, TypeAlias
+from typing import Annotated, Any, Final, Literal, Self, TypeAlias, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -274,12 +274,14 @@ class RobotModel(BaseModel):
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> Self:
-        names = [item.name.casefold() for item in self.items]
-        for name in names:
-            if names.count(name) > 1:
-                raise ValueError(
-                    f"two items have the name {name!r}, expected unique names"
-                )
+        for dialect in get_args(DialectName):
+            carried = (each for each in self.items if each.dialect in (None, dialect))
+            names = [item.name.casefold() for item in carried]
+            for name in names:
+                if names.count(name) > 1:
+                    raise ValueError(
+                        f"two items have the name {name!r}, expected unique names"
+                    )
         return self
 
     @model_validator(mode="after")

@@ -32,6 +32,7 @@ _BLANKS = b" \t\n\r\v\f\x1c\x1d\x1e\x1f\x85\xa0"  # in Latin-1
 # With the blank lines after it, of which there can be thousands in one packet. CR is
 # replaced before: a search for one character is several times as fast as for two.
 _LINE_END = re.compile(rb"\n[%b]*" % re.escape(_BLANKS))
+_ANY_END = re.compile(rb"\r\n|\n\r|\r|\n")
 # Methods are of any characters and case: pages choose them for their own site, whose
 # name they can make resolve to here. Or TLS, whose first message has bytes of theirs.
 _HTTP_REQUEST = re.compile(r"[^\s{}]+\s+\S+\s+HTTP/\d|\x16\x03", re.IGNORECASE)
@@ -57,8 +58,9 @@ class LineBuffer:
     r"""Collects received bytes and returns whole lines.
 
     A line ends at CR or at LF. Empty and blank lines are dropped, so CRLF, LF CR and
-    bare LF, which all occur in the field, are one line end each. Bytes are decoded as
-    Latin-1, so none are refused here.
+    bare LF, which all occur in the field, are one line end each. Where blank lines are
+    kept, CR and LF beside each other are one line end. Bytes are decoded as Latin-1, so
+    none are refused here.
 
     >>> lines = LineBuffer()
     >>> lines.feed(b"DRIVE {Left 1}")
@@ -72,10 +74,12 @@ class LineBuffer:
             closed after the lines before it have been handled.
     """
 
-    def __init__(self, limit: int = 65536) -> None:
+    def __init__(self, limit: int = 65536, *, keeps_blank: bool = False) -> None:
         self.limit = limit
         self.overflow: LineTooLong | None = None
         self._pending = b""
+        self._keeps_blank = keeps_blank
+        self._half_end = b""  # CR or LF that came last, if the other one may follow
 
     def feed(self, data: bytes) -> list[str]:
         """Add received bytes and return the lines that they complete.
@@ -88,16 +92,28 @@ class LineBuffer:
         lines: list[str] = []
         # Clients end lines with CRLF, with LF CR, or with LF alone; a line ends at the
         # first of both, and what follows of the same line end is a blank line.
-        *ended, rest = _LINE_END.split(data.replace(b"\r", b"\n"))
+        if self._keeps_blank:
+            *ended, rest = self._split_at_each_end(data)
+        else:
+            *ended, rest = _LINE_END.split(data.replace(b"\r", b"\n"))
         for piece in ended:
             if not self._append(piece):
                 return lines
             line = self._pending.decode("latin-1").rstrip()
             self._pending = b""
-            if line:
+            if line or self._keeps_blank:
                 lines.append(line)
         self._append(rest)
         return lines
+
+    def _split_at_each_end(self, data: bytes) -> list[bytes]:
+        """Split bytes at CR, LF, or both, also if the two came one after the other."""
+        if self._half_end and data[:1] in (b"\r", b"\n") and data[:1] != self._half_end:
+            data, self._half_end = data[1:], b""
+        if data:
+            *_, last = _ANY_END.findall(data) or [b""]
+            self._half_end = last if len(last) == 1 and data.endswith(last) else b""
+        return _ANY_END.split(data)
 
     def has_room_for(self, data: bytes) -> bool:
         """Return whether bytes cannot make a line too long, wherever it ends."""
@@ -386,8 +402,8 @@ def decode_message(line: str) -> Message:
 
     Raises:
         MalformedMessage: If the verb is missing, if other text than a segment follows
-            it, if a brace is not closed, or if there are more segments than
-            ``MAX_SEGMENTS``.
+            it, if a brace other than the last is not closed, or if there
+            are more segments than ``MAX_SEGMENTS``.
     """
     head, *parts = line.split("{", MAX_SEGMENTS + 1)
     if not head.strip():
@@ -405,7 +421,7 @@ def parse_segments(text: str) -> tuple[tuple[str, str], ...]:
     """Return key and value of each segment in a text.
 
     Raises:
-        MalformedMessage: If a brace is not closed.
+        MalformedMessage: If a brace other than the last is not closed.
     """
     return _parse_parts(text.split("{")[1:], text)
 
@@ -413,12 +429,14 @@ def parse_segments(text: str) -> tuple[tuple[str, str], ...]:
 def _parse_parts(parts: Sequence[str], text: str) -> tuple[tuple[str, str], ...]:
     """Parse the parts of a text after each of its opening braces."""
     segments = []
-    for part in parts:
+    for index, part in enumerate(parts):
         inside, brace, _ = part.partition("}")
-        # A stray brace would otherwise swallow the next field without a word.
         if not brace:
-            first = next(i for i, each in enumerate(parts) if "}" not in each)
-            after = sum(len(each) + 1 for each in parts[first:])
+            # An unclosed last segment is left out, as in the original. An earlier one
+            # would swallow the next field without a word.
+            if index == len(parts) - 1:
+                break
+            after = sum(len(each) + 1 for each in parts[index:])
             raise _expected("'}' after the brace", len(text) - after, text)
         words = inside.split(None, 1)
         if len(words) == 2:

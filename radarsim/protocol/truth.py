@@ -1,8 +1,8 @@
 """The lines of USARTruth, which tells on a port of its own where robots are.
 
 A client asks with a line such as ``{Class USARBot.P3AT} {Name R1}``; each field limits
-the answer, and ``{Actors}`` does not. The answer is a line for each robot, and
-``{End}``.
+the answer, and ``{Actors}`` or a blank line does not. The answer is a line for each
+robot and each victim, and ``{End}``.
 """
 
 from collections.abc import Iterable
@@ -13,17 +13,19 @@ from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.line_template import printable_name
 from radarsim.protocol.message import Message, parse_segments, wrapped_pose_on_wire
 
-# Classes of the original of which every robot is, without their packages.
-_ALL: Final = frozenset(("", "actor", "pawn", "basevehicle", "usarvehicle"))
+VICTIM: Final = "Victim"
+# Classes of the original without their packages: of all, and of the robots.
+_ALL: Final = frozenset(("", "actor", "pawn"))
+_ROBOTS: Final = frozenset(("basevehicle", "usarvehicle"))
 END: Final = b"{End}\r\n"
 
 
 class ActorTruth(NamedTuple):
-    """Where a robot is.
+    """Where a robot or a victim is.
 
     Attributes:
-        name: Name that its client chose.
-        class_name: Class of the robot.
+        name: Name of the robot or the victim.
+        class_name: Class of the robot, or ``VICTIM``.
         pose: Pose of its body, map frame.
     """
 
@@ -43,12 +45,11 @@ class ActorTruth(NamedTuple):
 
 
 class TruthRequest(NamedTuple):
-    """A question where robots are.
+    """A question where robots and victims are.
 
     Attributes:
-        class_name: Class of the robots without its package, in lower case; empty for
-            any.
-        name: Name of the robot; empty for any.
+        class_name: Class without its package, in lower case; empty for any.
+        name: Name of the robot or the victim; empty for any.
     """
 
     class_name: str
@@ -59,21 +60,24 @@ class TruthRequest(NamedTuple):
         """Read a question.
 
         Raises:
-            MalformedMessage: If a brace is not closed.
+            MalformedMessage: If a brace other than the last is not closed.
         """
         message = Message("TRUTH", parse_segments(line))
         class_name = (message.get("Class") or "").rpartition(".")[2].lower()
-        any_class = class_name in _ALL
-        return cls("" if any_class else class_name, message.get("Name") or "")
+        return cls(class_name, message.get("Name") or "")
 
     def answer(
         self, actors: Iterable[ActorTruth], time: float, dialect: Dialect
     ) -> bytes:
-        """Return the lines for those of some robots that are asked for, and the end."""
+        """Return the lines for those of some actors that are asked for, and the end."""
         lines = [
             actor.encode(time, dialect)
             for actor in actors
-            if self.class_name in ("", actor.class_name.lower())
-            and self.name in ("", actor.name)
+            if self._includes(actor.class_name) and self.name in ("", actor.name)
         ]
         return b"".join([*lines, END])
+
+    def _includes(self, class_name: str) -> bool:
+        is_any = self.class_name in _ALL
+        is_robot = self.class_name in _ROBOTS and class_name != VICTIM
+        return is_any or is_robot or self.class_name == class_name.lower()

@@ -54,7 +54,7 @@ MAX_TAG = 2**31 - 1  # clients read numbers of tags into 32 bits
 MAX_DURATION = 3600.0  # s, of a sound
 
 LEVEL_NAME = rf"[!-z|~]{{1,{MAX_NAME}}}"  # one word of a line on the wire
-START_NAME = r"(Robot|Player|ComSt)[A-Za-z]*[0-9]*(_[0-9])?"
+START_NAME = r"(Robot|Player|ComSt|Point)[A-Za-z]*[0-9]*(_[0-9])?"
 _BAND_KEYS = [str(band) for band in BANDS_GHZ]
 
 Bands: TypeAlias = tuple[float, float, float]
@@ -190,7 +190,7 @@ LevelName: TypeAlias = Annotated[
 StartName: TypeAlias = Annotated[
     Text,
     MaxLen(MAX_START_NAME),
-    _matching(START_NAME, "Robot, Player or ComSt, then letters, then digits"),
+    _matching(START_NAME, "Robot, Player, ComSt or Point, then letters, then digits"),
 ]
 VariantName: TypeAlias = Annotated[
     Text, _matching(r"[A-Za-z0-9_-]+", "letters, digits, '_' and '-'")

@@ -84,7 +84,7 @@ class QuestionClient(PeerConnection):
         """
         super().__init__(clients, refusals)
         self._answer = answer
-        self._lines = LineBuffer(LONGEST_QUESTION)
+        self._lines = LineBuffer(LONGEST_QUESTION, keeps_blank=True)
         self._questions: list[str] = []
         self._has_room = True
 

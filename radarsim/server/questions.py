@@ -12,9 +12,10 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from radarsim.errors import MalformedMessage
+from radarsim.geometry import Pose3
 from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.message import Triple
-from radarsim.protocol.truth import END, ActorTruth, TruthRequest
+from radarsim.protocol.truth import END, VICTIM, ActorTruth, TruthRequest
 from radarsim.protocol.wireless import Station, WirelessRequest
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.rays import Rays
@@ -38,10 +39,14 @@ def truth_answer(dialect: Dialect) -> Answer:
             return END
         if simulation is None:
             return END
-        actors = (
+        actors = [
             ActorTruth(v.robot.name, v.model.name, v.robot.body)
             for v in simulation.vehicles
-        )
+        ]
+        actors += [
+            ActorTruth(v.name, VICTIM, Pose3(*v.position, yaw=v.yaw))
+            for v in simulation.scene.victims
+        ]
         return request.answer(actors, simulation.time, dialect)
 
     return answer
@@ -51,6 +56,8 @@ def wireless_answer(dialect: Dialect) -> Answer:
     """Return what answers questions of a wireless server."""
 
     def answer(simulation: Simulation | None, line: str) -> bytes:
+        if not line:
+            return b""
         vehicles = () if simulation is None else simulation.vehicles
         stations = [
             Station(v.robot.name, v.robot.body.numbers()[:3], not v.alive)

@@ -177,7 +177,8 @@ class Simulation:
         unique, number = name, 1
         while unique in taken:
             number += 1
-            unique = f"{name} ({number})"
+            # Some clients split names at blanks.
+            unique = f"{name}_{number}"
         robot = self._fleet.add(
             unique,
             model,

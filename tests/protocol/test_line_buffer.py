@@ -16,9 +16,11 @@ STREAMS = st.lists(
 ).map(b"".join)
 
 
-def collect(chunks: list[bytes], limit: int = 65536) -> tuple[list[str], bool]:
+def collect(
+    chunks: list[bytes], limit: int = 65536, *, keeps_blank: bool = False
+) -> tuple[list[str], bool]:
     """Feed chunks; return the lines and whether one was too long."""
-    buffer = LineBuffer(limit)
+    buffer = LineBuffer(limit, keeps_blank=keeps_blank)
     lines: list[str] = []
     for chunk in chunks:
         lines += buffer.feed(chunk)
@@ -32,11 +34,34 @@ def cut(stream: bytes, places: list[int]) -> list[bytes]:
     return [stream[a:b] for a, b in pairwise(edges)]
 
 
-@given(stream=STREAMS | st.binary(max_size=80), cuts=st.lists(st.integers(0, 400)))
+@given(
+    stream=STREAMS | st.binary(max_size=80),
+    cuts=st.lists(st.integers(0, 400)),
+    keeps_blank=st.booleans(),
+)
 def test_lines_do_not_depend_on_how_the_stream_is_split(
-    stream: bytes, cuts: list[int]
+    stream: bytes, cuts: list[int], keeps_blank: bool
 ) -> None:
-    assert collect(cut(stream, cuts)) == collect([stream])
+    whole = collect([stream], keeps_blank=keeps_blank)
+    assert collect(cut(stream, cuts), keeps_blank=keeps_blank) == whole
+
+
+@pytest.mark.parametrize(
+    ("chunks", "lines"),
+    [
+        ([b"\r\n"], [""]),
+        ([b"\r", b"\n"], [""]),
+        ([b"\r", b"", b"\n", b"\n"], ["", ""]),
+        ([b"A\r\n\r\nB\n\n"], ["A", "", "B", ""]),
+        ([b"A\n", b"\r", b"\n\r"], ["A", ""]),
+        ([b"A\r", b"B\r\r"], ["A", "B", ""]),
+        ([b" \n"], [""]),
+    ],
+)
+def test_blank_lines_are_kept_where_they_are_asked_for(
+    chunks: list[bytes], lines: list[str]
+) -> None:
+    assert collect(chunks, keeps_blank=True) == (lines, False)
 
 
 @given(stream=STREAMS, cuts=st.lists(st.integers(0, 400)), limit=st.integers(0, 40))

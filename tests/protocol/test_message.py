@@ -65,6 +65,15 @@ def test_fields_are_decoded_despite_text_around_them(
     assert decode_message(line) == Message("DRIVE", segments)
 
 
+def test_unclosed_last_segment_is_left_out_as_in_the_original() -> None:
+    line = "INIT {ClassName USARBot.P2AT} {Location -8, 4, -0.3} {Rotation 0, 0, 0"
+    assert decode_message(line).segments == (
+        ("ClassName", "USARBot.P2AT"),
+        ("Location", "-8, 4, -0.3"),
+    )
+    assert decode_message("DRIVE {Left 1").segments == ()
+
+
 @pytest.mark.parametrize(
     ("line", "problem"),
     [
@@ -75,11 +84,6 @@ def test_fields_are_decoded_despite_text_around_them(
             "DRIVE Left 1",
             "expected '{Key value}' at column 7 in 'DRIVE Left 1'",
             id="no braces",
-        ),
-        pytest.param(
-            "DRIVE {Left 1",
-            "expected '}' after the brace at column 7 in 'DRIVE {Left 1'",
-            id="open brace",
         ),
         pytest.param(
             "DRIVE {C 1} {A {B 1}}",

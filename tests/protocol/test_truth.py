@@ -11,6 +11,7 @@ from radarsim.protocol.truth import END, ActorTruth, TruthRequest
 ACTORS = (
     ActorTruth("R1", "P3AT", Pose3(1.0, 2.0, 0.1)),
     ActorTruth("R2", "Kenaf", Pose3(3.0, 4.0, 0.1)),
+    ActorTruth("Becky", "Victim", Pose3(-4.0, 0.5, 0.1)),
 )
 
 
@@ -18,7 +19,10 @@ ACTORS = (
 @pytest.mark.parametrize(
     ("line", "names"),
     [
-        ("{Actors}", ["R1", "R2"]),
+        ("", ["R1", "R2", "Becky"]),
+        ("{Actors}", ["R1", "R2", "Becky"]),
+        ("{Class USARBotAPI.USARVehicle}", ["R1", "R2"]),
+        ("{Class Victim}", ["Becky"]),
         ("{Class USARBot.p3at}", ["R1"]),
         ("{Class Pawn} {Name R2}", ["R2"]),
         ("{Name R3}", []),

@@ -41,8 +41,8 @@ def test_clock_of_a_watch_is_read_and_written() -> None:
         ("WATCH {Robots All,}", RobotChoice(("All",)), RobotChoice()),
         ("WATCH {Robots All} {Echoes true,}", ALL, RobotChoice(("true",))),
         (
-            "WATCH {Robots R1,, P3AT (2) ,} {Echoes r1}",
-            RobotChoice(("R1", "P3AT (2)")),
+            "WATCH {Robots R1,, P3AT_2 ,} {Echoes r1}",
+            RobotChoice(("R1", "P3AT_2")),
             RobotChoice(("r1",)),
         ),
         ("WATCH {Robots All} {Echoes }", ALL, RobotChoice()),

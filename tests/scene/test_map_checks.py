@@ -9,7 +9,7 @@ from radarsim.errors import MapError
 from radarsim.scene.map_file import load_map
 
 pytestmark = pytest.mark.usefixtures("mesh_folder")
-START = "expected Robot, Player or ComSt, then letters, then digits"
+START = "expected Robot, Player, ComSt or Point, then letters, then digits"
 
 
 @pytest.mark.parametrize(

@@ -91,7 +91,7 @@ def test_trial_may_name_an_invalid_start() -> None:
 def test_invalid_names_of_starts_are_not_proposed() -> None:
     text = HEAD.replace("RobotStart1", "Gate") + f"trial: {{{WHOLE}}}\n"
     first, second = problems(text)
-    assert "starts.0.name: 'Gate', expected Robot, Player or ComSt" in first
+    assert "starts.0.name: 'Gate', expected Robot, Player, ComSt or Point" in first
     assert second.endswith(".start: 'RobotStart1', expected one of ['PlayerStart']")
     text = text.replace("PlayerStart", "Door")
     *_, last = problems(text)

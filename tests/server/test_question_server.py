@@ -5,6 +5,7 @@ import logging
 import re
 from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
+from dataclasses import replace
 
 import pytest
 
@@ -12,6 +13,7 @@ from radarsim.geometry import Pose2
 from radarsim.presets.robots import load_robot
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.scene.scene import Scene
+from radarsim.scene.victims import Victim
 from radarsim.server.question_server import MAX_CLIENTS, QuestionServer
 from radarsim.server.questions import Answer, truth_answer, wireless_answer
 from radarsim.simulation.simulation import Simulation
@@ -82,7 +84,8 @@ async def connected(server: QuestionServer) -> AsyncIterator[Client]:
         pytest.param(b"{class Pawn} {name R 2}\n", [R2], id="name"),
         pytest.param(b"{Class Engine.Pawn}\n", [R1, R2], id="all"),
         pytest.param(b"{Class Talon}{Name R1}\n", [], id="none"),
-        pytest.param(b"{Class Talon\n", [], id="no brace"),
+        pytest.param(b"{Name R1} {Class Talon\n", [R1], id="no brace"),
+        pytest.param(b"\r\n", [R1, R2], id="blank"),
     ],
 )
 async def test_questions_are_answered(
@@ -90,6 +93,50 @@ async def test_questions_are_answered(
 ) -> None:
     async with running(empty_room) as server, connected(server) as client:
         assert await client.ask(question) == answer
+
+
+@pytest.mark.asyncio
+@pytest.mark.parametrize(
+    ("pieces", "blank"),
+    [
+        ([b"{Name R1}\r", b"\n{Name R1}\r\n"], 0),
+        ([b"{Name R1}\n\r{Name R1}\n\r"], 0),
+        ([b"{Name R1}\n", b"\r{Name", b" R1}\r\n"], 0),
+        ([b"  ", b"\n{Name R1}", b"\r\n\r\n{Name R1}\n\n"], 3),
+    ],
+)
+async def test_blank_lines_are_told_from_the_ends_of_lines(
+    pieces: list[bytes], blank: int
+) -> None:
+    asked: list[str] = []
+
+    def answer(_: object, line: str) -> bytes:
+        asked.append(line)
+        return b"{End}\r\n"
+
+    server = QuestionServer(answer, port=0)
+    await server.start()
+    async with connected(server) as client:
+        for piece in pieces:
+            client.writer.write(piece)
+            await asyncio.sleep(0.03)  # most often a packet of its own
+        for _ in range(2 + blank):
+            await client.ask(b"")
+    await server.stop()
+    assert [each for each in asked if each] == ["{Name R1}"] * 2
+    assert asked.count("") == blank
+
+
+@pytest.mark.asyncio
+async def test_victims_are_told_with_their_direction(empty_room: Scene) -> None:
+    victim = Victim("Becky", (-4.0, 0.5, 0.1), yaw=1.0)
+    scene = replace(empty_room, victims=(victim,))
+    async with running(scene) as server, connected(server) as client:
+        (line,) = await client.ask(b"{Class Victim}\r\n")
+    assert line == (
+        "{Name Becky} {Class Victim} {Time 0.03} {Location -4.0000,-0.5000,-0.1000} "
+        "{Rotation 0.0000,0.0000,-1.0000}"
+    )
 
 
 @pytest.mark.asyncio
@@ -230,7 +277,7 @@ WALLS = (("a", 0.0, "concrete"), ("b", -1.5, "metal"), ("c", -2.0, "foliage"))
         pytest.param(b"GETOBS {Start 1,2}  {End 3,4,5}\r\n", "", id="no place"),
         pytest.param(b"GETOBS {From R1}\r\n", "", id="one end"),
         pytest.param(b"GETSS {Robot R1}\r\n", "", id="another question"),
-        pytest.param(b"GETPOS {\r\n", "", id="no brace"),
+        pytest.param(b"GETPOS {a {b}\r\n", "", id="no brace"),
     ],
 )
 async def test_wireless_server_learns_who_is_where_and_what_is_between(

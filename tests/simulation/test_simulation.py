@@ -115,9 +115,9 @@ def test_spawn_at_a_taken_place_uses_the_nearest_free_one(
 def test_robot_names_are_unique(empty_room: Scene) -> None:
     simulation = Simulation(empty_room)
     made = [spawned(simulation, Pose2(-8 + 2 * k, 0), "R") for k in range(3)]
-    assert [v.robot.name for v in made] == ["R", "R (2)", "R (3)"]
+    assert [v.robot.name for v in made] == ["R", "R_2", "R_3"]
     simulation.remove(made[1])
-    assert spawned(simulation, Pose2(0, 3), "R").robot.name == "R (2)"
+    assert spawned(simulation, Pose2(0, 3), "R").robot.name == "R_2"
 
 
 def test_robot_stops_at_a_wall_and_its_bumper_reports_touch(empty_room: Scene) -> None:

@@ -20,6 +20,7 @@ PointCloud2 = ros2_jazzy.sensor_msgs__msg__PointCloud2
 Pose = ros2_jazzy.geometry_msgs__msg__Pose
 PoseStamped = ros2_jazzy.geometry_msgs__msg__PoseStamped
 Twist = ros2_jazzy.geometry_msgs__msg__Twist
+TwistStamped = ros2_jazzy.geometry_msgs__msg__TwistStamped
 String = ros2_jazzy.std_msgs__msg__String
 UInt8MultiArray = ros2_jazzy.std_msgs__msg__UInt8MultiArray
 

@@ -206,6 +206,6 @@ def _unique(name: str, taken: set[str]) -> str:
     wanted, count = name, 1
     while name.casefold() in taken:
         count += 1
-        name = f"{wanted} {count}"
+        name = f"{wanted}_{count}"
     taken.add(name.casefold())
     return name

@@ -15,12 +15,14 @@ from radarsim.addons.recording.call_converter import CLOCK
 from radarsim.addons.recording.cdr import (
     EncodedMessage,
     Twist,
+    TwistStamped,
     decode,
     encode,
     typestore,
 )
 from radarsim.addons.recording.messages import NANOSECONDS, RosMessage, TopicMessage
-from radarsim.addons.ros.bridge import TWIST, DriveCallback
+from radarsim.addons.ros.bridge import DriveCallback
+from radarsim.addons.ros.message_types import full_name
 from radarsim.addons.ros.rosbridge import LONGEST_NAME, velocity_of
 
 Json: TypeAlias = dict[str, Any]  # an object of a client
@@ -112,7 +114,8 @@ class FoxgloveClient:
         self.waiting: deque[Any] = deque([json.dumps(_INFO)])
         self._board = board
         self._subscriptions: dict[str, dict[int, None]] = {}  # their numbers, by topic
-        self._own: dict[int, tuple[str, str]] = {}  # topics that it writes, with codes
+        # Topics that it writes, with their encodings and types.
+        self._own: dict[int, tuple[str, str, str]] = {}
         self._handlers: dict[str, Callable[[Json], object]] = {
             "subscribe": self._subscribe,
             "unsubscribe": self._unsubscribe,
@@ -198,7 +201,8 @@ class FoxgloveClient:
             if len(self._own) >= MOST_ENTRIES:
                 raise ValueError(f"expected at most {MOST_ENTRIES} topics")
             number, topic = int(each["id"]), str(each["topic"])[:LONGEST_NAME]
-            self._own[number] = topic, str(each["encoding"])[:LONGEST_NAME]
+            type_ = full_name(str(each["schemaName"])[:LONGEST_NAME])
+            self._own[number] = topic, str(each["encoding"])[:LONGEST_NAME], type_
 
     def _unadvertise(self, message: Json) -> None:
         for each in message["channelIds"]:
@@ -209,7 +213,7 @@ class FoxgloveClient:
         operation, number = _CLIENT_HEAD.unpack_from(data)
         if operation != MESSAGE:
             raise ValueError(f"operation {operation}, expected {MESSAGE}")
-        topic, code = self._own[number]
+        topic, code, type_ = self._own[number]
         drive = self._board.drivers.get(topic)
         if drive is None:
             known = ", ".join(self._board.drivers) or "none, see --robot"
@@ -218,7 +222,11 @@ class FoxgloveClient:
         if code == "json":
             velocity = velocity_of(json.loads(content))
         else:
-            twist = decode(EncodedMessage(TWIST, content), Twist)
+            message = EncodedMessage(type_, content)
+            if type_ == TwistStamped.__msgtype__:
+                twist = decode(message, TwistStamped).twist
+            else:
+                twist = decode(message, Twist)
             velocity = twist.linear.x, twist.angular.z
         drive(*velocity)
 

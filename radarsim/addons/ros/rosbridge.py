@@ -65,6 +65,14 @@ def velocity_of(message: object) -> tuple[float, float]:
         raise ValueError(f"{error}, expected a Twist") from error
 
 
+def _id_of(message: Json) -> str:
+    """Return the id of a subscription as JSON, which keeps 1 and "1" apart."""
+    text = json.dumps(message.get("id"))
+    if len(text) > LONGEST_NAME:
+        raise ValueError(f"an id of {len(text)} characters, expected {LONGEST_NAME}")
+    return text
+
+
 MOST_WAITING: Final = 20  # messages of a topic for a client; beyond it the oldest go
 MOST_SUBSCRIPTIONS: Final = 1000
 LONGEST_NAME: Final = 256  # characters
@@ -76,7 +84,7 @@ class TopicBoard:
     Attributes:
         types: Types of topics, by name; also of those that are only listened to.
         drivers: Where velocity commands go, by topic.
-        time: Simulated time, as a message of ROS; 0 before the first ``/clock``.
+        time: Simulated time, in the fields of ROS 2 and ROS 1; 0 before ``/clock``.
     """
 
     name = "rosbridge"
@@ -85,7 +93,7 @@ class TopicBoard:
     def __init__(self) -> None:
         self.types: dict[str, str] = {}
         self.drivers: dict[str, DriveCallback] = {}
-        self.time: object = {"sec": 0, "nanosec": 0}
+        self.time: object = dict.fromkeys(("sec", "nanosec", "secs", "nsecs"), 0)
         self._latched: dict[str, RosMessage] = {}
         self._texts: dict[str, str] = {}  # of latched messages, once they are wanted
 
@@ -93,7 +101,9 @@ class TopicBoard:
         """Note a message; return its JSON, empty if nobody wants it."""
         self.types[message.topic] = message.message.type
         if message.topic == CLOCK:
-            self.time = vars(message.message.fields.clock)
+            now = vars(message.message.fields.clock)
+            # roslibpy reads the names of ROS 1.
+            self.time = {**now, "secs": now["sec"], "nsecs": now["nanosec"]}
         if message.latched:
             self._latched[message.topic] = message.message
             self._texts.pop(message.topic, None)
@@ -130,13 +140,12 @@ class RosbridgeClient:
     def __init__(self, board: TopicBoard) -> None:
         self.waiting: deque[Any] = deque()
         self._board = board
-        self._subscriptions: dict[str, float] = {}  # shortest interval, s, by topic
+        # Shortest intervals, s, by topic and id; "null" without an id.
+        self._subscriptions: dict[str, dict[str, float]] = {}
         self._last: dict[str, float] = {}  # times of messages, by topic
         self._handlers: dict[str, Callable[[Json], object]] = {
             "subscribe": self._subscribe,
-            "unsubscribe": lambda message: self._subscriptions.pop(
-                str(message["topic"]), 0.0
-            ),
+            "unsubscribe": self._unsubscribe,
             "publish": self._publish,
             "call_service": self._call,
             # Topics need no announcement here.
@@ -173,7 +182,8 @@ class RosbridgeClient:
             text: The message as JSON.
             now: Time of the loop, s.
         """
-        if now - self._last.get(topic, -math.inf) < self._subscriptions[topic]:
+        interval = min(self._subscriptions[topic].values())
+        if now - self._last.get(topic, -math.inf) < interval:
             return
         self._last[topic] = now
         self._queue(topic, text)
@@ -215,12 +225,20 @@ class RosbridgeClient:
         # In ms, as the protocol has it; clients send null for none.
         interval = float(message.get("throttle_rate") or 0) / 1000
         # All that a client can make this keep is limited.
-        if len(self._subscriptions) >= MOST_SUBSCRIPTIONS:
+        if sum(map(len, self._subscriptions.values())) >= MOST_SUBSCRIPTIONS:
             raise ValueError(f"expected at most {MOST_SUBSCRIPTIONS} subscriptions")
-        self._subscriptions[topic] = interval
+        self._subscriptions.setdefault(topic, {})[_id_of(message)] = interval
         latched = self._board.latched(topic)
         if latched:  # whatever the throttle rate: there may be no other for long
             self._queue(topic, latched)
+
+    def _unsubscribe(self, message: Json) -> None:
+        topic, own = str(message["topic"]), _id_of(message)
+        left = self._subscriptions.get(topic, {})
+        left.pop(own, None)
+        # Without an id all subscriptions of the topic end.
+        if own == "null" or not left:
+            self._subscriptions.pop(topic, None)
 
     def _publish(self, message: Json) -> None:
         topic = str(message["topic"])

@@ -154,8 +154,9 @@ def test_wrong_messages_are_answered() -> None:
     assert "/R1/cmd_vel" in statuses(client)[0]
 
 
-def advertisement(number: int, topic: str, encoding: str) -> str:
-    type_ = "geometry_msgs/msg/Twist"
+def advertisement(
+    number: int, topic: str, encoding: str, type_: str = "geometry_msgs/msg/Twist"
+) -> str:
     each = {"id": number, "topic": topic, "encoding": encoding, "schemaName": type_}
     return json.dumps({"op": "advertise", "channels": [each]})
 
@@ -181,6 +182,28 @@ def test_client_drives_in_both_encodings() -> None:
     client.receive(struct.pack("<BI", 1, 3) + twist(1.0, 0.0))
     assert len(driven) == 2
     assert len(statuses(client)) == 1
+
+
+def test_stamped_velocities_drive_and_other_types_do_not() -> None:
+    board, driven = FoxgloveBoard(), list[tuple[float, float]]()
+    board.listen("/cmd_vel", lambda *speeds: driven.append(speeds))
+    client = board.new_client()
+    vectors = [messages.vector(0.5, 0, 0), messages.vector(0, 0, -1)]
+    fields = Fields(
+        header=Fields(stamp=Fields(sec=5, nanosec=7), frame_id="base_link"),
+        twist=Fields(linear=vectors[0], angular=vectors[1]),
+    )
+    stamped = encode(RosMessage("geometry_msgs/msg/TwistStamped", fields)).data
+    client.receive(
+        advertisement(3, "/cmd_vel", "cdr", "geometry_msgs/msg/TwistStamped")
+    )
+    client.receive(advertisement(4, "/cmd_vel", "cdr", "std_msgs/msg/String"))
+    client.receive(struct.pack("<BI", 1, 3) + stamped)
+    assert driven == [(0.5, -1.0)]
+    client.waiting.clear()
+    client.receive(struct.pack("<BI", 1, 4) + twist(0.5, -1.0))
+    assert len(driven) == 1
+    assert "std_msgs/msg/String" in statuses(client)[0]
 
 
 def test_entries_of_a_client_are_limited() -> None:

@@ -184,6 +184,7 @@ def test_roslib_is_told_what_there_is(
     assert told["odometry"]["twist"]["covariance"] == ["float64"]
     assert told["unknown"] == []
     assert told["time"]["time"]["sec"] + told["time"]["time"]["nanosec"] > 0
+    assert told["time"]["time"]["secs"] == told["time"]["time"]["sec"]
     assert told["beams"] == 181
 
 
@@ -247,6 +248,37 @@ def test_throttled_topic_comes_as_often_as_wanted() -> None:
     assert len(client.waiting) == 6
 
 
+def offered(client: RosbridgeClient, seconds: float, start: float) -> int:
+    """Return how many of ten messages a second of /a are queued."""
+    client.waiting.clear()
+    for number in range(round(10 * seconds)):
+        if client.wants("/a"):
+            client.offer("/a", "0", now=start + number / 10)
+    return len(client.waiting)
+
+
+def test_subscriptions_of_a_topic_end_by_their_ids() -> None:
+    client = RosbridgeClient(TopicBoard())
+    client.receive('{"op": "subscribe", "topic": "/a", "id": "1"}')
+    slow = '{"op": "subscribe", "topic": "/a", "id": "2", "throttle_rate": 1000}'
+    client.receive(slow)
+    assert offered(client, 2, 0.0) == 20  # the lowest rate counts
+    client.receive('{"op": "unsubscribe", "topic": "/a", "id": "1"}')
+    assert offered(client, 2, 10.0) == 2
+    client.receive('{"op": "unsubscribe", "topic": "/a", "id": "3"}')
+    assert client.wants("/a")
+    client.receive('{"op": "unsubscribe", "topic": "/a", "id": "2"}')
+    assert not client.wants("/a")
+    client.receive('{"op": "unsubscribe", "topic": "/a", "id": "2"}')
+    client.receive(slow)
+    client.receive('{"op": "subscribe", "topic": "/a"}')
+    client.receive('{"op": "unsubscribe", "topic": "/a"}')  # without an id: all
+    assert not client.wants("/a")
+    client.waiting.clear()
+    client.receive(json.dumps({"op": "subscribe", "topic": "/a", "id": "x" * 1000}))
+    assert "an id of 1002 characters" in client.waiting[0]
+
+
 def test_pages_of_other_sites_are_refused(usarsim_server: UsarsimServer) -> None:
     with bridge(usarsim_server, "--origin", "http://friend.example") as port:
         address = f"ws://127.0.0.1:{port}"
@@ -276,6 +308,7 @@ def test_roslibpy_hears_scans_and_drives(
         command = [sys.executable, str(DRIVER), str(port), str(seconds)]
         told = json.loads(subprocess.check_output(command, timeout=TIMEOUT))
     assert {"/R1/lms200/scan", "/R1/cmd_vel", "/tf"} <= set(told["topics"])
+    assert told["time"] > 0
     stamps = [scan["header"]["stamp"] for scan in told["scans"]]
     times = np.array([stamp["sec"] + stamp["nanosec"] / 1e9 for stamp in stamps])
     assert times[-1] - times[0] >= seconds

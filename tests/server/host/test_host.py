@@ -740,18 +740,18 @@ def test_disconnect_removes_the_robot_and_frees_its_name(host: Host) -> None:
     numbers = [spawned(host) for _ in range(1)]
     other = connected(host)
     host.receive(other, b"INIT {ClassName P3AT} {Name R1} {Location 0,0,0}\r\n")
-    assert [v.robot.name for v in host.simulation.vehicles] == ["R1", "R1 (2)"]
+    assert [v.robot.name for v in host.simulation.vehicles] == ["R1", "R1_2"]
     host.disconnect(numbers[0])
-    assert [v.robot.name for v in host.simulation.vehicles] == ["R1 (2)"]
+    assert [v.robot.name for v in host.simulation.vehicles] == ["R1_2"]
     spawned(host)
-    assert [v.robot.name for v in host.simulation.vehicles] == ["R1 (2)", "R1"]
+    assert [v.robot.name for v in host.simulation.vehicles] == ["R1_2", "R1"]
 
 
 def test_default_name_of_a_robot_is_its_class(host: Host) -> None:
     spawned(host, b"INIT {ClassName USARBot.P2DX} {Location 0,0,0}\r\n")
     spawned(host, b"INIT {ClassName USARBot.P2DX} {Location 0,2,0} {Name }\r\n")
     names = [vehicle.robot.name for vehicle in host.simulation.vehicles]
-    assert names == ["P2DX", "P2DX (2)"]
+    assert names == ["P2DX", "P2DX_2"]
 
 
 def test_a_second_init_replaces_the_robot(host: Host) -> None:
