@@ -258,7 +258,9 @@ def test_real_radar_sees_through_the_orchard_but_not_through_dense_bushes(
 def test_laser_sees_through_smoke_by_its_last_echo_alone_and_never_through_leaves() -> (
     None
 ):
-    assert seen_through("orchard", "physical") == (0, 0)
+    trees, smoke = seen_through("orchard", "physical")
+    assert trees == 0
+    assert smoke < 0.05  # a share of 0.014 passes 4 m of it
     trees, smoke = seen_through("orchard", "physical", return_mode="last")
     assert trees == 0
     assert smoke > 0.6

@@ -94,6 +94,7 @@ def find_sight(scene: Scene, scan: Scan) -> Sight:
     spent_unread = np.zeros(len(scan.ranges), np.bool_)
     found: dict[BeamEnd, dict[str, Material]] = {end: {} for end in BeamEnd}
     shadows: dict[int, Geometry] = {}
+    answers = _answers_inside(scan)
     # Events are ordered by their rays, so that each beam has a slice of them.
     edges = np.searchsorted(events["ray"], np.arange(len(scan.ranges) + 1))
     for beam, reading in enumerate(scan.ranges.tolist()):
@@ -102,6 +103,11 @@ def find_sight(scene: Scene, scan: Scan) -> Sight:
             ends[beam] = BeamEnd.BLINDED
         if not 0 < reading < np.inf:
             spent_unread[beam] = reading > 0 and (mine["kind"] == EventKind.SPENT).any()
+            continue
+        if beam in answers:
+            material = parts[answers[beam]].material
+            ends[beam] = BeamEnd.STOPPED
+            found[BeamEnd.STOPPED][material.name] = material
             continue
         passed = _parts_passed(mine, reading, parts)
         for part in passed:
@@ -124,6 +130,16 @@ def find_sight(scene: Scene, scan: Scan) -> Sight:
     meeting = _meet(events, scan.ranges, parts, families)
     meeting &= spent_unread | (ends >= BeamEnd.FREE)
     return Sight(ends, meeting, {end: tuple(m.values()) for end, m in found.items()})
+
+
+def _answers_inside(scan: Scan) -> dict[int, int]:
+    """Return the part of each beam that answers inside of a cloud, by its number."""
+    echoes = scan.echoes
+    if not echoes.settings.reads_first_returns:
+        return {}
+    inside = echoes.ranges > echoes.fronts
+    beams, parts = echoes.beams[inside].tolist(), echoes.parts[inside].tolist()
+    return dict(zip(beams, parts, strict=True))
 
 
 def _parts_passed(

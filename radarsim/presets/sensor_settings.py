@@ -172,6 +172,16 @@ class SensorSettings(BaseModel):
         return self.penetration_power / (self.margin_db / 2)
 
     @property
+    def reads_first_returns(self) -> bool:
+        """Whether beams answer from inside a cloud by the law of first returns."""
+        return (
+            self.medium == "laser"
+            and 0 < self.penetration_power < math.inf
+            and self.spent_reads == "nothing"
+            and self.return_mode == "first"
+        )
+
+    @property
     def glint(self) -> float:
         """The angle up to which a mirror answers, rad."""
         if self.glint_deg is not None:

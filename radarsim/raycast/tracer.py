@@ -90,6 +90,8 @@ class Tracer:
         parts: Parts of the scene; the air, if any, comes last, without surfaces.
         rain_rate: (P,) rain in each part, mm/h; rain in the air falls everywhere.
         has_rain: Whether it rains anywhere.
+        clouds: (P,) which parts scatter light all along a beam, as smoke does.
+        has_clouds: Whether any does.
     """
 
     def __init__(self, parts: Sequence[Part], air: Material | None = None) -> None:
@@ -111,6 +113,11 @@ class Tracer:
             [part.material.rain for part in self.parts], np.float64
         )
         self.has_rain = bool(self.rain_rate.any())
+        # The air may be fog too, but it has no surfaces: beams are never outside it.
+        self.clouds = np.array(
+            [part.material.is_cloud for part in parts] + [False] * len(filling), bool
+        )
+        self.has_clouds = bool(self.clouds.any())
         self._centre = centre_of(parts)
         self._volumes = find_volumes(parts, self._centre)
         self._air = air

@@ -129,6 +129,16 @@ class Material:
         """Whether radar or laser beams enter it, so that its inside matters."""
         return math.isfinite(self.density) or math.isfinite(self.laser_density)
 
+    @property
+    def is_cloud(self) -> bool:
+        """Whether it scatters light all along its inside, as smoke, dust and fog do.
+
+        Such a volume weakens light and lets robots pass. Rain has too few drops.
+        """
+        is_volume = self.sheet_loss is None and not self.solid
+        lost = self.laser_density + self.laser_db
+        return is_volume and not self.rain and 0 < lost < OPAQUE
+
 
 class LibraryEntry(BaseModel):
     """A file of the library.

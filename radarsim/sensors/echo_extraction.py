@@ -88,6 +88,13 @@ class EchoColumns(NamedTuple):
         columns: list[NDArray[Any]] = [column[rows] for column in self]
         return EchoColumns(*columns)
 
+    def insert(self, added: "EchoColumns") -> "EchoColumns":
+        """Return these rows and others, beam by beam, sorted by range."""
+        names = EchoColumns._fields
+        both = [(getattr(self, name), getattr(added, name)) for name in names]
+        joined = EchoColumns(*map(np.concatenate, both))
+        return joined.take(np.lexsort([joined.t, joined.beam]))
+
 
 class BeamRays(NamedTuple):
     """The rays of beams.

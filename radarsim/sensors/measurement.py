@@ -40,6 +40,7 @@ from radarsim.sensors.echo_extraction import (
     select_echoes,
 )
 from radarsim.sensors.echo_strength import SPENT, Densities
+from radarsim.sensors.first_returns import answer_in_clouds
 from radarsim.sensors.rain import add_rain, find_speckle
 from radarsim.sensors.scan import Echoes, Scan
 
@@ -55,6 +56,7 @@ class Draws(NamedTuple):
         ray: (N,) 0 to 1, which select one ray of each beam after tracing.
         range_error: (N,) errors of the ranges, in standard deviations.
         rain: (2, N), which decide where rain shows, and how strongly.
+        cloud: (N,), which decide how deep in smoke each beam answers.
         events: Whether tracing must record the events along the rays.
     """
 
@@ -62,6 +64,7 @@ class Draws(NamedTuple):
     ray: Floats
     range_error: Floats
     rain: Floats
+    cloud: Floats
     events: bool
 
 
@@ -98,6 +101,7 @@ class ScanBuilder:
         reads_ends: Whether a beam has one ray, of which only the end is read.
         is_noisy: Whether ranges have random errors.
         is_random: Whether it needs random numbers for either.
+        reads_first_returns: As in its settings.
     """
 
     def __init__(
@@ -118,6 +122,7 @@ class ScanBuilder:
         self.reads_ends = not (self.needs_events or self.selects_ray)
         self.is_noisy = settings.range_noise > 0 or settings.range_noise_share > 0
         self.is_random = self.selects_ray or self.is_noisy
+        self.reads_first_returns = settings.reads_first_returns
         self._has_errors = self.is_noisy or settings.range_quantum > 0
         self._has_side_rays = settings.has_side_rays
         # what a beam reads where its ray was spent; None for where that was
@@ -231,6 +236,14 @@ class ScanBuilder:
                 plan.tracer, traces.events, stand_ins, plan.draws.rain, settings
             )
             columns = add_rain(columns, speckle, stand_ins)
+        if plan.draws.cloud.size:
+            columns = answer_in_clouds(
+                columns,
+                traces.events,
+                np.where(plan.tracer.clouds, densities.parts, 0.0),
+                plan.draws.cloud,
+                settings,
+            )
         columns = merge_echoes(columns, settings.range_resolution)
         error = plan.draws.range_error[columns.beam] if self.is_noisy else None
         self._add_errors(columns.t, error)

@@ -253,10 +253,4 @@ def add_rain(
         (~has_end[beams]).astype(np.uint8),
         speckle.t[beams],
     )
-    joined = EchoColumns(
-        *[
-            np.concatenate([getattr(columns, name), getattr(added, name)])
-            for name in EchoColumns._fields
-        ]
-    )
-    return joined.take(np.lexsort([joined.t, joined.beam]))
+    return columns.insert(added)

@@ -282,32 +282,37 @@ class RangeScanner:
         (group,) = draw_scans(tracer, [request])
         return aim_scans_apart(tracer, group, boxes)[0]
 
-    def draw(self, rng: np.random.Generator | None, *, is_raining: bool) -> Draws:
+    def draw(
+        self, rng: np.random.Generator | None, *, is_raining: bool, has_clouds: bool
+    ) -> Draws:
         """Draw the random numbers of one scan.
 
         Args:
             rng: Source of randomness.
             is_raining: Whether it rains anywhere in the scene.
+            has_clouds: Whether smoke, dust or fog is anywhere in the scene.
 
         Raises:
             ValueError: If an rng is needed and missing.
         """
         builder, beams = self.builder, len(self.angles)
         is_raining = is_raining and self._is_radar
-        if not (self._is_random or is_raining):
-            return Draws(EMPTY, EMPTY, EMPTY, NO_RAIN, builder.needs_events)
+        has_clouds = has_clouds and builder.reads_first_returns
+        if not (self._is_random or is_raining or has_clouds):
+            return Draws(EMPTY, EMPTY, EMPTY, NO_RAIN, EMPTY, builder.needs_events)
         has_rng = isinstance(rng, np.random.Generator)
         if rng is None or not has_rng:
             raise ValueError(f"no rng, expected a Generator for sensor {self.name!r}")
         drawn = self.pattern.draw(rng)
-        if not (builder.is_random or is_raining):
-            return Draws(drawn, EMPTY, EMPTY, NO_RAIN, builder.needs_events)
+        if not (builder.is_random or is_raining or has_clouds):
+            return Draws(drawn, EMPTY, EMPTY, NO_RAIN, EMPTY, builder.needs_events)
         # In this order, which the numbers that follow depend on.
         return Draws(
             drawn,
             rng.random(beams) if builder.selects_ray else EMPTY,
             rng.standard_normal(beams) if builder.is_noisy else EMPTY,
             rng.standard_exponential((2, beams)) if is_raining else NO_RAIN,
+            rng.standard_exponential(beams) if has_clouds else EMPTY,
             builder.needs_events or is_raining,
         )
 

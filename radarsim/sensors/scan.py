@@ -105,7 +105,8 @@ class Echoes:
         sides: (E,) int8, ray of the beam: -1 right, 0 centre, 1 left.
         ranges: (E,) distance from the start of the ray, m; of a volume, that up to
             which half of its power has come back, or for a sensor that keeps first
-            echoes that at which the ray enters.
+            echoes that at which the ray enters, or, where it reads first returns,
+            at which the beam answers inside.
         fronts: (E,) distance at which the echo begins, m: of a volume always where the
             ray enters; otherwise as ``ranges``.
         kinds: (E,) uint8, an ``EventKind`` each: the ray enters or leaves a volume,

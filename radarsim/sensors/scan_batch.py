@@ -126,8 +126,8 @@ class BatchRanges(NamedTuple):
 def draw_scans(tracer: Tracer, requests: Sequence[ScanRequest]) -> list[ScanGroup]:
     """Draw the random numbers of scans.
 
-    Which ones are drawn depends on the scene only in whether it rains there, so that
-    moving robots do not change the numbers drawn next.
+    Which ones are drawn depends on the scene only in whether it rains there and whether
+    it has clouds, so that moving robots do not change the numbers drawn next.
 
     Args:
         tracer: Tracer of the scene.
@@ -139,7 +139,9 @@ def draw_scans(tracer: Tracer, requests: Sequence[ScanRequest]) -> list[ScanGrou
     groups: dict[object, ScanGroup] = {}
     for i, request in enumerate(requests):
         scanner = request.scanner
-        draws = scanner.draw(request.rng, is_raining=tracer.has_rain)
+        draws = scanner.draw(
+            request.rng, is_raining=tracer.has_rain, has_clouds=tracer.has_clouds
+        )
         # Rays that are random are no nodes, which scans could share.
         # Settings that are equal share their pattern, so that the pattern itself tells
         # which scanners are traced together.

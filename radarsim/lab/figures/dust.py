@@ -198,7 +198,7 @@ def draw_all_readings(seed: int) -> DrawnFigure:
         drawing,
         "Radar (above) and laser (below) read the trial scene in clear air (left) and"
         " through heavy dust (right). The radar reads the same in both; the laser reads"
-        " the near edge of the dust and misses what is behind it.",
+        " the dust itself and misses what is behind it.",
         tuple(commands),
         "\n".join(details),
     )

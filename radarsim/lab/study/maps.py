@@ -83,7 +83,7 @@ SENSORS: Final = {
     "first-echo laser": StudySensor(
         "physical",
         "Preset `physical`. It loses light in smoke, 2.3 dB for each metre, and reads"
-        " the first echo: the edge of the cloud.",
+        " the first echo: a random depth inside the cloud.",
     ),
     "last-echo laser": StudySensor(
         "physical",

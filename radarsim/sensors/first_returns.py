@@ -1,0 +1,142 @@
+"""Where lasers that read first returns answer in smoke, dust and fog.
+
+Theory of operation
+===================
+Each grain of a cloud sends light back, so a beam can answer at any depth. Of beams that
+have gone r metres into a cloud, a share exp(-2 a r) has not answered, for the light has
+to come back as well; a is the one-way extinction coefficient, 1/m: ln(10) / 10 times
+the decibels per metre, summed over clouds that overlap. So the optical depth, 2 a r, at
+which a beam answers is distributed exponentially with mean 1; it is drawn once for each
+beam. A beam that starts inside a cloud answers by the same law, and one that meets a
+surface before that depth reads the surface, however weak.
+
+The penetration power that a beam loses in a cloud, of all that it has, times the
+sensor's margin in nepers, is that optical depth: margins count out and back.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.geometry import Floats
+from radarsim.presets.sensor_settings import SensorSettings
+from radarsim.raycast.attenuation import Events
+from radarsim.sensors.echo_extraction import EchoColumns
+from radarsim.sensors.echo_strength import (
+    ENTER,
+    LEAVE,
+    START_INSIDE,
+    return_law,
+    returned_share,
+)
+
+Rows = NDArray[np.int64]
+
+
+class _Answers(NamedTuple):
+    """The beams that answer in clouds, one row each.
+
+    Attributes:
+        beams: (A,) number of the beam.
+        ranges: (A,) m.
+        before: (A,) row of the next event behind.
+    """
+
+    beams: Rows
+    ranges: Floats
+    before: Rows
+
+
+def answer_in_clouds(
+    columns: EchoColumns,
+    events: Events,
+    density: Floats,
+    drawn: Floats,
+    settings: SensorSettings,
+) -> EchoColumns:
+    """Replace the echoes of clouds' edges by answers from inside of them.
+
+    A beam ends where it answers: its echo is of the kind ``ENTER`` and an end, and
+    begins where the ray enters the cloud, or at the sensor.
+
+    Args:
+        columns: All echoes of beams of one ray each.
+        events: EVENT of all rays.
+        density: (P,) power lost per metre in each part that is a cloud; otherwise 0.
+        drawn: (N,) optical depth at which each beam answers.
+        settings: Settings of the sensor.
+    """
+    law = return_law(settings)
+    change = _density_changes(events, density)
+    answers = _find_answers(events, change, drawn * law.full / law.nepers)
+    beams, ranges, before = answers
+    last = np.full(len(drawn), np.inf)
+    last[beams] = ranges
+    entries = columns.kind == ENTER
+    is_edge = np.zeros(len(entries), bool)
+    is_edge[entries] = density[columns.part[entries]] > 0
+    kept = columns.take(~is_edge & (columns.t <= last[columns.beam]))
+    around = _innermost_clouds(events, change, answers, len(drawn))
+    near = events["t"][before - 1]
+    left = events["power"][before - 1] - events["absorbed"][before - 1]
+    way = events["t"][before] - near
+    gone = np.divide(ranges - near, way, out=np.zeros(len(way)), where=way > 0)
+    power = left + gone * (events["power"][before] - left)
+    added = EchoColumns(
+        beams,
+        beams,
+        ranges,
+        np.full(len(beams), ENTER, np.uint8),
+        events["part"][around].astype(np.int64),
+        power,
+        returned_share(power / law.full, settings),
+        np.ones(len(beams), np.uint8),
+        events["t"][around].copy(),
+    )
+    return kept.insert(added)
+
+
+def _density_changes(events: Events, density: Floats) -> Floats:
+    """Return by how much the density of clouds rises at each event, (V,)."""
+    kinds, change = events["kind"], np.zeros(len(events))
+    for kinds_of, sign in (((ENTER, START_INSIDE), 1.0), ((LEAVE,), -1.0)):
+        rows = np.isin(kinds, kinds_of)
+        change[rows] = sign * density[events["part"][rows]]
+    return change
+
+
+def _find_answers(events: Events, change: Floats, budget: Floats) -> _Answers:
+    """Find where the power lost in clouds reaches the budget of each beam, (N,)."""
+    rays, t = events["ray"], events["t"]
+    first = np.searchsorted(rays, np.arange(len(budget)))[rays]
+    before = np.cumsum(change) - change  # density up to each event, over all rays
+    inside = before - before[first]
+    lost = np.cumsum(inside * np.diff(t, prepend=0.0))
+    lost -= lost[first]
+    reached = np.flatnonzero((lost > budget[rays]) & (inside > 0))
+    beams, rows = np.unique(rays[reached], return_index=True)
+    stops = reached[rows]
+    ranges = t[stops] - (lost[stops] - budget[beams]) / inside[stops]
+    return _Answers(beams, np.clip(ranges, t[stops - 1], t[stops]), stops)
+
+
+def _innermost_clouds(
+    events: Events, change: Floats, answers: _Answers, beams: int
+) -> Rows:
+    """Return the event with which each answer's last entered cloud began, (A,)."""
+    rays, parts, rows = events["ray"], events["part"], np.flatnonzero(change)
+    # A part is left before it is entered again: its next event is where it ends.
+    order = rows[np.lexsort((rows, parts[rows], rays[rows]))]
+    one, other = order[:-1], order[1:]
+    same = (rays[one] == rays[other]) & (parts[one] == parts[other])
+    leaves = np.full(len(events), len(events))
+    leaves[one[same]] = other[same]
+    before = np.full(beams, -1)
+    before[answers.beams] = answers.before
+    entered = rows[change[rows] > 0]
+    stop = before[rays[entered]]
+    around = entered[(entered < stop) & (stop <= leaves[entered])]
+    last = np.full(beams, -1)
+    np.maximum.at(last, rays[around], around)
+    return last[answers.beams]
