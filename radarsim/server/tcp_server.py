@@ -14,6 +14,7 @@ from radarsim.kernel_cache import compilation, is_complete
 from radarsim.listening import (
     configure_socket,
     exit_code_of_signal,
+    has_hung_up,
     listen,
     log_refused_accepts,
     peer_name,
@@ -37,8 +38,9 @@ LAG_LOG_INTERVAL = 10.0  # s between two log lines about lost time
 READ_BYTES = 2048  # read from one client before others are served
 WATCHER_TICKS = 3  # between two writes to a client that only watches: each costs time
 CLOSE_GRACE = 0.8  # s from when a client has closed its side until it is closed
-# A client whose socket holds so much for so long sends more than is executed. The end
-# of its connection comes after all that: nothing shows whether it is still there.
+# A client without a robot whose socket holds so much for so long sends more than is
+# executed. The end of its connection comes after all that: nothing shows whether it is
+# still there. A robot's client gets readings, which one that has gone rejects.
 FLOOD_BYTES = 32_768
 FLOOD_LOOKS = 8
 LOOK_TICKS = 10  # between two looks
@@ -193,7 +195,7 @@ class Server:
             connection.flush()
         if self._ticks % LOOK_TICKS == 0:
             for connection in list(self._connections.held):
-                connection.end_flood()
+                connection.look()
         self._after_tick()
 
 
@@ -323,10 +325,13 @@ class Connection(asyncio.BufferedProtocol):
         else:
             self._end_in_time()
 
-    def end_flood(self) -> None:
-        """Close if much of what the client has sent waits for long."""
+    def look(self) -> None:
+        """End the connection of a client that has gone, or floods without a robot."""
         assert self._transport is not None
-        floods = waiting_bytes(self._transport) >= FLOOD_BYTES
+        if has_hung_up(self._transport):
+            self._end_in_time()
+        has_robot = self._host.has_robot(self._number)
+        floods = not has_robot and waiting_bytes(self._transport) >= FLOOD_BYTES
         self._looks = self._looks + 1 if floods else 0
         if self._looks >= FLOOD_LOOKS:
             log.warning("%s: closed: a flood of commands", self.peer)

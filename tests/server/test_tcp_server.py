@@ -452,6 +452,25 @@ async def test_flood_is_closed(
         assert caplog.text.count("a flood of commands") == 1
 
 
+async def test_robot_of_a_flood_ends_in_time_once_its_client_has_gone(
+    running_server: RunningServer, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO, "radarsim.server")
+    loop = asyncio.get_running_loop()
+    drives = b"DRIVE {Left 1} {Right 1}\r\n" * 1_000_000
+    with socket.create_connection(running_server.server.address) as flood:
+        flood.setblocking(False)
+        await loop.sock_sendall(flood, INIT)
+        await running_server.wait_until(lambda: running_server.robots == 1)
+        began = running_server.host.simulation.time
+        with suppress(TimeoutError):
+            async with asyncio.timeout(2):
+                await loop.sock_sendall(flood, drives)
+        assert running_server.robots == 1  # whose client has gone on sending
+    await running_server.wait_until(lambda: running_server.robots == 0)
+    assert running_server.host.simulation.time > began + 1
+
+
 async def test_error_of_one_robot_closes_its_connection_with_a_message(
     running_server: RunningServer,
     monkeypatch: pytest.MonkeyPatch,
