@@ -205,7 +205,7 @@ def njit_inline(function: Function) -> Function:
     It must not create arrays: it is compiled without reference counting. Called from
     Python, it is compiled once more, on its own.
     """
-    # Both options are for row a of ``radarsim bench``. With reference counting a scan
+    # Both options are for row a of the benchmarks. With reference counting a scan
     # takes twenty times as long: each access to an array in a named tuple counts. Where
     # LLVM decides what to inline it takes two to four times as long.
     options = {"forceinline": True, "_nrt": False}

@@ -1,1 +1,1 @@
-"""Experiments: figures of the thesis, a study, sweeps, benchmarks."""
+"""Experiments: figures of the thesis, a study, sweeps."""

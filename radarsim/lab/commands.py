@@ -23,10 +23,4 @@ COMMANDS: Final = (
         "Draw the figures of the thesis.",
         RESULTS,
     ),
-    CommandEntry(
-        "bench",
-        "radarsim.lab.bench.commands:bench",
-        "Measure the engine and the server on this machine.",
-        RESULTS,
-    ),
 )

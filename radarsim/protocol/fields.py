@@ -479,7 +479,7 @@ class SensorReport(LineReport):
     ) -> tuple[bytes, Sequence[float]]:
         """Return template and numbers of the first reading that had a key.
 
-        The rows ``robots`` of the benchmark need it: readings of robots are hundreds of
+        Row j of the benchmarks need it: readings of robots are hundreds of
         lines in a second, and differ in hardly more than their numbers.
         """
         key = (type(self), dialect, key)

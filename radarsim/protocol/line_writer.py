@@ -137,8 +137,8 @@ def write_lines(
         A number that cannot be written, after which nothing is; 0 if there is none.
     """
     # One pass over the templates of all robots, as a tick can have hundreds of
-    # lines and each call of a kernel costs about as much as one of them (rows
-    # "robots" of the benchmark).
+    # lines and each call of a kernel costs about as much as one of them (row j
+    # of the benchmarks).
     at = block = number = entry = changes = 0
     for code in codes:
         if code < FIRST_MARK:

@@ -159,7 +159,7 @@ def _aim_scan(
     """Aim the rays of one scan; arguments as in ``aim_scans``.
 
     The loop is here and not there, where it would count references to the arrays (row a
-    of ``radarsim bench``).
+    of the benchmarks).
     """
     beams, i = table.directions.shape[1], 0
     rays_per_beam = len(rays.nodes) // max(beams, 1)

@@ -119,7 +119,7 @@ def cross_triangle(
     """
     first, second, third = axes[0], axes[1], axes[2]
     # Unsigned, as signed indices could count from the end, which is tested each time
-    # (row d of ``radarsim bench``).
+    # (row d of the benchmarks).
     b_first, c_first = np.uint64(3), np.uint64(6)
     az = corners[third] - line[2]
     bz = corners[third + b_first] - line[2]

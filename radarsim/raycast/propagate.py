@@ -1,8 +1,8 @@
 """Follow one ray segment by segment to its end, as machine code.
 
 A segment is traversed window by window, so that in dense foliage Embree does not
-collect hundreds of surfaces that the ray never reaches (rows a, d and h of ``radarsim
-bench``).
+collect hundreds of surfaces that the ray never reaches (rows a, d and h of the
+benchmarks).
 
 A mirror reflects a ray, unless the ray meets it so nearly head-on that it comes
 straight back: then the mirror ends it like any other surface, and answers. The surface

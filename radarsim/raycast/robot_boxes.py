@@ -5,8 +5,8 @@ Theory of operation
 Seen from above, a grid of square cells covers all boxes. Each cell lists the boxes
 whose bounding circles reach into its square. A ray visits the cells on its way one
 after the other, and tries the boxes that they list, until it has met one before the end
-of a cell. Among a thousand robots in a hall it tries a dozen: row j of ``radarsim
-bench``.
+of a cell. Among a thousand robots in a hall it tries a dozen: row j of the
+benchmarks.
 
 Which boxes are tried cannot change what a ray meets, as long as none of those it meets
 is missing: circles are wider than rounding errors by far. Where coordinates are so

@@ -3,7 +3,7 @@
 Rays are given one by one, or as scans: then each is aimed right before it is traced, so
 that one call does all there is to a scan but the drawing of random numbers. There is
 one kernel for both, because most of its code is the tracing, which takes half a minute
-to compile (row f of ``radarsim bench``).
+to compile (row f of the benchmarks).
 """
 
 from typing import Any, Final, NamedTuple
@@ -114,7 +114,7 @@ def _trace_all(
     """Trace all rays; return the first two results of ``trace_rays``.
 
     The loop is here and not there, where it would count references to the arrays (row a
-    of ``radarsim bench``).
+    of the benchmarks).
     """
     rays, table, radius = source
     origin, direction, count = work.origin, work.direction, len(traces.ranges)

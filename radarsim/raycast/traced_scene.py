@@ -2,7 +2,7 @@
 
 There are some twenty arrays, passed as the addresses of all. numba takes 0.1 to 0.2 us
 to unpack each array among the arguments of a call, and a scan of ten beams takes 12 us
-in all (row d of ``radarsim bench``; row j has many short scans). So what stays the same
+in all (row d of the benchmarks; row j has many short scans). So what stays the same
 from call to call is passed in one array: ``pack`` writes addresses and shapes into it,
 from which the kernel makes the arrays again.
 """

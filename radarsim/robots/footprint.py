@@ -137,7 +137,7 @@ def find_contact(
         along_y = abs(middle_y) - abs(half_y) - width
         if max(along_x, along_y) > gap:
             # Spares the normal and its square root, as the gap is the largest of the
-            # three: row j of ``radarsim bench``.
+            # three: row j of the benchmarks.
             continue
         across = abs(middle_x * half_y - middle_y * half_x)
         across -= length * abs(half_y) + width * abs(half_x)

@@ -201,7 +201,7 @@ def _move(
     robots[slot, ROBOT_GAP] -= sweep + closing
     # Nothing can be in reach before the gaps are used up (rules 1 and 2 of collisions).
     # Most moves end here. With a look for walls in each, a step would take twice as
-    # long: row j of ``radarsim bench``.
+    # long: row j of the benchmarks.
     robots_are_far = robots[slot, ROBOT_GAP] > MARGIN
     if robots_are_far and robots[slot, WALL_GAP] > MARGIN:
         robots[slot, BLOCKED] = False

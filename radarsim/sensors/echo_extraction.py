@@ -169,7 +169,7 @@ def _extract(
     """Fill columns with the echoes of all events; return how many there are.
 
     Columns come one by one: numba takes twice as long to unpack tuples of arrays
-    (row g of ``radarsim bench``).
+    (row g of the benchmarks).
     """
     n, parts = len(events), len(densities.parts) + 1
     volumes = EnclosingVolumes(np.zeros(parts, np.int64), np.zeros(parts, np.int64))

@@ -265,7 +265,7 @@ def _trace_group(
 def _split_scans(traces: Traces, group: ScanGroup) -> list[Traces]:
     """Return the traces of each scan of a group."""
     count = len(group.requests)
-    if count == 1:  # parts of all columns would take 1 us (row d of ``radarsim bench``)
+    if count == 1:  # parts of all columns would take 1 us (row d of the benchmarks)
         return [traces]
     return traces.split([group.scanner.pattern.rays_per_scan] * count)
 

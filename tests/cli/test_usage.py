@@ -20,7 +20,7 @@ from .conftest import RunCommand
             id="option",
         ),
         pytest.param(
-            ("bench", "--xyzzy"), ["'--xyzzy'", "bench --help"], id="unknown option"
+            ("sensors", "--xyzzy"), ["'--xyzzy'", "sensors --help"], id="unknown option"
         ),
         pytest.param(
             ("drive", "--port", "3001"), ["--connect HOST:PORT"], id="address of once"
@@ -33,7 +33,7 @@ from .conftest import RunCommand
         pytest.param(("--xyzzy",), ["'--xyzzy'", "--help"], id="option of the program"),
         pytest.param(("demo", "--hel"), ["'--hel'", "'--help'"], id="help"),
         pytest.param(("serve", "a", "--port"), ["--port", "value"], id="no value"),
-        pytest.param(("bench", "--json=3"), ["--json", "no value"], id="a value"),
+        pytest.param(("sensors", "--json=3"), ["--json", "no value"], id="a value"),
         pytest.param(("check", "a", "b", "c"), ["'b c'", "no more"], id="arguments"),
         pytest.param(
             ("scan",),

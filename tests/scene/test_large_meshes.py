@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from forked_checks import ForkedChecks
 
-from radarsim.lab.bench.engine import ball, write_map
+from benchmarks.scenes import ball, write_mesh_map
 
 pytestmark = pytest.mark.slow
 
@@ -27,7 +27,7 @@ def test_three_million_triangles_fit_into_memory(
 ) -> None:
     mesh = ball(867)
     assert len(mesh[1]) > 3_000_000
-    result = checks.run(write_map(tmp_path, mesh, suffix))
+    result = checks.run(write_mesh_map(tmp_path, mesh, suffix))
     assert result.code == 0, result.output
     assert f"foliage, {len(mesh[1])}".encode() in result.output
     assert result.memory < MAX_MEMORY

@@ -40,7 +40,7 @@ TARGET: Final = np.dtype(
 Points: TypeAlias = NDArray[np.void]
 # By name, in the order of the type's definition: numbers, texts, arrays of numbers,
 # fields of a message in this one, or a list of such. Attributes, as the encoder of
-# rosbags reads them, so that it needs no copy (row m of ``radarsim bench``).
+# rosbags reads them, so that it needs no copy (row m of the benchmarks).
 Fields: TypeAlias = SimpleNamespace
 
 

@@ -1,0 +1,1 @@
+"""Benchmarks of the ray engine and the server: ``python -m benchmarks``."""
