@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import re
 import signal
 import socket
 import sys
@@ -38,6 +39,13 @@ MEASURED = (
     "tests/test_exports",
 )
 
+# Packages of the extra ``dev`` alone, whose tests are skipped where one is missing. In
+# CI none may be.
+OPTIONAL = (
+    *("distributed", "imageio_ffmpeg", "itur", "kiss_icp", "nbclient", "nbformat"),
+    *("pandas", "playwright", "pyarrow", "roslibpy", "xarray"),
+)
+
 # In the background of a shell script interrupts are ignored, by whom we start as well.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -51,6 +59,36 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         metavar="SHARE",
         help="Run only about this share of the slow tests, which their names decide.",
     )
+
+
+def _missing(text: str) -> str | None:
+    """Return why a test is skipped, if an error says that it lacks a package."""
+    found = re.search(r"No module named '(\w+)", text)
+    if found is None or found[1] not in OPTIONAL or os.environ.get("CI") == "true":
+        return None
+    return f"{found[1]} is not installed"
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(
+    collector: pytest.Collector,
+) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    report = yield
+    if report.failed and (reason := _missing(str(report.longrepr))):
+        report.outcome = "skipped"
+        report.longrepr = (str(collector.path), 1, reason)
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport() -> Generator[
+    None, pytest.TestReport, pytest.TestReport
+]:
+    report = yield
+    if report.failed and (reason := _missing(str(report.longrepr))):
+        report.outcome = "skipped"
+        report.longrepr = (report.location[0], report.location[1] or 1, reason)
+    return report
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:

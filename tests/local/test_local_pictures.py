@@ -82,6 +82,7 @@ def test_film_lasts_as_long_as_the_run_at_its_speed(
 
 
 def test_mp4_is_written(driven: LocalSimulation, tmp_path: Path) -> None:
+    pytest.importorskip("imageio_ffmpeg")
     driven.render(str(tmp_path / "run.mp4"), speed=4.0)
     assert b"ftyp" in (tmp_path / "run.mp4").read_bytes()[:32]
 

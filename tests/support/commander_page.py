@@ -4,10 +4,11 @@ import json
 import math
 import struct
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
-from playwright.sync_api import Page, WebSocket
+if TYPE_CHECKING:  # tests that need it are skipped where it is missing
+    from playwright.sync_api import Page, WebSocket
 
 PATIENCE = 240.0  # s
 STEP = 40.0  # ms between two looks
@@ -26,7 +27,7 @@ class CommanderPage:
         bounds: West, south, east and north of the scene, m.
     """
 
-    def __init__(self, page: Page) -> None:
+    def __init__(self, page: "Page") -> None:
         self.page = page
         self.frames: list[dict[str, Any]] = []
         self.hosts: set[str | None] = set()
@@ -153,7 +154,7 @@ class CommanderPage:
         self.problems.append(f"dialog: {dialog.message}")
         dialog.dismiss()
 
-    def _follow(self, socket: WebSocket) -> None:
+    def _follow(self, socket: "WebSocket") -> None:
         self._note_host(socket.url)
         socket.on("framereceived", self._take)
 

@@ -301,6 +301,7 @@ def test_pages_of_other_sites_are_refused(usarsim_server: UsarsimServer) -> None
 def test_roslibpy_hears_scans_and_drives(
     seconds: float, usarsim_server: UsarsimServer
 ) -> None:
+    pytest.importorskip("roslibpy")
     robot = ("--robot", "P3AT", "--start", "RobotStart1")
     with bridge(usarsim_server, *robot) as port:
         with connect(f"ws://127.0.0.1:{port}") as connection:

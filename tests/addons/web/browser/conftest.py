@@ -4,12 +4,15 @@ import os
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from commander_page import CommanderPage
-from playwright.sync_api import Browser, sync_playwright
 from served_page import CHROMIUM_OPTIONS, Served, serve
 from truth import Truth
+
+if TYPE_CHECKING:  # tests that need it are skipped where it is missing
+    from playwright.sync_api import Browser
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 
@@ -18,6 +21,8 @@ NAMES = ("chromium", "chromium-browser", "google-chrome")
 def chromium() -> str:
     """The path of a Chromium; without one, tests fail in CI and skip elsewhere."""
     path = next(filter(None, map(shutil.which, NAMES)), None)
+    from playwright.sync_api import sync_playwright
+
     if path is None:
         with sync_playwright() as playwright:
             own = Path(playwright.chromium.executable_path)
@@ -31,7 +36,9 @@ def chromium() -> str:
 
 
 @pytest.fixture(scope="module")  # with its event loop, in which others cannot run
-def browser(chromium: str) -> Iterator[Browser]:
+def browser(chromium: str) -> Iterator["Browser"]:
+    from playwright.sync_api import sync_playwright
+
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(
             executable_path=chromium, args=list(CHROMIUM_OPTIONS)
@@ -48,7 +55,7 @@ def served(chromium: str) -> Iterator[Served]:  # noqa: ARG001 - skips first
 
 
 @pytest.fixture
-def open_page(browser: Browser) -> Iterator[Callable[..., CommanderPage]]:
+def open_page(browser: "Browser") -> Iterator[Callable[..., CommanderPage]]:
     """Open pages, each with its own profile; they must not complain of anything."""
     opened: list[CommanderPage] = []
 
