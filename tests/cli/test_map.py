@@ -15,7 +15,6 @@ from processes import start_radarsim
 
 from radarsim.addons.testing import UsarsimServer
 from radarsim.autonomy.exploration.exploration import warm_up
-from radarsim.autonomy.mapping.trajectory import Trajectory, tum_text
 from radarsim.client import Client
 from radarsim.protocol.reports import Ins, RangeScan
 from radarsim.scene.map_file import shipped_maps
@@ -311,70 +310,6 @@ def test_robot_that_cannot_explore_is_an_error_and_no_file_is_written(
     run = radarsim("map", "-o", str(tmp_path), *SEEN, "--robot", "P3AT")
     assert (run.code, run.out) == (1, b"")
     assert not [*tmp_path.iterdir()]
-
-
-def test_several_robots_make_one_map_and_a_trajectory_each(
-    radarsim: Command, tmp_path: Path
-) -> None:
-    two = (*SEEN, "--robots", "2", "--time-limit", "1")
-    run = radarsim("map", "-o", str(tmp_path / "a"), *two, "--json")
-    told = json.loads(run.text)
-    assert (run.code, told["outcome"]) == (0, "time_limit")
-    assert [Path(file).name for file in told["files"]] == [
-        *("a.png", "a.pgm", "a.yaml", "a.tum", "a_view.png", "a_robot2.tum")
-    ]
-    assert [robot["start"] for robot in told["robots"]] == [
-        *("RobotStart1", "RobotStart2")
-    ]
-    run = radarsim("map", "-o", str(tmp_path / "b"), *two)
-    assert "robot 2  0.00 m from RobotStart2\n" in run.text
-    for ending in (".png", ".pgm", ".tum", "_view.png", "_robot2.tum"):
-        one, same = ((tmp_path / f"{name}{ending}").read_bytes() for name in "ab")
-        assert one == same
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--way", "1,1"), "--way"),
-        (("--film", "run.gif"), "--film"),
-        (("--strategy", "contour"), "'contour' with several robots, expected auto"),
-    ],
-)
-def test_options_of_a_single_robot_are_refused_for_several(
-    radarsim: Command, tmp_path: Path, options: tuple[str, ...], message: str
-) -> None:
-    served = ("empty_room", "--robots", "2")
-    run = radarsim("map", "-o", str(tmp_path), *served, *options)
-    assert run.code == 2
-    assert message in run.err
-    assert not [*tmp_path.iterdir()]
-
-
-@fast_server
-def test_two_robots_map_over_tcp(
-    radarsim: Command, usarsim_server: UsarsimServer, tmp_path: Path
-) -> None:
-    port = ("--connect", f"127.0.0.1:{usarsim_server.port}")
-    two = ("--robots", "2", "--strategy", "frontiers", "--time-limit", "8")
-    run = radarsim("map", "-o", str(tmp_path), *port, *two, "--json")
-    told = json.loads(run.text)
-    assert (run.code, told["error"]) == (0, None)
-    assert told["robots"][1]["aligned"] == pytest.approx([0, 0, 0], abs=0.2)
-    assert told["pose_errors"]["ate"] < 0.1
-
-
-def test_trajectories_of_an_earlier_run_are_removed(
-    radarsim: Command, tmp_path: Path
-) -> None:
-    earlier, other = tmp_path / "map_robot2.tum", tmp_path / "map_robot3.tum"
-    earlier.write_text(tum_text(Trajectory()))
-    other.write_text("0 0 0 0 0 0 0 1\n")  # of another program
-    run = radarsim("map", "-o", str(tmp_path), "empty_room", "--time-limit", "1")
-    assert run.code == 0
-    assert (tmp_path / "map.tum").exists()
-    assert not earlier.exists()
-    assert other.exists()
 
 
 def test_missing_server_is_an_error(radarsim: Command, tmp_path: Path) -> None:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Literal
 
 import click
 from annotated_types import Interval
@@ -26,9 +25,6 @@ from radarsim.cli.files import without_empty_folder
 from radarsim.cli.output import MESSAGE_FORM, start_log
 from radarsim.geometry import Pose3
 from radarsim.plans import RARE, Option
-
-MOST_ROBOTS: Final = 16  # that explore at once
-TOGETHER: Final = (StrategyName.AUTO, StrategyName.FRONTIERS)  # of several robots
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,7 +85,6 @@ def map_(
     plan: ExplorationPlan,
     files: MapFileOptions,
     *,
-    robots: Annotated[int, Interval(ge=1, le=MOST_ROBOTS), Option(metavar="K")] = 1,
     as_json: Json = False,
 ) -> int:
     """Explore with a robot and map what it senses.
@@ -101,26 +96,25 @@ def map_(
         where: The simulation, the server, or what is followed.
         plan: How to explore.
         files: What to write.
-        robots: Robots that explore at once, each from a start.
         as_json: Print JSON, for programs.
 
     Returns:
         The exit code.
     """
-    _check_combination(where, plan, files, robots)
+    _check_combination(where, plan, files)
 
     # Late, so that wrong options are told at once: numpy, kernels and plots take long.
     from radarsim.addons.recording.run_recording import RunRecording
     from radarsim.autonomy.commands.map_files import MapFiles
     from radarsim.autonomy.commands.map_run import MapOutput, explore, follow
-    from radarsim.autonomy.evaluation.mapping_run import MappingRun, MultiRobotRun
+    from radarsim.autonomy.evaluation.mapping_run import MappingRun
     from radarsim.autonomy.exploration.exploration import warm_up
     from radarsim.autonomy.proxy.observer import ScannerDefaults
 
     recording = RunRecording(files.record, plan.drive_unit, robots_map=True)
     # Without the variant of a map, which follows an ``@``.
     out = files.output or Path((where.map or "map").partition("@")[0]).stem
-    map_files = MapFiles(out, files.mode, robots)
+    map_files = MapFiles(out, files.mode)
     output = MapOutput(
         map_files,
         recording,
@@ -149,18 +143,14 @@ def map_(
         check_robot(plan.robot_class, served)
         start_log(logging.WARNING, MESSAGE_FORM)
         warm_up()
-        run: MappingRun | MultiRobotRun
-        if robots > 1:
-            run = MultiRobotRun(plan, robots, served)
-        else:
-            run = MappingRun(plan, served, seed=where.seed)
-            run.connect = recording.connect
+        run = MappingRun(plan, served, seed=where.seed)
+        run.connect = recording.connect
         explore(run, output, address)
         return int(bool(run.result.error))
 
 
 def _check_combination(
-    where: MappedPlace, plan: ExplorationPlan, files: MapFileOptions, robots: int
+    where: MappedPlace, plan: ExplorationPlan, files: MapFileOptions
 ) -> None:
     """Refuse options that exclude each other, or that nothing would use."""
     if where.map is None and where.connect is None and not where.follows:
@@ -169,18 +159,6 @@ def _check_combination(
     if where.seed and where.map is None and not is_random:
         text = "expected MAP or --strategy turn_away with it"
         raise click.BadParameter(text, param_hint="--seed")
-    if robots > 1:
-        single = {
-            "--way": plan.waypoints,
-            "--pose": plan.pose,
-            "--film": files.film,
-            "--record": files.record,
-        }
-        _refuse(single, "expected one robot with it")
-        if plan.strategy not in TOGETHER:
-            strategy = plan.strategy.value
-            text = f"{strategy!r} with several robots, expected auto or frontiers"
-            raise click.BadParameter(text, param_hint="--strategy")
     if where.follows:
         default = ExplorationPlan()
         driving = {
@@ -189,17 +167,12 @@ def _check_combination(
             "--start": plan.start,
             "--pose": plan.pose,
             "--robot": plan.robot_class != default.robot_class,
-            "--robots": robots > 1,
             "--safety-distance": plan.safety_distance,
             "--plot": files.plot,
             "--foliage-density": plan.foliage_density,
         }
         followed = "--watch" if where.through is None else "--through"
         text = f"expected no {followed} with it, where another client drives"
-        _refuse(driving, text)
-
-
-def _refuse(options: Mapping[str, object], text: str) -> None:
-    for name, value in options.items():
-        if value:
-            raise click.BadParameter(text, param_hint=name)
+        for name, value in driving.items():
+            if value:
+                raise click.BadParameter(text, param_hint=name)

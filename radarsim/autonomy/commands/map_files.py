@@ -10,7 +10,6 @@ from typing import Final
 
 import click
 
-from radarsim.autonomy.commands.map import MOST_ROBOTS
 from radarsim.autonomy.commands.map_view import view_of
 from radarsim.autonomy.evaluation.mapping_run import MappingResult
 from radarsim.autonomy.mapping.export import (
@@ -38,12 +37,10 @@ class MapFiles:
         out: A folder, or what the names of the files begin with; the suffix of one of
             the files may follow.
         mode: Contents of the map for nav2.
-        robots: Number of robots; each has a trajectory.
     """
 
     out: str
     mode: NavMode
-    robots: int = 1
 
     @property
     def stem(self) -> Path:
@@ -57,7 +54,7 @@ class MapFiles:
 
     @property
     def paths(self) -> tuple[Path, ...]:
-        """All files: cells, nav2's image and YAML, trajectory, picture, others."""
+        """All files: cells, nav2's image and YAML, trajectory, picture."""
         stem = self.stem
         name, image = stem.name, ".pgm"
         if self.mode == "scale":
@@ -66,15 +63,9 @@ class MapFiles:
             stem.with_name(f"{stem.name}.png"),
             stem.with_name(name + image),
             stem.with_name(f"{name}.yaml"),
-            self._trajectory_path(1),
+            stem.with_name(f"{stem.name}.tum"),
             stem.with_name(f"{stem.name}_view.png"),
-            *(self._trajectory_path(robot) for robot in range(2, self.robots + 1)),
         )
-
-    def _trajectory_path(self, robot: int) -> Path:
-        stem = self.stem
-        number = "" if robot == 1 else f"_robot{robot}"
-        return stem.with_name(f"{stem.name}{number}.tum")
 
     @property
     def _names_folder(self) -> bool:
@@ -122,19 +113,12 @@ class MapFiles:
             paths[0]: commander_png(grid),
             paths[1]: image,
             paths[2]: yaml,
+            paths[3]: tum_text(mapper.trajectory).encode(),
             paths[4]: draw_map_view(view_of(result, mapper)),
         }
-        for robot, trajectory in result.trajectories.items():
-            contents[self._trajectory_path(robot)] = tum_text(trajectory).encode()
-        # in this order, and all or none: old and new files never stand side by side
-        files = {path: contents[path] for path in paths if path in contents}
-        write_atomically(files)
-        # what an earlier run of more robots wrote, and nobody else
-        for robot in range(2, MOST_ROBOTS + 1):
-            path = self._trajectory_path(robot)
-            if path not in files and path.is_file() and _may_be_replaced(path, None):
-                path.unlink()
-        return tuple(files)
+        # all or none: old and new files never stand side by side
+        write_atomically(contents)
+        return paths
 
 
 def _may_be_replaced(path: Path, served: str | None) -> bool:

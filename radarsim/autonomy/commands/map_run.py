@@ -4,11 +4,11 @@ It shows the progress, writes the files and prints the result.
 """
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Protocol, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import click
 import numpy as np
@@ -17,17 +17,12 @@ from radarsim.addons.recording.run_recording import RunRecording
 from radarsim.autonomy.commands.film import check_film, filmed
 from radarsim.autonomy.commands.map_files import MapFiles
 from radarsim.autonomy.commands.map_view import MapCamera
-from radarsim.autonomy.evaluation.mapping_run import (
-    MappingResult,
-    MappingRun,
-    MultiRobotRun,
-)
+from radarsim.autonomy.evaluation.mapping_run import MappingResult, MappingRun
 from radarsim.autonomy.exploration.exploration import (
     Exploration,
     ExplorationStep,
     warm_up,
 )
-from radarsim.autonomy.exploration.multi_robot import MultiRobotExploration
 from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.plotting.area import draw_area_curves
 from radarsim.autonomy.proxy.observer import ScannerDefaults
@@ -57,7 +52,7 @@ ENDINGS: Final = {
     "overheard": "mapped what passed",
     "watched": "mapped what was watched",
 }
-Source: TypeAlias = Exploration | MultiRobotExploration | TrafficMapper
+Source: TypeAlias = Exploration | TrafficMapper
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,32 +106,23 @@ def save_map(result: MappingResult, files: MapFiles) -> None:
         result.error = f"{result.error}; {text}" if result.error else text
 
 
-class ProgressUpdate(Protocol):
-    """Shows what a robot is doing."""
-
-    def __call__(self, latest: str, number: int = 0) -> None:
-        """Show what the robot of a number is doing now."""
-
-
 @contextmanager
-def map_progress(source: Source) -> Iterator[ProgressUpdate]:
+def map_progress(source: Source) -> Iterator[Callable[[str], None]]:
     """Show the progress of a map on stderr.
 
     Args:
         source: Holds the map and the distance so far.
 
     Yields:
-        A function to be called after each scan with what the robot is doing, and the
-        number of the robot.
+        A function to be called after each scan with what the robot is doing.
     """
     activity = "waiting for a scan"
-    latest_of: dict[int, str] = {}
     with live_status(lambda: _describe_status(source, activity)) as log:
 
-        def update(latest: str, number: int = 0) -> None:
+        def update(latest: str) -> None:
             nonlocal activity
-            if latest != latest_of.get(number):
-                latest_of[number] = activity = latest
+            if latest != activity:
+                activity = latest
                 log(_describe_status(source, activity))
 
         yield update
@@ -171,8 +157,6 @@ def as_text(result: MappingResult) -> list[str]:
         area = cells["resolution"] ** 2
         areas = [f"{cells[name] * area:.2f} m² {name}" for name in CLASSES]
         lines.append(f"map      {', '.join(areas)}")
-    for number, robot in enumerate(plain.get("robots", ()), 1):
-        lines.append(f"robot {number}  {_robot_text(robot)}")
     if errors := plain["pose_errors"]:
         lines.append(
             f"pose     {errors['ate']:.3f} m and {errors['yaw_deg']:.2f} degrees off,"
@@ -196,13 +180,6 @@ def _files_text(files: Sequence[Path]) -> str:
     return f"{view.name} to look at; for programs {others}; in {view.parent}"
 
 
-def _robot_text(robot: dict[str, Any]) -> str:
-    text = f"{robot['path_length']:.2f} m from {robot['start']}"
-    if robot["aligned"] is None:
-        text += "; not on the map, as no place on it fits what the robot saw"
-    return text if robot["error"] is None else f"{text}; {robot['error']}"
-
-
 def _judge_text(judge: dict[str, Any]) -> str:
     texts = [f"{judge['path_length']:.2f} m"]
     if judge.get("coverage") is not None:
@@ -218,9 +195,7 @@ def _judge_text(judge: dict[str, Any]) -> str:
     return ", ".join(texts)
 
 
-def explore(
-    run: MappingRun | MultiRobotRun, output: MapOutput, address: tuple[str, int]
-) -> None:
+def explore(run: MappingRun, output: MapOutput, address: tuple[str, int]) -> None:
     """Let a run explore; write, judge and describe its map however it ends.
 
     Args:
@@ -243,13 +218,7 @@ def explore(
                     update_film(step.observation.time)
                     recording.add_map(exploration.mapper)
 
-                def observe_one(number: int, step: ExplorationStep) -> None:
-                    update(f"{number + 1} {step.activity}", number)
-
-                if isinstance(run, MultiRobotRun):
-                    run.run(address, observe_one)
-                else:
-                    run.run(address, observe)
+                run.run(address, observe)
         finally:
             recording.add_map(exploration.mapper, last=True)
             # an interrupt of the judge, which takes seconds, must not cost the map

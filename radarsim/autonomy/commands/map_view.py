@@ -12,10 +12,9 @@ from radarsim.autonomy.commands.film import drawn_robot
 from radarsim.autonomy.evaluation.map_score import FloorPart
 from radarsim.autonomy.evaluation.mapping_run import MappingResult
 from radarsim.autonomy.exploration.exploration import Exploration
-from radarsim.autonomy.exploration.multi_robot import MultiRobotExploration
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.plotting.frames import MapFrames, first_map_extent
-from radarsim.autonomy.plotting.maps import MapView, joined
+from radarsim.autonomy.plotting.maps import MapView
 from radarsim.autonomy.plotting.outlines import Outline, outlines_of
 from radarsim.autonomy.proxy.traffic_mapper import TrafficMapper
 from radarsim.plotting.film import Pixels
@@ -37,19 +36,17 @@ def view_of(result: MappingResult, mapper: Mapper) -> MapView:
         mapper: Holds the map; at least one scan.
     """
     scene, trip, outlines = result.scene, result.trip, _true_outlines(result, mapper)
-    trajectories = result.trajectories or {1: mapper.trajectory}
     ending = TITLE_ENDINGS.get(result.outcome, "")
     path = f"{trip.length:.1f} m in {trip.time:.0f} s {ending}".rstrip()
     return MapView(
         mapper.grid,
-        joined([each.rows() for each in trajectories.values()]),
+        mapper.trajectory.rows(),
         drawn_robot(result.robot_class).name,
         _headline(result, mapper, outlines),
         outlines,
         f"{_who_maps_what(result)}: {path}",
         () if scene is None else tuple(scene.parts),
         0.0 if scene is None else _sensor_height(result, mapper),
-        tuple(trajectories) if result.robots > 1 else (),
     )
 
 
@@ -68,9 +65,6 @@ def _headline(
 
 def _who_maps_what(result: MappingResult) -> str:
     where = "what it senses" if result.scene is None else result.scene.name
-    if result.robots > 1:
-        where = "what they sense" if result.scene is None else where
-        return f"{result.robots} robots {result.robot_class} map {where}"
     who = result.robot_class or "a robot that another client drives"
     return f"{who[0].upper()}{who[1:]} maps {where}"
 
@@ -102,7 +96,7 @@ class MapCamera:
     def __init__(
         self,
         result: MappingResult,
-        source: Exploration | MultiRobotExploration | TrafficMapper,
+        source: Exploration | TrafficMapper,
     ) -> None:
         """Prepare films.
 

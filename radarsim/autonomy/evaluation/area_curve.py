@@ -21,7 +21,7 @@ class Sample(NamedTuple):
 
     Attributes:
         time: s.
-        path_length: Length of the estimated path, m; of several robots, of all.
+        path_length: Length of the estimated path, m.
         area: Area that is sensed, m².
         reachable: Known share of the floor that the robot can get to; nan if it is not
             known which that is.

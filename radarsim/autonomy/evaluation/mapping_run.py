@@ -1,13 +1,12 @@
-"""One mapping run: the exploration of one robot or several, its server, its result.
+"""One mapping run: the exploration of a robot, its server, its result.
 
-The server is either one in this process, which runs in lockstep with the clients and
+The server is either one in this process, which runs in lockstep with the client and
 whose scene the map is compared with, or one that listens on a TCP port.
 """
 
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -31,18 +30,12 @@ from radarsim.autonomy.exploration.exploration import (
     ExplorationStep,
     Outcome,
 )
-from radarsim.autonomy.exploration.multi_robot import MultiRobotExploration, Observer
 from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import CellClass
-from radarsim.autonomy.mapping.trajectory import (
-    Trajectory,
-    TrajectoryErrors,
-    trajectory_errors,
-)
+from radarsim.autonomy.mapping.trajectory import TrajectoryErrors, trajectory_errors
 from radarsim.autonomy.navigation.runner import TripMeter
 from radarsim.client import Client
-from radarsim.geometry import Pose2
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
@@ -125,16 +118,6 @@ class MappingResult:
                 result["judge"]["reached"] = self.area_curve.reached_to_dict()
         return result
 
-    @property
-    def robots(self) -> int:
-        """Number of robots that explored."""
-        return 1
-
-    @property
-    def trajectories(self) -> dict[int, Trajectory]:
-        """The estimated trajectory of each robot on the map, map frame, from 1."""
-        return {} if self.mapper is None else {1: self.mapper.trajectory}
-
     def _pose_errors(self) -> dict[str, float | None] | None:
         if self.mapper is None:
             return None
@@ -151,119 +134,58 @@ class MappingResult:
         return json.dumps(self.to_dict(), allow_nan=False)
 
 
-@dataclass(slots=True)
-class MultiRobotResult(MappingResult):
-    """How a map was made by several robots; ``mapper`` is that of the first one.
+class MappingRun:
+    """Runs an exploration and keeps its result, also of a run that fails.
 
     Attributes:
-        exploration: The robots, where their maps are, and their errors.
-    """
-
-    exploration: MultiRobotExploration | None = None
-
-    @property
-    def robots(self) -> int:
-        """Number of robots that explored, on the map or not."""
-        return len(self._placed())
-
-    @property
-    def trajectories(self) -> dict[int, Trajectory]:
-        """The trajectory of each robot that is on the map, map frame, from 1."""
-        return {
-            number: robot.mapper.trajectory.moved_by(frame)
-            for number, (robot, frame) in enumerate(self._placed(), 1)
-            if robot.mapper is not None and frame is not None
-        }
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the result for JSON; counts and paths are those of all robots."""
-        # ``super`` without arguments does not work in classes with slots
-        result = MappingResult.to_dict(self)
-        robots = [
-            self._describe(number, robot, frame)
-            for number, (robot, frame) in enumerate(self._placed())
-        ]
-        mappers = [r.mapper for r, _ in self._placed() if r.mapper is not None]
-        result["scans"] = sum(mapper.scans for mapper in mappers)
-        result["loop_closures"] = sum(mapper.slam.closures for mapper in mappers)
-        result["scans_left_out"] |= {
-            key: sum(mapper.left_out[key] for mapper in mappers)
-            for key in ("no_pose", "no_echoes")
-        }
-        return {**result, "robots": robots}
-
-    def _pose_errors(self) -> dict[str, float | None] | None:
-        pairs = [_errors(robot.mapper, frame) for robot, frame in self._placed()]
-        known = [pair for pair in pairs if pair is not None]
-        if not known:
-            return None
-        motions = [motion for _, motion in known if motion is not None]
-        motion = _combined(motions).ate if motions else None
-        return _describe_errors(_combined([errors for errors, _ in known]), motion)
-
-    def _placed(self) -> list[tuple[Exploration, Pose2 | None]]:
-        """Return each robot, and where its map is on the shared one."""
-        if self.exploration is None:
-            return []
-        maps = self.exploration.maps
-        # Those that failed before they joined have no map.
-        frames = [each.frame for each in maps]
-        frames += [None] * (len(self.exploration.robots) - len(frames))
-        return list(zip(self.exploration.robots, frames, strict=True))
-
-    def _describe(
-        self, number: int, robot: Exploration, frame: Pose2 | None
-    ) -> dict[str, Any]:
-        assert self.exploration is not None
-        pair = _errors(robot.mapper, frame)
-        x_y_yaw = None
-        if frame is not None:
-            x_y_yaw = [round(frame.x, 4), round(frame.y, 4)]
-            x_y_yaw.append(round(math.degrees(frame.yaw), 3))
-        return {
-            "start": robot.plan.start,
-            "outcome": robot.outcome.value,
-            "path_length": round(robot.trip.length, 3),
-            "scans": 0 if robot.mapper is None else robot.mapper.scans,
-            "aligned": x_y_yaw,
-            "ate": None if pair is None else round(pair[0].ate, 5),
-            "error": self.exploration.errors[number] or None,
-        }
-
-
-class _Run:
-    """What runs of one robot and of several have in common.
-
-    Attributes:
+        exploration: The exploration.
+        result: Result of the run so far; complete once ``run`` has returned or raised.
         connect: Connects to a server that is not in this process, at a host and port.
     """
 
     def __init__(
-        self,
-        plan: ExplorationPlan,
-        host: Host | None,
-        exploration: Exploration | MultiRobotExploration,
-        result: MappingResult,
+        self, plan: ExplorationPlan, host: Host | None = None, *, seed: int = 0
     ) -> None:
+        """Create a run that has not begun.
+
+        Args:
+            plan: The plan of the exploration.
+            host: Server in this process; None for one that listens on a port.
+            seed: Seed of strategies that use chance.
+        """
+        self.exploration = Exploration(plan, generator_for(seed, "exploring"))
+        name = "way" if plan.waypoints else plan.strategy.value
+        self.result = MappingResult(name, plan.motion_source)
+        self.result.robot_class = plan.robot_class
+        self.result.scene = None if host is None else host.simulation.scene
         self.connect: Callable[[str, int], Client] = Client.connect
-        self._host, self._exploration, self._result = host, exploration, result
-        result.robot_class = plan.robot_class
-        result.scene = None if host is None else host.simulation.scene
+        self._host = host
 
-    def judge(self) -> None:
-        """Compare the map with the scene, if both are known."""
-        result, start = self._result, self._result.trip.start
-        mapper, scene, robot = result.mapper, result.scene, result.robot_class
-        if scene is None or mapper is None or robot is None or start is None:
-            return
-        result.score = score_mapper(mapper, scene, robot_class=robot, start=start)
+    def run(
+        self,
+        address: tuple[str, int],
+        observe: Callable[[ExplorationStep], None] = lambda _: None,
+    ) -> None:
+        """Connect, explore, and complete the result, however the run ends.
 
-    @contextmanager
-    def _completing(self) -> Iterator[None]:
-        """Complete the result, however the run ends."""
-        result, exploration = self._result, self._exploration
+        Args:
+            address: Host and port of the server, unless it is in this process.
+            observe: Called at every scan.
+
+        Raises:
+            ClientError: If the server does not send what is needed.
+            MappingError: If no map can be made of what it sends.
+            NavigationError: If the robot cannot do what is asked of it.
+        """
+        result, exploration = self.result, self.exploration
+
+        def note(step: ExplorationStep) -> None:
+            self._note_area()
+            observe(step)
+
         try:
-            yield
+            with self._open_client(address) as client:
+                exploration.run(client, note)
         except BaseException as error:
             is_failure = isinstance(error, Exception)
             result.error = str(error) if is_failure else INTERRUPTED
@@ -273,10 +195,22 @@ class _Run:
             result.mapper, result.unreached = exploration.mapper, exploration.unreached
             result.safety_distance = exploration.safety_distance
             self._note_area(last=True)
+            # An error before the exploration began, as of the connection, is not told.
+            is_interrupted = result.error in ("", INTERRUPTED)
+            if result.outcome == Outcome.BROKEN_OFF and not is_interrupted:
+                result.outcome = Outcome.FAILED.value
+
+    def judge(self) -> None:
+        """Compare the map with the scene, if both are known."""
+        result, start = self.result, self.result.trip.start
+        mapper, scene, robot = result.mapper, result.scene, result.robot_class
+        if scene is None or mapper is None or robot is None or start is None:
+            return
+        result.score = score_mapper(mapper, scene, robot_class=robot, start=start)
 
     def _note_area(self, *, last: bool = False) -> None:
         """Add to the curve of known area; to be called at every scan."""
-        result, exploration = self._result, self._exploration
+        result, exploration = self.result, self.exploration
         mapper, trip = exploration.mapper, exploration.trip
         if mapper is None or trip.start is None:
             return
@@ -297,112 +231,8 @@ class _Run:
     def _open_client(self, address: tuple[str, int]) -> Client:
         if self._host is None:
             return self.connect(*address)
-        result = self._result
-        # one monitor for all robots, as it counts what any of them touches
-        result.monitor = result.monitor or GroundTruthMonitor(self._host)
-        transport = InProcessTransport(self._host, after_tick=result.monitor.watch)
-        return Client(transport)
-
-
-class MappingRun(_Run):
-    """Runs an exploration and keeps its result, also of a run that fails.
-
-    Attributes:
-        exploration: The exploration.
-        result: Result of the run so far; complete once ``run`` has returned or raised.
-    """
-
-    def __init__(
-        self, plan: ExplorationPlan, host: Host | None = None, *, seed: int = 0
-    ) -> None:
-        """Create a run that has not begun.
-
-        Args:
-            plan: The plan of the exploration.
-            host: Server in this process; None for one that listens on a port.
-            seed: Seed of strategies that use chance.
-        """
-        self.exploration = Exploration(plan, generator_for(seed, "exploring"))
-        name = "way" if plan.waypoints else plan.strategy.value
-        self.result = MappingResult(name, plan.motion_source)
-        super().__init__(plan, host, self.exploration, self.result)
-
-    def run(
-        self,
-        address: tuple[str, int],
-        observe: Callable[[ExplorationStep], None] = lambda _: None,
-    ) -> None:
-        """Connect, explore, and complete the result, however the run ends.
-
-        Args:
-            address: Host and port of the server, unless it is in this process.
-            observe: Called at every scan.
-
-        Raises:
-            ClientError: If the server does not send what is needed.
-            MappingError: If no map can be made of what it sends.
-            NavigationError: If the robot cannot do what is asked of it.
-        """
-        result = self.result
-
-        def note(step: ExplorationStep) -> None:
-            self._note_area()
-            observe(step)
-
-        try:
-            with self._completing(), self._open_client(address) as client:
-                self.exploration.run(client, note)
-        finally:
-            # An error before the exploration began, as of the connection, is not told.
-            is_interrupted = result.error in ("", INTERRUPTED)
-            if result.outcome == Outcome.BROKEN_OFF and not is_interrupted:
-                result.outcome = Outcome.FAILED.value
-
-
-class MultiRobotRun(_Run):
-    """Runs several robots and keeps the result, also of a run that fails.
-
-    Attributes:
-        exploration: The robots.
-        result: Result of the run so far; complete once ``run`` has returned or raised.
-    """
-
-    def __init__(
-        self, plan: ExplorationPlan, robots: int, host: Host | None = None
-    ) -> None:
-        """Create a run that has not begun.
-
-        Args:
-            plan: The plan of each robot.
-            robots: Number of robots.
-            host: Server in this process; None for one that listens on a port.
-
-        Raises:
-            ValueError: If several robots cannot do what the plan says.
-        """
-        self.exploration = MultiRobotExploration(plan, robots)
-        self.result = MultiRobotResult(plan.strategy.value, plan.motion_source)
-        self.result.exploration = self.exploration
-        super().__init__(plan, host, self.exploration, self.result)
-
-    def run(
-        self, address: tuple[str, int], observe: Observer = lambda *_: None
-    ) -> None:
-        """Connect, explore, and complete the result, as ``MappingRun.run`` does.
-
-        Args:
-            address: Host and port of the server, unless it is in this process.
-            observe: Called at every scan with the number of the robot.
-        """
-
-        def note(number: int, step: ExplorationStep) -> None:
-            self._note_area()
-            observe(number, step)
-
-        with self._completing(), ExitStack() as stack:
-            robots = self.exploration.robots
-            clients = [stack.enter_context(self._open_client(address)) for _ in robots]
-            self.exploration.run(clients, note)
+        monitor = self.result.monitor = GroundTruthMonitor(self._host)
+        return Client(InProcessTransport(self._host, after_tick=monitor.watch))
 
 
 def _cell_counts(mapper: Mapper | None) -> dict[str, float] | None:
@@ -423,43 +253,3 @@ def _describe_errors(
         plain[f"{name}_deg"] = math.degrees(plain.pop(name))
     errors_of_poses: dict[str, float | None] = rounded(plain, 5)
     return errors_of_poses
-
-
-def _errors(
-    mapper: Mapper | None, frame: Pose2 | None
-) -> tuple[TrajectoryErrors, TrajectoryErrors | None] | None:
-    """Compare a robot's poses, and those of its motion source, with the true ones."""
-    if mapper is None or frame is None:
-        return None
-    alone = mapper.slam.dead_reckoning
-    try:
-        found = trajectory_errors(mapper.trajectory.moved_by(frame), mapper.truth)
-        motion = trajectory_errors(alone, mapper.truth) if len(alone) else None
-    except ValueError:
-        return None
-    return found, motion
-
-
-def _combined(errors: Sequence[TrajectoryErrors]) -> TrajectoryErrors:
-    poses = np.array([each.poses for each in errors])
-
-    def mean_square(name: str) -> float:
-        values = np.array([getattr(each, name) for each in errors])
-        known = np.isfinite(values)
-        if not known.any():
-            return math.nan
-        # that of all poses, of which each trajectory has another number
-        squares = np.square(values[known])
-        return math.sqrt(float(np.average(squares, weights=poses[known])))
-
-    whole = asdict(errors[0])
-    whole |= {name: mean_square(name) for name in ("ate", "yaw", "rpe", "rpe_yaw")}
-    whole |= {
-        name: max(getattr(each, name) for each in errors)
-        for name in ("ate_max", "yaw_max")
-    }
-    whole |= {
-        "poses": int(poses.sum()),
-        "length": sum(each.length for each in errors),
-    }
-    return TrajectoryErrors(**whole)

@@ -20,7 +20,6 @@ from radarsim.autonomy.exploration.strategies import create_strategy, find_unexp
 from radarsim.autonomy.exploration.traversability import TraversabilityMap
 from radarsim.autonomy.mapping.localization import SAMPLE_SCANNER, sample_reports
 from radarsim.autonomy.mapping.mapper import Mapper, MapperSettings
-from radarsim.autonomy.mapping.scan_grid import ScanGrid
 from radarsim.autonomy.mapping.slam import SlamSettings
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import (
@@ -92,22 +91,12 @@ class Exploration:
         settings: How the robot drives; None before it is known.
     """
 
-    def __init__(
-        self,
-        plan: ExplorationPlan,
-        rng: np.random.Generator,
-        *,
-        join: Callable[[float], ScanGrid] | None = None,
-        strategy: Callable[[ExplorationSettings], Strategy] | None = None,
-    ) -> None:
+    def __init__(self, plan: ExplorationPlan, rng: np.random.Generator) -> None:
         """Create a run that has not begun.
 
         Args:
             plan: The plan of the exploration.
             rng: Generator for strategies that use chance.
-            join: Returns what scans are added to, by the radius of the disc that the
-                robot covers, m; None for a new map.
-            strategy: Creates the strategy; None for that of the plan.
         """
         self.plan = plan
         self.mapper: Mapper | None = None
@@ -115,8 +104,6 @@ class Exploration:
         self.safety_distance = math.nan
         self.trip = TripMeter(noise=NOISE)
         self._rng = rng
-        self._join = join
-        self._new_strategy = strategy
         self.unreached: tuple[Point, ...] = ()
         self.settings: ExplorationSettings | None = None
 
@@ -196,11 +183,8 @@ class Exploration:
                 robot_radius=radius,
             ),
             clock=client.transport.time,
-            grid=None if self._join is None else self._join(radius),
         )
         loop = ControlLoop(client, info, self.mapper, timeout=plan.timeout)
-        if self._new_strategy is not None:
-            return loop, self._new_strategy(self.settings)
         if plan.waypoints:
             return loop, WaypointFollower(self.settings, plan.waypoints)
         strategy = create_strategy(plan.strategy, self.settings, self._rng)
@@ -229,7 +213,7 @@ class Exploration:
                     strategy.forget_moved(self.mapper.grid)
                 return
             stuck.check(observation, twist)
-            # a robot that gives way may stand for long, and is not stuck
+            # a robot that waits may stand for long, and is not stuck
             if strategy.activity == WAITING:
                 standstill = StandstillDetector()
             standstill.check(observation)

@@ -32,7 +32,7 @@ LOOKAHEAD: Final = 1.2  # m of a path that is cut short where the straight line 
 PATIENCE: Final = 10.0  # s without progress after which a target is given up
 GIVEN_UP_RADIUS: Final = 0.7  # m around such a target
 WAYPOINT_RADIUS: Final = 0.25  # m from a waypoint at which it is reached
-WAITING: Final = "waiting"  # activity of a robot that stands until others are done
+WAITING: Final = "waiting"  # activity of a robot that stands until floor is free
 _PROGRESS: Final = 0.2  # m
 _BEARING_STEP: Final = math.radians(10.0)
 
@@ -68,11 +68,9 @@ class ExplorationSettings:
     wall_on_left: bool = True
     radius: float = 12.0
 
-    def traversability(
-        self, grid: OccupancyGrid, robots: Sequence[Point] = ()
-    ) -> TraversabilityMap:
-        """Evaluate a map, on which other robots are not; their centers are in m."""
-        return TraversabilityMap(grid, self.bumpers.safety_distance, robots)
+    def traversability(self, grid: OccupancyGrid) -> TraversabilityMap:
+        """Evaluate a map."""
+        return TraversabilityMap(grid, self.bumpers.safety_distance)
 
     def limit_by_bumpers(self, observation: Observation, twist: Twist) -> Twist:
         """Return a twist, or a turn instead if something ahead is too near."""
@@ -111,22 +109,16 @@ class PathFollower:
         """End of the path, m."""
         return self._path[-1] if self._path else None
 
-    def update_map(
-        self,
-        observation: Observation,
-        grid: OccupancyGrid,
-        robots: Sequence[Point] = (),
-    ) -> bool:
+    def update_map(self, observation: Observation, grid: OccupancyGrid) -> bool:
         """Evaluate the map if it is time to; return whether it was.
 
         Args:
             observation: The latest one.
             grid: The map.
-            robots: Centers of other robots, m.
         """
         if self.floor is not None and observation.time < self._updated + MAP_INTERVAL:
             return False
-        self.floor = self._settings.traversability(grid, robots)
+        self.floor = self._settings.traversability(grid)
         self._updated = observation.time
         return True
 
@@ -159,10 +151,6 @@ class PathFollower:
         twist = settings.speed_limits.towards(bearing)
         # The map may be wrong, or old; what bumpers see is there.
         return settings.limit_by_bumpers(observation, twist)
-
-    def pause(self, observation: Observation) -> None:
-        """Note that the robot stands for a while, which is no lack of progress."""
-        self._last_progress = observation.time, observation.pose
 
     def _next_point(self, pose: Pose2) -> Point:
         """Return the point to head for: as far along the path as the line is open."""

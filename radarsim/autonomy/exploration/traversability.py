@@ -20,7 +20,6 @@ import numpy as np
 from scipy import ndimage
 
 from radarsim.autonomy.mapping.occupancy_grid import Mask, OccupancyGrid, distance_field
-from radarsim.autonomy.navigation.algorithms import ROBOT_RADIUS
 from radarsim.autonomy.navigation.grid_search import (
     CHEAP,
     COSTLY,
@@ -37,7 +36,6 @@ from radarsim.geometry import Floats, Point, Pose2
 TILE_SIZE: Final = 0.1  # m, about
 HOLE_RADIUS: Final = 0.25  # m, of the smallest hole that counts as unknown
 FREE_RADIUS: Final = 0.25  # m around a tile that counts as free
-ROBOT_MARGIN: Final = 0.03  # m around another robot, whose pose is an estimate
 _PADDING: Final = 4  # unknown tiles around the map
 
 
@@ -49,15 +47,12 @@ class TraversabilityMap:
         size: Side of a tile, m.
     """
 
-    def __init__(
-        self, grid: OccupancyGrid, safety: float, robots: Sequence[Point] = ()
-    ) -> None:
+    def __init__(self, grid: OccupancyGrid, safety: float) -> None:
         """Evaluate a map.
 
         Args:
             grid: The map.
             safety: Distance from the robot's center to what it cannot enter, m.
-            robots: Centers of other robots, which are not on the map, m.
         """
         self.safety = safety
         frame = grid.frame
@@ -68,13 +63,6 @@ class TraversabilityMap:
         self._sensed = self._tiles(grid.sensed_cells())
         self._near = self._tiles(grid.short_range_cells())
         self._clearance = self._tile_clearance(grid.blocked_cells(), frame.resolution)
-        x_centers, y_centers = self.tile_centers()
-        for robot_x, robot_y in robots:
-            away = np.hypot(x_centers - robot_x, y_centers[:, None] - robot_y)
-            # From the disc that the other robot covers, however it turns.
-            self._clearance = np.minimum(
-                self._clearance, away - (ROBOT_RADIUS + ROBOT_MARGIN)
-            )
         self._step_cost = step_cost(self._clearance, safety)
 
     @cached_property

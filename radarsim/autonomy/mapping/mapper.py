@@ -21,7 +21,7 @@ from radarsim.autonomy.mapping.scan import (
     PlanarScan,
     read_scan,
 )
-from radarsim.autonomy.mapping.scan_grid import RebuildableGrid, ScanGrid
+from radarsim.autonomy.mapping.scan_grid import RebuildableGrid
 from radarsim.autonomy.mapping.slam import Slam, SlamSettings
 from radarsim.autonomy.mapping.trajectory import Trajectory
 from radarsim.autonomy.navigation.observation import (
@@ -89,7 +89,6 @@ class Mapper:
         settings: MapperSettings | None = None,
         *,
         clock: Callable[[], float] = lambda: 0.0,
-        grid: ScanGrid | None = None,
     ) -> None:
         """Create an empty map.
 
@@ -97,10 +96,9 @@ class Mapper:
             scanner: Scanner to map with.
             settings: How the map is made.
             clock: Returns the time in s, for servers without advancing time stamps.
-            grid: What scans are added to; None for a new map.
         """
         self.settings = settings or MapperSettings()
-        self._grid: ScanGrid = grid or RebuildableGrid(
+        self._grid = RebuildableGrid(
             self.settings.resolution, self.settings.robot_radius
         )
         self.slam = Slam(self.settings.slam)
@@ -215,9 +213,7 @@ class Mapper:
             mount=self._mount,
         )
         revision = self.slam.revision
-        # Other robots move: they are no landmarks, and the map of points keeps all.
-        known = self._grid.without_robots(self.slam.pose, scan)
-        pose = self.slam.step(known, *(reported or ()))
+        pose = self.slam.step(scan, *(reported or ()))
         # A loop has closed, or the map was turned: all scans have other poses now.
         if self.slam.revision > revision:
             self._grid.rebuild()
@@ -240,4 +236,4 @@ class Mapper:
         bearings, ranges = from_centre(
             nearest, scan.angles, self.scanner.mount, math.inf
         )
-        return Observation(scan.time, self._grid.on_map(pose), bearings, ranges)
+        return Observation(scan.time, pose, bearings, ranges)

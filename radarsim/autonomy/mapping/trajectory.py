@@ -34,13 +34,6 @@ class Trajectory:
         self.times.append(time)
         self.poses.append(pose)
 
-    def moved_by(self, frame: Pose2) -> "Trajectory":
-        """Return the trajectory on a map on which its own map is at a pose."""
-        moved = Trajectory()
-        moved.times = list(self.times)
-        moved.poses = [frame.compose(pose) for pose in self.poses]
-        return moved
-
     def rows(self) -> Floats:
         """Return the poses as (N, 3): x and y in m, yaw in rad."""
         rows = [(pose.x, pose.y, pose.yaw) for pose in self.poses]

@@ -25,10 +25,10 @@ from radarsim.autonomy.plotting.run_markers import START
 from radarsim.geometry import Floats, Pose2
 from radarsim.plotting.palette import (
     FAMILY_COLOURS,
+    GOING,
     INK,
     NOT_SENSED,
     PAPER,
-    ROBOT_PATHS,
     TRUTH,
     Family,
 )
@@ -53,12 +53,11 @@ CELL_TEXTS: Final = {
     CellClass.FOLIAGE: "foliage",
     CellClass.SMOKE: "smoke or dust",
 }
-PATH_WIDTH: Final = 2.0  # points
+PATH: Final[dict[str, Any]] = {"color": GOING, "linewidth": 2.0}
 _SHADES: Final = np.array(
     [[round(255 * part) for part in to_rgb(CELL_COLOURS[each])] for each in CellClass],
     np.uint8,
 )
-_DASHES: Final = ("-", "--", "-.", ":")  # of robots whose paths share a colour
 _TRUTH: Final[dict[str, Any]] = {"color": TRUTH, "linewidth": 0.9}
 _WIDEST, _TALLEST = 900, 760  # pixels of a panel, at most
 _LARGEST_CELL: Final = 6  # pixels
@@ -80,14 +79,12 @@ class MapView:
     Attributes:
         grid: The map.
         path: Estimated poses of the robot, (N, 3): x and y in m, yaw in rad; N >= 1.
-            Between the paths of several robots there is a row of nan, see ``joined``.
         robot_class: Class of the robot.
         title: Title, in words.
         outlines: What is truly there.
         subtitle: A further line; empty for none.
         parts: Parts of the scene whose objects are named; none for no names.
         height: Height at which the sensor cuts them, m, map frame.
-        robots: Numbers of the robots whose paths these are; none for a single robot.
     """
 
     grid: OccupancyGrid
@@ -98,7 +95,6 @@ class MapView:
     subtitle: str = ""
     parts: tuple[Part, ...] = ()
     height: float = 0.0
-    robots: tuple[int, ...] = ()
 
     @property
     def extent(self) -> Extent:
@@ -122,7 +118,6 @@ class MapPanel:
         outlines: Sequence[Outline] = (),
         *,
         text: float = 10.0,
-        robots: Sequence[int] = (),
     ) -> None:
         """Draw what does not change.
 
@@ -131,7 +126,6 @@ class MapPanel:
             robot_class: Class of the robot.
             outlines: What is truly there.
             text: Size of labels, points.
-            robots: Numbers of the robots whose paths are shown; none for a single one.
         """
         axes.set_facecolor(NOT_SENSED)  # beyond the map
         self._axes = axes
@@ -142,10 +136,7 @@ class MapPanel:
             axes.add_collection(LineCollection(outline.lines, **_TRUTH, zorder=2))
             for outline in outlines
         ]
-        self._paths = [
-            axes.add_line(Line2D([], [], **path_style(number), zorder=3))
-            for number in robots or (1,)
-        ]
+        self._path = axes.add_line(Line2D([], [], **PATH, zorder=3))
         (self._start,) = axes.plot([], [], zorder=3, **START.options)
         self._label = axes.annotate(
             START.label,
@@ -163,20 +154,13 @@ class MapPanel:
         """Show a map, and the path so far, (N, 3) as in ``MapView``."""
         window = sensed_window(grid)
         self._image.show(_SHADES[grid.classes()[window]], extent_of(grid, window))
-        gaps = np.flatnonzero(np.isnan(path[:, 0]))  # as ``joined`` has put them
-        paths = [each[~np.isnan(each[:, 0])] for each in np.split(path, gaps)]
-        for line, each in zip(self._paths, paths, strict=True):
-            line.set_data(each[:, 0], each[:, 1])
-        self._start.set_data(*np.array([each[0, :2] for each in paths]).T)
+        self._path.set_data(path[:, 0], path[:, 1])
+        self._start.set_data(path[:1, 0], path[:1, 1])
         self._place_label(path[:, :2])
         for artist in self._robot:
             artist.remove()
-        ends = [Pose2(*each[-1].tolist()) for each in paths]
-        self._robot = [
-            artist
-            for pose in ends
-            for artist in draw_robot(self._axes, self._robot_class, pose, zorder=4)
-        ]
+        end = Pose2(*path[-1].tolist())
+        self._robot = draw_robot(self._axes, self._robot_class, end, zorder=4)
 
     def _place_label(self, path: Floats) -> None:
         """Place the label of the start on a side where it covers little of the path."""
@@ -198,15 +182,8 @@ class MapPanel:
     @property
     def artists(self) -> list[Artist]:
         """Everything in the panel, by which a film draws a frame."""
-        marks = (*self._paths, self._start, self._label)
+        marks = (self._path, self._start, self._label)
         return [self._image, *self._outlines, *marks, *self._robot]
-
-
-def joined(paths: Sequence[Floats]) -> Floats:
-    """Return the paths of several robots as one, with a row of nan between each two."""
-    gap = np.full((1, 3), np.nan)
-    rows = [part for path in paths for part in (path, gap)]
-    return np.concatenate(rows[:-1])
 
 
 def draw_map_view(view: MapView) -> bytes:
@@ -234,9 +211,7 @@ def map_figure(
     scale = pixels_per_metre(extent, views[0].grid.frame.resolution)
     panels = Panels(extent, scale, *titles_of(views), text=text, numbers=numbers)
     for axes, view in zip(panels.axes, views, strict=True):
-        panel = MapPanel(
-            axes, view.robot_class, view.outlines, text=text, robots=view.robots
-        )
+        panel = MapPanel(axes, view.robot_class, view.outlines, text=text)
         panel.update(view.grid, view.path)
         name_objects(axes, view.parts, view.height, most=_MOST_NAMES)
     panels.add_legend(legend_rows(views))
@@ -262,41 +237,24 @@ def legend_rows(views: Sequence[MapView]) -> list[Artist]:
     for view in views:
         shown |= {*np.unique(view.grid.classes()[sensed_window(view.grid)]).tolist()}
     truth = any(view.outlines for view in views)
-    robots = sorted({number for view in views for number in view.robots})
     classes = [each for each in CellClass if each in shown]
-    return map_rows(classes, truth=truth, robots=robots)
+    return map_rows(classes, truth=truth)
 
 
-def map_rows(
-    classes: Collection[CellClass], *, truth: bool, robots: Sequence[int] = ()
-) -> list[Artist]:
-    """Return the rows of a legend for some classes of cells and the paths.
+def map_rows(classes: Collection[CellClass], *, truth: bool) -> list[Artist]:
+    """Return the rows of a legend for some classes of cells and the path.
 
     Args:
         classes: The classes.
         truth: Whether outlines of what is truly there are shown.
-        robots: Numbers of the robots whose paths are shown; none for a single one.
     """
     cells = [
         Patch(facecolor=CELL_COLOURS[each], edgecolor="0.5", label=CELL_TEXTS[each])
         for each in classes
     ]
-    paths = [
-        Line2D([], [], **path_style(number), label=f"path of robot {number}")
-        for number in robots
-    ] or [Line2D([], [], **path_style(1), label="path")]
+    path = Line2D([], [], **PATH, label="path")
     outline = Line2D([], [], **_TRUTH, label="what is truly there")
-    return [*cells, *paths, outline] if truth else [*cells, *paths]
-
-
-def path_style(robot: int) -> dict[str, Any]:
-    """Return how the path of a robot is drawn, by its number, from 1."""
-    dashes, colour = divmod(robot - 1, len(ROBOT_PATHS))
-    return {
-        "color": ROBOT_PATHS[colour],
-        "linewidth": PATH_WIDTH,
-        "linestyle": _DASHES[dashes % len(_DASHES)],
-    }
+    return [*cells, path, outline] if truth else [*cells, path]
 
 
 def extent_of(grid: OccupancyGrid, window: tuple[slice, slice]) -> Extent:

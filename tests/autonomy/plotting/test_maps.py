@@ -27,10 +27,7 @@ from radarsim.autonomy.plotting.maps import (
     CELL_COLOURS,
     MapView,
     draw_map_view,
-    joined,
-    legend_rows,
     map_figure,
-    path_style,
     pixels_per_metre,
 )
 from radarsim.autonomy.plotting.outlines import Outline
@@ -160,18 +157,6 @@ def test_label_of_the_start_is_beside_the_path(north: float, below: bool) -> Non
     (axes,) = map_figure([view]).axes
     (label,) = (text for text in axes.texts if text.get_text() == "start")
     assert (label.get_verticalalignment() == "top") == below
-
-
-def test_each_robot_has_a_path_of_its_own_colour_and_a_row_of_the_legend() -> None:
-    path = joined([PATH, PATH + np.array([0.0, 1.0, 0.0])])
-    view = MapView(grid_of(5.0), path, "P3AT", "A map", robots=(1, 3))
-    figure = map_figure([view])
-    colours = {str(line.get_color()) for line in figure.axes[0].lines}
-    assert colours >= {path_style(1)["color"], path_style(3)["color"]}
-    rows = {row.get_label() for row in legend_rows([view])}
-    assert rows >= {"path of robot 1", "path of robot 3"}
-    styles = [tuple(path_style(number).values()) for number in range(1, 13)]
-    assert len(set(styles)) == 12
 
 
 def test_objects_of_the_scene_are_named() -> None:
