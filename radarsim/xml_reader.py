@@ -108,16 +108,6 @@ class XmlElement:
         return self.attributes.get("name") or self.tag
 
 
-def is_xml(path: Path) -> bool:
-    """Return whether a file begins as XML does, with a less-than sign.
-
-    Raises:
-        ForeignFileError: If it cannot be read, or is too large.
-    """
-    before = b"\xef\xbb\xbf\xff\xfe\0 \t\r\n"  # marks of encodings, and blanks
-    return read_bytes(path).lstrip(before).startswith(b"<")
-
-
 def read_xml(path: Path) -> XmlElement:
     """Read a file, and return its outermost element.
 

@@ -20,12 +20,13 @@ from radarsim.processes import raise_on_signals
 if TYPE_CHECKING:
     from radarsim.addons.imports.imported_map import ImportedMap
 
-Kind: TypeAlias = Literal["map_server", "sdf", "stage", "gltf", "ini"]
+Kind: TypeAlias = Literal["map_server", "sdf", "gltf", "ini"]
 
 _ENDINGS: Final[dict[str, Kind]] = {
     ".yaml": "map_server",
     ".yml": "map_server",
     ".sdf": "sdf",
+    ".world": "sdf",
     ".glb": "gltf",
     ".gltf": "gltf",
     ".ini": "ini",
@@ -87,7 +88,7 @@ def import_(
     Args:
         file: The file.
         output: The file to write.
-        kind: Kind of the file; by default what its ending and its content tell.
+        kind: Kind of the file; by default what its ending tells.
         robot: Robot class to import, where a file has several.
         options: What it does not tell.
         strict: Write nothing, and exit with 1, if anything is left out.
@@ -165,10 +166,6 @@ def _import(
             from radarsim.addons.imports.sdf import import_sdf
 
             return import_sdf(file, options, meshes.name)
-        case "stage":
-            from radarsim.addons.imports.stage import import_stage
-
-            return import_stage(file, options)
         case "gltf":
             from radarsim.addons.imports.gltf import import_gltf
 
@@ -192,12 +189,7 @@ def _check_materials(options: ImportOptions, imported: ImportedMap) -> None:
 
 
 def _kind_of(file: Path) -> Kind:
-    ending = file.suffix.lower()
-    if ending == ".world":  # of Gazebo, or of Stage
-        from radarsim.xml_reader import is_xml
-
-        return "sdf" if is_xml(file) else "stage"
-    kind = _ENDINGS.get(ending)
+    kind = _ENDINGS.get(file.suffix.lower())
     if kind is None:
         text = f"{str(file)!r}, expected --from with it"
         raise click.BadParameter(text, param_hint="FILE")

@@ -326,7 +326,7 @@ def test_mesh_that_no_map_can_have_is_left_out_alone(
             *(("nan", "1 1 1"), ("flat", "1 1 1"), ("good", "1e99 1 1")),
         )
     )
-    done = import_file(write(tmp_path / "w.sdf", WORLD.format(world)))
+    done = import_file(write(tmp_path / "w.world", WORLD.format(world)))
     assert done.code == 0
     assert "3 of 6 models left out: 3 .dae that cannot be used" in done.err
     assert done.text.count("a vertex is not finite") == 2
