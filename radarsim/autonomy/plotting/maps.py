@@ -148,7 +148,7 @@ class MapPanel:
             path_effects=[HALO],
             zorder=3,
         )
-        self._robot: list[Artist] = []
+        self._robot: Sequence[Artist] = ()
 
     def update(self, grid: OccupancyGrid, path: Floats) -> None:
         """Show a map, and the path so far, (N, 3) as in ``MapView``."""
