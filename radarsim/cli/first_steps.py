@@ -93,7 +93,6 @@ def new(
     *,
     random: Annotated[int | None, Ge(0), Option(metavar="K")] = None,
     town: Annotated[int | None, Ge(0), Option(metavar="SEED")] = None,
-    hard: bool = False,
 ) -> None:
     """Write a small map to start your own from, with comments.
 
@@ -101,22 +100,18 @@ def new(
         file: The map file to write, such as room.yaml.
         random: Write map K of those that 'radarsim trials --random' runs on.
         town: Write a town of 200 x 200 m by this seed.
-        hard: With --random: map K of those of 'radarsim trials --random N --hard'.
     """
     if random is not None and town is not None:
         raise click.BadParameter("expected no --random with it", param_hint="--town")
-    if random is None and hard:
-        raise click.BadParameter("expected with --random", param_hint="--hard")
     check_ending(file, ["yaml", "yml"], "FILE")
     check_writable(file, "FILE")
     if file.exists():
         text = f"{str(file)!r} exists, expected the name of a new file"
         raise click.BadParameter(text, param_hint="FILE")
     if random is not None:
-        from radarsim.generators.hard_maps import make_hard_map
         from radarsim.generators.random_maps import make_random_map
 
-        data = (make_hard_map if hard else make_random_map)(random).as_yaml().encode()
+        data = make_random_map(random).as_yaml().encode()
     elif town is not None:
         from radarsim.generators.town.town import town_yaml
 

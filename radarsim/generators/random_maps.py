@@ -22,7 +22,6 @@ HEIGHT: Final = 1.4  # m
 _FREE: Final = 1.0  # m from start and goal to what is scattered
 _FENCED: Final = 0.2  # share of maps whose goal is fenced in
 STUFF: Final = "stuff"  # the material of a map; others are of the library
-_SPACING: Final = 0.2  # m between points of a track
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,32 +75,6 @@ Solid = Block | Disc
 
 
 @dataclass(frozen=True, slots=True)
-class Mover:
-    """Another robot, which drives to and fro on a straight track.
-
-    Attributes:
-        x: Begin of the track, m.
-        y: m.
-        yaw: Direction of the track, rad.
-        length: Of the track, m.
-        speed: m/s.
-    """
-
-    x: float
-    y: float
-    yaw: float
-    length: float
-    speed: float
-
-    def track(self) -> Floats:
-        """Return points of its track, (N, 2) m."""
-        steps = np.linspace(0.0, self.length, math.ceil(self.length / _SPACING) + 1)
-        direction = np.array([math.cos(self.yaw), math.sin(self.yaw)])
-        points: Floats = (self.x, self.y) + steps[:, None] * direction
-        return points
-
-
-@dataclass(frozen=True, slots=True)
 class RandomMap:
     """One random map.
 
@@ -112,7 +85,6 @@ class RandomMap:
         density: Power that a radar loses per metre in ``STUFF``; ``inf`` is opaque.
         start: Start, m; the robot faces along x.
         goal: Goal, m.
-        movers: What drives on the floor; not in the map file.
     """
 
     number: int
@@ -121,12 +93,6 @@ class RandomMap:
     density: float
     start: Point
     goal: Point
-    movers: tuple[Mover, ...] = ()
-
-    @property
-    def has_mirrors(self) -> bool:
-        """Whether a part of it is of another material, which is a mirror."""
-        return any(solid.material != STUFF for solid in self.solids)
 
     def as_yaml(self) -> str:
         """Return the map file."""
@@ -168,8 +134,6 @@ class MapMaker:
         start: m.
         goal: m.
         has_fence: Whether the goal is closed off in another way than by a fence.
-        fence_material: Material of the fence.
-        movers: As of ``RandomMap``.
     """
 
     def __init__(self, number: int, family: str, rng: np.random.Generator) -> None:
@@ -180,8 +144,6 @@ class MapMaker:
         self.start = (-HALF_LENGTH - 0.5, self.between(-side, side))
         self.goal = (HALF_LENGTH - 1.0, self.between(-side, side))
         self.has_fence = False
-        self.fence_material = STUFF
-        self.movers: tuple[Mover, ...] = ()
 
     # Each map is the sequence of its draws: a draw more, less or elsewhere gives other
     # maps for all numbers, and results of trials no longer compare.
@@ -202,7 +164,6 @@ class MapMaker:
             self.density,
             self.start,
             self.goal,
-            self.movers,
         )
 
     def scattered(self, count: int, draw: Callable[[Point], Solid]) -> Iterator[Solid]:
@@ -223,7 +184,7 @@ class MapMaker:
         for k in range(4):
             angle = k * math.pi / 2
             centre = (x + half * math.cos(angle), y + half * math.sin(angle))
-            yield Block(*centre, thick, 2 * half + thick, angle, self.fence_material)
+            yield Block(*centre, thick, 2 * half + thick, angle)
 
 
 Drawer: TypeAlias = Callable[[MapMaker], Iterator[Solid]]

@@ -68,10 +68,6 @@ def test_file_that_would_be_no_map_is_refused(
 def test_random_map_is_written_by_its_number(radarsim: Command, tmp_path: Path) -> None:
     path = tmp_path / "yard.yaml"
     assert radarsim("new", str(path), "--random", "4").code == 0
-    hard = tmp_path / "hard.yaml"
-    assert radarsim("new", str(hard), "--hard").code == 2
-    assert radarsim("new", str(hard), "--random", "4", "--hard").code == 0
-    assert hard.read_text() != path.read_text()
     assert "family 'mazes'" in path.read_text()
     assert radarsim("check", str(path), "--strict").code == 0
 

@@ -12,14 +12,8 @@ from radarsim.autonomy.evaluation.random_trials import (
     raster_truth,
 )
 from radarsim.autonomy.evaluation.shortest_path import shortest_path
-from radarsim.generators.hard_maps import (
-    HARD_FAMILIES,
-    UNSEEN_FAMILIES,
-    make_hard_map,
-)
 from radarsim.generators.random_maps import (
     FAMILIES,
-    STUFF,
     Block,
     Disc,
     RandomMap,
@@ -101,24 +95,3 @@ def test_first_maps_have_all_expectations_that_matter() -> None:
     )
     assert counts[Expectation.REACHED] >= 15
     assert counts[Expectation.NO_PATH] >= 2
-
-
-def test_hard_maps_have_mirrors_poles_and_movers_and_a_way() -> None:
-    maps = [make_hard_map(number) for number in range(24)]
-    assert maps == [make_hard_map(number) for number in range(24)]
-    assert [map_.family for map_ in maps[:6]] == list(HARD_FAMILIES)
-    for map_ in maps:
-        materials = {solid.material for solid in map_.solids}
-        assert materials <= {STUFF, "metal", "glass"}
-        assert (len(materials - {STUFF}) > 0) <= (map_.family in UNSEEN_FAMILIES)
-        assert bool(map_.movers) <= (map_.family == "movers")
-        for mover in map_.movers:
-            gaps = [solid.distances(mover.track()).min() for solid in map_.solids]
-            assert min(gaps) > 0.6
-    poles = [each.radius for each in maps[3].solids if isinstance(each, Disc)]
-    assert len(poles) >= 15
-    assert 0.015 <= min(poles) <= max(poles) <= 0.04
-    counts = Counter(raster_truth(map_, 0.5, 0.0).expectation for map_ in maps)
-    assert counts[Expectation.REACHED] >= 12
-    assert {solid.material for solid in maps[0].solids} == {STUFF, "metal"}
-    assert load_random_map(maps[0]).parts

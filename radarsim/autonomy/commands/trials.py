@@ -42,8 +42,6 @@ def run_random(
     algorithms: Sequence[str],
     output: Path | None,
     workers: int,
-    *,
-    hard: bool = False,
 ) -> None:
     """Run the trials that are left, write a line for each, and print a summary.
 
@@ -52,7 +50,6 @@ def run_random(
         algorithms: Algorithms, each of which runs on each map.
         output: File of the lines; those that it holds already are not run again.
         workers: Number of processes.
-        hard: Whether they run on hard maps.
     """
     from radarsim.autonomy.evaluation.random_trials import (
         all_random_trials,
@@ -61,9 +58,9 @@ def run_random(
     )
     from radarsim.autonomy.evaluation.task_runner import split_tasks
 
-    specs = all_random_trials(count, algorithms, hard=hard)
+    specs = all_random_trials(count, algorithms)
     earlier = _read_earlier(output, read_results)
-    todo, results = split_tasks(specs, earlier, ("number", "algorithm", "hard"))
+    todo, results = split_tasks(specs, earlier, ("number", "algorithm"))
     results += _run_logged(run_random_trial, todo, output, workers)
     results.sort(key=lambda each: (each["number"], algorithms.index(each["algorithm"])))
     Console().print(_random_table(results))
@@ -176,7 +173,7 @@ def _barn_table(results: Sequence[dict[str, Any]]) -> Table:
 def _random_table(results: Sequence[dict[str, Any]]) -> Table:
     table = Table(box=None, pad_edge=False, collapse_padding=True)
     table.add_column("family", no_wrap=True)
-    for column in ("correct", "false no path", "touches", "pushes", "failed"):
+    for column in ("correct", "false no path", "touches", "failed"):
         table.add_column(column, justify="right")
     groups: dict[str, list[dict[str, Any]]] = {}
     for each in results:
@@ -190,7 +187,6 @@ def _random_table(results: Sequence[dict[str, Any]]) -> Table:
             f"{sum(each['correct'] for each in group)}/{len(group)}",
             str(endings["no_path", "reached"]),
             str(sum(each["collisions"] for each in group)),
-            str(sum(each["pushes"] for each in group)),
             str(sum(each["outcome"] == "failed" for each in group)),
         )
     return table
@@ -202,8 +198,6 @@ def _random_failure(result: dict[str, Any]) -> str:
     reasons = "; ".join(filter(None, (told, result["note"], collisions)))
     name = f"map {result['number']} ({result['family']}) {result['algorithm']}"
     sensor = f"{result['sensor']} N = {result['side_offset']}"
-    if result["hard"]:
-        name, sensor = f"hard {name}", f"{sensor}, {result['resolution']} degrees"
     return f"{name} {sensor}: {reasons}"
 
 
@@ -228,7 +222,6 @@ def trials(
     sensors: Names | None = None,
     seeds: Annotated[int, Ge(1), Option(metavar="K")] = 3,
     random: Annotated[int | None, Ge(1)] = None,
-    hard: bool = False,
     barn: Annotated[Path | None, Option(metavar="FOLDER")] = None,
     output: OutputFile = None,
     as_json: Json = False,
@@ -246,8 +239,6 @@ def trials(
             laser with --barn.
         seeds: Repeat each trial with seeds 0 to K - 1.
         random: Run on random maps 0 to N - 1 instead: radar and laser alternate.
-        hard: With --random: maps with mirrors, panes, thin poles, and robots that
-            drive to and fro.
         barn: Run on worlds of the BARN benchmark instead: world_N.world and
             path_N.npy.
         output: With --random and --barn: add a line of JSON for each trial; those that
@@ -265,7 +256,6 @@ def trials(
             "--rules": rules != (Rule.SHARE,),
             "MAP": bool(maps),
             "--barn": None not in (random, barn),
-            "--hard": random is None and hard,
             "--sensors": random is not None and sensors is not None,
         }
         for hint, is_given in refused.items():
@@ -276,12 +266,10 @@ def trials(
             raise click.BadParameter(text, param_hint="--json")
         _check((), algorithms, sensors or ())
         if random is not None:
-            run_random(random, algorithms, output, workers, hard=hard)
+            run_random(random, algorithms, output, workers)
         elif barn is not None:
             run_barn(barn, algorithms, sensors or ("laser",), output, workers)
         return
-    if hard:
-        raise click.BadParameter("expected with --random", param_hint="--hard")
     if output is not None:
         text = "expected with --random or --barn"
         raise click.BadParameter(text, param_hint="--output")

@@ -25,7 +25,6 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from radarsim.autonomy.evaluation.task_runner import read_log
-from radarsim.autonomy.evaluation.traffic import Traffic
 from radarsim.autonomy.evaluation.trials import SCANNER, SENSORS, Row, run_plan
 from radarsim.autonomy.navigation.algorithms import (
     ROBOT_HALF_WIDTH,
@@ -33,11 +32,6 @@ from radarsim.autonomy.navigation.algorithms import (
     Algorithm,
 )
 from radarsim.autonomy.navigation.plans import Mission
-from radarsim.generators.hard_maps import (
-    HARD_FAMILIES,
-    UNSEEN_FAMILIES,
-    make_hard_map,
-)
 from radarsim.generators.random_maps import (
     FAMILIES,
     SAFETY_DISTANCE,
@@ -56,7 +50,6 @@ _MARGIN: Final = 3.0  # m of floor around everything
 # Moves to neighbours and knight's moves: a path is at most 2.8 % longer than the exact.
 _MOVES: Final = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (1, 2), (2, -1), (1, -2))
 SIDE_OFFSETS: Final = (0, 25, 50)  # UU
-RESOLUTIONS: Final = (1, 2)  # degrees, on hard maps
 UU: Final = 0.004  # m
 TIME_LIMIT: Final = 1800.0  # s of simulated time
 RESULT: Final = (
@@ -74,8 +67,6 @@ RESULT: Final = (
     "note",
     "correct",
 )
-MORE: Final = ("hard", "resolution", "pushes")  # keys that lines of old logs lack
-OLD: Final = {"hard": False, "resolution": 1, "pushes": 0}  # their values in these
 
 
 _Cell = TypeVar("_Cell", bound=np.generic)
@@ -196,42 +187,25 @@ class RandomTrialSpec:
     Attributes:
         number: Number of the map.
         algorithm: Name of the algorithm.
-        hard: Whether the map is one of the hard ones.
     """
 
     number: int
     algorithm: str
-    hard: bool = False
 
     @property
     def family(self) -> str:
         """Family of the map."""
-        families = HARD_FAMILIES if self.hard else FAMILIES
-        return families[self.number % len(families)]
+        return FAMILIES[self.number % len(FAMILIES)]
 
     @property
     def sensor(self) -> str:
         """Sensor preset of the map's trials."""
-        return SENSORS[self._turn % len(SENSORS)]
+        return SENSORS[self.number % len(SENSORS)]
 
     @property
     def side_offset(self) -> int:
         """Offset of the radar's side beams, UU."""
-        return SIDE_OFFSETS[self._turn % len(SIDE_OFFSETS)]
-
-    @property
-    def resolution(self) -> int:
-        """Angle between two beams, degrees."""
-        return RESOLUTIONS[self._turn // 2 % len(RESOLUTIONS)] if self.hard else 1
-
-    @property
-    def _turn(self) -> int:
-        # Each family of hard maps has all sensors in turn: there are six of them.
-        return self.number // len(HARD_FAMILIES) if self.hard else self.number
-
-    def make_map(self) -> RandomMap:
-        """Make its map."""
-        return (make_hard_map if self.hard else make_random_map)(self.number)
+        return SIDE_OFFSETS[self.number % len(SIDE_OFFSETS)]
 
     @property
     def reach(self) -> float:
@@ -251,9 +225,8 @@ class RandomTrialResult(Row, RandomTrialSpec):
 
     @property
     def correct(self) -> bool:
-        """Whether the robot told what it has to, and touched nothing that it sees."""
-        may_touch = self.hard and self.family in UNSEEN_FAMILIES
-        if self.pushes if may_touch else self.collisions:
+        """Whether the robot told what it has to, and touched nothing."""
+        if self.collisions:
             return False
         verdicts = {Expectation.REACHED, Expectation.NO_PATH}
         if self.expected in verdicts:
@@ -262,21 +235,18 @@ class RandomTrialResult(Row, RandomTrialSpec):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, rounded to mm and ms."""
-        return self.select((*RESULT, *MORE))
+        return self.select(RESULT)
 
 
-def all_random_trials(
-    count: int, algorithms: Sequence[str], *, hard: bool = False
-) -> list[RandomTrialSpec]:
+def all_random_trials(count: int, algorithms: Sequence[str]) -> list[RandomTrialSpec]:
     """Return the trials of the first maps.
 
     Args:
         count: Number of maps.
         algorithms: Algorithms, each of which runs on each map.
-        hard: Whether they run on hard maps.
     """
     return [
-        RandomTrialSpec(number, algorithm, hard)
+        RandomTrialSpec(number, algorithm)
         for number in range(count)
         for algorithm in algorithms
     ]
@@ -289,16 +259,14 @@ def read_results(file: Path) -> list[dict[str, Any]]:
         OSError: If the file exists and cannot be read.
         ValueError: If it has other lines.
     """
-    results = read_log(file, RESULT, "the result of a trial on a random map")
-    return [OLD | result for result in results]
+    return read_log(file, RESULT, "the result of a trial on a random map")
 
 
 def run_random_trial(spec: RandomTrialSpec) -> RandomTrialResult:
     """Run one trial."""
-    map_ = spec.make_map()
+    map_ = make_random_map(spec.number)
     truth = raster_truth(map_, SAFETY_DISTANCE, spec.reach)
-    step = spec.resolution
-    settings = {"sensor": spec.sensor, "fov_deg": 360 - step, "resolution_deg": step}
+    settings = {"sensor": spec.sensor, "fov_deg": 359, "resolution_deg": 1}
     if spec.sensor == "radar":
         settings["side_offset_uu"] = spec.side_offset
     config = SimulationConfig(item_settings={SCANNER: settings})
@@ -309,10 +277,7 @@ def run_random_trial(spec: RandomTrialSpec) -> RandomTrialResult:
         safety_distance=SAFETY_DISTANCE,
         time_limit=TIME_LIMIT,
     )
-    traffic = Traffic(host, map_.movers)
-    row = vars(run_plan(mission, host, after_tick=traffic.step)) | {
-        "shortest_path": truth.shortest
-    }
+    row = vars(run_plan(mission, host)) | {"shortest_path": truth.shortest}
     expected = truth.expectation.value
     return RandomTrialResult(**asdict(spec), **row, expected=expected)
 

@@ -2,11 +2,12 @@
 
 import math
 
+from traffic import Mover, Traffic
+
 from radarsim.autonomy.evaluation.navigation_run import Contact, GroundTruthMonitor
 from radarsim.autonomy.evaluation.random_trials import load_random_map
-from radarsim.autonomy.evaluation.traffic import Traffic
 from radarsim.client import Client
-from radarsim.generators.random_maps import Block, Mover, RandomMap
+from radarsim.generators.random_maps import Block, RandomMap
 from radarsim.geometry import Pose2
 from radarsim.server.host import Host
 from radarsim.server.host.lockstep import InProcessTransport

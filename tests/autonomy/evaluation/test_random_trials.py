@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from radarsim.autonomy.evaluation.random_trials import (
-    MORE,
     RandomTrialResult,
     RandomTrialSpec,
     all_random_trials,
@@ -76,20 +75,11 @@ def test_only_trials_without_a_line_are_run(tmp_path: Path) -> None:
     (done,) = read_results(file)
     assert done["path_length"] == 14.2
     assert done["correct"] is True
-    keys = ("number", "algorithm", "hard")
+    keys = ("number", "algorithm")
     left, results = split_tasks(all_random_trials(4, ["bug1", "bug2"]), [done], keys)
     assert len(left) == 7
     assert RandomTrialSpec(3, "bug2") not in left
     assert results == [done]
-    hard = all_random_trials(4, ["bug2"], hard=True)
-    assert split_tasks(hard, [done], keys) == (hard, [])
-
-
-def test_lines_of_old_logs_are_of_maps_that_are_not_hard(tmp_path: Path) -> None:
-    old = {key: value for key, value in DONE.to_dict().items() if key not in MORE}
-    file = tmp_path / "results.jsonl"
-    file.write_text(as_line(old))
-    assert read_results(file) == [DONE.to_dict()]
 
 
 def test_other_file_is_no_result(tmp_path: Path) -> None:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from flat_world import Look, box
 from office_map import office_map
+from traffic import Mover, Traffic
 
 from radarsim.autonomy.evaluation.mapping_run import MappingRun
-from radarsim.autonomy.evaluation.traffic import Traffic
 from radarsim.autonomy.exploration.path_follower import WAITING, ExplorationSettings
 from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
 from radarsim.autonomy.exploration.second_look import LOOK_TIME, SecondLook
@@ -20,7 +20,6 @@ from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import STOP, Twist
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.client import Client
-from radarsim.generators.random_maps import Mover
 from radarsim.geometry import Floats, Pose2
 from radarsim.scene.map_file import load_map
 from radarsim.server.host import Host

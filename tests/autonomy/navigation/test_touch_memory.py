@@ -2,15 +2,13 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from radarsim.autonomy.evaluation.random_trials import (
-    RandomTrialSpec,
-    load_random_map,
-    run_random_trial,
-)
+from radarsim.autonomy.evaluation.random_trials import load_random_map
 from radarsim.autonomy.evaluation.trials import run_plan
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.control import STOP, Twist
@@ -19,11 +17,16 @@ from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.touch_memory import TouchedPlaces, TouchMemory
 from radarsim.generators.random_maps import Block, RandomMap
 from radarsim.geometry import Pose2
+from radarsim.scene.map_file import load_map
 from radarsim.server.host import Host
+from radarsim.simulation.config import SimulationConfig
 
 LENGTH, WIDTH, S = 0.56, 0.5, 0.5
 BEARINGS = np.radians(np.arange(360.0) - 180.0)
 FORWARD = Twist(0.3, 0.0)
+LASER = {"sensor": "laser"}
+RADAR = {"sensor": "radar", "side_offset_uu": 0}
+RADAR_50 = {"sensor": "radar", "side_offset_uu": 50}
 
 
 def scan(time: float, pose: Pose2, *, touched: bool = False) -> Observation:
@@ -215,13 +218,34 @@ def test_robot_finds_out_that_it_is_among_mirrors(algorithm: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("number", "algorithm"),
+    ("name", "algorithm", "sensor", "step", "expected"),
     [
-        pytest.param(2, "tangentbug", id="end of a pane"),
-        pytest.param(6, "bug1", id="end of a mirror"),
-        pytest.param(12, "bug1", id="goal behind mirrors"),
-        pytest.param(14, "tangentbug", id="stuck at the end of a mirror"),
+        pytest.param(
+            *("mirrors_2", "tangentbug", RADAR, 1, "reached"), id="end of a pane"
+        ),
+        pytest.param(*("metal_6", "bug1", LASER, 1, "reached"), id="end of a mirror"),
+        pytest.param(
+            *("metal_12", "bug1", RADAR_50, 2, "no_path"), id="goal behind mirrors"
+        ),
+        pytest.param(
+            *("mirrors_14", "tangentbug", RADAR_50, 2, "no_path"),
+            id="stuck at the end of a mirror",
+        ),
     ],
 )
-def test_robot_is_right_on_maps_where_it_was_wrong(number: int, algorithm: str) -> None:
-    assert run_random_trial(RandomTrialSpec(number, algorithm, hard=True)).correct
+def test_robot_is_right_on_maps_where_it_was_wrong(
+    name: str, algorithm: str, sensor: dict[str, Any], step: int, expected: str
+) -> None:
+    scene = load_map(Path(__file__).parent / "mirrors" / f"{name}.yaml")
+    assert scene.trial is not None
+    settings = {**sensor, "fov_deg": 360 - step, "resolution_deg": step}
+    config = SimulationConfig(item_settings={"lms200": settings})
+    mission = Mission(
+        algorithm=Algorithm(algorithm),
+        goals=(scene.trial.goal,),
+        safety_distance=scene.trial.safety_distance,
+        time_limit=1800.0,
+    )
+    host = Host(scene, config=config, seed=int(name.partition("_")[2]))
+    row = run_plan(mission, host)
+    assert (row.outcome, row.pushes) == (expected, 0)

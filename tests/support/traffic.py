@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 from radarsim.client.session import drive, spawn
-from radarsim.generators.random_maps import Mover
 from radarsim.geometry import Pose2
 from radarsim.presets.robots import load_robot
 from radarsim.server.host import Host
@@ -14,6 +14,25 @@ from radarsim.server.host.lockstep import InProcessTransport
 ROBOT: Final = "P3AT"
 AHEAD: Final = 0.5  # m ahead of a mover
 ROOM: Final = 0.9  # m around that place, in which a navigator stops it
+
+
+@dataclass(frozen=True, slots=True)
+class Mover:
+    """Another robot, which drives to and fro on a straight track.
+
+    Attributes:
+        x: Begin of the track, m.
+        y: m.
+        yaw: Direction of the track, rad.
+        length: Of the track, m.
+        speed: m/s.
+    """
+
+    x: float
+    y: float
+    yaw: float
+    length: float
+    speed: float
 
 
 class Traffic:
