@@ -98,7 +98,7 @@ def new(
 
     Args:
         file: The map file to write, such as room.yaml.
-        random: Write map K of those that 'radarsim trials --random' runs on.
+        random: Write random map K; seven families come by turn.
         town: Write a town of 200 x 200 m by this seed.
     """
     if random is not None and town is not None:

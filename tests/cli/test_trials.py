@@ -1,15 +1,12 @@
 import json
 import re
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from radarsim.autonomy.commands.trials import _failure_text
 from radarsim.autonomy.evaluation.trials import TrialResult
-from radarsim.generators.barn_worlds import make_barn_world
 
 Command = Callable[..., Any]
 QUICK = ("trials", "bug_box", "--seeds", "1", "--workers", "1")
@@ -114,65 +111,3 @@ def test_failed_trial_is_described() -> None:
     assert _failure_text(score) == (
         "bug_maze bug1 thesis radar seed 3: failed; no scan; collisions: 2"
     )
-
-
-def test_random_trials_are_resumed(radarsim: Command, tmp_path: Any) -> None:
-    file = tmp_path / "results.jsonl"
-    options = ("--algorithms", "bug2", "--workers", "1", "--output", str(file))
-    run = radarsim("trials", "--random", "1", *options)
-    assert run.code == 0
-    (line,) = file.read_text().splitlines()
-    told = json.loads(line)
-    assert (told["number"], told["family"], told["correct"]) == (0, "boxes", True)
-    again = radarsim("trials", "--random", "1", *options)
-    assert file.read_text().splitlines() == [line]
-    assert again.text == run.text
-    assert run.text.splitlines()[1].split() == ["boxes", "1/1", "0", "0", "0"]
-
-
-@pytest.mark.parametrize(
-    ("options", "text"),
-    [
-        pytest.param(["--output", "x"], "with --random", id="without"),
-        pytest.param(["--random", "1", "bug_box"], "MAP", id="maps"),
-        pytest.param(["--random", "1", "--rules", "all"], "--rules", id="rules"),
-        pytest.param(["--random", "1", "--json"], "--json", id="json"),
-        pytest.param(["--random", "0"], "--random", id="none"),
-        pytest.param(["--random", "1", "--output", __file__], "expected", id="file"),
-    ],
-)
-def test_random_trials_refuse_other_options(
-    radarsim: Command, options: list[str], text: str
-) -> None:
-    run = radarsim("trials", *options)
-    assert (run.code, run.out) == (2, b"")
-    assert text in run.err
-
-
-@pytest.mark.slow
-def test_folder_of_worlds_of_barn_runs_and_goes_on(
-    radarsim: Command, tmp_path: Path
-) -> None:
-    world = make_barn_world(5)  # whose passages are wide enough
-    (tmp_path / "world_5.world").write_text(world.as_sdf())
-    np.save(tmp_path / "path_5.npy", world.path)
-    output = tmp_path / "runs.jsonl"
-    options = ("--barn", tmp_path, "--algorithms", "planned", "--output", output)
-    run = radarsim("trials", *options, "--workers", "1")
-    assert run.code == 0, run.err
-    (line,) = output.read_text().splitlines()
-    told = json.loads(line)
-    assert (told["outcome"], told["success"], told["collisions"]) == (
-        "reached",
-        True,
-        0,
-    )
-    assert told["actual_time"] < told["time"]
-    assert told["barn_score"] == pytest.approx(
-        told["optimal_time"] / told["actual_time"], abs=0.001
-    )
-    _, row = run.text.splitlines()
-    assert row.split()[:5] == ["planned", "laser", "1/1", "1/1", "0"]
-    again = radarsim("trials", *options)
-    assert again.text == run.text
-    assert output.read_text().splitlines() == [line]

@@ -5,12 +5,12 @@ from collections import Counter
 from dataclasses import replace
 
 import pytest
-
-from radarsim.autonomy.evaluation.random_trials import (
+from random_trials import (
     Expectation,
     load_random_map,
     raster_truth,
 )
+
 from radarsim.autonomy.evaluation.shortest_path import shortest_path
 from radarsim.generators.random_maps import (
     FAMILIES,

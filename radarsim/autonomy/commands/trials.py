@@ -1,19 +1,14 @@
-"""``radarsim trials``: score navigation on maps.
-
-With ``--random`` they run on random maps, with ``--barn`` on worlds of the BARN
-benchmark, and each trial is written as a line of JSON.
-"""
+"""``radarsim trials``: score navigation on maps."""
 
 from __future__ import annotations
 
 import json
 import time
-from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
-from statistics import fmean, median
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
+from statistics import fmean
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import click
 from annotated_types import Ge
@@ -23,8 +18,7 @@ from rich.text import Text
 
 from radarsim.autonomy.navigation.algorithms import Algorithm, Rule
 from radarsim.cli.compile_progress import compile_now, with_bar, with_compile_progress
-from radarsim.cli.fields import Json, OutputFile
-from radarsim.cli.files import check_writable
+from radarsim.cli.fields import Json
 from radarsim.cli.output import print_lines
 from radarsim.errors import MapError, PresetError, escape_unprintable, expected_one_of
 from radarsim.plans import RARE, Form, Option
@@ -32,173 +26,6 @@ from radarsim.processes import process_cpu_count, raise_on_signals
 
 if TYPE_CHECKING:
     from radarsim.autonomy.evaluation.trials import TrialResult, TrialSpec
-
-
-Spec = TypeVar("Spec")
-
-
-def run_random(
-    count: int,
-    algorithms: Sequence[str],
-    output: Path | None,
-    workers: int,
-) -> None:
-    """Run the trials that are left, write a line for each, and print a summary.
-
-    Args:
-        count: Number of maps.
-        algorithms: Algorithms, each of which runs on each map.
-        output: File of the lines; those that it holds already are not run again.
-        workers: Number of processes.
-    """
-    from radarsim.autonomy.evaluation.random_trials import (
-        all_random_trials,
-        read_results,
-        run_random_trial,
-    )
-    from radarsim.autonomy.evaluation.task_runner import split_tasks
-
-    specs = all_random_trials(count, algorithms)
-    earlier = _read_earlier(output, read_results)
-    todo, results = split_tasks(specs, earlier, ("number", "algorithm"))
-    results += _run_logged(run_random_trial, todo, output, workers)
-    results.sort(key=lambda each: (each["number"], algorithms.index(each["algorithm"])))
-    Console().print(_random_table(results))
-    for each in results:
-        if not each["correct"]:
-            print_lines([_random_failure(each)])
-
-
-def run_barn(
-    folder: Path,
-    algorithms: Sequence[str],
-    sensors: Sequence[str],
-    output: Path | None,
-    workers: int,
-) -> None:
-    """Run trials on the worlds of a folder as ``run_random`` does.
-
-    Args:
-        folder: The folder.
-        algorithms: Algorithms, each of which runs on each world.
-        sensors: Sensors, likewise.
-        output: File of the lines; those that it holds already are not run again.
-        workers: Number of processes.
-    """
-    from radarsim.autonomy.evaluation.barn_trials import (
-        all_barn_trials,
-        read_barn_results,
-        run_barn_trial,
-    )
-    from radarsim.autonomy.evaluation.task_runner import split_tasks
-
-    earlier = _read_earlier(output, read_barn_results)
-    specs = all_barn_trials(folder, algorithms, sensors)
-    todo, results = split_tasks(specs, earlier, ("number", "algorithm", "sensor"))
-    # Before any trial, so that a wrong file is not found after minutes.
-    for spec in {spec.number: spec for spec in todo}.values():
-        spec.read()
-    results += _run_logged(run_barn_trial, todo, output, workers)
-    results.sort(key=lambda each: (each["algorithm"], each["sensor"], each["number"]))
-    Console().print(_barn_table(results))
-    for each in results:
-        if not each["success"]:
-            touches = f"touches: {each['collisions']}" if each["collisions"] else ""
-            reasons = "; ".join(filter(None, (each["outcome"], each["note"], touches)))
-            by = f"{each['algorithm']} {each['sensor']}"
-            print_lines([f"world {each['number']} {by}: {reasons}"])
-
-
-def _read_earlier(
-    output: Path | None, read: Callable[[Path], list[dict[str, Any]]]
-) -> list[dict[str, Any]]:
-    if output is None:
-        return []
-    check_writable(output, "--output")
-    try:
-        return read(output)
-    except (OSError, ValueError) as error:
-        raise click.BadParameter(str(error), param_hint="--output") from None
-
-
-def _run_logged(
-    function: Callable[[Spec], Any],
-    todo: Sequence[Spec],
-    output: Path | None,
-    workers: int,
-) -> list[dict[str, Any]]:
-    """Run trials, add a line for each to a file, and return what the lines hold."""
-    from radarsim.autonomy.evaluation.task_runner import opened_log, run_tasks
-
-    if not todo:
-        return []
-    # Once, instead of in each process.
-    compile_now()
-    results = []
-    running = run_tasks(function, todo, workers=min(workers, len(todo)))
-    with raise_on_signals(), closing(running), opened_log(output) as add:
-        for result in with_bar(running, "trials", len(todo)):
-            results.append(result.unwrap().to_dict())
-            add(results[-1])
-    return results
-
-
-def _barn_table(results: Sequence[dict[str, Any]]) -> Table:
-    table = Table(box=None, pad_edge=False, collapse_padding=True)
-    table.add_column("algorithm", no_wrap=True)
-    table.add_column("sensor", no_wrap=True)
-    for column in ("success", "reached", "touches", "ratio", "score"):
-        table.add_column(column, justify="right")
-    groups: dict[tuple[str, str], list[dict[str, Any]]] = {}
-    for each in results:
-        groups.setdefault((each["algorithm"], each["sensor"]), []).append(each)
-    for key, group in groups.items():
-        reached = [each for each in group if each["outcome"] == "reached"]
-        ratios = [
-            each["path_length"] / each["shortest_path"]
-            for each in reached
-            if each["shortest_path"] is not None
-        ]
-        table.add_row(
-            *(Text(escape_unprintable(name)) for name in key),
-            f"{sum(each['success'] for each in group)}/{len(group)}",
-            f"{len(reached)}/{len(group)}",
-            str(sum(each["collisions"] for each in group)),
-            f"{median(ratios):.2f}" if ratios else "-",
-            f"{fmean(each['barn_score'] for each in group):.3f}",
-        )
-    return table
-
-
-def _random_table(results: Sequence[dict[str, Any]]) -> Table:
-    table = Table(box=None, pad_edge=False, collapse_padding=True)
-    table.add_column("family", no_wrap=True)
-    for column in ("correct", "false no path", "touches", "failed"):
-        table.add_column(column, justify="right")
-    groups: dict[str, list[dict[str, Any]]] = {}
-    for each in results:
-        groups.setdefault(each["family"], []).append(each)
-    if len(groups) > 1:
-        groups["all"] = list(results)
-    for name, group in groups.items():
-        endings = Counter((each["outcome"], each["expected"]) for each in group)
-        table.add_row(
-            name,
-            f"{sum(each['correct'] for each in group)}/{len(group)}",
-            str(endings["no_path", "reached"]),
-            str(sum(each["collisions"] for each in group)),
-            str(sum(each["outcome"] == "failed" for each in group)),
-        )
-    return table
-
-
-def _random_failure(result: dict[str, Any]) -> str:
-    collisions = f"collisions: {result['collisions']}" if result["collisions"] else ""
-    told = f"{result['outcome']}, expected {result['expected']}"
-    reasons = "; ".join(filter(None, (told, result["note"], collisions)))
-    name = f"map {result['number']} ({result['family']}) {result['algorithm']}"
-    sensor = f"{result['sensor']} N = {result['side_offset']}"
-    return f"{name} {sensor}: {reasons}"
 
 
 def _read_names(text: str) -> tuple[str, ...]:
@@ -219,11 +46,8 @@ def trials(
     ] = (),
     *,
     algorithms: Names = ("bug1", "bug2"),
-    sensors: Names | None = None,
+    sensors: Names = ("radar",),
     seeds: Annotated[int, Ge(1), Option(metavar="K")] = 3,
-    random: Annotated[int | None, Ge(1)] = None,
-    barn: Annotated[Path | None, Option(metavar="FOLDER")] = None,
-    output: OutputFile = None,
     as_json: Json = False,
     rules: Annotated[Names, RARE] = ("share",),
     workers: Annotated[int | None, Ge(1), RARE] = None,
@@ -235,14 +59,8 @@ def trials(
     Args:
         maps: Maps that have a trial; by default all that are made for trials.
         algorithms: Algorithms to compare.
-        sensors: Sensor presets, which see all the way round; by default radar, and
-            laser with --barn.
+        sensors: Sensor presets, which see all the way round.
         seeds: Repeat each trial with seeds 0 to K - 1.
-        random: Run on random maps 0 to N - 1 instead: radar and laser alternate.
-        barn: Run on worlds of the BARN benchmark instead: world_N.world and
-            path_N.npy.
-        output: With --random and --barn: add a line of JSON for each trial; those that
-            are in the file are not run again.
         as_json: Print JSON, for programs.
         rules: Rules of the bumpers to compare.
         workers: Number of processes; one for each core by default.
@@ -250,30 +68,6 @@ def trials(
     from radarsim.autonomy.evaluation.trials import MAPS, all_trials
 
     workers = workers or process_cpu_count()
-    if random is not None or barn is not None:
-        mode = "--random" if random is not None else "--barn"
-        refused = {
-            "--rules": rules != (Rule.SHARE,),
-            "MAP": bool(maps),
-            "--barn": None not in (random, barn),
-            "--sensors": random is not None and sensors is not None,
-        }
-        for hint, is_given in refused.items():
-            if is_given:
-                raise click.BadParameter(f"not with {mode}", param_hint=hint)
-        if as_json:
-            text = f"not with {mode}, whose --output is JSON"
-            raise click.BadParameter(text, param_hint="--json")
-        _check((), algorithms, sensors or ())
-        if random is not None:
-            run_random(random, algorithms, output, workers)
-        elif barn is not None:
-            run_barn(barn, algorithms, sensors or ("laser",), output, workers)
-        return
-    if output is not None:
-        text = "expected with --random or --barn"
-        raise click.BadParameter(text, param_hint="--output")
-    sensors = sensors or ("radar",)
     names = maps or MAPS
     _check(names, algorithms, sensors, rules)
     todo = all_trials(names, algorithms, sensors, seeds, rules)

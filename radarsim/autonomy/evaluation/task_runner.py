@@ -117,23 +117,6 @@ Value = TypeVar("Value")
 Batch = list[tuple[int, Task]]
 
 
-def split_tasks(
-    tasks: Iterable[Task], log: Iterable[dict[str, Any]], keys: Sequence[str]
-) -> tuple[list[Task], list[dict[str, Any]]]:
-    """Return the tasks that have no result yet, and the results of the others.
-
-    Args:
-        tasks: The tasks.
-        log: Results of these and of other tasks.
-        keys: Attributes that tell tasks apart; results have keys of the same names.
-    """
-    by_key = {tuple(getattr(task, key) for key in keys): task for task in tasks}
-    known = [(tuple(result[key] for key in keys), result) for result in log]
-    done = {key for key, _ in known}
-    left = [task for key, task in by_key.items() if key not in done]
-    return left, [result for key, result in known if key in by_key]
-
-
 @dataclass(frozen=True, slots=True)
 class TaskResult(Generic[Value]):
     """What became of a task.

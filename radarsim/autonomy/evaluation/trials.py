@@ -5,7 +5,7 @@ the length of the shortest path.
 """
 
 import math
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, fields
 from functools import cache
@@ -100,7 +100,6 @@ def run_plan(
     host: Host,
     *,
     seed: int = 0,
-    after_tick: Callable[[], None] = lambda: None,
 ) -> Row:
     """Run a plan in lockstep with a server of its own, and judge it by the truth.
 
@@ -108,10 +107,9 @@ def run_plan(
         plan: A drive to a goal, or an exploration, whose map is scored.
         host: The server.
         seed: Seed of exploration strategies that use chance.
-        after_tick: Called after every tick of a drive.
     """
     if isinstance(plan, Mission):
-        return _drive(plan, host, after_tick)
+        return _drive(plan, host)
     run, note = MappingRun(plan, host, seed=seed), ""
     try:
         run.run(("", 0))
@@ -130,15 +128,11 @@ def run_plan(
     )
 
 
-def _drive(mission: Mission, host: Host, after_tick: Callable[[], None]) -> Row:
+def _drive(mission: Mission, host: Host) -> Row:
     monitor = GroundTruthMonitor(host)
     outcome, note, circuits = "failed", "", 0
 
-    def watch() -> None:
-        monitor.watch()
-        after_tick()
-
-    with Client(InProcessTransport(host, after_tick=watch)) as client:
+    with Client(InProcessTransport(host, after_tick=monitor.watch)) as client:
         try:
             result = run_mission(client, mission)
             outcome, circuits = result.outcome, result.circuits

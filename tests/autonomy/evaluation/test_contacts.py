@@ -2,10 +2,10 @@
 
 import math
 
+from random_trials import load_random_map
 from traffic import Mover, Traffic
 
 from radarsim.autonomy.evaluation.navigation_run import Contact, GroundTruthMonitor
-from radarsim.autonomy.evaluation.random_trials import load_random_map
 from radarsim.client import Client
 from radarsim.generators.random_maps import Block, RandomMap
 from radarsim.geometry import Pose2

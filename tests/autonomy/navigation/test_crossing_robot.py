@@ -3,9 +3,9 @@
 import math
 
 import pytest
+from random_trials import load_random_map
 
 from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
-from radarsim.autonomy.evaluation.random_trials import load_random_map
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.mission import run_mission
 from radarsim.autonomy.navigation.plans import Mission

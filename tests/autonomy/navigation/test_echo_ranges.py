@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from random_trials import load_random_map
 
 from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
-from radarsim.autonomy.evaluation.random_trials import load_random_map
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.mission import run_mission
 from radarsim.autonomy.navigation.observation import (

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from random_trials import load_random_map
 
-from radarsim.autonomy.evaluation.random_trials import load_random_map
 from radarsim.autonomy.evaluation.trials import run_plan
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.control import STOP, Twist

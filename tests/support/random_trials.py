@@ -1,7 +1,7 @@
-"""Trials on random maps: one line of JSON for each, resumable, judged by a raster.
+"""Trials on random maps, judged by a raster.
 
 Side beams (0, 25 or 50 UU beside the centre) and the sensor (radar or laser) go by turn
-over the maps, and every map is run with every algorithm.
+over the maps.
 
 The raster is of the map's plan, and tells what a robot can reach there.
 
@@ -11,8 +11,7 @@ shared with navigators, nor with the free space of scenes: a truth of its own.
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -24,8 +23,7 @@ from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from radarsim.autonomy.evaluation.task_runner import read_log
-from radarsim.autonomy.evaluation.trials import SCANNER, SENSORS, Row, run_plan
+from radarsim.autonomy.evaluation.trials import SCANNER, SENSORS, run_plan
 from radarsim.autonomy.navigation.algorithms import (
     ROBOT_HALF_WIDTH,
     ROBOT_RADIUS,
@@ -33,7 +31,6 @@ from radarsim.autonomy.navigation.algorithms import (
 )
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.generators.random_maps import (
-    FAMILIES,
     SAFETY_DISTANCE,
     RandomMap,
     make_random_map,
@@ -52,22 +49,6 @@ _MOVES: Final = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (1, 2), (2, -1), (1, -
 SIDE_OFFSETS: Final = (0, 25, 50)  # UU
 UU: Final = 0.004  # m
 TIME_LIMIT: Final = 1800.0  # s of simulated time
-RESULT: Final = (
-    "number",
-    "algorithm",
-    "family",
-    "sensor",
-    "side_offset",
-    "expected",
-    "outcome",
-    "collisions",
-    "path_length",
-    "shortest_path",
-    "time",
-    "note",
-    "correct",
-)
-
 
 _Cell = TypeVar("_Cell", bound=np.generic)
 
@@ -180,106 +161,36 @@ def _shifted(cells: NDArray[_Cell], dx: int, dy: int) -> NDArray[_Cell]:
     return cells[max(-dx, 0) : columns - max(dx, 0), max(-dy, 0) : rows - max(dy, 0)]
 
 
-@dataclass(frozen=True, slots=True)
-class RandomTrialSpec:
-    """One trial: which random map, and which algorithm.
+def random_trial_errors(number: int, algorithm: str) -> list[str]:
+    """Run an algorithm on a random map, and return what is wrong with the result.
 
-    Attributes:
+    Args:
         number: Number of the map.
         algorithm: Name of the algorithm.
     """
-
-    number: int
-    algorithm: str
-
-    @property
-    def family(self) -> str:
-        """Family of the map."""
-        return FAMILIES[self.number % len(FAMILIES)]
-
-    @property
-    def sensor(self) -> str:
-        """Sensor preset of the map's trials."""
-        return SENSORS[self.number % len(SENSORS)]
-
-    @property
-    def side_offset(self) -> int:
-        """Offset of the radar's side beams, UU."""
-        return SIDE_OFFSETS[self.number % len(SIDE_OFFSETS)]
-
-    @property
-    def reach(self) -> float:
-        """How far beside its beams the sensor sees, m."""
-        return self.side_offset * UU if self.sensor == "radar" else 0.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class RandomTrialResult(Row, RandomTrialSpec):
-    """The result of a trial on a random map.
-
-    Attributes:
-        expected: What a navigator has to tell, by the raster.
-    """
-
-    expected: str
-
-    @property
-    def correct(self) -> bool:
-        """Whether the robot told what it has to, and touched nothing."""
-        if self.collisions:
-            return False
-        verdicts = {Expectation.REACHED, Expectation.NO_PATH}
-        if self.expected in verdicts:
-            return self.outcome == self.expected
-        return self.outcome in {*verdicts, self.expected}
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the result for JSON, rounded to mm and ms."""
-        return self.select(RESULT)
-
-
-def all_random_trials(count: int, algorithms: Sequence[str]) -> list[RandomTrialSpec]:
-    """Return the trials of the first maps.
-
-    Args:
-        count: Number of maps.
-        algorithms: Algorithms, each of which runs on each map.
-    """
-    return [
-        RandomTrialSpec(number, algorithm)
-        for number in range(count)
-        for algorithm in algorithms
-    ]
-
-
-def read_results(file: Path) -> list[dict[str, Any]]:
-    """Read the lines of earlier results; an incomplete last line is left out.
-
-    Raises:
-        OSError: If the file exists and cannot be read.
-        ValueError: If it has other lines.
-    """
-    return read_log(file, RESULT, "the result of a trial on a random map")
-
-
-def run_random_trial(spec: RandomTrialSpec) -> RandomTrialResult:
-    """Run one trial."""
-    map_ = make_random_map(spec.number)
-    truth = raster_truth(map_, SAFETY_DISTANCE, spec.reach)
-    settings = {"sensor": spec.sensor, "fov_deg": 359, "resolution_deg": 1}
-    if spec.sensor == "radar":
-        settings["side_offset_uu"] = spec.side_offset
+    map_, offset = make_random_map(number), SIDE_OFFSETS[number % len(SIDE_OFFSETS)]
+    settings: dict[str, Any] = {"sensor": SENSORS[number % len(SENSORS)]}
+    reach = 0.0
+    if settings["sensor"] == "radar":
+        settings["side_offset_uu"], reach = offset, offset * UU
+    truth = raster_truth(map_, SAFETY_DISTANCE, reach)
+    settings |= {"fov_deg": 359, "resolution_deg": 1}
     config = SimulationConfig(item_settings={SCANNER: settings})
-    host = Host(load_random_map(map_), config=config, seed=spec.number)
     mission = Mission(
-        algorithm=Algorithm(spec.algorithm),
+        algorithm=Algorithm(algorithm),
         goals=(map_.goal,),
         safety_distance=SAFETY_DISTANCE,
         time_limit=TIME_LIMIT,
     )
-    row = vars(run_plan(mission, host)) | {"shortest_path": truth.shortest}
-    expected = truth.expectation.value
-    return RandomTrialResult(**asdict(spec), **row, expected=expected)
+    row = run_plan(mission, Host(load_random_map(map_), config=config, seed=number))
+    verdicts = {Expectation.REACHED, Expectation.NO_PATH}
+    allowed = {truth.expectation}
+    if truth.expectation not in verdicts:
+        allowed |= verdicts
+    errors = [f"{row.collisions} collisions"] if row.collisions else []
+    if row.outcome not in allowed:
+        errors.append(f"{row.outcome} {row.note}, expected one of {sorted(allowed)}")
+    return errors
 
 
 def load_random_map(map_: RandomMap) -> Scene:
