@@ -118,15 +118,6 @@ def test_port_in_use_is_told_before_the_map_is_read(
     assert "no_such_map" not in run.text + run.err
 
 
-def test_port_in_use_has_a_cure_with_through(
-    radarsim: RunCommand, tmp_path: Path, taken_port: str
-) -> None:
-    run = radarsim("map", "-o", str(tmp_path / "m"), "--through", taken_port)
-    assert run.code == 1
-    assert "in use by another program" in run.err
-    assert "--through 0" in run.err
-
-
 @pytest.mark.parametrize("suffix", ["gif", "jpg", "txt"])
 def test_scan_is_not_written_into_a_file_of_another_format(
     radarsim: RunCommand, tmp_path: Path, suffix: str

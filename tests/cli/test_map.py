@@ -16,7 +16,6 @@ from processes import start_radarsim
 from radarsim.addons.testing import UsarsimServer
 from radarsim.autonomy.exploration.exploration import warm_up
 from radarsim.client import Client
-from radarsim.protocol.reports import Ins, RangeScan
 from radarsim.scene.map_file import shipped_maps
 from radarsim.scene.scene import Scene
 
@@ -190,11 +189,6 @@ def test_options_reach_robot_and_mapper(radarsim: Command, tmp_path: Path) -> No
     [
         pytest.param(["--connect", "h:1", "--seed", "1"], ["--seed", "MAP"], id="seed"),
         pytest.param(
-            ["--through", "3456", "--connect", "127.0.0.1:3456"],
-            ["--through", "3456"],
-            id="loop",
-        ),
-        pytest.param(
             ["--connect", "h:1", "--set", "a.b=1"], ["--set", "MAP"], id="set"
         ),
         pytest.param([*SEEN, "--connect", "h:1"], ["MAP and --connect"], id="server"),
@@ -214,31 +208,19 @@ def test_options_reach_robot_and_mapper(radarsim: Command, tmp_path: Path) -> No
             [*SEEN, "--way=1,2", "--strategy", "auto"], ["only one of"], id="two ways"
         ),
         pytest.param([*FOLIAGE, "--way", "1;2"], ["--way", "X,Y"], id="way"),
-        pytest.param([*SEEN, "--mount", "0,0,0"], ["--mount"], id="mount"),
-        pytest.param([*SEEN, "--max-range", "9"], ["--max-range"], id="range"),
-        pytest.param(
-            ["--through", "0", "--mount", "0,0"], ["--mount"], id="mount of two"
-        ),
-        pytest.param(
-            ["--through", "0", "--max-range", "0"], ["--max-range"], id="no range"
-        ),
         pytest.param([*SEEN, "--film", "x.avi"], ["--film", ".gif"], id="film"),
         pytest.param([*SEEN, "--film", "no/x.gif"], ["no such folder"], id="folder"),
         pytest.param([*SEEN, "--film-speed", "0"], ["--film-speed"], id="film speed"),
         pytest.param(
-            ["--through", "0", "--film", "x.avi"], ["--film"], id="film of another"
+            ["--watch", "R1", "--film", "x.avi"], ["--film"], id="film of another"
         ),
         pytest.param([*SEEN[:1], "--strategy", "luck"], ["--strategy"], id="strategy"),
-        pytest.param(["--through", "0", "x"], ["--through"], id="through"),
-        pytest.param(["--through", "0", "--way", "1,2"], ["--way"], id="whose way"),
-        pytest.param(
-            ["--watch", "R1", "--through", "0"], ["--watch", "--through"], id="both"
-        ),
+        pytest.param(["--watch", "R1", "x"], ["--watch"], id="watch on a map"),
         pytest.param(["--watch", "R1,R2"], ["--watch", "R1,R2"], id="watch two"),
         pytest.param(["--watch", " "], ["--watch"], id="watch nobody"),
         pytest.param(["--watch", "R1", "--way", "1,2"], ["--way"], id="watch and go"),
         pytest.param(
-            ["--through", "0", "--strategy", "contour"], ["--strategy"], id="who drives"
+            ["--watch", "R1", "--strategy", "contour"], ["--strategy"], id="who drives"
         ),
     ],
 )
@@ -462,55 +444,6 @@ def _compiled(empty_room: Scene) -> None:  # noqa: ARG001
     warm_up()
 
 
-class Through:
-    """``radarsim map --through`` in a process of its own."""
-
-    def __init__(self, folder: Path, server: int, *options: str) -> None:
-        through = ("--through", "0", "--connect", server_of(server), *options)
-        self.process = start_radarsim("map", "-o", str(folder), *through)
-        assert self.process.stderr is not None
-        line = self.process.stderr.readline().decode()
-        assert line.startswith("radarsim: listening on 127.0.0.1:")
-        self.port = int(line.rpartition(":")[2])
-
-    def end(self) -> tuple[int, str, str]:
-        self.process.send_signal(signal.SIGINT)
-        out, errors = self.process.communicate(timeout=240)
-        return self.process.returncode, out.decode(), errors.decode()
-
-
-@pytest.mark.slow
-@fast_server
-@pytest.mark.parametrize("echoes", [True, False])
-def test_robot_of_another_client_is_mapped_through_the_proxy(
-    usarsim_server: UsarsimServer, tmp_path: Path, echoes: bool
-) -> None:
-    film = tmp_path / "run.gif"
-    options = ("--json", "--film", str(film))
-    tap = Through(tmp_path, usarsim_server.address[1], *options)
-    with Client.connect("127.0.0.1", tap.port) as client:
-        client.spawn("P3AT_Radar360", start="RobotStart1")
-        facts = client.robot_info()
-        if echoes:
-            client.echoes(facts.scanner().name)
-        client.drive(*facts.wheel_speeds(0.5, 0.0))
-        deadline, began = time.monotonic() + 240, client.session.time
-        while client.session.time < began + 4 and time.monotonic() < deadline:
-            client.read()
-    code, out, errors = tap.end()
-    told = json.loads(out)
-    assert code == 130
-    assert (told["outcome"], told["strategy"]) == ("overheard", None)
-    assert f"wrote {film}" in errors
-    with Image.open(film) as image:
-        assert getattr(image, "n_frames", 1) > 3
-    assert told["safety_distance"] is None
-    assert told["path_length"] > 1
-    assert told["pose_errors"]["ate"] < 0.05
-    assert told["cells"]["free"] > 50_000
-    assert sorted(file.name for file in tmp_path.iterdir()) == [*FILES, film.name]
-
-
 @pytest.mark.slow
 @fast_server
 def test_watched_robot_is_mapped_until_it_leaves(
@@ -535,36 +468,6 @@ def test_watched_robot_is_mapped_until_it_leaves(
     assert told["pose_errors"]["ate"] < 0.05
     assert told["cells"]["free"] > 50_000
     assert sorted(file.name for file in tmp_path.iterdir()) == FILES
-
-
-@pytest.mark.slow
-@fast_server
-def test_no_map_is_written_when_no_client_connects(
-    usarsim_server: UsarsimServer, tmp_path: Path
-) -> None:
-    code, _, errors = Through(tmp_path, usarsim_server.address[1]).end()
-    assert code == 1
-    assert "radarsim: no map: no scan has passed\n" in errors
-    assert not [*tmp_path.iterdir()]
-
-
-@pytest.mark.slow
-@pytest.mark.usarsim(map="empty_room", dialect="udk", speed=4)
-def test_proxy_tells_which_motion_sources_a_robot_has(
-    usarsim_server: UsarsimServer, tmp_path: Path
-) -> None:
-    port = usarsim_server.address[1]
-    tap = Through(tmp_path, port, "--motion-from", "odometry")
-    with Client.connect("127.0.0.1", tap.port) as client:
-        client.spawn("P3AT_Radar360", start="RobotStart1")
-        client.wait_for(Ins)
-        client.wait_for(RangeScan)
-    code, _, errors = tap.end()
-    assert code == 1
-    assert (
-        "radarsim: no map: no pose from odometry has passed;"
-        " expected motion from ins or none\n" in errors
-    )
 
 
 @pytest.mark.slow

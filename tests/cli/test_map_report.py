@@ -35,7 +35,7 @@ def mapper() -> Mapper:
 
 def test_unknown_values_are_left_out(mapper: Mapper) -> None:
     first, cells = as_text(
-        MappingResult(None, "none", mapper=mapper, outcome="overheard")
+        MappingResult(None, "none", mapper=mapper, outcome="watched")
     )
     assert first == "mapped what passed: 0.00 m in 0.0 s, 1 scans"
     assert cells.startswith("map      ")
@@ -90,7 +90,7 @@ def test_view_is_titled_in_words(mapper: Mapper, empty_room: Scene) -> None:
 
 
 def test_view_of_an_unknown_robot_and_scene_can_be_drawn(mapper: Mapper) -> None:
-    view = view_of(MappingResult(None, "none", outcome="overheard"), mapper)
+    view = view_of(MappingResult(None, "none", outcome="watched"), mapper)
     assert view.title == "14 m² mapped"  # half a disc of 3 m
     assert view.subtitle.startswith("A robot that another client drives maps what it")
     assert (view.robot_class, view.outlines) == ("P3AT", ())

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from radarsim.addons.recording.recording_process import RecordingProcess
     from radarsim.addons.recording.wire_recorder import WireRecorder
     from radarsim.autonomy.mapping.mapper import Mapper
-    from radarsim.autonomy.proxy.tcp_proxy import DataCallback
+    from radarsim.autonomy.watching import DataCallback, Side
     from radarsim.client import Client
     from radarsim.server.host import Host
 
@@ -207,22 +207,21 @@ class RunRecording:
             return Client(transport)
         return Client(RecordedTransport(transport, self._wire))
 
-    def follow(self, robot: str = "") -> DataCallback | None:
-        """Return what records the connections of others; None without a recording.
+    def follow(self, robot: str) -> DataCallback:
+        """Return what records the reports of a robot of another client.
 
         Args:
-            robot: Name of the robot, if it is not in what its client sends.
+            robot: Name of the robot.
         """
         from radarsim.addons.recording.wire_recorder import FIRST
 
         wire = self._wire
         if wire is None:
-            return None
-        if robot:
-            wire.begin(FIRST, robot)
+            return lambda *_: None
+        wire.begin(FIRST, robot)
 
-        def record(number: int, side: str, data: bytes) -> None:
-            (wire.sent if side == "client" else wire.received)(number, data)
+        def record(side: Side, data: bytes) -> None:
+            (wire.sent if side == "client" else wire.received)(FIRST, data)
 
         return record
 

@@ -25,7 +25,7 @@ from radarsim.addons.recording.robot_topics import MapSnapshot, topic_name
 from radarsim.addons.recording.wire_recorder import WireRecorder
 from radarsim.addons.ros.pictures import read_pictures
 from radarsim.addons.ros.topic_options import TopicOptions
-from radarsim.autonomy.proxy.traffic_mapper import TrafficMapper
+from radarsim.autonomy.watching import RobotWatcher, WatchMapper
 from radarsim.client import AsyncClient, ClientTimeout, RobotInfo
 from radarsim.client import session as questions
 from radarsim.client.robot_info import same_name
@@ -167,12 +167,12 @@ async def publish_map(
     loop = asyncio.get_running_loop()
     while True:
         # A robot that comes again can stand anywhere: it gets a new map.
-        traffic = TrafficMapper(motion_source="ins", resolution=MAP_RESOLUTION)
+        follower = WatchMapper(motion_source="ins", resolution=MAP_RESOLUTION)
         due = -math.inf
 
-        def publish_now(traffic: TrafficMapper = traffic) -> None:
+        def publish_now(follower: WatchMapper = follower) -> None:
             nonlocal due
-            mapper = traffic.mapper
+            mapper = follower.mapper
             assert mapper is not None  # it has taken in a scan
             time = mapper.trajectory.times[-1]
             if time >= due:
@@ -181,8 +181,9 @@ async def publish_map(
                 # A map is made in a thread of its own, and topics belong to the loop.
                 loop.call_soon_threadsafe(publish, message)
 
-        traffic.on_scan = publish_now
-        await traffic.follow(server, robot, echoes=echoes)
+        follower.on_scan = publish_now
+        watcher = RobotWatcher(server, robot, echoes=echoes)
+        await follower.follow(watcher, echoes=echoes)
 
 
 class Driver:

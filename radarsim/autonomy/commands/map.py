@@ -12,7 +12,6 @@ from annotated_types import Interval
 
 from radarsim.autonomy.commands.film import check_start
 from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
-from radarsim.autonomy.navigation.plans import MapPose, Metres
 from radarsim.cli.compile_progress import with_compile_progress
 from radarsim.cli.fields import (
     LOCAL_SERVER,
@@ -23,7 +22,6 @@ from radarsim.cli.fields import (
 )
 from radarsim.cli.files import without_empty_folder
 from radarsim.cli.output import MESSAGE_FORM, start_log
-from radarsim.geometry import Pose3
 from radarsim.plans import RARE, Option
 
 
@@ -32,34 +30,18 @@ class MappedPlace(Simulation):
     """Where a robot maps: a simulation, a server, or what another client drives.
 
     Attributes:
-        through: Map what another client drives through this port.
         watch: Map this robot of another client of a radarsim server.
-        mount: With --through or --watch, pose of the scanner on the robot, if the
-            server does not tell it.
-        max_range: Likewise, maximum range of the scanner.
         seed: Seed of the simulation and of turn_away.
     """
 
     one_required: ClassVar = ()  # what is followed may be on the usual server
     at_most_one: ClassVar = (
         ("map", "connect"),
-        ("map", "through"),
         ("map", "watch"),
-        ("through", "watch"),
     )
 
-    through: Annotated[int | None, Interval(ge=0, le=65535), Option(metavar="PORT")] = (
-        None
-    )
     watch: Annotated[str | None, Option(metavar="ROBOT")] = None
-    mount: Annotated[MapPose | None, Option(needs=("through", "watch")), RARE] = None
-    max_range: Annotated[Metres | None, Option(needs=("through", "watch")), RARE] = None
     seed: Annotated[int, Interval(ge=0)] = 0
-
-    @property
-    def follows(self) -> bool:
-        """Whether another client drives."""
-        return self.through is not None or self.watch is not None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,7 +91,6 @@ def map_(
     from radarsim.autonomy.commands.map_run import MapOutput, explore, follow
     from radarsim.autonomy.evaluation.mapping_run import MappingRun
     from radarsim.autonomy.exploration.exploration import warm_up
-    from radarsim.autonomy.proxy.observer import ScannerDefaults
 
     recording = RunRecording(files.record, plan.drive_unit, robots_map=True)
     # Without the variant of a map, which follows an ``@``.
@@ -125,17 +106,8 @@ def map_(
     )
     address = where.connect or LOCAL_SERVER
     with without_empty_folder(map_files.stem.parent):
-        if where.follows:
-            at = where.mount
-            mount = None if at is None else Pose3(at.x, at.y, 0, yaw=at.yaw)
-            return follow(
-                plan,
-                output,
-                address,
-                port=where.through,
-                robot=where.watch,
-                defaults=ScannerDefaults(mount, where.max_range),
-            )
+        if where.watch is not None:
+            return follow(plan, output, address, where.watch)
         output.check(served=where.map)
         settings = where.item_settings()
         served = recording.load_host(where.map, seed=where.seed, settings=settings)
@@ -153,13 +125,13 @@ def _check_combination(
     where: MappedPlace, plan: ExplorationPlan, files: MapFileOptions
 ) -> None:
     """Refuse options that exclude each other, or that nothing would use."""
-    if where.map is None and where.connect is None and not where.follows:
+    if where.map is None and where.connect is None and where.watch is None:
         raise click.UsageError("missing: one of MAP and --connect")
     is_random = plan.strategy is StrategyName.TURN_AWAY
     if where.seed and where.map is None and not is_random:
         text = "expected MAP or --strategy turn_away with it"
         raise click.BadParameter(text, param_hint="--seed")
-    if where.follows:
+    if where.watch is not None:
         default = ExplorationPlan()
         driving = {
             "--strategy": plan.strategy is not default.strategy,
@@ -171,8 +143,7 @@ def _check_combination(
             "--plot": files.plot,
             "--foliage-density": plan.foliage_density,
         }
-        followed = "--watch" if where.through is None else "--through"
-        text = f"expected no {followed} with it, where another client drives"
+        text = "expected no --watch with it, where another client drives"
         for name, value in driving.items():
             if value:
                 raise click.BadParameter(text, param_hint=name)

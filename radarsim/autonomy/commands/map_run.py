@@ -25,34 +25,22 @@ from radarsim.autonomy.exploration.exploration import (
 )
 from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.plotting.area import draw_area_curves
-from radarsim.autonomy.proxy.observer import ScannerDefaults
-from radarsim.autonomy.proxy.traffic_mapper import TrafficMapper
+from radarsim.autonomy.watching import RobotWatcher, WatchMapper
 from radarsim.cli.compile_progress import live_status
 from radarsim.cli.files import PICTURE_FORMS, check_ending, check_writable, write_file
 from radarsim.cli.output import print_lines, print_message, start_log
-from radarsim.errors import (
-    PortUnavailable,
-    ServerError,
-    describe_os_error,
-    join_address,
-)
+from radarsim.errors import describe_os_error
 from radarsim.plotting.style import as_words
 from radarsim.processes import raise_on_signals
 
-LISTEN: Final = "127.0.0.1"
-_GUESS: Final = (
-    "no client has asked where {!r} is mounted on the robot, and how far it sees;"
-    " these are guessed, expected --mount and --max-range"
-)
 CLASSES: Final = ("free", "obstacle", "foliage", "smoke")
 ENDINGS: Final = {
     "incomplete": "given up",
     "time_limit": "time is up",
     "broken_off": "interrupted",
-    "overheard": "mapped what passed",
     "watched": "mapped what was watched",
 }
-Source: TypeAlias = Exploration | TrafficMapper
+Source: TypeAlias = Exploration | WatchMapper
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,104 +219,62 @@ def explore(run: MappingRun, output: MapOutput, address: tuple[str, int]) -> Non
 
 
 def follow(
-    plan: ExplorationPlan,
-    output: MapOutput,
-    server: tuple[str, int],
-    *,
-    port: int | None,
-    robot: str | None,
-    defaults: ScannerDefaults,
+    plan: ExplorationPlan, output: MapOutput, server: tuple[str, int], robot: str
 ) -> int:
-    """Map what a robot reports that another client drives.
-
-    Either a port is forwarded to the server until a signal comes, or a robot of
-    radarsim is watched until it leaves.
+    """Map what a robot of another client reports, until it leaves or a signal comes.
 
     Args:
         plan: The scanner, the source of its motion, and the map's cells.
         output: What is made of the map.
-        server: Host and port of the server.
-        port: Port to listen on; 0 for a free one, None to watch a robot.
-        robot: Name of that robot.
-        defaults: What the server may not tell of the scanner.
+        server: Host and port of the server, which is one of radarsim.
+        robot: Name of the robot.
 
     Returns:
         The exit code.
 
     Raises:
-        ServerError: If the port is taken.
         click.BadParameter: If an option is wrong.
     """
-    host, served = server
-    if robot is not None and (not robot.strip() or "," in robot):
+    if not robot.strip() or "," in robot:
         text = f"{robot[:80]!r}, expected the name of a robot, without commas"
         raise click.BadParameter(text, param_hint="--watch")
-    # It would connect to itself, again and again.
-    if port == served and host in (LISTEN, "localhost", "0.0.0.0", "::1"):
-        text = f"{port}, expected another port than the server's, see --connect"
-        raise click.BadParameter(text, param_hint="--through")
-    traffic = TrafficMapper(
+    watcher = RobotWatcher(server, robot, echoes=plan.echoes)
+    watcher.on_wait = lambda: print_message(f"waiting for the robot {robot[:80]!r}")
+    follower = WatchMapper(
         motion_source=plan.motion_source,
         resolution=plan.resolution,
         map_range=plan.map_range,
         scanner=plan.scanner,
-        defaults=defaults,
     )
-    traffic.on_guess = lambda name: print_message(_GUESS.format(name))
     recording = output.recording
     output.check()
     start_log(logging.WARNING, "%(message)s")
-    # Before clients connect: else scans pass while kernels are being compiled.
+    # Before it connects: else scans pass while kernels are being compiled.
     warm_up()
-    outcome = "overheard" if robot is None else "watched"
     result = MappingResult(
-        None, traffic.motion_source, trip=traffic.trip, outcome=outcome
+        None, follower.motion_source, trip=follower.trip, outcome="watched"
     )
-    camera = MapCamera(result, traffic)
+    camera = MapCamera(result, follower)
     with (
         raise_on_signals(),
         recording,
         filmed(output.film, camera.draw, output.film_speed) as update_film,
     ):
-        traffic.on_data = recording.follow(robot or "")
-        with map_progress(traffic) as update:
+        follower.on_data = recording.follow(robot)
+        with map_progress(follower) as update:
 
             def note_scan() -> None:
                 update("listening")
-                update_film(traffic.trip.time)
-                recording.add_map(traffic.mapper)
+                update_film(follower.trip.time)
+                recording.add_map(follower.mapper)
 
-            # called in the observer's thread; the proxy forwards meanwhile
-            traffic.on_scan = note_scan
-            code = _run_traffic(traffic, server, port or 0, robot, plan.echoes)
-        recording.add_map(traffic.mapper, last=True)
-        result.mapper, result.dropped = traffic.mapper, traffic.dropped
+            follower.on_scan = note_scan
+            code = follower.watch(watcher, echoes=plan.echoes)
+        recording.add_map(follower.mapper, last=True)
+        result.mapper = follower.mapper
         save_map(result, output.files)
-        if traffic.error and not result.error:
-            result.error = traffic.error
-            print_message(traffic.error)
+        if follower.error and not result.error:
+            result.error = follower.error
+            print_message(follower.error)
         print_result(result, as_json=output.as_json)
     return 1 if result.error else code
-
-
-def _run_traffic(
-    traffic: TrafficMapper,
-    server: tuple[str, int],
-    port: int,
-    robot: str | None,
-    echoes: bool,
-) -> int:
-    if robot is not None:
-
-        def tell_wait() -> None:
-            print_message(f"waiting for the robot {robot[:80]!r}")
-
-        return traffic.watch(server, robot, tell_wait, echoes=echoes)
-
-    def announce(address: tuple[str, int]) -> None:
-        print_message(f"listening on {join_address(*address)}")
-
-    try:
-        return traffic.run(server, (LISTEN, port), announce)
-    except PortUnavailable as error:
-        raise ServerError(f"{error}; --through 0 takes a free one") from None

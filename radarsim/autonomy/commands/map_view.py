@@ -16,7 +16,7 @@ from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.plotting.frames import MapFrames, first_map_extent
 from radarsim.autonomy.plotting.maps import MapView
 from radarsim.autonomy.plotting.outlines import Outline, outlines_of
-from radarsim.autonomy.proxy.traffic_mapper import TrafficMapper
+from radarsim.autonomy.watching import WatchMapper
 from radarsim.plotting.film import Pixels
 
 TITLE_ENDINGS: Final = {
@@ -96,7 +96,7 @@ class MapCamera:
     def __init__(
         self,
         result: MappingResult,
-        source: Exploration | TrafficMapper,
+        source: Exploration | WatchMapper,
     ) -> None:
         """Prepare films.
 

@@ -7,9 +7,7 @@ from typing import cast
 
 import pytest
 
-from radarsim.autonomy.proxy.line_queue import Side
-from radarsim.autonomy.proxy.observer import ConnectionState
-from radarsim.autonomy.proxy.traffic_mapper import RobotWatcher, watch_until_signal
+from radarsim.autonomy.watching import RobotWatcher, WatchMapper
 from radarsim.client import AsyncClient
 from radarsim.errors import ClientError
 from radarsim.protocol.reports import GroundTruth
@@ -26,18 +24,13 @@ class Recorder:
     """What a watcher passes on."""
 
     def __init__(self) -> None:
-        self.state = ConnectionState(1)
-        self.lines: list[bytes] = []
+        self.lines: list[str] = []
         self.waits = 0
 
-    def add(self, number: int, side: Side, data: bytes) -> None:
-        assert number == 1
-        text = data.decode("latin-1").strip()
-        if side == "client":
-            assert self.state.receive_client_line(text) is not None
-        else:
-            assert self.state.receive_server_line(text) is not None
-            self.lines.append(data)
+    async def run(self, watcher: RobotWatcher) -> None:
+        watcher.on_wait = self.wait
+        async for copies in watcher.copies():
+            self.lines += [copy.line for copy in copies]
 
     def wait(self) -> None:
         self.waits += 1
@@ -80,44 +73,45 @@ async def scripted(talk: Talk) -> AsyncIterator[tuple[str, int]]:
 async def watch(address: tuple[str, int], patience: float = 0.3) -> Recorder:
     """Watch ``R1`` to the end; shall raise if that is an error."""
     recorder = Recorder()
-    watcher = RobotWatcher(address, "r1", recorder.add, patience=patience)
-    watcher.on_wait = recorder.wait
     async with asyncio.timeout(DEADLINE):
-        await watcher.run()
+        await recorder.run(RobotWatcher(address, "r1", patience=patience))
     return recorder
 
 
 @pytest.mark.parametrize("echoes", [True, False])
-async def test_lines_of_the_robot_are_passed_on_until_it_leaves(
+async def test_robot_is_mapped_until_it_leaves(
     foliage_room: Scene, echoes: bool
 ) -> None:
-    recorder = Recorder()
+    follower = WatchMapper(motion_source="ins", resolution=0.1)
+    sent: list[tuple[str, bytes]] = []
+    follower.on_data = lambda side, data: sent.append((side, data))
+    waits: list[None] = []
     async with served(foliage_room) as address:
-        watcher = RobotWatcher(address, "r1", recorder.add, echoes=echoes, patience=0.3)
-        watcher.on_wait = recorder.wait
-        watching = asyncio.ensure_future(watch_until_signal(watcher))
+        watcher = RobotWatcher(address, "r1", echoes=echoes, patience=0.3)
+        watcher.on_wait = lambda: waits.append(None)
+        following = asyncio.ensure_future(follower.follow(watcher, echoes=echoes))
         async with await AsyncClient.connect(*address) as other:
             await other.spawn("P3AT", name="R2", start="RobotStart2")
             async with asyncio.timeout(DEADLINE):
-                while not recorder.waits:
+                while not waits:
                     await other.read()
             async with await AsyncClient.connect(*address) as driver:
                 await driver.spawn("P3AT_Radar360", name="R1", start="RobotStart1")
                 async with asyncio.timeout(DEADLINE):
-                    while not recorder.state.is_described("lms200"):
+                    while follower.mapper is None or not follower.mapper.scans:
                         await driver.read()
                 truth = await driver.wait_for(GroundTruth)
             async with asyncio.timeout(DEADLINE):
-                assert await watching == 0
-    assert recorder.waits == 1
+                await following
+    assert len(waits) == 1
     assert watcher.robot == "R1"
-    assert recorder.state.asks_for_echoes("lms200") is echoes
-    data = b"".join(recorder.lines)
+    assert follower.error == ""
+    data = b"".join(line for side, line in sent if side == "server")
+    assert [side for side, _ in sent].count("client") == echoes
     assert (b"{Type Echoes}" in data) is echoes
     assert b"{Location -8.0000,-3.5000," not in data  # of the other robot
-    info = recorder.state.scanner("lms200")
-    assert info is not None
-    assert (info.max_range, len(info.angles)) == (80, 360)
+    info = follower.mapper.scanner
+    assert (info.name, info.max_range, len(info.angles)) == ("lms200", 80, 360)
     assert info.mount.x > 0
     assert f"{{Location {truth.pose.x:.4f}".encode() in data
 
@@ -153,21 +147,21 @@ async def test_server_that_closes_is_told() -> None:
 
 
 async def test_line_of_another_robot_and_odd_names_are_left_out() -> None:
-    status = b"STA {Type GroundVehicle} {Time %d.00} {Battery 9}\r\n"
+    status = b"STA {Type GroundVehicle} {Time %d.00} {Battery 9}"
 
     async def talk(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         writer.write(GREETING + b"NFO {Watching r1} {Echoes r1}\r\n")
-        writer.write(b"SEE {Robot R\xe91} " + status % 1)
-        writer.write(b"SEE {Robot R2} " + status % 2)
+        writer.write(b"SEE {Robot R\xe91} " + status % 1 + b"\r\n")
+        writer.write(b"SEE {Robot R2} " + status % 2 + b"\r\n")
         assert b"WATCH {Robots r1}" in await reader.readline()
         writer.write(b"NFO {Error it has left}\r\n")
 
     async with scripted(talk) as address:
         recorder = await watch(address, DEADLINE)
-    assert recorder.lines == [status % 1]
+    assert recorder.lines == [(status % 1).decode()]
 
 
 @pytest.mark.parametrize("name", ["", "a,b"])
 def test_name_that_cannot_be_sent_is_refused(name: str) -> None:
     with pytest.raises(ValueError, match="robot"):
-        RobotWatcher(("127.0.0.1", 1), name, Recorder().add)
+        RobotWatcher(("127.0.0.1", 1), name)

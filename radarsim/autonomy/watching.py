@@ -1,0 +1,327 @@
+"""Map made of the reports of a robot that another client drives.
+
+A server of radarsim lets robots be watched: it sends copies of the lines that the
+robot's own client is sent. Where mapping is slower than the robot scans, copies are
+left unread, and the server drops the oldest.
+"""
+
+import asyncio
+import math
+import time
+from collections import deque
+from collections.abc import AsyncGenerator, Callable
+from contextlib import aclosing
+from typing import Any, Final, Literal, TypeAlias
+
+from radarsim.autonomy.exploration.exploration import NOISE
+from radarsim.autonomy.mapping.mapper import Mapper, MapperSettings
+from radarsim.autonomy.mapping.slam import SlamSettings
+from radarsim.autonomy.navigation.plans import MotionSource
+from radarsim.autonomy.navigation.runner import TripMeter
+from radarsim.client import ScannerInfo
+from radarsim.client import session as questions
+from radarsim.client.robot_info import ScannerDescriptions, same_name
+from radarsim.client.session import RANGE_SCANNER, ROBOT, Question, Session
+from radarsim.client.transport import CHUNK, lost, no_server
+from radarsim.errors import ClientError, MappingError
+from radarsim.listening import exit_code_of_signal
+from radarsim.protocol.line_template import printable_name
+from radarsim.protocol.reports import (
+    CommandError,
+    RangeScan,
+    Report,
+    WatchedLine,
+    Watching,
+)
+
+ECHO_WAIT: Final = 1.0  # s
+PATIENCE: Final = 2.0  # s without a line, after which the robot may have left
+MOST_EARLY: Final = 200  # reports that are kept until the scanner is known
+_ECHOES: Final = questions.set_item(RANGE_SCANNER, None, "ECHOES", "true")
+
+Side: TypeAlias = Literal["client", "server"]  # that sends
+DataCallback: TypeAlias = Callable[[Side, bytes], None]
+
+
+class RobotWatcher:
+    """Watches one robot until it leaves.
+
+    Attributes:
+        on_wait: Called once if the robot is not there yet.
+        robot: Name of the robot.
+    """
+
+    def __init__(
+        self,
+        server: tuple[str, int],
+        robot: str,
+        *,
+        echoes: bool = True,
+        patience: float = PATIENCE,
+    ) -> None:
+        """Create a watcher that is not connected.
+
+        Args:
+            server: Host and port of the server.
+            robot: Name of the robot, in any case; of several, the first that reports.
+            echoes: Whether its scanners shall list their echoes.
+            patience: Time without a line after which the server is asked whether the
+                robot is there, s.
+
+        Raises:
+            ValueError: If the name cannot be sent.
+        """
+        self.on_wait: Callable[[], None] = lambda: None
+        self.robot = robot
+        self._server = server
+        self._command = questions.watch(robot, echoes)
+        self._patience = patience
+        self._session = Session()
+        self._is_watching = self._has_seen = self._has_waited = False
+
+    async def copies(self) -> AsyncGenerator[list[WatchedLine]]:
+        """Watch until the robot leaves, if it has been there.
+
+        Yields:
+            Copies of the lines of the robot, as they come.
+
+        Raises:
+            ClientError: If the server is not there, does not let robots be watched, or
+                closes the connection.
+        """
+        try:
+            reader, writer = await asyncio.open_connection(*self._server)
+        except (OSError, UnicodeError) as error:
+            raise no_server(*self._server, error) from None
+        try:
+            writer.write(self._command)
+            has_left = False
+            while not has_left:
+                copies: list[WatchedLine] = []
+                reports = await self._reports(reader)
+                has_left = self._has_left(reports, copies, writer)
+                yield copies
+        finally:
+            writer.close()
+
+    async def _reports(self, reader: asyncio.StreamReader) -> list[Report] | None:
+        """Return the next reports; None if nothing has come for a while."""
+        try:
+            async with asyncio.timeout(self._patience):
+                data = await reader.read(CHUNK)
+        except TimeoutError:
+            return None
+        except OSError as error:
+            raise ClientError(str(lost(error))) from None
+        if not data:
+            raise ClientError("the server closed the connection")
+        return self._session.receive(data)
+
+    def _has_left(
+        self,
+        reports: list[Report] | None,
+        copies: list[WatchedLine],
+        writer: asyncio.StreamWriter,
+    ) -> bool:
+        if reports is None:
+            if not self._is_watching:
+                raise ClientError("no answer to WATCH, expected a server of radarsim")
+            # No line tells that a robot leaves: GEO is refused once it has.
+            writer.write(self._question(questions.geometry, ROBOT))
+        for report in reports or ():
+            match report:
+                case Watching():
+                    self._is_watching = True
+                    writer.write(self._question(questions.geometry, ROBOT))
+                case CommandError(text):
+                    # GEO of a robot that is not there is refused: it has left, or it
+                    # has not come yet.
+                    if self._has_seen:
+                        return True
+                    self._wait(text)
+                case WatchedLine():
+                    self._begin(report, writer)
+                    if report.robot == self.robot:
+                        copies.append(report)
+                case _:
+                    pass
+        return False
+
+    def _wait(self, text: str) -> None:
+        if not self._is_watching:
+            raise ClientError(text)
+        if not self._has_waited:
+            self._has_waited = True
+            self.on_wait()
+
+    def _begin(self, copy: WatchedLine, writer: asyncio.StreamWriter) -> None:
+        if self._has_seen:
+            return
+        self._has_seen = True
+        self.robot = copy.robot
+        # What its own client may never ask: mount and limits of its scanners.
+        for ask in (questions.geometry, questions.configuration):
+            writer.write(self._question(ask, RANGE_SCANNER))
+
+    def _question(self, ask: Callable[..., Question], kind: str) -> bytes:
+        return ask(kind, robot=printable_name(self.robot)).data
+
+
+class WatchMapper:
+    """Maps what a robot of radarsim reports.
+
+    Attributes:
+        mapper: The mapper; None before the scanner is known.
+        motion_source: Where the motion between scans is read from.
+        trip: Time and path length so far.
+        error: Why there is no map, or only a part of it; empty if there is one.
+        on_data: Called with what the robot's client would have sent and was sent, for a
+            recording; it must not raise.
+        on_scan: Called after every scan that is on the map, in another thread.
+    """
+
+    def __init__(
+        self,
+        *,
+        motion_source: MotionSource,
+        resolution: float,
+        map_range: float = math.inf,
+        scanner: str | None = None,
+    ) -> None:
+        """Create a mapper that waits for a robot.
+
+        Args:
+            motion_source: Where the motion between scans is read from.
+            resolution: Side of a cell, m.
+            map_range: Range of the scanner that is mapped, m.
+            scanner: Name of the scanner to map with; the first that scans by default.
+        """
+        self.mapper: Mapper | None = None
+        self.trip = TripMeter(noise=NOISE)
+        self.error = ""
+        self.on_data: DataCallback = lambda *_: None
+        self.on_scan: Callable[[], None] = lambda: None
+        self.motion_source: MotionSource = motion_source
+        self._resolution = resolution
+        self._map_range = map_range
+        self._scanner = scanner
+        self._descriptions = ScannerDescriptions()
+        self._first_scan: RangeScan | None = None
+        # Poses come before the first scan, and a map needs the one that belongs to it.
+        self._early = deque[Report](maxlen=MOST_EARLY)
+        self._echo_wait = 0.0
+
+    async def follow(self, watcher: RobotWatcher, *, echoes: bool) -> None:
+        """Map what a robot reports, until it leaves.
+
+        Args:
+            watcher: Watches the robot.
+            echoes: Whether its scanners list their echoes, for which scans wait.
+
+        Raises:
+            ClientError: If the connection is lost, or the server lets nobody watch.
+        """
+        self._echo_wait = ECHO_WAIT if echoes else 0.0
+        has_begun = False
+        async with aclosing(watcher.copies()) as batches:
+            async for copies in batches:
+                # As if its client had asked, for recordings.
+                if copies and echoes and not has_begun:
+                    self.on_data("client", _ECHOES)
+                    has_begun = True
+                for copy in copies:
+                    self.on_data("server", f"{copy.line}\r\n".encode("latin-1"))
+                # It may take a second, in which the event loop has to go on.
+                await asyncio.to_thread(self._take_all, copies)
+
+    def watch(self, watcher: RobotWatcher, *, echoes: bool) -> int:
+        """Map what a robot reports, until it leaves or a signal comes.
+
+        Args:
+            watcher: Watches the robot.
+            echoes: As in ``follow``.
+
+        Returns:
+            The exit code: 0 if the robot has left, or after a request to terminate; 130
+            after an interrupt; 1 if it cannot be watched. ``error`` tells whether there
+            is a map.
+        """
+        try:
+            code = asyncio.run(self._follow_until_signal(watcher, echoes))
+        except ClientError as error:
+            self.error, code = str(error), 1
+        if self.mapper is not None:
+            self.mapper.finish()
+        self.error = self.error or self._missing()
+        return code
+
+    async def _follow_until_signal(self, watcher: RobotWatcher, echoes: bool) -> int:
+        with exit_code_of_signal() as exit_code:
+            following = asyncio.ensure_future(self.follow(watcher, echoes=echoes))
+            both: set[asyncio.Future[Any]] = {following, exit_code}
+            await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
+            if exit_code.done():
+                following.cancel()
+                # Until its connection is closed.
+                await asyncio.wait({following})
+                return exit_code.result()
+            following.result()  # raises its error
+            return 0
+
+    def _take_all(self, copies: list[WatchedLine]) -> None:
+        for report in (copy.report for copy in copies):
+            if report is not None and not self.error:
+                self._take(report)
+
+    def _take(self, report: Report) -> None:
+        if self.mapper is not None:
+            self._map(self.mapper, report)
+            return
+        self._descriptions.add(report)
+        self._early.append(report)
+        if isinstance(report, RangeScan) and (
+            self._scanner is None or same_name(report.name, self._scanner)
+        ):
+            self._first_scan = self._first_scan or report
+        info = self._scanner_info()
+        if info is None:
+            return
+        settings = MapperSettings(
+            slam=SlamSettings(motion_source=self.motion_source),
+            resolution=self._resolution,
+            map_range=self._map_range,
+            echo_wait=self._echo_wait,
+        )
+        # The clock is for servers whose time stamps are missing or stand still.
+        self.mapper = Mapper(info, settings, clock=time.monotonic)
+        for each in self._early:
+            self._map(self.mapper, each)
+
+    def _scanner_info(self) -> ScannerInfo | None:
+        """Return the scanner once it has scanned and the server has described it."""
+        scan = self._first_scan
+        if scan is None:
+            return None
+        missing = self._descriptions.incomplete([scan.name])
+        if any(same_name(name, scan.name) for name in missing):
+            return None
+        scanners = self._descriptions.scanners({scan.name: scan})
+        return next(each for each in scanners if same_name(each.name, scan.name))
+
+    def _map(self, mapper: Mapper, report: Report) -> None:
+        try:
+            observation = mapper.take(report)
+        except MappingError as error:
+            self.error = f"the map ends early: {error}"
+            return
+        if observation is not None:
+            self.trip.add(observation)
+            self.on_scan()
+
+    def _missing(self) -> str:
+        if self.mapper is None:
+            return "no map: no scan has come"
+        if self.mapper.scans:
+            return ""
+        cure = f"; {self.mapper.cure}" * bool(self.mapper.cure)
+        return f"no map: no {self.mapper.missing} has come{cure}"
