@@ -25,7 +25,6 @@ from scipy.sparse.csgraph import dijkstra
 
 from radarsim.autonomy.evaluation.trials import SCANNER, SENSORS, run_plan
 from radarsim.autonomy.navigation.algorithms import (
-    ROBOT_HALF_WIDTH,
     ROBOT_RADIUS,
     Algorithm,
 )
@@ -42,6 +41,7 @@ from radarsim.server.host import Host
 from radarsim.simulation.config import SimulationConfig
 
 CELL: Final = 0.05  # m
+ROBOT_HALF_WIDTH: Final = 0.248  # m; of a P3AT
 HALF_PASSAGE: Final = 0.2  # m beyond the safety distance: half of what passages need
 _MARGIN: Final = 3.0  # m of floor around everything
 # Moves to neighbours and knight's moves: a path is at most 2.8 % longer than the exact.

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
 
 ROBOT: Final = "P3AT_Radar360"  # a robot class whose scanner covers a full circle
 ROBOT_RADIUS: Final = 0.37  # m; half the diagonal of a P3AT
-ROBOT_HALF_WIDTH: Final = 0.248  # m; of a P3AT
 
 
 class Algorithm(StrEnum):
