@@ -16,6 +16,7 @@ from processes import start_radarsim
 from radarsim.addons.testing import UsarsimServer
 from radarsim.autonomy.exploration.exploration import warm_up
 from radarsim.client import Client
+from radarsim.protocol.reports import RangeScan
 from radarsim.scene.map_file import shipped_maps
 from radarsim.scene.scene import Scene
 
@@ -468,6 +469,45 @@ def test_watched_robot_is_mapped_until_it_leaves(
     assert told["pose_errors"]["ate"] < 0.05
     assert told["cells"]["free"] > 50_000
     assert sorted(file.name for file in tmp_path.iterdir()) == FILES
+
+
+@pytest.mark.slow
+@pytest.mark.usarsim(map="empty_room", dialect="udk", speed=4)
+def test_watch_reports_which_motion_sources_a_robot_has(
+    usarsim_server: UsarsimServer, tmp_path: Path
+) -> None:
+    port = usarsim_server.address[1]
+    words = ("--watch", "R1", "--connect", server_of(port), "--motion-from", "odometry")
+    with start_radarsim("map", "-o", str(tmp_path), *words) as process:
+        assert process.stderr is not None
+        assert b"waiting" in process.stderr.readline()
+        with Client.connect("127.0.0.1", port) as client:
+            client.spawn("P3AT_Radar360", name="R1", start="RobotStart1")
+            began = client.wait_for(RangeScan).time
+            while client.wait_for(RangeScan).time < began + 4:
+                pass
+        _, errors = process.communicate(timeout=240)
+    assert process.returncode == 1
+    assert (
+        b"radarsim: no map: no pose from odometry has come;"
+        b" expected motion from ins or none\n" in errors
+    )
+    assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.slow
+def test_no_map_is_written_of_a_robot_that_does_not_come(
+    usarsim_server: UsarsimServer, tmp_path: Path
+) -> None:
+    words = ("--watch", "R1", "--connect", server_of(usarsim_server.address[1]))
+    with start_radarsim("map", "-o", str(tmp_path), *words) as process:
+        assert process.stderr is not None
+        assert b"waiting" in process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=240)
+    assert process.returncode == 1
+    assert b"radarsim: no map: no scan has come\n" in errors
+    assert not [*tmp_path.iterdir()]
 
 
 @pytest.mark.slow
