@@ -218,32 +218,44 @@ def test_robot_finds_out_that_it_is_among_mirrors(algorithm: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "algorithm", "sensor", "step", "expected"),
+    ("name", "algorithm", "sensor", "step", "goal", "expected"),
     [
         pytest.param(
-            *("mirrors_2", "tangentbug", RADAR, 1, "reached"), id="end of a pane"
-        ),
-        pytest.param(*("metal_6", "bug1", LASER, 1, "reached"), id="end of a mirror"),
-        pytest.param(
-            *("metal_12", "bug1", RADAR_50, 2, "no_path"), id="goal behind mirrors"
+            *("mirrors_2", "tangentbug", RADAR, 1),
+            *((5.0, 0.11974173248576037), "reached"),
+            id="end of a pane",
         ),
         pytest.param(
-            *("mirrors_14", "tangentbug", RADAR_50, 2, "no_path"),
+            *("metal_6", "bug1", LASER, 1, (-4.0, -3.2), "reached"),
+            id="end of a mirror",
+        ),
+        pytest.param(
+            *("metal_12", "bug1", RADAR_50, 2),
+            *((5.0, 0.4136666334494894), "no_path"),
+            id="goal behind mirrors",
+        ),
+        pytest.param(
+            *("mirrors_14", "tangentbug", RADAR_50, 2),
+            *((5.0, -3.2814730041981734), "no_path"),
             id="stuck at the end of a mirror",
         ),
     ],
 )
 def test_robot_is_right_on_maps_where_it_was_wrong(
-    name: str, algorithm: str, sensor: dict[str, Any], step: int, expected: str
+    name: str,
+    algorithm: str,
+    sensor: dict[str, Any],
+    step: int,
+    goal: tuple[float, float],
+    expected: str,
 ) -> None:
     scene = load_map(Path(__file__).parent / "mirrors" / f"{name}.yaml")
-    assert scene.trial is not None
     settings = {**sensor, "fov_deg": 360 - step, "resolution_deg": step}
     config = SimulationConfig(item_settings={"lms200": settings})
     mission = Mission(
         algorithm=Algorithm(algorithm),
-        goals=(scene.trial.goal,),
-        safety_distance=scene.trial.safety_distance,
+        goals=(goal,),
+        safety_distance=S,
         time_limit=1800.0,
     )
     host = Host(scene, config=config, seed=int(name.partition("_")[2]))
