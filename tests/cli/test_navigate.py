@@ -289,11 +289,6 @@ def test_options_reach_robot_and_bug(radarsim: Command) -> None:
         pytest.param([*BOX, "--goal", "1"], ["'1'", "X,Y"], id="short goal"),
         pytest.param([*BOX, "--goal", "1,inf"], ["'1,inf'"], id="infinite goal"),
         pytest.param([*BOX, "--goal", "a,b"], ["'a,b'"], id="goal in words"),
-        pytest.param(
-            [*BOX, "--goal", "0,1", "--goal", "100,1"],
-            ["--goal: goal (100, 1) is outside of the map, expected x from -"],
-            id="goal outside",
-        ),
         pytest.param([*BOX, "--pose", "1,2"], ["X,Y,YAW_DEG"], id="pose"),
         pytest.param(
             [*BOX, "--pose", "1,2,3", "--start", "RobotStart1"],

@@ -26,7 +26,6 @@ from radarsim.addons.web.robots import Robots
 from radarsim.addons.web.time_control import TaskClock
 from radarsim.addons.web.viewers import Viewers, encode_json
 from radarsim.autonomy.navigation.mission import safety_distance_for
-from radarsim.autonomy.navigation.plans import check_goal
 from radarsim.autonomy.navigation.runner import least_clearance
 from radarsim.errors import NavigationError, RadarsimError
 
@@ -273,16 +272,12 @@ class Activities:
         return None if self.scene is None else self.scene.safety_distance
 
     def _check_goal(self, robot: OwnRobot, goal: tuple[float, float]) -> None:
-        """Refuse a goal outside of the map, or one that would be given up there.
+        """Refuse a goal that would be given up there.
 
         Raises:
-            BadRequest: If it is one of these.
+            BadRequest: If it is one.
         """
         assert self.scene is not None  # it is known
-        try:
-            check_goal(goal, self.scene.bounds)
-        except NavigationError as error:
-            raise BadRequest(str(error)) from None
         least = self.safety_distance(robot)
         distance, name = self.scene.obstacles.nearest(*goal)
         if least is not None and distance < least_clearance(least):

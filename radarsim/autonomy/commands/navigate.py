@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from radarsim.autonomy.commands.film import check_film, check_start, filmed
-from radarsim.autonomy.navigation.plans import Mission, check_goal
+from radarsim.autonomy.navigation.plans import Mission
 from radarsim.cli.compile_progress import with_compile_progress
 from radarsim.cli.fields import (
     LOCAL_SERVER,
@@ -23,7 +23,6 @@ from radarsim.cli.fields import (
 )
 from radarsim.cli.files import PICTURE_FORMS, check_ending, check_writable, write_file
 from radarsim.cli.output import MESSAGE_FORM, print_lines, print_message, start_log
-from radarsim.errors import NavigationError
 from radarsim.processes import raise_on_signals
 
 if TYPE_CHECKING:
@@ -135,18 +134,10 @@ def complete_mission(mission: Mission, scene: Scene | None) -> Mission:
         scene: The map; None for a server.
 
     Raises:
-        click.BadParameter: If there is no goal, one is outside of the map, or there is
-            no such start.
+        click.BadParameter: If there is no goal, or no such start.
     """
     trial = None if scene is None else scene.trial
     check_start(scene, mission.start)
-    if scene is not None and scene.triangles:
-        (west, south), (east, north) = scene.bounds[:, :2].tolist()
-        for goal in mission.goals:
-            try:
-                check_goal(goal, (west, south, east, north))
-            except NavigationError as error:
-                raise click.BadParameter(str(error), param_hint="--goal") from None
     if not mission.goals and trial is None:
         text = "nowhere to go, expected X,Y, or a map that has a trial"
         if scene is not None:

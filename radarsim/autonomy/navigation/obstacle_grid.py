@@ -9,6 +9,11 @@ have passed a pole. Cells that nobody has seen are open. The grid covers
 start and goal and a margin around them; what is beyond is left out until the grid
 grows.
 
+In a mirror something seems to stand behind it where nothing does. A robot that is near
+the image has driven past the mirror, or has touched it. So what closes a cell is sure
+once it was seen from near, and with it what is as near as the drift of poses: before,
+it may be an image.
+
 A radar that sends its echoes also shows what is behind a first thin hedge: a dead end
 is known before the robot has driven into it.
 """
@@ -22,6 +27,7 @@ from scipy import ndimage
 
 from radarsim.autonomy.navigation.grid_search import Cell
 from radarsim.autonomy.navigation.observation import Observation
+from radarsim.errors import NavigationError
 from radarsim.geometry import Floats, Point, Pose2
 
 CELL: Final = 0.1  # m
@@ -31,6 +37,9 @@ _GAIN, _LOSS, _MOST, _LEAST = 2, 1, 10, -6  # evidence of a cell
 _SHORT: Final = 0.15  # m before its end where a beam tells nothing
 _POINT: Final = 0.02  # m; side of a square of which the newest point is kept
 _BESIDE: Final = 0.015  # m beside a place that a beam still goes through
+_NEAR: Final = 1.5  # m from the robot, within which what it sees is no image
+_DRIFT: Final = 0.3  # m by which poses may be off when the same thing is seen again
+_MOST_CELLS: Final = 1 << 24
 
 
 class ObstacleGrid:
@@ -42,13 +51,26 @@ class ObstacleGrid:
     """
 
     def __init__(self, points: list[Point]) -> None:
-        """Create an empty grid around some points, m, map frame."""
+        """Create an empty grid around some points, m, map frame.
+
+        Raises:
+            NavigationError: If it would have more than 17 million cells.
+        """
         ends = np.array(points)
         self._corner = ends.min(axis=0) - MARGIN
-        columns, rows = np.ceil((np.ptp(ends, axis=0) + 2 * MARGIN) / CELL).astype(int)
+        width, height = np.ptp(ends, axis=0) + 2 * MARGIN
+        if width * height > _MOST_CELLS * CELL**2:
+            raise NavigationError(
+                f"start and goals span a grid of {width:.0f} by {height:.0f} m,"
+                f" expected at most {_MOST_CELLS * CELL**2:.0f} m²; the algorithms"
+                " bug1, bug2 and tangentbug need no grid"
+            )
+        columns, rows = math.ceil(width / CELL), math.ceil(height / CELL)
         self._evidence = np.zeros((rows, columns), np.int16)
         # what was last seen in each cell, m, map frame
         self._places = np.zeros((rows, columns, 2))
+        # where something was seen from near
+        self._seen_near = np.zeros((rows, columns), np.bool_)
         self.points: Floats = np.zeros((0, 2))
 
     def grow(self) -> None:
@@ -57,10 +79,12 @@ class ObstacleGrid:
         self._corner = self._corner - MARGIN
         self._evidence = np.pad(self._evidence, width)
         self._places = np.pad(self._places, ((width, width), (width, width), (0, 0)))
+        self._seen_near = np.pad(self._seen_near, width)
 
     def clear(self) -> None:
         """Forget all that was seen."""
         self._evidence[:] = 0
+        self._seen_near[:] = False
         self.points = np.zeros((0, 2))
 
     def add(self, observation: Observation) -> None:
@@ -79,6 +103,8 @@ class ObstacleGrid:
         met = np.zeros(self._evidence.shape, np.bool_)
         met[rows, columns] = True
         self._places[rows, columns] = ends[inside]
+        is_near = np.hypot(*(ends[inside] - (pose.x, pose.y)).T) < _NEAR
+        self._seen_near[rows[is_near], columns[is_near]] = True
         # A cell in which one beam ends and which another passes is an edge: it gains.
         loss = np.where(self._evidence > 0, _GAIN, _LOSS)
         change = np.where(met, _GAIN, np.where(passed, -loss, 0))
@@ -110,13 +136,21 @@ class ObstacleGrid:
         mask[rows[counts], columns[counts]] = True
         return mask
 
-    def clearance(self, places: Floats | None = None) -> Floats:
+    def clearance(
+        self, places: Floats | None = None, *, surely: bool = False
+    ) -> Floats:
         """Return the distance of each cell from what blocks robots, (R, C) m.
 
         Args:
             places: Where something is or will be in addition, (N, 2) m, map frame.
+            surely: Leave out what may be an image in a mirror.
         """
         is_open = self._evidence <= 0
+        if surely:
+            is_sure = ndimage.binary_dilation(
+                self._seen_near & ~is_open, iterations=round(_DRIFT / CELL)
+            )
+            is_open |= ~is_sure
         if places is not None:
             rows, columns, _ = self._inside(places)
             is_open[rows, columns] = False

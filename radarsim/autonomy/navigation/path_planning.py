@@ -6,6 +6,10 @@ around it, and the robot has stood and looked for a moment.
 
 Paths are those of a disc, which keeps the safety distance. Once it is sure that none of
 them leads to the goal, the robot follows paths of its hull from wherever there is none.
+
+What was seen only from afar may be an image in a mirror. So before the robot gives up,
+it drives through what is not sure, where that is the shortest, until it has seen it
+from near: there is no path if what is sure closes all ways.
 """
 
 import math
@@ -44,6 +48,8 @@ SURE_AFTER: Final = 5.0  # s without a path after which there is none
 NEARER: Final = 10.0  # times that, nearer to it than the robot is
 PAUSE: Final = 2.0  # s between two looks that are not one
 APART: Final = 0.3  # m, or rad, between two scans that are kept
+DOUBT: Final = 5.0  # times the cost of a step, through what may be an image
+MOST_DOUBTED: Final = 200.0  # m on such ways to a goal, so that each run ends
 _MOST_GROWN: Final = 10  # margins around the first grid
 
 
@@ -66,6 +72,8 @@ class PathPlanning(Controller):
         self._hull = None if hull is None else Hull(*hull)
         self._is_narrow = False  # whether there was no path of the disc
         self._follower: FootprintFollower | None = None
+        # m driven since it gives up only what is sure; None before
+        self._doubted: float | None = None
 
     def reconsider(
         self, pose: Pose2, correct: Callable[[Observation], Observation]
@@ -94,8 +102,11 @@ class PathPlanning(Controller):
     def _begin_goal(self, _: Pose2) -> None:
         self._planned = -math.inf
         self._follower = None
+        self._doubted = None
 
-    def _decide(self, observation: Observation, _: float) -> Twist:
+    def _decide(self, observation: Observation, driven: float) -> Twist:
+        if self._doubted is not None:
+            self._doubted += driven
         if observation.time >= self._planned + INTERVAL:
             self._plan(observation)
         if self._follower is not None:
@@ -121,13 +132,44 @@ class PathPlanning(Controller):
         if not self._scans or _are_apart(self._scans[-1].pose, pose):
             self._scans.append(observation)
         self._planned = observation.time
+        self._plan_disc(pose, goal)
+        is_lost = not len(self._path)
+        if is_lost and self._doubted is not None and self._doubted < MOST_DOUBTED:
+            self._plan_disc(pose, goal, doubts=True)
+        if len(self._path):
+            # The centre of its cell may be 7 cm off, of the 10 that are allowed.
+            self._path[-1] = goal
+            self._follower = None
+            return
+        # Such a plan takes long: while it doubts, only before it gives up.
+        is_due = self._doubted is None or self._follower is not None
+        if self._is_narrow and is_due and self._plan_footprint(observation):
+            return
+        start, end = self._grid.cell((pose.x, pose.y)), self._grid.cell(goal)
+        if self._grown < _MOST_GROWN and may_join_outside(
+            np.isfinite(self._cost), start, end
+        ):
+            self._grid.grow()
+            self._grown += 1
+            # On the larger grid nothing has been planned yet.
+            self._hopeless_since = None
+
+    def _plan_disc(self, pose: Pose2, goal: Point, *, doubts: bool = False) -> None:
+        """Plan a path of the disc, also through what may be an image if it doubts."""
+        assert self._grid is not None
+        safety_distance = self._settings.bumpers.safety_distance
         clearance = self._grid.clearance(self._moving)
-        cost = step_cost(clearance, self._settings.bumpers.safety_distance)
+        cost = step_cost(clearance, safety_distance)
+        if doubts:
+            sure = step_cost(
+                self._grid.clearance(self._moving, surely=True), safety_distance
+            )
+            cost = np.where(np.isfinite(cost), cost, DOUBT * sure)
         start, end = self._grid.cell((pose.x, pose.y)), self._grid.cell(goal)
         # It is too near to something, by noise or as that has moved: it may leave, and
         # come nearer only where there is no other way.
         is_near = not math.isfinite(cost[start])
-        if is_near and not self._is_narrow:
+        if is_near and (doubts or not self._is_narrow):
             rows, columns = np.indices(cost.shape)
             near = np.hypot(rows - start[0], columns - start[1]) * CELL < ESCAPE_RADIUS
             near &= ~np.isfinite(cost)
@@ -138,22 +180,8 @@ class PathPlanning(Controller):
         self._cost = cost
         self._path = np.zeros((0, 2))
         # Where only the hull fits in, no disc leads anywhere.
-        if not (is_near and self._is_narrow):
+        if doubts or not (is_near and self._is_narrow):
             self._path = self._grid.centres(shortest_path(cost, start, targets))
-        if len(self._path):
-            # The centre of its cell may be 7 cm off, of the 10 that are allowed.
-            self._path[-1] = goal
-            self._follower = None
-            return
-        if self._is_narrow and self._plan_footprint(observation):
-            return
-        if self._grown < _MOST_GROWN and may_join_outside(
-            np.isfinite(cost), start, end
-        ):
-            self._grid.grow()
-            self._grown += 1
-            # On the larger grid nothing has been planned yet.
-            self._hopeless_since = None
 
     def _look(self, observation: Observation) -> Twist:
         """Stand where there is no path; if none appears, there is none."""
@@ -166,8 +194,13 @@ class PathPlanning(Controller):
         assert self._hopeless_since is not None
         if observation.time - self._hopeless_since >= SURE_AFTER:
             # Nothing leads there as a disc; once that is sure, a hull may get through.
-            is_first, self._is_narrow = not self._is_narrow, self._hull is not None
-            if not (is_first and self._is_narrow and self._plan_footprint(observation)):
+            self._is_narrow = self._hull is not None
+            if self._is_narrow and self._plan_footprint(observation):
+                return STOP
+            if self._doubted is None:
+                self._doubted = 0.0
+                self._plan_disc(observation.pose, self.goals[0], doubts=True)
+            if not len(self._path):
                 self.activity = Activity.NO_PATH
         return STOP
 

@@ -13,8 +13,7 @@ from radarsim.autonomy.navigation.algorithms import (
     PoseSource,
     Rule,
 )
-from radarsim.errors import NavigationError
-from radarsim.geometry import Point, Pose2
+from radarsim.geometry import Pose2
 from radarsim.plans import RARE, Form, Option, PointXY, Sets, read_numbers
 from radarsim.protocol.dialect import DriveUnit
 
@@ -30,24 +29,6 @@ def read_pose(text: str) -> Pose2:
     """
     x, y, yaw_deg = read_numbers(text)
     return Pose2(x, y, math.radians(yaw_deg))
-
-
-def check_goal(goal: Point, bounds: tuple[float, float, float, float]) -> None:
-    """Check that a goal is on a map: outside of it a robot would drive for minutes.
-
-    Args:
-        goal: x and y, m.
-        bounds: Extent of the map, west, south, east and north, m.
-
-    Raises:
-        NavigationError: If it is not.
-    """
-    (x, y), (west, south, east, north) = goal, bounds
-    if not (west <= x <= east and south <= y <= north):
-        raise NavigationError(
-            f"goal ({x:g}, {y:g}) is outside of the map, expected x from"
-            f" {west:g} to {east:g} m and y from {south:g} to {north:g} m"
-        )
 
 
 # Where the motion between scans is read from.

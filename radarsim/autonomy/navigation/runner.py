@@ -39,7 +39,7 @@ from radarsim.geometry import Point, Pose2
 START_NOISE: Final = 0.05  # m that something at the start may seem nearer than it is
 GOAL_NOISE: Final = 0.1  # m; at the goal, which is seen from afar
 DRIFT: Final = 0.005  # m for each m of path by which the goal may seem elsewhere
-GOAL_IN_SIGHT: Final = 1.5  # m from a goal that is looked at among mirrors
+GOAL_IN_SIGHT: Final = 1.5  # m from a goal that is looked at
 STANDING_AFTER: Final = 4.0  # s for which something is near the goal, if it stands
 _PLACE: Final = 0.15  # m within which it is the same thing
 
@@ -67,15 +67,12 @@ class ClearanceCheck:
         self._place = (math.inf, math.inf)  # of what is near the goal, m, map frame
         self._since = 0.0  # s; when it was first seen there
 
-    def check(
-        self, observation: Observation, goal: Point | None, trusted: float = math.inf
-    ) -> None:
+    def check(self, observation: Observation, goal: Point | None) -> None:
         """Look at a scan.
 
         Args:
             observation: The scan.
             goal: The next goal, m, map frame; None if there is none.
-            trusted: Farthest goal that is looked at, m from the robot.
 
         Raises:
             TooNearError: If something is nearer to the start than the safety distance,
@@ -89,7 +86,8 @@ class ClearanceCheck:
             if nearest < self._bumpers.safety_distance - START_NOISE:
                 place = (observation.pose.x, observation.pose.y)
                 self._raise("start", place, nearest)
-        if goal is not None and distance(observation.pose, *goal) <= trusted:
+        # What is seen from afar may be an image in a mirror, and stand elsewhere.
+        if goal is not None and distance(observation.pose, *goal) <= GOAL_IN_SIGHT:
             self._check_goal(observation, goal)
 
     def _check_goal(self, observation: Observation, goal: Point) -> None:
@@ -275,12 +273,7 @@ class Navigator:
                 if touches.notice(scan, twist) or has_jumped:
                     bug.reconsider(scan.pose, correct)
                 observation = touches.places.hide(vanished.add_to(scan))
-                # Among mirrors, what is seen from afar may be elsewhere. A robot that
-                # has touched none may have seen its own image in one.
-                has_mirrors = len(touches.places) > 0 or waiting.has_seen_motion
-                trusted = GOAL_IN_SIGHT if has_mirrors else math.inf
-                goal = bug.goals[0] if bug.goals else None
-                clearance.check(observation, goal, trusted)
+                clearance.check(observation, bug.goals[0] if bug.goals else None)
                 # asked at every scan, as it compares them
                 has_to_wait = waiting.has_to_wait(
                     observation, twist, observation.ranges < scan.ranges

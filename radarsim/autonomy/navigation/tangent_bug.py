@@ -9,11 +9,12 @@ goal itself if nothing is in between. So unlike Bug1 and Bug2 it goes around wha
 not yet reached.
 
 If no edge leads to the goal, or the way over the best edge becomes longer while it
-drives and leads away from the goal, it is in a dead end. Then it drives to the obstacle
-that hides the goal and follows its boundary, on the hand on which the way is shorter,
-and remembers how near to the goal that boundary comes. As soon as it could go straight
-to a place that is nearer, it does, and never leads farther away again: so it ends. Back
-where it was on the same boundary, there is no path.
+drives and leads away from the goal, it is in a dead end. So it is where the way becomes
+no shorter over twice its length, as around something round with the goal in it. Then it
+drives to the obstacle that hides the goal and follows its boundary, on the hand on
+which the way is shorter, and remembers how near to the goal that boundary comes. As
+soon as it could go straight to a place that is nearer, it does, and never leads farther
+away again: so it ends. Back where it was on the same boundary, there is no path.
 
 Noise opens and closes gaps that are about as wide as the robot needs. So an edge is
 kept while the way there is nearly open, and a robot that cannot go on where it has just
@@ -64,6 +65,8 @@ from radarsim.geometry import Floats, Point, Pose2
 
 MOST_PAIRS: Final = 1_000_000  # of segments and walls at once, which bounds the memory
 LONGER: Final = 0.5  # m by which the way grows in a dead end, and not by noise
+SHORTER: Final = 0.5  # m by which the way has to become shorter while it drives
+DRIVEN: Final = 2.0  # times that way, and m more, within which it has to
 NEARER: Final = 0.2  # m nearer to the goal than the boundary, where it is left
 KEPT: Final = 0.3  # m by which another edge has to be better than the last one
 ARRIVED: Final = 0.3  # m from a place that it heads for, where it has arrived
@@ -138,6 +141,8 @@ class TangentBug(Controller):
         self._radius = settings.bumpers.safety_distance + GRAZE
         self._edge: Point | None = None  # that it heads for
         self._shortest_way = math.inf  # m; over the best edge, so far
+        # m; what the way has to be shorter than, and driven since it was so long
+        self._way, self._driven = math.inf, 0.0
         self._place: Point | None = None  # that it heads for after a boundary
         self._left_at = math.inf  # m of that place from the goal; no way leads farther
         self._boundary: FollowedBoundary | None = None
@@ -155,6 +160,7 @@ class TangentBug(Controller):
         self._others, self._last_hand = 0, None
 
     def _decide(self, observation: Observation, driven: float) -> Twist:
+        self._driven += driven
         if self._boundary is not None:
             return self._follow(observation, self._boundary, driven)
         # straight to the goal, or to the edge over which the way there is shortest
@@ -166,6 +172,7 @@ class TangentBug(Controller):
     def _start_anew(self) -> None:
         self.activity, self._boundary = Activity.GOING, None
         self._edge, self._place, self._shortest_way = None, None, math.inf
+        self._way, self._driven = math.inf, 0.0
 
     def _choose(self, observation: Observation) -> Point | None:
         """Choose the place to head for; None in a dead end."""
@@ -222,12 +229,17 @@ class TangentBug(Controller):
         robot only goes on if that brings it nearer to the goal than it ever was when
         that happened.
         """
+        if way < self._way - SHORTER:
+            self._way, self._driven = way, 0.0
+        if self._driven > DRIVEN * (self._way + 1.0):
+            return False
         if way <= self._shortest_way + LONGER:
             return True
         left = self._goal_distance(pose)
         if math.dist(edge, self.goals[0]) > left or left > self._left_at - NEARER:
             return False
         self._left_at, self._shortest_way = left, way
+        self._way, self._driven = way, 0.0
         return True
 
     def _is_open(self, observation: Observation, edge: Point) -> bool:

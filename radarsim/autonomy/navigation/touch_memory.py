@@ -13,12 +13,13 @@ beams end at it, and what they showed behind it does not count. Where two boxes 
 near to each other that the robot does not fit between them, beams end there as well. So
 all that steers by scans treats what was touched as it treats what it sees.
 
-The robot goes back the way it came, which was free, until what it has touched is as far
-away as the safety distance. It keeps nothing if it stood: then something has driven
-into it, and will drive away. Along a mirror the way back leads along it. So where that
-ends, it takes the motion that leads its centre away and its hull past all that it sees
-or has touched. It does the same instead of a motion that would press its hull against
-what it has touched, such as a turn beside it: nothing is touched twice.
+The robot goes back the way it came, which was free, until all that it sees or has
+touched is as far away as the safety distance. It keeps nothing if it stood: then
+something has driven into it, and will drive away. Along a mirror the way back leads
+along it. So where that ends, it takes the motion that leads its centre away and its
+hull past all that it sees or has touched. It does the same instead of a motion that
+would press its hull against what it sees or has touched, such as a turn beside it:
+nothing is touched twice.
 
 In a mirror that it faces it sees itself come as it comes. It may stop before its image,
 and stand there for good: then it takes what it faces for touched.
@@ -219,8 +220,9 @@ class TouchMemory:
         """
         if self._gone_back is None:
             return None
-        pose = observation.pose
-        (near,) = self.places.distances(np.array([complex(pose.x, pose.y)]))
+        place = complex(observation.pose.x, observation.pose.y)
+        (near,) = self.places.distances(np.array([place]))
+        near = observation.ranges.min(initial=near)
         is_away = near >= self._safety_distance and not observation.touched
         has_way = not is_away and self._gone_back <= LONGEST_WAY_BACK
         if has_way and (motion := self._way_back.pop()):
@@ -239,21 +241,27 @@ class TouchMemory:
             observation: The newest scan, after ``retreat``.
             twist: The motion that was decided on.
         """
-        if _stands(twist) or not len(self.places):
+        if _stands(twist):
             return twist
         boxes = _seen_from(observation.pose, self.places.samples())
-        now = self._hull_distance(boxes, STOP, 0.0)
-        soon = min(self._hull_distance(boxes, twist, time) for time in _SOON)
-        if soon >= min(_CLOSE, now):
+        # The hull may come as near to what it sees as planned paths lead.
+        things = ((boxes, _CLOSE), (_ends(observation), 0.0))
+        if all(self._keeps_off(points, twist, least) for points, least in things):
             return twist
         self._gone_back = 0.0
         return self.retreat(observation) or twist
 
+    def _keeps_off(self, points: Points, twist: Twist, least: float) -> bool:
+        """Return whether a motion leads the hull no nearer to points than that, m."""
+        soon = min(self._hull_distance(points, twist, time) for time in _SOON)
+        return soon >= min(least, self._hull_distance(points, STOP, 0.0))
+
     def _way_out(self, observation: Observation) -> Twist | None:
         """Return the motion that leads away from boxes, past all else; None if none."""
         boxes = _seen_from(observation.pose, self.places.samples())
-        seen = observation.ranges * np.exp(1j * observation.bearings)
-        points = np.concatenate([boxes, seen[observation.ranges < HORIZON]])
+        seen = _ends(observation)
+        points = np.concatenate([boxes, seen])
+        boxes = boxes if len(boxes) else seen
         least = min(_CLOSE, self._hull_distance(points, STOP, 0.0))
         best, most = None, np.abs(boxes).min() + _GAIN
         for twist in (Twist(v, w) for v in _SPEEDS for w in _TURNS):
@@ -311,6 +319,13 @@ def _seen_from(pose: Pose2, points: Points) -> Points:
     """Return points, map frame, in the frame of a robot at a pose."""
     seen: Points = (points - complex(pose.x, pose.y)) * np.exp(-1j * pose.yaw)
     return seen
+
+
+def _ends(observation: Observation) -> Points:
+    """Return the ends of beams, (N,) m, robot's frame."""
+    near = observation.ranges < HORIZON
+    ends: Points = observation.ranges[near] * np.exp(1j * observation.bearings[near])
+    return ends
 
 
 def _motion_after(twist: Twist, time: float) -> tuple[complex, float]:

@@ -17,6 +17,7 @@ from radarsim.autonomy.navigation.grid_search import may_join_outside, step_cost
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.obstacle_grid import ObstacleGrid
 from radarsim.autonomy.navigation.path_planning import PathPlanning
+from radarsim.errors import NavigationError
 from radarsim.geometry import Pose2
 
 World = Callable[..., Any]
@@ -76,6 +77,26 @@ def test_closed_box_has_no_path(
     world.run(planned, steps=3000)
     assert planned.activity is Activity.NO_PATH
     assert world.nearest > 0.4
+
+
+def test_what_is_only_seen_from_afar_closes_no_way(flatland: World) -> None:
+    # As an image in a pane: who comes near sees that nothing is there.
+    ring = shapely.box(-3, -3, 3, 3).difference(shapely.box(-2.9, -2.9, 2.9, 2.9))
+    image, world = flatland(ring, at=Pose2(0.0, 0.3)), flatland(at=Pose2(0.0, 0.3))
+    planned = planning((6.0, 0.1))
+    for _ in range(1000):
+        image.pose, image.track = world.pose, world.track
+        scan = image.scan()
+        far = np.where(scan.ranges < 1.4, math.inf, scan.ranges)
+        world.move(planned.step(replace(scan, ranges=far)))
+        if planned.is_done:
+            break
+    assert planned.activity is Activity.REACHED
+
+
+def test_goal_too_far_for_a_grid_is_refused() -> None:
+    with pytest.raises(NavigationError, match="grid of 9016 by 9016 m"):
+        ObstacleGrid([(0.0, 0.0), (9000.0, 9000.0)])
 
 
 @pytest.mark.slow
@@ -167,7 +188,9 @@ def test_pole_stays_though_beams_pass_beside_it() -> None:
 
 
 def test_who_waited_has_not_looked_for_a_path_meanwhile(flatland: World) -> None:
-    world = flatland(CELL, at=Pose2(0.1, 0.2))
+    # So small that all of it is near enough to be no image.
+    cell = shapely.box(-1, -1, 1, 1).difference(shapely.box(-0.9, -0.9, 0.9, 0.9))
+    world = flatland(cell, at=Pose2(0.1, 0.2))
     planned, seen = planning((6.0, 0.4)), world.scan()
     told = []
     for time in (0.0, 20.0, *np.arange(20.5, 25.1, 0.5)):

@@ -175,6 +175,23 @@ def test_motion_away_from_what_was_touched_is_as_it_was_decided() -> None:
     assert memory.keep_off(seen, FORWARD).speed < 0
 
 
+def test_turn_into_what_is_seen_becomes_a_way_out() -> None:
+    memory, pose, turn = TouchMemory(LENGTH, WIDTH, S), Pose2(0.0, 0.0), Twist(0.0, 0.8)
+    # A pole beside the hull: the corners of a robot that turns would meet it.
+    pole = np.array([0.05 + 0.27j])
+    for k in range(60):
+        there = (pole - (pose.x + 1j * pose.y)) * np.exp(-1j * pose.yaw)
+        beam = np.abs(np.angle(np.exp(1j * (BEARINGS - np.angle(there))))).argmin()
+        seen = scan(0.1 * k, pose)
+        seen.ranges[beam] = np.abs(there[0])
+        memory.notice(seen, turn)
+        twist = memory.retreat(seen) or memory.keep_off(seen, turn)
+        pose = step(pose, twist)
+        inside = np.abs(there.real) < LENGTH / 2, np.abs(there.imag) < WIDTH / 2
+        assert not (inside[0] & inside[1]).any()
+    assert np.abs(pole - (pose.x + 1j * pose.y)) > math.hypot(LENGTH, WIDTH) / 2
+
+
 def step(pose: Pose2, twist: Twist) -> Pose2:
     middle = pose.yaw + twist.turn * 0.05
     x = pose.x + twist.speed * 0.1 * math.cos(middle)

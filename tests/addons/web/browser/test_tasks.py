@@ -89,13 +89,14 @@ def test_go_is_offered_to_robots_that_can(commander: CommanderPage) -> None:
     assert commander.text("hindrance") == ""
 
 
-def test_a_goal_outside_of_the_map_is_refused_in_words(
+def test_a_goal_too_near_to_something_is_refused_in_words(
     commander: CommanderPage,
 ) -> None:
     commander.add_robot("Out", kind="P3AT_Radar360", place=(-8, 0, 0))
-    commander.page.locator("#goto [name=x]").fill("99")
+    commander.page.locator("#goto [name=x]").fill("7")
+    commander.page.locator("#goto [name=y]").fill("0.5")
     commander.page.locator("#goto button.main").click()
-    commander.until(lambda: "outside of the map" in commander.text("error"))
+    commander.until(lambda: "0.70 m from 'cabinet'" in commander.text("error"))
 
 
 def test_stop_cancels_a_task(commander: CommanderPage, truth: Truth) -> None:
