@@ -232,6 +232,8 @@ class TangentBug(Controller):
         if way < self._way - SHORTER:
             self._way, self._driven = way, 0.0
         if self._driven > DRIVEN * (self._way + 1.0):
+            # so that it leaves the boundary only for a place that is nearer than here
+            self._left_at = min(self._left_at, self._goal_distance(pose))
             return False
         if way <= self._shortest_way + LONGER:
             return True

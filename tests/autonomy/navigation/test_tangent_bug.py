@@ -52,6 +52,13 @@ def test_path_around_a_box_is_nearly_the_shortest(flatland: World) -> None:
     assert navigator.hit_points == []
 
 
+def test_goal_in_something_round_has_no_path(flatland: World) -> None:
+    world = flatland(shapely.Point(3, 0).buffer(0.72), at=Pose2(-5.0, 0.0))
+    navigator = tangent_bug((3.0, 0.1))
+    world.run(navigator, steps=3000)
+    assert navigator.activity is Activity.NO_PATH
+
+
 @pytest.mark.slow
 def test_robot_gets_out_of_a_trap(flatland: World) -> None:
     world = flatland(TRAP, at=Pose2(0.5, 0.2))
