@@ -658,7 +658,7 @@ def parse_command(line: str, dialect: Dialect) -> ParsedCommand:
         MalformedMessage: If the line is not a command, lacks a required field, or has
             a field that is not readable.
     """
-    message = decode_message(line)
+    message = decode_message(line, keeps_closed=True)
     # The original never answers with an error, so that what other servers know and this
     # one does not has to pass in silence too.
     verb = message.verb.upper()

@@ -394,16 +394,21 @@ def encode_segments(verb: str, segments: Iterable[tuple[str, str]]) -> str:
     return " ".join([verb, *groups])
 
 
-def decode_message(line: str) -> Message:
+def decode_message(line: str, *, keeps_closed: bool = False) -> Message:
     """Split one line into its verb and its segments.
 
     >>> decode_message("DRIVE{Left 1}{ Right  -0,5 }")
     Message(verb='DRIVE', segments=(('Left', '1'), ('Right', '-0,5')))
 
+    Args:
+        line: The line.
+        keeps_closed: Whether a last segment that is not closed is left out, as the
+            original server does in commands, instead of an error.
+
     Raises:
         MalformedMessage: If the verb is missing, if other text than a segment follows
-            it, if a brace other than the last is not closed, or if there
-            are more segments than ``MAX_SEGMENTS``.
+            it, if a brace is not closed, or if there are more segments than
+            ``MAX_SEGMENTS``.
     """
     head, *parts = line.split("{", MAX_SEGMENTS + 1)
     if not head.strip():
@@ -414,28 +419,31 @@ def decode_message(line: str) -> Message:
     if len(parts) > MAX_SEGMENTS:
         text = f"{line.count('{')} segments in {line[:80]!r}"
         raise MalformedMessage(f"{text}, expected at most {MAX_SEGMENTS}")
-    return Message(verb, _parse_parts(parts, line))
+    return Message(verb, _parse_parts(parts, line, keeps_closed=keeps_closed))
 
 
-def parse_segments(text: str) -> tuple[tuple[str, str], ...]:
-    """Return key and value of each segment in a text.
+def parse_segments(
+    text: str, *, keeps_closed: bool = False
+) -> tuple[tuple[str, str], ...]:
+    """Return key and value of each segment in a text; see ``decode_message``.
 
     Raises:
-        MalformedMessage: If a brace other than the last is not closed.
+        MalformedMessage: If a brace is not closed.
     """
-    return _parse_parts(text.split("{")[1:], text)
+    return _parse_parts(text.split("{")[1:], text, keeps_closed=keeps_closed)
 
 
-def _parse_parts(parts: Sequence[str], text: str) -> tuple[tuple[str, str], ...]:
+def _parse_parts(
+    parts: Sequence[str], text: str, *, keeps_closed: bool
+) -> tuple[tuple[str, str], ...]:
     """Parse the parts of a text after each of its opening braces."""
     segments = []
     for index, part in enumerate(parts):
         inside, brace, _ = part.partition("}")
         if not brace:
-            # An unclosed last segment is left out, as in the original. An earlier one
-            # would swallow the next field without a word.
-            if index == len(parts) - 1:
+            if keeps_closed and index == len(parts) - 1:
                 break
+            # A stray brace would otherwise swallow the next field without a word.
             after = sum(len(each) + 1 for each in parts[index:])
             raise _expected("'}' after the brace", len(text) - after, text)
         words = inside.split(None, 1)

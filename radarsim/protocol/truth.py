@@ -62,7 +62,7 @@ class TruthRequest(NamedTuple):
         Raises:
             MalformedMessage: If a brace other than the last is not closed.
         """
-        message = Message("TRUTH", parse_segments(line))
+        message = Message("TRUTH", parse_segments(line, keeps_closed=True))
         class_name = (message.get("Class") or "").rpartition(".")[2].lower()
         return cls(class_name, message.get("Name") or "")
 

@@ -14,6 +14,7 @@ from radarsim.protocol.message import (
     decode_message,
     flip_axes,
     parse_list,
+    parse_segments,
     pose_from_wire,
     wrapped_pose_on_wire,
 )
@@ -67,11 +68,14 @@ def test_fields_are_decoded_despite_text_around_them(
 
 def test_unclosed_last_segment_is_left_out_as_in_the_original() -> None:
     line = "INIT {ClassName USARBot.P2AT} {Location -8, 4, -0.3} {Rotation 0, 0, 0"
-    assert decode_message(line).segments == (
+    assert decode_message(line, keeps_closed=True).segments == (
         ("ClassName", "USARBot.P2AT"),
         ("Location", "-8, 4, -0.3"),
     )
-    assert decode_message("DRIVE {Left 1").segments == ()
+    assert decode_message("DRIVE {Left 1", keeps_closed=True).segments == ()
+    assert parse_segments("{Name R1} {Class", keeps_closed=True) == (("Name", "R1"),)
+    with pytest.raises(MalformedMessage, match="expected '}' after the brace"):
+        decode_message("DRIVE {A 1 {Left 1}", keeps_closed=True)
 
 
 @pytest.mark.parametrize(
@@ -84,6 +88,11 @@ def test_unclosed_last_segment_is_left_out_as_in_the_original() -> None:
             "DRIVE Left 1",
             "expected '{Key value}' at column 7 in 'DRIVE Left 1'",
             id="no braces",
+        ),
+        pytest.param(
+            "DRIVE {Left 1",
+            "expected '}' after the brace at column 7 in 'DRIVE {Left 1'",
+            id="open brace",
         ),
         pytest.param(
             "DRIVE {C 1} {A {B 1}}",

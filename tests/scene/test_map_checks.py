@@ -1,12 +1,7 @@
 """Problems of map files: the top level, materials and starts."""
 
-from pathlib import Path
-
 import pytest
 from map_texts import problems
-
-from radarsim.errors import MapError
-from radarsim.scene.map_file import load_map
 
 pytestmark = pytest.mark.usefixtures("mesh_folder")
 START = "expected Robot, Player, ComSt or Point, then letters, then digits"
@@ -134,11 +129,3 @@ def test_all_problems_are_found_in_one_run() -> None:
         ["m.yaml:9:40", "objects.3.yaw_deg"],
         ["m.yaml:8:21", "objects.2.mesh"],
     ]
-
-
-def test_file_name_that_is_not_a_valid_level_is_an_error() -> None:
-    Path("my map.yaml").write_text("version: 1\n")
-    with pytest.raises(MapError) as caught:
-        load_map("my map.yaml")
-    expected = "level: 'my map', expected ASCII without blanks and braces"
-    assert str(caught.value) == f"my map.yaml:1:1: {expected}"

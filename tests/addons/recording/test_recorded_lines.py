@@ -116,5 +116,5 @@ def test_robots_of_one_name_are_told_apart(foliage_room: Scene, tmp_path: Path) 
     ]
     recorded_runs.write_run(run._replace(events=events), tmp_path / "run")
     recording = RecordedLines.open(tmp_path / "run")
-    assert [robot.name for robot in recording.robots] == ["R 1", "r 1 2"]
+    assert [robot.name for robot in recording.robots] == ["R 1", "r 1_2"]
     recording.close()
