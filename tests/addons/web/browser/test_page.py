@@ -246,9 +246,8 @@ def test_numbers_of_goals_fit_into_their_fields(commander: CommanderPage) -> Non
 
 def test_legend_names_what_is_drawn(commander: CommanderPage) -> None:
     commander.add_robot("R1", place=(-8, 0, 0))
-    commander.until(lambda: "radar reading" in commander.text("legend"))
-    for words in ("radar ray", "reading behind", "power used up", "free start"):
-        assert words in commander.text("legend")
+    drawn = ("radar ray", "radar reading", "reading behind", "power used", "free start")
+    commander.until(lambda: all(each in commander.text("legend") for each in drawn))
     # The laser reads nothing within 4 m.
     assert "laser" not in commander.text("legend")
     commander.page.locator("#beam [name=scanner]").select_option("Hokuyo")
