@@ -232,6 +232,7 @@ class Obstacles:
         *,
         within: float,
         is_open: Callable[[Floats], NDArray[np.bool_]],
+        work: int = 0,
     ) -> Generator[int, None, Pose2 | None]:
         """Find the same as ``nearest_free_pose`` step by step.
 
@@ -241,6 +242,8 @@ class Obstacles:
             others: Returns the bodies that are there now, as they move between steps.
             within: As of ``nearest_free_pose``.
             is_open: Likewise.
+            work: What the caller does before the search, and again at the place that it
+                finds: counted with the first step, and with each that may be the last.
 
         Yields:
             The work of the next step, in comparisons of a position with a line, which
@@ -256,14 +259,15 @@ class Obstacles:
         # The nearest first: they are in the way of most positions.
         distances = np.hypot(*(lines[:, [MIDDLE_X, MIDDLE_Y]] - here).T)
         lines = lines[np.argsort(distances, kind="stable")]
-        yield _SORTING_WORK * len(lines)
+        yield work + _SORTING_WORK * len(lines)
         for offsets in _search_batches(within):
             places = [Pose2(x, y, pose.yaw) for x, y in (here + offsets).tolist()]
             for first in range(0, len(lines), _LINES):
                 some = lines[first : first + _LINES]
                 yield len(places) * (_POSITION_WORK + len(some))
                 places = [p for p in places if _gap(enlarged, p, some) > MARGIN]
-            yield _TRACING_WORK + len(places) * _POSITION_WORK
+            at_end = work if places else 0
+            yield at_end + _TRACING_WORK + len(places) * _POSITION_WORK
             positions = np.array([(p.x, p.y) for p in places]).reshape(-1, 2)
             bodies = others()
             sides = [body.footprint.outline(body.pose) for body in bodies]

@@ -124,9 +124,9 @@ class Airspace:
         obstacles = Obstacles(np.concatenate([*slices.values()]), floor=band * BAND)
         return Surroundings(tile, band, slices, obstacles)
 
-    def lift(self, fleet: Fleet, robot: Robot, z: float) -> None:
-        """Move a robot to a height, m, among what is there."""
-        around = self._around_robot(robot, z)
+    def lift(self, fleet: Fleet, robot: Robot, z: float, *known: Surroundings) -> None:
+        """Move a robot to a height, m, among what is there; see ``surroundings``."""
+        around = self._around_robot(robot, z, *known)
         self._around[robot] = (around,)
         fleet.lift(robot, z, around.obstacles)
 

@@ -38,7 +38,7 @@ from radarsim.simulation.clock import TICK, Clock, Schedule, ticks_of
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.crates import Crates
 from radarsim.simulation.faults import Faults
-from radarsim.simulation.flight import Airspace
+from radarsim.simulation.flight import Airspace, Surroundings
 from radarsim.simulation.items import RayItem
 from radarsim.simulation.readings import Program, ReadingTable
 from radarsim.simulation.tick_output import (
@@ -53,6 +53,7 @@ from radarsim.simulation.trails import Trails
 from radarsim.simulation.vehicle import DueItems, MountedScanner, Vehicle
 
 SEARCH_RADIUS = 1.0  # m around an occupied place
+SLICING_WORK: Final = 300_000  # to slice all that a robot that flies can reach
 # Scans of a tick whose echoes are listed for watchers only, each of which takes a
 # millisecond or two: so these delay no one else, however many robots are watched.
 MAX_SHOWN: Final = 4
@@ -158,18 +159,21 @@ class Simulation:
         height = floor + model.origin_height
         footprint = Footprint(model.length, model.width)
         reach = SEARCH_RADIUS + footprint.radius + 0.1  # a little more than needed
+        around: tuple[Surroundings, ...] = ()
         if model.flight is None:
             obstacles = self._obstacles(floor)
         else:
             height = max(height, min(z, self._airspace.ceiling))
             place = pose.x, pose.y, height
-            obstacles = self._airspace.surroundings(model, place, reach).obstacles
+            around = (self._airspace.surroundings(model, place, reach),)
+            obstacles = around[0].obstacles
         free = yield from obstacles.search_free_pose(
             footprint,
             pose,
             lambda: self._fleet.near(pose.x, pose.y, reach),
             within=SEARCH_RADIUS,
             is_open=lambda places: ~self._are_inside_solids(places, height),
+            work=SLICING_WORK if around else 0,
         )
         if free is None:
             return None
@@ -187,7 +191,7 @@ class Simulation:
             wheel_drive=self.config.wheel_drive(model),
         )
         if model.flight is not None:
-            self._airspace.lift(self._fleet, robot, height)
+            self._airspace.lift(self._fleet, robot, height, *around)
         vehicle = Vehicle(
             robot,
             self.config,

@@ -17,7 +17,7 @@ from radarsim.robots.solid_mesh import Area, SolidMesh
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.simulation.flight import BAND, TILE, Airspace
-from radarsim.simulation.simulation import Simulation
+from radarsim.simulation.simulation import SLICING_WORK, Simulation
 from radarsim.simulation.vehicle import Vehicle
 
 AIR_ROBOT = load_robot("AirRobot")
@@ -67,6 +67,25 @@ def test_all_walls_that_a_robot_can_reach_are_around_it(
     reached = np.abs(whole - [x, y]).max(axis=2).min(axis=1) <= REACH
     lengths = np.hypot(*(whole[:, 1] - whole[:, 0]).T)
     assert set(np.flatnonzero(reached & (lengths > 1e-9))) <= set(found)
+
+
+def test_a_robot_that_comes_cuts_each_height_around_it_once(
+    foliage_room: Scene, areas: list[Area]
+) -> None:
+    drone(Simulation(foliage_room), -8.0, 0.0, 0.5)
+    assert len(areas) == math.ceil(AIR_ROBOT.height / BAND) + 1
+
+
+def test_a_search_for_a_place_in_the_air_counts_what_is_cut_for_it(
+    foliage_room: Scene,
+) -> None:
+    """So that no tick cuts twice, or cuts and does all of a search as well."""
+    simulation = Simulation(foliage_room)
+    in_bush = Pose2(-0.2, -2.75)
+    steps = list(simulation.spawn_stepwise("D", AIR_ROBOT, in_bush, 0.5))
+    assert simulation.vehicles
+    assert steps[0] > SLICING_WORK
+    assert steps[-1] > SLICING_WORK
 
 
 def test_a_robot_that_rises_cuts_each_height_around_it_once(
