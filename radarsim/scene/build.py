@@ -86,6 +86,7 @@ _PLAIN_KEYS: Final = {
     "specular_db",
     "slope_deg",
     "sway_m_per_s",
+    "scatters_light",
     "transmission_db",
 }
 

@@ -275,6 +275,7 @@ class MaterialEntry(Entry):
         slope_deg: Rms slope of these facets, degrees.
         sway_m_per_s: Rms speed at which the wind moves leaves along a radar wave, m/s.
         transmission_db: What a radar wave loses on its way through a pane, dB.
+        scatters_light: Whether a volume sends light back from every depth, as smoke.
     """
 
     based_on: LibraryName | None = None
@@ -298,6 +299,7 @@ class MaterialEntry(Entry):
     slope_deg: Annotated[Real, Ge(MIN_SLOPE), Le(MAX_SLOPE)] | None = None
     sway_m_per_s: Annotated[Real, Ge(0), Le(MAX_SWAY)] | None = None
     transmission_db: BandDecibels | None = None
+    scatters_light: Annotated[bool, Strict()] | None = None
 
 
 class ReflectorEntry(Entry):

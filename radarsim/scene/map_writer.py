@@ -30,6 +30,7 @@ _PLAIN: Final = (
     "specular_db",
     "slope_deg",
     "sway_m_per_s",
+    "scatters_light",
 )
 _BANDS: Final = {
     "radar_db": "db_per_m",

@@ -91,6 +91,9 @@ class Material:
             on top.
         sway_m_per_s: Rms speed at which the wind moves the scatterers of a volume or a
             sheet along a radar wave, m/s; only the speckle of a spectrum shows it.
+        scatters_light: Whether a volume that weakens light sends it back from every
+            depth; None if that is not known. Of the library's materials smoke, dust and
+            fog do.
     """
 
     name: str
@@ -114,6 +117,7 @@ class Material:
     specular_db: float | None = None
     slope_deg: float = SLOPE_DEG
     transmission_db: Losses | None = None
+    scatters_light: bool | None = None
 
     def __repr__(self) -> str:
         """Return the call that makes it, without what is by default."""
@@ -131,13 +135,16 @@ class Material:
 
     @property
     def is_cloud(self) -> bool:
-        """Whether it scatters light all along its inside, as smoke, dust and fog do.
+        """Whether lasers can read first returns from its inside, as from smoke.
 
-        Such a volume weakens light and lets robots pass. Rain has too few drops.
+        Of a material that does not say whether it scatters light, robots decide: what
+        stops them is glass or a plant.
         """
-        is_volume = self.sheet_loss is None and not self.solid
+        scatters = self.scatters_light
+        if scatters is None:
+            scatters = not self.solid and not self.rain
         lost = self.laser_density + self.laser_db
-        return is_volume and not self.rain and 0 < lost < OPAQUE
+        return scatters and self.sheet_loss is None and 0 < lost < OPAQUE
 
 
 class LibraryEntry(BaseModel):
@@ -252,6 +259,7 @@ def library_material(
         specular_db=values.get("specular_db"),
         slope_deg=float(values.get("slope_deg", SLOPE_DEG)),
         transmission_db=None if transmission is None else _by_band(transmission),
+        scatters_light=entry.amount == "g_per_m3",
     )
 
 

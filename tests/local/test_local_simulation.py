@@ -93,6 +93,29 @@ def test_two_robots_report_for_a_minute_what_a_server_sends(
     assert {"RangeScan", "GroundTruth", "Ins", "Odometry", "Touch"} <= kinds
 
 
+def test_lasers_in_smoke_read_the_same_here_and_from_a_server(
+    smoke_room: Scene,
+) -> None:
+    """All read the same depths, and the first are those of the item's generator."""
+    config = radarsim.SimulationConfig(item_settings={"lms200": {"sensor": "physical"}})
+    host = Host(smoke_room, seed=3, config=config)
+    sim = simulate(smoke_room, seed=3, config=config)
+    wired = [WireRobot(host, start) for start in STARTS]
+    robots = [sim.spawn("P3AT", start=start) for start in STARTS]
+    sim.step(1.0)
+    for _ in range(100):
+        host.step()
+    for robot, wire in zip(robots, wired, strict=True):
+        sent = [each for each in wire.read() if isinstance(each, RangeScan)]
+        read = [each for each in robot.reports if isinstance(each, RangeScan)]
+        assert list(map(numbers_of, read)) == list(map(numbers_of, sent))
+        rng = radarsim.generator_for(3, robot.name, "lms200")
+        pose = (robot.pose.x, robot.pose.y, robot.pose.yaw)
+        alone = radarsim.load_sensor("physical").scan(smoke_room, pose, rng).ranges
+        assert 0 < np.median(alone) < 1  # inside the smoke, not at a wall
+        np.testing.assert_allclose(sent[0].ranges, alone, rtol=0, atol=0.006)
+
+
 def test_properties_are_the_newest_reports(sim: LocalSimulation) -> None:
     robot = sim.spawn(start="robotstart1", name="R1")
     assert sim.robots == {"R1": robot}

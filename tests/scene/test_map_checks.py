@@ -59,8 +59,8 @@ def test_problem_of_the_top_level_has_place_and_expectation(
             " 'attenuation_db', 'backscatter_db', 'based_on', 'constant_gamma',"
             " 'db_per_m', 'density', 'g_per_m3', 'laser_absorption_db',"
             " 'laser_db_per_m', 'laser_density', 'mirror', 'mm_per_h',"
-            " 'sheet_attenuation_db', 'sheet_loss', 'slope_deg', 'solid',"
-            " 'specular_db', 'sway_m_per_s', 'transmission_db']",
+            " 'scatters_light', 'sheet_attenuation_db', 'sheet_loss', 'slope_deg',"
+            " 'solid', 'specular_db', 'sway_m_per_s', 'transmission_db']",
         ),
     ],
 )

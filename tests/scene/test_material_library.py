@@ -143,6 +143,7 @@ def test_all_properties_of_a_material() -> None:
         specular_db=-9.7,
         slope_deg=3,
         transmission_db=None,
+        scatters_light=False,
     )
 
 

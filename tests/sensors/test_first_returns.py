@@ -4,14 +4,22 @@ import math
 
 import numpy as np
 import pytest
+import yaml
 
 import radarsim
 from radarsim.geometry import Floats, Pose3
 from radarsim.raycast.attenuation import EventKind
+from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
-from radarsim.scene.material import Material, library_material
+from radarsim.scene.build import make_material
+from radarsim.scene.map_file import load_variants, shipped_maps
+from radarsim.scene.map_schema import MaterialEntry
+from radarsim.scene.map_writer import material_keys
+from radarsim.scene.material import Material, library_material, library_names
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import box
+from radarsim.sensors.scan_batch import ScanRequest, scan_batch
 
 WALL = 40.0  # m
 NARROW = {"fov_deg": 0.02, "resolution_deg": 0.0001}  # 201 beams, all straight ahead
@@ -92,20 +100,71 @@ def test_answer_is_an_echo_of_the_cloud_that_the_beam_entered_last() -> None:
     assert echoes.strength == pytest.approx(10 ** (-4 * (1 - power / 20)))
 
 
+def test_robot_in_smoke_is_read_by_the_beams_that_get_so_far() -> None:
+    robot = Boxes(np.array([[8.5, 0, 0, -1, 1, 0.5, 0.5, 7]]))  # from 8 m on
+    laser, db = radarsim.load_sensor("physical", **NARROW), 0.3
+    tracer = tracer_of(smoky(cloud("smoke", 5, 20, db)))
+    rng, pose = generator_for(2, "smoke"), Pose3(0, 0, 0)
+    scans = scan_batch(tracer, [ScanRequest(laser, pose, rng)] * 50, robot)
+    ranges = np.array([scan.ranges for scan in scans]).ravel()
+    at_robot = np.isclose(ranges, 8.0)
+    assert ((ranges >= 5.0) & (ranges < 8.0) | at_robot).all()
+    depths = np.where(at_robot, np.inf, ranges - 5)
+    check_law(depths, 3.0, math.log(10) / 10 * db)
+
+
+@pytest.mark.parametrize("name", library_names())
+def test_smoke_dust_and_fog_are_the_clouds_of_the_library(name: str) -> None:
+    assert library_material(name).is_cloud == (name in {"smoke", "dust", "fog"})
+
+
 @pytest.mark.parametrize(
-    ("material", "is_cloud"),
+    ("keys", "is_cloud"),
     [
-        *[(library_material(name), True) for name in ("smoke", "dust", "fog")],
-        *[
-            (library_material(name), False)
-            for name in ("rain", "glass", "foliage", "tall_grass", "atmosphere")
-        ],
-        (Material("net", sheet_loss=0.1, laser_density=0.5, solid=False), False),
+        ("based_on: dust, g_per_m3: 0.1, db_per_m: 1", True),
+        ("based_on: smoke, solid: true", True),
+        ("based_on: smoke, laser_density: opaque", False),
+        ("based_on: smoke, laser_db_per_m: 0", False),
+        ("based_on: smoke, sheet_loss: 1", False),
+        ("based_on: smoke, scatters_light: false", False),
+        ("based_on: glass, solid: false", False),
+        ("based_on: hedge, laser_density: 0.5, solid: false", False),
+        ("based_on: tall_grass, laser_db_per_m: 3", False),
+        ("based_on: rain, mm_per_h: 90", False),
+        ("density: 0, laser_density: 0.5, solid: false", True),
+        ("density: 0, laser_density: 0.5", False),
+        ("density: 0, laser_density: 0.5, scatters_light: true", True),
+        ("density: 2, laser_density: 0.5, solid: false, scatters_light: false", False),
+        ("sheet_loss: 0.1, laser_density: 0.5, solid: false", False),
     ],
-    ids=lambda value: value.name if isinstance(value, Material) else "",
 )
-def test_smoke_dust_and_fog_are_clouds(material: Material, is_cloud: bool) -> None:
+def test_materials_of_maps_that_are_clouds(keys: str, is_cloud: bool) -> None:
+    entry = MaterialEntry.model_validate(yaml.safe_load(f"{{{keys}}}"))
+    material = make_material("m", entry)
     assert material.is_cloud == is_cloud
+    written = MaterialEntry.model_validate(material_keys(material))
+    assert make_material("m", written).is_cloud == is_cloud
+
+
+def test_passable_rain_of_an_own_material_is_no_cloud() -> None:
+    rain = Material("rain", 0.0, 0.0, solid=False, laser_db=0.01, rain=25)
+    assert not rain.is_cloud
+
+
+def test_clouds_of_the_shipped_maps() -> None:
+    found = {
+        (name, each.name)
+        for name in shipped_maps()
+        for scene in load_variants(name)
+        for each in scene.materials.values()
+        if each.is_cloud
+    }
+    assert found == {
+        ("smoke_room", "smoke"),
+        ("orchard", "smoke"),
+        ("marulan_trial", "thick_smoke"),
+        ("marulan_trial", "dust_cloud"),
+    }
 
 
 @pytest.mark.parametrize(

@@ -59,12 +59,18 @@ def test_scans_from_many_poses_equal_single_scans(
 
 
 @pytest.mark.parametrize("workers", [1, 2, 7])
-def test_number_of_threads_does_not_matter(workers: int, foliage_room: Scene) -> None:
-    sensor, poses = load_sensor("radar"), drive(400)
+@pytest.mark.parametrize(
+    ("name", "room"), [("radar", "foliage_room"), ("physical", "smoke_room")]
+)
+def test_number_of_threads_does_not_matter(
+    name: str, room: str, workers: int, request: pytest.FixtureRequest
+) -> None:
+    scene: Scene = request.getfixturevalue(room)
+    sensor, poses = load_sensor(name), drive(400)
     placed = [Pose3(x, y, 0.346, 0.0, 0.0, yaw) for x, y, yaw in poses]
-    tracer = tracer_of(foliage_room)
+    tracer = tracer_of(scene)
     many = scan_poses(sensor, tracer, placed, generator_for(4), workers=workers)
-    assert many.ranges.tobytes() == one_by_one(sensor, foliage_room, placed, 4)[0]
+    assert many.ranges.tobytes() == one_by_one(sensor, scene, placed, 4)[0]
 
 
 def test_poses_are_returned_in_space(empty_room: Scene) -> None:
