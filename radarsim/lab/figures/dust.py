@@ -160,7 +160,7 @@ def draw_readings(seed: int, *, sensor: str, air: str) -> DrawnFigure:
     elif counts.unchanged > 0.9 * counts.crossing:
         found = "The dust does not trouble it."
     else:
-        found = "It sees the dust instead of what is behind."
+        found = "It reads the dust instead of nearly all that is behind it."
     return DrawnFigure(
         drawing,
         f"{NAMES[sensor]} readings of the trial scene in {AIRS[air]}, {COUNT} scans."
@@ -198,7 +198,7 @@ def draw_all_readings(seed: int) -> DrawnFigure:
         drawing,
         "Radar (above) and laser (below) read the trial scene in clear air (left) and"
         " through heavy dust (right). The radar reads the same in both; the laser reads"
-        " the dust itself and misses what is behind it.",
+        " the dust itself and misses nearly all that is behind it.",
         tuple(commands),
         "\n".join(details),
     )
@@ -219,10 +219,10 @@ def _details(shot: ScanSpec, counts: Counts) -> str:
         ) + (f" Range noise of {noise:g} m draws the spots out." if noise else "")
     low, high = dust_extent()
     return (
-        f"The dust is {high[0] - low[0]:g} m deep. {taken} Of the {counts.crossing}"
-        f" readings of objects whose beams the dust crosses, {counts.unchanged} are the"
-        f" same as in clear air to within {CELL:g} m, and {counts.cloud} readings"
-        f" are of the dust itself. Beside it, {counts.beside} of"
+        f"The dust is {high[0] - low[0]:g} m deep. {taken} Of readings of objects whose"
+        f" beams the dust crosses, {counts.unchanged} of {counts.crossing} are the same"
+        f" as in clear air to within {CELL:g} m, and {counts.cloud} readings are of the"
+        f" dust itself. Beside it, {counts.beside} of"
         f" {counts.clear - counts.crossing} are the same."
     )
 
@@ -248,9 +248,10 @@ def _draw_panel(axes: Axes, shot: ScanSpec) -> dict[str, Line2D]:
         axes.add_patch(Rectangle(low, wide, tall, zorder=0.5, **style))
         x, y = ((low + high) / 2).tolist()
         axes.text(x, y, "dust", ha="center", va="center", fontsize="large")
-        # Rings around the readings of a scan in clear air that dust changes.
+        # Rings around the readings of a scan in clear air that no scan in dust has.
         (clear, *_) = scan_spec_for(shot.sensor, "clear", shot.seed).take()
-        changed = np.isfinite(clear.ranges) & ~_are_same(clear, scans[0])
+        kept = np.any([_are_same(clear, scan) for scan in scans], axis=0)
+        changed = np.isfinite(clear.ranges) & ~kept
         if changed.any():
             missed = scan_points(clear)[changed]
             axes.plot(*missed.T, linestyle="none", zorder=3, **_RING)

