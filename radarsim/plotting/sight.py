@@ -94,7 +94,7 @@ def find_sight(scene: Scene, scan: Scan) -> Sight:
     spent_unread = np.zeros(len(scan.ranges), np.bool_)
     found: dict[BeamEnd, dict[str, Material]] = {end: {} for end in BeamEnd}
     shadows: dict[int, Geometry] = {}
-    answers = _answers_inside(scan)
+    answers = _answers_in_clouds(scan, parts)
     # Events are ordered by their rays, so that each beam has a slice of them.
     edges = np.searchsorted(events["ray"], np.arange(len(scan.ranges) + 1))
     for beam, reading in enumerate(scan.ranges.tolist()):
@@ -105,9 +105,8 @@ def find_sight(scene: Scene, scan: Scan) -> Sight:
             spent_unread[beam] = reading > 0 and (mine["kind"] == EventKind.SPENT).any()
             continue
         if beam in answers:
-            material = parts[answers[beam]].material
             ends[beam] = BeamEnd.STOPPED
-            found[BeamEnd.STOPPED][material.name] = material
+            found[BeamEnd.STOPPED][answers[beam].name] = answers[beam]
             continue
         passed = _parts_passed(mine, reading, parts)
         for part in passed:
@@ -132,14 +131,15 @@ def find_sight(scene: Scene, scan: Scan) -> Sight:
     return Sight(ends, meeting, {end: tuple(m.values()) for end, m in found.items()})
 
 
-def _answers_inside(scan: Scan) -> dict[int, int]:
-    """Return the part of each beam that answers inside of a cloud, by its number."""
+def _answers_in_clouds(scan: Scan, parts: Sequence[Part]) -> dict[int, Material]:
+    """Return the clouds of the beams that answer in one, by the beams' numbers."""
     echoes = scan.echoes
     if not echoes.settings.reads_first_returns:
         return {}
-    inside = echoes.ranges > echoes.fronts
-    beams, parts = echoes.beams[inside].tolist(), echoes.parts[inside].tolist()
-    return dict(zip(beams, parts, strict=True))
+    entering = echoes.kinds == EventKind.ENTER
+    materials = [parts[part].material for part in echoes.parts[entering]]
+    met = zip(echoes.beams[entering].tolist(), materials, strict=True)
+    return {beam: material for beam, material in met if material.is_cloud}
 
 
 def _parts_passed(
