@@ -133,6 +133,7 @@ def explain_beam(
             for k in rows
         ]
     rain = (echoes.beams == beam) & (echoes.kinds == EventKind.RAIN)
+    cloud = echoes.answers_in_clouds().get(beam)
     # What a detector reads is of all rays of a beam, whether or not they are combined.
     together = echoes.settings.combines_rays and scan.targets is None
     return {
@@ -147,6 +148,7 @@ def explain_beam(
         # The reading need not be the distance at which this ray ends.
         "range": _finite(float(scan.ranges[beam])),
         "rain": float(echoes.ranges[rain][0]) if rain.any() else None,
+        "cloud": cloud.name if cloud else None,
         "return_mode": settings.return_mode,
         "detector": settings.detector,
         "targets": targets,
@@ -268,7 +270,8 @@ def _reading_text(report: dict[str, Any]) -> str:
     mode = report["return_mode"]
     found = "echo" if report["targets"] is None else "target"
     which = f", its {mode} {found}" if mode in ("first", "strongest") else ""
-    return f"reads {report['range']:.4f} m{which}{ghost}"
+    inside = f", from inside {report['cloud']}" if report["cloud"] else ""
+    return f"reads {report['range']:.4f} m{which}{inside}{ghost}"
 
 
 def _crossing_text(row: dict[str, Any], full: float | None) -> str:

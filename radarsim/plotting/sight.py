@@ -94,7 +94,7 @@ def find_sight(scene: Scene, scan: Scan) -> Sight:
     spent_unread = np.zeros(len(scan.ranges), np.bool_)
     found: dict[BeamEnd, dict[str, Material]] = {end: {} for end in BeamEnd}
     shadows: dict[int, Geometry] = {}
-    answers = _answers_in_clouds(scan, parts)
+    answers = scan.echoes.answers_in_clouds()
     # Events are ordered by their rays, so that each beam has a slice of them.
     edges = np.searchsorted(events["ray"], np.arange(len(scan.ranges) + 1))
     for beam, reading in enumerate(scan.ranges.tolist()):
@@ -129,17 +129,6 @@ def find_sight(scene: Scene, scan: Scan) -> Sight:
     meeting = _meet(events, scan.ranges, parts, families)
     meeting &= spent_unread | (ends >= BeamEnd.FREE)
     return Sight(ends, meeting, {end: tuple(m.values()) for end, m in found.items()})
-
-
-def _answers_in_clouds(scan: Scan, parts: Sequence[Part]) -> dict[int, Material]:
-    """Return the clouds of the beams that answer in one, by the beams' numbers."""
-    echoes = scan.echoes
-    if not echoes.settings.reads_first_returns:
-        return {}
-    entering = echoes.kinds == EventKind.ENTER
-    materials = [parts[part].material for part in echoes.parts[entering]]
-    met = zip(echoes.beams[entering].tolist(), materials, strict=True)
-    return {beam: material for beam, material in met if material.is_cloud}
 
 
 def _parts_passed(

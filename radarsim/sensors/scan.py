@@ -132,6 +132,15 @@ class Echoes:
     scene_parts: Sequence[Part] = field(repr=False)
     settings: SensorSettings = field(repr=False)
 
+    def answers_in_clouds(self) -> dict[int, Material]:
+        """Return the clouds of the beams that answer in one, by the beams' numbers."""
+        if not self.settings.reads_first_returns:
+            return {}
+        entering = self.kinds == EventKind.ENTER
+        materials = [self.scene_parts[part].material for part in self.parts[entering]]
+        met = zip(self.beams[entering].tolist(), materials, strict=True)
+        return {beam: material for beam, material in met if material.is_cloud}
+
     def __len__(self) -> int:
         return len(self.beams)
 

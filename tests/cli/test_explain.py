@@ -243,6 +243,12 @@ def test_attenuation_of_air_is_printed(radarsim: Command, tmp_path: Path) -> Non
     assert "reads 4.5000 m, its first echo" in run.text
 
 
+def test_answer_from_inside_smoke_names_it(radarsim: Command) -> None:
+    words = ("smoke_room", "--sensor", "physical", "--start", "RobotStart1")
+    text = radarsim("explain", *words, "--beam", "90").text
+    assert text.splitlines()[-1].endswith(" m, its first echo, from inside smoke")
+
+
 def test_targets_of_a_detector_are_told(radarsim: Command) -> None:
     words = (
         *("foliage_room", "--sensor", "navtech_cts350x", "--start", "RobotStart1"),
