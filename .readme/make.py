@@ -10,12 +10,12 @@ from PIL import Image
 import radarsim
 
 FOLDER = Path(__file__).parent
+PLANTS = FOLDER.parent / "examples" / "thesis" / "calibrate_plants.py"
 WIDTH = 1200  # pixels
 COLOURS = 256
 COMMANDS = (
     "radarsim demo demo.png",
     "radarsim scan foliage_room --sensor radar --start RobotStart1 -o scan.png",
-    "radarsim.lab.plants plants --figure shrub.png",
     "radarsim navigate bug_u_trap --algorithm bug2 --plot navigate.png",
     "radarsim map foliage_room -o map/",
     "radarsim sweep foliage_thickness -o sweep",
@@ -27,7 +27,7 @@ PICTURES = {
     "navigate": "navigate.png",
     "map": "map/map_view.png",
     "sweep": "sweep/figure.png",
-    "shrub_shapes": "shrub.png",
+    "shrub_shapes": "plants/shrub_shapes.png",
     "commander": "commander.png",
 }
 
@@ -50,6 +50,7 @@ def main() -> None:
             words = (sys.executable, "-m", *command.split())
             subprocess.run(words, cwd=folder, check=True)
         subprocess.run((sys.executable, FOLDER / "commander.py", folder), check=True)
+        subprocess.run((sys.executable, PLANTS), cwd=folder, check=True)
         figure = radarsim.compare("orchard", "physical", "navtech_cir204h")
         figure.savefig(Path(folder, "orchard.png"))
         for name, picture in PICTURES.items():

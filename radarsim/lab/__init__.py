@@ -1,1 +1,1 @@
-"""Experiments: figures of the thesis, a study, sweeps."""
+"""Experiments: a study and sweeps."""

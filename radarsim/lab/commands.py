@@ -17,10 +17,4 @@ COMMANDS: Final = (
         "Scan, drive or map for all combinations of values.",
         RESULTS,
     ),
-    CommandEntry(
-        "figures",
-        "radarsim.lab.figures.commands:figures",
-        "Draw the figures of the thesis.",
-        RESULTS,
-    ),
 )

@@ -26,7 +26,7 @@ SERVE = ("serve", "empty_room", "--port", "0")
 COMMANDS = (
     *("demo", "serve", "check", "new", "import", "scan", "spectrum", "explain"),
     *("sensors", "materials", "drive", "commander", "navigate", "trials", "study"),
-    *("sweep", "map", "figures", "replay", "recording", "ros", "docs"),
+    *("sweep", "map", "replay", "recording", "ros", "docs"),
 )
 ESCAPE = "\x1b["
 

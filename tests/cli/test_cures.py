@@ -174,7 +174,6 @@ def plain_user() -> Iterator[None]:
         ("navigate", "bug_box", "--algorithm", "bug1", "--plot", "{}/a.png"),
         ("map", "-o", "{}/m", "empty_room"),
         ("map", "-o", "{}/m/", "empty_room"),
-        ("figures", "{}", "--only", "1"),
         ("serve", "empty_room", "--port", "0", "--record", "{}/bag"),
         ("sweep", "{}/sweep.yaml", "-o", "/dev/null/out"),
         ("replay", "{}/bag"),

@@ -116,7 +116,6 @@ def test_markup_in_the_name_of_a_map_stays_text(
             1,
         ),
         (("trials", HOSTILE), 1),
-        (("figures", f"/dev/null/{HOSTILE}"), 2),
         (("docs", HOSTILE), 2),
     ],
 )

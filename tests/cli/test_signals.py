@@ -20,7 +20,6 @@ COMMANDS = {
     "navigate": ("navigate", "bug_box", "--algorithm", "bug2"),
     "trials": ("trials", "bug_box", "bug_u_trap", "--seeds", "1"),
     "demo": ("demo", "{}/demo.png"),
-    "figures": ("figures", "{}", "--only", "2,3,6"),
 }
 pytestmark = [
     pytest.mark.timeout(180),

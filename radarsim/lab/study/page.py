@@ -18,7 +18,6 @@ from radarsim.autonomy.mapping.occupancy_grid import RESOLUTION
 from radarsim.autonomy.navigation.algorithms import ROBOT_RADIUS, Algorithm
 from radarsim.autonomy.navigation.plans import TOLERANCE
 from radarsim.files import PAGE_MARK, write_atomically
-from radarsim.lab.figures.page import STYLE
 from radarsim.lab.study.findings import (
     draw_study,
     headline,
@@ -44,6 +43,7 @@ from radarsim.lab.study.results import (
     kinds_of,
     summarise,
 )
+from radarsim.lab.study.style import STYLE
 from radarsim.plotting.style import render
 
 TITLE: Final = "Radar against lasers: who finds the way, and who maps what"

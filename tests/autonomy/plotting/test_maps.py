@@ -33,9 +33,9 @@ from radarsim.autonomy.plotting.maps import (
 from radarsim.autonomy.plotting.outlines import Outline
 from radarsim.autonomy.plotting.panels import Extent
 from radarsim.geometry import Pose2
-from radarsim.lab.figures.figure import load_scene
 from radarsim.plotting.palette import GOING
 from radarsim.protocol.reports import RangeScan, TargetEchoes
+from radarsim.scene.map_file import load_map
 
 PATH = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [1.0, 0.2, 0.4]])
 ROOM = np.array([[-4, -4], [4, -4], [4, 4], [-4, 4], [-4, -4.0]])
@@ -160,7 +160,7 @@ def test_label_of_the_start_is_beside_the_path(north: float, below: bool) -> Non
 
 
 def test_objects_of_the_scene_are_named() -> None:
-    parts = tuple(load_scene("foliage_room").parts)
+    parts = tuple(load_map("foliage_room").parts)
     figure = map_figure([view_of(grid_of(9.0), parts=parts, height=0.3)])
     texts = {text.get_text() for text in figure.axes[0].texts}
     assert {"bushes", "cabinet"} <= texts

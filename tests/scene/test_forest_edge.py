@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 
 import radarsim
-from radarsim.generators.plants.plant import SHAPES
 from radarsim.generators.plants.species import SHRUB
-from radarsim.geometry import Floats, Pose2
-from radarsim.lab.plants import bundle, transmission
+from radarsim.geometry import Pose2
 from radarsim.presets.robots import load_robot
 from radarsim.rng import generator_for
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles
-from radarsim.scene.scene import Part, Scene
+from radarsim.scene.scene import Scene
 from radarsim.sensors.scan import Scan
 from radarsim.simulation.simulation import Simulation
 
@@ -26,25 +24,6 @@ BEHIND = HEDGE + SHRUB.crown_radius
 @pytest.fixture(scope="module")
 def forest() -> Scene:
     return radarsim.load_map("forest_edge")
-
-
-def shrub_of(scene: Scene, shape: str) -> tuple[list[Part], Floats]:
-    """Return the parts of one shrub, and the centre of its crown, (3,) m."""
-    name = f"shrub_{shape}_1"
-    parts = [part for part in scene.parts if part.object_name == name]
-    y = {"ball": -11.25, "cloud": -9.75, "leaves": -8.25}[shape]
-    return parts, np.array([HEDGE, y, 0.0]) + SHRUB.centre
-
-
-def test_shapes_of_the_hedge_have_the_same_transmission(forest: Scene) -> None:
-    means = []
-    for shape in SHAPES:
-        parts, centre = shrub_of(forest, shape)
-        assert len(parts) == 2
-        rays = bundle(centre, SHRUB.crown_radius, generator_for(99, "other", shape))
-        means.append(float(transmission(parts, rays).mean()))
-    assert max(means) < 1.03 * min(means)
-    assert means == pytest.approx([1 / (3 * 1.4**2)] * 3, rel=0.03)
 
 
 def test_map_is_moderate_in_size(forest: Scene) -> None:

@@ -1,65 +1,60 @@
-"""Figures 1 and 6: the maps, in sunlight, obliquely and from above.
+"""Figures 1 and 6: the maps in sunlight, obliquely and from above.
 
 Triangles are painted from the farthest to the nearest (painter's algorithm), ordered by
 their middles; large triangles are subdivided first, so that this order is right.
 """
 
 import math
-import re
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from common import (
+    ROBOT,
+    ROOM,
+    TRIAL,
+    Drawn,
+    brightness,
+    bush_parts,
+    draw_title,
+    hidden_parts,
+    load_scene,
+    painted_triangles,
+    robot_pose,
+    show_room,
+)
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+import radarsim
 from radarsim.geometry import Floats, Pose2
-from radarsim.lab.figures.figure import (
-    ROBOT,
-    DrawnFigure,
-    ScanSpec,
-    draw_title,
-    load_scene,
-)
-from radarsim.lab.figures.foliage_wall import (
-    bush_parts,
-    hidden_parts,
-    new_sheet,
-    show_room,
-)
-from radarsim.lab.figures.plants import brightness, painted_triangles
 from radarsim.plotting import palette
 from radarsim.plotting.palette import colour_of
 from radarsim.plotting.plan import draw_robot
 from radarsim.plotting.style import as_words, write_at
 from radarsim.presets.robots import RobotModel, load_robot
-from radarsim.robots.obstacles import slice_parts
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import Mesh, box, cylinder
-from radarsim.sensors.range_scanner import load_sensor
 
-TRIAL: Final = "marulan_trial"
-ROOM: Final = "foliage_room"
-_GROUND: Final = frozenset({"ground", "floor"})
-_EDGE: Final = 1.2  # m around what is shown
-_SMALL: Final = 9.0  # points
-_ROBOT: Final = "robot"  # of the parts of a robot
-_HULL, _DARK = Material("hull"), Material("tyre")
-_TYRE_WIDTH: Final = 0.09  # m
-_DECK_HEIGHT: Final = 0.03  # m
-_CLEARANCE: Final = 0.06  # m between the floor and the body
+GROUND: Final = frozenset({"ground", "floor"})
+EDGE: Final = 1.2  # m around what is shown
+SMALL: Final = 9.0  # points
+BODY: Final = "robot"  # object name of the parts of a robot
+HULL, DARK = Material("hull"), Material("tyre")
+TYRE_WIDTH: Final = 0.09  # m
+DECK_HEIGHT: Final = 0.03  # m
+CLEARANCE: Final = 0.06  # m between the floor and the body
 SUN: Final = np.array([-0.62, 0.22, 0.75])  # to the light: above left in a plan
-_SHADE: Final = 0.78  # brightness of the ground in shadows
-_LARGEST: Final = 2.0  # m, of sides of triangles that are painted obliquely
-_FINE: Final = 0.08  # m; the same of a robot, whose parts are close together
-_SEAM: Final = 0.6  # points; lines that close seams between triangles
-_PALER: Final = 0.65  # share of white in the colour of the ground
-_FLAT: Final = 0.05  # m above the lowest start, up to which a part is ground
+SHADE: Final = 0.78  # brightness of the ground in shadows
+LARGEST: Final = 2.0  # m, of sides of triangles that are painted obliquely
+FINE: Final = 0.08  # m; the same of a robot, whose parts are close together
+SEAM: Final = 0.6  # points; lines that close seams between triangles
+PALER: Final = 0.65  # share of white in the colour of the ground
+FLAT: Final = 0.05  # m above the lowest start, up to which a part is ground
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,85 +85,60 @@ ABOVE: Final = View(-math.pi / 2, math.pi / 2)  # x to the right, y up
 OBLIQUE: Final = View(math.radians(-101), math.radians(33))  # x is right
 
 
-def draw_trial_scene(seed: int) -> DrawnFigure:
+def draw_trial_scene() -> tuple[Figure, str]:
     """Draw figure 1: the trial scene, obliquely and from above."""
     scene = load_scene(TRIAL)
     drawing = Figure(figsize=(16, 6.9), dpi=110)
     oblique = drawing.add_axes((0.005, 0.02, 0.605, 0.87))
     plan = drawing.add_axes((0.655, 0.09, 0.34, 0.8))
     parts = named_parts(scene)
-    _draw_oblique(oblique, scene)
-    _draw_plan(plan, scene)
-    _label(plan, parts, letter=0.38)
+    draw_oblique(oblique, scene)
+    draw_from_above(plan, scene)
+    label(plan, parts, letter=0.38)
     plan.set_xlim(right=plan.get_xlim()[1] + 4.5)  # for the names
     draw_title(drawing, "The trial scene: poles, boxes and plants on open ground")
-    stems = (re.sub(r"_\d+$", "", part.object_name) for part in parts)
-    kinds = {"pole": "poles", "post": "poles"}
-    kinds |= dict.fromkeys(("block", "crate", "cabinet"), "boxes")
-    counts = Counter(kinds.get(stem, "plants") for stem in stems)
-    sensor = ScanSpec(TRIAL, "radar", seed).pose.position()[:2]
-    places = [part.vertices[:, :2] - sensor for part in parts]
-    away = [float(np.hypot(*place.T).min()) for place in places]
-    return DrawnFigure(
-        drawing,
-        "The trial scene, made after the static trial of the Marulan data sets,"
-        " obliquely and from above. Figures 2 to 5 are readings of it, taken by the"
-        " robot on the left.",
-        (f"radarsim check {TRIAL}",),
-        f"{counts['poles']} poles, {counts['boxes']} boxes and {counts['plants']}"
-        f" plants stand {min(away):.0f} to {max(away):.0f} m from the sensor of the"
-        f" {ROBOT}. Nothing else is there, so a beam"
-        " that passes all of them does not come back.",
+    return drawing, (
+        f"The trial scene, {len(parts)} objects after the static trial of the Marulan"
+        " data sets, obliquely and from above."
     )
 
 
-def draw_test_map(seed: int) -> DrawnFigure:
+def draw_test_map() -> tuple[Figure, str]:
     """Draw figure 6: the test map from above."""
     scene = load_scene(ROOM)
-    drawing, plan = new_sheet()
-    _draw_plan(plan, scene)
-    show_room(plan, scene)
+    drawing = Figure(figsize=(12, 8.2), dpi=120)
+    plan = drawing.add_axes((0.01, 0.06, 0.98, 0.87))
+    draw_from_above(plan, scene)
+    show_room(plan)
     objects = [part for part in named_parts(scene) if "wall" not in part.object_name]
-    _label(plan, objects, letter=0.15)
+    label(plan, objects, letter=0.15)
     hidden, bushes = len(hidden_parts(scene)), bush_parts(scene)
-    draw_title(
-        drawing, f"The test map: a wall of bushes, and {hidden} things behind it"
+    title = f"The test map: a wall of bushes, and {hidden} things behind it"
+    draw_title(drawing, title)
+    power = radarsim.load_sensor("radar").settings.penetration_power
+    depth = power / bushes[0].material.density
+    return drawing, (
+        f"A wall of {len(bushes)} spherical bushes, and {hidden} objects behind it."
+        f" The radar's beams get through {depth:.2f} m of leaves."
     )
-    # inside of the walls, m
-    walls = {part.object_name: part.vertices for part in scene.parts}
-    wide = walls["east_wall"][:, 0].min() - walls["west_wall"][:, 0].max()
-    deep = walls["north_wall"][:, 1].min() - walls["south_wall"][:, 1].max()
-    height = ScanSpec(ROOM, "radar", seed).pose.z
-    cuts = [slice_parts([bush], height).reshape(-1, 2) for bush in bushes]
-    thick = max(float(np.ptp(cut[:, 0])) for cut in cuts)
-    power = load_sensor("radar").settings.penetration_power
-    density = bushes[0].material.density
-    return DrawnFigure(
-        drawing,
-        "The test map from above, with the robot at its start. Every straight line"
-        " from one side to the other goes through leaves, more or less deep.",
-        (f"radarsim check {ROOM}",),
-        f"A room of {wide:.1f} by {deep:.1f} m. A wall of {len(bushes)} spherical"
-        f" bushes parts it from side to side; behind it stand {hidden} things to"
-        " discover. The spheres overlap at the height of the sensor, so that every"
-        " straight line goes through leaves: next to none at their edges,"
-        f" {thick:.2f} m in the middle of the largest. The radar's beams get through"
-        f" {power / density:.2f} m. To a laser it is a solid wall.",
-    )
+
+
+def draw() -> Drawn:
+    """Draw figures 1 and 6."""
+    return {"figure_01.png": draw_trial_scene(), "figure_06.png": draw_test_map()}
 
 
 def named_parts(scene: Scene) -> list[Part]:
     """Return one part of each object that stands on the ground."""
     parts = {part.object_name: part for part in scene.parts}
-    return [part for name, part in parts.items() if name not in _GROUND]
+    return [part for name, part in parts.items() if name not in GROUND]
 
 
-def _draw_oblique(axes: Axes, scene: Scene) -> None:
+def draw_oblique(axes: Axes, scene: Scene) -> None:
     """Draw a scene and a robot at its first start obliquely, with names."""
-    pose = ScanSpec(scene.name, "radar", 0).robot
-    robot = robot_parts(load_robot(ROBOT), pose)
+    robot = robot_parts(load_robot(ROBOT), robot_pose(scene))
     draw_solids(axes, replace(scene, parts=(*scene.parts, *robot)), OBLIQUE)
-    _show(axes, OBLIQUE.project(_corners(scene))[:, :2])
+    show(axes, OBLIQUE.project(corners(scene))[:, :2])
     axes.set_axis_off()
     for part in (*named_parts(scene), robot[-1]):
         name = ROBOT if part is robot[-1] else part.object_name
@@ -177,23 +147,23 @@ def _draw_oblique(axes: Axes, scene: Scene) -> None:
         x, y, _ = OBLIQUE.project(np.array([middle[0], middle[1], high[2]]))
         words = as_words(name)
         write_at(
-            axes, words, (x, y), offset=(0, 5), ha="center", fontsize=_SMALL, zorder=6
+            axes, words, (x, y), offset=(0, 5), ha="center", fontsize=SMALL, zorder=6
         )
 
 
-def _draw_plan(axes: Axes, scene: Scene) -> None:
+def draw_from_above(axes: Axes, scene: Scene) -> None:
     """Draw a scene from above, with a robot at its first start."""
     draw_solids(axes, scene, ABOVE)
-    pose = ScanSpec(scene.name, "radar", 0).robot
+    pose = robot_pose(scene)
     draw_robot(axes, ROBOT, pose)
-    _show(axes, _corners(scene)[:, :2])
+    show(axes, corners(scene)[:, :2])
     front = pose.x + load_robot(ROBOT).length / 2
-    _name(axes, f"{ROBOT} at its start", front, pose.y)
+    name(axes, f"{ROBOT} at its start", front, pose.y)
     axes.set_xlabel("x, m")
     axes.set_ylabel("y, m")
 
 
-def _corners(scene: Scene) -> Floats:
+def corners(scene: Scene) -> Floats:
     """Return the corners of all bounding boxes and of the first start, (C, 3) m."""
     points = [np.array([[start.pose.x, start.pose.y, 0] for start in scene.starts[:1]])]
     for part in named_parts(scene):
@@ -203,14 +173,14 @@ def _corners(scene: Scene) -> Floats:
     return np.concatenate(points)
 
 
-def _show(axes: Axes, points: Floats) -> None:
+def show(axes: Axes, points: Floats) -> None:
     """Set the limits of axes to points, (P, 2) m, with a margin."""
-    low, high = points.min(axis=0) - _EDGE, points.max(axis=0) + _EDGE
+    low, high = points.min(axis=0) - EDGE, points.max(axis=0) + EDGE
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
 
 
-def _label(axes: Axes, parts: Sequence[Part], *, letter: float) -> None:
+def label(axes: Axes, parts: Sequence[Part], *, letter: float) -> None:
     """Label objects, on the left where another object is on the right.
 
     Args:
@@ -226,10 +196,10 @@ def _label(axes: Axes, parts: Sequence[Part], *, letter: float) -> None:
         covered = any(
             east <= box[0] <= end and box[1] <= up and box[3] >= down for box in boxes
         )
-        _name(axes, text, west if covered else east, middle, on_left=covered)
+        name(axes, text, west if covered else east, middle, on_left=covered)
 
 
-def _name(axes: Axes, text: str, x: float, y: float, *, on_left: bool = False) -> None:
+def name(axes: Axes, text: str, x: float, y: float, *, on_left: bool = False) -> None:
     """Write a text on the right or left of a place."""
     write_at(
         axes,
@@ -238,7 +208,7 @@ def _name(axes: Axes, text: str, x: float, y: float, *, on_left: bool = False) -
         offset=(-3 if on_left else 3, 0),
         ha="right" if on_left else "left",
         va="center",
-        fontsize=_SMALL,
+        fontsize=SMALL,
         zorder=6,
     )
 
@@ -251,39 +221,31 @@ def robot_parts(model: RobotModel, pose: Pose2) -> tuple[Part, ...]:
         pose: Pose of the robot on the floor, map frame.
     """
     top = 2 * model.origin_height
-    inside = model.wheel_separation - _TYRE_WIDTH
-    across = model.wheel_separation + _TYRE_WIDTH
-    body = box(model.length, inside, top - _CLEARANCE)
-    deck = box(model.length, across, _DECK_HEIGHT)
-    scanner = cylinder(_TYRE_WIDTH, model.height - top)
+    inside = model.wheel_separation - TYRE_WIDTH
+    across = model.wheel_separation + TYRE_WIDTH
+    body = box(model.length, inside, top - CLEARANCE)
+    deck = box(model.length, across, DECK_HEIGHT)
+    scanner = cylinder(TYRE_WIDTH, model.height - top)
     ahead = model.items_of("RangeScanner")[0].mount.x
     pieces: list[tuple[Material, Mesh, tuple[float, float, float]]] = [
-        (_HULL, body, (0.0, 0.0, (top + _CLEARANCE) / 2)),
-        (_DARK, deck, (0.0, 0.0, top + _DECK_HEIGHT / 2)),
-        (_HULL, scanner, (ahead - _TYRE_WIDTH, 0.0, (top + model.height) / 2)),
+        (HULL, body, (0.0, 0.0, (top + CLEARANCE) / 2)),
+        (DARK, deck, (0.0, 0.0, top + DECK_HEIGHT / 2)),
+        (HULL, scanner, (ahead - TYRE_WIDTH, 0.0, (top + model.height) / 2)),
     ]
-    upright, faces = cylinder(model.wheel_radius, _TYRE_WIDTH)
+    upright, faces = cylinder(model.wheel_radius, TYRE_WIDTH)
     x, y, z = upright.T
     wheel = np.column_stack([x, -z, y]), faces  # around the y axis
     for fore in (-1, 1):
         for side in (-1, 1):
             axle, left = fore * model.wheel_base, side * model.wheel_separation
-            pieces.append((_DARK, wheel, (axle / 2, left / 2, model.wheel_radius)))
+            pieces.append((DARK, wheel, (axle / 2, left / 2, model.wheel_radius)))
     c, s = np.cos(pose.yaw), np.sin(pose.yaw)
     turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])  # of rows
     moved = np.array([pose.x, pose.y, 0.0])
     return tuple(
-        Part(_ROBOT, material, (vertices + np.array(place)) @ turn + moved, faces)
+        Part(BODY, material, (vertices + np.array(place)) @ turn + moved, faces)
         for material, (vertices, faces), place in pieces
     )
-
-
-def ground_colour(scene: Scene) -> Floats:
-    """Return the colour of the painted floor, RGB (3,)."""
-    colour = colour_of(_ground_and_rest(scene)[0][0].material)
-    level = np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
-    lit = brightness(level, SUN)[0] * np.array(to_rgb(colour))
-    return np.asarray(_PALER + (1 - _PALER) * lit)
 
 
 def draw_solids(axes: Axes, scene: Scene, view: View) -> None:
@@ -291,9 +253,9 @@ def draw_solids(axes: Axes, scene: Scene, view: View) -> None:
 
     Walls around a room cast no shadow into it.
     """
-    ground, rest = _ground_and_rest(scene)
+    ground, rest = ground_and_rest(scene)
     if ground:
-        axes.add_collection(_painting(ground, view, math.inf, _PALER, zorder=0))
+        axes.add_collection(painting(ground, view, math.inf, PALER, zorder=0))
         low, high = scene.bounds[:, :2]
         casting = [
             part
@@ -301,23 +263,25 @@ def draw_solids(axes: Axes, scene: Scene, view: View) -> None:
             if (part.vertices[:, :2].min(axis=0) > low).all()
             and (part.vertices[:, :2].max(axis=0) < high).all()
         ]
-        axes.add_collection(_shadows(ground, casting, view))
-    largest = math.inf if view == ABOVE else _LARGEST
-    axes.add_collection(_painting(rest, view, largest, 0.0, zorder=1))
+        axes.add_collection(shadows(ground, casting, view))
+    largest = math.inf if view == ABOVE else LARGEST
+    axes.add_collection(painting(rest, view, largest, 0.0, zorder=1))
     axes.set_aspect("equal")
 
 
-def _ground_and_rest(scene: Scene) -> tuple[list[Part], list[Part]]:
-    flat = min((start.pose.z for start in scene.starts), default=0.0) + _FLAT
-    ground = [part for part in scene.parts if _top(part) <= flat]
-    return ground, [part for part in scene.parts if _top(part) > flat]
+def ground_and_rest(scene: Scene) -> tuple[list[Part], list[Part]]:
+    """Return the parts that lie flat on the ground, and all others."""
+    flat = min((start.pose.z for start in scene.starts), default=0.0) + FLAT
+    ground = [part for part in scene.parts if top(part) <= flat]
+    return ground, [part for part in scene.parts if top(part) > flat]
 
 
-def _top(part: Part) -> float:
+def top(part: Part) -> float:
+    """Return the largest height of a part, m."""
     return float(part.vertices[:, 2].max(initial=-math.inf))
 
 
-def _painting(
+def painting(
     parts: Sequence[Part],
     view: View,
     largest: float,
@@ -337,11 +301,11 @@ def _painting(
     """
     corners, shades = [], []
     for part in parts:
-        is_robot = part.object_name == _ROBOT
-        triangles = _cut(part.vertices[part.faces], _FINE if is_robot else largest)
+        is_robot = part.object_name == BODY
+        triangles = cut(part.vertices[part.faces], FINE if is_robot else largest)
         colour = colour_of(part.material)
         if is_robot:  # as in plans
-            colour = palette.MARKER if part.material == _DARK else palette.ROBOT
+            colour = palette.MARKER if part.material == DARK else palette.ROBOT
         # leaves are lit from both sides
         thin = part.material.sheet_loss is not None
         light = brightness(triangles, SUN, both_sides=thin)
@@ -355,18 +319,18 @@ def _painting(
         seen[order][:, :, :2],
         paint,
         # The ground is of large triangles without cuts, whose seams show more.
-        linewidths=_SEAM if zorder else 3 * _SEAM,
+        linewidths=SEAM if zorder else 3 * SEAM,
         zorder=zorder,
     )
 
 
-def _shadows(
+def shadows(
     ground: Sequence[Part],
     parts: Sequence[Part],
     view: View,
 ) -> PolyCollection:
     """Create the shadows of parts on the ground, clipped to its bounding box."""
-    height = max(_top(part) for part in ground)
+    height = max(top(part) for part in ground)
     corners = np.concatenate([part.vertices[part.faces] for part in parts])
     # What is below the ground, such as the foot of a plant, casts its shadow where it
     # stands.
@@ -377,7 +341,7 @@ def _shadows(
     flat = np.clip(flat, floor.min(axis=0), floor.max(axis=0))
     level = np.concatenate([flat, np.full_like(lifts, height)], axis=2)
     colour = np.array(to_rgb(colour_of(ground[0].material)))
-    shade = _SHADE * (_PALER + (1 - _PALER) * colour)
+    shade = SHADE * (PALER + (1 - PALER) * colour)
     return painted_triangles(
         view.project(level)[:, :, :2],
         shade,
@@ -387,7 +351,7 @@ def _shadows(
     )
 
 
-def _cut(corners: Floats, largest: float = _LARGEST) -> Floats:
+def cut(corners: Floats, largest: float) -> Floats:
     """Subdivide triangles, (T, 3, 3) m, until no side is longer than ``largest``."""
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
     large = sides.max(axis=1) > largest
@@ -397,4 +361,4 @@ def _cut(corners: Floats, largest: float = _LARGEST) -> Floats:
     ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
     quarters = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
     segments = np.concatenate([np.stack(one, axis=1) for one in quarters])
-    return np.concatenate([corners[~large], _cut(segments, largest)])
+    return np.concatenate([corners[~large], cut(segments, largest)])

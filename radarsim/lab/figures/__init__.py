@@ -1,1 +1,0 @@
-"""The thesis' figures, drawn from runs of the program itself."""
