@@ -122,7 +122,7 @@ def test_help_lists_the_commands_of_the_core_alone(core: Path) -> None:
     shown = run(core, "radarsim", "--help").stdout
     listed = {line.split()[0] for line in shown.splitlines() if line[2:3].isalpha()}
     assert {"serve", "drive", "scan", "explain", "check", "docs"} <= listed
-    assert listed.isdisjoint({"navigate", "map", "ros", "commander", "study"})
+    assert listed.isdisjoint({"navigate", "map", "ros", "commander", "sweep"})
 
 
 def test_option_of_an_absent_part_names_the_part(core: Path) -> None:
@@ -138,7 +138,7 @@ def test_option_of_an_absent_part_names_the_part(core: Path) -> None:
     [
         ("navigate", "radarsim.autonomy"),
         ("ros", "radarsim.addons"),
-        ("study", "radarsim.lab"),
+        ("sweep", "radarsim.lab"),
     ],
 )
 def test_command_of_an_absent_part_is_told_in_one_line(

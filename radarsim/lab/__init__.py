@@ -1,1 +1,1 @@
-"""Experiments: a study and sweeps."""
+"""Experiments: sweeps."""

@@ -6,12 +6,6 @@ from radarsim.cli.entries import RESULTS, CommandEntry
 
 COMMANDS: Final = (
     CommandEntry(
-        "study",
-        "radarsim.lab.study.commands:study",
-        "Compare radar and lasers on the same maps.",
-        RESULTS,
-    ),
-    CommandEntry(
         "sweep",
         "radarsim.lab.sweep.commands:sweep",
         "Scan, drive or map for all combinations of values.",

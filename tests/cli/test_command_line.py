@@ -25,8 +25,8 @@ BRIEF = ("--time-limit", "0.2", "--json")
 SERVE = ("serve", "empty_room", "--port", "0")
 COMMANDS = (
     *("demo", "serve", "check", "new", "import", "scan", "spectrum", "explain"),
-    *("sensors", "materials", "drive", "commander", "navigate", "trials", "study"),
-    *("sweep", "map", "replay", "recording", "ros", "docs"),
+    *("sensors", "materials", "drive", "commander", "navigate", "trials", "sweep"),
+    *("map", "replay", "recording", "ros", "docs"),
 )
 ESCAPE = "\x1b["
 

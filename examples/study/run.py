@@ -1,15 +1,18 @@
-"""Maps and tasks of the study: six kinds of maps, each drawn anew for every seed.
+"""Let radars and lasers drive and map on the same maps; print a row for each run.
 
-Three kinds have materials that radars and lasers meet differently: smoke in a corridor,
-a room behind bushes, and a hedge with a gap that leads nowhere. The others are families
-of the random maps: thin bushes, trunks, and offices.
+python examples/study/run.py [--seeds K] [--only MAP:SENSOR] > rows.jsonl
 
-A task is to drive to a goal, or to map, with one sensor on one map.
+Three kinds of maps have materials that radars and lasers meet differently: smoke in a
+corridor, a room behind bushes, and a hedge with a gap that leads nowhere. The others
+are families of the random maps. Each kind differs for every seed. ``figure.py`` draws
+the rows.
 """
 
+import argparse
+import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
@@ -38,7 +41,6 @@ _MATERIALS: Final = """\
   smoke: {density: 0, laser_density: 0.5, laser_db_per_m: 2.3, solid: false}
 """
 MAPPING: Final = "map"
-QUICK: Final = ("smoke_corridor",)
 MAPPED: Final = ("hidden_room", "office")  # rooms with walls around
 BEAMS: Final = {"fov_deg": 358, "resolution_deg": 2}  # as many as in half a circle by 1
 DRIVING_TIME: Final = 900.0  # s of simulated time
@@ -48,69 +50,30 @@ SHARES: Final = ("reachable_coverage", "hidden_coverage", "within_two_cells")
 DRIVEN: Final = (*MEASURED[:3], "shortest_path", "time", "note")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class StudySensor:
-    """A sensor that is compared, and what the robot asks of it.
-
-    Attributes:
-        preset: Its preset, which is made to look all the way round.
-        about: What it is and reads, in sentences; names of presets in backquotes.
-        settings: Settings that differ from those of the preset.
-        plan: Fields of the plans of drives and explorations that differ.
-    """
+    """A preset with other settings, and fields of the plans of its runs."""
 
     preset: str
-    about: str
     settings: Mapping[str, Any] = field(default_factory=dict)
     plan: Mapping[str, Any] = field(default_factory=dict)
 
 
-RADAR: Final = "radar"
 SENSORS: Final = {
-    RADAR: StudySensor(
-        "radar",
-        "The radar of the thesis, preset `radar`. Smoke is nothing to it. In foliage it"
-        " goes on until its power is spent, which denser foliage does sooner. Its"
-        " server labels the echoes: the robot gets all that a beam meets, without"
-        " noise, and whether it blocks robots.",
-    ),
-    "range-only radar": StudySensor(
-        "radar",
-        "The same without echoes: one range for each beam, where it ends. The robot"
-        " does not know what is foliage, and where it begins.",
-        plan={"echoes": False},
-    ),
-    "first-echo laser": StudySensor(
-        "physical",
-        "Preset `physical`. It loses light in smoke, 2.3 dB for each metre, and reads"
-        " the first echo: a random depth inside the cloud.",
-    ),
+    "radar": StudySensor("radar"),
+    "range-only radar": StudySensor("radar", plan={"echoes": False}),
+    "first-echo laser": StudySensor("physical"),
     "last-echo laser": StudySensor(
-        "physical",
-        "The same with the last echo instead, as SICK's scanners have it as their echo"
-        " filter and Hokuyo advises it for rain and fog. It reads through smoke until"
-        " half of its margin of 40 dB is spent, after 8.7 m. It gets no labels.",
-        settings={"return_mode": "last"},
-        plan={"echoes": False},
+        "physical", settings={"return_mode": "last"}, plan={"echoes": False}
     ),
-    "USARSim Hokuyo": StudySensor(
-        "hokuyo",
-        "Preset `hokuyo`, which reaches 4 m. Smoke uses up a small power budget; its"
-        " beams then read 0.00 m, as if something touched the sensor.",
-    ),
-    "USARSim SICK": StudySensor("sick", "Preset `sick`, to which smoke is nothing."),
+    "USARSim Hokuyo": StudySensor("hokuyo"),
+    "USARSim SICK": StudySensor("sick"),
 }
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class StudyMap:
-    """A map of the study.
-
-    Attributes:
-        text: The map file.
-        start: Start of the robot, m.
-        goal: Its goal, m.
-    """
+    """The text of a map file, and the start and the goal of the robot, m."""
 
     text: str
     start: Point
@@ -125,12 +88,7 @@ class StudyMap:
 
 
 def make_study_map(kind: str, seed: int) -> StudyMap:
-    """Make a map.
-
-    Args:
-        kind: One of ``KINDS``.
-        seed: Seed, at least 0; each gives another map of the kind.
-    """
+    """Make the map of a kind and a seed."""
     if kind in _FAMILIES:
         # Random maps take the families in turn, so every so many numbers are of this
         # one.
@@ -251,67 +209,48 @@ _DRAWERS: Final[dict[str, Callable[[np.random.Generator], StudyMap]]] = {
 KINDS: Final = (*_DRAWERS, *_FAMILIES)
 
 
-@dataclass(frozen=True, slots=True)
-class StudyTask:
-    """One run.
-
-    Attributes:
-        seed: Seed of the map and of the simulation.
-        map: Kind of the map.
-        sensor: Name of one of ``SENSORS``.
-        method: Algorithm that drives to the goal, or ``map``.
-    """
-
-    seed: int
-    map: str
-    sensor: str
-    method: str
-
-
-def study_tasks(
-    seeds: int, algorithm: Algorithm, kinds: Sequence[str] = KINDS
-) -> list[StudyTask]:
-    """Return all tasks, seed by seed.
-
-    Args:
-        seeds: Number of seeds.
-        algorithm: Algorithm that drives to the goals.
-        kinds: Kinds of maps.
-    """
-    return [
-        StudyTask(seed, map_, sensor, method)
-        for seed in range(seeds)
-        for map_ in kinds
-        for sensor in SENSORS
-        for method in (
-            algorithm.value,
-            *((MAPPING,) if map_ in MAPPED else ()),
-        )
-    ]
-
-
-def run_study_task(task: StudyTask) -> dict[str, Any]:
-    """Run a task and return its row, rounded to mm, ms, and four digits of shares."""
-    map_ = make_study_map(task.map, task.seed)
+def run(kind: str, name: str, method: str, seed: int) -> dict[str, Any]:
+    """Return the row of a run, rounded to mm, ms, and four digits of shares."""
+    map_ = make_study_map(kind, seed)
     scene = map_.load()
-    sensor = SENSORS[task.sensor]
+    sensor = SENSORS[name]
     settings = {"sensor": sensor.preset, **sensor.settings, **BEAMS}
     config = SimulationConfig(item_settings={SCANNER: settings})
-    host = Host(scene, config=config, seed=task.seed)
-    if task.method == MAPPING:
+    host = Host(scene, config=config, seed=seed)
+    task = {"seed": seed, "map": kind, "sensor": name, "method": method}
+    if method == MAPPING:
         plan = ExplorationPlan(time_limit=MAPPING_TIME, **sensor.plan)
-        row = run_plan(plan, host, seed=task.seed)
+        row = run_plan(plan, host, seed=seed)
         note = {"note": row.note}
-        return asdict(task) | row.select(MEASURED) | row.select(SHARES, 4) | note
-    # what is right is decided by the robot's own size, not by its safety distance
+        return task | row.select(MEASURED) | row.select(SHARES, 4) | note
+    # The robot's own size decides what is right, not its safety distance.
     shortest = shortest_path(scene, map_.start, map_.goal, ROBOT_RADIUS)
     length = None if shortest is None else shortest[0]
     mission = Mission(
-        algorithm=Algorithm(task.method),
+        algorithm=Algorithm(method),
         goals=(map_.goal,),
         time_limit=DRIVING_TIME,
         **sensor.plan,
     )
     row = replace(run_plan(mission, host), shortest_path=length)
     expected = {"expected": "no_path" if shortest is None else "reached"}
-    return asdict(task) | expected | row.select(DRIVEN)
+    return task | expected | row.select(DRIVEN)
+
+
+def main() -> None:
+    """Run all maps and sensors, or those that are asked for."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--only", metavar="MAP:SENSOR", help="one map and sensor")
+    options = parser.parse_args()
+    for seed in range(options.seeds):
+        for kind in KINDS:
+            for sensor in SENSORS:
+                if options.only not in (None, f"{kind}:{sensor}"):
+                    continue
+                for method in ("planned", MAPPING)[: 1 + (kind in MAPPED)]:
+                    print(json.dumps(run(kind, sensor, method, seed)), flush=True)
+
+
+if __name__ == "__main__":
+    main()
