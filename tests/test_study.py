@@ -23,5 +23,5 @@ def test_laser_takes_smoke_for_a_wall(tmp_path: Path) -> None:
     rows, picture = tmp_path / "rows.jsonl", tmp_path / "study.png"
     rows.write_text(printed)
     table = run("figure.py", str(rows), str(picture)).splitlines()
-    assert table[-1].startswith("| smoke_corridor | first-echo laser | 0.000 (")
+    assert table[-1].startswith("| smoke_corridor | first-echo laser | 0.000 |")
     assert picture.read_bytes().startswith(b"\x89PNG")
