@@ -136,7 +136,7 @@ def test_areas_look_on_paper_like_the_colour_of_their_family(family: Family) -> 
 
 PACKAGE = Path(radarsim.__file__).parent
 # The table, the sky that cameras see, and the style sheets of pages of text.
-OTHERS = ("plotting/palette.py", "server/camera.py", "lab/study/style.py")
+OTHERS = ("plotting/palette.py", "server/camera.py")
 HEX = re.compile(r"#[0-9a-fA-F]{6}\b")
 SHADES = re.compile(r"0?\.\d+|none|white|inherit")  # of grey
 
