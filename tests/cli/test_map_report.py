@@ -37,7 +37,7 @@ def test_unknown_values_are_left_out(mapper: Mapper) -> None:
     first, cells = as_text(
         MappingResult(None, "none", mapper=mapper, outcome="watched")
     )
-    assert first == "mapped what passed: 0.00 m in 0.0 s, 1 scans"
+    assert first == "mapped what was watched: 0.00 m in 0.0 s, 1 scans"
     assert cells.startswith("map      ")
     told = json.loads(MappingResult(None, "none", mapper=mapper).to_json())
     assert told["pose_errors"] is None

@@ -107,7 +107,14 @@ async def test_keys_zoom_and_set_the_speed(
     state: DrivenRobot, keyboard: PipeInput, terminal: DummyOutput
 ) -> None:
     async with faulty_server(beats=5) as (client, _):
-        driver = Teleop(client, state, 0.4, keyboard=keyboard, terminal=terminal)
+        driver = Teleop(
+            client,
+            state,
+            0.4,
+            silence_limit=240.0,
+            keyboard=keyboard,
+            terminal=terminal,
+        )
         running = asyncio.create_task(driver.run())
         assert driver.radius == 10
         keyboard.send_text("z" * 20 + "+")
@@ -135,7 +142,14 @@ async def test_exit_code_and_stop_command_at_the_end(
 ) -> None:
     before = signal.getsignal(signal.SIGTERM)
     async with faulty_server(beats=3) as (client, received):
-        driver = Teleop(client, state, 0.4, keyboard=keyboard, terminal=DummyOutput())
+        driver = Teleop(
+            client,
+            state,
+            0.4,
+            silence_limit=240.0,
+            keyboard=keyboard,
+            terminal=DummyOutput(),
+        )
         running = asyncio.create_task(driver.run())
         keyboard.send_text("W")
         await until(lambda: len(received) > 1)
