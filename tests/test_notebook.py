@@ -25,6 +25,8 @@ MAKE_IT_AGAIN = "run .readme/make_notebook.py, which makes the notebook again"
 def maker(monkeypatch: pytest.MonkeyPatch) -> Any:
     """The program that makes the notebook."""
     monkeypatch.syspath_prepend(ROOT / ".readme")
+    # Commands that ran in this process have set it, and the kernel would inherit it.
+    monkeypatch.delenv("MPLBACKEND", raising=False)
     return importlib.import_module("make_notebook")
 
 
