@@ -89,7 +89,7 @@ def test_json_is_one_object(radarsim: Command, tmp_path: Path) -> None:
     )
     told = json.loads(run.text)
     assert list(told) == [
-        *("outcome", "strategy", "seed_from", "time", "path_length"),
+        *("outcome", "doubts", "strategy", "seed_from", "time", "path_length"),
         *("left_out", "safety_distance", "scans", "scans_left_out"),
         *("loop_closures", "cells"),
         *("pose_errors", "area_over_time", "files"),
