@@ -80,6 +80,12 @@ class PeerServer(ABC):
         """
         self._listener, self.address = await listen(self._accept, address, self._port)
 
+    @property
+    def addresses(self) -> list[str]:
+        """All hosts that it listens on."""
+        sockets = () if self._listener is None else self._listener.sockets
+        return [each.getsockname()[0] for each in sockets]
+
     @abstractmethod
     def _accept(self) -> PeerConnection:
         """Return the protocol of a new connection."""
