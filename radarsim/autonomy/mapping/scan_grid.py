@@ -99,20 +99,18 @@ class RebuildableGrid:
     def seen_from_one_place(self) -> float:
         """Return the share of what is solid that was seen from only one place.
 
-        Places are 1 m from each other, and what is solid is counted in squares of
-        0.25 m.
+        Places are at least 1 m from each other. Squares of 0.25 m are counted.
         """
-        place = Pose2(math.inf, math.inf)
-        seen: list[list[_Squares]] = []
+        seen: dict[tuple[float, float], list[_Squares]] = {}
         for trajectory, number, scan in self.scans:
             pose = trajectory.poses[number]
-            if math.hypot(pose.x - place.x, pose.y - place.y) > PLACE:
-                place = pose
-                seen.append([])
+            here = pose.x, pose.y
+            near = (place for place in seen if math.dist(place, here) < PLACE)
             points = scan.points()[0] @ rotation_matrix(0.0, 0.0, pose.yaw)[:2, :2].T
-            seen[-1].append(_squares(points + np.array([pose.x, pose.y])))
-        squares = [np.unique(np.concatenate(each)) for each in seen]
-        found, counts = np.unique(np.concatenate(squares), return_counts=True)
+            squares = _squares(points + np.array(here))
+            seen.setdefault(next(near, here), []).append(squares)
+        all_squares = [np.unique(np.concatenate(each)) for each in seen.values()]
+        found, counts = np.unique(np.concatenate(all_squares), return_counts=True)
         x, y = self.grid.frame.cell_centers()
         rows, columns = np.nonzero(self.grid.classes() == CellClass.OBSTACLE)
         solid = _squares(np.column_stack([x[columns], y[rows]]))
