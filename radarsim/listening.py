@@ -118,12 +118,13 @@ def _check_places(address: str, port: int) -> None:
                         raise failure from error
 
 
-def bind(address: str, port: int) -> socket.socket:
+def bind(address: str, port: int, *, only_ipv6: bool = False) -> socket.socket:
     """Return a socket that is bound, and does not listen yet.
 
     Args:
         address: Address to listen on; of a name, the first one.
         port: Port to listen on; 0 for a free one.
+        only_ipv6: Whether ``::`` leaves the addresses of IPv4 to another socket.
 
     Raises:
         PortUnavailable: If the port is in use, or reserved.
@@ -138,6 +139,8 @@ def bind(address: str, port: int) -> socket.socket:
         raise _listening_error(error, address, port) from error
     try:
         bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        if only_ipv6 and family == socket.AF_INET6:
+            bound.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
         bound.bind(place)
     except OSError as error:
         bound.close()

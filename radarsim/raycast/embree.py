@@ -307,12 +307,15 @@ class EmbreeScene:
             height: z, m.
         """
         whole, handle = self._hierarchies[0], self.handle
-        z = self.triangles[:, 2::3]
+        # By columns, which takes a quarter of the time: an axis of three is slow.
+        a, b, c = np.ascontiguousarray(self.triangles[:, 2::3].T)
         # Twice the margin: Embree rounds its boxes to float32.
         low, high = height - 2.0 * handle.margin, height + 2.0 * handle.margin
-        kept = np.flatnonzero((z.min(axis=1) <= high) & (z.max(axis=1) >= low))
+        reaches = (a <= high) | (b <= high) | (c <= high)
+        reaches &= (a >= low) | (b >= low) | (c >= low)
+        kept = np.flatnonzero(reaches)
         row = handle.scenes[0]
-        if len(kept) <= max(SMALL_SLICE, len(z) // 2):  # else it takes much memory
+        if len(kept) <= max(SMALL_SLICE, len(a) // 2):  # else it takes much memory
             corners, owners = self.triangles[kept], whole.owners[kept]
             outlines = clip_to_slab(corners, low, high)
             part = _Hierarchy(corners, owners, handle.margin, outlines)

@@ -5,7 +5,8 @@ at the bounds of all blocks, and only then at the triangles of those that it mee
 long it takes hardly depends on the size of a map.
 """
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Iterator
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -13,9 +14,11 @@ import numpy as np
 from radarsim.geometry import Floats
 from radarsim.robots.obstacles import slice_mesh
 from radarsim.scene.scene import Part
+from radarsim.scene.shapes import Faces, Mesh, concatenate
 
 _BLOCK: Final = 32  # triangles
-_CELL: Final = np.array([[0.5], [0.5], [0.2]])  # m
+_CELL: Final = np.array([0.5, 0.5, 0.2])  # m
+_NOTHING: Final[Mesh] = (np.zeros((0, 3)), np.zeros((0, 3), np.int32))
 
 
 class Area(NamedTuple):
@@ -32,24 +35,21 @@ class SolidMesh:
 
     def __init__(self, parts: Iterable[Part]) -> None:
         """Sort the triangles of the solid ones among some parts."""
-        solid = [part for part in parts if part.material.solid]
-        firsts = np.cumsum([0, *(len(part.vertices) for part in solid)])
-        faces = [part.faces + first for part, first in zip(solid, firsts, strict=False)]
-        self._vertices = np.concatenate(
-            [np.zeros((0, 3)), *(p.vertices for p in solid)]
-        )
-        self._faces = np.concatenate([np.zeros((0, 3), np.int64), *faces])
-        corners = [self._vertices[column].T for column in self._faces.T]
-        lows = np.minimum(np.minimum(corners[0], corners[1]), corners[2])
-        highs = np.maximum(np.maximum(corners[0], corners[1]), corners[2])
-        cells = np.floor((lows + highs) / 2 / _CELL)
-        self._order = np.lexsort(cells)
-        starts = np.arange(0, len(self._faces), _BLOCK)
-        if not len(starts):
-            self._lows = self._highs = np.zeros((3, 0))
-            return
-        self._lows = np.minimum.reduceat(lows[:, self._order], starts, axis=1)
-        self._highs = np.maximum.reduceat(highs[:, self._order], starts, axis=1)
+        solid = [(p.vertices, p.faces) for p in parts if p.material.solid]
+        self._vertices, self._faces = concatenate(solid or [_NOTHING])
+        count = len(self._faces)
+        cells = np.zeros((3, count), np.float32)
+        for some in _chunks(count):
+            lows, highs = self._bounds(self._faces[some])
+            cells[:, some] = np.floor((lows + highs) / 2 / _CELL).T
+        self._order = np.lexsort(cells).astype(np.int32)
+        self._lows, self._highs = np.zeros((2, 3, math.ceil(count / _BLOCK)))
+        for some in _chunks(count):
+            lows, highs = self._bounds(self._faces[self._order[some]])
+            firsts = np.arange(0, len(lows), _BLOCK)
+            blocks = some.start // _BLOCK + np.arange(len(firsts))
+            self._lows[:, blocks] = np.minimum.reduceat(lows, firsts).T
+            self._highs[:, blocks] = np.maximum.reduceat(highs, firsts).T
 
     def slice(self, area: Area, height: float) -> Floats:
         """Slice the triangles in an area at one height.
@@ -77,3 +77,14 @@ class SolidMesh:
         is_inside &= (low[1] <= area.y_max) & (area.y_min <= high[1])
         inside: Floats = segments[is_inside]
         return inside
+
+    def _bounds(self, faces: Faces) -> tuple[Floats, Floats]:
+        """Return the smallest and the largest coordinates of triangles, (N, 3) m."""
+        a, b, c = (self._vertices[corners] for corners in faces.T)
+        return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+
+
+def _chunks(count: int) -> Iterator[slice]:
+    """Divide triangles: bounds of millions at once would fill the memory."""
+    size = 4096 * _BLOCK
+    return (slice(first, first + size) for first in range(0, count, size))

@@ -10,12 +10,16 @@ import re
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
+from radarsim.geometry import Floats
 from radarsim.validation import short_repr
 
 MAX_TRIANGLES: Final = 4_000_000
 MAX_FILE_BYTES: Final = 256 * 1024 * 1024
 MAX_TEXT_BYTES: Final = 32 * 1024 * 1024  # parsers of text take 20 times its size
 MAX_SURFACES: Final = 2_000  # pieces of one mesh file, each with a material
+MAX_COORDINATE: Final = 1e12  # in any unit: volumes of vertices near 1e308 overflow
 
 _LIMITS: Final = {
     "triangles": MAX_TRIANGLES,
@@ -147,6 +151,18 @@ def expect_at_most(count: int, most: int, what: str) -> None:
     """
     if count > most:
         raise MeshError(f"{count} {what}, expected at most {most}")
+
+
+def check_vertices(vertices: Floats) -> None:
+    """Check the coordinates of vertices, (V, 3).
+
+    Raises:
+        MeshError: If one is not finite, or too large.
+    """
+    largest = np.abs(vertices).max(initial=0.0)
+    if not largest <= MAX_COORDINATE:  # or not a number
+        expected = f"expected at most {MAX_COORDINATE:g}"
+        raise MeshError(f"a vertex has a coordinate of {largest:g}, {expected}")
 
 
 def check_stl(content: bytes, budget: MeshBudget) -> bytes:

@@ -24,6 +24,7 @@ from radarsim.scene.mesh_files import (
     MeshFiles,
     check_ply,
     check_stl,
+    check_vertices,
 )
 from radarsim.scene.obj import read_obj
 from radarsim.scene.shapes import Mesh, Surface, concatenate
@@ -145,7 +146,7 @@ def _read(content: bytes, suffix: str, files: MeshFiles) -> list[Surface]:
     if suffix == ".obj":
         return read_obj(content, files.budget)
     if suffix in (".glb", ".gltf"):
-        with np.errstate(all="ignore"):  # what is not finite is refused
+        with np.errstate(all="ignore"):  # what overflows is refused
             file = GltfFile(content, suffix, files)
             found = [_surface(*each) for each in file.surfaces()]
         return [surface for surface in found if surface is not None]
@@ -199,8 +200,7 @@ def _surface(
         vertices = vertices @ matrix[:3, :3].T + matrix[:3, 3]
     if not 0 <= faces.min() <= faces.max() < len(vertices):
         raise ValueError("a face names a vertex that is not there")
-    if not np.isfinite(vertices).all():
-        raise ValueError("a vertex is not finite")
+    check_vertices(vertices)
     if np.linalg.det(matrix[:3, :3]) < 0:  # mirroring inverts the orientation
         faces = faces[:, ::-1]
     return Surface(material or None, vertices, faces.astype(np.int32))

@@ -21,7 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
-from radarsim.scene.mesh_files import MAX_SURFACES, MeshBudget, expect_at_most
+from radarsim.scene.mesh_files import (
+    MAX_SURFACES,
+    MeshBudget,
+    check_vertices,
+    expect_at_most,
+)
 from radarsim.scene.shapes import Faces, Surface
 
 MAX_LINES: Final = 5_000_000  # without blank ones
@@ -148,8 +153,7 @@ def _vertices(numbers: Floats, counts: _Integers) -> Floats:
         raise ValueError("a vertex does not have three coordinates")
     firsts = np.cumsum(counts) - counts
     vertices: Floats = numbers[firsts[:, None] + np.arange(3)]
-    if not np.isfinite(vertices).all():
-        raise ValueError("a vertex is not finite")
+    check_vertices(vertices)
     return vertices
 
 

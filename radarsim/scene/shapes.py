@@ -7,6 +7,7 @@ lie on the true surface, those on the axes exactly, and every face lies inside i
 
 from collections.abc import Sequence
 from functools import lru_cache
+from itertools import accumulate
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -96,7 +97,7 @@ def concatenate(meshes: Sequence[Mesh]) -> Mesh:
     """Join one or more meshes into one; no vertices are shared."""
     if len(meshes) == 1:
         return meshes[0]
-    offsets = np.cumsum([0, *(len(vertices) for vertices, _ in meshes[:-1])])
+    offsets = accumulate((len(vertices) for vertices, _ in meshes[:-1]), initial=0)
     shifted = [
         faces + offset for (_, faces), offset in zip(meshes, offsets, strict=True)
     ]

@@ -15,7 +15,12 @@ from abc import ABC, abstractmethod
 from collections import deque
 from typing import Any, Final
 
-from radarsim.listening import configure_socket, listen, peer_name
+from radarsim.listening import (
+    configure_socket,
+    listen,
+    peer_name,
+    raise_file_limit,
+)
 
 log = logging.getLogger("radarsim.server")
 
@@ -53,6 +58,8 @@ class RefusalLog:
 
 
 READ_BYTES: Final = 4096  # read from one peer at a time
+# Of which a peer is one: where the system permits few, clients with robots need them.
+FILES_EACH: Final = 16
 
 
 class PeerServer(ABC):
@@ -79,6 +86,12 @@ class PeerServer(ABC):
                 machine.
         """
         self._listener, self.address = await listen(self._accept, address, self._port)
+
+    @property
+    def addresses(self) -> list[str]:
+        """All hosts that it listens on."""
+        sockets = () if self._listener is None else self._listener.sockets
+        return [each.getsockname()[0] for each in sockets]
 
     @abstractmethod
     def _accept(self) -> PeerConnection:
@@ -123,8 +136,9 @@ class PeerConnection(asyncio.BufferedProtocol, ABC):
         """Begin, or refuse the peer if there are too many."""
         assert isinstance(transport, asyncio.Transport)
         self.peer = peer_name(transport)
-        if len(self._peers) >= self.MOST:
-            self._refusals.add(self.peer, self.MOST)
+        most = raise_file_limit(FILES_EACH * self.MOST) // FILES_EACH
+        if len(self._peers) >= most:
+            self._refusals.add(self.peer, most)
             transport.abort()
             return
         configure_socket(transport)

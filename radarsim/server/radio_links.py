@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from radarsim.errors import ServerError
@@ -23,7 +23,7 @@ from radarsim.listening import (
 
 if TYPE_CHECKING:
     import socket
-    from collections.abc import Callable, Coroutine
+    from collections.abc import Callable, Coroutine, Sequence
 
 log = logging.getLogger("radarsim.server")
 
@@ -45,26 +45,26 @@ class RelayPort:
 
     def __init__(
         self,
-        address: str,
+        addresses: Sequence[str],
         target: Callable[[], Place | None],
         rest: Callable[[], float],
     ) -> None:
         """Choose a port, which is closed at first.
 
         Args:
-            address: Address to listen on.
+            addresses: Addresses to listen on.
             target: Returns the place that a caller is connected to; None to refuse it.
             rest: Returns how long a connection rests after each piece, s.
 
         Raises:
             ServerError: If there is no free port.
         """
-        self._address, self._target, self._rest = address, target, rest
-        self._listener: asyncio.Server | None = None
+        self._addresses, self._target, self._rest = addresses, target, rest
+        self._listeners: list[asyncio.Server] = []
         self._tasks: set[asyncio.Task[Any]] = set()
         self._is_open = False
         self.links: set[Link] = set()
-        with bind(address, 0) as sock:
+        with bind(addresses[0], 0) as sock:
             self.number: int = sock.getsockname()[1]
 
     @property
@@ -76,23 +76,29 @@ class RelayPort:
         """Listen, if it does not; where another program has the port, try later."""
         if self._is_open:
             return
-        with suppress(ServerError, OSError):
-            sock = bind(self._address, self.number)
-            sock.listen(MAX_WAITING)  # at once, as whoever has asked comes now
+        with suppress(ServerError, OSError), ExitStack() as unless_all:
+            sockets = []
+            for address in self._addresses:
+                sock = bind(address, self.number, only_ipv6=True)
+                sockets.append(unless_all.enter_context(sock))
+                sock.listen(MAX_WAITING)  # at once, as whoever has asked comes now
+            unless_all.pop_all()
             self._is_open = True
-            self._run(self._serve(sock))
+            self._run(self._serve(sockets))
 
     def _run(self, work: Coroutine[Any, Any, None]) -> None:
         task = asyncio.get_running_loop().create_task(work)
         self._tasks.add(task)  # else it may be forgotten before it is done
         task.add_done_callback(self._tasks.discard)
 
-    async def _serve(self, sock: socket.socket) -> None:
+    async def _serve(self, sockets: list[socket.socket]) -> None:
         loop = asyncio.get_running_loop()
-        self._listener = await loop.create_server(
-            self._accept, sock=sock, backlog=ACCEPTED_AT_ONCE
-        )
-        sock.listen(MAX_WAITING)  # as of ``listening.listen``
+        for sock in sockets:
+            listener = await loop.create_server(
+                self._accept, sock=sock, backlog=ACCEPTED_AT_ONCE
+            )
+            self._listeners.append(listener)
+            sock.listen(MAX_WAITING)  # as of ``listening.listen``
         if not self._is_open:  # closed meanwhile
             self.close()
 
@@ -112,9 +118,8 @@ class RelayPort:
     def close(self) -> None:
         """Stop listening, and close all connections through it."""
         self._is_open = False
-        if self._listener is not None:
-            self._listener.close()
-            self._listener = None
+        while self._listeners:
+            self._listeners.pop().close()
         for link in list(self.links):
             link.close()
 

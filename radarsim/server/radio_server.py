@@ -125,7 +125,7 @@ class RadioServer(PeerServer):
                 return None
             with suppress(ServerError):
                 self._relays[key] = RelayPort(
-                    self.address[0], self._connect_to(target, port), self._rest
+                    self.addresses, self._connect_to(target, port), self._rest
                 )
         if key not in self._relays:
             return None

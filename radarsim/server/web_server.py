@@ -22,7 +22,7 @@ from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 
-from radarsim.listening import log_refused_accepts
+from radarsim.listening import log_refused_accepts, raise_file_limit
 
 log = logging.getLogger("radarsim.server")
 
@@ -132,6 +132,7 @@ def _in_url(address: str) -> str:
 
 
 MOST_CONNECTIONS: Final = 200
+FILES_EACH: Final = 4  # so that connections never take more than half of all files
 END_TIMEOUT: Final = 1  # s that clients have to go at the end
 REQUEST_TIMEOUT: Final = 5.0  # s for the headers of a request; uvicorn sets no limit
 
@@ -140,8 +141,13 @@ class HttpConnection(H11Protocol):
     """A connection of uvicorn's that is closed if no request comes in time."""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Wait for the first request."""
+        """Wait for the first request, unless too many others do."""
         super().connection_made(transport)
+        assert self.limit_concurrency is not None
+        # One more than that is told so; but to be told takes an open file, too.
+        if len(self.connections) > 2 * self.limit_concurrency:
+            self.transport.abort()
+            return
         self._await_request()
 
     def on_response_complete(self) -> None:
@@ -176,7 +182,8 @@ class WebServer(uvicorn.Server):
             access_log=False,
             http=HttpConnection,
             lifespan="off",
-            limit_concurrency=MOST_CONNECTIONS,
+            limit_concurrency=raise_file_limit(FILES_EACH * MOST_CONNECTIONS)
+            // FILES_EACH,
             log_config=None,
             server_header=False,
             timeout_graceful_shutdown=END_TIMEOUT,

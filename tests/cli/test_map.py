@@ -50,6 +50,8 @@ def test_map_is_written_and_summarised_in_lines(
     assert run.code == 0
     assert re.fullmatch(
         r"time is up, exploring by auto: 0\.\d\d m in 3\.1 s, 32 scans\n"
+        r"doubt    100% of the walls were seen from only one place: some may be images"
+        r" in mirrors or glass\n"
         r"map      \d+\.\d\d m² free, \d\.\d\d m² obstacle, \d+\.\d\d m² foliage,"
         r" 0\.00 m² smoke\n"
         r"pose     0\.0\d\d m and 0\.\d\d degrees off, at most 0\.0\d\d m and"
@@ -89,7 +91,7 @@ def test_json_is_one_object(radarsim: Command, tmp_path: Path) -> None:
     )
     told = json.loads(run.text)
     assert list(told) == [
-        *("outcome", "strategy", "seed_from", "time", "path_length"),
+        *("outcome", "doubts", "strategy", "seed_from", "time", "path_length"),
         *("left_out", "safety_distance", "scans", "scans_left_out"),
         *("loop_closures", "cells"),
         *("pose_errors", "area_over_time", "files"),

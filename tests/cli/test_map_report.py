@@ -34,14 +34,21 @@ def mapper() -> Mapper:
 
 
 def test_unknown_values_are_left_out(mapper: Mapper) -> None:
-    first, cells = as_text(
+    first, *doubts, cells = as_text(
         MappingResult(None, "none", mapper=mapper, outcome="watched")
     )
     assert first == "mapped what was watched: 0.00 m in 0.0 s, 1 scans"
+    assert doubts == [
+        "doubt    100% of the walls were seen from only one place:"
+        " some may be images in mirrors or glass",
+        "doubt    poses are known from scans alone,"
+        " which round halls and long corridors mislead",
+    ]
     assert cells.startswith("map      ")
     told = json.loads(MappingResult(None, "none", mapper=mapper).to_json())
     assert told["pose_errors"] is None
     assert told["strategy"] is None
+    assert told["doubts"] == [doubt.removeprefix("doubt    ") for doubt in doubts]
 
 
 def test_map_without_scans_has_no_cells() -> None:

@@ -1,3 +1,5 @@
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -41,3 +43,16 @@ def test_parts_that_are_not_solid_are_left_out(solid: bool) -> None:
     part = Part("p", Material("m", 1.0, 1.0, solid=solid), corners, faces)
     found = SolidMesh([part]).slice(Area(-1, 2, -1, 2), 0.5)
     assert found.shape == (int(solid), 2, 2)
+
+
+def test_sorting_takes_little_memory() -> None:
+    count = 400_000
+    corners = np.zeros((3, 3))
+    faces = np.tile(np.arange(3, dtype=np.int32), (count, 1))
+    part = Part("p", Material("m"), corners, faces)
+    tracemalloc.start()
+    try:
+        SolidMesh([part])
+        assert tracemalloc.get_traced_memory()[1] < 120 * count  # bytes
+    finally:
+        tracemalloc.stop()

@@ -8,7 +8,7 @@ from forked_checks import ForkedChecks
 
 from benchmarks.scenes import ball, write_mesh_map
 
-pytestmark = pytest.mark.slow("alone")  # what ran before in a process counts
+pytestmark = pytest.mark.slow
 
 MAX_MEMORY = 1.8 * 1024**3  # bytes of a process with 3 million triangles
 CPU_SECONDS = 100

@@ -92,6 +92,7 @@ NODES: list[dict[str, Any]] = [
     {"name": "crown", "mesh": 0, "translation": [0, 5, 0], "scale": [2, 2, 2]},
     {"name": "trunk", "mesh": 1, "scale": [-1, 1, 1]},
 ]
+FAR: dict[str, Any] = {"mesh": 0, "translation": [1e308, 0, 0]}
 
 
 def glb(tree: dict[str, Any], binary: bytes) -> bytes:
@@ -290,6 +291,28 @@ def test_broken_file_is_refused(
     with pytest.raises(MeshError) as caught:
         read_surfaces(path, tmp_path)
     assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "largest"),
+    [
+        ("a.obj", obj_box().replace("v -0.5", "v -1e308"), "1e+308"),
+        ("a.obj", obj_box().replace("v -0.5", "v nan"), "nan"),
+        ("a.ply", ply_box().replace("-0.5 0.5", "-0.5 2e12"), "2e+12"),
+        ("a.stl", stl_box().replace("vertex 0.5", "vertex 3e38"), "3e+38"),
+        ("a.gltf", json.dumps(gltf_box("a.bin", [FAR])), "1e+308"),
+    ],
+)
+@pytest.mark.filterwarnings("error")
+def test_coordinates_whose_volumes_overflow_are_refused(
+    tmp_path: Path, name: str, content: str, largest: str
+) -> None:
+    write(tmp_path / "a.bin", box_buffer())
+    path = write(tmp_path / name, content)
+    with pytest.raises(MeshError) as caught:
+        read_surfaces(path, tmp_path)
+    said = f"a vertex has a coordinate of {largest}, expected at most 1e+12"
+    assert str(caught.value) == f"{name!r}: {said}"
 
 
 def test_broken_file_is_not_replaced_by_another(tmp_path: Path) -> None:

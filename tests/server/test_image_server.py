@@ -368,6 +368,20 @@ async def test_viewers_that_leave_before_there_are_pictures_are_forgotten(
     await server.stop()
 
 
+async def test_few_open_files_permit_few_viewers(
+    running: RunningServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "radarsim.server.peer_connections.raise_file_limit", lambda _: 64
+    )
+    viewers = [await running.viewer() for _ in range(4)]
+    refused = await running.viewer()
+    with suppress(ConnectionError):
+        assert await refused.rest() == b""
+    await viewers[-1].send(b"OK")
+    assert await viewers[-1].size() == (160, 120)
+
+
 async def test_viewers_beyond_the_limit_are_refused(running: RunningServer) -> None:
     viewers = [await running.viewer() for _ in range(64)]
     await viewers[-1].send(b"OK")

@@ -53,10 +53,10 @@ class Program:
         async with asyncio.timeout(DEADLINE):
             return (await self.reader.readuntil(b"\r\n")).decode().removesuffix("\r\n")
 
-    async def call(self, robot: str) -> Streams:
+    async def call(self, robot: str, address: str = "127.0.0.1") -> Streams:
         reply = await self.ask(f"DNS {{Robot {robot}}}")
         port = int(reply.rpartition("{Port ")[2].removesuffix("}"))
-        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        reader, writer = await asyncio.open_connection(address, port)
         self._writers.append(writer)
         return reader, writer
 
@@ -199,6 +199,26 @@ async def test_robots_talk_in_both_directions(simulation: Simulation) -> None:
         assert (await one.ask("DNS {Robot R2}")) == (
             await one.ask(f"DNS {{Robot R2}} {{Port {two.port}}}")
         )
+
+
+@pytest.mark.asyncio
+async def test_robots_are_reached_at_all_addresses(simulation: Simulation) -> None:
+    server = RadioServer(port=0)
+    try:
+        await server.start("127.0.0.1,::1")
+    except ServerError:
+        pytest.skip("no IPv6 here")
+    await server.begin(simulation)
+    async with program(server, "R1") as one, program(server, "R2") as two:
+        for address in ("127.0.0.1", "::1"):
+            reader, writer = await one.call("R2", address)
+            writer.write(b"hello")
+            his_reader, _ = await two.next_call()
+            async with asyncio.timeout(DEADLINE):
+                assert await his_reader.readexactly(5) == b"hello"
+        move(simulation, "R2", FAR)
+        assert await rest_of(reader) == b""
+    await server.stop()
 
 
 @pytest.mark.asyncio

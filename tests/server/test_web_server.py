@@ -149,6 +149,19 @@ async def test_half_requests_end_and_leave_their_places_to_others(
         assert text.endswith(b"done")
 
 
+async def test_silent_connections_leave_files_to_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("radarsim.server.web_server.raise_file_limit", lambda _: 16)
+    monkeypatch.setattr("radarsim.server.web_server.REQUEST_TIMEOUT", 600.0)
+    async with slow_server() as address:
+        silent = [await asyncio.open_connection(*address) for _ in range(8)]
+        assert await answer(address, b"") == b""
+        for _, writer in silent:
+            assert not writer.is_closing()
+            writer.close()
+
+
 async def test_half_request_after_a_whole_one_ends(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

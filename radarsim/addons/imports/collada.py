@@ -13,7 +13,12 @@ import numpy as np
 
 from radarsim.errors import MissingPackage, import_optional
 from radarsim.geometry import Floats
-from radarsim.scene.mesh_files import MeshBudget, MeshError, expect_at_most
+from radarsim.scene.mesh_files import (
+    MeshBudget,
+    MeshError,
+    check_vertices,
+    expect_at_most,
+)
 from radarsim.scene.shapes import Mesh, concatenate
 
 MAX_ELEMENTS: Final = 2_000_000
@@ -168,6 +173,5 @@ def _triangles(primitive: Any, collada: Any) -> Mesh:
     if used[0] < 0:
         raise MeshError(f"vertex {used[0]}, expected at least 0")
     vertices: Floats = primitive.vertex[used].astype(np.float64)
-    if not np.isfinite(vertices).all():
-        raise MeshError("a vertex is not finite")
+    check_vertices(vertices)
     return vertices, corner.reshape(-1, 3).astype(np.int32)

@@ -15,6 +15,7 @@ from radarsim.scene.mesh_files import (
     MAX_TRIANGLES,
     MeshBudget,
     MeshError,
+    check_vertices,
 )
 from radarsim.scene.shapes import Mesh, concatenate
 from radarsim.xml_reader import place, read_bytes
@@ -123,10 +124,8 @@ class MeshCopies:
         scene: Any = trimesh.Scene()
         has_area = False
         for vertices, faces in meshes:
-            with np.errstate(all="ignore"):
-                single = vertices.astype(np.float32)
-            if not np.isfinite(single).all():
-                raise MeshError("a vertex is not finite")
+            check_vertices(vertices)
+            single = vertices.astype(np.float32)
             corners = single[faces]
             differ = (corners != np.roll(corners, 1, axis=1)).any(axis=2)
             has_area |= bool(differ.all(axis=1).any())

@@ -141,6 +141,7 @@ def as_text(result: MappingResult) -> list[str]:
     by = "" if result.strategy is None else f"{how} {result.strategy}"
     path = f"{plain['path_length']:.2f} m in {plain['time']:.1f} s"
     lines = [f"{ending}{by}: {path}, {plain['scans']} scans"]
+    lines += [f"doubt    {doubt}" for doubt in plain["doubts"]]
     if cells := plain["cells"]:
         area = cells["resolution"] ** 2
         areas = [f"{cells[name] * area:.2f} m² {name}" for name in CLASSES]

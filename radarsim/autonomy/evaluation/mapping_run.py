@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -40,6 +40,8 @@ from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
 from radarsim.server.host.lockstep import InProcessTransport
+
+MANY_SEEN_ONCE: Final = 0.3  # share of the walls
 
 
 @dataclass(slots=True)
@@ -80,6 +82,21 @@ class MappingResult:
     files: tuple[Path, ...] = ()
     error: str = ""
 
+    @property
+    def doubts(self) -> list[str]:
+        """Why the map may be wrong, as far as the run itself shows it."""
+        if self.mapper is None or not self.mapper.scans:
+            return []
+        doubts = []
+        share = self.mapper.seen_from_one_place
+        if share > MANY_SEEN_ONCE:
+            seen = f"{share:.0%} of the walls were seen from only one place"
+            doubts.append(f"{seen}: some may be images in mirrors or glass")
+        if self.motion_source == "none":
+            known = "poses are known from scans alone"
+            doubts.append(f"{known}, which round halls and long corridors mislead")
+        return doubts
+
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with lengths in mm precision.
 
@@ -90,6 +107,7 @@ class MappingResult:
         left_out |= {} if self.mapper is None else self.mapper.left_out
         result: dict[str, Any] = {
             "outcome": self.outcome,
+            "doubts": self.doubts,
             "strategy": self.strategy,
             "seed_from": self.motion_source,
             "time": round(self.trip.time, 3),

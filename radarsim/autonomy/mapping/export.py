@@ -28,6 +28,7 @@ COMMANDER_CELLS: Final = {
 }
 _COMMANDER_COLOURS: Final = np.array([*COMMANDER_CELLS.values()], np.uint8)
 MARGIN: Final = 0.5  # m of unknown cells around the sensed ones
+OPEN_SPACE: Final = 5.0  # m of open floor around all else
 OCCUPIED_LEVEL, UNKNOWN_LEVEL, FREE_LEVEL = 0, 205, 254
 OCCUPIED_FROM: Final = 0.65
 # Unknown is 50/255 = 0.19608; the 0.25 that many files have would make it free.
@@ -138,7 +139,9 @@ def _encoded(pixels: NDArray[np.uint8], image_format: str) -> bytes:
 def sensed_window(grid: OccupancyGrid) -> tuple[slice, slice]:
     """Return the rows and columns of the sensed cells with a margin of 0.5 m.
 
-    They are one cell if nothing is sensed.
+    They are one cell if nothing is sensed. Open floor is left out beyond 5 m around
+    what is on the map and was seen at short range: beams that meet nothing sense it up
+    to their range.
 
     Raises:
         ValueError: If the map has no cells.
@@ -146,13 +149,19 @@ def sensed_window(grid: OccupancyGrid) -> tuple[slice, slice]:
     sensed = grid.sensed_cells()
     if not sensed.size:
         raise ValueError("a map without cells, expected one that has taken in a scan")
-    margin = math.ceil(MARGIN / grid.frame.resolution)
-    return _sensed_span(sensed, 0, margin), _sensed_span(sensed, 1, margin)
+    near = grid.short_range_cells() | (grid.classes() > CellClass.FREE)
+    size = grid.frame.resolution
+    return _sensed_span(sensed, near, 0, size), _sensed_span(sensed, near, 1, size)
 
 
-def _sensed_span(sensed: Mask, axis: int, margin: int) -> slice:
+def _sensed_span(sensed: Mask, near: Mask, axis: int, resolution: float) -> slice:
     lines = np.flatnonzero(sensed.any(axis=1 - axis))
     if not len(lines):
         return slice(0, 1)
-    first, last = int(lines[0]), int(lines[-1])
-    return slice(max(first - margin, 0), min(last + margin + 1, sensed.shape[axis]))
+    margin, space = (math.ceil(length / resolution) for length in (MARGIN, OPEN_SPACE))
+    around = np.flatnonzero(near.any(axis=1 - axis))
+    if not len(around):
+        around = lines
+    first = max(int(lines[0]) - margin, int(around[0]) - space, 0)
+    last = min(int(lines[-1]) + margin, int(around[-1]) + space)
+    return slice(first, min(last + 1, sensed.shape[axis]))

@@ -124,6 +124,11 @@ class Mapper:
         return self._grid.grid
 
     @property
+    def seen_from_one_place(self) -> float:
+        """The share of what is solid that was seen from only one place."""
+        return self._grid.seen_from_one_place()
+
+    @property
     def trajectory(self) -> Trajectory:
         """Estimated pose of the robot at each scan."""
         return self.slam.trajectory

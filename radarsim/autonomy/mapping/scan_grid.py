@@ -8,20 +8,25 @@ therefore added to the new grid with each new scan, which the old grid gets mean
 the new one replaces it when it holds all scans.
 """
 
+import math
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import DTypeLike
+from numpy.typing import DTypeLike, NDArray
 
-from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid
+from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.autonomy.mapping.scan import BeamHits, PlanarScan
 from radarsim.autonomy.mapping.trajectory import Trajectory
-from radarsim.geometry import Pose2, wrap_angle
+from radarsim.geometry import Floats, Pose2, rotation_matrix, wrap_angle
 
 SCANS_AT_ONCE: Final = 25  # old scans that are added with each new one
 STANDING: Final = 0.02, 0.01  # m and rad within which a robot stands
 SCANS_STANDING: Final = 20  # that are kept of a robot that stands
+PLACE: Final = 1.0  # m between places from which something is seen
+SQUARE: Final = 0.25  # m; noise spreads the ends of beams over cells
+
+_Squares: TypeAlias = NDArray[np.int64]
 
 
 class StoredScan(NamedTuple):
@@ -91,6 +96,27 @@ class RebuildableGrid:
         """Build the rest of the new grid, if one was begun."""
         self._continue(len(self.scans))
 
+    def seen_from_one_place(self) -> float:
+        """Return the share of what is solid that was seen from only one place.
+
+        Places are at least 1 m from each other. Squares of 0.25 m are counted.
+        """
+        seen: dict[tuple[float, float], list[_Squares]] = {}
+        for trajectory, number, scan in self.scans:
+            pose = trajectory.poses[number]
+            here = pose.x, pose.y
+            near = (place for place in seen if math.dist(place, here) < PLACE)
+            points = scan.points()[0] @ rotation_matrix(0.0, 0.0, pose.yaw)[:2, :2].T
+            squares = _squares(points + np.array(here))
+            seen.setdefault(next(near, here), []).append(squares)
+        all_squares = [np.unique(np.concatenate(each)) for each in seen.values()]
+        found, counts = np.unique(np.concatenate(all_squares), return_counts=True)
+        x, y = self.grid.frame.cell_centers()
+        rows, columns = np.nonzero(self.grid.classes() == CellClass.OBSTACLE)
+        solid = _squares(np.column_stack([x[columns], y[rows]]))
+        once = np.isin(solid, found[counts > 1], invert=True)
+        return float(np.count_nonzero(once)) / max(len(once), 1)
+
     def _continue(self, count: int) -> None:
         if self._next is None:
             return
@@ -107,6 +133,12 @@ class RebuildableGrid:
         grid.add(pose, stored.scan)
         if self._robot_radius:
             grid.clear_disc(pose, self._robot_radius)
+
+
+def _squares(points: Floats) -> _Squares:
+    """Return the numbers of the squares that points are in, each once."""
+    column, row = np.floor(points / SQUARE).astype(np.int64).T
+    return np.unique((column << 32) + row)
 
 
 def _converted(scan: PlanarScan, whole: DTypeLike, real: DTypeLike) -> PlanarScan:

@@ -197,6 +197,18 @@ def test_yaml_quotes_any_file_name(mapped: OccupancyGrid) -> None:
     assert list(files) == [f"{name}.pgm", f"{name}.yaml"]
 
 
+def test_open_floor_is_left_out_5_m_beyond_everything(look: Look) -> None:
+    grid = OccupancyGrid()
+    pole = np.array([[[6.02, -0.1], [6.02, 0.1]]])
+    grid.add(Pose2(0.02, 0.02, 0.0), look(pole, Pose2(0.02, 0.02, 0.0)))
+    assert grid.frame.columns * grid.frame.resolution > 60
+    head = yaml.safe_load(nav_map(grid, "yard")["yard.yaml"])
+    # Floor counts as seen within 3 m.
+    assert head["origin"][:2] == pytest.approx([-8, -8], abs=0.11)
+    with Image.open(io.BytesIO(commander_png(grid))) as image:
+        assert np.array(image.size) * 0.05 == pytest.approx([19, 16], abs=0.21)
+
+
 def test_map_without_sensed_cells_is_one_unknown_cell() -> None:
     grid = OccupancyGrid()
     with pytest.raises(ValueError, match="a map without cells"):
