@@ -189,14 +189,6 @@ def test_png_has_the_colours_of_usarcommander(
         assert pixel_of(mapped, image, head["origin"], x, y) == colour
 
 
-def test_yaml_quotes_any_file_name(mapped: OccupancyGrid) -> None:
-    name = 'my "yard": #1'
-    files = nav_map(mapped, name)
-    head = yaml.safe_load(files[f"{name}.yaml"])
-    assert head["image"] == f"{name}.pgm"
-    assert list(files) == [f"{name}.pgm", f"{name}.yaml"]
-
-
 def test_map_without_sensed_cells_is_one_unknown_cell() -> None:
     grid = OccupancyGrid()
     with pytest.raises(ValueError, match="a map without cells"):

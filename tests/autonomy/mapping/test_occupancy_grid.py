@@ -319,12 +319,3 @@ def test_beam_without_a_direction_is_an_error(angle: float) -> None:
     report = RangeScan(0.0, "lms200", 0.1, angle, np.ones(3))
     with pytest.raises(ValueError, match="beams without a direction"):
         OccupancyGrid().add(HERE, read_scan(report, max_range=9.0))
-
-
-def test_same_scans_give_the_same_map(look: Look, room: Floats) -> None:
-    one, other = (grid_of(look(room, HERE), pose=HERE) for _ in range(2))
-    assert (one.classes() == other.classes()).all()
-    assert (
-        np.nan_to_num(one.occupancy_probability())
-        == np.nan_to_num(other.occupancy_probability())
-    ).all()
