@@ -53,8 +53,3 @@ def test_recording_begins_with_the_simulation(
     with pytest.raises(RecordingError, match="before the first robot"):
         sim.record(tmp_path / "run")
     assert not (tmp_path / "run").exists()
-
-
-def test_folder_that_exists_is_an_error(foliage_room: Scene, tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="exists"):
-        radarsim.simulate(foliage_room).record(tmp_path)
