@@ -60,19 +60,6 @@ EDGE = scene(
 AHEAD = {"fov_deg": 4, "resolution_deg": 2}
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("weights", [(1, 1, 1), (1, 4, 1), (3, 2, 1)])
-def test_rays_near_an_edge_are_drawn_by_their_weights(
-    weights: tuple[float, float, float],
-) -> None:
-    found = scans(radar(**AHEAD, ray_weights=weights), EDGE, 10_000, seed=7)
-    wanted = np.array(weights) / sum(weights)
-    error = np.sqrt(wanted * (1 - wanted) / len(found))
-    assert (np.abs(np.array(shares(found, 1)) - wanted) < 3 * error).all()
-    near = np.mean([scan.ranges[1] == pytest.approx(3.0) for scan in found])
-    assert abs(near - wanted[2]) < 3 * error[2]
-
-
 def test_scan_without_offset_is_deterministic(foliage_room: Scene) -> None:
     still = radar(side_offset_uu=0)
     rng = generator_for(0)
