@@ -5,7 +5,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import pytest
 from commander_page import CommanderPage
 from playwright.sync_api import Browser
 from served_page import CHROMIUM_OPTIONS, Served, serve
@@ -150,17 +149,6 @@ def test_names_of_robots_and_maps_are_text(
         commander.page.click("[data-view=space]")
         commander.page.wait_for_timeout(300)
         commander.page.context.close()
-
-
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_readings_stand_out_in_light_and_dark(
-    open_page: Callable[..., CommanderPage], served: Served, scheme: str
-) -> None:
-    commander = open_page(served, color_scheme=scheme)
-    paper = commander.page.evaluate(
-        "getComputedStyle(document.querySelector('.stage')).backgroundColor"
-    )
-    assert paper == {"light": "rgb(255, 255, 255)", "dark": "rgb(27, 30, 35)"}[scheme]
 
 
 # The rows and columns of a canvas that have a colour, px from its corner.
