@@ -55,6 +55,8 @@ WRONG = {
     },
 }
 
+SLOW = pytest.mark.slow
+
 
 def bounds(text: str) -> Floats:
     meshes, problems = read_collada(text.encode())
@@ -105,7 +107,9 @@ def test_parts_that_cannot_be_read_are_told_and_others_are_read() -> None:
     assert len(meshes) == len(problems) == 1
 
 
-@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[SLOW] * (n == "doubled")) for n in WRONG]
+)
 def test_wrong_file_is_told(name: str) -> None:
     with pytest.raises(MeshError) as caught:
         read_collada(WRONG[name].encode())

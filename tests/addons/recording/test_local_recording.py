@@ -35,6 +35,7 @@ def test_recorded_run_is_repeated_byte_by_byte(tmp_path: Path) -> None:
     assert "one/lms200" in recording.echoes
 
 
+@pytest.mark.slow
 def test_run_in_a_scene_of_ones_own_is_readable(
     foliage_room: Scene, tmp_path: Path
 ) -> None:

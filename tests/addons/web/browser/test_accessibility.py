@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
 from commander_page import CommanderPage
 from served_page import Served
 
@@ -29,6 +30,7 @@ def check(commander: CommanderPage) -> None:
     assert found == []
 
 
+@pytest.mark.slow
 def test_no_view_has_a_serious_finding(
     commander: CommanderPage, served: Served, open_page: Callable[..., CommanderPage]
 ) -> None:

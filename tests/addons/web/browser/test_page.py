@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 from commander_page import CommanderPage
 from playwright.sync_api import Browser
 from served_page import CHROMIUM_OPTIONS, Served, serve
@@ -175,6 +176,7 @@ def bottom_of(page: CommanderPage, name: str) -> float:
     return part["y"] + part["height"] - plan["y"]
 
 
+@pytest.mark.slow
 def test_headlines_cover_no_part_of_plan_and_map(
     served: Served, open_page: Callable[..., CommanderPage]
 ) -> None:
