@@ -1,6 +1,23 @@
+import json
+from typing import Any
+
 import pytest
 
 from radarsim.addons.web.requests import BadRequest, parse_request
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        {"op": "select", "robot": None},
+        {"op": "spawn", "class": "USARBot.P3AT", "name": "a b", "start": "RobotStart1"},
+        {"op": "stop", "robot": "R1"},
+    ],
+)
+def test_requests_are_read(message: dict[str, Any]) -> None:
+    request = parse_request(json.dumps(message))
+    sent = json.loads(request.model_dump_json(by_alias=True, exclude_unset=True))
+    assert sent == message
 
 
 @pytest.mark.parametrize(
