@@ -1,7 +1,5 @@
 import ast
 import os
-import pickle
-import random
 import shutil
 import subprocess
 import sys
@@ -324,62 +322,6 @@ def test_damaged_files_are_compiled_again(package: Path) -> None:
         path.write_bytes(path.read_bytes()[:100])
     assert run(package)[:2] == (2, False)
     assert run(package)[:2] == (2, True)
-
-
-def damage(data: bytes, draw: random.Random) -> bytes:
-    """Return what may be in a file of compiled code instead."""
-    bit = draw.randrange(8 * len(data))
-    flipped = bytearray(data)
-    flipped[bit // 8] ^= 1 << bit % 8
-    foreign = pickle.dumps((data[:9], draw.random()))
-    kinds = (
-        bytes(flipped),
-        data[: draw.randrange(len(data))],
-        data + draw.randbytes(5),
-        foreign,
-        draw.randbytes(32) + foreign,
-        b"I1\n.",
-        b"",
-    )
-    return draw.choice(kinds)
-
-
-KERNELS = 40
-MANY = f"""
-from radarsim.kernels.many import *
-print([globals()[f"add{{number}}"](1) for number in range({KERNELS})])
-"""
-
-
-@pytest.mark.slow("alone")
-def test_3000_damaged_files_are_compiled_again(package: Path) -> None:
-    functions = "\n".join(
-        f"@njit_cached\ndef add{number}(x):\n    return x + {number}\n"
-        for number in range(KERNELS)
-    )
-    module = "from radarsim.jit import njit_cached\n\n" + functions
-    (package / "kernels/many.py").write_text(module)
-    draw = random.Random(32)
-    damaged = 0
-    while damaged < 3000:
-        run = subprocess.run(
-            [sys.executable, "-B", "-c", MANY],
-            env={
-                "PYTHONPATH": str(package.parent),
-                "NUMBA_CACHE_DIR": str(package.parent / "cache"),
-            },
-            capture_output=True,
-            check=False,
-            text=True,
-            cwd=package.parent,
-        )
-        assert run.stderr == ""
-        assert run.stdout == f"{list(range(1, KERNELS + 1))}\n"
-        paths = sorted(package.parent.glob(f"cache/**/*{kernel_cache.SUFFIX}"))
-        assert len(paths) == KERNELS
-        for path in paths:
-            path.write_bytes(damage(path.read_bytes(), draw))
-        damaged += len(paths)
 
 
 @pytest.mark.slow

@@ -3,7 +3,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from pydantic import ValidationError
 
 from radarsim.errors import PresetError
 from radarsim.geometry import Pose3
@@ -176,11 +175,6 @@ def test_p3at_variants_differ_only_in_what_they_scan_or_search_with() -> None:
 def test_mount_is_converted_to_radians() -> None:
     item = Item(type="INS", name="I", position=(1, 2, 3), rotation_deg=(90, 0, -180))
     assert item.mount == Pose3(1, 2, 3, math.pi / 2, 0, -math.pi)
-
-
-def test_models_are_immutable() -> None:
-    with pytest.raises(ValidationError):
-        load_robot("P3AT").mass = 3
 
 
 def test_file_without_base_is_read(tmp_path: Path) -> None:

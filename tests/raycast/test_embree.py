@@ -24,12 +24,8 @@ from radarsim.raycast.embree import (
     open_library,
 )
 from radarsim.raycast.intersect import (
-    BEHIND,
-    COLLECT,
-    IGNORE,
     OPAQUE,
     Interval,
-    intersect_backward,
     intersect_forward,
     new_ray_buffer,
 )
@@ -118,66 +114,6 @@ def ahead(
         scene.handle, block, role_table, start, direction, span
     )
     return sorted(crossings[:count].tolist()), t, int(part)
-
-
-SLAB = [(1.0, 0, 1), (2.0, 0, -1)]
-
-
-def slabs() -> EmbreeScene:
-    """Create three slabs from 1 to 2, 3 to 4, 5 to 6 m ahead."""
-    vertices, faces = shapes.box(1, 4, 4)
-    return EmbreeScene(
-        [Mesh(vertices + np.array([x, 0.1, 0.2]), faces) for x in (1.5, 3.5, 5.5)]
-    )
-
-
-def test_surfaces_are_collected_up_to_the_first_opaque_one() -> None:
-    listed, t, part = ahead(slabs(), [COLLECT, OPAQUE, COLLECT], (0, 0, 0), (1, 0, 0))
-    assert (t, part) == pytest.approx((3.0, 1))
-    assert [(round(t, 9), *names) for t, *names in listed[:2]] == SLAB
-
-
-def test_ignored_parts_are_not_collected() -> None:
-    roles = [COLLECT, IGNORE, IGNORE]
-    listed, t, part = ahead(slabs(), roles, (0, 0, 0), (1, 0, 0))
-    assert (t, part) == (100.0, -1)
-    assert [(round(t, 9), *names) for t, *names in listed] == SLAB
-
-
-@pytest.mark.parametrize(("max_range", "part"), [(3.01, 1), (2.99, -1)])
-def test_surfaces_beyond_the_maximum_range_are_ignored(
-    max_range: float, part: int
-) -> None:
-    roles = [IGNORE, OPAQUE, OPAQUE]
-    listed, t, stop = ahead(slabs(), roles, (0, 0, 0), (1, 0, 0), max_range)
-    assert (listed, stop) == ([], part)
-    assert t == pytest.approx(min(max_range, 3.0))
-
-
-def test_surfaces_beyond_the_capacity_are_counted() -> None:
-    scene, crossings = slabs(), np.zeros(2, CROSSING)
-    role_table = np.full(3, COLLECT, np.uint8)
-    block = new_ray_buffer(scene.handle, crossings)
-    ray_direction = np.array([1.0, 0, 0])
-    span = Interval(0.0, 100.0, math.inf)
-    count, _, _ = intersect_forward(
-        scene.handle, block, role_table, np.zeros(3), ray_direction, span
-    )
-    assert count == 6
-
-
-@pytest.mark.parametrize("x", [0.5, 1.0, 1.5, 3.5, 4.0, 9.0, np.nextafter(2, 1)])
-def test_no_surface_is_both_ahead_and_behind(x: float) -> None:
-    scene, crossings = slabs(), np.zeros(32, CROSSING)
-    role_table = np.full(3, COLLECT, np.uint8)
-    block = new_ray_buffer(scene.handle, crossings)
-    origin, ray_direction = np.array([x, 0, 0]), np.array([1.0, 0, 0])
-    count = intersect_backward(scene.handle, block, role_table, origin, ray_direction)
-    behind = crossings[:count].tolist()
-    assert all(t <= BEHIND for t, _, _ in behind)
-    listed, _, _ = ahead(scene, [COLLECT] * 3, (x, 0, 0), (1, 0, 0))
-    assert len(behind) + len(listed) == 6
-    assert sum(turn for _, _, turn in behind + listed) == 0
 
 
 def test_first_hits_match_those_of_embreex() -> None:

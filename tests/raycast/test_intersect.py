@@ -84,21 +84,3 @@ def test_other_robots_are_opaque_and_the_carrier_is_not() -> None:
     assert not is_clear(tracer, place, 0.1, boxes=boxes)
     assert is_clear(tracer, place, 0.1, boxes=boxes, carrier_id=7)
     assert is_clear(tracer, place - 2.0, 0.1, boxes=boxes)
-
-
-def test_every_point_of_an_empty_scene_is_clear() -> None:
-    assert is_clear(Tracer([]), np.zeros(3), 5.0)
-
-
-def test_points_are_tested_together_as_alone() -> None:
-    tracer = Tracer([ROOM, bush(1)])
-    boxes = Boxes(np.array([[1.0, 0, 0, -1, 1, 0.3, 0.2, 7]]))
-    rng = np.random.Generator(np.random.PCG64(1))
-    places, carriers = rng.uniform(-6, 6, (200, 3)), rng.choice([-1, 7], 200)
-    together = are_clear(tracer, places, 0.4, LASER, boxes, carriers.tolist())
-    alone = [
-        is_clear(tracer, place, 0.4, LASER, boxes, carrier)
-        for place, carrier in zip(places, carriers.tolist(), strict=True)
-    ]
-    assert together == alone
-    assert 0 < sum(alone) < len(alone)

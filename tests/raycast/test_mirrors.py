@@ -420,15 +420,6 @@ def test_air_costs_power_everywhere_and_adds_to_volumes() -> None:
     assert inside.ranges[0] == pytest.approx(2 + 0.06 / 0.12)
 
 
-def test_ray_is_spent_in_air_alone() -> None:
-    mist = Material("mist", density=0.02)
-    traces = Tracer([], mist).trace(cast(AHEAD))
-    assert (traces.outcomes[0], traces.ranges[0]) == (
-        Outcome.SPENT,
-        pytest.approx(50.0),
-    )
-
-
 def test_boxes_are_numbered_after_the_air() -> None:
     mist = Material("mist", density=0.001)
     boxes = Boxes(np.array([[5, 0, 0, -1, 1, 0.5, 0.5, 7.0]]))

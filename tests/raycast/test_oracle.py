@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -36,12 +37,10 @@ LEAF = Material("leaf", density=0.0, sheet_loss=0.25)
 EXACT = 1e-6  # accuracy of float64, grazing rays included
 
 
-def ball(radius: float, at: Place, rough: int = 1) -> Solid:
-    """Create a sphere of 80 faces, or of 20 * 4**rough."""
-    vertices, faces = shapes._icosahedron()
-    for _ in range(rough):
-        vertices, faces = shapes._subdivide(vertices, faces)
-    return vertices * radius + np.asarray(at, float), faces
+def ball(radius: float, at: Place) -> Solid:
+    """Create a sphere of 80 faces."""
+    mesh = trimesh.creation.icosphere(1, radius)
+    return mesh.vertices + np.asarray(at, float), mesh.faces.astype(np.int32)
 
 
 def brick(size: Sequence[float], at: Place) -> Solid:

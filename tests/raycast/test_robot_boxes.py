@@ -65,26 +65,6 @@ def test_box_is_hit_at_its_face(
     assert first_hit([row], origin, ray_direction) == pytest.approx(expected)
 
 
-def test_nearest_box_is_hit_in_any_order() -> None:
-    near, far = ROW, [8.0, *ROW[1:7], 4.0]
-    assert first_hit([near, far], (0, 0, 0.5)) == (4.5, 3)
-    assert first_hit([far, near], (0, 0, 0.5)) == (4.5, 3)
-
-
-def test_carrier_is_not_hit() -> None:
-    assert first_hit([ROW], (5, 0, 0.5), carrier_id=3) == (100.0, -1)
-
-
-@pytest.mark.parametrize(("max_range", "name"), [(4.5, 3), (4.4, -1)])
-def test_maximum_range_is_inclusive(max_range: float, name: int) -> None:
-    assert first_hit([ROW], (0, 0, 0.5), max_range=max_range) == (max_range, name)
-
-
-def test_table_is_relative_to_the_centre() -> None:
-    moved = Boxes(np.array([ROW])).table(np.array([1.0, 2.0, 3.0]))
-    assert moved[0, :3].tolist() == [4.0, -2.0, -2.5]
-
-
 @pytest.mark.parametrize(
     ("rows", "text"),
     [

@@ -27,7 +27,6 @@ from radarsim.scene.scene import Part, Scene
 Solid = tuple[Floats, NDArray[np.int32]]
 AHEAD = (1.0, 0.0, 0.0)
 CONCRETE = Material("concrete")
-SMOKE = Material("smoke", density=0.0, laser_density=0.5, solid=False)
 
 
 def foliage(density: float) -> Material:
@@ -151,15 +150,6 @@ def test_laser_in_foliage_hits_its_inner_face_and_a_radar_is_spent_there() -> No
     bush = brick(foliage(0.7), (6, 6, 6), (0, 0, 0))
     assert one([bush], medium=LASER) == (3.0, Outcome.HIT, 0, 1.0)
     assert one([bush]) == (1 / 0.7, Outcome.SPENT, 0, 0.0)
-
-
-def test_smoke_blinds_a_laser_and_costs_a_radar_nothing() -> None:
-    parts = [
-        brick(SMOKE, (30, 9, 9), (0, 0, 0)),
-        brick(CONCRETE, (1, 9, 9), (9.5, 0, 0)),
-    ]
-    assert one(parts, medium=LASER) == (2.0, Outcome.SPENT, 0, 0.0)
-    assert one(parts) == (9.0, Outcome.HIT, 1, 1.0)
 
 
 def test_start_inside_a_volume_is_found_when_a_wall_hides_its_far_side() -> None:

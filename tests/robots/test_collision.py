@@ -12,7 +12,7 @@ from radarsim.protocol.dialect import WheelDrive
 from radarsim.robots.collision import CONTACT_GAP
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.obstacles import Obstacles
-from radarsim.robots.robot import ROBOT_GAP, WALL_GAP, Robot
+from radarsim.robots.robot import Robot
 
 TICK = 0.01
 P3AT = load_robot("P3AT")
@@ -286,24 +286,3 @@ def test_robot_placed_inside_a_wall_cannot_go_deeper() -> None:
     driven = robot(Obstacles(wall((0.2, -5), (0.2, 5))), Pose2(0, 0))
     drive(driven, 5, 5, 100)
     assert driven.pose.x == pytest.approx(0)
-
-
-@settings(deadline=None, max_examples=20)
-@given(obstacles=clutter(), orders=commands)
-def test_known_gaps_do_not_change_the_motion(
-    obstacles: Obstacles, orders: list[Command]
-) -> None:
-    start = Pose2(0, 0, 0.3)
-    free = obstacles.nearest_free_pose(
-        robot(obstacles, start).footprint, start, within=2
-    )
-    if free is None:
-        return
-    cached, uncached = robot(obstacles, free), robot(obstacles, free)
-    for left, right, ticks in orders:
-        drive(cached, left, right, ticks)
-        uncached.drive(left, right)
-        for _ in range(ticks):
-            uncached.fleet.columns[:, [WALL_GAP, ROBOT_GAP]] = 0.0
-            uncached.fleet.step(TICK)
-    assert uncached.pose == cached.pose

@@ -15,10 +15,8 @@ from radarsim.presets.robots import load_robot
 from radarsim.protocol.dialect import WheelDrive
 from radarsim.robots.collision import CONTACT_GAP
 from radarsim.robots.fleet import Fleet
-from radarsim.robots.footprint import RANK, line_table
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import Robot
-from radarsim.robots.wall_grid import WallStore, find_walls, floor_walls
 
 TICK = 0.01
 MODELS = [load_robot(name) for name in ("P3AT", "P2DX", "P2AT")]
@@ -86,24 +84,6 @@ def test_robots_move_as_in_plain_python(
         assert [each.pose for each in odometry] == [e.odometry for e in expected]
         touched = fleet.touched(fleet.slots).tolist()
         assert touched == [each.touched for each in expected]
-
-
-@settings(deadline=None, max_examples=15)
-@given(lines=walls, x=places, y=places, reach=st.floats(0.1, 3))
-def test_walls_of_the_grid_are_those_within_reach(
-    lines: list[tuple[float, ...]], x: float, y: float, reach: float
-) -> None:
-    around = obstacles([*lines, *room(40), (-40, -40, 40, 39)])
-    table = WallStore([floor_walls(around.segments)]).table
-    near = np.zeros((len(around.segments), 5))
-    count = find_walls(table, 0, x, y, reach, near)
-    found = near[near[:count, RANK].argsort()]
-    assert np.array_equal(
-        found, line_table(around.segments)[found[:, RANK].astype(int)]
-    )
-    assert set(map(bytes, around.near(x, y, reach - 1e-9))) <= {
-        bytes(around.segments[int(rank)]) for rank in found[:, RANK]
-    }
 
 
 def test_slots_stay_and_are_used_again() -> None:

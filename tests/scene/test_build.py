@@ -21,20 +21,6 @@ def scatter(**keys: Any) -> ObjectEntry:
     return entry(position=[0, 0, 0.6], scatter=given)
 
 
-def test_one_object_is_its_only_copy() -> None:
-    (copy,) = place_copies(entry(position=[1, 2, 3]))
-    assert (copy.name, copy.position.tolist(), copy.scale) == ("bush", [1, 2, 3], 1)
-    assert list(copy_names("bush", None)) == ["bush"]
-
-
-def test_repeated_objects_are_along_a_line() -> None:
-    repeat = {"count": 3, "step": [0, 2, 0.5]}
-    copies = place_copies(entry(position=[1, 0, 0], repeat=repeat))
-    assert [copy.name for copy in copies] == ["bush_1", "bush_2", "bush_3"]
-    places = [copy.position.tolist() for copy in copies]
-    assert places == [[1, 0, 0], [1, 2, 0.5], [1, 4, 1]]
-
-
 @given(st.integers(0, 2**64), st.integers(1, 50))
 def test_scattered_objects_are_in_their_area(seed: int, count: int) -> None:
     copies = place_copies(scatter(seed=seed, count=count, scale=[0.5, 2]))
@@ -57,12 +43,6 @@ def test_same_seed_gives_the_same_positions_and_another_one_others() -> None:
 def test_larger_count_does_not_move_the_first_copies() -> None:
     few = places(scatter(min_distance=0.3, scale=[1, 2]))
     assert places(scatter(min_distance=0.3, scale=[1, 2], count=30))[:20] == few
-
-
-def test_scattered_objects_have_at_least_the_minimum_distance() -> None:
-    spots = np.array(places(scatter(min_distance=0.7)))[:, :2]
-    gaps = np.linalg.norm(spots[:, None] - spots[None], axis=2)
-    assert (gaps[~np.eye(20, dtype=bool)] >= 0.7).all()
 
 
 def test_full_area_is_an_error() -> None:

@@ -6,10 +6,7 @@ from radarsim.errors import MapError
 from radarsim.scene.map_file import load_map, load_variants
 from radarsim.scene.scene import GPS_ORIGIN
 
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("mesh_folder")
 
 
 def write(line: str) -> None:

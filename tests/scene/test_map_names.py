@@ -5,10 +5,7 @@ import pytest
 from radarsim.errors import MapError
 from radarsim.scene.map_file import find_map, shipped_maps
 
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("mesh_folder")
 
 
 def test_file_takes_precedence_over_a_shipped_map() -> None:

@@ -1,8 +1,8 @@
 from pathlib import Path
 
 import pytest
+from map_texts import problems
 
-from radarsim.errors import MapError
 from radarsim.scene.map_file import load_map, load_variants
 from radarsim.scene.scene import Trial
 
@@ -17,16 +17,7 @@ KEYS = "expected one of ['goal', 'safety_distance', 'start']"
 WHOLE = "start: RobotStart1, goal: [7, -2.5], safety_distance: 0.5"
 
 
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
-
-def problems(text: str) -> list[str]:
-    Path("m.yaml").write_text(text)
-    with pytest.raises(MapError) as caught:
-        load_map("m.yaml")
-    return caught.value.problems
+pytestmark = pytest.mark.usefixtures("mesh_folder")
 
 
 @pytest.mark.parametrize("name", ["RobotStart1", "robotstart1"])

@@ -1,6 +1,6 @@
 import pytest
 
-from radarsim.scene.material import OPAQUE, Material
+from radarsim.scene.material import Material
 
 
 @pytest.mark.parametrize(
@@ -15,7 +15,3 @@ def test_penetrable_is_what_radar_or_laser_enters(
     material: Material, penetrable: bool
 ) -> None:
     assert material.penetrable is penetrable
-
-
-def test_material_is_opaque_and_solid_by_default() -> None:
-    assert Material("wood") == Material("wood", OPAQUE, OPAQUE, True, None)

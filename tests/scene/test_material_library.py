@@ -8,7 +8,6 @@ from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
 from radarsim.scene.map_schema import MaterialEntry
 from radarsim.scene.material import (
     AMOUNTS,
-    Material,
     library,
     library_entry,
     library_material,
@@ -53,14 +52,6 @@ def test_plants_stop_light_and_attenuate_radar(name: str) -> None:
     assert 0 < plant.radar_db[0] < plant.radar_db[1] < plant.radar_db[2]
     assert math.isinf(plant.laser_density)
     assert plant.solid is (name != "tall_grass")
-
-
-@pytest.mark.parametrize("name", BOARDS)
-def test_radar_penetrates_thin_boards_but_not_thick_ones(name: str) -> None:
-    board = library_material(name)
-    assert 1 < 0.0125 * board.radar_db[0] < 0.0125 * board.radar_db[2] < 10
-    assert 0.2 * board.radar_db[0] > 30
-    assert math.isinf(board.laser_density)
 
 
 @pytest.mark.parametrize("name", WALLS)
@@ -123,28 +114,6 @@ def test_unknown_material_is_rejected_with_the_known_names() -> None:
     )
     with pytest.raises(PresetError, match=message):
         library_material("wod")
-
-
-def test_all_properties_of_a_material() -> None:
-    assert library_material("brick") == Material(
-        "brick",
-        density=math.inf,
-        laser_density=math.inf,
-        solid=True,
-        radar_db=(0, 0, 0),
-        laser_db=0,
-        absorption_db=0,
-        laser_absorption_db=0,
-        radar_mirror=False,
-        laser_mirror=False,
-        rain=0,
-        backscatter_db=-10,
-        albedo=0.2,
-        specular_db=-9.7,
-        slope_deg=3,
-        transmission_db=None,
-        scatters_light=False,
-    )
 
 
 @pytest.mark.parametrize("name", PLANTS)

@@ -1,13 +1,10 @@
 """The library's numbers against another implementation of ITU-R's recommendations."""
 
-import math
 import warnings
 from types import ModuleType
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from oracles.hydrometeors import PowerLaw, fog_attenuation, polarised
+from oracles.hydrometeors import PowerLaw
 
 from radarsim.scene.material import library_entry, library_material
 
@@ -46,22 +43,6 @@ def test_attenuation_in_rain_is_that_of_p838(rate: float) -> None:
         for band in BANDS
     ]
     assert loss == pytest.approx(expected, rel=1e-4)
-
-
-@given(st.sampled_from(BANDS), st.floats(0, 90), st.floats(0, 90))
-def test_tilted_polarisation_is_as_in_p838(
-    band: int, tilt: float, elevation: float
-) -> None:
-    computed = polarised(
-        law(band, 0), law(band, 90), math.radians(tilt), math.radians(elevation)
-    )
-    assert computed == pytest.approx(law(band, tilt, elevation), abs=1e-6)
-
-
-@given(st.floats(5, 200), st.floats(-8, 40))
-def test_attenuation_in_fog_is_that_of_p840(f_ghz: float, celsius: float) -> None:
-    expected = float(FOG.specific_attenuation_coefficients(f_ghz, celsius))
-    assert 1000 * fog_attenuation(f_ghz, celsius) == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize(("band", "db"), [(77, 3.14726), (94, 4.23755)])

@@ -47,16 +47,6 @@ def test_attenuation_matches_the_validation_table_of_p838(
     assert loss == pytest.approx(db_per_km, abs=1e-6)
 
 
-def test_horizontal_and_vertical_polarisation_keep_their_laws() -> None:
-    for band in BANDS:
-        laws = HORIZONTAL[band], VERTICAL[band]
-        assert polarised(*laws, 0.0) == pytest.approx(laws[0])
-        assert polarised(*laws, math.pi / 2) == pytest.approx(laws[1])
-        assert polarised(*laws, 0.3, math.pi / 2) == pytest.approx(
-            polarised(*laws, math.pi / 4)
-        )  # on a vertical path the tilt has no effect
-
-
 def test_rain_of_the_library_is_between_horizontal_and_vertical_polarisation() -> None:
     numbers = library_entry("rain").numbers
     for place, band in enumerate(BANDS):

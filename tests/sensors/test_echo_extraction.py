@@ -21,7 +21,6 @@ from radarsim.sensors.echo_extraction import (
     LAST,
     LEAF_BACKSCATTER,
     EchoColumns,
-    backscatter,
     extract_echoes,
     extract_ray_ends,
     select_echoes,
@@ -110,22 +109,6 @@ def test_bush_returns_what_it_takes_out_and_back_and_wall_the_rest() -> None:
         rounded((ENTER, 2.0, 1.0, 1 - behind)),
         (LEAVE, 5.0, 0.7, 0.0),
         rounded((HIT, 8.0, 0.7, behind)),
-    ]
-
-
-def test_bush_that_uses_up_a_beam_returns_all_of_it() -> None:
-    assert echoes([layer("bush", leaf(0.5), 2, 9)]) == [
-        (ENTER, 2.0, 1.0, 1.0),
-        (SPENT, 4.0, 0.0, 0.0),
-    ]
-
-
-def test_what_takes_nothing_returns_nothing() -> None:
-    parts = [layer("smoke", SMOKE, 2, 5), layer("wall", WALL, 8, 9)]
-    assert echoes(parts) == [
-        (ENTER, 2.0, 1.0, 0.0),
-        (LEAVE, 5.0, 1.0, 0.0),
-        (HIT, 8.0, 1.0, 1.0),
     ]
 
 
@@ -316,15 +299,6 @@ def test_ranges_of_overlapping_volumes_match_a_sum_over_short_steps(
             assert found[round(near, 6)] == pytest.approx(wanted, abs=2e-3)
 
 
-def test_sensor_that_keeps_first_echoes_reads_leading_edges() -> None:
-    parts = [layer("bush", leaf(0.1), 2, 5), layer("wall", WALL, 8, 9)]
-    settings = load_settings("radar", return_mode="first")
-    found = extract_echoes(
-        trace_ahead(parts), np.ones(1), 1, densities_of(Tracer(parts)), settings
-    )
-    assert found.t.tolist() == found.front.tolist() == pytest.approx([2, 5, 8])
-
-
 @given(
     st.lists(
         st.tuples(st.floats(0.01, 2), st.floats(0.01, 2), st.floats(0, 0.4)),
@@ -363,13 +337,6 @@ def test_combined_rays_share_the_beam() -> None:
     assert [found.strength[:9].sum(), found.strength[9:].sum()] == pytest.approx([1, 1])
 
 
-def test_ray_without_weight_has_no_echo() -> None:
-    parts = [layer("wall", WALL, 8, 9)]
-    traces = trace_ahead(parts, count=3)
-    found = extract(parts, traces, 1.0, np.array([0.0, 1.0, 0.0]), 3)
-    assert found.row.tolist() == [1]
-
-
 def test_incidence_weakens_a_tilted_wall_and_leaves() -> None:
     vertices, faces = box(1, 40, 40)
     turn = math.radians(60)
@@ -384,30 +351,6 @@ def test_incidence_weakens_a_tilted_wall_and_leaves() -> None:
     behind = returned(0.6)
     wanted = [(1 - behind) * LEAF_BACKSCATTER, 0, behind / 2]
     assert found.strength == pytest.approx(wanted)
-
-
-@pytest.mark.parametrize(
-    ("cosine", "outcome", "wanted"),
-    [
-        pytest.param(1.0, 1, 1.0, id="head-on"),
-        pytest.param(0.0, 1, 0.0, id="grazing"),
-        pytest.param(0.5, 1, 0.5, id="at 60 degrees"),
-        pytest.param(math.nan, 2, LEAF_BACKSCATTER, id="in foliage"),
-        pytest.param(math.nan, 0, 0.0, id="nowhere"),
-    ],
-)
-def test_ray_carries_the_cosine_of_its_incidence(
-    cosine: float, outcome: int, wanted: float
-) -> None:
-    traces = Traces(
-        np.array([5.0 if outcome else math.inf]),
-        np.array([outcome], np.uint8),
-        np.zeros(1, np.int64),
-        np.zeros(1),
-        np.array([cosine]),
-        np.zeros(0, EVENT),
-    )
-    assert backscatter(traces).tolist() == pytest.approx([wanted])
 
 
 def test_ray_ends_equal_the_last_echoes() -> None:

@@ -11,17 +11,14 @@ from radarsim import Material, Part, Scan, Scene
 from radarsim.geometry import Floats, Pose2, Pose3, rotation_matrix
 from radarsim.presets.robots import load_robot
 from radarsim.presets.sensors import sensor_presets
-from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.shapes import box, cylinder
 from radarsim.sensors.beams import even_nodes
 from radarsim.sensors.range_scanner import SENSOR_HEIGHT, RangeScanner
-from radarsim.sensors.scan_batch import ScanRequest, scan_batch
 from radarsim.simulation.simulation import Simulation
 
 WALL = Material("wall")
 SMOKE = Material("smoke", density=0.0, laser_density=0.5, solid=False)
-TWO_BEAMS = {"fov_deg": 2, "resolution_deg": 2}
 
 
 def board(
@@ -61,19 +58,6 @@ EDGE = scene(
     board("edge", (1, 4, 4), (3.5, 2.05, 0)), board("back", (1, 40, 4), (8.5, 0, 0))
 )
 AHEAD = {"fov_deg": 4, "resolution_deg": 2}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("weights", [(1, 1, 1), (1, 4, 1), (3, 2, 1)])
-def test_rays_near_an_edge_are_drawn_by_their_weights(
-    weights: tuple[float, float, float],
-) -> None:
-    found = scans(radar(**AHEAD, ray_weights=weights), EDGE, 10_000, seed=7)
-    wanted = np.array(weights) / sum(weights)
-    error = np.sqrt(wanted * (1 - wanted) / len(found))
-    assert (np.abs(np.array(shares(found, 1)) - wanted) < 3 * error).all()
-    near = np.mean([scan.ranges[1] == pytest.approx(3.0) for scan in found])
-    assert abs(near - wanted[2]) < 3 * error[2]
 
 
 def test_scan_without_offset_is_deterministic(foliage_room: Scene) -> None:
@@ -137,13 +121,6 @@ def test_surface_at_60_degrees_weighs_half(
     wanted = chances / chances.sum()
     error = np.sqrt(wanted * (1 - wanted) / len(found))
     assert (np.abs(np.array(shares(found, 1)) - wanted) <= 4 * error).all()
-
-
-def test_weights_alone_decide_at_normal_incidence() -> None:
-    world = scene(board("back", (1, 40, 4), (8.5, 0, 0)))
-    found = scans(radar(**AHEAD, incidence_weights=True), world, 3000)
-    error = math.sqrt(2 / 9 / 3000)
-    assert shares(found, 1) == pytest.approx([1 / 3] * 3, abs=4 * error)
 
 
 def test_ray_of_weight_zero_is_never_selected_by_incidence() -> None:
@@ -549,26 +526,6 @@ def test_with_all_echoes_has_the_same_ranges_and_random_numbers(
 def test_with_all_echoes_is_itself_unless_last_echoes_are_kept(mode: str) -> None:
     scanner = radar(return_mode=mode)
     assert scanner.with_all_echoes is scanner
-
-
-def test_batched_scans_equal_single_scans(foliage_room: Scene) -> None:
-    tracer, poses = tracer_of(foliage_room), [Pose3(-7, y, 0.4) for y in range(-2, 3)]
-    scanners = [
-        radar(),
-        radar(return_mode="all"),
-        radar(incidence_weights=True),
-        radar(incidence_weights=True, return_mode="strongest"),
-        radarsim.load_sensor("laser"),
-    ]
-    requests = [
-        ScanRequest(scanner, pose, generator_for(i))
-        for i, (scanner, pose) in enumerate(zip(scanners, poses, strict=True))
-    ]
-    together = scan_batch(tracer, requests)
-    for i, (scanner, pose) in enumerate(zip(scanners, poses, strict=True)):
-        alone = scanner.scan(foliage_room, pose, generator_for(i))
-        assert together[i].to_dict() == alone.to_dict()
-    assert scan_batch(tracer, []) == []
 
 
 @pytest.mark.parametrize(

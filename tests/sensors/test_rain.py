@@ -1,16 +1,14 @@
 """Speckle, against its own probabilities worked out apart."""
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import radarsim
-from radarsim import Material, Part, Pose2, Pose3, Scan, Scene, SimulationConfig
+from radarsim import Material, Part, Pose3, Scan, Scene
 from radarsim.geometry import Floats
-from radarsim.presets.robots import load_robot
 from radarsim.presets.sensors import load_settings
 from radarsim.rng import generator_for
 from radarsim.scene.material import (
@@ -20,7 +18,6 @@ from radarsim.scene.material import (
 )
 from radarsim.scene.shapes import box
 from radarsim.sensors.rain import contrast
-from radarsim.simulation.simulation import Simulation
 
 WALL = Material("wall")
 POURING = Material("rain", density=0.0, laser_density=0.0, solid=False, rain=100.0)
@@ -185,26 +182,3 @@ def test_power_at_rain_accounts_for_losses_before_it() -> None:
     assert echoes.power[drops] == pytest.approx(1 - 0.1 * echoes.ranges[drops])
     assert (echoes.strength[drops] <= 1 - 0.1 * echoes.ranges[drops]).all()
     assert (echoes.strength[drops] > 0).all()
-
-
-def test_second_robot_does_not_change_the_rain_of_the_first(empty_room: Scene) -> None:
-    """It stands behind the first one, and draws from a generator of its own."""
-    settings = {"lms200": {"return_mode": "first", "least_rcs_dbsm": -28}}
-    config = SimulationConfig(item_settings=settings)
-    world, ranges = replace(empty_room, air=POURING), []
-    for others in (0, 1):
-        simulation = Simulation(world, config=config, seed=5)
-        first = simulation.spawn("R1", load_robot("P3AT"), Pose2(-5, 0))
-        assert first is not None
-        if others:
-            assert simulation.spawn("R2", load_robot("P3AT"), Pose2(-8, 0)) is not None
-        lines: list[str] = []
-        for _ in range(40):
-            simulation.step()
-            output = simulation.collect_reports().get(first.number)
-            scans = output.scans if output else ()
-            lines += [str(scan.ranges.tolist()) for scan in scans]
-        ranges.append(lines)
-    assert len(ranges[0]) == 4
-    assert len(set(ranges[0])) == 4, "each scan draws new rain"
-    assert ranges[0] == ranges[1]

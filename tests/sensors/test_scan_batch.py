@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-import radarsim
 from radarsim.geometry import Pose3
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer, tracer_of
@@ -95,11 +94,6 @@ def test_invalid_pose_is_named(empty_room: Scene) -> None:
     poses = [(0.0, 0.0, 0.0), (0.0, float("nan"), 0.0)]
     with pytest.raises(ValueError, match=r"poses\[1\]: pose \[0\.0, nan, 0\.0\]"):
         load_sensor("laser").scan_many(empty_room, poses)
-
-
-def test_missing_rng_is_an_error(empty_room: Scene) -> None:
-    with pytest.raises(ValueError, match="no rng, expected a Generator"):
-        radarsim.load_sensor("radar").scan_many(empty_room, [(0.0, 0.0, 0.0)])
 
 
 @pytest.mark.parametrize("poses", [np.zeros(3), [None]], ids=["one pose", "None"])

@@ -5,7 +5,7 @@ from statistics import NormalDist
 
 import numpy as np
 import pytest
-from fmcw_scenes import beat_spectrum, correlation, db, dbm, no_echoes, radar
+from fmcw_scenes import beat_spectrum, db, dbm, no_echoes, radar
 from scipy.signal import get_window
 
 from radarsim.addons.fmcw.beat_signal import (
@@ -71,12 +71,6 @@ def test_noise_of_one_look_is_exponential() -> None:
     assert power.std() / power.mean() == pytest.approx(1, rel=0.01)
     assert db(power).std() == pytest.approx(5.57, rel=0.01)
     assert db(power).mean() - db(power.mean()) == pytest.approx(-2.51, rel=0.01)
-
-
-def test_noise_of_neighbouring_directions_and_of_turns_is_independent() -> None:
-    first, second = noise(radar().settings, 1), noise(radar().settings, 2)
-    assert abs(correlation(first, np.roll(first, 1, 0))) < 0.03
-    assert abs(correlation(first, second)) < 0.03
 
 
 @pytest.mark.parametrize(

@@ -110,20 +110,15 @@ def test_glint_fades_within_a_few_slopes_of_the_normal() -> None:
         assert low <= db(powers[0] / powers[1]) <= high
 
 
-def test_open_ground_returns_the_same_at_all_angles() -> None:
-    ground = radarsim.Material("any name", constant_gamma=True)
-    which, wall = radar(bins=1000), wall_at(10, ground)
-    slanted = Pose3(5.0, 0, 1, 0, 0, math.radians(60))
-    head_on, tilted = (total_ahead(which, wall, pose) for pose in (EYE, slanted))
-    assert db(tilted / head_on) == pytest.approx(0, abs=0.1)
-
-
-def test_surface_met_at_60_degrees_returns_half_of_one_met_head_on() -> None:
-    which, wall = radar(bins=1000), wall_at(10)
+@pytest.mark.parametrize(("constant_gamma", "share"), [(True, 1), (False, 0.5)])
+def test_surface_met_at_60_degrees(constant_gamma: bool, share: float) -> None:
+    """Open ground returns as much as head-on, a wall half of that."""
+    surface = radarsim.Material("any name", constant_gamma=constant_gamma)
+    which, wall = radar(bins=1000), wall_at(10, surface)
     # Level, 10 m from the same wall along the ray, at 60 degrees to its normal.
     slanted = Pose3(5.0, 0, 1, 0, 0, math.radians(60))
     head_on, tilted = (total_ahead(which, wall, pose) for pose in (EYE, slanted))
-    assert db(tilted / head_on) == pytest.approx(db(0.5), abs=0.1)
+    assert db(tilted / head_on) == pytest.approx(db(share), abs=0.1)
 
 
 def test_tall_pole_falls_by_9_db_as_its_distance_doubles() -> None:

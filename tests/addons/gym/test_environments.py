@@ -237,15 +237,6 @@ def test_pictures_of_many_robots_are_those_of_each_alone() -> None:
     assert VectorEnv(2, **FAST).render() is None
 
 
-def test_vectors_are_made_by_gymnasium() -> None:
-    envs = gymnasium.make_vec(
-        "radarsim.addons.gym:radarsim/GoTo-v0", num_envs=3, **FAST
-    )
-    observations, _ = envs.reset(seed=1)
-    assert observations["ranges"].shape == (3, 21)
-    assert envs.observation_space.contains(observations)
-
-
 def test_episode_ends_at_the_goal() -> None:
     env = GoToEnv(start=(-3.0, 0.0, 0.0), goal=(-1.0, 0.0), **FAST)
     _, info = env.reset(seed=1)

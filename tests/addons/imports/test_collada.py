@@ -12,7 +12,6 @@ from radarsim.addons.imports import collada
 from radarsim.addons.imports.collada import read_collada
 from radarsim.geometry import Floats
 from radarsim.scene.mesh_files import MeshError
-from radarsim.scene.topology import orient_outward
 
 GOOD = box_file((2, 3, 4), "polylist")
 LIST = "<vcount>4 4 4 4 4 4 </vcount>"
@@ -56,27 +55,14 @@ WRONG = {
     },
 }
 
+SLOW = pytest.mark.slow
+
 
 def bounds(text: str) -> Floats:
     meshes, problems = read_collada(text.encode())
     assert problems == []
     vertices = np.concatenate([vertices for _, (vertices, _) in meshes])
     return np.array([vertices.min(0), vertices.max(0)])
-
-
-@pytest.mark.parametrize("form", ["triangles", "polylist", "polygons"])
-@pytest.mark.parametrize("unit", [1.0, 0.01, 0.0254])
-def test_box_is_closed_and_has_its_size(form: str, unit: float) -> None:
-    text = box_file((2, 3, 4), form, unit=unit, at=(5, 6, 7))
-    ((name, (vertices, faces)),), problems = read_collada(text.encode())
-    assert (name, problems) == ("Box", [])
-    assert len(faces) == 12
-    ends = [vertices.min(0), vertices.max(0)]
-    np.testing.assert_allclose(ends, [(4, 4.5, 5), (6, 7.5, 9)], atol=1e-5)
-    assert orient_outward(vertices, faces) is not None
-    corners = vertices[faces]  # the divergence theorem: outward faces give 2 * 3 * 4
-    volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
-    assert volume / 6 == pytest.approx(24, rel=1e-4)
 
 
 def test_upward_axis_does_not_count() -> None:
@@ -121,7 +107,9 @@ def test_parts_that_cannot_be_read_are_told_and_others_are_read() -> None:
     assert len(meshes) == len(problems) == 1
 
 
-@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[SLOW] * (n == "doubled")) for n in WRONG]
+)
 def test_wrong_file_is_told(name: str) -> None:
     with pytest.raises(MeshError) as caught:
         read_collada(WRONG[name].encode())

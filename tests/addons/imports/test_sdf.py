@@ -161,16 +161,6 @@ def test_includes_that_double_are_refused(
     assert "more than 200 elements in includes" in import_file(tmp_path / "0.sdf").err
 
 
-def test_model_that_includes_itself_is_an_error(
-    import_file: Import, tmp_path: Path
-) -> None:
-    (tmp_path / "a").mkdir()
-    text = "<sdf><model name='a'><include><uri>model://a</uri></include></model></sdf>"
-    path = write(tmp_path / "a" / "model.sdf", text)
-    done = import_file(path, "--model-path", str(tmp_path))
-    assert "includes itself" in done.err
-
-
 @pytest.mark.parametrize("name", WRONG)
 def test_wrong_file_is_told_with_its_line(
     name: str, import_file: Import, tmp_path: Path

@@ -35,12 +35,6 @@ def described(events: list[RunEvent]) -> list[str]:
     return [e.data.decode() for e in events if e.type is EventType.ROBOT]
 
 
-def test_clients_are_sent_the_same_as_by_a_plain_host(foliage_room: Scene) -> None:
-    run = recorded_runs.run_two_clients(foliage_room, ticks=30)
-    host: Host = recorded_runs.host_of(run, foliage_room)
-    assert repeat_run(host, run.calls).difference is None
-
-
 def test_ticks_before_the_beginning_are_counted(foliage_room: Scene) -> None:
     run = recorded_runs.run_two_clients(foliage_room, ticks=1)
     waits = [call.client for call in run.calls if call.type is EventType.WAIT]

@@ -35,6 +35,7 @@ def test_recorded_run_is_repeated_byte_by_byte(tmp_path: Path) -> None:
     assert "one/lms200" in recording.echoes
 
 
+@pytest.mark.slow
 def test_run_in_a_scene_of_ones_own_is_readable(
     foliage_room: Scene, tmp_path: Path
 ) -> None:
@@ -53,8 +54,3 @@ def test_recording_begins_with_the_simulation(
     with pytest.raises(RecordingError, match="before the first robot"):
         sim.record(tmp_path / "run")
     assert not (tmp_path / "run").exists()
-
-
-def test_folder_that_exists_is_an_error(foliage_room: Scene, tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="exists"):
-        radarsim.simulate(foliage_room).record(tmp_path)

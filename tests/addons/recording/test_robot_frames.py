@@ -151,6 +151,7 @@ def test_ins_tells_the_pose_of_the_robot(empty_room: Scene) -> None:
         assert found == pytest.approx(pose.position(), abs=1e-3)
 
 
+@pytest.mark.slow
 def test_own_localization_is_an_option_of_recordings(
     empty_room: Scene, tmp_path: Path
 ) -> None:

@@ -186,7 +186,7 @@ def test_maps_that_robots_make_replace_the_true_one(
 
 def test_links_of_the_model_are_frames(bag: Path) -> None:
     (told,) = messages_of(bag, "/R_1/robot_description")
-    robot = ET.fromstring(told.data)
+    robot: Any = ET.fromstring(told.data)
     frames = {
         transform.child_frame_id: transform
         for message in messages_of(bag, "/tf_static")
@@ -199,23 +199,17 @@ def test_links_of_the_model_are_frames(bag: Path) -> None:
         parent, child, origin = (
             joint.find(tag) for tag in ("parent", "child", "origin")
         )
-        assert parent is not None
-        assert child is not None
-        assert origin is not None
-        frame = frames[str(child.get("link"))]
+        frame = frames[child.get("link")]
         assert frame.header.frame_id == parent.get("link") == "R_1/base_link"
         place = frame.transform.translation
-        assert [float(word) for word in str(origin.get("xyz")).split()] == (
+        assert [float(word) for word in origin.get("xyz").split()] == (
             pytest.approx([place.x, place.y, place.z])
         )
     base = robot.find("link")
-    assert base is not None
     low, high = math.inf, -math.inf
     for visual in base.iter("visual"):
         origin, shape = visual.find("origin"), visual.find("geometry/*")
-        assert origin is not None
-        assert shape is not None
-        z = float(str(origin.get("xyz")).split()[2])
+        z = float(origin.get("xyz").split()[2])
         size = shape.get("radius") or str(float(str(shape.get("size")).split()[2]) / 2)
         low, high = min(low, z - float(size)), max(high, z + float(size))
     # Its wheels stand on the floor, and it is no higher than its class.

@@ -160,7 +160,10 @@ def test_raw_pictures_become_jpeg() -> None:
         as_jpeg(ImageType.RAW, b"abc")
 
 
-@pytest.mark.parametrize("dialect", ["compat", "udk"])  # JPEG and raw pictures
+# JPEG and raw pictures
+@pytest.mark.parametrize(
+    "dialect", ["compat", pytest.param("udk", marks=pytest.mark.slow)]
+)
 def test_participant_sees_the_world_of_a_live_run(dialect: str) -> None:
     pytest.importorskip("cyclonedds")
     words = ["serve", "foliage_room", "--port", "0", "--image-port", "0"]
@@ -192,6 +195,7 @@ def test_participant_sees_the_world_of_a_live_run(dialect: str) -> None:
 
 
 @foliage_server
+@pytest.mark.slow
 @pytest.mark.parametrize("localised_by", ["the bridge", "another program"])
 def test_each_frame_has_one_parent(
     localised_by: str, usarsim_server: UsarsimServer

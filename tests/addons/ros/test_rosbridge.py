@@ -126,6 +126,7 @@ def test_robots_of_others_are_topics(usarsim_server: UsarsimServer) -> None:
         assert map_["data"][row * map_["info"]["width"] + column] == 0  # ahead of it
 
 
+@pytest.mark.slow
 @pytest.mark.usarsim(map="empty_room", speed=5)
 def test_twist_of_a_robot_at_its_free_start_adds_up_to_its_pose(
     usarsim_server: UsarsimServer,

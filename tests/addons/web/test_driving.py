@@ -153,14 +153,6 @@ async def test_robot_is_spawned_where_one_clicks_and_removed(commander: Any) -> 
         await page.see(lambda frame: not frame.robot(name))
 
 
-async def test_reload_loses_nothing(commander: Any) -> None:
-    async with open_page(commander.web, commander.token) as page:
-        name = await spawn(page)
-    async with open_page(commander.web, commander.token) as page:
-        frame = await page.see(lambda frame: frame.robot(name))
-        assert frame.robot(name)["mine"]
-
-
 async def test_wrong_setting_is_told_and_not_sent(commander: Any) -> None:
     async with open_page(commander.web, commander.token) as page:
         name = await spawn(page)

@@ -76,6 +76,7 @@ async def test_all_robots_are_recorded_until_anybody_ends_it(
     assert "R_1/lms200" in frames
 
 
+@pytest.mark.slow
 async def test_a_recording_is_complete_when_the_commander_ends(
     server: tuple[str, int], start_commander: Any, tmp_path: Path
 ) -> None:

@@ -3,43 +3,19 @@ from typing import Any
 
 import pytest
 
-from radarsim.addons.web import requests
 from radarsim.addons.web.requests import BadRequest, parse_request
 
-VALID: list[dict[str, Any]] = [
-    {"op": "hello", "token": "x"},
-    {"op": "select", "robot": "R1"},
-    {"op": "select", "robot": None},
-    {"op": "spawn", "class": "P3AT"},
-    {"op": "spawn", "class": "USARBot.P3AT", "name": "a b", "start": "RobotStart1"},
-    {"op": "spawn", "class": "P3AT", "pose": [1, 2.5, -0.1]},
-    {"op": "remove", "robot": "R1"},
-    {"op": "drive", "robot": "R1", "v": 1, "w": -0.5, "seq": 3},
-    {"op": "stop"},
-    {"op": "stop", "robot": "R1"},
-    {
-        "op": "setting",
-        "robot": "R1",
-        "scanner": "lms200",
-        "key": "max_range",
-        "value": 5,
-    },
-    {"op": "goto", "robot": "R1", "algorithm": "bug2", "goal": [1, 2]},
-    {"op": "explore", "robot": "R1", "strategy": "auto"},
-    {"op": "map", "robot": "R1", "on": True},
-    {"op": "map", "robot": "R1", "on": True, "colours": "material"},
-    {"op": "cancel", "task": 3},
-    {"op": "explain", "robot": "R1", "scanner": "lms200", "beam": 92, "t": 1.5},
-    {"op": "record", "on": False},
-    {"op": "triangles"},
-    {"op": "ack", "t": 1},
-]
 
-
-@pytest.mark.parametrize("message", VALID, ids=lambda message: message["op"])
+@pytest.mark.parametrize(
+    "message",
+    [
+        {"op": "select", "robot": None},
+        {"op": "spawn", "class": "USARBot.P3AT", "name": "a b", "start": "RobotStart1"},
+        {"op": "stop", "robot": "R1"},
+    ],
+)
 def test_requests_are_read(message: dict[str, Any]) -> None:
     request = parse_request(json.dumps(message))
-    assert isinstance(request, requests.Request)
     sent = json.loads(request.model_dump_json(by_alias=True, exclude_unset=True))
     assert sent == message
 

@@ -6,7 +6,6 @@ import pytest
 from web_pages import Frame, Page, open_page
 
 from radarsim.client import AsyncClient
-from radarsim.client import session as questions
 from radarsim.geometry import Pose2
 from radarsim.protocol.dialect import UDK
 from radarsim.protocol.reports import Watching
@@ -138,28 +137,5 @@ async def test_original_dialect_is_understood(
                 (scan,) = frame.robot(name)["scans"]
                 assert scan["max"] == 20.0
                 assert frame.robot(name)["x"] < 0.25  # not 2 pi times as fast
-    finally:
-        await server.stop()
-
-
-async def test_server_without_watching_shows_own_robots(
-    empty_room: Scene, start_commander: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(questions, "watch", lambda *_: b"")
-    server = Server(Host(empty_room))
-    await server.start(port=0)
-    try:
-        with start_commander(server.address) as commander:
-            async with open_page(commander.web, commander.token) as page:
-                name = await spawn(page)
-                assert not page.hello["watch"]
-                assert page.frame is not None
-                (scan,) = page.frame.robot(name)["scans"]
-                assert (scan["kind"], scan["settings"]) == ("laser", {})
-                await page.send("drive", robot=name, v=1, w=0)
-                await page.see(lambda frame: frame.robot(name)["x"] > 0.05)
-                setting = {"scanner": "lms200", "key": "max_range", "value": 1}
-                await page.send("setting", robot=name, **setting)
-                assert "no settings" in (await page.hear("error"))["text"]
     finally:
         await server.stop()

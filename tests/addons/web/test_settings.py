@@ -33,35 +33,6 @@ async def test_range_changes_with_the_next_scan(commander: Any) -> None:
         assert scan["settings"]["max_range"] == 3.0
 
 
-async def test_side_rays_fray_what_the_radar_sees(commander: Any) -> None:
-    async with open_page(commander.web, commander.token) as page:
-        name = await spawn(page)
-        change = {"robot": name, "scanner": "lms200"}
-        await page.send("setting", **change, key="range_noise", value=0)
-
-        async def spread(offset: float) -> float:
-            """Return how much the beams differ between two scans, cm."""
-            await page.send("setting", **change, key="side_offset_uu", value=offset)
-
-            def is_set(frame: Frame) -> bool:
-                scan = frame.robot(name)["scans"][0]
-                return bool(scan["settings"]["side_offset_uu"] == offset)
-
-            time = (await page.see(is_set)).robot(name)["scans"][0]["t"]
-            scans = []
-            for wait in (0.25, 0.45):
-
-                def is_later(frame: Frame, least: float = time + wait) -> bool:
-                    return bool(frame.robot(name)["scans"][0]["t"] > least)
-
-                frame = await page.see(is_later)
-                scans.append(frame.scan(name, "lms200").astype(float))
-            return float(abs(scans[0] - scans[1]).mean())
-
-        assert await spread(0) == 0
-        assert await spread(100) > 1
-
-
 async def test_what_the_server_refuses_is_told_and_taken_back(commander: Any) -> None:
     async with open_page(commander.web, commander.token) as page:
         name = await spawn(page)

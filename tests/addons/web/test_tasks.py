@@ -103,41 +103,6 @@ async def test_exploring_shows_a_map_until_it_is_cancelled(commander: Any) -> No
         await page.hear("task", state="cancelled")
 
 
-def sensed_behind_the_bushes(picture: dict[str, Any]) -> float:
-    """Return the share of the room behind the bushes that a map has sensed."""
-    image = Image.open(io.BytesIO(base64.b64decode(picture["png"]))).convert("RGB")
-    x, y = picture["origin"]
-    size, height = picture["resolution"], picture["height"]
-    sensed, cells = 0, 0
-    for column in range(picture["width"]):
-        for row in range(height):
-            east, north = x + column * size, y + (height - 1 - row) * size
-            if 4 < east < 8 and -2 < north < 2:
-                cells += 1
-                sensed += image.getpixel((column, row)) != (0, 0, 255)
-    return sensed / cells if cells else 0.0
-
-
-@FAST
-async def test_map_shows_what_the_radar_sees_behind_bushes_and_the_laser_does_not(
-    commander: Any,
-) -> None:
-    async with open_page(commander.web, commander.token) as page:
-        name = await spawn(page, "P3AT_Compare", -8.0, 0.0, 0.0)
-        frame = page.frame
-        assert frame is not None
-        kinds = {scan["kind"]: scan["scanner"] for scan in frame.robot(name)["scans"]}
-        shares = {}
-        for kind in ("radar", "laser"):
-            scanner = kinds[kind]
-            await page.send("map", robot=name, on=True, scanner=scanner)
-            await page.hear("map", robot=name)
-            shares[kind] = sensed_behind_the_bushes(await page.hear("map", robot=name))
-            await page.send("map", robot=name, on=False)
-            await page.hear("map", robot=name, png=None)
-        assert shares["radar"] > shares["laser"] + 0.05
-
-
 async def test_map_can_have_the_colours_of_materials(commander: Any) -> None:
     async with open_page(commander.web, commander.token) as page:
         name = await spawn(page, "P3AT", -8.0, 0.0, 0.0)

@@ -75,18 +75,6 @@ async def test_time_is_paused_stepped_and_resumed_for_all_browsers(
         await page.see(lambda frame: frame.header["t"] > stands + 1)
 
 
-async def test_the_speed_is_changed_and_shown_to_who_comes_later(
-    served: Served,
-) -> None:
-    async with open_page(*at(served)) as page:
-        await page.send("pace", speed=4)
-        await page.hear("time", speed=4)
-        async with open_page(*at(served)) as other:
-            assert (await other.hear("time"))["speed"] == 4
-        await page.send("pace", speed=1.0)
-        await page.hear("time", speed=1)
-
-
 @pytest.mark.parametrize("keys", [{"speed": 0}, {"speed": 1e9}, {"step": -1}])
 async def test_what_makes_no_sense_is_refused(
     served: Served, keys: dict[str, Any]
@@ -188,7 +176,7 @@ async def test_many_seeks_show_the_last_one(
 ) -> None:
     with start_commander(None, recording=recording) as commander:
         async with open_page(commander.web, commander.token) as page:
-            for step in range(40):
+            for step in range(15):
                 await page.send("seek", t=0.05 * step + 0.5)
-            shown = await page.see(lambda frame: frame.header["t"] == 0.05 * 39 + 0.5)
+            shown = await page.see(lambda frame: frame.header["t"] == 0.05 * 14 + 0.5)
             assert math.isfinite(shown.robot("R 1")["x"])

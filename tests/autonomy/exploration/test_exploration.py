@@ -18,6 +18,7 @@ from radarsim.autonomy.exploration.exploration import (
     warm_up,
 )
 from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
+from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import (
     CellClass,
 )
@@ -42,6 +43,11 @@ LASER = SimulationConfig(
 def create_exploration(**overrides: Any) -> Exploration:
     values = {"speed": 0.6, **overrides}
     return Exploration(ExplorationPlan(**values), generator_for(0, "exploring"))
+
+
+def mapper_of(exploration: Exploration) -> Mapper:
+    assert exploration.mapper is not None
+    return exploration.mapper
 
 
 def run(
@@ -73,9 +79,8 @@ def test_timed_out_exploration_has_the_map_so_far(foliage_room: Scene) -> None:
     with Client(InProcessTransport(Host(foliage_room))) as client:
         exploration.run(client, moments.append)
     assert exploration.outcome is Outcome.TIME_LIMIT
-    assert exploration.mapper is not None
-    assert exploration.mapper.scans == len(moments) == 52
-    assert (exploration.mapper.grid.classes() == CellClass.FOLIAGE).any()
+    assert mapper_of(exploration).scans == len(moments) == 52
+    assert (mapper_of(exploration).grid.classes() == CellClass.FOLIAGE).any()
     assert exploration.trip.time == pytest.approx(5.1)
     assert moments[0].activity == "looking"
     assert {moment.activity for moment in moments} == {"looking", "seeking"}
@@ -117,8 +122,9 @@ def test_every_motion_source_gives_a_map(empty_room: Scene, seed: Any) -> None:
     exploration = run(
         empty_room, motion_source=seed, time_limit=15.0, start="RobotStart2"
     )
-    assert exploration.mapper is not None
-    errors = trajectory_errors(exploration.mapper.trajectory, exploration.mapper.truth)
+    errors = trajectory_errors(
+        mapper_of(exploration).trajectory, mapper_of(exploration).truth
+    )
     assert errors.ate < 0.05
     assert exploration.trip.start is not None
     assert exploration.trip.start.y == pytest.approx(3.5, abs=0.05)
@@ -137,16 +143,14 @@ def test_robot_without_odometry_is_told_with_what_it_has(empty_room: Scene) -> N
 
 def test_laser_maps_no_foliage_and_nothing_behind_it(foliage_room: Scene) -> None:
     exploration = run(foliage_room, LASER, time_limit=3.0, pose=Pose2(-3.0, 0.0, 1.0))
-    assert exploration.mapper is not None
-    assert not exploration.mapper.grid.sensed(5.0, 0.0)
-    assert not (exploration.mapper.grid.classes() == CellClass.FOLIAGE).any()
+    assert not mapper_of(exploration).grid.sensed(5.0, 0.0)
+    assert not (mapper_of(exploration).grid.classes() == CellClass.FOLIAGE).any()
 
 
 def test_safety_distance_is_larger_without_echoes(foliage_room: Scene) -> None:
     exploration = run(foliage_room, echoes=False, foliage_density=0.7, time_limit=2.0)
     assert exploration.safety_distance == pytest.approx(0.371 + 1.43 + 0.13, abs=0.01)
-    assert exploration.mapper is not None
-    assert not (exploration.mapper.grid.classes() == CellClass.FOLIAGE).any()
+    assert not (mapper_of(exploration).grid.classes() == CellClass.FOLIAGE).any()
 
 
 @pytest.mark.slow
@@ -162,8 +166,7 @@ def test_robot_that_pushes_against_something_unseen_is_stuck(
     ):
         exploration.run(client)
     assert exploration.outcome is Outcome.STUCK
-    assert exploration.mapper is not None
-    assert exploration.mapper.scans > 10
+    assert mapper_of(exploration).scans > 10
 
 
 class ScansStop(InProcessTransport):
@@ -185,8 +188,7 @@ def test_exploration_ends_when_scans_stop(empty_room: Scene) -> None:
     ):
         exploration.run(client)
     assert exploration.outcome is Outcome.FAILED
-    assert exploration.mapper is not None
-    assert exploration.mapper.scans > 10
+    assert mapper_of(exploration).scans > 10
 
 
 class FrozenClock(InProcessTransport):
@@ -202,8 +204,7 @@ def test_clock_counts_where_time_stamps_stand_still(empty_room: Scene) -> None:
         exploration.run(client)
     assert exploration.outcome is Outcome.TIME_LIMIT
     assert exploration.trip.time == pytest.approx(5.1)
-    assert exploration.mapper is not None
-    assert exploration.mapper.scans == 52
+    assert mapper_of(exploration).scans == 52
 
 
 class JumpingIns(InProcessTransport):
@@ -225,8 +226,7 @@ def test_map_of_two_distant_places_is_an_error(empty_room: Scene) -> None:
     ):
         exploration.run(client)
     assert exploration.outcome is Outcome.FAILED
-    assert exploration.mapper is not None
-    assert exploration.mapper.scans > 10
+    assert mapper_of(exploration).scans > 10
 
 
 class BeamsLost(InProcessTransport):
@@ -257,8 +257,7 @@ def test_robot_with_a_forward_scanner_reaches_its_waypoints(
     exploration = run(foliage_room, robot_class="P3AT", waypoints=waypoints)
     assert exploration.outcome is Outcome.EXPLORED
     assert exploration.unreached == ()
-    assert exploration.mapper is not None
-    poses = exploration.mapper.trajectory.poses
+    poses = mapper_of(exploration).trajectory.poses
     for place in waypoints:
         assert min(math.dist(place, (pose.x, pose.y)) for pose in poses) < 0.3
 
@@ -302,8 +301,7 @@ def test_no_strategy_drives_into_foliage(
 ) -> None:
     exploration = run(foliage_room, strategy=name, time_limit=100.0)
     assert exploration.outcome in (Outcome.EXPLORED, Outcome.TIME_LIMIT)
-    assert exploration.mapper is not None
-    assert max(pose.x for pose in exploration.mapper.trajectory.poses) < 0.0
+    assert max(pose.x for pose in mapper_of(exploration).trajectory.poses) < 0.0
 
 
 def versions() -> dict[str, int]:

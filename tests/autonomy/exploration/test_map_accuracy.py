@@ -24,9 +24,6 @@ from radarsim.autonomy.exploration.exploration import Exploration, Outcome
 from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.mapping.export import nav_map
 from radarsim.autonomy.mapping.mapper import Mapper
-from radarsim.autonomy.mapping.occupancy_grid import (
-    CellClass,
-)
 from radarsim.client import Client
 from radarsim.geometry import Floats
 from radarsim.rng import generator_for
@@ -360,23 +357,6 @@ def test_almost_nothing_is_mapped_in_free_air(robot: Robot) -> None:
     false = (found == 100) & air() & (off > beside(2))
     assert np.count_nonzero(sensed_air) > 80_000
     assert np.count_nonzero(false) / np.count_nonzero(sensed_air) < 0.005
-
-
-@pytest.mark.parametrize("robot", [*RADARS, *LASERS])
-def test_files_have_the_classes_of_the_map(robot: Robot) -> None:
-    grid = along_bushes(robot).mapper.grid
-    expected = np.zeros(5, np.int8)
-    expected[
-        [
-            CellClass.UNKNOWN,
-            CellClass.FREE,
-            CellClass.OBSTACLE,
-            CellClass.FOLIAGE,
-            CellClass.SMOKE,
-        ]
-    ] = (-1, 0, 100, 100, 0)
-    places = np.meshgrid(*grid.frame.cell_centers())
-    assert (nav_of(robot).at(*places) == expected[grid.classes()]).all()
 
 
 def errors(poses: Floats, truth: Floats) -> tuple[float, float]:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -69,13 +68,6 @@ def test_frontiers_are_where_the_unknown_begins(floor: TraversabilityMap) -> Non
     assert len(rows) > 10
     assert (up[rows] < 1.6).all()  # the boxes are in the south
     assert (np.abs(across[columns]) < 6).all()
-
-
-def test_path_to_a_frontier_keeps_the_safety_distance(floor: TraversabilityMap) -> None:
-    path = floor.find_path(MIDDLE, floor.frontiers)
-    assert math.dist(path[0], (MIDDLE.x, MIDDLE.y)) < 0.1
-    assert all(floor.is_open(*place) for place in path)
-    assert max(math.dist(a, b) for a, b in pairwise(path)) < 0.15
 
 
 def test_no_path_through_walls_or_from_outside_the_map(

@@ -189,14 +189,6 @@ def test_png_has_the_colours_of_usarcommander(
         assert pixel_of(mapped, image, head["origin"], x, y) == colour
 
 
-def test_yaml_quotes_any_file_name(mapped: OccupancyGrid) -> None:
-    name = 'my "yard": #1'
-    files = nav_map(mapped, name)
-    head = yaml.safe_load(files[f"{name}.yaml"])
-    assert head["image"] == f"{name}.pgm"
-    assert list(files) == [f"{name}.pgm", f"{name}.yaml"]
-
-
 def test_open_floor_is_left_out_5_m_beyond_everything(look: Look) -> None:
     grid = OccupancyGrid()
     pole = np.array([[[6.02, -0.1], [6.02, 0.1]]])

@@ -186,12 +186,3 @@ def test_blind_beam_changes_nothing() -> None:
     sheet = SmallGrid()
     sheet.scan((20.5, 20.5), [(0.0, 0.0, BeamEnd.BLIND)])
     assert not sheet.sensed().any()
-
-
-def test_near_cells_are_crossed_within_the_short_range() -> None:
-    sheet = SmallGrid()
-    sheet.scan(
-        (20.5, 20.5), [(0.0, 10.0, BeamEnd.HIT), (math.pi, 3.0, BeamEnd.HIT)], short=5.0
-    )
-    near = np.flatnonzero(sheet.cells.flags[20] & NEAR)
-    assert near.tolist() == [18, 19, 20, 21, 22, 23, 24]

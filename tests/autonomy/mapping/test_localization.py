@@ -77,12 +77,11 @@ def test_pose_is_found_although_the_ins_measures_a_tenth_too_much() -> None:
     ],
 )
 def test_scans_that_were_kept_are_corrected_after_a_loop(
-    moved_by: Pose2, is_jump: bool
+    moved_by: Pose2, is_jump: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    name = "radarsim.autonomy.mapping.localization.Slam"
+    monkeypatch.setattr(name, lambda _: LoopingSlam(moved_by))
     source = ObservationBuilder(SAMPLE_SCANNER, PoseSource.SLAM, lambda: 0.0)
-    localizer = source._localizer
-    assert localizer is not None
-    localizer.slam = LoopingSlam(moved_by)  # type: ignore[assignment]
     seen: list[Observation] = []
     for k in range(5):
         for report in reports_of(k, 0.1 * k, 0.1 * k):

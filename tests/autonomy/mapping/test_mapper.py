@@ -264,7 +264,7 @@ def test_map_does_not_grow_while_the_robot_circles_in_a_room(
     sizes = []
     for report in drive:
         maker.take(report)
-        sizes.append((maker.grid.frame.shape, len(maker.slam._map.points)))
+        sizes.append((maker.grid.frame.shape, len(maker.slam.keyframes.points)))
     grids, points = zip(*sizes, strict=True)
     assert grids[100] == grids[-1]
     assert points[-1] < 1.15 * points[len(points) // 2]

@@ -31,34 +31,12 @@ def frame_of(*places: tuple[float, float]) -> GridFrame:
     return frame
 
 
-@given(places=st.lists(points, min_size=1, max_size=6))
-def test_extended_frame_contains_the_box(places: list[tuple[float, float]]) -> None:
-    frame = frame_of(*places)
-    assert all(frame.cell(x, y) is not None for x, y in places)
-
-
 @given(places=st.lists(points, min_size=1, max_size=6), place=points)
 def test_frame_is_unchanged_if_it_contains_the_box(
     places: list[tuple[float, float]], place: tuple[float, float]
 ) -> None:
     frame = frame_of(*places, place)
     assert frame.extended_to(place, place) == frame
-
-
-@given(places=st.lists(points, min_size=1, max_size=6), place=points)
-def test_copied_cells_keep_place_and_content(
-    places: list[tuple[float, float]], place: tuple[float, float]
-) -> None:
-    small = frame_of(place)
-    cells = np.zeros(small.shape, np.int8)
-    row, column = small.cell(*place) or (-1, -1)
-    cells[row, column] = 7
-    large = small
-    for other in places:
-        large = large.extended_to(other, other)
-    moved = small.copy_into(cells, large)
-    assert moved[large.cell(*place)] == 7
-    assert moved.sum() == 7
 
 
 @given(place=points)
@@ -284,14 +262,6 @@ def test_map_does_not_depend_on_the_order_of_growth(look: Look, room: Floats) ->
     assert (one.classes() == other.classes()).all()
 
 
-def test_disc_under_the_robot_is_free() -> None:
-    grid = OccupancyGrid()
-    grid.clear_disc(Pose2(1.0, 2.0), 0.2)
-    assert grid.sensed(1.1, 2.1)
-    assert not grid.sensed(1.3, 2.0)
-    assert grid.drivable(1.0, 2.0, 0.2)
-
-
 def test_near_cells_are_within_the_short_range(look: Look, nowhere: Floats) -> None:
     grid = OccupancyGrid(short_range=2.0)
     grid.add(HERE, look(nowhere, HERE))
@@ -319,12 +289,3 @@ def test_beam_without_a_direction_is_an_error(angle: float) -> None:
     report = RangeScan(0.0, "lms200", 0.1, angle, np.ones(3))
     with pytest.raises(ValueError, match="beams without a direction"):
         OccupancyGrid().add(HERE, read_scan(report, max_range=9.0))
-
-
-def test_same_scans_give_the_same_map(look: Look, room: Floats) -> None:
-    one, other = (grid_of(look(room, HERE), pose=HERE) for _ in range(2))
-    assert (one.classes() == other.classes()).all()
-    assert (
-        np.nan_to_num(one.occupancy_probability())
-        == np.nan_to_num(other.occupancy_probability())
-    ).all()

@@ -184,13 +184,6 @@ def test_first_prior_is_the_start_by_default(look: Look, room: Floats) -> None:
     assert Slam().step(look(room, START)) == Pose2(0.0, 0.0)
 
 
-def test_same_scans_give_the_same_poses(
-    scans: list[PlanarScan], path: list[Pose2]
-) -> None:
-    one, other = (matched(scans, [*path], "ins") for _ in range(2))
-    assert one.trajectory.poses == other.trajectory.poses
-
-
 @pytest.mark.parametrize("kind", ["ins", "odometry"])
 def test_dead_reckoning_follows_the_motion_source_whatever_the_scans_say(
     scans: list[PlanarScan], path: list[Pose2], kind: MotionSource

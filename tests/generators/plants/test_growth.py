@@ -1,7 +1,5 @@
 """Growth of wood, its radii, and its surface."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,7 @@ from radarsim.generators.plants.species import SHRUB, TREE, YOUNG_TREE, PlantPar
 from radarsim.geometry import Floats
 from radarsim.rng import generator_for
 from radarsim.scene.face_passes import connect_faces
-from radarsim.scene.shapes import Faces, concatenate
+from radarsim.scene.shapes import Faces
 from radarsim.scene.topology import is_closed
 
 FORMS = [
@@ -74,29 +72,6 @@ def test_nothing_branches_off_below_the_clear_height(
     assert skeleton.points[forks, 2].min() >= parameters.clear_height
 
 
-def test_with_one_level_twigs_branch_off_stems_only() -> None:
-    skeleton = grown(replace(TREE, levels=1))
-    children = np.bincount(skeleton.parents[skeleton.parents >= 0])
-    forks = skeleton.points[np.flatnonzero(children > 1)]
-    assert np.hypot(forks[:, 0], forks[:, 1]).max() < 0.3  # the stem leans a little
-
-
-def test_directness_increases_the_length_of_wood() -> None:
-    def length(directness: float) -> float:
-        skeleton = grown(replace(SHRUB, directness=directness))
-        rooted = skeleton.parents >= 0
-        starts = skeleton.points[skeleton.parents[rooted]]
-        return float(np.linalg.norm(skeleton.points[rooted] - starts, axis=1).sum())
-
-    assert length(0.0) < length(1.0)
-
-
-def test_same_seed_gives_the_same_plant() -> None:
-    one, same, other = grown(TREE), grown(TREE), grown(TREE, 1)
-    assert one.points.tolist() == same.points.tolist()
-    assert one.points.tolist() != other.points.tolist()
-
-
 @pytest.mark.parametrize("parameters", FORMS)
 def test_bark_is_closed_tubes_oriented_outward(parameters: PlantParameters) -> None:
     skeleton = grown(parameters)
@@ -126,10 +101,3 @@ def test_ball_lies_on_its_sphere_and_fills_most_of_it() -> None:
     assert is_closed(faces)
     sphere = 4 / 3 * np.pi * 0.25**3
     assert 0.75 * sphere < volumes(vertices, faces)[0] < sphere
-
-
-def test_concatenated_meshes_share_no_vertices() -> None:
-    one = ball(np.zeros(3), 1.0)
-    vertices, faces = concatenate([one, one])
-    assert len(vertices) == 2 * len(one[0])
-    assert connect_faces(faces).components == 2

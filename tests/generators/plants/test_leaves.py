@@ -9,8 +9,7 @@ from radarsim.generators.plants.growth import LEAVES
 from radarsim.generators.plants.plant import make_plant, rhombi
 from radarsim.generators.plants.species import SHRUB, TREE, YOUNG_TREE, PlantParameters
 from radarsim.geometry import Floats
-from radarsim.raycast.attenuation import Outcome
-from radarsim.raycast.rays import LASER, RADAR, Rays, Traces
+from radarsim.raycast.rays import RADAR, Rays, Traces
 from radarsim.raycast.tracer import Tracer
 from radarsim.rng import generator_for
 from radarsim.scene.material import Material
@@ -68,29 +67,6 @@ def test_ray_along_a_leaf_loses_at_most_one_sheet_loss() -> None:
     through = np.array([[0.0, 0.5, 0.5]])
     power = cast(upright_leaf(), through, np.array([[0.0, 1.0, 1.0]])).power[0]
     assert power in (1.0, 1 - LOSS)
-
-
-def test_each_leaf_costs_the_same_until_the_power_is_spent() -> None:
-    for count in range(1, 6):
-        corners = np.concatenate(
-            [upright_leaf().vertices + 0.1 * i * np.eye(3)[0] for i in range(count)]
-        )
-        faces = np.concatenate([upright_leaf().faces + 4 * i for i in range(count)])
-        part = Part("leaves", LEAF, corners, faces)
-        traces = cast(part, np.array([[0.0, 0.5, 0.3]]), np.eye(3)[:1])
-        assert traces.power[0] == 1 - LOSS * min(count, 4)
-        if count < 4:
-            assert traces.outcomes[0] == Outcome.NOTHING
-        else:
-            assert traces.outcomes[0] == Outcome.SPENT
-            assert traces.ranges[0] == pytest.approx(1.3)
-
-
-def test_light_is_stopped_by_a_leaf() -> None:
-    through = np.array([[0.0, 0.5, 0.5]])
-    traces = cast(upright_leaf(), through, np.eye(3)[:1], LASER)
-    assert traces.outcomes[0] == Outcome.HIT
-    assert traces.ranges[0] == 1.0
 
 
 @pytest.mark.parametrize(

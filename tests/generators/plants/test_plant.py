@@ -12,11 +12,8 @@ from radarsim.generators.plants.plant import (
     make_shrubs,
 )
 from radarsim.generators.plants.species import SHRUB
-from radarsim.raycast.rays import Rays
-from radarsim.raycast.tracer import Tracer
 from radarsim.scene.face_passes import connect_faces
 from radarsim.scene.material import Material
-from radarsim.scene.scene import Part
 from radarsim.scene.topology import is_closed
 
 
@@ -64,15 +61,3 @@ def test_other_name_gives_another_plant() -> None:
     one, same, other = (make_plant(SHRUB, 1, name) for name in ("a", "a", "b"))
     assert np.array_equal(one.foliage[0], same.foliage[0])
     assert not np.array_equal(one.foliage[0], other.foliage[0])
-
-
-def test_overlapping_balls_of_one_cloud_count_once() -> None:
-    mist = Material("mist", density=0.1)
-    one, other = (ball(np.array([x, 0, 0]), 0.5, 64, 63) for x in (0.0, 0.5))
-    faces = np.vstack([one[1], other[1] + len(one[0])])
-    part = Part("cloud", mist, np.vstack([one[0], other[0]]), faces)
-    start = np.array([[-2.0, 0.001, 0.002]])
-    traces = Tracer([part]).trace(
-        Rays.uniform(start, np.eye(3)[:1], max_range=5.0, power=1.0)
-    )
-    assert traces.power[0] == pytest.approx(1 - 0.1 * 1.5, abs=1e-3)

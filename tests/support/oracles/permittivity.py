@@ -17,7 +17,7 @@ propagation above about 100 MHz.
 
 import cmath
 import math
-from typing import Final, Literal, NamedTuple
+from typing import Final, NamedTuple
 
 SPEED_OF_LIGHT: Final = 299_792_458.0  # m/s
 
@@ -52,24 +52,14 @@ def permittivity(medium: Medium, f_ghz: float) -> complex:
     return complex(medium.a * f_ghz**medium.b, -17.98 * conductivity / f_ghz)
 
 
-def reflectance(
-    relative: complex, angle: float = 0.0, polarisation: Literal["te", "tm"] = "te"
-) -> float:
-    """Return the share of power that a smooth block reflects.
-
-    Args:
-        relative: Relative permittivity of the block.
-        angle: Angle between the beam and the surface normal, rad.
-        polarisation: ``te`` if the electric field is perpendicular to the plane of
-            incidence, ``tm`` if it lies in it.
+def reflectance(relative: complex) -> float:
+    """Return the share of power that a smooth block reflects, met head-on.
 
     >>> round(reflectance(4.0), 4)
     0.1111
     """
-    cosine = math.cos(angle)
-    inside = cmath.sqrt(relative - math.sin(angle) ** 2)
-    outside = cosine if polarisation == "te" else relative * cosine
-    return abs((outside - inside) / (outside + inside)) ** 2
+    index = cmath.sqrt(relative)
+    return abs((1 - index) / (1 + index)) ** 2
 
 
 def bulk_loss(relative: complex, f_ghz: float) -> float:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
 from commander_page import CommanderPage
 from served_page import Served
 
@@ -29,6 +30,7 @@ def check(commander: CommanderPage) -> None:
     assert found == []
 
 
+@pytest.mark.slow
 def test_no_view_has_a_serious_finding(
     commander: CommanderPage, served: Served, open_page: Callable[..., CommanderPage]
 ) -> None:
@@ -77,15 +79,3 @@ def test_a_robot_is_added_driven_and_removed_by_keys_alone(
     go_to("#remove")
     page.keyboard.press("Enter")
     commander.until(lambda: commander.robot("Keys") is None, "for its end")
-
-
-def test_a_narrow_screen_has_one_column_and_a_stop_in_reach(
-    served: Served, open_page: Callable[..., CommanderPage]
-) -> None:
-    commander = open_page(served, viewport={"width": 390, "height": 844})
-    page = commander.page
-    assert page.evaluate("document.documentElement.scrollWidth") <= 390
-    page.locator("#materials").scroll_into_view_if_needed()
-    box = page.locator("#stop").bounding_box()
-    assert box is not None
-    assert 0 <= box["y"] < 120

@@ -2,29 +2,6 @@
 
 from commander_page import CommanderPage
 
-TABLE = "#rows tbody td"
-
-
-def select_beam(commander: CommanderPage, number: int) -> list[list[str]]:
-    """Select a beam by its number, and return the table of what it meets."""
-    commander.page.locator("#beam [name=beam]").fill(str(number))
-    commander.until(lambda: f"Beam {number} " in commander.text("reading"))
-    commander.page.locator("#beam [name=hold]").check()
-    cells = commander.page.locator(TABLE).all_text_contents()
-    commander.page.locator("#beam [name=hold]").uncheck()
-    return [cells[row : row + 4] for row in range(0, len(cells), 4)]
-
-
-def test_arrow_keys_step_the_beam(commander: CommanderPage) -> None:
-    commander.add_robot("A1", place=(-8, 0, 0))
-    select_beam(commander, 90)
-    commander.page.focus("#plan")
-    commander.page.keyboard.press("ArrowLeft")
-    commander.until(lambda: "Beam 91 " in commander.text("reading"))
-    commander.page.keyboard.press("ArrowRight")
-    commander.page.keyboard.press("ArrowRight")
-    commander.until(lambda: "Beam 89 " in commander.text("reading"))
-
 
 def test_a_click_in_the_laser_scan_explains_a_beam_of_the_laser(
     commander: CommanderPage,

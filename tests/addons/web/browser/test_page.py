@@ -9,7 +9,6 @@ import pytest
 from commander_page import CommanderPage
 from playwright.sync_api import Browser
 from served_page import CHROMIUM_OPTIONS, Served, serve
-from truth import Truth
 
 NASTY = "<img/src=x/onerror=alert(1)>"  # names of levels have no blanks
 NASTY_MAP = """
@@ -153,37 +152,6 @@ def test_names_of_robots_and_maps_are_text(
         commander.page.context.close()
 
 
-def test_a_page_of_another_site_spawns_no_robot(
-    browser: Browser, served: Served, truth: Truth
-) -> None:
-    host, port = served.address
-    with socket.create_server(("127.0.0.1", 0)) as site:
-        page = browser.new_page()
-        page.route("**/evil", lambda route: route.fulfill(body="<p>hello</p>"))
-        page.goto(f"http://127.0.0.1:{site.getsockname()[1]}/evil")
-        body = "INIT {ClassName USARBot.P3AT} {Name Evil}\r\nDRIVE {Left 3} {Right 3}"
-        sent = page.evaluate(
-            """([url, body]) => fetch(url, {method: "POST", mode: "no-cors", body})
-                .then(() => "answered", () => "refused")""",
-            [f"http://{host}:{port}/", f"\r\n{body}\r\n"],
-        )
-        page.close()
-    assert sent == "refused"
-    assert "Evil" not in truth.names
-    assert "Evil" not in truth.places
-
-
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_readings_stand_out_in_light_and_dark(
-    open_page: Callable[..., CommanderPage], served: Served, scheme: str
-) -> None:
-    commander = open_page(served, color_scheme=scheme)
-    paper = commander.page.evaluate(
-        "getComputedStyle(document.querySelector('.stage')).backgroundColor"
-    )
-    assert paper == {"light": "rgb(255, 255, 255)", "dark": "rgb(27, 30, 35)"}[scheme]
-
-
 # The rows and columns of a canvas that have a colour, px from its corner.
 SHOWN = """(canvas, [red, green, blue]) => {
   const { width, height } = canvas;
@@ -208,6 +176,7 @@ def bottom_of(page: CommanderPage, name: str) -> float:
     return part["y"] + part["height"] - plan["y"]
 
 
+@pytest.mark.slow
 def test_headlines_cover_no_part_of_plan_and_map(
     served: Served, open_page: Callable[..., CommanderPage]
 ) -> None:

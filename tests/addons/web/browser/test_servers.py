@@ -5,8 +5,7 @@ from pathlib import Path
 
 from commander_page import CommanderPage
 from deaf_to_watch import without_watch
-from served_page import serve, serve_robots, show
-from truth import Truth
+from served_page import serve_robots, show
 
 OpenPage = Callable[..., CommanderPage]
 
@@ -38,24 +37,6 @@ def test_a_lost_server_is_told_and_a_new_one_is_found(
             commander.add_robot("L2")
             assert commander.robot("L1") is None
             commander.page.context.close()
-
-
-def test_a_server_in_the_original_dialect_is_shown_and_driven(
-    open_page: OpenPage,
-) -> None:
-    with serve("foliage_room", "--dialect", "udk") as served:
-        commander = open_page(served)
-        commander.add_robot("U1")
-        truth = Truth(served.address)
-        start = truth.last("U1")
-        assert start.x < -7.9
-        assert "U1:" in commander.text("finding")
-        commander.page.focus("#plan")
-        commander.page.keyboard.down("w")
-        commander.until(lambda: truth.last("U1").x > start.x + 0.2, "for a start")
-        commander.page.keyboard.up("w")
-        truth.close()
-        commander.page.context.close()
 
 
 def test_a_server_that_cannot_watch_shows_the_pages_own_robots(

@@ -71,15 +71,3 @@ def test_a_greater_side_offset_frays_the_rays(commander: CommanderPage) -> None:
     smooth = spread()
     set_slider(commander, "Side offset", 100)
     assert spread() > smooth + 0.05
-
-
-def test_more_power_sees_through_with_more_beams(commander: CommanderPage) -> None:
-    commander.add_robot("M1", place=(-8, 0, 0))
-
-    def far() -> int:
-        return sum(each > 8.8 + 1.7 for each in commander.ranges("M1", "lms200"))
-
-    set_slider(commander, "Penetration power", 0)
-    least = far()
-    set_slider(commander, "Penetration power", 5)
-    commander.until(lambda: far() > least + 20, "for more beams")

@@ -89,27 +89,6 @@ def test_go_is_offered_to_robots_that_can(commander: CommanderPage) -> None:
     assert commander.text("hindrance") == ""
 
 
-def test_a_goal_too_near_to_something_is_refused_in_words(
-    commander: CommanderPage,
-) -> None:
-    commander.add_robot("Out", kind="P3AT_Radar360", place=(-8, 0, 0))
-    commander.page.locator("#goto [name=x]").fill("7")
-    commander.page.locator("#goto [name=y]").fill("0.5")
-    commander.page.locator("#goto button.main").click()
-    commander.until(lambda: "0.70 m from 'cabinet'" in commander.text("error"))
-
-
-def test_stop_cancels_a_task(commander: CommanderPage, truth: Truth) -> None:
-    commander.add_robot("Stopped", kind="P3AT_Radar360", place=(-8, 0, 0))
-    start = truth.last("Stopped")
-    commander.page.locator("#goto [name=x]").fill("-3")
-    commander.page.locator("#goto button.main").click()
-    commander.until(lambda: truth.last("Stopped").distance(start) > 0.1, "for a start")
-    commander.page.keyboard.press("Space")
-    commander.until(lambda: "cancelled" in commander.text("tasks"), "for the end")
-    assert truth.last("Stopped").x < -3.5
-
-
 @pytest.mark.parametrize(("scanner", "sees"), [("lms200", True), ("Hokuyo", False)])
 def test_a_map_grows_behind_the_hedge_with_the_radar_alone(
     commander: CommanderPage, scanner: str, sees: bool

@@ -104,6 +104,7 @@ def x_of(page: CommanderPage) -> float:
     return math.nan if robot is None else float(robot["x"])
 
 
+@pytest.mark.slow
 def test_a_run_is_recorded_played_paused_stepped_and_sought(
     open_page: Callable[..., CommanderPage],
     tmp_path: Path,
