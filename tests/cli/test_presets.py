@@ -35,20 +35,6 @@ def test_named_sensors_are_listed_alone(radarsim: Command) -> None:
     assert not any(line.startswith(("radar: ", "name ")) for line in lines)
 
 
-def test_unknown_sensor_is_a_usage_error_that_lists_the_known_ones(
-    radarsim: Command,
-) -> None:
-    run = radarsim("sensors", "radar", "rader")
-    assert run.code == 2
-    assert run.out == b""
-    for text in (
-        "'rader' (did you mean 'radar'?), expected one of",
-        "'k2pi'",
-        "'thesis'",
-    ):
-        assert text in run.err
-
-
 def test_sensors_as_json(radarsim: Command) -> None:
     told = json.loads(radarsim("sensors", "--json").text)
     assert told["radar"]["settings"]["side_offset_uu"]["value"] == 25
@@ -111,15 +97,6 @@ def test_materials_as_json(radarsim: Command) -> None:
     assert told["rain"]["numbers"]["mm_per_h"]["confidence"] == "choice"
     every = json.loads(radarsim("materials", "--json").text)
     assert list(every) == list(library_names())
-
-
-def test_unknown_material_is_a_usage_error_that_lists_the_known_ones(
-    radarsim: Command,
-) -> None:
-    run = radarsim("materials", "wod")
-    assert run.code == 2
-    for text in ("'wod' (did you mean 'wood'?), expected one of", "'wood'"):
-        assert text in run.err
 
 
 def test_rows_into_a_pipe_are_not_cut_into_lines() -> None:

@@ -95,48 +95,6 @@ def test_image_of_a_data_set_has_its_size(radarsim: Command, tmp_path: Path) -> 
     assert size_of(path) == (100, 500)
 
 
-@pytest.mark.parametrize(
-    ("name", "options", "told"),
-    [
-        pytest.param("a.gif", (), "expected a .png", id="unknown kind of file"),
-        pytest.param("a.npz", ("--view", "polar"), "expected a picture", id="view"),
-        pytest.param("a.png", ("--count", "2"), "expected 1", id="several pictures"),
-        pytest.param("a.png", ("--azimuth", "2"), "--view ascope", id="azimuth"),
-        pytest.param(
-            "a.png",
-            ("--view", "ascope", "--azimuth", "100"),
-            "expected 0 to 99",
-            id="no such azimuth",
-        ),
-        pytest.param(
-            "a.csv", ("--layout", "oxford"), "expected .png with --layout", id="layout"
-        ),
-        pytest.param(
-            "a.csv", ("--pfa", "0"), "expected more than 0", id="no false alarms"
-        ),
-        pytest.param(
-            "a.png", ("--set", "fmcw.windw=hann"), "did you mean", id="setting"
-        ),
-    ],
-)
-def test_wrong_options_are_told(
-    radarsim: Command, tmp_path: Path, name: str, options: tuple[str, ...], told: str
-) -> None:
-    run = record(radarsim, tmp_path / name, *options)
-    assert run.code == 2
-    assert told in run.err.lower() or told in run.err
-    assert not list(tmp_path.iterdir())
-
-
-def test_sensor_without_spectrum_is_told(radarsim: Command, tmp_path: Path) -> None:
-    path = tmp_path / "a.png"
-    run = radarsim(
-        *("spectrum", "foliage_room", "--sensor", "hokuyo", *START, "-o", str(path))
-    )
-    assert run.code == 2
-    assert "navtech_cts350x" in run.err
-
-
 def test_budget_adds_up(radarsim: Command) -> None:
     run = radarsim(
         *("explain", "foliage_room", "--sensor", "navtech_cts350x", *START),
