@@ -26,9 +26,7 @@ SMOKE = Material("smoke", density=0.0, laser_density=0.5, solid=False)
 
 
 def cuboid(
-    size: tuple[float, float, float],
-    at: tuple[float, float, float],
-    material: Material,
+    size: tuple[float, float, float], at: tuple[float, float, float], material: Material
 ) -> Part:
     vertices, faces = box(*size)
     return Part(material.name, material, vertices + np.array(at), faces)
@@ -108,14 +106,10 @@ def veiled(share: float, veil: Floats, behind: Floats) -> Floats:
 @pytest.mark.parametrize(
     ("smoke", "loss"),
     [
-        pytest.param(SMOKE, 0.5, id="density"),
-        pytest.param(
-            Material("smoke", laser_density=0.0, laser_db=4.0),
-            0.4 * math.log(10),
-            id="decibels",
-        ),
-        pytest.param(Material("smoke", laser_density=0.0), 0.0, id="clear"),
-        pytest.param(Material("smoke", laser_density=1e4), 1e4, id="thick"),
+        (SMOKE, 0.5),
+        (Material("smoke", laser_density=0.0, laser_db=4.0), 0.4 * math.log(10)),
+        (Material("smoke", laser_density=0.0), 0.0),
+        (Material("smoke", laser_density=1e4), 1e4),
     ],
 )
 def test_smoke_veils_what_is_behind_it_by_its_density(
