@@ -15,7 +15,7 @@ from radarsim.scene.scene import Scene, StartPose
 from radarsim.server.host import Host
 from radarsim.simulation.simulation import Simulation
 
-BUSH = b"INIT {ClassName P3AT} {Location 0,1.64,0}\r\n"  # found after some ticks
+BUSH = b"INIT {ClassName P3AT} {Location -0.2,1.64,0}\r\n"  # found after some ticks
 HUMMER = b"INIT {ClassName Hummer} {Location 0.5,1.64,0}\r\n"  # no place within 1 m
 FREE = b"INIT {ClassName P3AT} {Start RobotStart2}\r\n"
 
@@ -61,7 +61,7 @@ def test_a_search_is_cut_into_small_steps(foliage_room: Scene) -> None:
 
 def test_the_search_of_some_ticks_finds_the_place_of_one_at_once(host: Host) -> None:
     """What was sent after INIT is executed once the robot is there."""
-    expected = Simulation(host.scene).spawn("R", load_robot("P3AT"), Pose2(0, -1.64))
+    expected = Simulation(host.scene).spawn("R", load_robot("P3AT"), Pose2(-0.2, -1.64))
     assert expected is not None
     number = begin(host, BUSH + b"DRIVE {Left 1} {Right 1}\r\n")
     assert step_until(host, lambda: host.has_robot(number)) > 1
@@ -115,7 +115,7 @@ def test_a_place_is_not_taken_that_another_robot_has_reached_meanwhile(
     number = begin(host, BUSH)
     host.step()
     assert not host.has_robot(number)
-    other = host.simulation.spawn("other", load_robot("P3AT"), Pose2(0, -1.64))
+    other = host.simulation.spawn("other", load_robot("P3AT"), Pose2(-0.2, -1.64))
     assert other is not None  # at the place that the search would find
     step_until(host, lambda: host.has_robot(number))
     _, vehicle = host.simulation.vehicles
