@@ -27,10 +27,10 @@ def test_steering_starts_at_rest() -> None:
 @pytest.mark.parametrize(
     ("key", "motion"),
     [
-        pytest.param(Key.AHEAD, (0.4, 0.0), id="ahead"),
-        pytest.param(Key.BACK, (-0.4, 0.0), id="back"),
-        pytest.param(Key.LEFT, (0.0, TURN), id="left is counter-clockwise"),
-        pytest.param(Key.RIGHT, (0.0, -TURN), id="right"),
+        (Key.AHEAD, (0.4, 0.0)),
+        (Key.BACK, (-0.4, 0.0)),
+        (Key.LEFT, (0.0, TURN)),
+        (Key.RIGHT, (0.0, -TURN)),
     ],
 )
 def test_key_press_moves_for_a_limited_time(
@@ -105,13 +105,7 @@ def test_speed_keys_change_the_speed_of_a_moving_robot_only() -> None:
     assert driver.motion(0.1 + FIRST_HOLD) == (0.0, 0.0), "these keys hold nothing"
 
 
-@pytest.mark.parametrize(
-    ("speed", "slowest"),
-    [
-        pytest.param(0.4, SPEED_STEP, id="usual"),
-        pytest.param(0.02, 0.02, id="slower than a step"),
-    ],
-)
+@pytest.mark.parametrize(("speed", "slowest"), [(0.4, SPEED_STEP), (0.02, 0.02)])
 def test_speed_is_limited(speed: float, slowest: float) -> None:
     driver = steering(speed)
     for _ in range(30):
