@@ -78,10 +78,7 @@ def test_full_disk_is_reported_in_one_line() -> None:
 
 @pytest.mark.parametrize(
     ("error", "code"),
-    [
-        pytest.param(KeyboardInterrupt(), 130, id="interrupted"),
-        pytest.param(ServerError("the port is taken"), 1, id="failed"),
-    ],
+    [(KeyboardInterrupt(), 130), (ServerError("the port is taken"), 1)],
 )
 def test_errors_become_exit_codes(
     radarsim: Command, monkeypatch: pytest.MonkeyPatch, error: BaseException, code: int
@@ -99,11 +96,9 @@ def test_errors_become_exit_codes(
 @pytest.mark.parametrize(
     ("closed", "command", "code"),
     [
-        pytest.param("<&- >&- 2>&-", "docs radar", 0, id="all"),
-        pytest.param(">&-", "docs radar", 0, id="stdout"),
-        pytest.param(
-            "2>&-", "scan nowhere --sensor radar --pose 0,0,0", 1, id="stderr"
-        ),
+        ("<&- >&- 2>&-", "docs radar", 0),
+        (">&-", "docs radar", 0),
+        ("2>&-", "scan nowhere --sensor radar --pose 0,0,0", 1),
     ],
 )
 def test_streams_may_be_closed(closed: str, command: str, code: int) -> None:

@@ -50,17 +50,16 @@ def test_without_a_server_the_command_that_starts_one_is_told(
 @pytest.mark.parametrize(
     ("robot", "code", "told"),
     [
-        pytest.param("P3AT_Radar361", 2, "USARBot.P3AT_Radar361", id="misspelt"),
-        pytest.param("USARBot.P3AT_Radar361", 1, "no server", id="with its package"),
-        pytest.param("Submarine", 1, "no server", id="of another server"),
+        ("P3AT_Radar361", 2, "USARBot.P3AT_Radar361"),
+        ("USARBot.P3AT_Radar361", 1, "no server"),
+        ("Submarine", 1, "no server"),
     ],
 )
 def test_similar_class_of_another_server_is_named_with_its_package(
     radarsim: RunCommand, free_port: str, robot: str, code: int, told: str
 ) -> None:
     run = radarsim(
-        *("navigate", *BUG, "--connect", f"127.0.0.1:{free_port}"),
-        *("--robot", robot),
+        *("navigate", *BUG, "--connect", f"127.0.0.1:{free_port}"), *("--robot", robot)
     )
     assert run.code == code
     assert told in run.err
@@ -79,9 +78,7 @@ def test_map_that_cannot_be_made_leaves_no_folder(
 
 
 def test_a_server_elsewhere_cannot_be_started_from_here(radarsim: RunCommand) -> None:
-    run = radarsim(
-        *("navigate", *BUG, "--connect", "nowhere.invalid:3000"),
-    )
+    run = radarsim(*("navigate", *BUG, "--connect", "nowhere.invalid:3000"))
     assert run.code == 1
     assert "no server at nowhere.invalid:3000: " in run.err
     assert "radarsim serve" not in run.err
@@ -146,9 +143,7 @@ def plain_user() -> Iterator[None]:
 )
 @pytest.mark.usefixtures("empty_room")  # which compiles as the user of the cache
 def test_missing_permission_has_one_wording(
-    radarsim: RunCommand,
-    tmp_path: Path,
-    command: tuple[str, ...],
+    radarsim: RunCommand, tmp_path: Path, command: tuple[str, ...]
 ) -> None:
     folder = tmp_path / "closed"
     folder.mkdir()

@@ -357,13 +357,9 @@ def test_goal_is_reached_over_tcp(
 @pytest.mark.parametrize(
     ("fault", "text"),
     [
-        pytest.param(
-            "stalls", "no scan of 'lms200' within 0.8 s, nothing came", id="stalls"
-        ),
-        pytest.param(
-            "mute", "no scan of 'lms200' within 0.8 s, what came: ", id="mute"
-        ),
-        pytest.param("drops", "", id="drops"),  # an end or a reset, as it comes
+        ("stalls", "no scan of 'lms200' within 0.8 s, nothing came"),
+        ("mute", "no scan of 'lms200' within 0.8 s, what came: "),
+        ("drops", ""),  # an end or a reset, as it comes
     ],
 )
 def test_robot_is_stopped_when_the_server_fails(
@@ -384,11 +380,7 @@ def test_robot_is_stopped_when_the_server_fails(
 @pytest.mark.slow
 @fast_server
 @pytest.mark.parametrize(
-    ("number", "code"),
-    [
-        pytest.param(signal.SIGINT, 130, id="interrupted"),
-        pytest.param(signal.SIGTERM, 143, id="told to end"),
-    ],
+    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)]
 )
 def test_signal_stops_the_robot_and_the_trace_is_written(
     relay: Callable[..., Relay], tmp_path: Path, number: int, code: int

@@ -72,11 +72,9 @@ def test_detections_are_a_row_each(
 @pytest.mark.parametrize(
     "options",
     [
-        pytest.param((), id="from above"),
-        pytest.param(("--view", "polar", "--max-range", "20"), id="polar"),
-        pytest.param(
-            ("--view", "ascope", "--azimuth", "3", "--detector", "k"), id="A-scope"
-        ),
+        (),
+        ("--view", "polar", "--max-range", "20"),
+        ("--view", "ascope", "--azimuth", "3", "--detector", "k"),
     ],
 )
 def test_pictures_are_drawn(
@@ -172,11 +170,11 @@ def test_kit_of_radiate_finds_images_from_above(
 @pytest.mark.parametrize(
     ("lines", "problem"),
     [
-        pytest.param("0 0 0 0 0 0 1\n", "line 1", id="seven numbers"),
-        pytest.param("0 0 0 0 0 0 0 1\n", "1 poses, expected at least 2", id="one"),
-        pytest.param("1 0 0 0 0 0 0 1\n" * 2, "expected above 1", id="same time"),
-        pytest.param("1 0 0 0 0 0 0 0\n", "expected time x y z", id="no turn"),
-        pytest.param("1 nan 0 0 0 0 0 1\n", "expected time x y z", id="nan"),
+        ("0 0 0 0 0 0 1\n", "line 1"),
+        ("0 0 0 0 0 0 0 1\n", "1 poses, expected at least 2"),
+        ("1 0 0 0 0 0 0 1\n" * 2, "expected above 1"),
+        ("1 0 0 0 0 0 0 0\n", "expected time x y z"),
+        ("1 nan 0 0 0 0 0 1\n", "expected time x y z"),
     ],
 )
 def test_what_is_wrong_with_a_path_is_told(

@@ -64,32 +64,27 @@ def test_empty_map_can_be_summarised() -> None:
 @pytest.mark.parametrize(
     ("material", "text"),
     [
-        pytest.param(
+        (
             Material("m", 0.0, 0.0, radar_db=(2.0, 3.25, 4.0), laser_db=23),
             "2, 3.25, 4 dB per m at 24, 77, 94 GHz, laser 23 dB per m, solid",
-            id="dB by band",
         ),
-        pytest.param(
+        (
             Material("m", 0.7, 0.5, radar_db=(2.0, 2.0, 2.0), laser_db=1),
             "density 0.7 per m and 2 dB per m, laser 0.5 per m and 1 dB per m, solid",
-            id="density and dB",
         ),
-        pytest.param(
+        (
             Material("m", radar_mirror=True, absorption_db=7.3),
             "density opaque, laser opaque, solid, a mirror to radar,"
             " keeps 7.3 dB of radar",
-            id="glass",
         ),
-        pytest.param(
+        (
             Material("m", laser_mirror=True, laser_absorption_db=OPAQUE),
             "density opaque, laser opaque, solid, a mirror to laser,"
             " keeps all of laser",
-            id="black mirror",
         ),
-        pytest.param(
+        (
             Material("m", 0.0, 0.0, solid=False, rain=12.5),
             "density 0 per m, laser 0 per m, can be driven through, rain of 12.5 mm/h",
-            id="rain",
         ),
     ],
 )

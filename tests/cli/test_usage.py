@@ -193,7 +193,7 @@ WRONG = {
     },
 }
 CASES = [
-    pytest.param(f"{command} {options}", message, id=f"{command} {options}")
+    (f"{command} {options}", message)
     for command, messages in WRONG.items()
     for options, message in messages.items()
 ]
