@@ -245,10 +245,7 @@ def test_two_options_of_one_name_are_refused() -> None:
     ("words", "plan"),
     [
         (("room",), Simulation(map="room")),
-        (
-            ("--connect", "[::1]:80"),
-            Simulation(connect=ServerAddress("::1", 80)),
-        ),
+        (("--connect", "[::1]:80"), Simulation(connect=ServerAddress("::1", 80))),
         (
             ("room", "--set", "a.b=1", "--set", "a.c=2,3", "--seed", "4"),
             Simulation(

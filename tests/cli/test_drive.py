@@ -176,9 +176,7 @@ def test_dumb_terminal_is_refused(terminal: Terminal) -> None:
 
 
 @needs_pty
-def test_misspelt_robot_ends_the_command_before_it_connects(
-    terminal: Terminal,
-) -> None:
+def test_misspelt_robot_ends_the_command_before_it_connects(terminal: Terminal) -> None:
     with socket.create_server(("127.0.0.1", 0)) as silent:
         server = f"127.0.0.1:{silent.getsockname()[1]}"
         words = ("--robot", "P3AT_Radar361", "--connect", server)

@@ -8,12 +8,7 @@ import pytest
 from radarsim import plugins
 from radarsim.cli.app import EntryGroup
 from radarsim.cli.command import PlanCommand
-from radarsim.cli.entries import (
-    BEYOND_THE_CORE,
-    GROUP,
-    CommandEntry,
-    load_entries,
-)
+from radarsim.cli.entries import BEYOND_THE_CORE, GROUP, CommandEntry, load_entries
 from radarsim.errors import MissingPackage
 
 MOST_LINES = 48

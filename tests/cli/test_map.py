@@ -41,9 +41,7 @@ def foliage_run(
     return radarsim("map", "-o", str(folder), *FOLIAGE), folder
 
 
-def test_map_is_written_and_summarised_in_lines(
-    foliage_run: tuple[Any, Path],
-) -> None:
+def test_map_is_written_and_summarised_in_lines(foliage_run: tuple[Any, Path]) -> None:
     run, folder = foliage_run
     where = re.escape(str(folder))
     assert run.code == 0

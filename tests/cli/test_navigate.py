@@ -406,6 +406,7 @@ def test_signal_stops_the_robot_and_the_trace_is_written(
     assert [*tmp_path.iterdir()] == [trace]
 
 
+@pytest.mark.slow
 def test_film_shows_the_run_and_does_not_change_it(
     radarsim: Command, tmp_path: Path
 ) -> None:

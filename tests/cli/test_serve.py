@@ -92,9 +92,7 @@ def test_command_and_server_take_as_many_clients_by_default() -> None:
 
 
 def test_fewer_clients_are_taken_where_the_system_permits_fewer_files(
-    radarsim: Command,
-    monkeypatch: pytest.MonkeyPatch,
-    caplog: pytest.LogCaptureFixture,
+    radarsim: Command, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr("radarsim.listening.raise_file_limit", lambda _: 200)
     options = ["--host", "192.0.2.1", "--port", "0", "--max-clients", "100"]

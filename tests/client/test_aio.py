@@ -106,9 +106,7 @@ async def test_wait_goes_on_when_the_task_that_reads_is_cancelled(
         assert (await waiting).poses
 
 
-async def test_all_who_wait_for_a_report_get_it(
-    usarsim_server: UsarsimServer,
-) -> None:
+async def test_all_who_wait_for_a_report_get_it(usarsim_server: UsarsimServer) -> None:
     async with connected(usarsim_server) as client:
         waiting = [asyncio.ensure_future(client.wait_for(Greeting)) for _ in range(3)]
         first, *others = await asyncio.gather(*waiting)
@@ -117,9 +115,7 @@ async def test_all_who_wait_for_a_report_get_it(
 
 
 @pytest.mark.usarsim(speed=5)
-async def test_cancelled_read_loses_no_report(
-    usarsim_server: UsarsimServer,
-) -> None:
+async def test_cancelled_read_loses_no_report(usarsim_server: UsarsimServer) -> None:
     async with connected(usarsim_server) as client:
         await client.spawn("P3AT", start="RobotStart1")
         await client.wait_for(RangeScan)

@@ -172,7 +172,7 @@ def test_crates_leave_with_their_controller_unless_they_are_permanent(
     wire.wait(0.1)
     wire.send("INIT {ClassName USARBot.P3AT} {Name R1}", "CONTROL {Type GetSTA}")
     assert wire.news == [
-        "CONTROL by a client that is no controller, expected INIT of WorldController",
+        "CONTROL by a client that is no controller, expected INIT of WorldController"
     ]
     assert [each.crate.name for each in wire.host.simulation.crates] == ["foo"]
 
@@ -204,10 +204,7 @@ CREATED = "CONTROL {Type Create} {ClassName WCCrate} {Name c}"
             "CONTROL {Type RelMove} {Name foo} {Location 9999,0,0}",
             "CONTROL RelMove to (10000.5, 3, 1) m, expected at most 10000 m",
         ),
-        (
-            "CONTROL {Type AbsMove} {Name foo} {Location 1e5,0,0}",
-            "'1e5', expected at",
-        ),
+        ("CONTROL {Type AbsMove} {Name foo} {Location 1e5,0,0}", "'1e5', expected at"),
         ("CONTROL {Type Dance}", "Type 'Dance', expected one of ['Create', 'Kill', "),
         ("CONTROL", "'CONTROL', expected a field '{Type ...}'"),
         (

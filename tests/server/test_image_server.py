@@ -226,9 +226,7 @@ async def test_viewer_that_closes_its_side_gets_its_last_picture(
     assert await viewer.rest() == b""
 
 
-async def test_viewers_that_do_not_read_hold_up_nobody(
-    running: RunningServer,
-) -> None:
+async def test_viewers_that_do_not_read_hold_up_nobody(running: RunningServer) -> None:
     deaf = [await running.viewer(small=True) for _ in range(5)]
     for viewer in deaf:
         await viewer.send(b"OK" * 5000)

@@ -315,9 +315,7 @@ async def test_ports_are_limited_and_may_be_taken(
         assert await one.ask("DNS {Robot R2}") == none
 
 
-async def test_floods_and_long_lines_close_a_connection(
-    simulation: Simulation,
-) -> None:
+async def test_floods_and_long_lines_close_a_connection(simulation: Simulation) -> None:
     async with serving(simulation) as server, program(server, "R1") as one:
         async with program(server) as two:
             two.writer.write(b"GETSS {Robot " + b"x" * 5000)

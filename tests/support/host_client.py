@@ -4,13 +4,7 @@ from radarsim.server.host import Host
 
 
 class HostClient:
-    """A client of a host.
-
-    Attributes:
-        host: The host.
-        number: Its number there.
-        writes: What it read, the greeting apart.
-    """
+    """A client of a host."""
 
     def __init__(self, host: Host, *lines: bytes) -> None:
         """Connect, and send lines that give no diagnostics."""

@@ -255,10 +255,7 @@ OPCODES = "['SCAN', 'RESET', 'POSE', 'ECHOES', 'TARGETS', 'SETTING', 'ZOOM', 'FO
             "SET {Type Joint} {Name FRFlipper} {Opcode Angle} {Params up}",
             "SET Angle: 'up', expected a number",
         ),
-        (
-            "SET {Type Gripper} {Opcode OPEN} {Params 1}",
-            "not supported: Gripper",
-        ),
+        ("SET {Type Gripper} {Opcode OPEN} {Params 1}", "not supported: Gripper"),
         ("SET {Type Effecter} {Grip 1}", "not supported: Effecter"),
         ("SET {Type INS} {Opcode MOVE}", f"opcode 'MOVE', expected one of {OPCODES}"),
         ("SET {Type INS} {Opcode ZOOM}", "SET ZOOM of type 'INS', expected Camera"),
@@ -567,9 +564,7 @@ def test_robots_are_spawned_in_the_order_in_which_they_were_asked_for(
         assert host.has_robot(late) <= host.has_robot(patient)
 
 
-def test_diagnostic_joins_unknown_start_and_moved_pose(
-    foliage_room: Scene,
-) -> None:
+def test_diagnostic_joins_unknown_start_and_moved_pose(foliage_room: Scene) -> None:
     host = Host(foliage_room)
     number = connected(host)
     diagnostics = host.receive(number, b"INIT {ClassName P3AT} {Start Nowhere}\r\n")
@@ -819,9 +814,7 @@ def test_clients_do_not_get_replies_of_each_other(host: Host) -> None:
     assert GEO in host.take(one)
 
 
-def test_robot_can_be_spawned_far_outside_the_map(
-    foliage_room: Scene,
-) -> None:
+def test_robot_can_be_spawned_far_outside_the_map(foliage_room: Scene) -> None:
     host = Host(foliage_room)
     number = spawned(host, b"INIT {ClassName P3AT} {Location 1e9,-1e9,1e9}\r\n")
     run_ticks(host, 10)

@@ -90,7 +90,7 @@ P2AT_UDK_REPLIES = {
         "CONF {Type Sonar} {Name F1} {MaxRange 5.0000} {MinRange 0.1000} "
         "{ScanInterval 0.2000} {beamAngle 0.3489} {maxAngleOfIncidence 0.1745} "
         "{tracesPerCone 16} {numberOfCones 10}"
-    ),
+    )
 }
 
 

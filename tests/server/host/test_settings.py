@@ -77,10 +77,7 @@ def errors_in(data: bytes) -> list[str]:
     ],
 )
 def test_robot_scans_as_if_it_had_been_served_with_the_settings(
-    foliage_room: Scene,
-    dialect: Dialect,
-    params: str,
-    own: dict[str, Any] | None,
+    foliage_room: Scene, dialect: Dialect, params: str, own: dict[str, Any] | None
 ) -> None:
     if own is None:
         own = {"penetration_power": float("inf"), "range_noise": 0.05}
@@ -273,10 +270,7 @@ VALUES = st.one_of(
 )
 
 
-@settings(
-    max_examples=30,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(st.tuples(KEYS, VALUES), max_size=4), st.booleans())
 @example([("max_range", "&a [*a,*a]")], False)
 @example([("side_offset_uu", "50"), ("ray_choice", "together")], True)

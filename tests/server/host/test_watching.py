@@ -100,9 +100,7 @@ def play(
 @QUICK
 @given(script=SCRIPT, udk=st.booleans())
 def test_watcher_is_sent_exactly_the_bytes_of_the_watched_clients(
-    foliage_room: Scene,
-    script: list[tuple[list[bytes], int]],
-    udk: bool,
+    foliage_room: Scene, script: list[tuple[list[bytes], int]], udk: bool
 ) -> None:
     dialect = UDK if udk else COMPAT
     both, (plain, asking) = play(
