@@ -41,11 +41,8 @@ fast_server = pytest.mark.usarsim(map="empty_room", speed=6)
 class Relay:
     """Forwards between a client and a server, records DRIVE commands, and can fail.
 
-    Attributes:
-        port: Port on which it listens for the client.
-        driven: Time and command of each DRIVE of the client.
-        fault: What fails ``after`` s after the first DRIVE: ``stalls`` forwards
-            nothing, ``drops`` closes the connection, ``mute`` forwards no scans.
+    From ``after`` s after the first one on it forwards nothing (``stalls``) or no scans
+    (``mute``), or it closes the connection (``drops``).
     """
 
     def __init__(self, address: tuple[str, int], fault: str = "", after: float = 0.5):
@@ -56,12 +53,12 @@ class Relay:
         self.port = self._listener.getsockname()[1]
         self._server = socket.create_connection(address, 5)
         self._client: socket.socket | None = None
-        self._threads = [
+        self.threads = [
             threading.Thread(target=target, daemon=True)
             for target in (self._up, self._down)
         ]
         self._connected = threading.Event()
-        for thread in self._threads:
+        for thread in self.threads:
             thread.start()
 
     @property
@@ -107,7 +104,7 @@ class Relay:
                 with suppress(OSError):
                     end.shutdown(socket.SHUT_RDWR)
                 end.close()
-        for thread in self._threads:
+        for thread in self.threads:
             thread.join(240)
 
 
@@ -147,13 +144,7 @@ def test_reached_goal_is_summarised_in_lines(radarsim: Command) -> None:
 
 @dataclass(frozen=True)
 class BoxRun:
-    """A complete run through the box.
-
-    Attributes:
-        summary: What it printed.
-        trace: The CSV file.
-        plot: The picture.
-    """
+    """A complete run through the box."""
 
     summary: dict[str, Any]
     trace: Path
@@ -397,7 +388,7 @@ def test_signal_stops_the_robot_and_the_trace_is_written(
     assert process.returncode == code
     assert out.startswith(b"interrupted by bug")
     assert b"Traceback" not in errors
-    for thread in middle._threads:
+    for thread in middle.threads:
         thread.join(240)
     assert middle.driven[-1][1] == Drive(0.0, 0.0)
     rows = list(csv.DictReader(trace.read_text().splitlines()))

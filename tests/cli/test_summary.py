@@ -95,16 +95,12 @@ def test_summary_of_a_material_has_all_its_properties(
     assert f"  m: {text}; 0 triangles" in lines
 
 
-def test_summary_has_the_air() -> None:
+def test_summary_has_air_and_trial() -> None:
     fog = Material("fog", 0.0, 0.0, solid=False)
-    assert "air: fog" in summarise(Scene("room", "DM-Room", air=fog))
-
-
-def test_summary_has_the_trial() -> None:
     trial = Trial("RobotStart1", (7.0, -2.5), 0.5)
-    lines = summarise(Scene("room", "DM-Room", trial=trial))
-    text = "trial: RobotStart1 to 7.000 -2.500, safety distance 0.500 m"
-    assert text in lines
+    lines = summarise(Scene("room", "DM-Room", air=fog, trial=trial))
+    assert "air: fog" in lines
+    assert "trial: RobotStart1 to 7.000 -2.500, safety distance 0.500 m" in lines
 
 
 def test_crates_are_listed_only_if_there_are_any() -> None:
@@ -133,16 +129,6 @@ def test_objects_that_differ_in_their_number_only_are_in_one_line() -> None:
         "  tree0: leaf, 12",
         "  tree1: leaf, 12",
     ]
-
-
-def test_starts_are_not_hidden_below_the_objects() -> None:
-    part, start = (
-        Part("a", WOOD, *box(1, 1, 1)),
-        StartPose("RobotStart1", Pose3(0, 0, 0)),
-    )
-    lines = summarise(Scene("room", "DM-Room", (part,), (start,), {"wood": WOOD}))
-    (row,) = (i for i, line in enumerate(lines) if "RobotStart1" in line)
-    assert row < lines.index("objects, with their materials and triangles")
 
 
 def test_mirrors_are_told_with_the_sensors_that_they_mislead() -> None:

@@ -128,23 +128,12 @@ def texts(canvas: Canvas) -> list[str]:
     return ["".join(text for _, text in line) for line in canvas.lines()]
 
 
-@pytest.mark.parametrize(
-    ("across", "down", "letter"),
-    [
-        (0, 0, "⠁"),
-        (0, 1, "⠂"),
-        (0, 2, "⠄"),
-        (1, 0, "⠈"),
-        (1, 1, "⠐"),
-        (1, 2, "⠠"),
-        (0, 3, "⡀"),
-        (1, 3, "⢀"),
-    ],
-)
-def test_dots_are_the_unicode_braille_dots(across: int, down: int, letter: str) -> None:
-    canvas = Canvas(1, 1, STYLES)
-    canvas.plot(np.array([across + 0.5]), np.array([down + 0.5]), "low")
-    assert texts(canvas) == [letter]
+def test_dots_are_the_unicode_braille_dots() -> None:
+    places = [*((x, y) for x in range(2) for y in range(3)), (0, 3), (1, 3)]
+    for (across, down), letter in zip(places, "⠁⠂⠄⠈⠐⠠⡀⢀", strict=True):
+        canvas = Canvas(1, 1, STYLES)
+        canvas.plot(np.array([across + 0.5]), np.array([down + 0.5]), "low")
+        assert texts(canvas) == [letter]
 
 
 def test_empty_canvas_is_blank_rather_than_braille() -> None:
