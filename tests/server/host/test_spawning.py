@@ -135,6 +135,13 @@ def test_starts_are_looked_at_within_the_work_of_ticks(foliage_room: Scene) -> N
     assert (vehicle.robot.pose.x, vehicle.robot.pose.y) == (-8.0, 0.0)
 
 
+def test_a_client_without_a_place_waits_before_it_searches_again(host: Host) -> None:
+    begin(host, 2 * HUMMER)
+    told = [tick for tick in range(200) for _ in host.step()]
+    assert len(told) == 2
+    assert told[1] - told[0] > 50
+
+
 def test_clients_without_a_place_leave_most_ticks_to_others(
     host: Host, monkeypatch: pytest.MonkeyPatch
 ) -> None:
