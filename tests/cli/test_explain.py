@@ -128,8 +128,8 @@ def test_beam_without_hits_is_out_of_range(radarsim: Command, room: str) -> None
 def test_drawn_ray_is_the_one_of_scan_with_the_same_seed(
     radarsim: Command, beam: int
 ) -> None:
-    place = ("foliage_room", "--sensor", "radar", "--start", "RobotStart1")
-    place += ("--seed", "4")
+    start = ("--start", "RobotStart1", "--seed", "4")
+    place = ("foliage_room", "--sensor", "radar", *start)
     scan = json.loads(radarsim("scan", *place).text)
     told = json.loads(
         radarsim("explain", *place, "--beam", str(beam), "--format", "json").text

@@ -75,8 +75,8 @@ def test_run_on_a_server_elsewhere_is_recorded(
     folder = tmp_path / "run"
     server = f"127.0.0.1:{usarsim_server.address[1]}"
     words = ("--algorithm", "bug2", "--goal", "5,0", "--connect", server)
-    words += FIRST_SECOND
-    run = run_in_process("navigate", *words, "--record", str(folder))
+    options = (*FIRST_SECOND, "--record", str(folder))
+    run = run_in_process("navigate", *words, *options)
     assert f"recorded in {folder}" in run.err
     recording = radarsim.load_recording(folder)
     scans = recording.scans["P3AT_Radar360/lms200"]

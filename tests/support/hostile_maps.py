@@ -329,19 +329,19 @@ def _meshes() -> Iterator[tuple[str, Callable[[], Files]]]:
 def good_meshes() -> dict[str, bytes]:
     """Return a ball in each format."""
     ball = trimesh.Trimesh(*sphere(1.0), process=False)
-    kinds = {
-        "a.glb": "glb",
-        "a.obj": "obj",
-        "a.ply": "ply",
-        "a.stl": "stl",
-        "b.stl": "stl_ascii",
+    kinds: dict[str, dict[str, str]] = {
+        "a.glb": {},
+        "a.obj": {},
+        "a.ply": {"encoding": "ascii"},
+        "b.ply": {},
+        "a.stl": {},
+        "b.stl": {"file_type": "stl_ascii"},
     }
-    balls = {name: ball.export(file_type=kind) for name, kind in kinds.items()}
-    balls["b.ply"] = ball.export(file_type="ply", encoding="ascii")
-    return {
-        name: data.encode() if isinstance(data, str) else data
-        for name, data in balls.items()
-    }
+    meshes = {}
+    for name, options in kinds.items():
+        data: Any = ball.export(**{"file_type": name[2:]} | options)
+        meshes[name] = data.encode() if isinstance(data, str) else data
+    return meshes
 
 
 class _Broken:
