@@ -21,7 +21,7 @@ def test_table_has_a_row_for_each_kind_of_trial_and_a_line_for_each_failure(
         for name, ended in (("bug1", {"outcome": "reached"}), ("bug2", failed)):
             row = {"collisions": 0, "path_length": 9.0, "shortest_path": 6.0}
             row |= {"time": 3.0, "circuits": 0, "off": 0.1}
-            yield TrialResult("bug_box", name, "radar", 0, "share", **row | ended)  # type: ignore[arg-type]
+            yield TrialResult("bug_box", name, "radar", 0, "share", **row | ended)
 
     monkeypatch.setattr("radarsim.autonomy.evaluation.trials.run_trials", run)
     run_ = radarsim(*QUICK)

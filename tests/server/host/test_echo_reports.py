@@ -102,7 +102,8 @@ def test_every_echo_is_reported_once_in_order_and_with_its_values(
     lines = read(data)
     assert to_bytes([line.encode(dialect) for line in lines]) == data
     for line in lines:
-        assert (line.time, line.name) == (pytest.approx(14.2), "lms200")
+        assert line.time == pytest.approx(14.2)
+        assert line.name == "lms200"
     if not rows:
         (line,) = lines
         assert (line.line, line.lines, line.echoes) == (0, 0, None)

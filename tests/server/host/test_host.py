@@ -409,7 +409,7 @@ def test_client_that_sends_no_more_gets_the_replies_of_the_tick(host: Host) -> N
 def test_floods_of_all_clients_together_are_limited_in_a_tick(
     empty_room: Scene,
 ) -> None:
-    executed = []
+    executed: list[int] = []
     for flood in (
         b"GETSTARTPOSES\r\n",
         b"FOO\r\n",  # which needs a suggestion
@@ -538,11 +538,11 @@ def test_memory_for_replies_is_bounded(host: Host) -> None:
 def test_spawns_pause_after_a_search_for_a_free_place(foliage_room: Scene) -> None:
     host = Host(foliage_room)
     bush = b"INIT {ClassName P3AT} {Location 0.5,1.64,0}\r\n"
-    numbers = [connected(host) for _ in range(3)]
-    for number in numbers:
-        host.receive(number, bush)
+    taken = b"INIT {ClassName P3AT} {Start RobotStart1}\r\n"  # a free place is near
+    for line in (bush, bush, bush, taken, taken, taken):
+        host.receive(connected(host), line)
     told = [tick for tick in range(100) for _ in host.step()]
-    assert len(told) == 3
+    assert len(told) == 5
     assert min(b - a for a, b in pairwise(told)) > 1
 
 
