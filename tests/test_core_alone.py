@@ -75,7 +75,8 @@ def core(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if compiled := kernel_cache.cache_folder():
         name = kernel_cache.PREFIX + kernel_cache.kernel_hash(folder / "radarsim")
         unfinished = shutil.ignore_patterns(".*", kernel_cache.COMPLETE)
-        shutil.copytree(compiled, folder / "cache" / name, ignore=unfinished)
+        cache = folder / "cache" / "radarsim" / name
+        shutil.copytree(compiled, cache, ignore=unfinished)
     return folder
 
 

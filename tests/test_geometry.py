@@ -83,12 +83,7 @@ def test_level_pose_has_no_negative_zeros() -> None:
 
 
 @pytest.mark.parametrize(
-    "numbers",
-    [
-        pytest.param([1, 2, 3], id="three"),
-        pytest.param([1, 2, 3, 4, 5, math.nan], id="nan"),
-        pytest.param([1, 2, 3, 4, 5, math.inf], id="infinite"),
-    ],
+    "numbers", [[1, 2, 3], [1, 2, 3, 4, 5, math.nan], [1, 2, 3, 4, 5, math.inf]]
 )
 def test_pose_is_six_finite_numbers(numbers: list[float]) -> None:
     with pytest.raises(ValueError, match="expected six finite numbers"):

@@ -17,11 +17,6 @@ as_root = pytest.mark.skipif(
 )
 
 
-@pytest.fixture(autouse=True)
-def _folders_are_looked_at_anew() -> None:
-    kernel_cache._is_trusted_folder.cache_clear()
-
-
 @pytest.fixture
 def files(tmp_path: Path) -> KernelCache:
     return KernelCache(tmp_path, "kernel")

@@ -20,10 +20,7 @@ from radarsim.listening import (
     log_refused_accepts,
 )
 
-CODES = [
-    pytest.param(signal.SIGINT, 130, id="interrupt"),
-    pytest.param(signal.SIGTERM, 0, id="terminate"),
-]
+CODES = [(signal.SIGINT, 130), (signal.SIGTERM, 0)]
 
 
 @pytest.mark.parametrize(("number", "code"), CODES)

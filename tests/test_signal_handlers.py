@@ -18,10 +18,10 @@ from radarsim.processes import (
 
 NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 CODES = [
-    pytest.param("SIGINT", "", 130, id="interrupted"),
-    pytest.param("SIGTERM", "", 143, id="told to end"),
-    pytest.param("SIGTERM", "set_exit_code_of_sigterm(0)", 0, id="told to end, done"),
-    pytest.param("SIGHUP", "", 129, id="terminal closed"),
+    ("SIGINT", "", 130),
+    ("SIGTERM", "", 143),
+    ("SIGTERM", "set_exit_code_of_sigterm(0)", 0),
+    ("SIGHUP", "", 129),
 ]
 
 

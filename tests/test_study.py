@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 STUDY = Path(__file__).parents[1] / "examples" / "study"
 
 
@@ -14,6 +16,7 @@ def run(name: str, *words: str) -> str:
     return subprocess.check_output(command, text=True, timeout=300)
 
 
+@pytest.mark.slow
 def test_laser_takes_smoke_for_a_wall(tmp_path: Path) -> None:
     only = "smoke_corridor:first-echo laser"
     printed = run("run.py", "--seeds", "1", "--only", only)

@@ -15,6 +15,7 @@ import calibrate_plants as plants
 import common
 import dust
 import mapped
+import matplotlib as mpl
 import noise
 import numpy as np
 import scatter
@@ -271,9 +272,7 @@ def test_shapes_of_the_hedge_have_the_same_transmission() -> None:
 
 
 def test_shipped_map_has_the_calibrated_losses(
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["calibrate_plants.py", str(tmp_path), "100"])
     plants.main()
@@ -304,6 +303,7 @@ def short_drives(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_one_command_draws_all_figures_and_lists_them(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
+    monkeypatch.setitem(mpl.rcParams, "savefig.dpi", 20)
     monkeypatch.setattr(sys, "argv", ["draw_all.py", str(tmp_path / "out")])
     runpy.run_path(str(Path(common.__file__).parent / "draw_all.py"))
     pictures = sorted(path.name for path in (tmp_path / "out").glob("*.png"))

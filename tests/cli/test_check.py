@@ -36,17 +36,6 @@ def test_every_error_is_printed_with_line_and_key(
     assert any(line.startswith(f"{path}:5:") and "material" in line for line in lines)
 
 
-@pytest.mark.parametrize("command", ["check", "scan", "serve"])
-def test_missing_map_is_an_error_without_traceback(
-    radarsim: Command, command: str
-) -> None:
-    options = ["--sensor", "radar", "--pose", "0,0,0"] if command == "scan" else []
-    run = radarsim(command, "no_such_room", *options)
-    assert run.code == 1
-    assert "no_such_room" in run.text + run.err
-    assert "Traceback" not in run.err
-
-
 OCCUPIED = """\
 version: 1
 materials:
@@ -159,12 +148,3 @@ def test_plan_is_drawn_into_a_file_beside_the_summary(
     assert f"wrote {path}" in run.err
     assert run.text == radarsim("check", "empty_room").text
     assert path.read_bytes().startswith(head)
-
-
-def test_plan_of_another_ending_is_wrong_usage(
-    radarsim: Command, tmp_path: Path
-) -> None:
-    run = radarsim("check", "empty_room", "--plot", str(tmp_path / "plan.gif"))
-    assert run.code == 2
-    assert ".svg" in run.err
-    assert list(tmp_path.iterdir()) == []

@@ -1,7 +1,6 @@
 import os
 import re
 import signal
-import socket
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -154,39 +153,6 @@ def test_address_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     announce_commander(("::1", 8000), "x" * 200)
     out, _ = capsys.readouterr()
     assert out == f"radarsim: commander on http://[::1]:8000/#token={'x' * 200}\n"
-
-
-def test_ports_of_server_and_page_differ(radarsim: RunCommand) -> None:
-    run = radarsim("serve", "empty_room", "--port", "8123", "--web", "8123")
-    assert run.code == 2
-    assert "--web" in run.err
-
-
-@pytest.mark.parametrize("setting", ["lms300.max_range=2", "max_range"])
-def test_wrong_setting_of_the_server_is_a_usage_error(
-    radarsim: RunCommand, setting: str
-) -> None:
-    run = radarsim("commander", *NOBODY, "--web", "0", "--set", setting)
-    assert run.code == 2
-    assert "--set" in run.err
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["serve", "empty_room", "--port", "0"],
-        ["commander", "empty_room"],
-        ["commander", *NOBODY],
-    ],
-)
-def test_port_in_use_is_told_with_its_cure(
-    radarsim: RunCommand, words: list[str]
-) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as other:
-        port = str(other.getsockname()[1])
-        run = radarsim(*words, "--web", port)
-    assert run.code == 1
-    assert "--web 0 takes a free one" in run.err
 
 
 def test_page_reads_any_token_from_the_address(

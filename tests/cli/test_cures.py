@@ -50,17 +50,16 @@ def test_without_a_server_the_command_that_starts_one_is_told(
 @pytest.mark.parametrize(
     ("robot", "code", "told"),
     [
-        pytest.param("P3AT_Radar361", 2, "USARBot.P3AT_Radar361", id="misspelt"),
-        pytest.param("USARBot.P3AT_Radar361", 1, "no server", id="with its package"),
-        pytest.param("Submarine", 1, "no server", id="of another server"),
+        ("P3AT_Radar361", 2, "USARBot.P3AT_Radar361"),
+        ("USARBot.P3AT_Radar361", 1, "no server"),
+        ("Submarine", 1, "no server"),
     ],
 )
 def test_similar_class_of_another_server_is_named_with_its_package(
     radarsim: RunCommand, free_port: str, robot: str, code: int, told: str
 ) -> None:
     run = radarsim(
-        *("navigate", *BUG, "--connect", f"127.0.0.1:{free_port}"),
-        *("--robot", robot),
+        *("navigate", *BUG, "--connect", f"127.0.0.1:{free_port}"), *("--robot", robot)
     )
     assert run.code == code
     assert told in run.err
@@ -79,68 +78,31 @@ def test_map_that_cannot_be_made_leaves_no_folder(
 
 
 def test_a_server_elsewhere_cannot_be_started_from_here(radarsim: RunCommand) -> None:
-    run = radarsim(
-        *("navigate", *BUG, "--connect", "nowhere.invalid:3000"),
-    )
+    run = radarsim(*("navigate", *BUG, "--connect", "nowhere.invalid:3000"))
     assert run.code == 1
     assert "no server at nowhere.invalid:3000: " in run.err
     assert "radarsim serve" not in run.err
     assert "rrno" not in run.err
 
 
-def test_port_in_use_has_a_cure(radarsim: RunCommand, taken_port: str) -> None:
-    run = radarsim("serve", "empty_room", "--port", taken_port)
-    assert run.code == 1
-    assert "in use by another program" in run.err
-    assert "--port 0" in run.err
-
-
-def test_image_port_in_use_has_its_own_cure(
-    radarsim: RunCommand, taken_port: str
+@pytest.mark.parametrize(
+    ("command", "option"),
+    [
+        ("serve no_such_map --host 127.0.0.1", "--port"),
+        ("serve no_such_map --host localhost --port 0", "--image-port"),
+        ("serve no_such_map --port 0", "--web"),
+        ("commander empty_room", "--web"),
+        ("commander --connect 127.0.0.1:1", "--web"),
+    ],
+)
+def test_port_in_use_is_told_with_its_cure_before_the_map_is_read(
+    radarsim: RunCommand, taken_port: str, command: str, option: str
 ) -> None:
-    run = radarsim("serve", "empty_room", "--port", "0", "--image-port", taken_port)
-    assert run.code == 1
+    run = radarsim(*command.split(), option, taken_port)
+    assert (run.code, run.out) == (1, b"")
     assert "in use by another program" in run.err
-    assert "--image-port 0" in run.err
-    assert run.out == b""
-
-
-@pytest.mark.parametrize("option", ["--port", "--image-port"])
-@pytest.mark.parametrize("host", ["127.0.0.1", "localhost"])
-def test_port_in_use_is_told_before_the_map_is_read(
-    radarsim: RunCommand, taken_port: str, host: str, option: str
-) -> None:
-    run = radarsim(
-        *("serve", "no_such_map", "--host", host, "--port", "0", option, taken_port)
-    )
-    assert run.code == 1
     assert f"{option} 0 takes a free one" in run.err
-    assert "no_such_map" not in run.text + run.err
-
-
-@pytest.mark.parametrize("suffix", ["gif", "jpg", "txt"])
-def test_scan_is_not_written_into_a_file_of_another_format(
-    radarsim: RunCommand, tmp_path: Path, suffix: str
-) -> None:
-    run = radarsim(*SCAN, "-o", str(tmp_path / f"scan.{suffix}"))
-    assert run.code == 2
-    for known in (".json", ".csv", ".png", ".svg", ".pdf"):
-        assert known in run.err
-    assert ("--format" in run.err) == (suffix == "txt")  # no format cures a .jpg
-    assert not [*tmp_path.iterdir()]
-
-
-def test_scan_is_json_in_a_file_without_suffix(
-    radarsim: RunCommand, tmp_path: Path
-) -> None:
-    assert radarsim(*SCAN, "-o", str(tmp_path / "scan")).code == 0
-    assert (tmp_path / "scan").read_text().startswith("{")
-
-
-def test_folder_is_told_to_be_one(radarsim: RunCommand, tmp_path: Path) -> None:
-    run = radarsim("check", str(tmp_path))
-    assert run.code == 1
-    assert f"{tmp_path}: a folder, expected a map file" in run.text
+    assert "no_such_map" not in run.err
 
 
 def is_readable(path: Path) -> bool:
@@ -181,9 +143,7 @@ def plain_user() -> Iterator[None]:
 )
 @pytest.mark.usefixtures("empty_room")  # which compiles as the user of the cache
 def test_missing_permission_has_one_wording(
-    radarsim: RunCommand,
-    tmp_path: Path,
-    command: tuple[str, ...],
+    radarsim: RunCommand, tmp_path: Path, command: tuple[str, ...]
 ) -> None:
     folder = tmp_path / "closed"
     folder.mkdir()

@@ -9,7 +9,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -177,9 +176,7 @@ def test_dumb_terminal_is_refused(terminal: Terminal) -> None:
 
 
 @needs_pty
-def test_misspelt_robot_ends_the_command_before_it_connects(
-    terminal: Terminal,
-) -> None:
+def test_misspelt_robot_ends_the_command_before_it_connects(terminal: Terminal) -> None:
     with socket.create_server(("127.0.0.1", 0)) as silent:
         server = f"127.0.0.1:{silent.getsockname()[1]}"
         words = ("--robot", "P3AT_Radar361", "--connect", server)
@@ -189,26 +186,3 @@ def test_misspelt_robot_ends_the_command_before_it_connects(
         with pytest.raises(BlockingIOError):
             silent.accept()
     wait_until(lambda: b"did you mean 'P3AT_Radar360'" in terminal.shown)
-
-
-@pytest.mark.parametrize(
-    ("options", "text"),
-    [
-        pytest.param([], "stdin is no terminal, expected a terminal", id="no terminal"),
-        pytest.param(["--speed", "0"], "expected more than 0", id="speed zero"),
-        pytest.param(["--speed", "inf"], "finite", id="speed infinite"),
-        pytest.param(["--connect", "a:0"], "--connect: 'a:0'", id="port"),
-        pytest.param(["--drive-unit", "knots"], "knots", id="unit"),
-    ],
-)
-def test_wrong_option_is_a_usage_error(
-    radarsim: Command,
-    monkeypatch: pytest.MonkeyPatch,
-    options: list[str],
-    text: str,
-) -> None:
-    with Path(os.devnull).open() as nothing:
-        monkeypatch.setattr(sys, "stdin", nothing)
-        run = radarsim("drive", *options)
-    assert run.code == 2
-    assert text in run.err

@@ -7,12 +7,8 @@ import pytest
 
 from radarsim import plugins
 from radarsim.cli.app import EntryGroup
-from radarsim.cli.entries import (
-    BEYOND_THE_CORE,
-    GROUP,
-    CommandEntry,
-    load_entries,
-)
+from radarsim.cli.command import PlanCommand
+from radarsim.cli.entries import BEYOND_THE_CORE, GROUP, CommandEntry, load_entries
 from radarsim.errors import MissingPackage
 
 MOST_LINES = 48
@@ -34,16 +30,17 @@ ENTRIES = list(all_entries(load_entries()))
 NAMES = [" ".join(words) for words, _ in ENTRIES]
 
 
-@pytest.mark.parametrize("entry", [entry for _, entry in ENTRIES], ids=NAMES)
-def test_entry_has_the_first_line_of_the_command(entry: CommandEntry) -> None:
-    assert entry.help == (entry.load().help or "").partition("\n")[0]
-
-
 @pytest.mark.parametrize("entry", ENTRIES, ids=NAMES)
-def test_help_fits_on_a_screen(entry: tuple[tuple[str, ...], CommandEntry]) -> None:
+def test_help_fits_on_a_screen_and_says_what_options_are(
+    entry: tuple[tuple[str, ...], CommandEntry],
+) -> None:
     words, found = entry
+    command = found.load()
+    assert found.help == (command.help or "").partition("\n")[0]
+    if isinstance(command, PlanCommand):
+        assert [each.name for each in command.fields.values() if not each.help] == []
     context = click.Context(
-        found.load(),
+        command,
         info_name=" ".join(("radarsim", *words)),
         terminal_width=78,  # of 80, two stay free
         help_option_names=["-h", "--help"],  # click keeps it with the command

@@ -35,18 +35,14 @@ BUG2 = ("navigate", "--algorithm", "bug2")
 BOX = (*BUG2, "bug_box", "--speed", "0.6")
 NEAR = (*BUG2, "--goal", "-6.5,0")  # of RobotStart1 in the empty room
 FAR = (*BUG2, "--goal", "8,0")
-SERVER = ("--connect", "127.0.0.1:1")
 fast_server = pytest.mark.usarsim(map="empty_room", speed=6)
 
 
 class Relay:
     """Forwards between a client and a server, records DRIVE commands, and can fail.
 
-    Attributes:
-        port: Port on which it listens for the client.
-        driven: Time and command of each DRIVE of the client.
-        fault: What fails ``after`` s after the first DRIVE: ``stalls`` forwards
-            nothing, ``drops`` closes the connection, ``mute`` forwards no scans.
+    From ``after`` s after the first one on it forwards nothing (``stalls``) or no scans
+    (``mute``), or it closes the connection (``drops``).
     """
 
     def __init__(self, address: tuple[str, int], fault: str = "", after: float = 0.5):
@@ -57,12 +53,12 @@ class Relay:
         self.port = self._listener.getsockname()[1]
         self._server = socket.create_connection(address, 5)
         self._client: socket.socket | None = None
-        self._threads = [
+        self.threads = [
             threading.Thread(target=target, daemon=True)
             for target in (self._up, self._down)
         ]
         self._connected = threading.Event()
-        for thread in self._threads:
+        for thread in self.threads:
             thread.start()
 
     @property
@@ -108,7 +104,7 @@ class Relay:
                 with suppress(OSError):
                     end.shutdown(socket.SHUT_RDWR)
                 end.close()
-        for thread in self._threads:
+        for thread in self.threads:
             thread.join(240)
 
 
@@ -148,13 +144,7 @@ def test_reached_goal_is_summarised_in_lines(radarsim: Command) -> None:
 
 @dataclass(frozen=True)
 class BoxRun:
-    """A complete run through the box.
-
-    Attributes:
-        summary: What it printed.
-        trace: The CSV file.
-        plot: The picture.
-    """
+    """A complete run through the box."""
 
     summary: dict[str, Any]
     trace: Path
@@ -197,12 +187,6 @@ def test_same_seed_gives_the_same_run_and_another_seed_another(
     assert first == again != other
 
 
-def test_no_path_exits_with_3(radarsim: Command) -> None:
-    run = radarsim(*BUG2, "bug_closed_box", "--speed", "0.5")
-    assert run.code == 3
-    assert run.text.startswith("no path by bug2: -0.40 0.20\n")
-
-
 def test_each_goal_is_told_of_and_the_last_is_the_start(radarsim: Command) -> None:
     way = (*BOX, "--goal", "-2.5,-0.4", "--goal", "4,-0.4", "--return-to-start")
     told = json.loads(radarsim(*way, "--json").text)
@@ -225,6 +209,7 @@ def test_goal_to_which_there_is_no_path_is_told_among_several(
     way = ("--goal", "-3.5,-0.5", "--goal", "-0.4,0.2", "--return-to-start")
     run = radarsim(*BUG2, "bug_closed_box", "--speed", "0.5", *way)
     assert run.code == 3
+    assert run.text.startswith("no path by bug2: ")
     assert re.search(r"\ngoal 1 +-3\.50 -0\.50: reached, \d\.\d\d m in", run.text)
     assert re.search(r"\ngoal 2 +-0\.40 0\.20: no path, 1\d\.\d\d m in", run.text)
     assert "goal 3" not in run.text
@@ -268,53 +253,6 @@ def test_options_reach_robot_and_bug(radarsim: Command) -> None:
     assert told["goals"] == [[-8.0, 2.5], [-7.0, 2.5]]
     assert told["safety_distance"] == pytest.approx(0.37 + 0.2 + 0.13, abs=0.01)
     assert told["path_length"] / told["time"] > 0.3
-
-
-@pytest.mark.parametrize(
-    ("options", "texts"),
-    [
-        pytest.param([*BUG2, *SERVER], ["--goal", "nowhere"], id="no goal"),
-        pytest.param(
-            [*BUG2, "empty_room"],
-            ["nowhere", "the map 'empty_room' has no trial"],
-            id="no trial",
-        ),
-        pytest.param([*NEAR], ["missing: one of MAP and --connect;"], id="nowhere"),
-        pytest.param([*NEAR, *SERVER, "--seed", "1"], ["--seed", "MAP"], id="seed"),
-        pytest.param([*NEAR, *SERVER, "--set", "a.b=1"], ["--set", "MAP"], id="set"),
-        pytest.param([*BOX, *SERVER], ["one of MAP and --connect"], id="server"),
-        pytest.param([*NEAR, "--connect", "me"], ["HOST:PORT"], id="no port"),
-        pytest.param([*NEAR, "--connect", "me:x"], ["HOST:PORT"], id="word"),
-        pytest.param([*NEAR, "--connect", "me:0"], ["HOST:PORT"], id="port 0"),
-        pytest.param([*BOX, "--goal", "1"], ["'1'", "X,Y"], id="short goal"),
-        pytest.param([*BOX, "--goal", "1,inf"], ["'1,inf'"], id="infinite goal"),
-        pytest.param([*BOX, "--goal", "a,b"], ["'a,b'"], id="goal in words"),
-        pytest.param([*BOX, "--pose", "1,2"], ["X,Y,YAW_DEG"], id="pose"),
-        pytest.param(
-            [*BOX, "--pose", "1,2,3", "--start", "RobotStart1"],
-            ["only one of"],
-            id="start and pose",
-        ),
-        pytest.param([*BOX, "--start", "R9"], ["'R9'", "RobotStart1"], id="start"),
-        pytest.param([*BOX, "--set", "x.y=1"], ["--set", "'x'"], id="item"),
-        pytest.param([*BOX, "--share", "0"], ["--share"], id="share"),
-        pytest.param([*BOX, "--bumpers", "3"], ["--bumpers"], id="bumpers"),
-        pytest.param([*BOX, "--speed", "-1"], ["--speed"], id="speed"),
-        pytest.param([*BOX, "--time-limit", "0"], ["--time-limit"], id="time limit"),
-        pytest.param([*BOX, "--rule", "any"], ["--rule"], id="rule"),
-        pytest.param([*BOX, "--plot", "run.gif"], ["--plot", "svg"], id="form"),
-        pytest.param([*BOX, "--film", "run.webm"], ["--film", ".gif"], id="film"),
-        pytest.param([*BOX, "--film-speed", "-1"], ["--film-speed"], id="film speed"),
-        pytest.param([*BOX, "--trace", "no/t.csv"], ["no such folder"], id="folder"),
-    ],
-)
-def test_wrong_option_is_a_usage_error(
-    radarsim: Command, options: list[str], texts: list[str]
-) -> None:
-    run = radarsim(*options)
-    assert (run.code, run.out) == (2, b"")
-    for text in texts:
-        assert text in run.err
 
 
 def test_trace_and_picture_show_the_run(box_run: BoxRun) -> None:
@@ -373,12 +311,12 @@ def test_files_of_a_failed_run_are_written(radarsim: Command, tmp_path: Path) ->
     trace, plot = tmp_path / "run.csv", tmp_path / "run.svg"
     run = radarsim(
         *(*BUG2, "foliage_room", "--start", "RobotStart1", "--goal", "8,0"),
-        *("--time-limit", "25", "--trace", str(trace), "--plot", str(plot)),
+        *("--time-limit", "5", "--trace", str(trace), "--plot", str(plot)),
     )
     assert run.code == 1
-    assert "goal not reached within 25 s" in run.err
+    assert "goal not reached within 5 s" in run.err
     rows = list(csv.DictReader(trace.read_text().splitlines()))
-    assert len(rows) > 200
+    assert len(rows) > 40
     assert plot.read_text().startswith("<?xml")
 
 
@@ -410,13 +348,9 @@ def test_goal_is_reached_over_tcp(
 @pytest.mark.parametrize(
     ("fault", "text"),
     [
-        pytest.param(
-            "stalls", "no scan of 'lms200' within 0.8 s, nothing came", id="stalls"
-        ),
-        pytest.param(
-            "mute", "no scan of 'lms200' within 0.8 s, what came: ", id="mute"
-        ),
-        pytest.param("drops", "", id="drops"),  # an end or a reset, as it comes
+        ("stalls", "no scan of 'lms200' within 0.8 s, nothing came"),
+        ("mute", "no scan of 'lms200' within 0.8 s, what came: "),
+        ("drops", ""),  # an end or a reset, as it comes
     ],
 )
 def test_robot_is_stopped_when_the_server_fails(
@@ -437,11 +371,7 @@ def test_robot_is_stopped_when_the_server_fails(
 @pytest.mark.slow
 @fast_server
 @pytest.mark.parametrize(
-    ("number", "code"),
-    [
-        pytest.param(signal.SIGINT, 130, id="interrupted"),
-        pytest.param(signal.SIGTERM, 143, id="told to end"),
-    ],
+    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)]
 )
 def test_signal_stops_the_robot_and_the_trace_is_written(
     relay: Callable[..., Relay], tmp_path: Path, number: int, code: int
@@ -458,7 +388,7 @@ def test_signal_stops_the_robot_and_the_trace_is_written(
     assert process.returncode == code
     assert out.startswith(b"interrupted by bug")
     assert b"Traceback" not in errors
-    for thread in middle._threads:
+    for thread in middle.threads:
         thread.join(240)
     assert middle.driven[-1][1] == Drive(0.0, 0.0)
     rows = list(csv.DictReader(trace.read_text().splitlines()))
@@ -467,18 +397,11 @@ def test_signal_stops_the_robot_and_the_trace_is_written(
     assert [*tmp_path.iterdir()] == [trace]
 
 
-def test_missing_server_is_an_error(radarsim: Command) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        port = listener.getsockname()[1]
-    run = radarsim(*NEAR, "--connect", f"127.0.0.1:{port}")
-    assert (run.code, run.out) == (1, b"")
-    assert run.err.startswith(f"radarsim: no server at 127.0.0.1:{port}")
-
-
+@pytest.mark.slow
 def test_film_shows_the_run_and_does_not_change_it(
     radarsim: Command, tmp_path: Path
 ) -> None:
-    words = (*BOX, "--time-limit", "4", "--json")
+    words = (*BOX, "--time-limit", "2", "--json")
     films = [tmp_path / "a.gif", tmp_path / "b.gif"]
     runs = [radarsim(*words), *(radarsim(*words, "--film", str(f)) for f in films)]
     assert {run.text for run in runs} == {runs[0].text}
@@ -486,7 +409,7 @@ def test_film_shows_the_run_and_does_not_change_it(
     assert films[0].read_bytes() == films[1].read_bytes()
     with Image.open(films[0]) as image:
         frames = getattr(image, "n_frames", 1)
-        assert frames == pytest.approx(4 / 0.6, abs=2)
+        assert frames == pytest.approx(2 / 0.6, abs=2)
         image.seek(frames - 1)
         assert image.info["duration"] >= 2000
 

@@ -57,14 +57,6 @@ def test_existing_file_is_not_overwritten(radarsim: Command, tmp_path: Path) -> 
     assert path.read_text() == "mine"
 
 
-@pytest.mark.parametrize("name", ["room", "room.png", "no/room.yaml"])
-def test_file_that_would_be_no_map_is_refused(
-    radarsim: Command, tmp_path: Path, name: str
-) -> None:
-    assert radarsim("new", str(tmp_path / name)).code == 2
-    assert not [*tmp_path.iterdir()]
-
-
 def test_random_map_is_written_by_its_number(radarsim: Command, tmp_path: Path) -> None:
     path = tmp_path / "yard.yaml"
     assert radarsim("new", str(path), "--random", "4").code == 0
@@ -76,12 +68,3 @@ def test_command_writes_a_town_that_loads(radarsim: Command, tmp_path: Path) -> 
     path = tmp_path / "town.yaml"
     assert radarsim("new", str(path), "--town", "3").code == 0
     assert path.read_text() == town_yaml(3)
-
-
-def test_town_and_random_map_exclude_each_other(
-    radarsim: Command, tmp_path: Path
-) -> None:
-    path = str(tmp_path / "town.yaml")
-    run = radarsim("new", path, "--town", "3", "--random", "4")
-    assert run.code == 2
-    assert "expected no --random with it" in run.err

@@ -1,125 +1,104 @@
+"""What there is: sensors, robots and materials, with their numbers' sources."""
+
 import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Sequence
+
+import pytest
 
 from radarsim.presets.robots import robot_names
+from radarsim.presets.sensors import item_presets, sensor_presets
 from radarsim.scene.material import library_names
 
-Command = Callable[..., Any]
+from .conftest import RunCommand
+
+HUMMER = ("Ackermann", "4.57 x 2.16 x 2.1", "GPS, RangeScanner", "HMMWV")
 
 
-def test_sensors_are_listed_with_sources_and_confidence(radarsim: Command) -> None:
-    run = radarsim("sensors")
-    assert run.code == 0
-    for text in ("radar", "hokuyo", "sick", "laser", "verified", "source"):
-        assert text in run.text
-
-
-def test_sensors_start_with_an_overview(radarsim: Command) -> None:
-    lines = radarsim("sensors").text.splitlines()
-    names = list(json.loads(radarsim("sensors", "--json").text))
-    overview = lines[: lines.index("")]
-    assert [line.split()[0] for line in overview if line[:1].strip()][1:] == names
-    row = next(line for line in overview if line.startswith("thesis "))
-    assert row.split()[:6] == ["thesis", "radar", "360", "359", "1", "80"]
-    assert any(line.startswith("hokuyo: ") for line in lines[len(overview) :])
-
-
-def test_named_sensors_are_listed_alone(radarsim: Command) -> None:
-    lines = radarsim("sensors", "sick", "k2pi").text.splitlines()
-    assert lines[0].startswith("sick: ")
-    assert sum(line.startswith("k2pi: ") for line in lines) == 2
-    assert not any(line.startswith(("radar: ", "name ")) for line in lines)
-
-
-def test_unknown_sensor_is_a_usage_error_that_lists_the_known_ones(
-    radarsim: Command,
+@pytest.mark.parametrize(
+    ("command", "names", "rows"),
+    [
+        (
+            *("sensors", [*sensor_presets(), *item_presets()]),
+            {"thesis": ["thesis radar 360 359 1 80"]},
+        ),
+        ("robots", robot_names(), {"Hummer": HUMMER, "Talon": ["skid"]}),
+        (
+            "materials",
+            library_names(),
+            {
+                "foliage": ["foliage 2.37 3.31 3.5 opaque"],
+                "glass": ["glass mirror mirror mirror 76"],
+                "rain": ["25 mm/h"],
+            },
+        ),
+    ],
+)
+def test_overview_of_all_comes_before_the_details_of_each(
+    radarsim: RunCommand,
+    command: str,
+    names: Sequence[str],
+    rows: dict[str, Sequence[str]],
 ) -> None:
-    run = radarsim("sensors", "radar", "rader")
-    assert run.code == 2
-    assert run.out == b""
-    for text in (
-        "'rader' (did you mean 'radar'?), expected one of",
-        "'k2pi'",
-        "'thesis'",
-    ):
-        assert text in run.err
+    lines = radarsim(command).text.splitlines()
+    overview = [line.split() for line in lines[: lines.index("")] if line[0] != " "]
+    told = {words[0]: " ".join(words) for words in overview[1:]}
+    assert list(told) == list(names)
+    for name, texts in rows.items():
+        assert all(text in told[name] for text in texts)
+    details = [line.partition(": ")[0] for line in lines[len(overview) + 1 :]]
+    assert set(names) <= set(details)
 
 
-def test_sensors_as_json(radarsim: Command) -> None:
-    told = json.loads(radarsim("sensors", "--json").text)
-    assert told["radar"]["settings"]["side_offset_uu"]["value"] == 25
-    assert told["sick"]["settings"]["penetration_power"]["value"] is None
-
-
-def test_named_sensors_as_json(radarsim: Command) -> None:
-    every = json.loads(radarsim("sensors", "--json").text)
-    told = json.loads(radarsim("sensors", "laser", "thesis", "--json").text)
-    assert told == {name: every[name] for name in ("laser", "thesis")}
-
-
-def test_robots_start_with_an_overview_of_their_items(radarsim: Command) -> None:
-    lines = radarsim("robots").text.splitlines()
-    overview = lines[: lines.index("")]
-    rows = {line.split()[0]: line for line in overview}
-    assert list(rows)[1:] == list(robot_names())
-    for words in ("Ackermann", "4.57 x 2.16 x 2.1", "GPS, RangeScanner", "HMMWV"):
-        assert words in rows["Hummer"]
-    assert "skid" in rows["Talon"]
-
-
-def test_named_robots_are_listed_alone_with_their_sources(radarsim: Command) -> None:
-    text = radarsim("robots", "Kenaf", "FrontAckerman").text
-    assert text.startswith("Kenaf: ")
-    for words in ("Kenaf.uc", "verified", "max_front_deg 28.6", "Hokuyo"):
-        assert words in text
-
-
-def test_robots_as_json(radarsim: Command) -> None:
-    told = json.loads(radarsim("robots", "Sedan", "P3AT", "--json").text)
-    assert told["Sedan"]["steering"]["max_front_deg"] == 33
-    assert told["P3AT"]["items"][-1]["name"] == "lms200"
-
-
-def test_materials_start_with_an_overview(radarsim: Command) -> None:
-    lines = radarsim("materials").text.splitlines()
-    overview = lines[: lines.index("")]
-    rows = {line.split()[0]: line.split() for line in overview if line[:1].strip()}
-    assert list(rows)[1:] == list(library_names())
-    assert rows["foliage"][1:5] == ["2.37", "3.31", "3.5", "opaque"]
-    assert rows["glass"][1:5] == ["mirror", "mirror", "mirror", "76"]
-    assert rows["rain"][5:7] == ["25", "mm/h"]
-
-
-def test_named_materials_are_listed_alone_with_their_sources(
-    radarsim: Command,
+@pytest.mark.parametrize(
+    ("command", "names", "texts"),
+    [
+        ("sensors", ("sick", "k2pi"), ["\nk2pi: ", "verified", "source"]),
+        (
+            *("robots", ("Kenaf", "FrontAckerman")),
+            ["Kenaf.uc", "verified", "max_front_deg 28.6", "Hokuyo"],
+        ),
+        (
+            *("materials", ("wood", "fog")),
+            ["P.2040-3", "verified", "fog: ", "P.840", "estimate"],
+        ),
+    ],
+)
+def test_named_ones_are_listed_alone_with_their_sources(
+    radarsim: RunCommand, command: str, names: tuple[str, ...], texts: list[str]
 ) -> None:
-    text = radarsim("materials", "wood", "fog").text
-    assert text.startswith("wood: ")
-    for words in ("P.2040-3", "verified", "fog: ", "P.840", "estimate"):
-        assert words in text
-    assert "smoke" not in text
+    text = radarsim(command, *names).text
+    assert text.startswith(f"{names[0]}: ")
+    assert all(each in text for each in texts)
+    heads = {line.partition(": ")[0] for line in text.splitlines()}
+    assert heads & {*json.loads(radarsim(command, "--json").text)} == {*names}
 
 
-def test_materials_as_json(radarsim: Command) -> None:
-    told = json.loads(radarsim("materials", "twigs", "rain", "--json").text)
-    assert list(told) == ["twigs", "rain"]
-    assert told["twigs"]["numbers"]["db_per_m"]["value"]["77"] == 0.99
-    assert told["rain"]["numbers"]["mm_per_h"]["confidence"] == "choice"
-    every = json.loads(radarsim("materials", "--json").text)
-    assert list(every) == list(library_names())
-
-
-def test_unknown_material_is_a_usage_error_that_lists_the_known_ones(
-    radarsim: Command,
+@pytest.mark.parametrize(
+    ("command", "names", "place", "value"),
+    [
+        ("sensors", ("thesis", "sick"), "sick settings penetration_power value", None),
+        ("sensors", ("radar",), "radar settings side_offset_uu value", 25),
+        ("robots", ("Sedan", "P3AT"), "Sedan steering max_front_deg", 33),
+        ("materials", ("rain", "twigs"), "twigs numbers db_per_m value 77", 0.99),
+        ("materials", ("rain",), "rain numbers mm_per_h confidence", "choice"),
+    ],
+)
+def test_json_has_all_or_those_that_are_named(
+    radarsim: RunCommand,
+    command: str,
+    names: tuple[str, ...],
+    place: str,
+    value: object,
 ) -> None:
-    run = radarsim("materials", "wod")
-    assert run.code == 2
-    for text in ("'wod' (did you mean 'wood'?), expected one of", "'wood'"):
-        assert text in run.err
+    every = json.loads(radarsim(command, "--json").text)
+    found = json.loads(radarsim(command, *names, "--json").text)
+    assert list(found.items()) == [(name, every[name]) for name in names]
+    for key in place.split():
+        found = found[key]
+    assert found == value
 
 
 def test_rows_into_a_pipe_are_not_cut_into_lines() -> None:

@@ -132,23 +132,6 @@ def test_ending_of_a_picture_is_its_format(
     assert path.read_bytes().startswith(head)
 
 
-@pytest.mark.parametrize("options", [[], ["--format", "json"]], ids=["alone", "json"])
-@pytest.mark.parametrize("ending", ["jpg", "gif", "png"])
-def test_no_numbers_are_written_into_a_file_named_like_a_picture(
-    radarsim: Command, tmp_path: Path, ending: str, options: list[str]
-) -> None:
-    path = tmp_path / f"scan.{ending}"
-    run = radarsim(
-        *("scan", "empty_room", "--sensor", "laser", *START, "-o", str(path)), *options
-    )
-    if ending == "png" and not options:
-        assert run.code == 0
-        return
-    assert run.code == 2
-    assert not path.exists()
-    assert "png" in run.err
-
-
 def test_file_without_an_ending_holds_json(radarsim: Command, tmp_path: Path) -> None:
     path = tmp_path / "scan"
     run = radarsim(
@@ -178,45 +161,3 @@ def test_picture_is_written_to_a_pipe(radarsim: Command) -> None:
         *("--format", "png", "--count", "2"),
     )
     assert run.out.startswith(b"\x89PNG")
-
-
-@pytest.mark.parametrize(
-    ("options", "text"),
-    [
-        pytest.param(["--sensor", "rader", *START], "'rader'", id="sensor"),
-        pytest.param(["--sensor", "radar"], "--start and --pose", id="no place"),
-        pytest.param(
-            ["--sensor", "radar", *START, "--pose", "0,0,0"],
-            "--start and --pose",
-            id="two places",
-        ),
-        pytest.param(["--sensor", "radar", "--start", "Home"], "'Home'", id="start"),
-        pytest.param(["--sensor", "radar", "--pose", "0,0"], "'0,0'", id="two numbers"),
-        pytest.param(["--sensor", "radar", "--pose", "0,0,nan"], "nan", id="nan"),
-        pytest.param(["--sensor", "radar", "--pose", "a,b,c"], "a,b,c", id="letters"),
-        pytest.param(
-            ["--sensor", "radar", *START, "--set", "max_rnge=3"], "max_rnge", id="key"
-        ),
-        pytest.param(
-            ["--sensor", "radar", *START, "--set", "max_range"], "KEY=VALUE", id="no ="
-        ),
-        pytest.param(
-            ["--sensor", "radar", *START, "--set", "max_range=-1"], "-1", id="value"
-        ),
-        pytest.param(
-            ["--sensor", "radar", *START, "--count", "0"], "--count", id="count"
-        ),
-        pytest.param(
-            ["--sensor", "radar", *START, "-o", "/no/such/folder/a.json"],
-            "cannot write",
-            id="output",
-        ),
-    ],
-)
-def test_wrong_option_is_a_usage_error(
-    radarsim: Command, options: list[str], text: str
-) -> None:
-    run = radarsim("scan", "empty_room", *options)
-    assert run.code == 2
-    assert text in run.err
-    assert "Traceback" not in run.err

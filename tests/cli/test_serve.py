@@ -1,23 +1,48 @@
+import json
+import logging
+import signal
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
+from processes import start_radarsim
 
 from radarsim.cli.fields import read_item_setting
-from radarsim.cli.serve import DEFAULT_MAX_CLIENTS
+from radarsim.cli.serve import DEFAULT_MAX_CLIENTS, LogOptions
 from radarsim.cli.server_options import ServerOptions, announce
+from radarsim.client import Client
 from radarsim.server.tcp_server import MAX_CLIENTS
 
 Command = Callable[..., Any]
 
 
-@pytest.mark.parametrize("text", ["max_range=20", ".max_range=20", "lms200.=2", "a.b"])
-def test_setting_without_item_key_or_value_is_a_usage_error(
-    radarsim: Command, text: str
+def test_server_takes_its_options_from_a_file(tmp_path: Path) -> None:
+    config = tmp_path / "server.yaml"
+    config.write_text("map: empty_room\nport: 0\nlog_format: json\nverbose: true\n")
+    with start_radarsim("serve", "--config", str(config)) as server:
+        assert server.stdout is not None
+        port = int(server.stdout.readline().strip().rpartition(b":")[2])
+        with Client.connect("127.0.0.1", port) as client:
+            assert client.greeting().level == "DM-EmptyRoom"
+        server.send_signal(signal.SIGINT)
+        _, errors = server.communicate(timeout=240)
+    lines = [line for line in errors.decode().splitlines() if line.startswith("{")]
+    records = [json.loads(line) for line in lines]
+    assert {"time", "level", "logger", "message"} == records[0].keys()
+    assert any("connected" in record["message"] for record in records)
+
+
+def test_level_of_the_log_counts_before_verbose(
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    run = radarsim("serve", "empty_room", "--set", text)
-    assert run.code == 2
-    assert run.err == f"radarsim: --set: {text!r}, expected ITEM.KEY=VALUE\n"
+    root = logging.getLogger()
+    monkeypatch.setattr(root, "handlers", [])
+    level = root.level
+    LogOptions(verbose=True, log_level="error").start()
+    found = root.level
+    root.setLevel(level)
+    assert found == logging.ERROR
 
 
 @pytest.mark.parametrize(
@@ -27,35 +52,6 @@ def test_page_reads_the_settings_that_the_server_has(text: str) -> None:
     options = ServerOptions(settings=(read_item_setting(text),))
     assert options.words()[:3] == ["--dialect", "compat", "--set"]
     assert read_item_setting(options.words()[3]) == options.settings[0]
-
-
-@pytest.mark.parametrize(
-    ("options", "text"),
-    [
-        pytest.param(["--set", "lms300.max_range=2"], "'lms300'", id="item"),
-        pytest.param(["--set", "lms200.max_rnge=2"], "max_rnge", id="setting"),
-        pytest.param(["--set", "InsTest.sigma=-1"], "sigma", id="value"),
-        pytest.param(["--set", "Odometer.sigma=1"], "Odometer", id="no settings"),
-        pytest.param(["--speed", "0"], "expected more than 0", id="speed zero"),
-        pytest.param(["--speed", "inf"], "finite", id="speed infinite"),
-        pytest.param(["--port", "70000"], "--port", id="port"),
-        pytest.param(["--image-port", "-1"], "--image-port", id="image port"),
-        pytest.param(
-            ["--port", "5003", "--image-port", "5003"], "--image-port", id="same port"
-        ),
-        pytest.param(["--navtech", "x"], "'x', expected a port", id="radar port"),
-        pytest.param(["--navtech", "0:"], "'0:', expected the name", id="no robot"),
-        pytest.param(["--seed", "-1"], "--seed", id="seed"),
-        pytest.param(["--max-clients", "0"], "--max-clients", id="no clients"),
-        pytest.param(["--dialect", "klingon"], "klingon", id="dialect"),
-    ],
-)
-def test_wrong_option_is_a_usage_error(
-    radarsim: Command, options: list[str], text: str
-) -> None:
-    run = radarsim("serve", "empty_room", "--port", "0", *options)
-    assert run.code == 2
-    assert text in run.err
 
 
 def test_foreign_address_is_an_error_in_one_line(radarsim: Command) -> None:
@@ -96,9 +92,7 @@ def test_command_and_server_take_as_many_clients_by_default() -> None:
 
 
 def test_fewer_clients_are_taken_where_the_system_permits_fewer_files(
-    radarsim: Command,
-    monkeypatch: pytest.MonkeyPatch,
-    caplog: pytest.LogCaptureFixture,
+    radarsim: Command, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr("radarsim.listening.raise_file_limit", lambda _: 200)
     options = ["--host", "192.0.2.1", "--port", "0", "--max-clients", "100"]

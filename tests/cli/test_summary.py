@@ -64,32 +64,27 @@ def test_empty_map_can_be_summarised() -> None:
 @pytest.mark.parametrize(
     ("material", "text"),
     [
-        pytest.param(
+        (
             Material("m", 0.0, 0.0, radar_db=(2.0, 3.25, 4.0), laser_db=23),
             "2, 3.25, 4 dB per m at 24, 77, 94 GHz, laser 23 dB per m, solid",
-            id="dB by band",
         ),
-        pytest.param(
+        (
             Material("m", 0.7, 0.5, radar_db=(2.0, 2.0, 2.0), laser_db=1),
             "density 0.7 per m and 2 dB per m, laser 0.5 per m and 1 dB per m, solid",
-            id="density and dB",
         ),
-        pytest.param(
+        (
             Material("m", radar_mirror=True, absorption_db=7.3),
             "density opaque, laser opaque, solid, a mirror to radar,"
             " keeps 7.3 dB of radar",
-            id="glass",
         ),
-        pytest.param(
+        (
             Material("m", laser_mirror=True, laser_absorption_db=OPAQUE),
             "density opaque, laser opaque, solid, a mirror to laser,"
             " keeps all of laser",
-            id="black mirror",
         ),
-        pytest.param(
+        (
             Material("m", 0.0, 0.0, solid=False, rain=12.5),
             "density 0 per m, laser 0 per m, can be driven through, rain of 12.5 mm/h",
-            id="rain",
         ),
     ],
 )
@@ -100,16 +95,12 @@ def test_summary_of_a_material_has_all_its_properties(
     assert f"  m: {text}; 0 triangles" in lines
 
 
-def test_summary_has_the_air() -> None:
+def test_summary_has_air_and_trial() -> None:
     fog = Material("fog", 0.0, 0.0, solid=False)
-    assert "air: fog" in summarise(Scene("room", "DM-Room", air=fog))
-
-
-def test_summary_has_the_trial() -> None:
     trial = Trial("RobotStart1", (7.0, -2.5), 0.5)
-    lines = summarise(Scene("room", "DM-Room", trial=trial))
-    text = "trial: RobotStart1 to 7.000 -2.500, safety distance 0.500 m"
-    assert text in lines
+    lines = summarise(Scene("room", "DM-Room", air=fog, trial=trial))
+    assert "air: fog" in lines
+    assert "trial: RobotStart1 to 7.000 -2.500, safety distance 0.500 m" in lines
 
 
 def test_crates_are_listed_only_if_there_are_any() -> None:
@@ -138,16 +129,6 @@ def test_objects_that_differ_in_their_number_only_are_in_one_line() -> None:
         "  tree0: leaf, 12",
         "  tree1: leaf, 12",
     ]
-
-
-def test_starts_are_not_hidden_below_the_objects() -> None:
-    part, start = (
-        Part("a", WOOD, *box(1, 1, 1)),
-        StartPose("RobotStart1", Pose3(0, 0, 0)),
-    )
-    lines = summarise(Scene("room", "DM-Room", (part,), (start,), {"wood": WOOD}))
-    (row,) = (i for i, line in enumerate(lines) if "RobotStart1" in line)
-    assert row < lines.index("objects, with their materials and triangles")
 
 
 def test_mirrors_are_told_with_the_sensors_that_they_mislead() -> None:

@@ -1,86 +1,279 @@
 """Errors of usage: exit code 2, and one line that says what is wrong and what helps."""
 
+import os
+import shlex
+import sys
+from pathlib import Path
+
 import pytest
 
 from .conftest import RunCommand
 
+# Messages by options, by the command that they follow.
+WRONG = {
+    "": {
+        "sarve": "COMMAND: 'sarve' (did you mean 'serve'?), expected one of ['serve',",
+        "recording inf": "COMMAND: 'inf' (did you mean 'info'?), expected one of",
+        "--xyzzy": "'--xyzzy', expected another option; see 'radarsim --help'",
+        "sensors --xyzzy": "'--xyzzy', expected another option; see 'radarsim sensors ",
+        "sensors --json=3": "--json: expected no value with it",
+        "sensors radar rader": "'rader' (did you mean 'radar'?), expected one of",
+        "materials wod": "material 'wod' (did you mean 'wood'?), expected one of",
+        "docs radr": "TOPIC: 'radr' (did you mean 'radar'?), expected one of",
+        "scan": "missing: MAP, --sensor, one of --start and --pose; see 'radarsim scan",
+        "scan empty_room": "missing: --sensor, one of --start and --pose; see",
+        "scan --pose 0,0,0": "missing: MAP, --sensor; see 'radarsim scan --help'",
+        "explain empty_room --pose 0,0,0": "missing: --sensor, --beam; see 'radarsim ",
+        "check": "missing: MAP; see 'radarsim check --help'",
+        "check a b c": "'b c', expected no more arguments; see 'radarsim check --help'",
+        "check empty_room --plot plan.gif": "expected a .png, .svg or .pdf file",
+        "replay no_folder --speed 1,5": "expected a number with a decimal point, 1.5",
+    },
+    "serve empty_room": {
+        "--prot 1": "'--prot' (did you mean '--port'?), expected another option",
+        "--port": "--port: expected a value with it",
+        "--port x": "--port: 'x', expected a whole number",
+        "--port 70000": "--port: '70000', expected at most 65535",
+        "--image-port -1": "--image-port: '-1', expected at least 0",
+        "--port 5003 --image-port 5003": "--image-port: 5003 is the port of --port",
+        "--port 8123 --web 8123": "--web: 8123 is the port of --port, expected another",
+        "--navtech x": "--navtech: 'x', expected a port from 0 to 65535, and a robot",
+        "--navtech 0:": "--navtech: '0:', expected the name of a robot after the colon",
+        "--max-clients 0": "--max-clients: '0', expected at least 1",
+        "--seed -1": "--seed: '-1', expected at least 0",
+        "--speed 0": "--speed: '0', expected more than 0",
+        "--speed nan": "--speed: 'nan', expected a finite number",
+        "--dialect comat": "--dialect: 'comat' (did you mean 'compat'?), expected one",
+        "--set max_range=20": "--set: 'max_range=20', expected ITEM.KEY=VALUE",
+        "--set .max_range=20": "--set: '.max_range=20', expected ITEM.KEY=VALUE",
+        "--set lms200.=2": "--set: 'lms200.=2', expected ITEM.KEY=VALUE",
+        "--set a.b": "--set: 'a.b', expected ITEM.KEY=VALUE",
+        "--set lms20.max_range=1": "item 'lms20' (did you mean 'lms200'?), expected",
+        "--set lms200.max_rang=1": "no setting 'max_rang' (did you mean 'max_range'?)",
+        "--set INS.sigm=1": "INS setting 'sigm' (did you mean 'sigma'?), expected one",
+        "--set InsTest.sigma=-1": "--set: INS setting sigma: -1, expected 0 to 10",
+        "--set Odometer.sigma=1": "item 'Odometer': type Odometry has no settings",
+    },
+    "drive": {
+        "": "stdin is no terminal, expected a terminal to drive at",
+        "--port 3001": "'--port', expected --connect HOST:PORT",
+        "--connect a:0": "--connect: 'a:0', expected HOST:PORT",
+        "--connect a:99999": "--connect: 'a:99999', expected HOST:PORT",
+        "--speed 0": "--speed: '0', expected more than 0",
+        "--drive-unit knots": "--drive-unit: 'knots', expected one of ['rad_per_s', ",
+    },
+    "scan empty_room --sensor radar --start RobotStart1": {
+        "more": "'more', expected no more arguments; see 'radarsim scan --help'",
+        "--sensor rader": "'rader' (did you mean 'radar'?), expected one of ['hokuyo',",
+        "--start RobotStrt2": "'RobotStrt2' (did you mean 'RobotStart2'?), expected",
+        "--seed": "--seed: expected a value with it",
+        "--count 0": "--count: '0', expected at least 1",
+        "--count 1.5": "--count: '1.5', expected a whole number",
+        "--pose 0,0,0": "expected only one of --start and --pose",
+        "--pose 0,0": "--pose: '0,0', expected X,Y,YAW_DEG or X,Y,Z,ROLL,PITCH,YAW_DEG",
+        "--pose 0,0,nan": "--pose: '0,0,nan', expected X,Y,YAW_DEG or X,Y,Z,ROLL,PITCH",
+        "--format jsn": "--format: 'jsn' (did you mean 'json'?), expected one of",
+        "--out a.json": "'--out' (did you mean '--output'?), expected another option",
+        "-o no/a.json": "-o: cannot write no/a.json: no such folder",
+        "-o a.gif": "-o: a.gif, expected a .json, .csv, .png, .svg or .pdf file",
+        "-o a.txt": ".pdf file, or --format",
+        "-o a.png --format json": "--format: json, expected png as a.png has this end",
+        "--set max_range": "--set: 'max_range', expected KEY=VALUE",
+        "--set max_range=x": "sensor radar: max_range: 'x', expected a number",
+        "--set max_range=-1": "sensor radar: max_range: -1, expected at least 0.001",
+        "--set ray_weights=1": "sensor radar: ray_weights: 1, expected a list",
+        "--set max_rnge=2": "no setting 'max_rnge' (did you mean 'max_range'?), expec",
+        "--set return_mode=lst": "return_mode: 'lst' (did you mean 'last'?), expected",
+    },
+    "explain empty_room --sensor radar --pose 0,0,0": {
+        "--beam 181": "--beam: 181, expected 0 to 180",
+        "--beam 9 --ray left --set side_mode=cone --set beamwidth_az_deg=2": (
+            "--ray: 'left', expected drawn: radar's beams have 9 rays"
+        ),
+    },
+    "spectrum foliage_room --sensor navtech_cts350x --start RobotStart1 -o": {
+        "a.gif": "-o: a.gif, expected a .png, .svg, .pdf, .npz or .csv file",
+        "a.npz --view polar": "--view: expected a picture, not a .npz file",
+        "a.png --count 2": "--count: 2, expected 1 for a .png file",
+        "a.png --azimuth 2": "--azimuth: expected --view ascope",
+        "a.png --view ascope --azimuth 400": "--azimuth: 400, expected 0 to 399",
+        "a.csv --layout oxford": "-o: a .csv file, expected .png with --layout",
+        "a.csv --pfa 0": "--pfa: '0', expected more than 0",
+        "a.png --set fmcw.windw=hann": "no setting 'windw' (did you mean 'window'?)",
+        "a.png --sensor hokuyo": "sensor hokuyo: no spectrum, expected one of hss94_m",
+    },
+    "navigate --algorithm bug2": {
+        "--algorithm bug3": "--algorithm: 'bug3' (did you mean 'bug2'?), expected one",
+        "--map empty_room": "'--map', expected MAP as an argument, without an option",
+        "--connect h:1": "--goal: nowhere to go, expected X,Y, or a map that has a tr",
+        "--goal=0,0": "missing: one of MAP and --connect; see 'radarsim navigate ",
+        "--goal=0,0 --connect h:1 --seed 1": "--seed: expected MAP with it",
+        "--goal=0,0 --connect h:1 --set a.b=1": "--set: expected MAP with it",
+        "--goal=0,0 --connect me": "--connect: 'me', expected HOST:PORT",
+        "--goal=0,0 --connect me:x": "--connect: 'me:x', expected HOST:PORT",
+        "empty_room": "nowhere to go, expected X,Y: the map 'empty_room' has no trial",
+    },
+    "navigate bug_box --algorithm bug2": {
+        "--connect h:1": "expected only one of MAP and --connect",
+        "--json=1": "--json: expected no value with it",
+        "--bumpers 3": "--bumpers: '3', expected at least 4",
+        "--bumpers 40": "--bumpers: '40', expected at most 36",
+        "--speeed 1": "'--speeed' (did you mean '--speed'?), expected another option",
+        "--speed -1": "--speed: '-1', expected more than 0",
+        "--share 0": "--share: '0', expected more than 0",
+        "--time-limit 0": "--time-limit: '0', expected more than 0",
+        "--timeout ''": "--timeout: '', expected a number",
+        "--safety-distance 1e999": "--safety-distance: '1e999', expected a finite num",
+        "--goal 1,inf": "--goal: '1,inf', expected X,Y",
+        "--pose 1,2": "--pose: '1,2', expected X,Y,YAW_DEG",
+        "--pose 1,2,3 --start RobotStart1": "expected only one of --start and --pose",
+        "--start RobotStart9": "'RobotStart9' (did you mean 'RobotStart1'?), expected",
+        "--robot P3AT_Rada360": "'P3AT_Rada360' (did you mean 'P3AT_Radar360'?), exp",
+        "--robot USARBot.P3AT_Rada360": "(did you mean 'P3AT_Radar360'?), expected",
+        "--set x.y=1": "--set: item 'x', expected one of ['Accel', 'Altitude',",
+        "--rule any": "--rule: 'any', expected one of ['share', 'all', 'thesis']",
+        "--plot run.gif": "--plot: run.gif, expected a .png, .svg or .pdf file",
+        "--film run.webm": "--film: 'run.webm', expected a .gif or .mp4 file",
+        "--film-speed -1": "--film-speed: '-1', expected more than 0",
+        "--trace no/t.csv": "--trace: cannot write no/t.csv: no such folder",
+    },
+    "map -o .": {
+        "--connect h:1 --seed 1": "--seed: expected MAP or --strategy turn_away with",
+        "--connect h:1 --set a.b=1": "--set: expected MAP with it",
+        "--watch R1 --film x.avi": "--film: 'x.avi', expected a .gif or .mp4 file",
+        "--watch R1 x": "expected only one of MAP and --watch",
+        "--watch R1,R2": "'R1,R2', expected the name of a robot, without commas",
+        "--watch ' '": "--watch: ' ', expected the name of a robot, without commas",
+        "--watch R1 --way 1,2": "--way: expected no --watch with it, where another",
+        "--watch R1 --strategy contour": "--strategy: expected no --watch with it",
+    },
+    "map -o . empty_room": {
+        "--strat auto": "'--strat' (did you mean '--strategy'?), expected another opt",
+        "--connect h:1": "expected only one of MAP and --connect",
+        "--start R9": "--start: 'R9', expected one of ['RobotStart1', 'RobotStart2'",
+        "--pose 1,2": "--pose: '1,2', expected X,Y,YAW_DEG",
+        "--pose 1,2,3 --start RobotStart1": "expected only one of --start and --pose",
+        "--set x.y=1": "--set: item 'x', expected one of ['Accel', 'Altitude',",
+        "--robot P3A_Radar360": "'P3A_Radar360' (did you mean 'P3AT_Radar360'?)",
+        "--speed -1": "--speed: '-1', expected more than 0",
+        "--radius inf": "--radius: 'inf', expected a finite number",
+        "--time-limit 0": "--time-limit: '0', expected more than 0",
+        "--resolution 9": "--resolution: '9', expected at most 1",
+        "--way=1,2 --strategy auto": "expected only one of --strategy and --way",
+        "--way '1;2'": "--way: '1;2', expected X,Y",
+        "--film x.avi": "--film: 'x.avi', expected a .gif or .mp4 file",
+        "--film no/x.gif": "--film: cannot write no/x.gif: no such folder",
+        "--film-speed 0": "--film-speed: '0', expected more than 0",
+        "--strategy luck": "--strategy: 'luck', expected one of ['auto', 'turn_away',",
+        "-o no/map": "OUT: cannot write no/map.png: no such folder",
+        "--plot area.csv": "--plot: area.csv, expected a .png, .svg or .pdf file",
+    },
+    "trials": {
+        "--algorithms bug1,": "--algorithms: 'bug1,', expected NAME,...",
+        "--algorithms bug3": "--algorithms: 'bug3' (did you mean 'bug2'?), expected",
+        "--rules most": "--rules: 'most', expected one of ['share', 'all', 'thesis']",
+        "--sensors rader": "sensor 'rader' (did you mean 'radar'?), expected one of",
+        "--seeds 0": "--seeds: '0', expected at least 1",
+        "--workers 0": "--workers: '0', expected at least 1",
+    },
+    "commander --connect 127.0.0.1:1 --web 0": {
+        "--set lms300.max_range=2": "--set: item 'lms300' (did you mean 'lms200'?)",
+        "--set max_range": "--set: 'max_range', expected ITEM.KEY=VALUE",
+    },
+    "demo": {
+        "--hel": "'--hel' (did you mean '--help'?), expected another option",
+        "demo": "OUT: demo, expected a .png, .svg or .pdf file",
+        "none/demo.png": "OUT: cannot write none/demo.png: no such folder",
+        "a.png -o b.png": "expected only one of OUT and --output",
+    },
+    "new": {
+        "room.png": "FILE: room.png, expected a .yaml or .yml file",
+        "no/room.yaml": "FILE: cannot write no/room.yaml: no such folder",
+        "town.yaml --town 3 --random 4": "--town: expected no --random with it",
+    },
+}
+CASES = [
+    (f"{command} {options}", message)
+    for command, messages in WRONG.items()
+    for options, message in messages.items()
+]
+
+
+@pytest.mark.parametrize(("command", "message"), CASES)
+def test_error_of_usage_is_one_line_and_nothing_is_written(
+    radarsim: RunCommand,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    command: str,
+    message: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with Path(os.devnull).open() as nothing:
+        monkeypatch.setattr(sys, "stdin", nothing)
+        run = radarsim(*shlex.split(command))
+    assert (run.code, run.out) == (2, b"")
+    assert run.err.startswith("radarsim: ")
+    assert message in run.err
+    assert run.err.count("\n") == 1
+    assert not [*tmp_path.iterdir()]
+
 
 @pytest.mark.parametrize(
-    ("command", "words"),
+    ("command", "message"),
     [
-        pytest.param(("sarve",), ["'sarve'", "did you mean 'serve'"], id="command"),
-        pytest.param(
-            ("map", "-o", "m", "--strat", "auto"),
-            ["'--strat'", "did you mean '--strategy'"],
-            id="beginning of an option",
+        (
+            "check foliage_rom",
+            "no such file (did you mean 'foliage_room'?), expected a",
         ),
-        pytest.param(
-            ("serve", "empty_room", "--prot", "1"),
-            ["'--prot'", "did you mean '--port'"],
-            id="option",
+        ("check foliage_rom@dust", "no such file (did you mean 'foliage_room'?), "),
+        ("check marulan_trial@dut", "'dut' (did you mean 'dust'?), expected one of"),
+        ("scan bug_bx --sensor radar --pose 0,0,0", "(did you mean 'bug_box'?)"),
+        ("navigate bug_bx --algorithm bug1", "(did you mean 'bug_box'?), expected a"),
+        ("trials bug_bx", "(did you mean 'bug_box'?), expected a map file or one of"),
+        ("trials empty_room", "empty_room: no 'trial', expected a start, a goal and"),
+        ("check .", ".: a folder, expected a map file"),
+        ("serve no_such_room", "no_such_room: no such file, expected a map file or"),
+        (
+            "navigate bug_box --algorithm bug1 --scanner lms201",
+            "has ['lms200'], expected the scanner 'lms201' (did you mean 'lms200'?)",
         ),
-        pytest.param(
-            ("sensors", "--xyzzy"), ["'--xyzzy'", "sensors --help"], id="unknown option"
-        ),
-        pytest.param(
-            ("drive", "--port", "3001"), ["--connect HOST:PORT"], id="address of once"
-        ),
-        pytest.param(
-            ("navigate", "--map", "empty_room"),
-            ["MAP as an argument"],
-            id="map of once",
-        ),
-        pytest.param(("--xyzzy",), ["'--xyzzy'", "--help"], id="option of the program"),
-        pytest.param(("demo", "--hel"), ["'--hel'", "'--help'"], id="help"),
-        pytest.param(("serve", "a", "--port"), ["--port", "value"], id="no value"),
-        pytest.param(("sensors", "--json=3"), ["--json", "no value"], id="a value"),
-        pytest.param(("check", "a", "b", "c"), ["'b c'", "no more"], id="arguments"),
-        pytest.param(
-            ("scan",),
-            ["MAP", "--sensor", "--start", "--pose", "scan --help"],
-            id="all that is missing",
-        ),
-        pytest.param(
-            ("explain", "empty_room", "--pose", "0,0,0"),
-            ["--sensor", "--beam"],
-            id="options are missing",
-        ),
-        pytest.param(("serve",), ["MAP", "serve --help"], id="argument is missing"),
-        pytest.param(
-            ("navigate", "--algorithm", "bug3"), ["--algorithm: 'bug3'"], id="value"
-        ),
-        pytest.param(("check", "--plot", "p.txt", "a"), ["--plot: p.txt"], id="ending"),
     ],
 )
-def test_error_of_usage_is_one_line(
-    radarsim: RunCommand, command: tuple[str, ...], words: list[str]
+def test_what_a_map_or_robot_does_not_have_is_told(
+    radarsim: RunCommand, command: str, message: str
 ) -> None:
-    run = radarsim(*command)
-    assert (run.code, run.text) == (2, "")
-    assert run.err.startswith("radarsim: ")
-    assert run.err.count("\n") == 1
-    for word in words:
-        assert word in run.err
+    run = radarsim(*shlex.split(command))
+    assert run.code == 1
+    assert message in run.text + run.err
+    assert (run.text + run.err).count("\n") == 1
 
 
-def test_nothing_is_missing_that_was_given(radarsim: RunCommand) -> None:
-    run = radarsim("explain", "empty_room", "--pose", "0,0,0")
-    for word in ("MAP", "--pose", "--start"):
-        assert word not in run.err
-
-
-def test_wrong_map_gives_one_exit_code_wherever_it_is_named(
-    radarsim: RunCommand,
+def test_maps_beside_the_one_that_is_missing_are_suggested(
+    radarsim: RunCommand, tmp_path: Path
 ) -> None:
-    commands = [
-        ("check", "bug_bx"),
-        ("scan", "bug_bx", "--sensor", "radar", "--pose", "0,0,0"),
-        ("navigate", "bug_bx", "--algorithm", "bug1"),
-        ("trials", "bug_bx"),
-    ]
-    runs = [radarsim(*command) for command in commands]
-    assert {run.code for run in runs} == {1}
-    assert all("did you mean 'bug_box'" in run.text + run.err for run in runs)
+    (tmp_path / "my_room.yaml").touch()
+    run = radarsim("check", str(tmp_path / "my_rom.yaml"))
+    assert f"did you mean '{tmp_path}/my_room.yaml'" in run.text
+
+
+def test_names_in_a_map_are_suggested(radarsim: RunCommand, tmp_path: Path) -> None:
+    file = tmp_path / "room.yaml"
+    file.write_text(
+        "version: 1\n"
+        "objecs: []\n"
+        "materials:\n"
+        "  bark: {based_on: wod}\n"
+        "objects:\n"
+        "  - {name: a, box: [1, 1, 1], material: concret}\n"
+        "  - {name: b, box: [1, 1, 1], material: brk}\n"
+        "  - {name: c, box: [1, 1, 1], material: bark, positon: [0, 0, 0]}\n"
+        "starts:\n"
+        "  - {name: RobotStart1, position: [0, 0, 0]}\n"
+        "trial: {start: RobotStrt1, goal: [1, 1], safety_distance: .5}\n"
+    )
+    run = radarsim("check", str(file))
+    for name in ("objects", "wood", "concrete", "bark", "position", "RobotStart1"):
+        assert f"did you mean '{name}'?" in run.text
 
 
 def test_program_without_a_command_prints_its_help(radarsim: RunCommand) -> None:

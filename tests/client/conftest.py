@@ -1,4 +1,4 @@
-"""Fixtures: transports in simulated time, scripted TCP servers, both clients."""
+"""Fixtures: scripted TCP servers, and both clients."""
 
 import asyncio
 import socket
@@ -9,49 +9,10 @@ from typing import Any, cast
 
 import pytest
 
-from radarsim.client import AsyncClient, Client, Transport
-from radarsim.server.host import Host
+from radarsim.client import AsyncClient, Client
 
 DEADLINE = 240.0  # s of the wall clock, for a busy machine
 Serve = Callable[[Callable[[socket.socket], None]], int]
-
-
-class LockstepTransport:
-    """A transport to a host in this process; simulated time passes while it waits."""
-
-    def __init__(self, host: Host) -> None:
-        self._host = host
-        self._number = host.connect()
-        self._open = True
-
-    def time(self) -> float:
-        return self._host.simulation.time
-
-    def send(self, data: bytes) -> None:
-        if not self._open:
-            raise ConnectionError("the transport is closed")
-        self._host.receive(self._number, data)
-
-    def receive(self, timeout: float) -> bytes:
-        if not self._open:
-            raise ConnectionError("the transport is closed")
-        until = self.time() + timeout
-        while not (data := self._host.take(self._number)):
-            if self.time() >= until:
-                raise TimeoutError
-            self._host.step()
-        return data
-
-    def close(self) -> None:
-        if self._open:
-            self._host.disconnect(self._number)
-        self._open = False
-
-
-@pytest.fixture
-def link_to() -> Callable[[Host], Transport]:
-    """Return a function that connects to a host in simulated time."""
-    return LockstepTransport
 
 
 @pytest.fixture

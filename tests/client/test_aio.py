@@ -9,6 +9,7 @@ import pytest
 
 from radarsim.addons.testing import UsarsimServer
 from radarsim.client import AsyncClient, ClientError
+from radarsim.client.aio import Connecting
 from radarsim.protocol.reports import (
     Greeting,
     GroundTruth,
@@ -24,6 +25,10 @@ from radarsim.protocol.reports import (
 
 DEADLINE = 240.0  # s of the wall clock, for a busy machine
 Serve = Callable[[Callable[[socket.socket], None]], int]
+
+
+def connected(server: UsarsimServer) -> Connecting[AsyncClient]:
+    return AsyncClient.connect(port=server.port, timeout=DEADLINE)
 
 
 @pytest.mark.usarsim(speed=5)
@@ -58,9 +63,7 @@ async def test_one_task_reads_while_another_drives(
 async def test_calls_at_once_get_each_what_they_wait_for(
     usarsim_server: UsarsimServer,
 ) -> None:
-    async with await AsyncClient.connect(
-        port=usarsim_server.port, timeout=DEADLINE
-    ) as client:
+    async with connected(usarsim_server) as client:
         await client.spawn("P3AT", start="RobotStart1")
 
         async def times(kind: type[SensorReading]) -> list[float]:
@@ -92,9 +95,7 @@ async def test_calls_at_once_get_each_what_they_wait_for(
 async def test_wait_goes_on_when_the_task_that_reads_is_cancelled(
     usarsim_server: UsarsimServer,
 ) -> None:
-    async with await AsyncClient.connect(
-        port=usarsim_server.port, timeout=DEADLINE
-    ) as client:
+    async with connected(usarsim_server) as client:
         await client.greeting()
         reading = asyncio.ensure_future(client.wait_for(RobotLeft))
         waiting = asyncio.ensure_future(client.wait_for(StartPoses))
@@ -105,12 +106,8 @@ async def test_wait_goes_on_when_the_task_that_reads_is_cancelled(
         assert (await waiting).poses
 
 
-async def test_all_who_wait_for_a_report_get_it(
-    usarsim_server: UsarsimServer,
-) -> None:
-    async with await AsyncClient.connect(
-        port=usarsim_server.port, timeout=DEADLINE
-    ) as client:
+async def test_all_who_wait_for_a_report_get_it(usarsim_server: UsarsimServer) -> None:
+    async with connected(usarsim_server) as client:
         waiting = [asyncio.ensure_future(client.wait_for(Greeting)) for _ in range(3)]
         first, *others = await asyncio.gather(*waiting)
         assert first == Greeting("DM-EmptyRoom")
@@ -118,12 +115,8 @@ async def test_all_who_wait_for_a_report_get_it(
 
 
 @pytest.mark.usarsim(speed=5)
-async def test_cancelled_read_loses_no_report(
-    usarsim_server: UsarsimServer,
-) -> None:
-    async with await AsyncClient.connect(
-        port=usarsim_server.port, timeout=DEADLINE
-    ) as client:
+async def test_cancelled_read_loses_no_report(usarsim_server: UsarsimServer) -> None:
+    async with connected(usarsim_server) as client:
         await client.spawn("P3AT", start="RobotStart1")
         await client.wait_for(RangeScan)
         times: list[float] = []
@@ -141,9 +134,7 @@ async def test_cancelled_read_loses_no_report(
 async def test_loop_over_a_client_ends_when_it_is_closed(
     usarsim_server: UsarsimServer,
 ) -> None:
-    async with AsyncClient.connect(
-        port=usarsim_server.port, timeout=DEADLINE
-    ) as client:
+    async with connected(usarsim_server) as client:
         await client.spawn("P3AT", start="RobotStart1")
         scans = []
         async for report in client:
@@ -162,9 +153,7 @@ async def test_client_is_closed_at_the_end_of_its_block(
 ) -> None:
     with pytest.raises(ValueError, match="timeout 0, expected more than 0 s"):
         await AsyncClient.connect(port=usarsim_server.port, timeout=0)
-    async with AsyncClient.connect(
-        port=usarsim_server.port, timeout=DEADLINE
-    ) as client:
+    async with connected(usarsim_server) as client:
 
         async def collect() -> list[Report]:
             return [report async for report in client]
@@ -179,9 +168,7 @@ async def test_client_is_closed_at_the_end_of_its_block(
 async def test_answer_of_a_cancelled_change_is_not_that_of_the_next_one(
     usarsim_server: UsarsimServer,
 ) -> None:
-    async with await AsyncClient.connect(
-        port=usarsim_server.port, timeout=DEADLINE
-    ) as client:
+    async with connected(usarsim_server) as client:
         await client.spawn("P3AT", start="RobotStart1")
         refused = asyncio.ensure_future(client.change_settings(max_range=-1))
         await asyncio.sleep(0)  # until it is sent
@@ -193,9 +180,7 @@ async def test_answer_of_a_cancelled_change_is_not_that_of_the_next_one(
 
 async def test_many_clients_share_a_loop(usarsim_server: UsarsimServer) -> None:
     async def greeted() -> str:
-        async with await AsyncClient.connect(
-            port=usarsim_server.port, timeout=DEADLINE
-        ) as client:
+        async with await connected(usarsim_server) as client:
             return (await client.greeting()).level
 
     assert set(await asyncio.gather(*[greeted() for _ in range(8)])) == {"DM-EmptyRoom"}

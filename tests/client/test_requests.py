@@ -34,10 +34,7 @@ GEO = (
     "GEO {Type RangeScanner} {Name S Location 0.2,0,-0.1 Orientation 0,0,0 Mount HARD}"
 )
 CONF = "CONF {Type RangeScanner} {Name S} {MaxRange 20} {Resolution 0.5} {Fov 1}"
-ABOUT_ROBOT = {
-    "GETGEO {Type Robot}": ROBOT_GEO,
-    "GETCONF {Type Robot}": ROBOT_CONF,
-}
+ABOUT_ROBOT = {"GETGEO {Type Robot}": ROBOT_GEO, "GETCONF {Type Robot}": ROBOT_CONF}
 
 
 class ScriptedServer:
@@ -206,13 +203,13 @@ def test_unread_scans_of_a_burst_are_returned_one_by_one() -> None:
 
 
 def test_reports_that_nobody_reads_do_not_fill_the_memory() -> None:
-    chatter = [_odometry(time) + f"NFO {{Left R{time}}}\n" for time in range(5000)]
+    chatter = [_odometry(time) + f"NFO {{Left R{time}}}\n" for time in range(1500)]
     client = Client(TellingServer("NFO {Left first}\n", *chatter))
     with pytest.raises(ClientTimeout):
         client.wait_for(RangeScan, timeout=1)
     reports = client.read()
     assert len(reports) <= 1000
-    assert reports[-1] == RobotLeft("R4999")
+    assert reports[-1] == RobotLeft("R1499")
 
 
 def test_errors_of_settings_are_raised_by_the_call_that_caused_them() -> None:
@@ -293,8 +290,6 @@ def test_pose_can_be_numbers(pose: Sequence[float], place: str) -> None:
             (1,),
             r"^pose \(1,\), expected a Pose2, a Pose3, x, y or x, y, yaw, or six num",
         ),
-        ("1,2", r"^pose '1,2', expected a Pose2"),
-        ((1, "a"), r"^pose \(1, 'a'\), expected a Pose2"),
         ((1, math.nan), r"^pose \(1, nan\), expected a Pose2"),
         (7, r"^pose 7, expected a Pose2"),
     ],
@@ -306,7 +301,7 @@ def test_what_is_no_pose_is_told(pose: Any, told: str) -> None:
     assert server.heard == []
 
 
-@pytest.mark.parametrize("kind", ["RangeScan", RangeScan.__name__.encode(), 3])
+@pytest.mark.parametrize("kind", ["RangeScan", 3])
 def test_what_is_no_class_of_reports_is_told(kind: Any) -> None:
     with pytest.raises(TypeError, match=r"^kind .*, expected a class of reports such"):
         Client(ScriptedServer({}, [])).wait_for(kind)
@@ -326,12 +321,6 @@ def test_loop_over_a_client_yields_all_reports_until_it_is_closed() -> None:
         assert report.time == 2
         client.close()
     assert list(client) == []
-
-
-def test_loop_over_a_silent_client_times_out() -> None:
-    server = ScriptedServer({}, [])
-    with pytest.raises(ClientTimeout, match="no report within 5 s"):
-        next(iter(Client(server)))
 
 
 def test_newest_report_of_a_type_has_been_read_or_not() -> None:
@@ -400,9 +389,10 @@ def test_spawn_clears_the_scans_of_the_previous_robot() -> None:
 @pytest.mark.parametrize(
     "call",
     [
-        pytest.param(lambda client: client.read(1), id="read"),
-        pytest.param(lambda client: client.wait_for(Ins, timeout=1), id="wait"),
-        pytest.param(lambda client: client.geometry("INS"), id="ask"),
+        lambda client: client.read(1),
+        lambda client: client.wait_for(Ins, timeout=1),
+        lambda client: client.geometry("INS"),
+        lambda client: next(iter(client)),
     ],
 )
 def test_calls_wait_exactly_the_timeout_when_the_server_is_silent(
@@ -479,38 +469,27 @@ def test_robot_is_waited_for_while_the_server_compiles(
     assert isinstance(client.read()[0], Status)
 
 
-def test_compiling_server_is_given_up_after_300_s() -> None:
-    server = CompilingServer(begins=inf)
-    with pytest.raises(ClientTimeout, match=r"within 300 s.* still compiles"):
-        Client(server).spawn("P3AT")
-    assert server.time() == pytest.approx(300, abs=0.5)
-
-
-@pytest.mark.parametrize("limit", [7.0, 300.0])
-def test_wait_for_a_compiling_server_ends_when_the_caller_says(limit: float) -> None:
-    server = CompilingServer(begins=inf)
-    with pytest.raises(ClientTimeout, match=rf"within {limit:g} s.* still compiles"):
-        Client(server).spawn("P3AT", timeout=limit)
-    assert server.time() == pytest.approx(limit, abs=0.5)
-    server = CompilingServer(begins=limit - 3, has_place=False)
-    with pytest.raises(ClientTimeout, match=rf"within {limit:g} s.* no free place"):
-        Client(server).spawn("P3AT", timeout=limit)
-    assert server.time() == pytest.approx(limit, abs=0.5)
-
-
-@pytest.mark.parametrize(("begins", "ends"), [(0.0, 5.0), (60.0, 65.0)])
-def test_robot_without_a_place_is_not_waited_for(begins: float, ends: float) -> None:
-    server = CompilingServer(begins=begins, has_place=False)
-    with pytest.raises(ClientTimeout, match=r"within 5 s.* no free place"):
-        Client(server).spawn("P3AT")
+@pytest.mark.parametrize(
+    ("begins", "has_place", "timeout", "text", "ends"),
+    [
+        (inf, True, None, "within 300 s.* still compiles", 300),
+        (inf, True, 7.0, "within 7 s.* still compiles", 7),
+        (inf, True, 300.0, "within 300 s.* still compiles", 300),
+        (4.0, False, 7.0, "within 7 s.* no free place", 7),
+        (297.0, False, 300.0, "within 300 s.* no free place", 300),
+        (0.0, False, None, "within 5 s.* no free place", 5),
+        (60.0, False, None, "within 5 s.* no free place", 65),
+        (0.0, False, 120.0, "within 5 s.* no such class", 7),
+    ],
+)
+def test_wait_for_a_robot_ends(
+    begins: float, has_place: bool, timeout: float | None, text: str, ends: float
+) -> None:
+    """A server that compiles is given as long as the caller says, or 300 s."""
+    server = CompilingServer(begins=begins, has_place=has_place)
+    with pytest.raises(ClientTimeout, match=text):
+        Client(server).spawn("P3AT", timeout=timeout)
     assert server.time() == pytest.approx(ends, abs=0.5)
-
-
-def test_robot_without_a_place_is_not_waited_for_longer_than_others() -> None:
-    server = CompilingServer(begins=0.0, has_place=False)
-    with pytest.raises(ClientTimeout, match=r"within 5 s.* no such class"):
-        Client(server).spawn("P3ATT", timeout=120.0)
-    assert server.time() == pytest.approx(7, abs=0.5)
 
 
 def test_server_that_answers_no_question_is_not_waited_for() -> None:

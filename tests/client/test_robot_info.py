@@ -65,35 +65,28 @@ def test_limited_wheel_speeds_follow_the_same_curve_slower(
 
 
 @pytest.mark.parametrize(
-    ("geo", "least"),
+    "geo",
     [
-        pytest.param(replace(GEO, dimensions=(0.3, 0.4, 0)), (0.7, 0.6), id="wheels"),
-        pytest.param(replace(GEO, dimensions=(0, 0, 0)), (0.7, 0.6), id="nothing"),
-        pytest.param(
-            replace(GEO, dimensions=(0.3, 0.4, 0), wheel_base=nan),
-            (0.7, 0.6),
-            id="base",
-        ),
+        replace(GEO, dimensions=(0.3, 0.4, 0)),
+        replace(GEO, dimensions=(0, 0, 0)),
+        replace(GEO, dimensions=(0.3, 0.4, 0), wheel_base=nan),
     ],
+    ids=["wheels", "nothing", "base"],
 )
-def test_unreported_hull_reaches_beyond_the_wheels(
-    geo: RobotGeo, least: tuple[float, float]
-) -> None:
+def test_unreported_hull_reaches_beyond_the_wheels(geo: RobotGeo) -> None:
     info = RobotInfo.from_reports(geo, CONF, (), "rad_per_s")
-    assert (info.length, info.width) == pytest.approx(least)
+    assert (info.length, info.width) == pytest.approx((0.7, 0.6))
     assert info.height == 0
 
 
 @pytest.mark.parametrize(
     ("geo", "conf", "key"),
     [
-        pytest.param(replace(GEO, wheel_radius=0), CONF, "WheelRadius", id="radius"),
-        pytest.param(
-            replace(GEO, wheel_separation=-1), CONF, "WheelSeparation", id="separation"
-        ),
-        pytest.param(GEO, replace(CONF, max_speed=0), "MaxSpeed", id="speed"),
-        pytest.param(replace(GEO, wheel_radius=1e-9), CONF, "WheelRadius", id="tiny"),
-        pytest.param(GEO, replace(CONF, max_speed=1e9), "MaxSpeed", id="fast"),
+        (replace(GEO, wheel_radius=0), CONF, "WheelRadius"),
+        (replace(GEO, wheel_separation=-1), CONF, "WheelSeparation"),
+        (GEO, replace(CONF, max_speed=0), "MaxSpeed"),
+        (replace(GEO, wheel_radius=1e-9), CONF, "WheelRadius"),
+        (GEO, replace(CONF, max_speed=1e9), "MaxSpeed"),
     ],
 )
 def test_implausible_wheels_are_refused(
@@ -112,12 +105,12 @@ def test_negative_dimensions_are_refused() -> None:
 @pytest.mark.parametrize(
     ("limits", "text"),
     [
-        pytest.param((0, 0, 0.01, 3), "MaxRange 0", id="sees nothing"),
-        pytest.param((-80, 0, 0.01, 3), "MaxRange -80", id="sees behind itself"),
-        pytest.param((80, 0, 1e-9, 3), "at most 100000 beams", id="many beams"),
-        pytest.param((80, 0, 0.01, -3), "FOV -3", id="negative"),
-        pytest.param((80, 0, 1, 180), "FOV 180", id="degrees"),
-        pytest.param((80, 0, 1e6, 1e6), "FOV 1e", id="all too wide"),
+        ((0, 0, 0.01, 3), "MaxRange 0"),
+        ((-80, 0, 0.01, 3), "MaxRange -80"),
+        ((80, 0, 1e-9, 3), "at most 100000 beams"),
+        ((80, 0, 0.01, -3), "FOV -3"),
+        ((80, 0, 1, 180), "FOV 180"),
+        ((80, 0, 1e6, 1e6), "FOV 1e"),
     ],
 )
 def test_implausible_scanner_is_refused(
@@ -217,10 +210,7 @@ ANGLES = np.radians(np.arange(-179.5, 180.0))
 
 
 @given(
-    st.floats(-0.5, 0.5),
-    st.floats(-0.5, 0.5),
-    st.floats(-pi, pi),
-    st.integers(0, 359),
+    st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.floats(-pi, pi), st.integers(0, 359)
 )
 def test_beam_end_is_the_same_point_from_the_centre(
     x: float, y: float, yaw: float, beam: int

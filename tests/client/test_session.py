@@ -135,11 +135,11 @@ def test_report_without_time_gets_the_latest_time() -> None:
 @pytest.mark.parametrize(
     "fields",
     [
-        pytest.param("{FOV 0} {Range 1,2}", id="two beams and no fan"),
-        pytest.param("{FOV -3.14} {Range 1,2}", id="negative fan"),
-        pytest.param("{FOV 180} {Range 1,2}", id="many turns"),
-        pytest.param("{FOV 3.14} {Range 1,-2}", id="negative range"),
-        pytest.param("{FOV 3.14} {Range 1,nan}", id="no number"),
+        "{FOV 0} {Range 1,2}",
+        "{FOV -3.14} {Range 1,2}",
+        "{FOV 180} {Range 1,2}",
+        "{FOV 3.14} {Range 1,-2}",
+        "{FOV 3.14} {Range 1,nan}",
     ],
 )
 def test_implausible_scan_is_skipped(fields: str) -> None:
@@ -164,60 +164,44 @@ def test_unknown_lines_are_counted_and_the_last_line_is_stored() -> None:
 @pytest.mark.parametrize(
     ("question", "answer", "others"),
     [
-        pytest.param(
-            questions.greeting(), Greeting("a"), [StartPoses(())], id="greeting"
-        ),
-        pytest.param(
-            questions.start_poses(), StartPoses(()), [Greeting("a")], id="start poses"
-        ),
-        pytest.param(
+        (questions.greeting(), Greeting("a"), [StartPoses(())]),
+        (questions.start_poses(), StartPoses(()), [Greeting("a")]),
+        (
             questions.geometry("robot"),
             GEO,
             [ItemGeo("Robot", (), ""), RobotConf("P3AT", 1, 1, 1)],
-            id="robot",
         ),
-        pytest.param(
+        (
             questions.geometry("INS"),
             ItemGeo("ins", (("I", HERE),), ""),
             [GEO, ItemGeo("Odometry", (), "")],
-            id="all of a type",
         ),
-        pytest.param(
+        (
             questions.geometry("INS", "i"),
             ItemGeo("INS", (("I", HERE),), ""),
             [ItemGeo("INS", (("J", HERE),), ""), ItemGeo("INS", (), "")],
-            id="one of a type",
         ),
-        pytest.param(
+        (
             questions.configuration("Robot"),
             RobotConf("P3AT", 1, 1, 1),
             [GEO, IntervalConf("Robot", ())],
-            id="abilities",
         ),
-        pytest.param(
+        (
             questions.configuration("RangeScanner"),
             ScannerConf("rangescanner", (("S", 1, 1, 1, 1),)),
             [ItemGeo("RangeScanner", (), ""), IntervalConf("INS", ())],
-            id="settings",
         ),
-        pytest.param(
+        (
             questions.configuration("INS", "I"),
             IntervalConf("INS", (("i", 0.1),)),
             [IntervalConf("INS", (("J", 0.1),)), NameConf("INS", ("J",))],
-            id="settings of one",
         ),
-        pytest.param(
+        (
             questions.configuration("Camera", "C"),
             NameConf("Camera", ("C",)),
             [NameConf("Camera", ()), NameConf("Lamp", ("C",))],
-            id="no settings",
         ),
-        pytest.param(
-            questions.spawn("P3AT"),
-            GroundTruth(1, "G", HERE),
-            [Greeting("a"), GEO],
-            id="robot made",
-        ),
+        (questions.spawn("P3AT"), GroundTruth(1, "G", HERE), [Greeting("a"), GEO]),
     ],
 )
 def test_question_accepts_only_its_reply(
@@ -230,33 +214,25 @@ def test_question_accepts_only_its_reply(
 @pytest.mark.parametrize(
     ("data", "line"),
     [
-        pytest.param(questions.greeting().data, b"", id="nothing"),
-        pytest.param(
-            questions.geometry("INS", "I").data,
-            b"GETGEO {Type INS} {Name I}",
-            id="where",
-        ),
-        pytest.param(
+        (questions.greeting().data, b""),
+        (questions.geometry("INS", "I").data, b"GETGEO {Type INS} {Name I}"),
+        (
             questions.spawn("P3AT", pose=Pose2(1, 2, 0.5)).data,
             b"INIT {ClassName USARBot.P3AT}"
             b" {Location 1.0,-2.0,0.0} {Rotation 0.0,0.0,-0.5}",
-            id="a place on the floor",
         ),
-        pytest.param(
+        (
             questions.spawn("P3AT", pose=Pose3(1, 2, 3, 4, 5, 6)).data,
             b"INIT {ClassName USARBot.P3AT}"
             b" {Location 1.0,-2.0,-3.0} {Rotation 4.0,-5.0,-6.0}",
-            id="a place in space",
         ),
-        pytest.param(
+        (
             questions.echoes("S", on=False),
             b"SET {Type RangeScanner} {Name S} {Opcode ECHOES} {Params false}",
-            id="echoes",
         ),
-        pytest.param(
+        (
             questions.set_item("Odometry", None, "RESET"),
             b"SET {Type Odometry} {Opcode RESET}",
-            id="order",
         ),
     ],
 )
@@ -275,11 +251,11 @@ SHAPE = (
 @pytest.mark.parametrize(
     ("left", "right", "speed", "angle"),
     [
-        pytest.param(2.0, 2.0, 2.0, 0.0, id="straight"),
-        pytest.param(1.0, 3.0, 2.0, atan(3.3 * 2 / 1.82 / 2), id="left"),
-        pytest.param(-1.0, -3.0, -2.0, atan(3.3 * 2 / 1.82 / 2), id="back"),
-        pytest.param(3.0, -3.0, 3.0, -pi / 2, id="on the spot"),
-        pytest.param(0.0, 0.0, 0.0, 0.0, id="stop"),
+        (2.0, 2.0, 2.0, 0.0),
+        (1.0, 3.0, 2.0, atan(3.3 * 2 / 1.82 / 2)),
+        (-1.0, -3.0, -2.0, atan(3.3 * 2 / 1.82 / 2)),
+        (3.0, -3.0, 3.0, -pi / 2),
+        (0.0, 0.0, 0.0, 0.0),
     ],
 )
 def test_a_car_is_steered_in_the_same_curve(

@@ -3,7 +3,6 @@
 import socket
 import threading
 import time
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from math import degrees, dist, pi
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 
 from radarsim.addons.testing import UsarsimServer
-from radarsim.client import Client, ClientError, ClientTimeout, Transport
+from radarsim.client import Client, ClientError, ClientTimeout
 from radarsim.geometry import Pose2
 from radarsim.presets.robots import load_robot, robot_names
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
@@ -28,19 +27,16 @@ from radarsim.protocol.reports import (
 )
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
+from radarsim.server.host.lockstep import InProcessTransport
 from radarsim.simulation.config import SimulationConfig
 
 from .conftest import DEADLINE, Serve
 
-LinkTo = Callable[[Host], Transport]
-
 
 @pytest.mark.parametrize("name", sorted(robot_names()))
-def test_robot_info_matches_the_robot_class(
-    empty_room: Scene, link_to: LinkTo, name: str
-) -> None:
+def test_robot_info_matches_the_robot_class(empty_room: Scene, name: str) -> None:
     model = load_robot(name)
-    with Client(link_to(Host(empty_room))) as client:
+    with Client(InProcessTransport(Host(empty_room))) as client:
         client.spawn(name, start="RobotStart1")
         info = client.robot_info()
         scans = [client.wait_for(RangeScan, name=s.name) for s in info.scanners]
@@ -64,10 +60,10 @@ def test_robot_info_matches_the_robot_class(
 
 @pytest.mark.parametrize("dialect", [COMPAT, UDK], ids=lambda dialect: dialect.name)
 def test_robot_moves_at_the_commanded_speeds(
-    empty_room: Scene, link_to: LinkTo, dialect: Dialect
+    empty_room: Scene, dialect: Dialect
 ) -> None:
     host = Host(empty_room, config=SimulationConfig(dialect))
-    with Client(link_to(host)) as client:
+    with Client(InProcessTransport(host)) as client:
         client.spawn("P3AT", pose=Pose2(0, 0, 0.5))
         info = client.robot_info(drive_unit=dialect.drive_unit)
         client.drive(*info.wheel_speeds(0.4, 0.5))
@@ -86,10 +82,10 @@ def test_robot_moves_at_the_commanded_speeds(
     assert not host.simulation.collect_reports()
 
 
-def test_long_scans_arrive_complete(empty_room: Scene, link_to: LinkTo) -> None:
+def test_long_scans_arrive_complete(empty_room: Scene) -> None:
     settings = {"lms200": {"fov_deg": 270, "resolution_deg": 0.25}}
     host = Host(empty_room, config=SimulationConfig(item_settings=settings))
-    with Client(link_to(host)) as client:
+    with Client(InProcessTransport(host)) as client:
         client.spawn("P3AT")
         angles = client.robot_info().scanner().angles
         scan = client.wait_for(RangeScan)
@@ -98,9 +94,9 @@ def test_long_scans_arrive_complete(empty_room: Scene, link_to: LinkTo) -> None:
 
 
 def test_echoes_precede_their_scan_until_they_are_switched_off(
-    foliage_room: Scene, link_to: LinkTo
+    foliage_room: Scene,
 ) -> None:
-    with Client(link_to(Host(foliage_room))) as client:
+    with Client(InProcessTransport(Host(foliage_room))) as client:
         client.spawn("P3AT", start="RobotStart1")
         client.echoes("lms200")
         first = client.wait_for(EchoLine)
@@ -160,11 +156,20 @@ def test_close_ends_the_calls_of_other_threads(serve: Serve, threads: int) -> No
         is_over.set()
 
 
+class Blind:
+    """A link of a process that tells no reasons, as none of a network does."""
+
+    def __init__(self, host: Host) -> None:
+        link = InProcessTransport(host)
+        self.send, self.receive = link.send, link.receive
+        self.time, self.close = link.time, link.close
+
+
 def test_spawn_of_an_unknown_class_times_out_in_simulated_time(
-    empty_room: Scene, link_to: LinkTo
+    empty_room: Scene,
 ) -> None:
     host = Host(empty_room)
-    with Client(link_to(host), timeout=2) as client:
+    with Client(Blind(host), timeout=2) as client:
         expected = r"no reading of the robot 'Tank' within 2 s, the last line was 'NFO"
         with pytest.raises(ClientTimeout, match=expected):
             client.spawn("Tank")
@@ -175,13 +180,11 @@ def test_spawn_of_an_unknown_class_times_out_in_simulated_time(
         assert isinstance(client.read()[0], Status)
 
 
-def test_robots_without_a_start_take_the_first_free_ones(
-    foliage_room: Scene, link_to: LinkTo
-) -> None:
+def test_robots_without_a_start_take_the_first_free_ones(foliage_room: Scene) -> None:
     host = Host(foliage_room)
     with ExitStack() as stack:
         for _ in range(4):
-            client = stack.enter_context(Client(link_to(host)))
+            client = stack.enter_context(Client(InProcessTransport(host)))
             client.spawn("P3AT")
             client.spawn("P3AT")  # its own place is free again
         poses = [vehicle.robot.pose for vehicle in host.simulation.vehicles]
@@ -191,19 +194,17 @@ def test_robots_without_a_start_take_the_first_free_ones(
     assert 0.3 < dist((poses[3].x, poses[3].y), starts[0]) <= 1.0
 
 
-def test_start_that_the_map_does_not_have_is_an_error(
-    empty_room: Scene, link_to: LinkTo
-) -> None:
+def test_start_that_the_map_does_not_have_is_an_error(empty_room: Scene) -> None:
     host = Host(empty_room)
-    with Client(link_to(host)) as client:
+    with Client(InProcessTransport(host)) as client:
         with pytest.raises(ClientError, match="start 'Nope', expected one of"):
             client.spawn("P3AT", start="Nope")
         assert not host.simulation.vehicles
         client.spawn("P3AT", start="ROBOTstart2")
 
 
-def test_second_spawn_replaces_the_robot(empty_room: Scene, link_to: LinkTo) -> None:
-    with Client(link_to(Host(empty_room))) as client:
+def test_second_spawn_replaces_the_robot(empty_room: Scene) -> None:
+    with Client(InProcessTransport(Host(empty_room))) as client:
         client.spawn("P3AT", pose=Pose2(1, 2))
         client.spawn("P3AT_Radar360", pose=Pose2(3, -2, pi / 2))
         assert client.robot_info().name == "P3AT_Radar360"
@@ -211,10 +212,8 @@ def test_second_spawn_replaces_the_robot(empty_room: Scene, link_to: LinkTo) -> 
         assert (pose.x, pose.y, pose.yaw) == pytest.approx((3, -2, pi / 2), abs=1e-3)
 
 
-def test_refused_spawn_of_a_client_with_a_robot_raises(
-    empty_room: Scene, link_to: LinkTo
-) -> None:
-    with Client(link_to(Host(empty_room))) as client:
+def test_refused_spawn_of_a_client_with_a_robot_raises(empty_room: Scene) -> None:
+    with Client(Blind(Host(empty_room))) as client:
         client.spawn("P3AT", pose=Pose2(1, 2))
         expected = r"^the robot is still a 'P3AT', expected 'Tank': .*no such class"
         with pytest.raises(ClientError, match=expected):
@@ -224,16 +223,14 @@ def test_refused_spawn_of_a_client_with_a_robot_raises(
         assert client.robot_info().name == "P2AT"
 
 
-def test_calls_on_a_closed_client_raise_an_error(
-    empty_room: Scene, link_to: LinkTo
-) -> None:
-    client = Client(link_to(Host(empty_room)))
+def test_calls_on_a_closed_client_raise_an_error(empty_room: Scene) -> None:
+    client = Client(InProcessTransport(Host(empty_room)))
     client.spawn("P3AT")
     client.close()
     client.close()
     assert client.read()  # reports that had arrived
     with pytest.raises(
-        ClientError, match=r"^the transport is closed, expected report, the la"
+        ClientError, match=r"^the link is closed, expected report, the la"
     ):
         client.read()
     assert not client.stop()

@@ -257,15 +257,6 @@ def test_answer_about_another_robot_is_known_among_others() -> None:
         assert not question.accepts(other)
 
 
-def test_refused_watch_is_reported(empty_room: Scene) -> None:
-    host = Host(empty_room)
-    number, session = host.connect(), Session()
-    host.receive(number, b"WATCH {Robot All}\r\n")
-    _, error = exchange(host, number, session, 1)
-    assert isinstance(error, CommandError)
-    assert "Robots" in error.text
-
-
 @DIALECTS
 def test_clock_is_told_in_every_tick(empty_room: Scene, dialect: Dialect) -> None:
     host = Host(empty_room, config=SimulationConfig(dialect))

@@ -73,8 +73,7 @@ def test_usarcommander_asks_for_the_camera_of_a_p3at(
 
 @pytest.mark.parametrize("opcode", ["Zoom", "FOV", "zoom"])
 @pytest.mark.parametrize(
-    ("params", "degrees"),
-    [("0.5", 28), ("0.1", 20), ("3", 120), ("0", 80), ("-1", 20)],
+    ("params", "degrees"), [("0.5", 28), ("0.1", 20), ("3", 120), ("0", 80), ("-1", 20)]
 )
 def test_zoom_is_in_whole_degrees_within_limits(
     empty_room: Scene, opcode: str, params: str, degrees: float

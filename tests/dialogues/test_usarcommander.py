@@ -413,9 +413,7 @@ def test_mapped_walls_match_the_room_on_average_with_side_beams(
     assert 0.05 < errors.max() < 0.105  # no ray is farther from its beam than 25 units
 
 
-def test_mapped_walls_match_the_room_in_front_of_bushes(
-    foliage_room: Scene,
-) -> None:
+def test_mapped_walls_match_the_room_in_front_of_bushes(foliage_room: Scene) -> None:
     world = World(Host(foliage_room, config=NO_NOISE))
     _, commander = dialogue(world.connect, TOUR)
     points = commander.walls()

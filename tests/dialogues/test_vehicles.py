@@ -16,7 +16,7 @@ from radarsim.scene.scene import Scene
 @pytest.mark.parametrize(
     ("dialect", "geo", "conf", "status"),
     [
-        pytest.param(
+        (
             COMPAT,
             "GEO {Type GroundVehicle} {Name FrontAckerman} "
             "{Dimensions 1.4000,0.7000,1.0000} {COG 0.0000,0.0000,0.0000} "
@@ -25,9 +25,8 @@ from radarsim.scene.scene import Scene
             "{SteeringType AckermanSteered} {Mass 147.0000} {MaxSpeed 3.5186} "
             "{MaxTorque 50000.0000} {MaxFrontSteer 0.5000} {MaxRearSteer 0.0000}",
             "{FrontSteer 0.1000} {RearSteer 0.0000} {LightToggle True} ",
-            id="compat",
         ),
-        pytest.param(
+        (
             UDK,
             "GEO {Type GroundVehicle} {Name FrontAckerman} "
             "{Dimensions 0.9560,0.4520,0.0000} {COG 0.0000,0.0000,0.0000} "
@@ -37,7 +36,6 @@ from radarsim.scene.scene import Scene
             "{MaxTorque 50000.0000} {MaxFrontSteer 1.0000} {MaxRearSteer 6.2800}",
             "{LightToggle True} {LightIntensity 100} {FrontSteer 0.1000} "
             "{RearSteer 0.0000}",
-            id="udk",
         ),
     ],
 )

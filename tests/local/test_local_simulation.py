@@ -67,7 +67,7 @@ class WireRobot:
         return self.session.receive(self.host.take(self.number))
 
 
-def test_two_robots_report_for_a_minute_what_a_server_sends(
+def test_two_robots_report_what_a_server_sends(
     foliage_room: Scene, sim: LocalSimulation
 ) -> None:
     host = Host(foliage_room, seed=3)
@@ -76,7 +76,7 @@ def test_two_robots_report_for_a_minute_what_a_server_sends(
     for each in wired:
         each.read()  # the greeting
     kinds: set[str] = set()
-    for k in range(600):
+    for k in range(150):
         motions = [(0.4, 0.1), (0.3, -0.2 * math.sin(k / 20))]
         for robot, wire, motion in zip(robots, wired, motions, strict=True):
             robot.drive(*motion)
@@ -89,7 +89,7 @@ def test_two_robots_report_for_a_minute_what_a_server_sends(
             received = [r for r in robot.reports if type(r).__name__ != "Greeting"]
             assert list(map(numbers_of, received)) == list(map(numbers_of, sent))
             kinds |= {type(report).__name__ for report in sent}
-    assert sim.time == host.simulation.time == 60.0
+    assert sim.time == host.simulation.time == 15.0
     assert {"RangeScan", "GroundTruth", "Ins", "Odometry", "Touch"} <= kinds
 
 

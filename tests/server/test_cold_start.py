@@ -72,7 +72,7 @@ def wait_until_gone(number: int) -> None:
 @pytest.mark.parametrize(
     ("number", "code"),
     [
-        pytest.param(signal.SIGINT, 130, id="interrupt"),
+        (signal.SIGINT, 130),
         pytest.param(signal.SIGTERM, 0, id="terminate", marks=pytest.mark.slow),
         pytest.param(signal.SIGKILL, -9, id="kill", marks=pytest.mark.slow),
     ],
@@ -114,18 +114,11 @@ from radarsim.simulation.config import SimulationConfig
 host = load_host(sys.argv[1], SimulationConfig(), seed=0, begins=False)
 Server(host), make_image_server(host, 0), host.connect()
 print(*{"numba", "scipy", "shapely", "matplotlib", "embreex"} & set(sys.modules))
+host.begin(host.make_simulation())
+print(*{"scipy.signal", "matplotlib"} & set(sys.modules))
 """
 
 
-@pytest.mark.parametrize("name", ["empty_room", "smoke_room"])
-def test_nothing_slow_is_imported_before_a_server_listens(name: str) -> None:
-    command = (sys.executable, "-c", LOADED, name)
-    assert subprocess.check_output(command, text=True) == "\n"
-
-
-def test_signal_processing_that_takes_long_to_import_is_not_imported() -> None:
-    code = "from radarsim.server.host import Host; from radarsim.scene.map_file import"
-    code += " load_map; import sys; Host(load_map('empty_room'));"
-    code += " print('scipy.signal' in sys.modules)"
-    command = (sys.executable, "-c", code)
-    assert subprocess.check_output(command, text=True) == "False\n"
+def test_nothing_slow_is_imported_before_a_server_listens() -> None:
+    command = (sys.executable, "-c", LOADED, "smoke_room")
+    assert subprocess.check_output(command, text=True) == "\n\n"

@@ -91,11 +91,3 @@ def test_reason_of_the_end_is_told(
     monkeypatch.setattr(compiler_process, "PROGRAM", program)
     with pytest.raises(ServerError, match=f"^{reason}$"):
         CompilerProcess().run()
-
-
-def test_observers_are_told_that_it_compiles(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compiler_process, "PROGRAM", "print('compiling', flush=True)")
-    seen: list[str | None] = []
-    monkeypatch.setattr(compilation, "observers", [seen.append])
-    CompilerProcess().run()
-    assert seen == ["the ray engine", None]

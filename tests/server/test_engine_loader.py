@@ -4,9 +4,9 @@ import asyncio
 import gc
 import logging
 import threading
-from collections.abc import Callable
 
 import pytest
+from peers import wait_until
 
 from radarsim.errors import EngineError, ServerError
 from radarsim.scene.scene import Scene
@@ -52,14 +52,6 @@ def host(empty_room: Scene) -> Host:
 @pytest.fixture
 def cold(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "is_complete", lambda: False)
-
-
-async def wait_until(condition: Callable[[], bool]) -> None:
-    for _ in range(100_000):
-        if condition():
-            return
-        await asyncio.sleep(0.001)
-    raise TimeoutError
 
 
 async def test_nothing_is_compiled_where_all_is_cached(

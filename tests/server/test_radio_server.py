@@ -1,11 +1,12 @@
 """The wireless server: programs of robots that register, ask, and talk through it."""
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from typing import TypeAlias
 
 import pytest
+from peers import DEADLINE, Peer
 
 from radarsim.errors import ServerError
 from radarsim.geometry import Pose2
@@ -16,8 +17,7 @@ from radarsim.server import radio_links, radio_server
 from radarsim.server.radio_server import RadioServer
 from radarsim.simulation.simulation import Simulation
 
-DEADLINE = 240.0  # s of the wall clock, for what a busy machine does late
-FAR = Pose2(8, 0)  # behind eight walls
+NEAR, FAR = Pose2(-4, 0), Pose2(8, 3)  # of R1, the far one behind eight walls
 
 
 @pytest.fixture(autouse=True)
@@ -28,13 +28,13 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 Streams: TypeAlias = tuple[asyncio.StreamReader, asyncio.StreamWriter]
 
 
-class Program:
+class Program(Peer):
     """A robot's program: it asks the server, and listens on a port of its own."""
 
     def __init__(
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
     ) -> None:
-        self.reader, self.writer = reader, writer
+        super().__init__(reader, writer)
         self.port = 0
         self.calls: asyncio.Queue[Streams] = asyncio.Queue()
         self.listener: asyncio.Server | None = None
@@ -50,15 +50,27 @@ class Program:
 
     async def ask(self, line: str) -> str:
         self.writer.write(f"{line}\r\n".encode())
-        async with asyncio.timeout(DEADLINE):
-            return (await self.reader.readuntil(b"\r\n")).decode().removesuffix("\r\n")
+        return (await self.line()).decode().removesuffix("\r\n")
+
+    async def port_of(self, robot: str) -> int:
+        reply = await self.ask(f"DNS {{Robot {robot}}}")
+        return int(reply.rpartition("{Port ")[2].removesuffix("}"))
 
     async def call(self, robot: str, address: str = "127.0.0.1") -> Streams:
-        reply = await self.ask(f"DNS {{Robot {robot}}}")
-        port = int(reply.rpartition("{Port ")[2].removesuffix("}"))
+        return await self.connect_to(await self.port_of(robot), address)
+
+    async def connect_to(self, port: int, address: str = "127.0.0.1") -> Streams:
         reader, writer = await asyncio.open_connection(address, port)
         self._writers.append(writer)
         return reader, writer
+
+    async def connect_when_open(self, port: int) -> Streams:
+        """Try until somebody listens."""
+        async with asyncio.timeout(DEADLINE):
+            while True:
+                with suppress(ConnectionError):
+                    return await self.connect_to(port)
+                await asyncio.sleep(0.005)
 
     async def next_call(self) -> Streams:
         async with asyncio.timeout(DEADLINE):
@@ -75,7 +87,7 @@ class Program:
 
 @asynccontextmanager
 async def program(server: RadioServer, name: str = "") -> AsyncIterator[Program]:
-    made = Program(*await asyncio.open_connection(*server.address))
+    made = await Program.connect(server.address)
     if name:
         await made.listen()
         reply = await made.ask(f"INIT {{Robot {name}}} {{Port {made.port}}}")
@@ -91,7 +103,7 @@ def simulation(empty_room: Scene) -> Simulation:
         box = {"box": [0.05, 12, 3], "position": [3 + number / 4, 0, 1.5]}
         scene = scene.with_object(f"wall{number}", material="concrete", **box)
     made = Simulation(scene)
-    for name, pose in (("R1", Pose2(0, 0)), ("R2", Pose2(-4, 0)), ("R3", FAR)):
+    for name, pose in (("R1", Pose2(0, 0)), ("R2", NEAR), ("R3", FAR)):
         made.spawn(name, load_robot("P3AT"), pose)
     return made
 
@@ -110,12 +122,6 @@ def move(simulation: Simulation, name: str, pose: Pose2) -> None:
     robot.fleet.place(robot, pose, Obstacles())
 
 
-async def until(condition: Callable[[], bool]) -> None:
-    async with asyncio.timeout(DEADLINE):
-        while not condition():  # noqa: ASYNC110 - the server has no such event
-            await asyncio.sleep(0.005)
-
-
 async def rest_of(reader: asyncio.StreamReader) -> bytes:
     """Return what comes until the connection is closed."""
     async with asyncio.timeout(DEADLINE):
@@ -124,7 +130,6 @@ async def rest_of(reader: asyncio.StreamReader) -> bytes:
     return b""
 
 
-@pytest.mark.asyncio
 async def test_requests_are_answered_as_by_the_original(simulation: Simulation) -> None:
     async with serving(simulation) as server, program(server) as one:
         ask = one.ask
@@ -170,7 +175,6 @@ async def test_requests_are_answered_as_by_the_original(simulation: Simulation) 
             )
 
 
-@pytest.mark.asyncio
 async def test_robots_talk_in_both_directions(simulation: Simulation) -> None:
     async with (
         serving(simulation) as server,
@@ -228,26 +232,25 @@ async def test_who_is_too_far_is_cut_off_and_comes_back(simulation: Simulation) 
         program(server, "R1") as one,
         program(server, "R2") as two,
     ):
-        reader, writer = await one.call("R2")
+        port = await one.port_of("R2")
+        reader, writer = await one.connect_to(port)
         writer.write(b"x")
         his_reader, _ = await two.next_call()
-        move(simulation, "R2", Pose2(8, 3))
+        move(simulation, "R2", FAR)
         assert await rest_of(reader) == b""
         assert await rest_of(his_reader) == b"x"
         reply = await one.ask("GETSS {Robot R2}")
         assert float(reply.rpartition(" ")[2].removesuffix("}")) < -93
         with pytest.raises(ConnectionError):
             await one.call("R2")
-        move(simulation, "R2", Pose2(-4, 0))
-        await until(lambda: all(d._is_open for d in server._relays.values()))
-        reader, writer = await one.call("R2")
+        move(simulation, "R2", NEAR)
+        _, writer = await one.connect_when_open(port)
         writer.write(b"again")
         his_reader, _ = await two.next_call()
         async with asyncio.timeout(DEADLINE):
             assert await his_reader.readexactly(5) == b"again"
 
 
-@pytest.mark.asyncio
 async def test_who_has_left_the_simulation_is_closed(simulation: Simulation) -> None:
     async with (
         serving(simulation) as server,
@@ -255,8 +258,12 @@ async def test_who_has_left_the_simulation_is_closed(simulation: Simulation) -> 
         program(server, "R2") as two,
         program(server, "Later"),
     ):
-        reader, _ = await one.call("R2")
-        await until(lambda: server._seen == {"R1", "R2"})
+        port = await one.port_of("R2")
+        reader, _ = await one.connect_to(port)
+        move(simulation, "R2", FAR)
+        assert await rest_of(reader) == b""  # it was seen
+        move(simulation, "R2", NEAR)
+        reader, _ = await one.connect_when_open(port)
         (robot,) = [v for v in simulation.vehicles if v.robot.name == "R2"]
         simulation.remove(robot)
         assert await rest_of(two.reader) == b""
@@ -266,7 +273,6 @@ async def test_who_has_left_the_simulation_is_closed(simulation: Simulation) -> 
         assert reply == "DNSREPLY {Robot R2} {Port -1} {Error NoSuchRobot}"
 
 
-@pytest.mark.asyncio
 async def test_before_the_simulation_nobody_is_heard() -> None:
     server = RadioServer(port=0)
     await server.start()
@@ -278,7 +284,6 @@ async def test_before_the_simulation_nobody_is_heard() -> None:
     await server.stop()
 
 
-@pytest.mark.asyncio
 async def test_calls_that_nobody_takes_are_closed(
     simulation: Simulation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -293,12 +298,15 @@ async def test_calls_that_nobody_takes_are_closed(
             _, writer = await one.call("R2")
             writer.transport.abort()
             monkeypatch.setattr(radio_server, "MAX_LINKS", 0)
-            reader, _ = await one.call("R2")
+            port = await one.port_of("R2")
+            reader, _ = await one.connect_to(port)
             assert await rest_of(reader) == b""
-        await until(lambda: not server._relays)
+        async with asyncio.timeout(DEADLINE):
+            with suppress(ConnectionError):
+                while True:  # until its port is closed
+                    await one.connect_to(port)
 
 
-@pytest.mark.asyncio
 async def test_ports_are_limited_and_may_be_taken(
     simulation: Simulation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -307,16 +315,16 @@ async def test_ports_are_limited_and_may_be_taken(
         serving(simulation) as server,
         program(server, "R1") as one,
         program(server, "R2"),
-        program(server, "R3"),
+        program(server, "R3") as three,
     ):
-        port = int((await one.ask("DNS {Robot R3}")).split()[-1].removesuffix("}"))
+        port = await one.port_of("R3")
         other = await asyncio.start_server(lambda *_: None, "127.0.0.1", port)
         move(simulation, "R3", Pose2(-6, 2))
         await asyncio.sleep(0.05)
-        assert not any(relay._is_open for relay in server._relays.values())
         other.close()
         await other.wait_closed()
-        await until(lambda: all(relay._is_open for relay in server._relays.values()))
+        await one.connect_when_open(port)
+        await three.next_call()
         monkeypatch.setattr(radio_server, "MAX_RELAYS", 1)
         assert await one.ask("DNS {Robot R2}") == none
         monkeypatch.setattr(radio_server, "MAX_RELAYS", 9)
@@ -328,10 +336,7 @@ async def test_ports_are_limited_and_may_be_taken(
         assert await one.ask("DNS {Robot R2}") == none
 
 
-@pytest.mark.asyncio
-async def test_floods_and_long_lines_close_a_connection(
-    simulation: Simulation,
-) -> None:
+async def test_floods_and_long_lines_close_a_connection(simulation: Simulation) -> None:
     async with serving(simulation) as server, program(server, "R1") as one:
         async with program(server) as two:
             two.writer.write(b"GETSS {Robot " + b"x" * 5000)
@@ -343,7 +348,6 @@ async def test_floods_and_long_lines_close_a_connection(
         assert (await one.ask("GETSS {Robot R1}")).startswith("SS {Robot R1}")
 
 
-@pytest.mark.asyncio
 async def test_one_robot_too_many_is_refused(
     simulation: Simulation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -356,44 +360,39 @@ async def test_one_robot_too_many_is_refused(
         assert await rest_of(refused.reader) == b""
 
 
-@pytest.mark.asyncio
 async def test_a_reader_that_pauses_gets_each_answer_once(
     simulation: Simulation,
 ) -> None:
     async with serving(simulation) as server, program(server, "R1") as one:
-        (client,) = server._clients
-        await until(lambda: server._answering is None)
+        client = server.robots["R1"]
         names = [f"X{k}" for k in range(4)]
         lines = "".join(f"GETSS {{Robot {name}}}\r\n" for name in names).encode()
+        await asyncio.sleep(0.1)  # no answer is due
         client.get_buffer(-1)[: len(lines)] = lines
         client.buffer_updated(len(lines))
         client.pause_writing()
         client.resume_writing()  # before the next answer is due
-        replies = [(await one.reader.readuntil(b"\r\n")).decode() for _ in names]
+        replies = [(await one.line()).decode() for _ in names]
         assert [reply.split("}")[0] for reply in replies] == [
             f"SS {{Robot {name}" for name in names
         ]
         assert (await one.ask("GETSS {Robot R1}")).startswith("SS {Robot R1}")
 
 
-@pytest.mark.asyncio
 async def test_robots_are_answered_in_turns(simulation: Simulation) -> None:
     async with (
         serving(simulation) as server,
         program(server, "R1") as one,
         program(server, "R2") as two,
     ):
-        for each in (one, two):
-            each.writer.write(b"GETSS {Robot R3}\r\n" * 50)
-        await until(lambda: all(c._requests for c in server.robots.values()))
-        assert len(server._turns) <= 2
-        for each in (one, two):
-            async with asyncio.timeout(DEADLINE):
-                for _ in range(50):
-                    assert b"Robot.Does.Not.Exist" in await each.reader.readline()
+        one.writer.write(b"GETSS {Robot R9}\r\n" * 60)
+        assert "Robot.Does.Not.Exist" in await two.ask("GETSS {Robot R9}")
+        answers = await one.reader.read(100_000)
+        assert answers.count(b"\r\n") < 60
+        for _ in range(60 - answers.count(b"\r\n")):
+            assert await one.line()
 
 
-@pytest.mark.asyncio
 async def test_requests_of_browsers_are_not_answered(simulation: Simulation) -> None:
     async with serving(simulation) as server, program(server) as page:
         page.writer.write(b"POST / HTTP/1.1\r\n\r\nINIT {Robot R1} {Port 22}\r\n")
@@ -401,12 +400,12 @@ async def test_requests_of_browsers_are_not_answered(simulation: Simulation) -> 
         assert server.robots == {}
 
 
-@pytest.mark.asyncio
 @pytest.mark.parametrize("limit", ["STALL_TIMEOUT", "CLOSE_GRACE"])
 async def test_who_never_reads_holds_no_link(
     simulation: Simulation, monkeypatch: pytest.MonkeyPatch, limit: str
 ) -> None:
     monkeypatch.setattr(radio_links, limit, 0.05)
+    monkeypatch.setattr(radio_server, "MAX_LINKS", 1)
     async with (
         serving(simulation) as server,
         program(server, "R1") as one,
@@ -416,11 +415,17 @@ async def test_who_never_reads_holds_no_link(
         _, his_writer = await two.next_call()
         his_writer.transport.pause_reading()  # type: ignore[attr-defined]
         writer.write(bytes(30_000_000))
-        (relay,) = server._relays.values()
-        (link,) = relay.links
-        await until(lambda: limit == "STALL_TIMEOUT" or not link._near._has_room)
         if limit == "CLOSE_GRACE":
-            link.close()
-            assert link in relay.links  # it still counts
-        await until(lambda: not relay.links)
+            move(simulation, "R2", FAR)
+            port = await one.port_of("R2")
+            async with asyncio.timeout(DEADLINE):
+                with suppress(ConnectionRefusedError):
+                    while True:  # until the link is being closed
+                        await one.connect_to(port)
+            move(simulation, "R2", NEAR)
+        async with asyncio.timeout(DEADLINE):
+            while two.calls.empty():  # while the old link counts, a new one is refused
+                with suppress(ConnectionError):
+                    await one.call("R2")
+                await asyncio.sleep(0.02)
         writer.transport.abort()

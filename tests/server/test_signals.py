@@ -17,11 +17,7 @@ from radarsim.server.host import Diagnostic, Host
 from radarsim.server.tcp_server import Server, serve
 
 INIT = b"INIT {ClassName USARBot.P3AT} {Start RobotStart1}\r\n"
-EXITS = [
-    pytest.param(signal.SIGINT, 130, id="interrupt"),
-    pytest.param(signal.SIGTERM, 0, id="terminate"),
-    pytest.param(signal.SIGHUP, 129, id="terminal closed"),
-]
+EXITS = [(signal.SIGINT, 130), (signal.SIGTERM, 0), (signal.SIGHUP, 129)]
 
 
 @pytest.mark.parametrize(("number", "code"), EXITS)
@@ -125,7 +121,7 @@ def test_program_exits_on_a_signal_while_robots_are_scanning(
 @pytest.mark.parametrize(
     ("number", "code"),
     [
-        pytest.param(signal.SIGINT, 130, id="interrupt"),
+        (signal.SIGINT, 130),
         pytest.param(signal.SIGTERM, 0, id="terminate", marks=pytest.mark.slow),
         pytest.param(signal.SIGHUP, 129, id="hang up", marks=pytest.mark.slow),
     ],

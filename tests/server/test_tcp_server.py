@@ -7,12 +7,13 @@ import socket
 import struct
 import threading
 from collections import Counter
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from peers import DEADLINE, Peer, wait_until
 
 from radarsim.errors import ServerError
 from radarsim.geometry import Pose2, Pose3
@@ -22,14 +23,7 @@ from radarsim.presets.robots import load_robot
 from radarsim.scene.scene import Scene, StartPose
 from radarsim.server.engine_loader import EngineLoader
 from radarsim.server.host import Diagnostic, Host
-from radarsim.server.peer_connections import ReadTurns
-from radarsim.server.tcp_server import (
-    MAX_CLIENTS,
-    Connection,
-    ConnectionTable,
-    Server,
-    serve,
-)
+from radarsim.server.tcp_server import MAX_CLIENTS, Connection, Server, serve
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.simulation import Simulation
 from radarsim.simulation.vehicle import DueItems, Vehicle
@@ -42,54 +36,7 @@ STARTS = (
 )
 INIT = b"INIT {ClassName USARBot.P3AT} {Start RobotStart1}\r\n"
 LONG_LINES = SimulationConfig(item_settings={"lms200": {"resolution_deg": 0.1}})
-DEADLINE = 240.0  # s of the wall clock, for what a busy machine does late
 TIME = re.compile(rb"SEN {Time ([0-9.]+)} {Type RangeScanner}")
-
-
-class Peer:
-    """A client with a socket of its own."""
-
-    def __init__(
-        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
-    ) -> None:
-        self.reader = reader
-        self.writer = writer
-
-    async def send(self, data: bytes) -> None:
-        self.writer.write(data)
-        await self.writer.drain()
-
-    async def line(self) -> bytes:
-        return await asyncio.wait_for(self.reader.readline(), DEADLINE)
-
-    async def until(self, part: bytes) -> bytes:
-        """Return the next line that contains a part, or nothing at the end."""
-        while line := await self.line():
-            if part in line:
-                break
-        return line
-
-    async def rest(self) -> bytes:
-        """Read to the end of the connection."""
-        return await asyncio.wait_for(self.reader.read(), DEADLINE)
-
-    async def scans(self, count: int) -> list[float]:
-        """Return the times of the next scans."""
-        lines = [await self.until(b"{Type RangeScanner}") for _ in range(count)]
-        return [float(match[1]) for line in lines if (match := TIME.match(line))]
-
-    @property
-    def transport(self) -> asyncio.Transport:
-        transport = self.writer.transport
-        assert isinstance(transport, asyncio.Transport)
-        return transport
-
-    def reset(self) -> None:
-        """Break the connection without closing it."""
-        sock = self.writer.get_extra_info("socket")
-        linger = struct.pack("ii", 1, 0)
-        sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)
-        self.transport.abort()
 
 
 class RunningServer:
@@ -101,29 +48,14 @@ class RunningServer:
         self.peers: list[Peer] = []
 
     async def peer(self, *, small: bool = False) -> Peer:
-        sock = socket.socket()
-        if small:  # a client that does not read soon fills its buffer
-            sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        sock.setblocking(False)
-        try:
-            await asyncio.get_running_loop().sock_connect(sock, self.server.address)
-        except OSError:
-            sock.close()
-            raise
-        peer = Peer(*await asyncio.open_connection(sock=sock, limit=2**14))
-        self.peers.append(peer)
-        return peer
+        self.peers.append(await Peer.connect(self.server.address, small=small))
+        return self.peers[-1]
 
     async def driver(self, init: bytes = INIT) -> Peer:
         peer = await self.peer()
         await peer.send(init)
         await peer.until(b"STA ")
         return peer
-
-    async def wait_until(self, condition: Callable[[], bool]) -> None:
-        async with asyncio.timeout(DEADLINE):
-            while not condition():  # noqa: ASYNC110 - the server has no event for it
-                await asyncio.sleep(0.01)
 
     @property
     def robots(self) -> int:
@@ -144,8 +76,7 @@ async def serving(
             peer.writer.close()
         await server.stop()
         for peer in running_server.peers:
-            with suppress(ConnectionError):
-                await peer.writer.wait_closed()
+            await peer.close()
 
 
 @pytest.fixture
@@ -154,17 +85,14 @@ async def running_server(empty_room: Scene) -> AsyncIterator[RunningServer]:
         yield running_server
 
 
+async def scans(peer: Peer, count: int) -> list[float]:
+    """Return the times of the next scans."""
+    lines = [await peer.until(b"{Type RangeScanner}") for _ in range(count)]
+    return [float(match[1]) for line in lines if (match := TIME.match(line))]
+
+
 def assert_every_scan_came(times: list[float]) -> None:
     assert np.diff(times) == pytest.approx(0.1)
-
-
-async def test_bad_lines_are_skipped_and_the_next_is_answered(
-    running_server: RunningServer,
-) -> None:
-    peer = await running_server.peer()
-    await peer.send(b"DRIVE Left\r\nFOO {}\n\r\xff\x00{{\r\nGETSTARTPOSES\r\n")
-    peer.writer.write_eof()
-    assert await peer.rest() == GREETING + STARTS
 
 
 async def test_robot_of_a_broken_connection_is_removed(
@@ -175,20 +103,13 @@ async def test_robot_of_a_broken_connection_is_removed(
     broken = await running_server.driver()
     assert running_server.robots == 2
     broken.reset()
-    await running_server.wait_until(lambda: running_server.robots == 1)
-    assert_every_scan_came(await other.scans(5))
+    await wait_until(lambda: running_server.robots == 1)
+    assert_every_scan_came(await scans(other, 5))
     assert "disconnected: [Errno" in caplog.text
     again = await running_server.driver()
     assert await again.until(b"{Location -8.0000,0.0000,")
-
-
-async def test_robot_of_a_client_that_closes_is_removed(
-    running_server: RunningServer, caplog: pytest.LogCaptureFixture
-) -> None:
-    caplog.set_level(logging.INFO, "radarsim.server")
-    peer = await running_server.driver()
-    peer.writer.close()
-    await running_server.wait_until(lambda: running_server.robots == 0)
+    again.writer.close()
+    await wait_until(lambda: running_server.robots == 1)
     assert "disconnected: it closed its side" in caplog.text
 
 
@@ -206,14 +127,12 @@ async def test_client_that_closes_its_side_is_removed_when_it_does_not_read(
 ) -> None:
     peer = await running_server.peer(small=True)
     await peer.send(INIT)
-    await running_server.wait_until(lambda: running_server.robots == 1)
+    await wait_until(lambda: running_server.robots == 1)
     peer.transport.pause_reading()
     sent_after = running_server.host.simulation.time + 2.5
-    await running_server.wait_until(
-        lambda: running_server.host.simulation.time > sent_after
-    )
+    await wait_until(lambda: running_server.host.simulation.time > sent_after)
     peer.writer.write_eof()
-    await running_server.wait_until(lambda: running_server.robots == 0)
+    await wait_until(lambda: running_server.robots == 0)
 
 
 @pytest.mark.slow
@@ -229,14 +148,13 @@ async def test_client_that_reads_the_rest_late_is_not_closed_twice(
     async with serving(host) as running_server:
         peer = await running_server.peer(small=True)
         await peer.send(INIT)
-        await running_server.wait_until(lambda: running_server.robots == 1)
+        await wait_until(lambda: running_server.robots == 1)
         peer.transport.pause_reading()
-        await running_server.wait_until(lambda: host.unsent_bytes(1) > 0)
+        await wait_until(lambda: host.unsent_bytes(1) > 0)
         peer.writer.write_eof()
-        await running_server.wait_until(lambda: running_server.robots == 0)
+        await wait_until(lambda: running_server.robots == 0)
         peer.transport.resume_reading()
-        with suppress(ConnectionError):  # on a machine that is slower than the grace
-            await peer.rest()
+        await peer.rest()
         await asyncio.sleep(1.2)
     assert errors == []
 
@@ -250,14 +168,14 @@ async def test_client_that_does_not_read_does_not_delay_others(
         await deaf.send(b"INIT {ClassName P3AT} {Location 0,0,0}\r\n")
         deaf.transport.pause_reading()
         other = await running_server.driver()
-        await other.scans(1)
+        await scans(other, 1)
         times: list[float] = []
         while running_server.host.dropped_readings(1) == 0:
-            times += await other.scans(5)
+            times += await scans(other, 5)
         assert_every_scan_came(times)
         assert running_server.host.unsent_bytes(1) < 300_000
         deaf.reset()
-        await running_server.wait_until(lambda: running_server.robots == 1)
+        await wait_until(lambda: running_server.robots == 1)
         assert "readings it did not read were dropped" in caplog.text
 
 
@@ -268,9 +186,7 @@ async def test_client_that_reads_late_gets_whole_and_newest_lines(
         late = await running_server.peer(small=True)
         await late.send(INIT)
         late.transport.pause_reading()
-        await running_server.wait_until(
-            lambda: running_server.host.dropped_readings(1) > 0
-        )
+        await wait_until(lambda: running_server.host.dropped_readings(1) > 0)
         missed_until = running_server.host.simulation.time
         late.transport.resume_reading()
         times: list[float] = []
@@ -290,7 +206,7 @@ async def test_endless_line_closes_only_its_connection(
     with suppress(ConnectionError):
         await bad.send(b"x" * 70_000)
         await bad.rest()
-    assert_every_scan_came(await other.scans(5))
+    assert_every_scan_came(await scans(other, 5))
     assert "expected at most 65536" in caplog.text
     assert "closed: endless line or unread answers" in caplog.text
 
@@ -304,9 +220,8 @@ async def test_request_of_a_web_page_is_closed_and_drives_no_robot(
         b"POST / HTTP/1.1\r\nHost: 127.0.0.1:3000\r\nOrigin: http://a.example\r\n\r\n"
         b"INIT {ClassName P3AT} {Location 0,0,0}\r\nDRIVE {Left 3} {Right 3}\r\n"
     )
-    with suppress(ConnectionError):
-        assert await page.rest() == b""
-    assert_every_scan_came(await other.scans(5))
+    assert await page.rest() == b""
+    assert_every_scan_came(await scans(other, 5))
     assert running_server.robots == 1
     (line,) = [record for record in caplog.messages if "HTTP" in record]
     assert "closed" in line
@@ -322,7 +237,7 @@ async def test_client_is_disconnected_when_it_asks_without_reading(
         with suppress(ConnectionError):
             for _ in range(50):
                 await deaf.send(b"GETSTARTPOSES\r\n" * 100)
-        await running_server.wait_until(lambda: "unread answers" in caplog.text)
+        await wait_until(lambda: "unread answers" in caplog.text)
 
 
 async def test_flood_of_commands_does_not_delay_others(
@@ -332,22 +247,10 @@ async def test_flood_of_commands_does_not_delay_others(
     await flood.send(b"INIT {ClassName P3AT} {Location 0,0,0}\r\n")
     drives = [b"DRIVE {Left %d} {Right %d}\r\n" % (k, -k) for k in range(3000)]
     sending = asyncio.create_task(flood.send(b"".join(drives)))
-    assert_every_scan_came(await other.scans(10))
+    assert_every_scan_came(await scans(other, 10))
     await sending
     await flood.send(b"DRIVE {Light True}\r\n")
     assert await flood.until(b"{LightToggle True}")
-
-
-async def test_random_bytes_do_not_disturb_others(
-    running_server: RunningServer,
-) -> None:
-    other, wild = await running_server.driver(), await running_server.peer()
-    rng = np.random.Generator(np.random.PCG64(1))
-    for _ in range(20):
-        await wild.send(rng.bytes(3000) + b"\r\n")
-    assert_every_scan_came(await other.scans(5))
-    await wild.send(b"\r\nGETSTARTPOSES\r\n")
-    assert await wild.until(b"StartPoses") == STARTS
 
 
 async def test_diagnostics_are_logged_once_for_each_kind_and_client(
@@ -371,7 +274,7 @@ async def test_diagnostics_of_commands_that_waited_are_logged(
 ) -> None:
     peer = await running_server.peer()
     await peer.send(INIT * 2 + b"FOO\r\n")
-    await running_server.wait_until(lambda: "verb 'FOO'" in caplog.text)
+    await wait_until(lambda: "verb 'FOO'" in caplog.text)
 
 
 def test_robots_for_which_nobody_waits_any_more_delay_no_other(
@@ -413,7 +316,7 @@ async def test_closed_connection_gives_up_its_place_while_its_init_waits(
             peer.reset()
         else:
             peer.writer.close()
-        await running_server.wait_until(lambda: "disconnected" in caplog.text)
+        await wait_until(lambda: "disconnected" in caplog.text)
         assert await (await running_server.peer()).line() == GREETING
 
 
@@ -433,7 +336,7 @@ async def test_what_a_closed_client_had_sent_ends_in_time(
         await peer.until(GREETING)
         await peer.send(b"DRIVE {Left 1} {Right 1}\r\n" * 100)
         peer.writer.close()
-        await running_server.wait_until(lambda: "disconnected" in caplog.text)
+        await wait_until(lambda: "disconnected" in caplog.text)
 
 
 async def test_flood_is_closed(
@@ -445,9 +348,8 @@ async def test_flood_is_closed(
         await modest.send(b"DRIVE {Left 1} {Right 1}\r\n" * 900)
         with suppress(ConnectionError):
             await peer.send(b"DRIVE {Left 1} {Right 1}\r\n" * 900_000)
-        await running_server.wait_until(lambda: "a flood of commands" in caplog.text)
-        with suppress(ConnectionError):
-            await peer.rest()
+        await wait_until(lambda: "a flood of commands" in caplog.text)
+        await peer.rest()
         assert await modest.line() == GREETING
         assert caplog.text.count("a flood of commands") == 1
 
@@ -461,13 +363,13 @@ async def test_robot_of_a_flood_ends_in_time_once_its_client_has_gone(
     with socket.create_connection(running_server.server.address) as flood:
         flood.setblocking(False)
         await loop.sock_sendall(flood, INIT)
-        await running_server.wait_until(lambda: running_server.robots == 1)
+        await wait_until(lambda: running_server.robots == 1)
         began = running_server.host.simulation.time
         with suppress(TimeoutError):
             async with asyncio.timeout(2):
                 await loop.sock_sendall(flood, drives)
         assert running_server.robots == 1  # whose client has gone on sending
-    await running_server.wait_until(lambda: running_server.robots == 0)
+    await wait_until(lambda: running_server.robots == 0)
     assert running_server.host.simulation.time > began + 1
 
 
@@ -490,7 +392,7 @@ async def test_error_of_one_robot_closes_its_connection_with_a_message(
     assert last.startswith(b"NFO {Error an error in the server, which is a bug")
     assert "closed: an error in the server: ArithmeticError: a bug" in caplog.text
     assert "Traceback" in caplog.text
-    assert_every_scan_came(await good.scans(3))
+    assert_every_scan_came(await scans(good, 3))
     assert running_server.robots == 1
 
 
@@ -512,11 +414,11 @@ async def test_five_thousand_connections_come_and_go(
 
     coming = loop.run_in_executor(None, come_and_go)
     while not coming.done():
-        assert_every_scan_came(await other.scans(5))
+        assert_every_scan_came(await scans(other, 5))
     await coming
     again = await running_server.driver(b"INIT {ClassName P3AT} {Location 0,0,0}\r\n")
-    assert_every_scan_came(await again.scans(5))
-    await running_server.wait_until(lambda: running_server.robots == 2)
+    assert_every_scan_came(await scans(again, 5))
+    await wait_until(lambda: running_server.robots == 2)
 
 
 async def test_two_hundred_connect_at_the_same_time(
@@ -525,17 +427,6 @@ async def test_two_hundred_connect_at_the_same_time(
     peers = await asyncio.gather(*(running_server.peer() for _ in range(200)))
     for peer in peers:
         assert await peer.line() == GREETING
-
-
-async def test_command_that_comes_byte_by_byte_is_executed(
-    running_server: RunningServer,
-) -> None:
-    peer, other = await running_server.peer(), await running_server.driver()
-    await peer.line()
-    for byte in b"GETSTARTPOSES\r":
-        await peer.send(bytes([byte]))
-        assert_every_scan_came(await other.scans(2))
-    assert await peer.line() == STARTS
 
 
 async def test_robots_of_clients_that_never_read_do_not_fill_the_memory(
@@ -549,13 +440,13 @@ async def test_robots_of_clients_that_never_read_do_not_fill_the_memory(
             await peer.send(b"INIT {ClassName P3AT} %b\r\n" % place)
             peer.transport.pause_reading()
         numbers = range(1, len(deaf) + 1)
-        await running_server.wait_until(
+        await wait_until(
             lambda: all(host.dropped_readings(number) for number in numbers)
         )
         assert max(host.unsent_bytes(number) for number in numbers) < 300_000
         for peer in deaf:
             peer.reset()
-        await running_server.wait_until(lambda: running_server.robots == 0)
+        await wait_until(lambda: running_server.robots == 0)
 
 
 class Counting(Host):
@@ -578,8 +469,8 @@ async def test_flood_of_blank_lines_is_read_in_small_pieces(empty_room: Scene) -
         other = await running_server.driver()
         floods = [await running_server.peer() for _ in range(20)]
         sending = [asyncio.create_task(peer.send(b" \n" * 500_000)) for peer in floods]
-        await running_server.wait_until(lambda: sum(host.read) > 500_000)
-        assert_every_scan_came(await other.scans(5))
+        await wait_until(lambda: sum(host.read) > 500_000)
+        assert_every_scan_came(await scans(other, 5))
         assert max(host.read) < 100_000
         for task in sending:
             task.cancel()
@@ -619,10 +510,11 @@ async def test_client_is_refused_when_there_are_too_many(
         assert await first.line() == GREETING
         assert await second.line() == GREETING
         with suppress(ConnectionError):
-            assert await third.rest() == b""
+            await third.send(INIT)
+        assert await third.rest() == b""
+        assert running_server.robots == 0
         assert "refused: there are 2 clients" in caplog.text
-        second.writer.close()
-        await second.writer.wait_closed()
+        await second.close()
         async with asyncio.timeout(DEADLINE):
             while await _greeting_or_end(await running_server.peer()) != GREETING:  # noqa: ASYNC110
                 await asyncio.sleep(0.01)  # until the server has noticed that it left
@@ -649,7 +541,7 @@ async def test_only_connections_with_something_to_do_are_looked_at(
         flush(connection, only_replies=only_replies)
 
     monkeypatch.setattr(Connection, "flush", count)
-    assert_every_scan_came(await driver.scans(3))
+    assert_every_scan_came(await scans(driver, 3))
     assert len(flushed) == 1
     await silent.send(b"GETSTARTPOSES\r\n" * 50)  # as many as 20 in a tick
     for _ in range(50):
@@ -664,20 +556,8 @@ async def test_clients_of_the_host_without_a_connection_are_left_alone(
     number = host.connect()
     host.receive(number, INIT + b"BOGUS\r\n" * 30)
     driver = await running_server.driver(b"INIT {ClassName P3AT} {Location 0,0,0}\r\n")
-    assert_every_scan_came(await driver.scans(3))
+    assert_every_scan_came(await scans(driver, 3))
     assert host.take(number).startswith(GREETING)
-
-
-async def test_taken_port_is_an_error_of_one_line(
-    running_server: RunningServer,
-) -> None:
-    port = running_server.server.address[1]
-    with pytest.raises(ServerError) as caught:
-        await Server(running_server.host).start(port=port)
-    text = str(caught.value)
-    assert text.startswith(f"cannot listen on 127.0.0.1:{port}: ")
-    assert "in use by another program" in text
-    assert "\n" not in text
 
 
 async def test_foreign_address_is_an_error(empty_room: Scene) -> None:
@@ -706,9 +586,7 @@ async def test_simulated_time_follows_the_wall_clock(empty_room: Scene) -> None:
     async with serving(Host(empty_room), speed=10) as running_server:
         clock = asyncio.get_running_loop().time
         start, began = running_server.host.simulation.time, clock()
-        await running_server.wait_until(
-            lambda: running_server.host.simulation.time >= start + 5
-        )
+        await wait_until(lambda: running_server.host.simulation.time >= start + 5)
         elapsed = clock() - began
     assert elapsed > 0.4  # 5 s at a speed of 10; more where the machine is busy
 
@@ -718,39 +596,9 @@ async def test_lost_time_is_logged_and_no_scan_is_skipped(
 ) -> None:
     async with serving(Host(empty_room), speed=1e9) as running_server:
         peer = await running_server.driver()
-        await running_server.wait_until(
-            lambda: "too slow: simulated time waited" in caplog.text
-        )
-        assert_every_scan_came(await peer.scans(50))
+        await wait_until(lambda: "too slow: simulated time waited" in caplog.text)
+        assert_every_scan_came(await scans(peer, 50))
     assert len(caplog.records) <= 5
-
-
-class Broken(Host):
-    """Fails in its fifth tick."""
-
-    def step(self, *, passes: bool = True) -> list[tuple[int, Diagnostic]]:
-        if self.simulation.ticks == 5:
-            raise RuntimeError("broken")
-        return super().step(passes=passes)
-
-
-async def test_wait_failed_raises_the_error_of_a_tick(empty_room: Scene) -> None:
-    server = Server(Broken(empty_room))
-    await server.wait_failed()  # nothing can fail before the start
-    await server.start(port=0)
-    with pytest.raises(RuntimeError, match="broken"):
-        await server.wait_failed()
-    await server.stop()
-
-
-def test_refused_connection_ignores_all_events(empty_room: Scene) -> None:
-    connection = Connection(Host(empty_room), ConnectionTable(), 0, ReadTurns())
-    connection.get_buffer(-1)[:6] = b"INIT\r\n"
-    connection.buffer_updated(6)
-    connection.flush()
-    connection.close()
-    assert not connection.eof_received()
-    connection.connection_lost(None)
 
 
 @pytest.mark.parametrize("is_compiled", [True, False])

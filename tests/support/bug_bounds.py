@@ -30,28 +30,18 @@ PRESSED = 0.5  # m beyond the safety distance at which a bug follows a boundary
 
 @dataclass(frozen=True, slots=True)
 class Boundary:
-    """A boundary that a bug can meet.
+    """A boundary that a bug can meet."""
 
-    Attributes:
-        perimeter: m.
-        crossings: How often the line from start to goal crosses it.
-    """
-
-    perimeter: float
-    crossings: int
+    perimeter: float  # m
+    crossings: int  # of the line from start to goal
 
 
 @dataclass(frozen=True, slots=True)
 class BugBounds:
-    """Upper bounds of path lengths.
+    """Upper bounds of path lengths."""
 
-    Attributes:
-        direct: Distance from start to goal, m.
-        boundaries: Those that are no farther from the goal than the start.
-    """
-
-    direct: float
-    boundaries: tuple[Boundary, ...]
+    direct: float  # m from start to goal
+    boundaries: tuple[Boundary, ...]  # no farther from the goal than the start
 
     @property
     def bug1(self) -> float:
@@ -70,19 +60,7 @@ class BugBounds:
 def bug_bounds(
     scene: Scene, start: Position, goal: Position, safety_distance: float
 ) -> BugBounds:
-    """Compute bounds for a bug whose bumpers are pressed by a share of their beams.
-
-    Args:
-        scene: The map. Passages that the bug is to use are wider than twice the safety
-            distance and 1 m.
-        start: m.
-        goal: m.
-        safety_distance: m; obstacles are grown by it and 0.5 m.
-
-    Raises:
-        ValueError: If the start is nearer than the safety distance to an obstacle, or
-            if all that can be reached from it is nearer than 0.5 m more.
-    """
+    """Compute bounds for a bug whose bumpers are pressed by a share of their beams."""
     ends = (start, goal)
     home = component_around(free_space(scene, safety_distance, places=ends), start)
     pressed = safety_distance + PRESSED

@@ -21,27 +21,15 @@ STEERING_TYPES = ("SkidSteered", "AckermanSteered", "OmniDrive")
 
 @dataclass(frozen=True)
 class Reading:
-    """What a client read on a line.
+    """What a client read on a line."""
 
-    Attributes:
-        kind: Type of the sensor; otherwise the head of the line, and for GEO and CONF
-            the type after it.
-        name: Name of the sensor; empty if the client does not look at it.
-        values: Numbers and texts by key. ``Range`` of a scan and of sonars, ``Pose``,
-            ``Location`` and so on are lists of numbers.
-    """
-
-    kind: str
-    name: str
+    kind: str  # of the sensor; for GEO and CONF, with the head of the line
+    name: str  # empty if the client does not look at it
     values: Mapping[str, Any]
 
 
 class Parser(Protocol):
-    """The parser of one client.
-
-    Attributes:
-        sensors: Types of the sensors that it reads.
-    """
+    """The parser of one client."""
 
     sensors: frozenset[str]
 
@@ -147,11 +135,7 @@ class RosParser:
 
 
 class PlayerParser:
-    """Player's us_* drivers: only lines with a name, keys in their case.
-
-    Args:
-        class_name: Class of the robot, to which the scanner is registered.
-    """
+    """Player's us_* drivers: only lines with a name, keys in their case."""
 
     sensors = frozenset(
         ("RangeScanner", "Odometry", "GroundTruth", "INS", "Encoder", "Sonar")

@@ -20,23 +20,14 @@ class ProtocolError(Exception):
 
 @dataclass(frozen=True)
 class Configuration:
-    """What the radar tells about itself.
+    """What the radar tells about itself."""
 
-    Attributes:
-        azimuths: Azimuths a turn.
-        bin: Length of a range bin in metres.
-        bins: Bins of an azimuth.
-        encoder: Counts of the encoder a turn.
-        turns: Turns a second.
-        packets: Messages a second while it sends.
-    """
-
-    azimuths: int
-    bin: float
+    azimuths: int  # a turn
+    bin: float  # m
     bins: int
-    encoder: int
-    turns: float
-    packets: int
+    encoder: int  # counts a turn
+    turns: float  # a second
+    packets: int  # a second
 
     @classmethod
     def parse(cls, payload: bytes) -> "Configuration":
@@ -51,17 +42,9 @@ class Configuration:
 
 @dataclass(frozen=True)
 class Azimuth:
-    """Power over range of one azimuth.
+    """Power over range of one azimuth."""
 
-    Attributes:
-        sweep: Counter of the messages, which starts again after 65535.
-        encoder: Direction in counts of the encoder.
-        seconds: Whole seconds of its time.
-        split: Split seconds of its time.
-        counts: A number for each bin.
-    """
-
-    sweep: int
+    sweep: int  # counter, which starts again after 65535
     encoder: int
     seconds: int
     split: int
@@ -83,11 +66,7 @@ class Azimuth:
 
 
 class ColossusClient:
-    """A connection to a radar.
-
-    Attributes:
-        socket: The connection itself.
-    """
+    """A connection to a radar."""
 
     def __init__(self, address: tuple[str, int], timeout: float = 240.0) -> None:
         """Connect; ``timeout`` in seconds holds for each wait."""

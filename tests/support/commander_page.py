@@ -15,24 +15,14 @@ STEP = 40.0  # ms between two looks
 
 
 class CommanderPage:
-    """A page of the commander, with what it asked for and what it was sent.
-
-    Attributes:
-        page: The page.
-        frames: Newest frames, as their headers; scans have ``ranges``, m.
-        hosts: Hosts that were asked for anything.
-        problems: What the browser complained of.
-        map: The newest map that was sent, or None.
-        paths: The newest path of each robot.
-        bounds: West, south, east and north of the scene, m.
-    """
+    """A page of the commander, with what it asked for and what it was sent."""
 
     def __init__(self, page: "Page") -> None:
         self.page = page
         self.frames: list[dict[str, Any]] = []
         self.hosts: set[str | None] = set()
         self.problems: list[str] = []
-        self.bounds = (-5.0, -5.0, 5.0, 5.0)
+        self.bounds = (-5.0, -5.0, 5.0, 5.0)  # west, south, east, north, m
         self.map: dict[str, Any] | None = None
         self.paths: dict[str, dict[str, Any]] = {}
         page.on("request", lambda request: self._note_host(request.url))
@@ -78,14 +68,7 @@ class CommanderPage:
         echoes: bool = True,
         place: tuple[float, float, float] | None = None,
     ) -> None:
-        """Add a robot by the form, and wait until it is shown.
-
-        Args:
-            name: Its name.
-            kind: Its class.
-            echoes: Whether the server tells what beams meet.
-            place: x and y, m, and yaw, deg; None for the first free start.
-        """
+        """Add a robot by the form, and wait until it is shown."""
         form = self.page.locator("#spawn")
         self.page.evaluate("document.getElementById('add').open = true")
         form.locator("[name=class]").select_option(kind)

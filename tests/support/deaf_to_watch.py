@@ -8,14 +8,7 @@ from contextlib import contextmanager, suppress
 
 @contextmanager
 def without_watch(server: tuple[str, int]) -> Iterator[tuple[str, int]]:
-    """Pass on connections to a server, without the lines that watch.
-
-    Args:
-        server: Host and port of the server.
-
-    Returns:
-        Host and port to connect to.
-    """
+    """Pass on connections to a server, without the lines that watch."""
     with socket.create_server(("127.0.0.1", 0)) as listening:
         threading.Thread(target=_accept, args=(listening, server), daemon=True).start()
         yield listening.getsockname()[:2]

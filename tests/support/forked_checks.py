@@ -19,18 +19,11 @@ GUARD_BYTES = 8 * 1024**3  # of address space, against what would harm the machi
 
 @dataclass(frozen=True)
 class Result:
-    """How a check ended.
+    """How a check ended."""
 
-    Attributes:
-        code: The exit code; negative for a signal.
-        cpu: CPU time, s.
-        memory: Largest resident memory, bytes.
-        output: Standard output and standard error.
-    """
-
-    code: int
-    cpu: float
-    memory: int
+    code: int  # negative for a signal
+    cpu: float  # s
+    memory: int  # bytes
     output: bytes
 
 
@@ -38,11 +31,7 @@ class ForkedChecks:
     """Runs checks, one after the other."""
 
     def __init__(self, cpu_seconds: int) -> None:
-        """Start the process that is forked.
-
-        Args:
-            cpu_seconds: CPU time after which a check is killed.
-        """
+        """Start the process that is forked."""
         env = {k: v for k, v in os.environ.items() if not k.startswith("COVERAGE")}
         self._process = subprocess.Popen(
             [sys.executable, __file__, str(cpu_seconds)],

@@ -7,10 +7,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeAlias
 
-import numpy as np
+import trimesh
 
-from radarsim.geometry import Floats
-from radarsim.scene.shapes import Faces, sphere
+from radarsim.scene.shapes import sphere
 
 Files: TypeAlias = dict[str, str | bytes]  # the map is m.yaml
 
@@ -329,15 +328,20 @@ def _meshes() -> Iterator[tuple[str, Callable[[], Files]]]:
 
 def good_meshes() -> dict[str, bytes]:
     """Return a ball in each format."""
-    vertices, faces = sphere(1.0)
-    return {
-        "a.glb": _glb(vertices, faces),
-        "a.obj": _obj(vertices, faces),
-        "a.ply": _ply(vertices, faces),
-        "b.ply": _binary_ply(vertices, faces),
-        "a.stl": _stl(vertices, faces),
-        "b.stl": _text_stl(vertices, faces),
+    ball = trimesh.Trimesh(*sphere(1.0), process=False)
+    kinds: dict[str, dict[str, str]] = {
+        "a.glb": {},
+        "a.obj": {},
+        "a.ply": {"encoding": "ascii"},
+        "b.ply": {},
+        "a.stl": {},
+        "b.stl": {"file_type": "stl_ascii"},
     }
+    meshes = {}
+    for name, options in kinds.items():
+        data: Any = ball.export(**{"file_type": name[2:]} | options)
+        meshes[name] = data.encode() if isinstance(data, str) else data
+    return meshes
 
 
 class _Broken:
@@ -371,71 +375,6 @@ class _Broken:
             data[at : at + size] = draw.randbytes(draw.randrange(2000))
         files[self._name] = bytes(data)
         return files
-
-
-def _glb(vertices: Floats, faces: Faces) -> bytes:
-    buffers = vertices.astype("<f4").tobytes(), faces.astype("<u4").tobytes()
-    sizes = [len(buffer) for buffer in buffers]
-    values = {"componentType": 5125, "count": faces.size, "type": "SCALAR"}
-    tree = triangle(
-        meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
-        accessors=[
-            triangle()["accessors"][0] | {"count": len(vertices)},
-            values | {"bufferView": 1},
-        ],
-        bufferViews=[
-            {"buffer": 0, "byteLength": sizes[0]},
-            {"buffer": 0, "byteOffset": sizes[0], "byteLength": sizes[1]},
-        ],
-        buffers=[{"byteLength": sum(sizes)}],
-    )
-    text = json.dumps(tree).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text
-    chunks += struct.pack("<I4s", sum(sizes), b"BIN\0") + b"".join(buffers)
-    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
-
-
-def _obj(vertices: Floats, faces: Faces) -> bytes:
-    lines = [f"v {x} {y} {z}" for x, y, z in vertices]
-    lines += [f"f {a} {b} {c}" for a, b, c in faces + 1]
-    return "\n".join(lines).encode()
-
-
-def _stl(vertices: Floats, faces: Faces) -> bytes:
-    kind = [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")]
-    triangles = np.zeros(len(faces), dtype=kind)
-    triangles["corners"] = vertices[faces]
-    return bytes(80) + struct.pack("<I", len(faces)) + triangles.tobytes()
-
-
-def _text_stl(vertices: Floats, faces: Faces) -> bytes:
-    text = "solid ball\n"
-    for face in faces:
-        corners = "".join(f"vertex {x} {y} {z}\n" for x, y, z in vertices[face])
-        text += f"facet normal 0 0 0\nouter loop\n{corners}endloop\nendfacet\n"
-    return f"{text}endsolid ball\n".encode()
-
-
-def _ply_head(form: str, vertices: Floats, faces: Faces) -> str:
-    return (
-        f"ply\nformat {form} 1.0\nelement vertex {len(vertices)}\nproperty float x\n"
-        f"property float y\nproperty float z\nelement face {len(faces)}\n"
-        "property list uchar int vertex_indices\nend_header\n"
-    )
-
-
-def _ply(vertices: Floats, faces: Faces) -> bytes:
-    lines = [f"{x} {y} {z}\n" for x, y, z in vertices]
-    lines += [f"3 {a} {b} {c}\n" for a, b, c in faces]
-    return (_ply_head("ascii", vertices, faces) + "".join(lines)).encode()
-
-
-def _binary_ply(vertices: Floats, faces: Faces) -> bytes:
-    rows = np.zeros(len(faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
-    rows["count"], rows["corners"] = 3, faces
-    head = _ply_head("binary_little_endian", vertices, faces).encode()
-    return head + vertices.astype("<f4").tobytes() + rows.tobytes()
 
 
 def write_files(folder: Path, files: Files) -> Path:

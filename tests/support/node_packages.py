@@ -9,12 +9,7 @@ import pytest
 
 
 def install_packages(folder: Path, *packages: str) -> None:
-    """Install packages; where that fails, tests fail in CI, and skip elsewhere.
-
-    Args:
-        folder: Folder that gets ``node_modules``.
-        packages: Names with versions, such as ``roslib@2.1``.
-    """
+    """Install packages; where that fails, tests fail in CI, and skip elsewhere."""
     npm, reason = shutil.which("npm"), ""
     if npm is None or shutil.which("node") is None:
         reason = "node or npm is not installed"

@@ -20,13 +20,7 @@ DRIVE = b"DRIVE {Left 3} {Right 2}\r\n"
 
 
 class RecordedRun(NamedTuple):
-    """A run of two clients.
-
-    Attributes:
-        events: All that is recorded.
-        sent: What each client was sent, by its number.
-        info: The conditions.
-    """
+    """A run of two clients."""
 
     events: list[RunEvent]
     sent: dict[int, bytes]

@@ -16,13 +16,7 @@ CHROMIUM_OPTIONS = ("--no-sandbox", "--enable-unsafe-swiftshader")
 
 @dataclass(frozen=True)
 class Served:
-    """A running server with its page.
-
-    Attributes:
-        process: The server.
-        address: Host and port for robots.
-        url: Address of the page, with its token.
-    """
+    """A running server with its page."""
 
     process: subprocess.Popen[bytes]
     address: tuple[str, int]

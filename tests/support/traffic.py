@@ -18,33 +18,20 @@ ROOM: Final = 0.9  # m around that place, in which a navigator stops it
 
 @dataclass(frozen=True, slots=True)
 class Mover:
-    """Another robot, which drives to and fro on a straight track.
+    """Another robot, which drives to and fro on a straight track."""
 
-    Attributes:
-        x: Begin of the track, m.
-        y: m.
-        yaw: Direction of the track, rad.
-        length: Of the track, m.
-        speed: m/s.
-    """
-
-    x: float
-    y: float
-    yaw: float
-    length: float
-    speed: float
+    x: float  # m, of its begin
+    y: float  # m
+    yaw: float  # rad
+    length: float  # m
+    speed: float  # m/s
 
 
 class Traffic:
     """Drives movers, each by a connection of its own."""
 
     def __init__(self, host: Host, movers: Sequence[Mover]) -> None:
-        """Create it; its robots come once there is another one.
-
-        Args:
-            host: The server.
-            movers: What drives.
-        """
+        """Create it; its robots come once there is another one."""
         self._host = host
         self._movers = [_DrivenMover(mover) for mover in movers]
         self._links: list[InProcessTransport] = []
@@ -81,12 +68,7 @@ class _DrivenMover:
         return spawn(ROBOT, pose=Pose2(mover.x, mover.y, mover.yaw)).data
 
     def steer(self, pose: Pose2, other: Pose2) -> bytes:
-        """Return the command to drive as is needed now; nothing if it is unchanged.
-
-        Args:
-            pose: Of the mover.
-            other: Of the robot that it stops before.
-        """
+        """Return the command to drive as is needed now; nothing if it is unchanged."""
         mover = self._mover
         c, s = math.cos(mover.yaw), math.sin(mover.yaw)
         along = (pose.x - mover.x) * c + (pose.y - mover.y) * s

@@ -7,11 +7,7 @@ from client_parsers import VEHICLES, Reading, flag, groups_of, numbers, scanner_
 
 
 class UsarCommanderParser:
-    """UsarCommander: keys in any order and case, the first of two equal ones counts.
-
-    Args:
-        class_name: Class of the robot, which decides on the names of its sensors.
-    """
+    """UsarCommander: keys in any order and case, the first of two equal ones counts."""
 
     # It prints others, such as the last of these.
     HEADS = ("SEN", "NFO", "STA", "MISSTA", "GEO", "CONF", "RES", "ASTA")

@@ -81,13 +81,7 @@ class Page:
 async def open_page(
     address: str, token: str, *, waits: bool = True
 ) -> AsyncIterator[Page]:
-    """Open a page, and say hello.
-
-    Args:
-        address: Host and port.
-        token: The token.
-        waits: Whether to wait until the commander is connected to its server.
-    """
+    """Open a page, and say hello."""
     async with websockets.connect(
         f"ws://{address}/ws", origin=Origin(f"http://{address}"), max_size=None
     ) as socket:

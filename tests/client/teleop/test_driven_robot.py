@@ -106,9 +106,7 @@ def test_speed_is_measured_along_the_heading(
     assert measured[1] == pytest.approx(turn)
 
 
-def test_measured_speed_is_zero_one_window_after_a_stop(
-    state: DrivenRobot,
-) -> None:
+def test_measured_speed_is_zero_one_window_after_a_stop(state: DrivenRobot) -> None:
     for i in range(20):
         state.take(truth(i / 10, min(i, 10) / 10, 0.0, 0.0))
     assert MOTION_WINDOW < 0.9

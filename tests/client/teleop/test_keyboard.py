@@ -20,27 +20,59 @@ def steering(speed: float = 0.4) -> Steering:
     return Steering(speed, top_speed=0.8, wheel_separation=0.4)
 
 
-def test_steering_starts_at_rest() -> None:
-    assert steering().motion(0.0) == (0.0, 0.0)
-
-
-@pytest.mark.parametrize(
-    ("key", "motion"),
-    [
-        pytest.param(Key.AHEAD, (0.4, 0.0), id="ahead"),
-        pytest.param(Key.BACK, (-0.4, 0.0), id="back"),
-        pytest.param(Key.LEFT, (0.0, TURN), id="left is counter-clockwise"),
-        pytest.param(Key.RIGHT, (0.0, -TURN), id="right"),
+REST = (0.0, 0.0)
+BOTH = (0.4, TURN)
+JUST_HELD = FIRST_HOLD - 0.01
+STEPS: dict[str, list[tuple[float, Key | tuple[float, float]]]] = {
+    "nothing is pressed": [(0.0, REST)],
+    **{
+        f"{key}, for a limited time": [
+            *((1.0, key), (1.0, motion)),
+            *((1.0 + JUST_HELD, motion), (1.0 + FIRST_HOLD, REST)),
+        ]
+        for key, motion in {
+            Key.AHEAD: (0.4, 0.0),
+            Key.BACK: (-0.4, 0.0),
+            Key.LEFT: (0.0, TURN),
+            Key.RIGHT: (0.0, -TURN),
+        }.items()
+    },
+    "space stops, and forgets what was before": [
+        *((0.0, Key.AHEAD), (0.1, Key.LEFT), (0.2, Key.STOP), (0.2, REST)),
+        *((0.3, Key.LEFT), (0.3, (0.0, TURN))),
     ],
-)
-def test_key_press_moves_for_a_limited_time(
-    key: Key, motion: tuple[float, float]
+    "a turn prolongs motion ahead": [
+        *((0.0, Key.AHEAD), (0.5, Key.LEFT)),
+        *((0.5 + JUST_HELD, BOTH), (0.5 + FIRST_HOLD, REST)),
+    ],
+    "motion ahead prolongs no turn": [
+        *((0.0, Key.LEFT), (0.5, Key.AHEAD)),
+        *((0.6, BOTH), (FIRST_HOLD, (0.4, 0.0))),
+    ],
+    "a turn from rest is on the spot": [
+        *((0.0, Key.AHEAD), (5.0, Key.LEFT), (5.0, (0.0, TURN))),
+    ],
+    "an opposite key reverses": [
+        *((0.0, Key.AHEAD), (0.1, Key.BACK), (0.1, (-0.4, 0.0))),
+    ],
+    "keys of speed hold nothing": [
+        *((0.0, Key.FASTER), (0.0, REST), (0.1, Key.AHEAD)),
+        *((0.2, Key.SLOWER), (0.3, Key.SLOWER)),
+        *((0.3, (0.35, 0.0)), (0.1 + FIRST_HOLD, REST)),
+    ],
+}
+
+
+@pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
+def test_keys_move_the_robot(
+    steps: list[tuple[float, Key | tuple[float, float]]],
 ) -> None:
     driver = steering()
-    driver.press(key, 1.0)
-    assert driver.motion(1.0) == pytest.approx(motion)
-    assert driver.motion(1.0 + FIRST_HOLD - 0.01) == pytest.approx(motion)
-    assert driver.motion(1.0 + FIRST_HOLD) == (0.0, 0.0)
+    for now, step in steps:
+        if isinstance(step, Key):
+            driver.press(step, now)
+        else:
+            assert driver.motion(now) == pytest.approx(step)
 
 
 def test_held_key_moves_continuously_and_stops_soon_after_release() -> None:
@@ -54,64 +86,7 @@ def test_held_key_moves_continuously_and_stops_soon_after_release() -> None:
     assert driver.motion(presses[-1] + REPEAT_HOLD) == (0.0, 0.0)
 
 
-def test_space_stops_immediately() -> None:
-    driver = steering()
-    driver.press(Key.AHEAD, 0.0)
-    driver.press(Key.LEFT, 0.1)
-    driver.press(Key.STOP, 0.2)
-    assert driver.motion(0.2) == (0.0, 0.0)
-    driver.press(Key.LEFT, 0.3)
-    assert driver.motion(0.3) == pytest.approx((0.0, TURN)), "ahead is forgotten too"
-
-
-def test_turn_key_prolongs_motion_ahead() -> None:
-    driver = steering()
-    driver.press(Key.AHEAD, 0.0)
-    driver.press(Key.LEFT, 0.5)
-    assert driver.motion(0.5 + FIRST_HOLD - 0.01) == pytest.approx((0.4, TURN))
-    assert driver.motion(0.5 + FIRST_HOLD) == (0.0, 0.0)
-
-
-def test_ahead_key_does_not_prolong_a_turn() -> None:
-    driver = steering()
-    driver.press(Key.LEFT, 0.0)
-    driver.press(Key.AHEAD, 0.5)
-    assert driver.motion(0.6) == pytest.approx((0.4, TURN))
-    assert driver.motion(FIRST_HOLD) == (0.4, 0.0)
-
-
-def test_turn_from_rest_is_on_the_spot() -> None:
-    driver = steering()
-    driver.press(Key.AHEAD, 0.0)
-    driver.press(Key.LEFT, 5.0)
-    assert driver.motion(5.0) == pytest.approx((0.0, TURN))
-
-
-def test_opposite_key_reverses_the_motion() -> None:
-    driver = steering()
-    driver.press(Key.AHEAD, 0.0)
-    driver.press(Key.BACK, 0.1)
-    assert driver.motion(0.1) == (-0.4, 0.0)
-
-
-def test_speed_keys_change_the_speed_of_a_moving_robot_only() -> None:
-    driver = steering()
-    driver.press(Key.FASTER, 0.0)
-    assert driver.motion(0.0) == (0.0, 0.0)
-    driver.press(Key.AHEAD, 0.1)
-    driver.press(Key.SLOWER, 0.2)
-    driver.press(Key.SLOWER, 0.3)
-    assert driver.motion(0.3) == pytest.approx((0.35, 0.0))
-    assert driver.motion(0.1 + FIRST_HOLD) == (0.0, 0.0), "these keys hold nothing"
-
-
-@pytest.mark.parametrize(
-    ("speed", "slowest"),
-    [
-        pytest.param(0.4, SPEED_STEP, id="usual"),
-        pytest.param(0.02, 0.02, id="slower than a step"),
-    ],
-)
+@pytest.mark.parametrize(("speed", "slowest"), [(0.4, SPEED_STEP), (0.02, 0.02)])
 def test_speed_is_limited(speed: float, slowest: float) -> None:
     driver = steering(speed)
     for _ in range(30):

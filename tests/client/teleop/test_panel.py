@@ -95,11 +95,11 @@ def test_touch_is_highlighted(state: DrivenRobot) -> None:
 @pytest.mark.parametrize(
     ("angle", "text"),
     [
-        pytest.param(0.0, "ahead", id="ahead"),
-        pytest.param(math.pi / 2, "90° left", id="left"),
-        pytest.param(-math.pi / 2, "90° right", id="right"),
-        pytest.param(-math.pi, "behind", id="behind"),
-        pytest.param(3 * math.pi / 2, "90° right", id="wrapped"),
+        (0.0, "ahead"),
+        (math.pi / 2, "90° left"),
+        (-math.pi / 2, "90° right"),
+        (-math.pi, "behind"),
+        (3 * math.pi / 2, "90° right"),
     ],
 )
 def test_bearings_are_given_in_words(angle: float, text: str) -> None:
@@ -109,9 +109,9 @@ def test_bearings_are_given_in_words(angle: float, text: str) -> None:
 @pytest.mark.parametrize(
     ("ranges", "style", "text"),
     [
-        pytest.param((9.0, 0.4, 9.0), "class:near", "0.60 m, ahead", id="near"),
-        pytest.param((9.0, 5.0, 9.0), "class:far", "5.20 m, ahead", id="far"),
-        pytest.param((10.0, 10.0, 10.0), "", "nothing seen", id="nothing"),
+        ((9.0, 0.4, 9.0), "class:near", "0.60 m, ahead"),
+        ((9.0, 5.0, 9.0), "class:far", "5.20 m, ahead"),
+        ((10.0, 10.0, 10.0), "", "nothing seen"),
     ],
 )
 def test_nearest_obstacle_is_measured_from_the_centre_and_coloured(

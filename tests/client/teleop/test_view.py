@@ -45,10 +45,10 @@ MIDDLE = (ROWS // 2, COLUMNS // 2)
 @pytest.mark.parametrize(
     ("point", "row", "column"),
     [
-        pytest.param((8.0, 0.0), 2, 20, id="ahead is up"),
-        pytest.param((-8.0, 0.0), 18, 20, id="behind is down"),
-        pytest.param((0.0, 8.0), 10, 4, id="left is left"),
-        pytest.param((0.0, -8.0), 10, 36, id="right is right"),
+        ((8.0, 0.0), 2, 20),
+        ((-8.0, 0.0), 18, 20),
+        ((0.0, 8.0), 10, 4),
+        ((0.0, -8.0), 10, 36),
     ],
 )
 def test_view_shows_the_robot_facing_up_with_true_proportions(
@@ -71,10 +71,10 @@ def test_zooming_in_spreads_points_and_hides_far_ones(robot_info: RobotInfo) -> 
 @pytest.mark.parametrize(
     ("distance", "style"),
     [
-        pytest.param(0.6, "class:near", id="near"),
-        pytest.param(0.7, "class:middle", id="middle"),
-        pytest.param(1.3, "class:middle", id="farther"),
-        pytest.param(1.4, "class:far", id="far"),
+        (0.6, "class:near"),
+        (0.7, "class:middle"),
+        (1.3, "class:middle"),
+        (1.4, "class:far"),
     ],
 )
 @pytest.mark.parametrize("angle", [0.0, 2.0])
@@ -128,23 +128,12 @@ def texts(canvas: Canvas) -> list[str]:
     return ["".join(text for _, text in line) for line in canvas.lines()]
 
 
-@pytest.mark.parametrize(
-    ("across", "down", "letter"),
-    [
-        pytest.param(0, 0, "⠁", id="dot 1"),
-        pytest.param(0, 1, "⠂", id="dot 2"),
-        pytest.param(0, 2, "⠄", id="dot 3"),
-        pytest.param(1, 0, "⠈", id="dot 4"),
-        pytest.param(1, 1, "⠐", id="dot 5"),
-        pytest.param(1, 2, "⠠", id="dot 6"),
-        pytest.param(0, 3, "⡀", id="dot 7"),
-        pytest.param(1, 3, "⢀", id="dot 8"),
-    ],
-)
-def test_dots_are_the_unicode_braille_dots(across: int, down: int, letter: str) -> None:
-    canvas = Canvas(1, 1, STYLES)
-    canvas.plot(np.array([across + 0.5]), np.array([down + 0.5]), "low")
-    assert texts(canvas) == [letter]
+def test_dots_are_the_unicode_braille_dots() -> None:
+    places = [*((x, y) for x in range(2) for y in range(3)), (0, 3), (1, 3)]
+    for (across, down), letter in zip(places, "⠁⠂⠄⠈⠐⠠⡀⢀", strict=True):
+        canvas = Canvas(1, 1, STYLES)
+        canvas.plot(np.array([across + 0.5]), np.array([down + 0.5]), "low")
+        assert texts(canvas) == [letter]
 
 
 def test_empty_canvas_is_blank_rather_than_braille() -> None:

@@ -26,9 +26,7 @@ SMOKE = Material("smoke", density=0.0, laser_density=0.5, solid=False)
 
 
 def cuboid(
-    size: tuple[float, float, float],
-    at: tuple[float, float, float],
-    material: Material,
+    size: tuple[float, float, float], at: tuple[float, float, float], material: Material
 ) -> Part:
     vertices, faces = box(*size)
     return Part(material.name, material, vertices + np.array(at), faces)
@@ -100,62 +98,46 @@ def test_picture_turns_with_the_camera() -> None:
     assert pixels[60, 80].astype(float) == pytest.approx(expected, abs=0.51)
 
 
-def veiled(share: float, veil: Floats, behind: Floats) -> Floats:
-    """Return a colour of which a share is hidden."""
-    return share * veil + (1 - share) * behind
+FOG = Material("fog", density=0.0, laser_density=0.1, solid=False)
+
+
+def cloud(
+    material: Material = SMOKE, *, x: float = 3.0, length: float = 2.0
+) -> list[Part]:
+    return [cuboid((length, 50, 50), (x, 0, 1), material)]
 
 
 @pytest.mark.parametrize(
-    ("smoke", "loss"),
+    ("parts", "air", "losses"),
     [
-        pytest.param(SMOKE, 0.5, id="density"),
-        pytest.param(
-            Material("smoke", laser_density=0.0, laser_db=4.0),
-            0.4 * math.log(10),
-            id="decibels",
+        (cloud(), None, [(1.0, "SMOKE")]),
+        (
+            cloud(Material("smoke", laser_density=0.0, laser_db=4.0)),
+            *(None, [(0.8 * math.log(10), "SMOKE")]),
         ),
-        pytest.param(Material("smoke", laser_density=0.0), 0.0, id="clear"),
-        pytest.param(Material("smoke", laser_density=1e4), 1e4, id="thick"),
+        (cloud(Material("smoke", laser_density=0.0)), None, []),
+        (cloud(Material("smoke", laser_density=1e4)), None, [(2e4, "SMOKE")]),
+        (cloud(x=0, length=6), None, [(1.5, "SMOKE")]),  # with the camera inside
+        (
+            [*cloud(Material("glass", laser_density=0.3), x=2), *cloud()],
+            # From behind; they overlap.
+            *(None, [(0.5, "SMOKE"), (0.8, "SMOKE"), (0.3, "GLASS")]),
+        ),
+        ([], FOG, [(0.5, "SMOKE")]),
     ],
 )
-def test_smoke_veils_what_is_behind_it_by_its_density(
-    smoke: Material, loss: float
+def test_what_takes_light_veils_what_is_behind_it_by_its_density(
+    parts: list[Part], air: Material | None, losses: list[tuple[float, str]]
 ) -> None:
-    cloud = cuboid((2, 50, 50), (3, 0, 1), smoke)
-    forward = ray(60, 80)[0]
-    share = 1 - math.exp(-loss * 2 / forward)
-    wall = lit(forward) * colour(Family.STONE)
-    expected = veiled(share, colour(Family.SMOKE), wall)
-    assert picture(WALL, cloud)[60, 80] == pytest.approx(expected, abs=0.51)
-
-
-def test_camera_in_smoke_sees_as_far_as_it_reaches() -> None:
-    cloud = cuboid((6, 50, 50), (0, 0, 1), SMOKE)  # to 3 m ahead
-    forward = ray(60, 80)[0]
-    share = 1 - math.exp(-0.5 * 3 / forward)
-    expected = veiled(share, colour(Family.SMOKE), lit(forward) * colour(Family.STONE))
-    assert picture(WALL, cloud)[60, 80] == pytest.approx(expected, abs=0.51)
-
-
-def test_each_of_two_clouds_has_its_own_colour_also_where_they_overlap() -> None:
-    pane = cuboid((2, 50, 50), (2, 0, 1), Material("glass", laser_density=0.3))
-    cloud = cuboid((2, 50, 50), (3, 0, 1), SMOKE)
     forward = ray(60, 80)[0]
     expected = lit(forward) * colour(Family.STONE)
-    for loss, family in ((0.5, "SMOKE"), (0.8, "SMOKE"), (0.3, "GLASS")):  # from behind
+    for loss, family in losses:
         share = 1 - math.exp(-loss / forward)
-        expected = veiled(share, colour(Family[family]), expected)
-    assert picture(WALL, pane, cloud)[60, 80] == pytest.approx(expected, abs=0.51)
-
-
-def test_fog_in_the_air_hides_what_is_far() -> None:
-    fog = Material("fog", density=0.0, laser_density=0.1, solid=False)
-    pixels = picture(WALL, air=fog)
-    forward = ray(60, 80)[0]
-    share = 1 - math.exp(-0.1 * 5 / forward)
-    expected = veiled(share, colour(Family.SMOKE), lit(forward) * colour(Family.STONE))
+        expected = share * colour(Family[family]) + (1 - share) * expected
+    pixels = picture(WALL, *parts, air=air)
     assert pixels[60, 80] == pytest.approx(expected, abs=0.51)
-    assert pixels[0, 0] == pytest.approx(colour(Family.SMOKE), abs=0.51)
+    if air:  # what is far is hidden
+        assert pixels[0, 0] == pytest.approx(colour(Family.SMOKE), abs=0.51)
 
 
 def test_surface_that_absorbs_all_light_is_dark_but_there() -> None:

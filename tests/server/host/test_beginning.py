@@ -4,7 +4,6 @@ import pytest
 
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
-from radarsim.server.host.host import ARRIVAL_WORK, COMMANDS_PER_TICK
 from radarsim.simulation.simulation import Simulation
 
 INIT = b"INIT {ClassName USARBot.P3AT} {Name R1} {Start RobotStart1}\r\n"
@@ -38,7 +37,7 @@ def test_clients_are_greeted_and_questions_answered(host: Host) -> None:
 
 def test_questions_are_answered_however_many_there_are(host: Host) -> None:
     number = connected(host)
-    questions = 2 * max(COMMANDS_PER_TICK, ARRIVAL_WORK)
+    questions = 200
     host.receive(number, STARTS * questions)
     answers = host.take(number)
     for _ in range(questions):

@@ -7,15 +7,18 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from radarsim.presets.robots import robot_names
+from radarsim.geometry import Pose2
+from radarsim.presets.robots import load_robot, robot_names
 from radarsim.protocol import line_writer
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.line_writer import ReportBlock
+from radarsim.protocol.reports import StartPoses
+from radarsim.robots.robot import Robot
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
+from radarsim.server.host.connection import SendQueue
 from radarsim.server.host.lockstep import InProcessTransport
 from radarsim.simulation.config import SimulationConfig
-from radarsim.simulation.simulation import Simulation
 from radarsim.simulation.vehicle import Vehicle
 
 INITS = (
@@ -30,10 +33,11 @@ DRIVES = (
 
 
 def fail_for(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a method that fails if a robot of this name is among its arguments."""
+    """Return a method that fails for a robot, or for the lines of the one at 60 m."""
 
     def method(*args: Any) -> Any:
-        if f"'{name}'" in " ".join(map(repr, _names(args))):
+        lines = b"".join(each for each in args if isinstance(each, bytes))
+        if name in _names(args) or b"{Location 60.0" in lines:
             raise ArithmeticError("a bug")
         return function(*args)
 
@@ -67,15 +71,12 @@ def play(scene: Scene, ticks: int = 40) -> tuple[Host, list[bytes]]:
     [
         (Vehicle, "due"),
         (Vehicle, "sensor_pose"),
-        (Simulation, "_fly"),
-        (Host, "_queue_output"),
+        (Robot, "lean"),
+        (SendQueue, "put_readings"),
     ],
 )
 def test_error_of_one_robot_ends_that_robot_alone(
-    empty_room: Scene,
-    monkeypatch: pytest.MonkeyPatch,
-    owner: type,
-    name: str,
+    empty_room: Scene, monkeypatch: pytest.MonkeyPatch, owner: type, name: str
 ) -> None:
     _, (undisturbed, _) = play(empty_room)
     monkeypatch.setattr(owner, name, fail_for("bad", getattr(owner, name)))
@@ -124,7 +125,7 @@ def test_error_of_a_command_ends_that_client_alone(
         raise ArithmeticError("a bug")
 
     with monkeypatch.context() as patch:
-        patch.setattr(host._commands, "_reply", fail)
+        patch.setattr(StartPoses, "encode", fail)
         assert host.receive(one, b"GETSTARTPOSES\r\n" * 9) == []
     assert host.fault(one) is not None
     assert not host.is_busy(one)
@@ -152,9 +153,7 @@ def test_error_of_a_robot_without_a_client_is_raised(
     empty_room: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     host = Host(empty_room)
-    number = host.connect()
-    host.receive(number, INITS[1])
-    host._commands.clients_by_robot.clear()
+    assert host.simulation.spawn("bad", load_robot("P3AT"), Pose2(0.0, 0.0))
     monkeypatch.setattr(Vehicle, "due", fail_for("bad", Vehicle.due))
     with pytest.raises(ArithmeticError, match="a bug"):  # noqa: PT012 - in one of them
         for _ in range(100):

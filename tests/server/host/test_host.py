@@ -16,23 +16,6 @@ from radarsim.protocol.reports import GroundTruth, Ins, decode_report
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene, StartPose
 from radarsim.server.host import Host
-from radarsim.server.host.commands import (
-    CACHED_REPLIES,
-    CHARACTERS_A_UNIT,
-    FAILED_SEARCH_COOLDOWN,
-    FAILED_SPAWN_COOLDOWN,
-    HEAVY_WORK,
-    LIGHT_WORK,
-    SPAWN_COOLDOWN,
-    SPAWNS_PER_TICK,
-    SUGGESTION_WORK,
-)
-from radarsim.server.host.host import (
-    ARRIVAL_WORK,
-    COMMANDS_PER_TICK,
-    FIRST_WORK,
-    WAITING_WORK,
-)
 from radarsim.simulation.config import SimulationConfig
 
 GREETING = b"NFO {Gametype BotDeathMatch} {Level DM-EmptyRoom} {TimeLimit 0}\r\n"
@@ -107,10 +90,10 @@ def test_only_clients_with_bytes_are_to_be_sent_something(host: Host) -> None:
 @pytest.mark.parametrize(
     "before",
     [
-        pytest.param(b"\xef\xbb\xbf", id="mark of UTF-8"),
-        pytest.param(b"\0", id="zero"),
-        pytest.param(b"\xff\xfb\x1f\xff\xfb \xff\xfd\x01\xff\xf1", id="telnet"),
-        pytest.param(b"\xff\xfa\x1f\0P\0\x18\xff\xf0", id="size of a window"),
+        b"\xef\xbb\xbf",  # the mark of UTF-8
+        b"\0",
+        b"\xff\xfb\x1f\xff\xfb \xff\xfd\x01\xff\xf1",  # telnet
+        b"\xff\xfa\x1f\0P\0\x18\xff\xf0",  # of telnet, the size of a window
     ],
 )
 def test_what_editors_and_telnet_send_first_is_skipped(
@@ -125,13 +108,10 @@ def test_what_editors_and_telnet_send_first_is_skipped(
     assert host.close_reason(web) == "an HTTP request, expected commands"
 
 
-def test_ends_of_strings_are_skipped_after_every_line(host: Host) -> None:
+def test_ends_of_strings_are_skipped_and_utf_16_is_an_error(host: Host) -> None:
     number = connected(host)
     assert host.receive(number, b"GETSTARTPOSES\r\n\0" * 3) == []
     assert host.take(number) == STARTS * 3
-
-
-def test_line_in_utf_16_is_answered_with_an_error(host: Host) -> None:
     number = connected(host)
     host.receive(number, "GETSTARTPOSES\r\n".encode("utf-16-le"))
     assert host.take(number).startswith(b"NFO {Error verb 'G")
@@ -184,55 +164,35 @@ def test_time_is_above_zero_and_never_goes_back(host: Host) -> None:
     assert times[-1] == b"1.00"
 
 
+VERBS = (
+    "['ACT', 'CONTROL', 'DRIVE', 'GETCONF', 'GETGEO', 'GETSTARTPOSES', 'INIT', "
+    "'MISPKG', 'MULTIDRIVE', 'SET', 'TRACE', 'WATCH']"
+)
+
+
 @pytest.mark.parametrize(
-    ("line", "kind", "text"),
+    ("line", "text"),
     [
-        pytest.param(
-            b"DRIVE Left 1",
-            "malformed line",
-            "expected '{Key value}' at column 7 in 'DRIVE Left 1'",
-            id="no braces",
+        (b"DRIVE Left 1", "expected '{Key value}' at column 7 in 'DRIVE Left 1'"),
+        (
+            b"DRVE {Left 1}",
+            f"verb 'DRVE' (did you mean 'DRIVE'?), expected one of {VERBS}",
         ),
-        pytest.param(
-            b"DRVE {Left 1} {Right 1}",
-            "malformed line",
-            "verb 'DRVE' (did you mean 'DRIVE'?), expected one of ['ACT', 'CONTROL', "
-            "'DRIVE', 'GETCONF', 'GETGEO', 'GETSTARTPOSES', 'INIT', 'MISPKG', "
-            "'MULTIDRIVE', 'SET', 'TRACE', 'WATCH']",
-            id="misspelt verb",
-        ),
-        pytest.param(
+        (
             b"INIT {ClassName USARBot.KR6} {Location .4, .4, 1.8}",
-            "class",
             f"robot class 'KR6', expected one of {list(robot_names())}",
-            id="unknown class",
         ),
-        pytest.param(
-            b"DRIVE {Left 1} {Right 1}",
-            "DRIVE without robot",
-            "DRIVE without a robot, expected INIT",
-            id="drive before init",
-        ),
-        pytest.param(
-            b"PAUSE {FRFlipper 1}",
-            "not supported PAUSE",
-            "not supported: PAUSE",
-            id="verb of other servers",
-        ),
-        pytest.param(
-            b"GETSTARTPOSES {Which all}",
-            "GETSTARTPOSES fields",
-            "GETSTARTPOSES field 'Which', expected none",
-            id="unknown key",
-        ),
+        (b"DRIVE {Left 1} {Right 1}", "DRIVE without a robot, expected INIT"),
+        (b"PAUSE {FRFlipper 1}", "not supported: PAUSE"),
+        (b"GETSTARTPOSES {Which all}", "GETSTARTPOSES field 'Which', expected none"),
     ],
 )
 def test_invalid_command_gives_a_diagnostic_and_no_effect(
-    host: Host, line: bytes, kind: str, text: str
+    host: Host, line: bytes, text: str
 ) -> None:
     number = connected(host)
     (diagnostic,) = host.receive(number, line + b"\r\n")
-    assert (diagnostic.kind, diagnostic.text) == (kind, text)
+    assert diagnostic.text == text
     run_ticks(host, 20)
     assert host.take(number) in (b"", STARTS)
     assert host.receive(number, b"GETSTARTPOSES\r\n") == []
@@ -240,130 +200,76 @@ def test_invalid_command_gives_a_diagnostic_and_no_effect(
     assert host.simulation.vehicles == ()
 
 
+FIELDS = (
+    "['Left', 'Right', 'Normalized', 'Light', 'Flip', 'Speed', 'FrontSteer', "
+    "'RearSteer', 'Name', 'Value', 'Order', 'AltitudeVelocity', 'LinearVelocity', "
+    "'LateralVelocity', 'RotationalVelocity']"
+)
+TYPES = (
+    "['Robot', 'GroundTruth', 'INS', 'Odometry', 'Tachometer', 'Encoder', 'Touch', "
+    "'Battery', 'Camera', 'RangeScanner', 'Echoes', 'RadarTargets']"
+)
+OPCODES = "['SCAN', 'RESET', 'POSE', 'ECHOES', 'TARGETS', 'SETTING', 'ZOOM', 'FOV']"
+
+
 @pytest.mark.parametrize(
-    ("line", "kind", "text"),
+    ("line", "text"),
     [
-        pytest.param(
-            b"DRIVE {Left 1}",
-            "one side",
+        ("DRIVE {Left 1}", "DRIVE without Right, expected Left and Right"),
+        (
+            "DRIVE {Left 1} {Rigth 1}",
+            f"DRIVE field 'Rigth' (did you mean 'Right'?), expected one of {FIELDS}; "
             "DRIVE without Right, expected Left and Right",
-            id="one wheel",
         ),
-        pytest.param(
-            b"DRIVE {Left 1} {Rigth 1}",
-            "DRIVE fields, one side",
-            "DRIVE field 'Rigth' (did you mean 'Right'?), expected one of "
-            "['Left', 'Right', 'Normalized', 'Light', 'Flip', 'Speed', 'FrontSteer', "
-            "'RearSteer', 'Name', 'Value', 'Order', 'AltitudeVelocity', "
-            "'LinearVelocity', 'LateralVelocity', 'RotationalVelocity']"
-            "; DRIVE without Right, expected Left and Right",
-            id="misspelt wheel",
-        ),
-        pytest.param(
-            b"GETGEO {Type RangeScanner} {Name Scanner1}",
-            "item name",
-            "GETGEO of RangeScanner 'Scanner1', expected one of ['lms200']",
-            id="name that does not match",
-        ),
-        pytest.param(
-            b"GETCONF {Type Echoes} {Name Scanner1}",
-            "item name",
-            "GETCONF of RangeScanner 'Scanner1', expected one of ['lms200']",
-            id="name that does not match, of the lines of echoes",
-        ),
-        pytest.param(
-            b"GETCONF {Type Enc} {Name W1}",
-            "item type",
-            "GETCONF of type 'Enc' (did you mean 'Encoder'?), expected one of "
-            "['Robot', 'GroundTruth', 'INS', 'Odometry', 'Tachometer', 'Encoder', "
-            "'Touch', 'Battery', 'Camera', 'RangeScanner', 'Echoes', "
-            "'RadarTargets']",
-            id="type that does not match",
-        ),
-        pytest.param(
-            b"GETGEO {Type Robt}",
-            "item type",
-            "GETGEO of type 'Robt' (did you mean 'Robot'?), expected one of "
-            "['Robot', 'GroundTruth', 'INS', 'Odometry', 'Tachometer', 'Encoder', "
-            "'Touch', 'Battery', 'Camera', 'RangeScanner', 'Echoes', "
-            "'RadarTargets']",
-            id="misspelt robot",
-        ),
-        pytest.param(
-            b"GETCONF {Type actuator}",
-            "not supported Actuator",
-            "not supported: Actuator",
-            id="type of other servers",
-        ),
-        pytest.param(
-            b"MULTIDRIVE {FRFlipper 1}",
-            "not supported MULTIDRIVE",
-            "not supported: MULTIDRIVE",
-            id="links of other robots",
-        ),
-        pytest.param(
-            b"SET {Type Joint} {Name FRFlipper} {Opcode Stiffness} {Params 1}",
-            "opcode",
-            "opcode 'Stiffness', expected one of ['Angle', 'Target']",
-            id="what a link cannot do",
-        ),
-        pytest.param(
-            b"SET {Type Joint} {Name FRFlipper} {Opcode Angle} {Params up}",
-            "malformed Angle",
-            "SET Angle: 'up', expected a number",
-            id="no angle",
-        ),
-        pytest.param(
-            b"SET {Type Gripper} {Opcode OPEN} {Params 1}",
-            "not supported Gripper",
-            "not supported: Gripper",
-            id="order to an item of other servers",
-        ),
-        pytest.param(
-            b"SET {Type Effecter} {Grip 1}",
-            "not supported Effecter",
-            "not supported: Effecter",
-            id="order with fields of other servers",
-        ),
-        pytest.param(
-            b"DRIVE {Speed 1} {FrontSteer .2} {rearsteer 0}",
-            "steering",
+        (
+            "DRIVE {Speed 1} {FrontSteer .2} {rearsteer 0}",
             "DRIVE with FrontSteer of P3AT, which is skid-steered, expected Left",
-            id="steering axle",
         ),
-        pytest.param(
-            b"DRIVE {Propeller 1} {Rudder .2}",
-            "not supported DRIVE",
+        (
+            "DRIVE {Propeller 1} {Rudder .2}",
             "not supported: DRIVE with ['Propeller', 'Rudder']",
-            id="boat",
         ),
-        pytest.param(
-            b"SET {Type INS} {Opcode MOVE}",
-            "opcode",
-            "opcode 'MOVE', expected one of ['SCAN', 'RESET', 'POSE', 'ECHOES', "
-            "'TARGETS', 'SETTING', 'ZOOM', 'FOV']",
-            id="unknown opcode",
+        ("MULTIDRIVE {FRFlipper 1}", "not supported: MULTIDRIVE"),
+        (
+            "GETGEO {Type RangeScanner} {Name Scanner1}",
+            "GETGEO of RangeScanner 'Scanner1', expected one of ['lms200']",
         ),
-        pytest.param(
-            b"SET {Type INS} {Opcode ZOOM}",
-            "opcode",
-            "SET ZOOM of type 'INS', expected Camera",
-            id="opcode of cameras",
+        (
+            "GETCONF {Type Echoes} {Name Scanner1}",
+            "GETCONF of RangeScanner 'Scanner1', expected one of ['lms200']",
         ),
-        pytest.param(
-            b"SET {Type INS} {Opcode POSE} {Params 1,2,3}",
-            "malformed POSE",
+        (
+            "GETCONF {Type Enc} {Name W1}",
+            f"GETCONF of type 'Enc' (did you mean 'Encoder'?), expected one of {TYPES}",
+        ),
+        (
+            "GETGEO {Type Robt}",
+            f"GETGEO of type 'Robt' (did you mean 'Robot'?), expected one of {TYPES}",
+        ),
+        ("GETCONF {Type actuator}", "not supported: Actuator"),
+        (
+            "SET {Type Joint} {Name FRFlipper} {Opcode Stiffness} {Params 1}",
+            "opcode 'Stiffness', expected one of ['Angle', 'Target']",
+        ),
+        (
+            "SET {Type Joint} {Name FRFlipper} {Opcode Angle} {Params up}",
+            "SET Angle: 'up', expected a number",
+        ),
+        ("SET {Type Gripper} {Opcode OPEN} {Params 1}", "not supported: Gripper"),
+        ("SET {Type Effecter} {Grip 1}", "not supported: Effecter"),
+        ("SET {Type INS} {Opcode MOVE}", f"opcode 'MOVE', expected one of {OPCODES}"),
+        ("SET {Type INS} {Opcode ZOOM}", "SET ZOOM of type 'INS', expected Camera"),
+        (
+            "SET {Type INS} {Opcode POSE} {Params 1,2,3}",
             "SET POSE: '1,2,3', expected 6 numbers",
-            id="half a pose",
         ),
     ],
 )
 def test_command_that_does_not_fit_the_robot_gives_a_diagnostic(
-    host: Host, line: bytes, kind: str, text: str
+    host: Host, line: str, text: str
 ) -> None:
     number = spawned(host)
-    (diagnostic,) = host.receive(number, line + b"\r\n")
-    assert diagnostic.kind == kind
+    (diagnostic,) = host.receive(number, line.encode() + b"\r\n")
     assert diagnostic.text.startswith(text)
     run_ticks(host, 20)
     sent = host.take(number)
@@ -378,9 +284,9 @@ def test_command_that_does_not_fit_the_robot_gives_a_diagnostic(
 @pytest.mark.parametrize(
     "line",
     [
-        pytest.param(b"DRIVE {Speed 0}", id="speed of other vehicles"),
-        pytest.param(b"DRIVE {name r1} {Left 1} {Right 1}", id="name of the robot"),
-        pytest.param(b"DRIVE {Left 1} {SPEED 2} {Right 1}", id="both"),
+        b"DRIVE {Speed 0}",
+        b"DRIVE {name r1} {Left 1} {Right 1}",
+        b"DRIVE {Left 1} {SPEED 2} {Right 1}",
     ],
 )
 def test_needless_fields_of_drive_are_no_news(host: Host, line: bytes) -> None:
@@ -428,14 +334,10 @@ def test_drive_holds_until_it_is_changed(host: Host) -> None:
 @pytest.mark.parametrize(
     ("fields", "pose"),
     [
-        pytest.param(
-            "{Location 1,2,-2.25} {Rotation 0,0,1.5}", (1, -2, -1.5), id="all"
-        ),
-        pytest.param("{Name 7}", (0, 0, 0), id="nothing"),
-        pytest.param(
-            "{Name } {Start robotSTART2}", (-8, 3.5, 0), id="start in any case"
-        ),
-        pytest.param("{Start RobotStart3} {Location 1,1,1}", (-8, -3.5, 0), id="both"),
+        ("{Location 1,2,-2.25} {Rotation 0,0,1.5}", (1, -2, -1.5)),
+        ("{Name 7}", (0, 0, 0)),
+        ("{Name } {Start robotSTART2}", (-8, 3.5, 0)),
+        ("{Start RobotStart3} {Location 1,1,1}", (-8, -3.5, 0)),
     ],
 )
 def test_robot_is_spawned_at_the_pose_of_init(
@@ -462,7 +364,7 @@ def test_unknown_start_is_the_origin_with_a_diagnostic(host: Host) -> None:
 def test_misspelt_field_is_told_with_what_it_leads_to(host: Host) -> None:
     spawned(host, b"INIT {ClassName P3AT} {Location 0,0,0}\r\n")
     number = connected(host)
-    run_ticks(host, SPAWN_COOLDOWN)
+    run_ticks(host, 100)
     init = b"INIT {ClassName P3AT} {Strat RobotStart1}\r\n"
     (diagnostic,) = host.receive(number, init)
     assert diagnostic.kind == "INIT fields, moved"
@@ -486,17 +388,15 @@ def test_init_inside_a_wall_takes_the_nearest_free_place(host: Host) -> None:
 
 
 def test_spawns_are_spread_over_ticks(host: Host) -> None:
-    numbers = [connected(host) for _ in range(3 * SPAWNS_PER_TICK)]
+    numbers = [connected(host) for _ in range(30)]
     for i, number in enumerate(numbers):
-        place = f"{{Location {-9 + 1.2 * (i % 6):.1f},{i // 6 * 1.2:.1f},0}}"
+        place = f"{{Location {-9 + 1.2 * (i % 6):.1f},{-3 + i // 6 * 1.2:.1f},0}}"
         host.receive(number, f"INIT {{ClassName P3AT}} {place}\r\n".encode())
     counts = [len(host.simulation.vehicles)]
-    for _ in range(3):
+    while counts[-1] < len(numbers):
         host.step()
         counts.append(len(host.simulation.vehicles))
-    assert counts[0] == SPAWNS_PER_TICK
-    assert counts[-1] == 3 * SPAWNS_PER_TICK
-    assert max(b - a for a, b in pairwise(counts)) <= SPAWNS_PER_TICK
+        assert counts[-1] - counts[-2] <= counts[0] < len(numbers) / 2
 
 
 def test_client_that_sends_no_more_gets_the_replies_of_the_tick(host: Host) -> None:
@@ -506,39 +406,41 @@ def test_client_that_sends_no_more_gets_the_replies_of_the_tick(host: Host) -> N
     assert host.finish(number) == b""
 
 
-@pytest.mark.parametrize(
-    ("flood", "work"),
-    [
-        pytest.param(b"GETSTARTPOSES\r\n", LIGHT_WORK, id="start poses"),
-        pytest.param(b"FOO\r\n", LIGHT_WORK + SUGGESTION_WORK, id="malformed"),
-        pytest.param(
-            b"DRIVE {Foo 1}\r\n", LIGHT_WORK + SUGGESTION_WORK, id="unknown field"
-        ),
-        pytest.param(b"SET {Type INS} {Opcode RESET}\r\n", HEAVY_WORK, id="set"),
-        pytest.param(b"F" * CHARACTERS_A_UNIT + b"\r\n", 5, id="long"),
-    ],
-)
 def test_floods_of_all_clients_together_are_limited_in_a_tick(
-    host: Host, flood: bytes, work: int
+    empty_room: Scene,
 ) -> None:
-    numbers = [connected(host) for _ in range(50)]
-    for number in numbers:
-        host.receive(number, flood * 100)
-        host.take(number)
-    for _ in range(5):
-        diagnostics = host.step()
-        replies = sum(host.take(number).count(b"StartPoses") for number in numbers)
-        assert len(diagnostics) + replies == WAITING_WORK // work
+    executed: list[int] = []
+    for flood in (
+        b"GETSTARTPOSES\r\n",
+        b"FOO\r\n",  # which needs a suggestion
+        b"DRIVE {Foo 1}\r\n",
+        b"SET {Type INS} {Opcode RESET}\r\n",
+        b"F" * 5000 + b"\r\n",
+    ):
+        host = Host(empty_room)
+        numbers = [connected(host) for _ in range(50)]
+        for number in numbers:
+            host.receive(number, flood * 100)
+            host.take(number)
+        counts = set()
+        for _ in range(5):
+            diagnostics = host.step()
+            replies = sum(host.take(n).count(b"StartPoses") for n in numbers)
+            counts.add(len(diagnostics) + replies)
+        executed += counts
+    light, *heavy = executed  # as many in each tick
+    assert len(heavy) == 4
+    assert 0 < max(heavy) < light / 2 < 50
 
 
 def test_clients_whose_commands_wait_take_turns(host: Host) -> None:
-    numbers = [connected(host) for _ in range(3 * WAITING_WORK)]
-    host.receive(numbers[0], b"GETSTARTPOSES\r\n" * COMMANDS_PER_TICK)
+    numbers = [connected(host) for _ in range(100)]
+    host.receive(numbers[0], b"GETSTARTPOSES\r\n" * 20)
     for number in numbers:
         host.take(number)
         host.receive(number, b"FOO\r\n" * 100)
     served: Counter[int] = Counter()
-    for _ in range(9 * (LIGHT_WORK + SUGGESTION_WORK)):
+    for _ in range(60):
         served.update(number for number, _ in host.step())
     assert max(served.values()) - min(served.values()) <= 1
     assert len(served) == len(numbers)
@@ -560,24 +462,24 @@ def test_flood_of_others_does_not_delay_a_command(host: Host) -> None:
 
 def test_bursts_of_others_in_the_same_tick_do_not_delay_a_command(host: Host) -> None:
     number = spawned(host)
-    bursts = 2 + ARRIVAL_WORK // COMMANDS_PER_TICK
     for _ in range(10):
         host.step()
-        for other in [connected(host) for _ in range(bursts)]:
-            host.receive(other, b"GETSTARTPOSES\r\n" * COMMANDS_PER_TICK)
+        for other in [connected(host) for _ in range(10)]:
+            host.receive(other, b"GETSTARTPOSES\r\n" * 20)
         host.receive(number, b"GETGEO {Type Robot}\r\n")
         assert not host.is_busy(number)
     assert host.finish(number).count(GEO) == 10
 
 
 def test_first_commands_of_all_clients_in_a_tick_are_limited(host: Host) -> None:
-    done = ARRIVAL_WORK + FIRST_WORK
-    numbers = [connected(host) for _ in range(2 * done)]
+    numbers = [connected(host) for _ in range(300)]
     host.receive(numbers[0], b"GETSTARTPOSES\r\n")  # the reply is kept for the others
     host.step()
     for number in numbers:
         host.receive(number, b"GETSTARTPOSES\r\n")
-    assert [host.is_busy(n) for n in numbers] == [False] * done + [True] * done
+    waits = [host.is_busy(n) for n in numbers]
+    assert waits == sorted(waits)
+    assert 50 < sum(waits) < 250
 
 
 def test_replies_of_a_class_do_not_depend_on_what_others_have_asked(
@@ -619,29 +521,29 @@ def test_memory_for_replies_is_bounded(host: Host) -> None:
             letters = zip("rangescanner", bits, strict=True)
             name = "".join(c.upper() if bit == "1" else c for c, bit in letters)
             host.receive(number, f"GETCONF {{Type {name}}}\r\n".encode())
-            if i % COMMANDS_PER_TICK == 0:
+            if i % 20 == 0:
                 host.step()
                 host.take(number)
         return tracemalloc.get_traced_memory()[0]
 
     tracemalloc.start()
     try:
-        full = ask(range(CACHED_REPLIES))
-        growth = ask(range(CACHED_REPLIES, 2 * CACHED_REPLIES)) - full
+        full = ask(range(1000))
+        growth = ask(range(1000, 2000)) - full
     finally:
         tracemalloc.stop()
-    assert growth < 100 * CACHED_REPLIES  # bytes; a reply is longer
+    assert growth < 100 * 1000  # bytes; a reply is longer
 
 
 def test_spawns_pause_after_a_search_for_a_free_place(foliage_room: Scene) -> None:
     host = Host(foliage_room)
     bush = b"INIT {ClassName P3AT} {Location 0.5,1.64,0}\r\n"
-    numbers = [connected(host) for _ in range(3)]
-    for number in numbers:
-        host.receive(number, bush)
+    taken = b"INIT {ClassName P3AT} {Start RobotStart1}\r\n"  # a free place is near
+    for line in (bush, bush, bush, taken, taken, taken):
+        host.receive(connected(host), line)
     told = [tick for tick in range(100) for _ in host.step()]
-    assert len(told) == 3
-    assert min(b - a for a, b in pairwise(told)) >= FAILED_SEARCH_COOLDOWN
+    assert len(told) == 5
+    assert min(b - a for a, b in pairwise(told)) > 1
 
 
 def test_robots_are_spawned_in_the_order_in_which_they_were_asked_for(
@@ -655,17 +557,14 @@ def test_robots_are_spawned_in_the_order_in_which_they_were_asked_for(
     host.receive(patient, INIT)
     while host.is_busy(first):
         host.step()
-    run_ticks(host, FAILED_SEARCH_COOLDOWN - 1)
-    host.receive(late, b"INIT {ClassName P3AT} {Start RobotStart2}\r\n")
     assert not host.simulation.vehicles
-    host.step()
-    assert host.has_robot(patient)
-    assert host.has_robot(late)
+    while not host.has_robot(late):
+        host.receive(late, b"INIT {ClassName P3AT} {Start RobotStart2}\r\n")
+        host.step()
+        assert host.has_robot(late) <= host.has_robot(patient)
 
 
-def test_diagnostic_joins_unknown_start_and_moved_pose(
-    foliage_room: Scene,
-) -> None:
+def test_diagnostic_joins_unknown_start_and_moved_pose(foliage_room: Scene) -> None:
     host = Host(foliage_room)
     number = connected(host)
     diagnostics = host.receive(number, b"INIT {ClassName P3AT} {Start Nowhere}\r\n")
@@ -683,7 +582,7 @@ def test_no_robot_is_spawned_without_a_free_place(host: Host) -> None:
     diagnostics = []
     clients = [connected(host) for _ in range(10)]
     for number in clients:
-        run_ticks(host, FAILED_SEARCH_COOLDOWN)
+        run_ticks(host, 50)
         diagnostics += host.receive(number, INIT + b"GETGEO {Type Robot}\r\n")
         while host.is_busy(number):
             diagnostics += [diagnostic for _, diagnostic in host.step()]
@@ -696,7 +595,7 @@ def test_no_robot_is_spawned_without_a_free_place(host: Host) -> None:
         " or another start"
     )
     host.disconnect(first)
-    run_ticks(host, FAILED_SPAWN_COOLDOWN)
+    run_ticks(host, 200)
     assert host.receive(clients[-1], INIT) == []
     assert host.has_robot(clients[-1])
 
@@ -737,11 +636,11 @@ def test_robots_without_a_client_drive_unheard(host: Host) -> None:
 
 
 def test_disconnect_removes_the_robot_and_frees_its_name(host: Host) -> None:
-    numbers = [spawned(host) for _ in range(1)]
+    first = spawned(host)
     other = connected(host)
     host.receive(other, b"INIT {ClassName P3AT} {Name R1} {Location 0,0,0}\r\n")
     assert [v.robot.name for v in host.simulation.vehicles] == ["R1", "R1_2"]
-    host.disconnect(numbers[0])
+    host.disconnect(first)
     assert [v.robot.name for v in host.simulation.vehicles] == ["R1_2"]
     spawned(host)
     assert [v.robot.name for v in host.simulation.vehicles] == ["R1_2", "R1"]
@@ -754,31 +653,22 @@ def test_default_name_of_a_robot_is_its_class(host: Host) -> None:
     assert names == ["P2DX", "P2DX_2"]
 
 
-def test_a_second_init_replaces_the_robot(host: Host) -> None:
-    number = spawned(host)
-    run_ticks(host, SPAWN_COOLDOWN)
-    host.receive(number, b"INIT {ClassName USARBot.P2AT} {Location 0,0,0}\r\n")
-    run_ticks(host, 1)
-    (vehicle,) = host.simulation.vehicles
-    assert vehicle.model.name == "P2AT"
-
-
-def test_repeated_init_waits_for_the_cooldown(host: Host) -> None:
+def test_repeated_init_replaces_the_robot_after_a_cooldown(host: Host) -> None:
     number = connected(host)
-    host.receive(number, INIT * 3 + b"DRIVE {Left 1} {Right 1}\r\n")
-    assert host.is_busy(number)
+    other = INIT.replace(b"P3AT", b"P2AT")
+    host.receive(number, INIT * 2 + other + b"DRIVE {Left 1} {Right 1}\r\n")
     assert host.waits_to_spawn(number)
-    seen = set()
-    for _ in range(2 * SPAWN_COOLDOWN):
-        seen.add(host.simulation.vehicles[0].number)
+    seen, ticks = [], 0
+    while host.is_busy(number):
+        seen.append(host.simulation.vehicles[0].number)
         host.step()
-    assert host.is_busy(number)
-    host.step()
-    assert not host.is_busy(number)
+        ticks += 1
     assert not host.waits_to_spawn(number)
-    seen.add(host.simulation.vehicles[0].number)
-    assert seen == {1, 2, 3}
-    assert host.simulation.vehicles[0].robot.pose.x > -8
+    assert ticks > 20
+    (vehicle,) = host.simulation.vehicles
+    assert [*dict.fromkeys(seen), vehicle.number] == [1, 2, 3]
+    assert vehicle.model.name == "P2AT"
+    assert vehicle.robot.pose.x > -8
 
 
 def test_commands_beyond_the_limit_wait_for_the_next_ticks(host: Host) -> None:
@@ -794,17 +684,17 @@ def test_commands_beyond_the_limit_wait_for_the_next_ticks(host: Host) -> None:
     while host.is_busy(number):
         host.step()
         ticks += 1
-    assert ticks == (1000 - COMMANDS_PER_TICK) // COMMANDS_PER_TICK + 1
+    assert 20 < ticks < 200
     assert GEO in host.take(number)
 
 
 def test_diagnostics_of_delayed_commands_are_returned_by_step(host: Host) -> None:
     number = connected(host)
-    diagnostics = host.receive(number, b"FOO\r\n" * (COMMANDS_PER_TICK + 1))
-    assert len(diagnostics) == COMMANDS_PER_TICK
-    ((who, diagnostic),) = host.step()
-    assert who == number
-    assert diagnostic.kind == "malformed line"
+    at_once = host.receive(number, b"FOO\r\n" * 30)
+    later = host.step()
+    assert 0 < len(at_once) < 30
+    assert len(at_once) + len(later) == 30
+    assert {(who, each.kind) for who, each in later} == {(number, "malformed line")}
 
 
 def test_endless_line_closes_after_the_commands_before_it(host: Host) -> None:
@@ -831,7 +721,7 @@ def test_endless_line_closes_after_the_commands_before_it(host: Host) -> None:
         b"\x16\x03\x01\x02\x00 of TLS",
     ],
 )
-@pytest.mark.parametrize("cut", [0, 3, 20, 60])
+@pytest.mark.parametrize("cut", [0, 3, 20])
 def test_http_request_is_closed_and_nothing_after_it_is_executed(
     host: Host, request_line: bytes, cut: int
 ) -> None:
@@ -886,10 +776,8 @@ def test_client_that_does_not_read_loses_readings_but_no_replies(host: Host) -> 
 @pytest.mark.parametrize(
     "order",
     [
-        pytest.param(b"SET {Type RangeScanner} {Opcode SCAN}", id="all"),
-        pytest.param(
-            b"set {TYPE rangescanner} {Name LMS200} {Opcode scan} {Params 0}", id="one"
-        ),
+        b"SET {Type RangeScanner} {Opcode SCAN}",
+        b"set {TYPE rangescanner} {Name LMS200} {Opcode scan} {Params 0}",
     ],
 )
 def test_set_scan_gives_one_extra_scan_and_no_reply(host: Host, order: bytes) -> None:
@@ -926,9 +814,7 @@ def test_clients_do_not_get_replies_of_each_other(host: Host) -> None:
     assert GEO in host.take(one)
 
 
-def test_robot_can_be_spawned_far_outside_the_map(
-    foliage_room: Scene,
-) -> None:
+def test_robot_can_be_spawned_far_outside_the_map(foliage_room: Scene) -> None:
     host = Host(foliage_room)
     number = spawned(host, b"INIT {ClassName P3AT} {Location 1e9,-1e9,1e9}\r\n")
     run_ticks(host, 10)

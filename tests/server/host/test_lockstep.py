@@ -4,7 +4,6 @@ import pytest
 
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
-from radarsim.server.host.host import COMMANDS_PER_TICK
 from radarsim.server.host.lockstep import InProcessTransport
 from radarsim.simulation.clock import TICK
 
@@ -60,7 +59,7 @@ def test_closed_transport_refuses_to_send_and_receive(empty_room: Scene) -> None
 def test_newest_diagnostics_of_the_own_commands_are_kept(empty_room: Scene) -> None:
     host = Host(empty_room)
     transport, other = InProcessTransport(host), InProcessTransport(host)
-    transport.send(b"GETGEO {Type Robot}\r\n" * (2 * COMMANDS_PER_TICK))
+    transport.send(b"GETGEO {Type Robot}\r\n" * 40)
     assert transport.receive(1.0).startswith(b"NFO ")
     with pytest.raises(TimeoutError):  # the rest of the commands waits for a tick
         transport.receive(0.5)

@@ -2,7 +2,6 @@
 
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host, HostObserver
-from radarsim.server.host.host import COMMANDS_PER_TICK
 from radarsim.simulation.simulation import Simulation
 from radarsim.simulation.vehicle import Vehicle
 
@@ -46,7 +45,7 @@ def drive_a_robot(host: Host) -> list[bytes]:
     number = host.connect()
     taken = [host.take(number)]
     host.receive(number, INIT)
-    host.receive(number, b"DRIVE {Left 1} {Right 1}\r\n" * (COMMANDS_PER_TICK + 5))
+    host.receive(number, b"DRIVE {Left 1} {Right 1}\r\n" * 50)
     for _ in range(12):
         host.step()
         taken.append(host.take(number))

@@ -31,124 +31,84 @@ def ask(
     return host.take(number).decode("ascii").split("\r\n")[:-1]
 
 
+COMPAT_REPLIES = {
+    "GETCONF {Type Robot}": (
+        "CONF {Type GroundVehicle} {Name P3AT} {SteeringType SkidSteered} "
+        "{Mass 11.9000} {MaxSpeed 8.1700} {MaxTorque 50000.0000} "
+        "{MaxFrontSteer 0.0000} {MaxRearSteer 0.0000}"
+    ),
+    "GETGEO {Type rangeSCANNER}": (  # its type is echoed
+        "GEO {Type rangeSCANNER} {Name lms200 Location 0.2085,0.0000,-0.2000 "
+        "Orientation 0.0000,0.0000,0.0000 Mount HARD}"
+    ),
+    "GETCONF {Type RangeScanner} {Name LMS200}": (
+        "CONF {Type RangeScanner} {Name lms200} {MaxRange 80.0000} "
+        "{MinRange 0.1000} {Resolution 0.017453} {Fov 3.141593}"
+    ),
+    "GETCONF {Type INS} {Name }": (
+        "CONF {Type INS} {Name InsTest} {ScanInterval 0.1000}"
+    ),
+    "GETCONF {Type Encoder}": (
+        "CONF {Type Encoder} {Name W1} {Resolution 0.017450} "
+        "{Name W2} {Resolution 0.017450}"
+    ),
+    "GETCONF {Type MisPkg}": "CONF {Type MisPkg}",
+}
+UDK_REPLIES = {
+    "GETCONF {Type Robot}": (
+        "CONF {Name P3AT} {Type GroundVehicle} {SteeringType SkidSteered} "
+        "{Mass 11.9000} {MaxSpeed 1.2999} {MaxTorque 50000.0000} "
+        "{MaxFrontSteer 0} {MaxRearSteer 0}"
+    ),
+    "GETGEO {Type Robot}": (
+        "GEO {Type GroundVehicle} {Name P3AT} {Dimensions 0.2480,0.3600,0.0000} "
+        "{COG 0.0000,0.0000,0.0000} {WheelRadius 0.0980} {WheelSeparation 0.3600} "
+        "{WheelBase 0.2480}"
+    ),
+    "GETGEO {Type rangescanner} {Name LMS200}": (
+        "GEO {Type rangescanner} {Name lms200} {Location 0.21,0.00,-0.20} "
+        "{Orientation 0.00,0.00,0.00}{Mount P3AT}"
+    ),
+    "GETCONF {Type RangeScanner}": (
+        "CONF {Type RangeScanner} {Name lms200} {MaxRange 20.0000} "
+        "{MinRange 0.1000} {Resolution 0.0174} {Fov 3.1414} "
+        "{Panning True} {Tilting False}"
+    ),
+}
+P2AT_REPLIES = {
+    "GETGEO {Type Sonar} {Name f2}": (
+        "GEO {Type Sonar} {Name F2 Location 0.1850,-0.1150,0.0000 "
+        "Orientation 0.0000,0.0000,-0.8727 Mount HARD}"
+    ),
+    "GETGEO {Type GPS} {Name }": (
+        "GEO {Type GPS} {Name GPS Location -0.1000,0.0000,-0.2000 "
+        "Orientation 0.0000,0.0000,0.0000 Mount HARD}"
+    ),
+}
+P2AT_UDK_REPLIES = {
+    "GETCONF {Type Sonar} {Name F1}": (
+        "CONF {Type Sonar} {Name F1} {MaxRange 5.0000} {MinRange 0.1000} "
+        "{ScanInterval 0.2000} {beamAngle 0.3489} {maxAngleOfIncidence 0.1745} "
+        "{tracesPerCone 16} {numberOfCones 10}"
+    )
+}
+
+
 @pytest.mark.parametrize(
-    ("asked", "answer"),
+    ("class_name", "dialect", "replies"),
     [
-        pytest.param(
-            "GETCONF {Type Robot}",
-            "CONF {Type GroundVehicle} {Name P3AT} {SteeringType SkidSteered} "
-            "{Mass 11.9000} {MaxSpeed 8.1700} {MaxTorque 50000.0000} "
-            "{MaxFrontSteer 0.0000} {MaxRearSteer 0.0000}",
-            id="robot",
-        ),
-        pytest.param(
-            "GETGEO {Type rangeSCANNER}",
-            "GEO {Type rangeSCANNER} {Name lms200 Location 0.2085,0.0000,-0.2000 "
-            "Orientation 0.0000,0.0000,0.0000 Mount HARD}",
-            id="place of the scanner, its type echoed",
-        ),
-        pytest.param(
-            "GETCONF {Type RangeScanner} {Name LMS200}",
-            "CONF {Type RangeScanner} {Name lms200} {MaxRange 80.0000} "
-            "{MinRange 0.1000} {Resolution 0.017453} {Fov 3.141593}",
-            id="scanner by name in any case",
-        ),
-        pytest.param(
-            "GETCONF {Type INS} {Name }",
-            "CONF {Type INS} {Name InsTest} {ScanInterval 0.1000}",
-            id="empty name",
-        ),
-        pytest.param(
-            "GETCONF {Type Encoder}",
-            "CONF {Type Encoder} {Name W1} {Resolution 0.017450} "
-            "{Name W2} {Resolution 0.017450}",
-            id="all encoders in one line",
-        ),
-        pytest.param("GETCONF {Type MisPkg}", "CONF {Type MisPkg}", id="packages"),
+        ("P3AT", COMPAT, COMPAT_REPLIES),
+        ("P3AT", UDK, UDK_REPLIES),
+        ("P2AT", COMPAT, P2AT_REPLIES),
+        ("P2AT", UDK, P2AT_UDK_REPLIES),
     ],
 )
-def test_replies_in_the_compat_dialect(
-    empty_room: Scene, asked: str, answer: str
+def test_replies_of_a_robot_in_a_dialect(
+    empty_room: Scene, class_name: str, dialect: Dialect, replies: dict[str, str]
 ) -> None:
-    assert ask(empty_room, asked, yaw=1.5) == [answer]
-
-
-@pytest.mark.parametrize(
-    ("asked", "answer"),
-    [
-        pytest.param(
-            "GETCONF {Type Robot}",
-            "CONF {Name P3AT} {Type GroundVehicle} {SteeringType SkidSteered} "
-            "{Mass 11.9000} {MaxSpeed 1.2999} {MaxTorque 50000.0000} "
-            "{MaxFrontSteer 0} {MaxRearSteer 0}",
-            id="robot",
-        ),
-        pytest.param(
-            "GETGEO {Type Robot}",
-            "GEO {Type GroundVehicle} {Name P3AT} {Dimensions 0.2480,0.3600,0.0000} "
-            "{COG 0.0000,0.0000,0.0000} {WheelRadius 0.0980} {WheelSeparation 0.3600} "
-            "{WheelBase 0.2480}",
-            id="shape of the robot",
-        ),
-        pytest.param(
-            "GETGEO {Type rangescanner} {Name LMS200}",
-            "GEO {Type rangescanner} {Name lms200} {Location 0.21,0.00,-0.20} "
-            "{Orientation 0.00,0.00,0.00}{Mount P3AT}",
-            id="place of the scanner",
-        ),
-        pytest.param(
-            "GETCONF {Type RangeScanner}",
-            "CONF {Type RangeScanner} {Name lms200} {MaxRange 20.0000} "
-            "{MinRange 0.1000} {Resolution 0.0174} {Fov 3.1414} "
-            "{Panning True} {Tilting False}",
-            id="scanner",
-        ),
-    ],
-)
-def test_replies_in_the_udk_dialect(empty_room: Scene, asked: str, answer: str) -> None:
-    assert ask(empty_room, asked, config=SimulationConfig(UDK)) == [answer]
-
-
-@pytest.mark.parametrize(
-    ("asked", "answer"),
-    [
-        pytest.param(
-            "GETGEO {Type Sonar} {Name f2}",
-            "GEO {Type Sonar} {Name F2 Location 0.1850,-0.1150,0.0000 "
-            "Orientation 0.0000,0.0000,-0.8727 Mount HARD}",
-            id="place of a sonar",
-        ),
-        pytest.param(
-            "GETGEO {Type GPS} {Name }",
-            "GEO {Type GPS} {Name GPS Location -0.1000,0.0000,-0.2000 "
-            "Orientation 0.0000,0.0000,0.0000 Mount HARD}",
-            id="place of the GPS",
-        ),
-    ],
-)
-def test_replies_about_items_of_a_p2at(
-    empty_room: Scene, asked: str, answer: str
-) -> None:
-    assert ask(empty_room, asked, class_name="P2AT") == [answer]
-
-
-@pytest.mark.parametrize(
-    ("asked", "answer"),
-    [
-        pytest.param(
-            "GETCONF {Type Sonar} {Name F1}",
-            "CONF {Type Sonar} {Name F1} {MaxRange 5.0000} {MinRange 0.1000} "
-            "{ScanInterval 0.2000} {beamAngle 0.3489} {maxAngleOfIncidence 0.1745} "
-            "{tracesPerCone 16} {numberOfCones 10}",
-            id="a sonar",
-        ),
-    ],
-)
-def test_replies_about_items_of_a_p2at_in_the_udk_dialect(
-    empty_room: Scene, asked: str, answer: str
-) -> None:
-    config = SimulationConfig(UDK)
-    assert ask(empty_room, asked, class_name="P2AT", config=config) == [answer]
+    asked, config = "\r\n".join(replies), SimulationConfig(dialect)
+    found = ask(empty_room, asked, class_name=class_name, config=config, yaw=1.5)
+    assert found == [*replies.values()]
 
 
 @pytest.mark.parametrize(("class_name", "sides"), [("P2AT", "FR"), ("P2DX", "F")])
@@ -190,17 +150,14 @@ def test_every_item_of_every_robot_gets_a_reply(
         assert answer.startswith(f"{verb} {{Type {kind}}} {{Name {name}")
 
 
-@pytest.mark.parametrize(
-    "asked",
-    [
-        pytest.param("GETGEO {Type MisPkg}", id="packages have no place"),
-        pytest.param("GETCONF {Type RFID}", id="not mounted"),
-        pytest.param("GETCONF {Type Sonar} {Name }", id="not on this robot"),
-        pytest.param("GETCONF {Name lms200}", id="no type"),
-    ],
-)
-def test_unknown_items_get_no_reply(empty_room: Scene, asked: str) -> None:
-    assert ask(empty_room, asked) == []
+def test_unknown_items_get_no_reply(empty_room: Scene) -> None:
+    asked = (
+        "GETGEO {Type MisPkg}",  # packages have no place
+        "GETCONF {Type RFID}",
+        "GETCONF {Type Sonar} {Name }",
+        "GETCONF {Name lms200}",
+    )
+    assert ask(empty_room, "\r\n".join(asked)) == []
 
 
 def test_two_scanners_are_in_one_reply(empty_room: Scene) -> None:

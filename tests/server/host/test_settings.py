@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import pytest
+from host_client import HostClient
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
@@ -25,30 +26,14 @@ DIALECTS = pytest.mark.parametrize(
 )
 
 
-class RobotClient:
+class RobotClient(HostClient):
     """A client with a robot."""
-
-    def __init__(self, host: Host, init: bytes = INIT) -> None:
-        self.host = host
-        self.number = host.connect()
-        host.take(self.number)
-        assert self.send(init) == []
-
-    def send(self, data: bytes) -> list[str]:
-        return [each.kind for each in self.host.receive(self.number, data)]
 
     def set(self, params: str, name: str = "lms200") -> list[str]:
         return self.send(
             b"SET {Type RangeScanner} {Name %b} {Opcode SETTING} {Params %b}\r\n"
             % (name.encode(), params.encode())
         )
-
-    def read(self, ticks: int) -> bytes:
-        data = self.host.take(self.number)
-        for _ in range(ticks):
-            self.host.step()
-            data += self.host.take(self.number)
-        return data
 
 
 def served(
@@ -92,10 +77,7 @@ def errors_in(data: bytes) -> list[str]:
     ],
 )
 def test_robot_scans_as_if_it_had_been_served_with_the_settings(
-    foliage_room: Scene,
-    dialect: Dialect,
-    params: str,
-    own: dict[str, Any] | None,
+    foliage_room: Scene, dialect: Dialect, params: str, own: dict[str, Any] | None
 ) -> None:
     if own is None:
         own = {"penetration_power": float("inf"), "range_noise": 0.05}
@@ -124,35 +106,11 @@ def test_settings_act_on_the_next_scan_and_are_not_answered(
     assert client.read(60) == silent.read(60)  # the same rays were drawn
 
 
-@DIALECTS
-def test_same_commands_at_the_same_ticks_give_the_same_bytes(
-    foliage_room: Scene, dialect: Dialect
-) -> None:
-    one, two = (served(foliage_room, dialect=dialect) for _ in range(2))
-    heard = []
-    for client in (one, two):
-        client.send(DRIVE)
-        data = b""
-        for number, params in enumerate(
-            (
-                "side_offset_uu=50",
-                "range_noise=0.1",
-                "scan_rate_hz=25",
-                "max_range=4 a=1",
-            )
-        ):
-            client.set(params)
-            data += client.read(17 + number)
-        heard.append(data)
-    assert heard[0] == heard[1]
-    assert errors_in(heard[0])
-
-
 def test_settings_are_those_of_one_robot_until_its_next_init(
     foliage_room: Scene,
 ) -> None:
     host = Host(foliage_room)
-    client = RobotClient(host)
+    client = RobotClient(host, INIT)
     other = RobotClient(host, INIT.replace(b"1}", b"2}"))
     client.set("max_range=3")
     conf = b"GETCONF {Type RangeScanner}\r\n"
@@ -252,7 +210,7 @@ def test_clients_share_the_rays_that_they_add(
     limit = "radarsim.simulation.config.MOST_EXTRA_RAYS"
     monkeypatch.setattr(limit, 3000)  # a robot has 1810 in a second
     host = Host(foliage_room)
-    one = RobotClient(host)
+    one = RobotClient(host, INIT)
     one.read(SPAWN_COOLDOWN)
     other = RobotClient(host, INIT.replace(b"1}", b"2}"))
     other.read(SPAWN_COOLDOWN)
@@ -274,30 +232,14 @@ def test_clients_share_the_rays_that_they_add(
     assert refusals(one, twice) == []
 
 
-@pytest.mark.parametrize(
-    ("line", "kind"),
-    [
-        (b"SET {Type INS} {Opcode SETTING} {Params a=1}\r\n", "opcode"),
-        (
-            b"SET {Type RangeScanner} {Name x} {Opcode setting} {Params a=1}\r\n",
-            "item name",
-        ),
-    ],
-)
-def test_setting_of_what_is_no_scanner_is_answered(
-    empty_room: Scene, line: bytes, kind: str
-) -> None:
-    client = served(empty_room)
-    assert client.send(line) == [kind]
-    assert len(errors_in(client.read(1))) == 1
-
-
-def test_setting_without_a_robot_is_answered(empty_room: Scene) -> None:
-    host = Host(empty_room)
-    number = host.connect()
-    host.take(number)
-    host.receive(number, b"SET {Type RangeScanner} {Opcode SETTING} {Params a=1}\r\n")
-    (error,) = errors_in(host.take(number))
+def test_setting_of_what_is_no_scanner_is_answered(empty_room: Scene) -> None:
+    client, stranger = served(empty_room), HostClient(Host(empty_room))
+    setting = b"SET {Type RangeScanner} {Name x} {Opcode setting} {Params a=1}\r\n"
+    for line in (setting, b"SET {Type INS} {Opcode SETTING} {Params a=1}\r\n"):
+        assert len(client.send(line)) == 1
+        assert len(errors_in(client.read(1))) == 1
+    stranger.send(setting)
+    (error,) = errors_in(stranger.read())
     assert "INIT" in error
 
 
@@ -328,10 +270,7 @@ VALUES = st.one_of(
 )
 
 
-@settings(
-    max_examples=60,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(st.tuples(KEYS, VALUES), max_size=4), st.booleans())
 @example([("max_range", "&a [*a,*a]")], False)
 @example([("side_offset_uu", "50"), ("ray_choice", "together")], True)

@@ -88,12 +88,7 @@ def test_p3at_carries_what_the_original_mounts(host: Host, class_name: str) -> N
 
 
 @pytest.mark.parametrize(
-    ("class_name", "ticks"),
-    [
-        pytest.param("P3AT", 20, id="radar"),
-        pytest.param("P3AT_SICK", 20, id="sick"),
-        pytest.param("P3AT_Hokuyo", 30, id="hokuyo"),
-    ],
+    ("class_name", "ticks"), [("P3AT", 20), ("P3AT_SICK", 20), ("P3AT_Hokuyo", 30)]
 )
 def test_scanners_have_the_rates_of_usarsim(
     host: Host, class_name: str, ticks: int
@@ -115,9 +110,7 @@ def test_radar_and_sick_reach_20_m(host: Host, class_name: str) -> None:
     assert scan.count("20.00") == 181
 
 
-def test_drive_is_in_revolutions_per_second_and_limited(
-    host: Host,
-) -> None:
+def test_drive_is_in_revolutions_per_second_and_limited(host: Host) -> None:
     number = spawned(host)
     host.receive(number, b"DRIVE {Left 5} {Right 5}\r\n")
     lines = run(host, number, 100)
