@@ -193,12 +193,14 @@ class FollowedBoundary:
         """Whether the robot is beside it."""
         return self._obstacle is not None
 
-    def reach(self, observation: Observation, bearing: float) -> None:
+    def reach(self, observation: Observation, bearing: float, goal: Point) -> None:
         """Begin beside it, where a bumper is pressed towards a bearing, rad."""
         point = self._follower.hit_point(observation, self.mode, bearing)
         self.hit_place = point.point_from(observation.pose)
         self._obstacle = FollowedObstacle(self.hit_place, self._follower)
-        self.goal_distance, self.reached_at = math.inf, observation.time
+        self.reached_at = observation.time
+        # Known before it is looked at: else any place would be nearer to the goal.
+        self.goal_distance = math.dist(self.hit_place, goal)
 
     def resume(self, least: float, *, is_anew: bool) -> None:
         """Follow it again after it was left.

@@ -136,7 +136,7 @@ class Bug(Controller):
         self._turn, self._reversals = 0.0, 0
         boundary = FollowedBoundary(self._follower, self._first_mode)
         obstacle = self._goal_bearing(pose)
-        boundary.reach(observation, obstacle)
+        boundary.reach(observation, obstacle, goal)
         direction = self._follower.direction(observation, boundary.mode, obstacle)
         max_offset = self._follower.target_distance
         hit = Landmark(pose, direction, max_offset=max_offset)

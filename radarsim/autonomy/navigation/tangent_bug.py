@@ -331,7 +331,7 @@ class TangentBug(Controller):
         ahead = self._settings.bumpers.towards(observation, bearing)
         is_held = self._is_held(observation, self.goals[0])
         if ahead.blocked or length < GRAZE or is_held:
-            boundary.reach(observation, bearing)
+            boundary.reach(observation, bearing, self.goals[0])
             return STOP
         return self._head_for(observation, self.goals[0])
 
