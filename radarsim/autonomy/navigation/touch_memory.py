@@ -205,8 +205,8 @@ class TouchMemory:
             return False
         self._decided_at = observation.time
         self.places.add(self._touched_box(observation.pose))
-        # Who touches something on the way back does not go on with that.
-        self._gone_back = None if reverses else 0.0
+        # Who touches something on the way back takes another way out.
+        self._gone_back = math.inf if reverses else 0.0
         return True
 
     def note_decision(self, observation: Observation, twist: Twist | None) -> None:
@@ -256,8 +256,12 @@ class TouchMemory:
 
     def _keeps_off(self, points: Points, twist: Twist, least: float) -> bool:
         """Return whether a motion leads the hull no nearer to points than that, m."""
+        now = self._hull_distance(points, STOP, 0.0)
+        # What seems to be inside stands close by: corners that turn may graze it.
+        if now < 0 and abs(twist.speed) < LEAST_SPEED:
+            return False
         soon = min(self._hull_distance(points, twist, time) for time in _SOON)
-        return soon >= min(least, self._hull_distance(points, STOP, 0.0))
+        return soon >= min(least, now)
 
     def _way_out(self, observation: Observation) -> Twist | None:
         """Return the motion that leads away from boxes, past all else; None if none."""
