@@ -198,7 +198,8 @@ objects: [{name: pole, box: [0.2, 0.2, 1], material: metal}]
 starts: [{name: RobotStart1, position: [-2.5, 2, 0]}]
 """
     if way == "trial":
-        text, options = f"{text}trial: {{start: RobotStart1, goal: [-1.5, 2]}}", []
+        text += "trial: {start: RobotStart1, goal: [-1.5, 2], safety_distance: 0.5}"
+        options = []
     file.write_text(text)
     told = json.loads(radarsim(*BUG2, str(file), "--json", *options).text)
     assert (told["outcome"], told["goals"]) == ("reached", [[-1.5, 2.0]])
