@@ -15,8 +15,9 @@ between these the corners of the hull lead less than the least margin farther ou
 
 The cost of the same way for a robot that could move in all directions guides the
 search, which begins only once it is sure that there is a path: to find that there is
-none, it would visit all poses. In the end straight motions replace detours of the lattice where they keep as
-far from everything. Their clearance is exact: a straight motion sweeps a rectangle.
+none, it would visit all poses. In the end straight motions replace detours of the
+lattice where they keep as far from everything. Their clearance is exact: a straight
+motion sweeps a rectangle.
 """
 
 import heapq
@@ -204,7 +205,9 @@ class _PoseGrid:
         cost = np.ones(self._shape)
         column, row = -self._first
         start = int(row) * columns + int(column)
-        if not _are_joined(self._masks, start, self._goal):
+        # Made here, since only what is written of it takes memory, unlike in a kernel.
+        queues = np.zeros((2, rows * columns * len(_HEADINGS)), np.int32)
+        if not _are_joined(self._masks, start, self._goal, queues):
             return None
         even = sum(1 << bit for bit in range(0, _BITS, 2))
         for level, more in enumerate(MORE, start=1):
@@ -298,7 +301,9 @@ def _search(
 
 
 @njit_cached
-def _are_joined(masks: NDArray[np.int64], start: int, goal: int) -> bool:
+def _are_joined(
+    masks: NDArray[np.int64], start: int, goal: int, queues: NDArray[np.int32]
+) -> bool:
     """Return whether moves lead from heading 0 in a cell to another cell.
 
     Moves can be undone. So states are visited from both cells in turn until they meet,
@@ -308,7 +313,6 @@ def _are_joined(masks: NDArray[np.int64], start: int, goal: int) -> bool:
         return True
     columns = masks.shape[1]
     sides = np.zeros(masks.size * 16, np.int8)  # from which each state was visited
-    queues = np.empty((2, masks.size * 16), np.int32)
     done, queued = [0, 0], [1, 0]
     queues[0, 0] = start * 16
     sides[start * 16] = 1
