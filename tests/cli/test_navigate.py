@@ -177,6 +177,24 @@ def test_json_is_one_object_that_agrees_with_the_judge(box_run: BoxRun) -> None:
     assert judge["path_length"] == pytest.approx(told["path_length"], rel=0.05)
 
 
+@pytest.mark.parametrize("way", ["option", "trial"])
+def test_goal_outside_the_box_around_all_objects_is_driven_to(
+    radarsim: Command, tmp_path: Path, way: str
+) -> None:
+    file, options = tmp_path / "pole.yaml", ["--goal=-1.5,2"]
+    text = """
+version: 1
+objects: [{name: pole, box: [0.2, 0.2, 1], material: metal}]
+starts: [{name: RobotStart1, position: [-2.5, 2, 0]}]
+"""
+    if way == "trial":
+        text += "trial: {start: RobotStart1, goal: [-1.5, 2], safety_distance: 0.5}"
+        options = []
+    file.write_text(text)
+    told = json.loads(radarsim(*BUG2, str(file), "--json", *options).text)
+    assert (told["outcome"], told["goals"]) == ("reached", [[-1.5, 2.0]])
+
+
 def test_same_seed_gives_the_same_run_and_another_seed_another(
     radarsim: Command,
 ) -> None:

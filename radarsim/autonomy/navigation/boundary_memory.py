@@ -6,6 +6,8 @@ around one of two poles does not change to the other where that is as near.
 A robot that drives by looks like an obstacle, and a path around it closes like a
 circuit. So before a navigator concludes that there is no path, it looks again at the
 points of the boundary that it has followed: those that beams go through have gone.
+Beams go through panes as well, and off mirrors. So what it meets where something seemed
+to have gone stands there.
 
 It also tells whether what was followed is what was hit: its first points are near the
 hit point, and a circuit passes there again.
@@ -37,6 +39,7 @@ SPACING = 0.25  # m between the points that are kept
 MAX_DISTANCE = 10.0  # m; points farther away are not looked at
 MARGIN = 0.4  # m that a beam goes beyond a point that has gone, or stops before it
 DRIFT = 0.03  # rad; times the root of the angle turned, the drift of the yaw
+MOST_GONE: Final = 20  # obstacles that go away, before it gives up nevertheless
 _BESIDE = 0.15  # m beside a point that beams still count as beams to it
 
 
@@ -190,12 +193,14 @@ class FollowedBoundary:
         """Whether the robot is beside it."""
         return self._obstacle is not None
 
-    def reach(self, observation: Observation, bearing: float) -> None:
+    def reach(self, observation: Observation, bearing: float, goal: Point) -> None:
         """Begin beside it, where a bumper is pressed towards a bearing, rad."""
         point = self._follower.hit_point(observation, self.mode, bearing)
         self.hit_place = point.point_from(observation.pose)
         self._obstacle = FollowedObstacle(self.hit_place, self._follower)
-        self.goal_distance, self.reached_at = math.inf, observation.time
+        self.reached_at = observation.time
+        # Known before it is looked at: else any place would be nearer to the goal.
+        self.goal_distance = math.dist(self.hit_place, goal)
 
     def resume(self, least: float, *, is_anew: bool) -> None:
         """Follow it again after it was left.
@@ -230,6 +235,21 @@ class FollowedBoundary:
         if nearest := self._follower.boundary(part, self.mode):
             place = nearest.point_from(part.pose)
             self.memory.add(place, part.pose.yaw, self.travelled)
+
+    def has_gone(self, observation: Observation, gone: list[Point]) -> bool:
+        """Return whether it has driven away since it was followed.
+
+        Args:
+            observation: The newest scan.
+            gone: Where others were hit that had gone, m, map frame; this one is added.
+        """
+        is_there_again = any(self.memory.passes(each, 0.0) for each in gone)
+        if is_there_again or len(gone) >= MOST_GONE:
+            return False
+        if not self.memory.has_gone(observation):
+            return False
+        gone.append(self.hit_place)
+        return True
 
     def is_what_was_hit(self, circuit_start: float) -> bool:
         """Return whether a circuit, begun at m along the path, went around what it hit.

@@ -39,8 +39,7 @@ from radarsim.geometry import Point, Pose2
 
 GRAZE = 0.1  # m beyond the safety distance at which something beside blocks the path
 NOISE = 0.1  # m that a goal may seem nearer to a wall than the safety distance
-_MOST_GONE = 20  # obstacles that go away, before it gives up nevertheless
-MOST_OTHERS = 3  # circuits around another obstacle, likewise
+MOST_OTHERS = 3  # circuits around another obstacle, before it gives up nevertheless
 _MOST_MISSES = 3  # leave points that are not found again, likewise
 _LOST = 1.5  # circles without a boundary after which the boundary is given up
 _MOST_REVERSALS = 3  # of the turn until a boundary is abeam
@@ -65,13 +64,14 @@ class Bug(Controller):
         self._best_leave = math.inf  # m from the goal
         self._leaving = False  # whether it is still beside the boundary it has left
         self._seen_from = math.inf  # m; goal distance when the goal was last seen
-        self._gone = 0  # number of obstacles that had gone when they were looked at
+        # where it hit obstacles that had gone when they were looked at, m, map frame
+        self._gone: list[Point] = []
         self._misses = 0  # number of leave points that it did not find again
         self._others = 0  # number of times that another obstacle was circled
 
     def _begin_goal(self, pose: Pose2) -> None:
         self._starts, self._policy, self._boundary = [pose], None, None
-        self._gone = self._misses = self._others = 0
+        self._gone, self._misses, self._others = [], 0, 0
         self._first_mode = FollowMode(wall_on_left=self._settings.wall_on_left)
         self._best_leave = self._seen_from = math.inf
 
@@ -136,7 +136,7 @@ class Bug(Controller):
         self._turn, self._reversals = 0.0, 0
         boundary = FollowedBoundary(self._follower, self._first_mode)
         obstacle = self._goal_bearing(pose)
-        boundary.reach(observation, obstacle)
+        boundary.reach(observation, obstacle, goal)
         direction = self._follower.direction(observation, boundary.mode, obstacle)
         max_offset = self._follower.target_distance
         hit = Landmark(pose, direction, max_offset=max_offset)
@@ -209,12 +209,11 @@ class Bug(Controller):
     ) -> Twist:
         # There is no path, unless what was circled has driven away meanwhile, or is
         # another obstacle than the one that was hit.
-        has_gone = self._gone < _MOST_GONE and boundary.memory.has_gone(observation)
+        has_gone = boundary.has_gone(observation, self._gone)
         is_other = self._others < MOST_OTHERS and not boundary.is_what_was_hit(
             policy.circuit_start
         )
         if has_gone or is_other:
-            self._gone += has_gone
             self._others += is_other
             if is_other:
                 # The other side of a gap, or what is behind it: on the same hand the

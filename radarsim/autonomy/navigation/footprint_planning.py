@@ -14,8 +14,10 @@ margins are no wider. A turn also needs the orientation between two headings, an
 between these the corners of the hull lead less than the least margin farther out.
 
 The cost of the same way for a robot that could move in all directions guides the
-search. In the end straight motions replace detours of the lattice where they keep as
-far from everything. Their clearance is exact: a straight motion sweeps a rectangle.
+search, which begins only once it is sure that there is a path: to find that there is
+none, it would visit all poses. In the end straight motions replace detours of the
+lattice where they keep as far from everything. Their clearance is exact: a straight
+motion sweeps a rectangle.
 """
 
 import heapq
@@ -201,13 +203,17 @@ class _PoseGrid:
         """Return the cheapest path as poses in the map frame, (P, 3)."""
         rows, columns = self._shape
         cost = np.ones(self._shape)
+        column, row = -self._first
+        start = int(row) * columns + int(column)
+        # Made here, since only what is written of it takes memory, unlike in a kernel.
+        queues = np.zeros((2, rows * columns * len(_HEADINGS)), np.int32)
+        if not _are_joined(self._masks, start, self._goal, queues):
+            return None
         even = sum(1 << bit for bit in range(0, _BITS, 2))
         for level, more in enumerate(MORE, start=1):
             # in no orientation is it farther away
             cost += more * ((self._masks >> level * _BITS) & even == even)
         cost[self._masks & even == even] = math.inf
-        column, row = -self._first
-        start = int(row) * columns + int(column)
         guide = path_costs(cost, divmod(self._goal, columns)) * (CELL / _LONGER)
         if not math.isfinite(guide.flat[start]):
             return None
@@ -265,8 +271,8 @@ def _search(
     A state is the number of a cell times 16, and the number of a heading. The first is
     at heading 0.
     """
-    rows, columns = masks.shape
-    best = np.full(rows * columns * 16, np.inf)
+    columns = masks.shape[1]
+    best = np.full(masks.size * 16, np.inf)
     first = np.int64(start * 16)
     best[first] = 0.0
     queue = [(guide[start // columns, start % columns], 0.0, first)]
@@ -274,35 +280,91 @@ def _search(
         _, so_far, state = heapq.heappop(queue)
         if so_far > best[state]:
             continue  # a cheaper way here has been found since this was queued
-        cell, heading = state // 16, state % 16
-        if cell == goal:
+        if state // 16 == goal:
             return int(state)
         for move in range(4):
-            row, column, to = cell // columns, cell % columns, heading
-            if move < 2:
-                sign = 1 - 2 * move
-                row += sign * _HEADINGS[heading, 1]
-                column += sign * _HEADINGS[heading, 0]
-                if not (0 <= row < rows and 0 <= column < columns):
-                    continue
-                bits = masks[row, column] >> (2 * heading % 16)
-                length = _LENGTHS[heading] * (REVERSE if move else 1.0)
-            else:
-                turn = 2 * move - 5
-                to = (heading + turn) % 16
-                bits = masks[row, column] >> (2 * to % 16)
-                bits |= masks[row, column] >> ((2 * heading + turn) % 16)
-                length = TURN
+            after, bits = _moved(masks, state, move)
             if bits & 1:
                 continue
+            length = TURN
+            if move < 2:
+                length = _LENGTHS[state % 16] * (REVERSE if move else 1.0)
             cost = 1.0 + MORE[0] * ((bits >> 16) & 1) + MORE[1] * ((bits >> 32) & 1)
             total = so_far + length * cost
-            after = (row * columns + column) * 16 + to
             if total < best[after]:
                 best[after] = total
                 parents[after] = state
-                heapq.heappush(queue, (total + guide[row, column], total, after))
+                cell = after // 16
+                rest = guide[cell // columns, cell % columns]
+                heapq.heappush(queue, (total + rest, total, after))
     return -1
+
+
+@njit_cached
+def _are_joined(
+    masks: NDArray[np.int64], start: int, goal: int, queues: NDArray[np.int32]
+) -> bool:
+    """Return whether moves lead from heading 0 in a cell to another cell.
+
+    Moves can be undone. So states are visited from both cells in turn until they meet,
+    or none is left on one side: that is far less than a search visits that fails.
+    """
+    if start == goal:
+        return True
+    columns = masks.shape[1]
+    sides = np.zeros(masks.size * 16, np.int8)  # from which each state was visited
+    done, queued = [0, 0], [1, 0]
+    queues[0, 0] = start * 16
+    sides[start * 16] = 1
+    for heading in range(16):
+        if not masks[goal // columns, goal % columns] >> (2 * heading % 16) & 1:
+            queues[1, queued[1]] = goal * 16 + heading
+            sides[goal * 16 + heading] = 2
+            queued[1] += 1
+    while True:
+        for side in range(2):
+            if done[side] == queued[side]:
+                return False
+            state = np.int64(queues[side, done[side]])
+            done[side] += 1
+            for move in range(4):
+                after, bits = _moved(masks, state, move)
+                if bits & 1 or sides[after] == side + 1:
+                    continue
+                if sides[after]:
+                    return True
+                sides[after] = side + 1
+                queues[side, queued[side]] = after
+                queued[side] += 1
+
+
+@njit_cached
+def _moved(
+    masks: NDArray[np.int64], state: np.int64, move: int
+) -> tuple[np.int64, np.int64]:
+    """Return the state after a move, and what it is too near to, a bit per margin.
+
+    Args:
+        masks: Masks of the cells.
+        state: As in ``_search``.
+        move: 0 to 3: forward, backward, and the turns to the next headings.
+    """
+    rows, columns = masks.shape
+    cell, heading = state // 16, state % 16
+    row, column = cell // columns, cell % columns
+    if move < 2:
+        sign = 1 - 2 * move
+        row += sign * _HEADINGS[heading, 1]
+        column += sign * _HEADINGS[heading, 0]
+        if not (0 <= row < rows and 0 <= column < columns):
+            return state, np.int64(1)
+        bits = masks[row, column] >> (2 * heading % 16)
+        return (row * columns + column) * 16 + heading, bits
+    turn = 2 * move - 5
+    to = (heading + turn) % 16
+    bits = masks[row, column] >> (2 * to % 16)
+    bits |= masks[row, column] >> ((2 * heading + turn) % 16)
+    return cell * 16 + to, bits
 
 
 def _shortened(hull: Hull, points: Floats, path: Floats) -> Floats:

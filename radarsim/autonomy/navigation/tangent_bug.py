@@ -73,7 +73,6 @@ ARRIVED: Final = 0.3  # m from a place that it heads for, where it has arrived
 AGAIN: Final = 0.5  # m from where a boundary was left, within which it goes on there
 MOST_ALIGNING: Final = 8.0  # s; a whole turn
 _SAME: Final = 0.7  # m within which an edge is the last one
-_MOST_GONE: Final = 20  # obstacles that go away, before it gives up nevertheless
 _MOST_RESUMED: Final = 5  # times that a circuit begins anew where a boundary was left
 
 
@@ -147,7 +146,8 @@ class TangentBug(Controller):
         self._left_at = math.inf  # m of that place from the goal; no way leads farther
         self._boundary: FollowedBoundary | None = None
         self._left: FollowedBoundary | None = None  # the boundary that it left last
-        self._gone = 0
+        # where it hit obstacles that had gone, m, map frame
+        self._gone: list[Point] = []
         self._others = 0  # number of times that another obstacle was circled
         # Number of times that it went on along what it had left, in the whole run: so a
         # run ends, however often what is seen in mirrors begins anew.
@@ -156,7 +156,7 @@ class TangentBug(Controller):
 
     def _begin_goal(self, _: Pose2) -> None:
         self._start_anew()
-        self._left_at, self._left, self._gone = math.inf, None, 0
+        self._left_at, self._left, self._gone = math.inf, None, []
         self._others, self._last_hand = 0, None
 
     def _decide(self, observation: Observation, driven: float) -> Twist:
@@ -331,7 +331,7 @@ class TangentBug(Controller):
         ahead = self._settings.bumpers.towards(observation, bearing)
         is_held = self._is_held(observation, self.goals[0])
         if ahead.blocked or length < GRAZE or is_held:
-            boundary.reach(observation, bearing)
+            boundary.reach(observation, bearing, self.goals[0])
             return STOP
         return self._head_for(observation, self.goals[0])
 
@@ -360,10 +360,9 @@ class TangentBug(Controller):
             began: Where on its path the circuit began, m.
         """
         self.circuits += 1
-        has_gone = self._gone < _MOST_GONE and boundary.memory.has_gone(observation)
+        has_gone = boundary.has_gone(observation, self._gone)
         is_other = self._others < MOST_OTHERS and not boundary.is_what_was_hit(began)
         if has_gone or is_other:
-            self._gone += has_gone
             self._others += is_other
             # The limit was that of a boundary which is no longer there, or another's.
             self._left_at = math.inf

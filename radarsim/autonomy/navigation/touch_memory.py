@@ -19,7 +19,7 @@ something has driven into it, and will drive away. Along a mirror the way back l
 along it. So where that ends, it takes the motion that leads its centre away and its
 hull past all that it sees or has touched. It does the same instead of a motion that
 would press its hull against what it sees or has touched, such as a turn beside it:
-nothing is touched twice.
+nothing is touched twice. If it touches something on that way, it goes back on that.
 
 In a mirror that it faces it sees itself come as it comes. It may stop before its image,
 and stand there for good: then it takes what it faces for touched.
@@ -180,6 +180,7 @@ class TouchMemory:
         self._moved_at = -math.inf  # s
         self._decided_at = math.inf  # s; when it last had something to do
         self._gone_back: float | None = None  # m since it touched something
+        self._reverses = False  # whether its motion leads back the way it came
 
     def notice(self, observation: Observation, twist: Twist) -> bool:
         """Note a scan as it came; return whether something was touched, and is kept.
@@ -193,7 +194,8 @@ class TouchMemory:
             self._motion, self._moved_at = twist, observation.time
             if twist.speed:
                 self._ahead = math.copysign(1.0, twist.speed)
-        if last is not None and self._gone_back is None:
+        reverses, self._reverses = self._reverses, False
+        if last is not None and not reverses:
             self._way_back.add(last, observation)
         was_touched = last is not None and last.touched
         stood = observation.time - self._moved_at > STOOD
@@ -203,8 +205,8 @@ class TouchMemory:
             return False
         self._decided_at = observation.time
         self.places.add(self._touched_box(observation.pose))
-        # Who touches something on the way back does not go on with that.
-        self._gone_back = 0.0 if self._gone_back is None else None
+        # Who touches something on the way back takes another way out.
+        self._gone_back = math.inf if reverses else 0.0
         return True
 
     def note_decision(self, observation: Observation, twist: Twist | None) -> None:
@@ -228,10 +230,11 @@ class TouchMemory:
         if has_way and (motion := self._way_back.pop()):
             elapsed, back = motion
             self._gone_back += abs(back.speed) * elapsed
+            self._reverses = True
             return back
         way_out = None if is_away else self._way_out(observation)
-        if way_out is None:
-            self._gone_back = None
+        # Who is on the way out does not go back on that, unless it touches something.
+        self._gone_back = None if way_out is None else math.inf
         return way_out
 
     def keep_off(self, observation: Observation, twist: Twist) -> Twist:
@@ -253,8 +256,12 @@ class TouchMemory:
 
     def _keeps_off(self, points: Points, twist: Twist, least: float) -> bool:
         """Return whether a motion leads the hull no nearer to points than that, m."""
+        now = self._hull_distance(points, STOP, 0.0)
+        # What seems to be inside stands close by: corners that turn may graze it.
+        if now < 0 and abs(twist.speed) < LEAST_SPEED:
+            return False
         soon = min(self._hull_distance(points, twist, time) for time in _SOON)
-        return soon >= min(least, self._hull_distance(points, STOP, 0.0))
+        return soon >= min(least, now)
 
     def _way_out(self, observation: Observation) -> Twist | None:
         """Return the motion that leads away from boxes, past all else; None if none."""

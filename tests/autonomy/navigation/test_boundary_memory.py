@@ -7,7 +7,13 @@ from typing import Any, Protocol
 import pytest
 import shapely
 
-from radarsim.autonomy.navigation.boundary_memory import BoundaryMemory
+from radarsim.autonomy.navigation.boundary_memory import (
+    BoundaryMemory,
+    FollowedBoundary,
+)
+from radarsim.autonomy.navigation.bumpers import Bumpers
+from radarsim.autonomy.navigation.control import SpeedLimits
+from radarsim.autonomy.navigation.wall_following import FollowMode, WallFollower
 from radarsim.geometry import Pose2
 
 BOX = shapely.box(1, -1, 2, 1)
@@ -40,6 +46,21 @@ def test_obstacle_has_gone_if_beams_go_through_where_it_was(
         obstacle.add((point.x, point.y), yaw)
     world = flatland(*shapes, at=Pose2(0.0, 0.2, yaw))
     assert obstacle.has_gone(world.scan()) is has_gone
+
+
+def test_what_is_met_where_something_had_gone_stands(flatland: World) -> None:
+    follower = WallFollower(Bumpers(safety_distance=0.5), SpeedLimits())
+    goal, at, places = (3.0, 0.0), Pose2(0.2, 0.1, 0.0), []
+    for has_gone in (True, False):
+        boundary = FollowedBoundary(follower, FollowMode(wall_on_left=True))
+        scan = flatland(BOX, at=at).scan()
+        boundary.reach(scan, 0.0, goal)
+        # Known from then on, or it would be left for any place at once.
+        assert boundary.goal_distance == math.dist(boundary.hit_place, goal)
+        boundary.remember(boundary.look(scan, goal), 0.0)
+        # Beams go through it, as through a pane.
+        assert boundary.has_gone(flatland(at=at).scan(), places) is has_gone
+    assert places == [pytest.approx(boundary.hit_place)]
 
 
 @pytest.mark.parametrize("stands", [True, False])

@@ -9,6 +9,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
+from radarsim.autonomy.navigation import footprint_planning
 from radarsim.autonomy.navigation.footprint_planning import (
     LEAST_MARGIN,
     Hull,
@@ -88,17 +89,30 @@ def test_gap_is_passed_if_the_hull_and_its_margins_fit_in(
         check(path, points, LEAST_MARGIN - ROUNDED)
 
 
-def test_corridor_with_a_corner_that_no_disc_passes_is_passed() -> None:
-    wide = 0.72
-    assert wide < 2 * HULL.radius
-    # from a room on the left into one above
-    points = np.vstack(
+def two_rooms(wide: float) -> Floats:
+    """Return a room on the left and one above, joined by a corridor with a corner."""
+    return np.vstack(
         [
             line((-3, 0), (wide, 0), (wide, 3), (2, 3), (2, 6), (-1, 6), (-1, 3)),
             line((-1, 3), (0, 3), (0, wide), (-3, wide), (-3, 2), (-5, 2), (-5, -2)),
             line((-5, -2), (-3, -2), (-3, 0)),
         ]
     )
+
+
+def test_no_path_is_searched_where_the_hull_gets_through_but_not_around(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A search that finds no path visits all poses, which takes seconds."""
+    monkeypatch.setattr(footprint_planning, "_search", None)
+    start, goal = Pose2(-4.0, 0.0, 0.0), (0.5, 4.5)
+    assert plan_footprint(HULL, two_rooms(0.62), start, goal) is None
+
+
+def test_corridor_with_a_corner_that_no_disc_passes_is_passed() -> None:
+    wide = 0.72
+    assert wide < 2 * HULL.radius
+    points = two_rooms(wide)
     path = plan_footprint(HULL, points, Pose2(-4.0, 0.0, 1.0), (0.5, 4.5))
     assert path is not None
     check(path, points, LEAST_MARGIN - ROUNDED)

@@ -10,7 +10,9 @@ from radarsim.autonomy.navigation.runner import NavigationStep, Result
 from radarsim.client import Client
 from radarsim.errors import ClientError, NavigationError
 from radarsim.geometry import Pose2
-from radarsim.scene.scene import Scene
+from radarsim.scene.material import Material
+from radarsim.scene.scene import Part, Scene
+from radarsim.scene.shapes import box
 from radarsim.server.host import Host
 from radarsim.server.host.lockstep import InProcessTransport
 from radarsim.simulation.config import SimulationConfig
@@ -70,6 +72,12 @@ def test_start_pose_of_a_mission(
     assert math.remainder(pose.yaw - expected.yaw, 2 * math.pi) == pytest.approx(
         0, abs=0.05
     )
+
+
+def test_goal_outside_the_box_around_all_objects_is_driven_to() -> None:
+    scene = Scene("open", "DM-Open", (Part("pole", Material("metal"), *box(1, 1, 2)),))
+    goals = ((-1.5, 2.0),)
+    assert run(scene, pose=Pose2(-2.5, 2.0), goals=goals).outcome == "reached"
 
 
 def test_start_that_the_map_does_not_have_is_an_error(empty_room: Scene) -> None:

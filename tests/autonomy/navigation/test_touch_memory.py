@@ -175,6 +175,36 @@ def test_motion_away_from_what_was_touched_is_as_it_was_decided() -> None:
     assert memory.keep_off(seen, FORWARD).speed < 0
 
 
+def test_who_touches_something_on_the_way_out_goes_back_on_that() -> None:
+    memory, pose, out = TouchMemory(LENGTH, WIDTH, S), Pose2(0.0, 0.0), STOP
+    memory.places.add(box(LENGTH / 2 + 0.1, 0.0))
+    for k in range(5):
+        seen = scan(0.1 * k, pose)
+        memory.notice(seen, out)
+        out = memory.retreat(seen) or memory.keep_off(seen, FORWARD)
+        pose = step(pose, out)
+    assert out.speed < 0
+    seen = scan(0.5, pose, touched=True)
+    assert memory.notice(seen, out)
+    back = memory.retreat(seen)
+    assert back is not None
+    assert (back.speed, back.turn) == pytest.approx((-out.speed, -out.turn))
+    # and where it touches something on that, it does not stay there
+    memory.notice(scan(0.6, step(pose, back)), back)
+    seen = scan(0.7, pose, touched=True)
+    assert memory.notice(seen, back)
+    assert memory.retreat(seen) is not None
+
+
+def test_who_seems_to_overlap_what_is_seen_drives_before_it_turns() -> None:
+    memory, seen = TouchMemory(LENGTH, WIDTH, S), scan(0.0, Pose2(0.0, 0.0))
+    seen.ranges[180 + 48] = 0.32
+    # By 0.8 rad/s the corner leads away from where that is seen.
+    twist = memory.keep_off(seen, Twist(0.0, -0.8))
+    assert twist.speed < 0
+    assert memory.keep_off(seen, Twist(-0.2, 0.0)) == Twist(-0.2, 0.0)
+
+
 def test_turn_into_what_is_seen_becomes_a_way_out() -> None:
     memory, pose, turn = TouchMemory(LENGTH, WIDTH, S), Pose2(0.0, 0.0), Twist(0.0, 0.8)
     # A pole beside the hull: the corners of a robot that turns would meet it.
