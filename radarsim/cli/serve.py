@@ -157,7 +157,9 @@ def serve(
             for other in listener.host[1:]:
                 print_now(f"radarsim: listening on {join_address(other, address[1])}")
             for name, each in own.items():
-                print_now(f"radarsim: {name} on {each.address[0]}:{each.address[1]}")
+                first, own_port = each.address
+                for at in (first, *listener.host[1:]):
+                    print_now(f"radarsim: {name} on {join_address(at, own_port)}")
             for extension in beside:
                 extension.announce(address)
             if not simulated.has_begun:

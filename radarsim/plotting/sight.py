@@ -97,7 +97,8 @@ def find_sight(scene: Scene, scan: Scan) -> Sight:
     answers = scan.echoes.answers_in_clouds()
     # Events are ordered by their rays, so that each beam has a slice of them.
     edges = np.searchsorted(events["ray"], np.arange(len(scan.ranges) + 1))
-    for beam, reading in enumerate(scan.ranges.tolist()):
+    ranges = _echo_ranges(scan)
+    for beam, reading in enumerate(ranges.tolist()):
         mine = events[edges[beam] : edges[beam + 1]]
         if reading == 0:
             ends[beam] = BeamEnd.BLINDED
@@ -126,9 +127,26 @@ def find_sight(scene: Scene, scan: Scan) -> Sight:
         ends[beam] = end
         found[end].update({material.name: material for material in materials})
     families = {family_of(each) for each in found[BeamEnd.THROUGH].values()}
-    meeting = _meet(events, scan.ranges, parts, families)
+    meeting = _meet(events, ranges, parts, families)
     meeting &= spent_unread | (ends >= BeamEnd.FREE)
     return Sight(ends, meeting, {end: tuple(m.values()) for end, m in found.items()})
+
+
+def _echo_ranges(scan: Scan) -> Floats:
+    """Return the ranges of the echoes that beams read; without one, what they read.
+
+    With a noise of one's own a range may be nearer to an edge of what the beam has left
+    than to the wall that it reads.
+    """
+    ranges, echoes = scan.ranges.copy(), scan.echoes
+    if scan.targets is not None:  # a detector reads the spectrum, and no single echo
+        return ranges
+    errors = np.abs(echoes.ranges - scan.ranges[echoes.beams])
+    # The last echo of a beam that is assigned is the nearest one.
+    order = np.argsort(-errors, kind="stable")
+    order = order[(errors < np.inf)[order] & (ranges[echoes.beams[order]] > 0)]
+    ranges[echoes.beams[order]] = echoes.ranges[order]
+    return ranges
 
 
 def _parts_passed(

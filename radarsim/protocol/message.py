@@ -28,11 +28,18 @@ from pydantic_core import from_json
 from radarsim.errors import LineTooLong, MalformedMessage
 from radarsim.geometry import Floats, Pose3, wrap_angle
 
-_BLANKS = b" \t\n\r\v\f\x1c\x1d\x1e\x1f\x85\xa0"  # in Latin-1
+# In Latin-1. Programs in C send the ends of their strings as well, which are zeros.
+_BLANKS = b"\0 \t\n\r\v\f\x1c\x1d\x1e\x1f\x85\xa0"
 # With the blank lines after it, of which there can be thousands in one packet. CR is
 # replaced before: a search for one character is several times as fast as for two.
 _LINE_END = re.compile(rb"\n[%b]*" % re.escape(_BLANKS))
 _ANY_END = re.compile(rb"\r\n|\n\r|\r|\n")
+# Before the first line: the mark of UTF-8, of editors and of programs in .NET, and the
+# options that a telnet client offers. Both in Latin-1.
+_PREAMBLE = re.compile(
+    r"(?:\xef\xbb\xbf|\xff(?:[\xfb-\xfe].?|\xfa.*?\xff\xf0|[\xf1-\xf9])|\0)*",
+    re.DOTALL,
+)
 # Methods are of any characters and case: pages choose them for their own site, whose
 # name they can make resolve to here. Or TLS, whose first message has bytes of theirs.
 _HTTP_REQUEST = re.compile(r"[^\s{}]+\s+\S+\s+HTTP/\d|\x16\x03", re.IGNORECASE)
@@ -59,8 +66,9 @@ class LineBuffer:
 
     A line ends at CR or at LF. Empty and blank lines are dropped, so CRLF, LF CR and
     bare LF, which all occur in the field, are one line end each. Where blank lines are
-    kept, CR and LF beside each other are one line end. Bytes are decoded as Latin-1, so
-    none are refused here.
+    kept, adjacent CR and LF are one line end. The mark of UTF-8 and the options of
+    telnet before the first line are dropped. Bytes are decoded as Latin-1, so none are
+    refused here.
 
     >>> lines = LineBuffer()
     >>> lines.feed(b"DRIVE {Left 1}")
@@ -79,6 +87,7 @@ class LineBuffer:
         self.overflow: LineTooLong | None = None
         self._pending = b""
         self._keeps_blank = keeps_blank
+        self._is_first = True
         self._half_end = b""  # CR or LF that came last, if the other one may follow
 
     def feed(self, data: bytes) -> list[str]:
@@ -99,8 +108,10 @@ class LineBuffer:
         for piece in ended:
             if not self._append(piece):
                 return lines
-            line = self._pending.decode("latin-1").rstrip()
+            line = self._pending.rstrip(_BLANKS).decode("latin-1")
             self._pending = b""
+            if line and self._is_first:
+                self._is_first, line = False, _PREAMBLE.sub("", line, 1)
             if line or self._keeps_blank:
                 lines.append(line)
         self._append(rest)

@@ -87,6 +87,27 @@ def test_programs_get_the_address_alone(capsys: pytest.CaptureFixture[str]) -> N
     assert capsys.readouterr() == ("radarsim: listening on 127.0.0.1:3000\n", "")
 
 
+def test_each_port_is_announced_at_each_address(
+    radarsim: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def announce_alone(*arguments: Any) -> int:
+        *_, announce_all, companions = arguments
+        for port, each in enumerate(companions, 3001):
+            each.address = ("::1", port)
+        announce_all(("::1", 3000))
+        return 0
+
+    monkeypatch.setattr("radarsim.server.tcp_server.serve", announce_alone)
+    hosts = ["--host", "::1", "--host", "127.0.0.1"]
+    run = radarsim("serve", "empty_room", *hosts, "--port", "0", "--truth-port", "0")
+    assert run.text.splitlines()[:4] == [
+        "radarsim: listening on [::1]:3000",
+        "radarsim: listening on 127.0.0.1:3000",
+        "radarsim: truth on [::1]:3001",
+        "radarsim: truth on 127.0.0.1:3001",
+    ]
+
+
 def test_command_and_server_take_as_many_clients_by_default() -> None:
     assert DEFAULT_MAX_CLIENTS == MAX_CLIENTS == 1024
 

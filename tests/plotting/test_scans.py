@@ -208,6 +208,18 @@ def test_beams_of_a_laser_are_stopped_by_bushes_or_have_none_in_their_way(
     assert {"stopped by foliage", "nothing in the way"} <= set(told)
 
 
+def test_noise_of_ones_own_changes_nothing_that_beams_see_through(
+    smoke_room: Scene,
+) -> None:
+    radar = radarsim.load_sensor("radar")
+    noisy = radar.with_noise(lambda ranges, rng: ranges + rng.normal(0, 0.5, 181))
+    scans = [each.scan(smoke_room, (-4, 0, 0), 1) for each in (radar, noisy)]
+    assert np.abs(scans[1].ranges - scans[0].ranges).max() > 1
+    exact, blurred = [find_sight(smoke_room, scan) for scan in scans]
+    assert np.array_equal(blurred.ends, exact.ends)
+    assert np.array_equal(blurred.meeting, exact.meeting)
+
+
 def test_beams_stopped_in_front_of_dust_are_not_counted_as_meeting_it() -> None:
     dusty = radarsim.load_map("marulan_trial@dust")
     scan = radarsim.load_sensor("hss94_marulan").scan(

@@ -64,6 +64,23 @@ def test_blank_lines_are_kept_where_they_are_asked_for(
     assert collect(chunks, keeps_blank=True) == (lines, False)
 
 
+@pytest.mark.parametrize("keeps_blank", [True, False])
+@pytest.mark.parametrize(
+    "before",
+    [
+        pytest.param([b"\xef\xbb", b"\xbf"], id="mark of UTF-8"),
+        pytest.param([b"\0"], id="zero"),
+        pytest.param([b"\xff\xfb\x1f\xff\xfb \xff\xfd\x01", b"\xff\xf1"], id="telnet"),
+        pytest.param([b"\xff\xfa\x1f\0P\0\x18\xff\xf0"], id="size of a window"),
+    ],
+)
+def test_what_editors_and_telnet_send_first_is_dropped(
+    before: list[bytes], keeps_blank: bool
+) -> None:
+    chunks = [*before, b"GETPOS\n", b"\0A\0\n"]
+    assert collect(chunks, keeps_blank=keeps_blank) == (["GETPOS", "A"], False)
+
+
 @given(stream=STREAMS, cuts=st.lists(st.integers(0, 400)), limit=st.integers(0, 40))
 def test_overflow_does_not_depend_on_how_the_stream_is_split(
     stream: bytes, cuts: list[int], limit: int
@@ -75,8 +92,10 @@ def test_overflow_does_not_depend_on_how_the_stream_is_split(
 def test_lines_are_split_at_cr_and_lf_and_blank_ones_skipped(
     stream: bytes,
 ) -> None:
-    stretches = [part.strip() for part in re.split("[\r\n]", stream.decode("latin-1"))]
-    assert collect([stream, b"\n"])[0] == [part for part in stretches if part]
+    blanks = "\0 \t\v\f\x1c\x1d\x1e\x1f\x85\xa0"
+    parts = re.split("[\r\n]", stream.decode("latin-1"))
+    lines = [line for part in parts if (line := part.strip(blanks))]
+    assert collect([b"A\n", stream, b"\n"])[0] == ["A", *lines]
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from radarsim.addons.ros.topic_options import TopicOptions
 from radarsim.cli.fields import Port, RobotName, Server
 from radarsim.cli.output import print_message, print_now, start_log
 from radarsim.cli.server_options import cure_of_port
-from radarsim.errors import import_optional
+from radarsim.errors import import_optional, join_address
 from radarsim.plans import RARE, Option
 from radarsim.protocol.dialect import DriveUnit
 
@@ -147,4 +147,4 @@ def _make_side(options: BridgeOptions) -> RosSide:
 
 def announce(name: str, address: tuple[str, int]) -> None:
     """Tell programs on stdout that clients of a protocol can connect."""
-    print_now(f"radarsim: {name} on ws://{address[0]}:{address[1]}")
+    print_now(f"radarsim: {name} on ws://{join_address(*address)}")

@@ -17,7 +17,6 @@ b'NFO {A b}\r\n'
 
 from __future__ import annotations
 
-import re
 from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
@@ -33,13 +32,6 @@ if TYPE_CHECKING:
 
 WATCH_LIMIT: Final = 4_194_304  # bytes; 100 robots can list as many echoes in a second
 WATCH_CEILING: Final = 1_048_576  # bytes that tell of robots, some 20 000 of them
-
-# Before the first command: the mark of UTF-8, of editors and of programs in .NET, and
-# the options that a telnet client offers. Both in Latin-1.
-_PREAMBLE: Final = re.compile(
-    r"(?:\xef\xbb\xbf|\xff(?:[\xfb-\xfe].?|\xfa.*?\xff\xf0|[\xf1-\xf9])|\0)*",
-    re.DOTALL,
-)
 
 
 class SendQueue:
@@ -173,11 +165,9 @@ class Client:
 
         Nothing of what a web browser sends is added.
         """
-        # Programs in C send the ends of their strings as well, after each line.
-        lines = [line for each in self.lines.feed(data) if (line := each.strip("\0"))]
+        lines = self.lines.feed(data)
         if lines and not self.has_spoken:
             self.has_spoken = True
-            lines[0] = _PREAMBLE.sub("", lines[0], 1)
             # The first line of a browser is that of its request; later ones may
             # contain anything.
             self.speaks_http = is_http_request(lines[0])  # for ever
