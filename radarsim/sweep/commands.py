@@ -19,9 +19,9 @@ from radarsim.processes import process_cpu_count, raise_on_signals
 
 if TYPE_CHECKING:
     from radarsim.autonomy.evaluation.task_runner import TaskResult
-    from radarsim.lab.sweep.file import SweepFile
-    from radarsim.lab.sweep.folder import SweepFolder, SweepTask
     from radarsim.scene.scene import Scene
+    from radarsim.sweep.file import SweepFile
+    from radarsim.sweep.folder import SweepFolder, SweepTask
 
     Running = Generator[TaskResult[list[dict[str, Any]]], None, None]
 
@@ -53,8 +53,9 @@ def sweep(
         scheduler: Scheduler of a dask cluster that runs already.
     """
     from radarsim.errors import import_optional
-    from radarsim.lab.sweep.file import read_sweep
-    from radarsim.lab.sweep.folder import (
+    from radarsim.presets.sensors import has_fmcw
+    from radarsim.sweep.file import read_sweep
+    from radarsim.sweep.folder import (
         ABOUT,
         EXTRA,
         FIGURE,
@@ -63,8 +64,7 @@ def sweep(
         SweepFolder,
         sweep_tasks,
     )
-    from radarsim.lab.sweep.tasks import load_scenes
-    from radarsim.presets.sensors import has_fmcw
+    from radarsim.sweep.tasks import load_scenes
 
     path, wanted = read_sweep(file)
     if workers is not None and scheduler is not None:
@@ -119,7 +119,7 @@ def _running(
 ) -> Iterator[Running]:
     """Run tasks in processes of this machine, or on a cluster."""
     from radarsim.autonomy.evaluation.task_runner import run_tasks, run_tasks_in
-    from radarsim.lab.sweep.tasks import (
+    from radarsim.sweep.tasks import (
         connect_cluster,
         prepare_worker,
         run_sweep_task,
@@ -161,7 +161,7 @@ def _running(
 def _collect(folder: SweepFolder, tasks: list[SweepTask], running: Running) -> None:
     """Log each result as soon as there is one; an interrupt keeps what is there."""
     from radarsim.autonomy.evaluation.task_runner import as_line, opened_log
-    from radarsim.lab.sweep.folder import LOG, with_checksum
+    from radarsim.sweep.folder import LOG, with_checksum
 
     done = 0
     try:

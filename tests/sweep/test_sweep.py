@@ -21,10 +21,10 @@ from commands import Run, run_in_process
 import radarsim
 from radarsim.autonomy.evaluation.task_runner import as_line
 from radarsim.errors import SweepError
-from radarsim.lab.sweep import tasks
-from radarsim.lab.sweep.file import read_sweep, shipped_sweeps
-from radarsim.lab.sweep.folder import ABOUT, FIGURE, LOG, TABLE, with_checksum
-from radarsim.lab.sweep.tasks import prepare_worker
+from radarsim.sweep import tasks
+from radarsim.sweep.file import read_sweep, shipped_sweeps
+from radarsim.sweep.folder import ABOUT, FIGURE, LOG, TABLE, with_checksum
+from radarsim.sweep.tasks import prepare_worker
 
 parquet = pytest.importorskip("pyarrow.parquet")
 distributed = pytest.importorskip("distributed")
@@ -206,7 +206,7 @@ def test_stopped_sweep_says_what_it_was(
     def fail(*_: object) -> None:
         raise SweepError("no table today")
 
-    monkeypatch.setattr("radarsim.lab.sweep.folder._schema", fail)
+    monkeypatch.setattr("radarsim.sweep.folder._schema", fail)
     out = small.parent / "out"
     assert sweep(small, "-o", out, "--workers", 1).code == 1
     assert json.loads((out / ABOUT).read_text())["file"] == "small.yaml"
@@ -220,7 +220,7 @@ def test_failed_task_is_a_row_with_its_error(
             raise RuntimeError("no such luck")
         return radarsim.load_sensor(name, **settings)
 
-    monkeypatch.setattr("radarsim.lab.sweep.tasks.load_sensor", fail_sometimes)
+    monkeypatch.setattr("radarsim.sweep.tasks.load_sensor", fail_sometimes)
     out = small.parent / "out"
     run = sweep(small, "-o", out, "--workers", 1)
     assert run.code == 1
@@ -512,7 +512,7 @@ def logged(out: Path) -> bytes:
 def test_cluster_of_another_version_is_refused(
     small: Path, cluster: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("radarsim.lab.sweep.tasks.__version__", "9.9")
+    monkeypatch.setattr("radarsim.sweep.tasks.__version__", "9.9")
     run = sweep(small, "-o", small.parent / "refused", "--scheduler", cluster)
     assert run.code == 1
     assert f"a worker has radarsim {radarsim.__version__}, expected 9.9" in run.err

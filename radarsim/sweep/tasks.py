@@ -27,12 +27,12 @@ from radarsim.errors import (
     SweepError,
     import_optional,
 )
-from radarsim.lab.sweep.file import Parameters, SweepFile
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import load_sensor
 from radarsim.server.host import Host
 from radarsim.simulation.config import SimulationConfig
+from radarsim.sweep.file import Parameters, SweepFile
 
 ALL_AROUND: Final = {"fov_deg": 359, "resolution_deg": 1}
 MAP_VALUES: Final = (

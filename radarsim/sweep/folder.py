@@ -29,13 +29,13 @@ from radarsim.autonomy.evaluation.task_runner import Result, as_line, task_key
 from radarsim.errors import SweepError, describe_os_error, import_optional
 from radarsim.files import write_atomically, written_atomically
 from radarsim.geometry import Floats
-from radarsim.lab.sweep.file import FigureEntry, Parameters, SweepFile, flat_parameters
-from radarsim.lab.sweep.tasks import MAP_VALUES, digest, unpacked
 from radarsim.plotting.palette import GRID, RADAR_SHADES, sensor_colours
 from radarsim.plotting.style import render
 from radarsim.presets.sensors import load_settings
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import load_sensor
+from radarsim.sweep.file import FigureEntry, Parameters, SweepFile, flat_parameters
+from radarsim.sweep.tasks import MAP_VALUES, digest, unpacked
 
 EXTRA: Final = "sweep"
 _GROUP: Final = 256  # tasks in a row group
