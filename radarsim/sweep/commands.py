@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Generator, Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Iterator
+from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -19,15 +20,10 @@ from radarsim.processes import process_cpu_count, raise_on_signals
 
 if TYPE_CHECKING:
     from radarsim.autonomy.evaluation.task_runner import TaskResult
-    from radarsim.scene.scene import Scene
     from radarsim.sweep.file import SweepFile
-    from radarsim.sweep.folder import SweepFolder, SweepTask
+    from radarsim.sweep.folder import SweepFolder
 
-    Running = Generator[TaskResult[list[dict[str, Any]]], None, None]
-
-_BATCHES: Final = {"scan": 16, "trial": 1, "map": 1}  # tasks that a worker gets at once
-# Of a cluster's worker: each message takes its scheduler some 10 ms.
-_MESSAGES: Final = 4
+_BATCHES: Final = {"scan": 16, "trial": 1, "map": 1}  # tasks that are worth a process
 
 
 @with_compile_progress
@@ -52,8 +48,10 @@ def sweep(
         workers: Number of processes; one for each core by default.
         scheduler: Scheduler of a dask cluster that runs already.
     """
+    from radarsim.autonomy.evaluation.task_runner import run_tasks
     from radarsim.errors import import_optional
     from radarsim.presets.sensors import has_fmcw
+    from radarsim.sweep.cluster import run_on_cluster
     from radarsim.sweep.file import read_sweep
     from radarsim.sweep.folder import (
         ABOUT,
@@ -64,7 +62,7 @@ def sweep(
         SweepFolder,
         sweep_tasks,
     )
-    from radarsim.sweep.tasks import load_scenes
+    from radarsim.sweep.tasks import load_scenes, prepare_worker, run_sweep_task
 
     path, wanted = read_sweep(file)
     if workers is not None and scheduler is not None:
@@ -81,24 +79,35 @@ def sweep(
     folder.open(path, wanted, tasks, resume=resume)
     for number in folder.damaged:
         print_message(f"{output / LOG}:{number}: damaged, its task is run again")
-    left = [task for task in tasks if not folder.has(task)]
+    done = folder.lines.keys() - folder.errors.keys()
+    left = {key: tasks[key] for key in tasks if key not in done}
     began = time.perf_counter()
     if left:
         has_radar = any(has_fmcw(name) for name in wanted.sensor["name"])
         parts = {"mapping": wanted.kind == "map", "fmcw": has_radar}
         compile_now(*(part for part, is_needed in parts.items() if is_needed))
-        batch = _BATCHES[wanted.kind]
-        with _running(left, scenes, scheduler, workers, batch) as running:
-            _collect(folder, left, running)
+        batch, todo = _BATCHES[wanted.kind], [*left.values()]
+        if scheduler is not None:
+            running = run_on_cluster(scheduler, scenes, todo, batch, print_message)
+        else:
+            running = run_tasks(
+                run_sweep_task,
+                [(task,) for task in todo],
+                workers=min(workers or process_cpu_count(), -(-len(todo) // batch)),
+                prepare=partial(prepare_worker, __version__, scenes),
+            )
+        with raise_on_signals(), closing(running):
+            _collect(folder, [*left], running)
     folder.write(path, wanted, tasks)
-    failed, why = folder.first_failure(tasks)
+    failed = [folder.errors[key] for key in tasks if key in folder.errors]
     if failed:
-        print_message(f"{failed} of {len(tasks)} tasks failed, the first: {why}")
+        text = f"{len(failed)} of {len(tasks)} tasks failed, the first: {failed[0]}"
+        print_message(text)
     spent = f"{_count(wanted, len(left))} in {time.perf_counter() - began:.1f} s"
     print_lines([spent, output / TABLE, output / ABOUT])
     if wanted.figure is not None:
         print_lines([output / FIGURE])
-    return int(failed > 0)
+    return int(bool(failed))
 
 
 def _count(wanted: SweepFile, tasks: int) -> str:
@@ -109,76 +118,15 @@ def _count(wanted: SweepFile, tasks: int) -> str:
     return f"{text}, {scans} scan" + "s" * (scans != 1)
 
 
-@contextmanager
-def _running(
-    tasks: list[SweepTask],
-    scenes: dict[str, Scene],
-    scheduler: str | None,
-    workers: int | None,
-    batch: int,
-) -> Iterator[Running]:
-    """Run tasks in processes of this machine, or on a cluster."""
-    from radarsim.autonomy.evaluation.task_runner import run_tasks, run_tasks_in
-    from radarsim.sweep.tasks import (
-        connect_cluster,
-        prepare_worker,
-        run_sweep_task,
-    )
-
-    todo = [task.parameters for task in tasks]
-    with raise_on_signals():
-        if scheduler is not None:
-            with connect_cluster(scheduler, scenes, print_message) as cluster:
-                threads = cluster.wait_for_workers()
-                batch = max(batch, len(todo) // (_MESSAGES * threads))
-                with closing(
-                    run_tasks_in(
-                        cluster.executor,
-                        run_sweep_task,
-                        todo,
-                        workers=threads,
-                        batch=batch,
-                        check_workers=cluster.count_threads,
-                    )
-                ) as running:
-                    yield running
-            return
-        # A worker takes seconds to start; more of them than batches would get nothing.
-        count = min(workers or process_cpu_count(), -(-len(todo) // batch))
-        with closing(
-            run_tasks(
-                run_sweep_task,
-                todo,
-                workers=count,
-                batch=batch,
-                prepare=prepare_worker,
-                settings=(__version__, scenes),
-            )
-        ) as running:
-            yield running
-
-
-def _collect(folder: SweepFolder, tasks: list[SweepTask], running: Running) -> None:
+def _collect(
+    folder: SweepFolder, keys: list[str], running: Iterator[TaskResult[Any]]
+) -> None:
     """Log each result as soon as there is one; an interrupt keeps what is there."""
-    from radarsim.autonomy.evaluation.task_runner import as_line, opened_log
-    from radarsim.sweep.folder import LOG, with_checksum
-
     done = 0
     try:
-        with opened_log(folder.path / LOG) as add:
-            for result in with_bar(running, "tasks", len(tasks)):
-                task = tasks[result.number]
-                value: dict[str, Any] = {"rows": result.value}
-                if result.value is None:
-                    value = {"error": result.error}
-                line = with_checksum(
-                    {"version": __version__, "task": task.key, **value}
-                )
-                # To the file first: a kill between the two loses nothing that memory
-                # has.
-                add(line)
-                folder.lines[task.key] = as_line(line)
-                done += 1
+        for number, rows, error in with_bar(running, "tasks", len(keys)):
+            folder.add(keys[number], {"error": error} if error else {"rows": rows})
+            done += 1
     except (KeyboardInterrupt, SystemExit):
-        print_message(f"{done} of {len(tasks)} tasks done; go on with --resume")
+        print_message(f"{done} of {len(keys)} tasks done; go on with --resume")
         raise

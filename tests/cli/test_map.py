@@ -98,7 +98,7 @@ def test_json_is_one_object(radarsim: Command, tmp_path: Path) -> None:
     ]
     assert (told["outcome"], told["strategy"]) == ("time_limit", "auto")
     assert (told["seed_from"], told["error"]) == ("ins", None)
-    assert told["scans_left_out"] == {"no_pose": 0, "no_echoes": 0, "late": 0}
+    assert told["scans_left_out"] == {"no_pose": 0, "no_echoes": 0}
     assert told["cells"]["foliage"] > 1000
     assert told["cells"]["resolution"] == 0.05
     assert list(told["pose_errors"]) == [

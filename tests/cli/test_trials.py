@@ -98,7 +98,11 @@ def test_errors_of_a_map_are_printed(radarsim: Command, tmp_path: Any) -> None:
 
 def test_failed_trial_is_described() -> None:
     score = TrialResult(
-        *("bug_maze", "bug1", "radar", 3, "thesis"),
+        map="bug_maze",
+        algorithm="bug1",
+        sensor="radar",
+        seed=3,
+        rule="thesis",
         outcome="failed",
         collisions=2,
         path_length=1.0,

@@ -19,11 +19,10 @@ import pytest
 from commands import Run, run_in_process
 
 import radarsim
-from radarsim.autonomy.evaluation.task_runner import as_line
 from radarsim.errors import SweepError
-from radarsim.sweep import tasks
+from radarsim.sweep.cluster import run_batches
 from radarsim.sweep.file import read_sweep, shipped_sweeps
-from radarsim.sweep.folder import ABOUT, FIGURE, LOG, TABLE, with_checksum
+from radarsim.sweep.folder import ABOUT, FIGURE, LOG, TABLE, as_line, task_key
 from radarsim.sweep.tasks import prepare_worker
 
 parquet = pytest.importorskip("pyarrow.parquet")
@@ -297,11 +296,15 @@ def test_worker_and_results_of_another_version_are_refused(small: Path) -> None:
         prepare_worker("0.0.1", {})
     out = small.parent / "out"
     out.mkdir()
-    old = with_checksum({"version": "0.0.1", "task": "x", "rows": []})
-    (out / LOG).write_text(as_line(old))
+    (out / LOG).write_text(as_line({"version": "0.0.1", "task": "x", "rows": []}))
     run = sweep(small, "-o", out, "--resume")
     assert run.code == 1
     assert f"{LOG}:1: a task of radarsim '0.0.1'" in run.err
+
+
+def test_key_depends_on_the_parameters_alone() -> None:
+    assert task_key({"a": 1, "b": [2]}) == task_key({"b": [2], "a": 1})
+    assert task_key({"a": 1}) != task_key({"a": 1.5})
 
 
 def test_shipped_sweeps_are_right() -> None:
@@ -416,56 +419,21 @@ def test_sweep_goes_on_when_somebody_restarts_the_cluster(
     assert files_of(restarted) == files_of(one)
 
 
-def test_cluster_that_is_gone_ends_the_sweep() -> None:
-    class Client:
-        def nthreads(self) -> dict[str, int]:
-            raise distributed.comm.CommClosedError("no connection")
-
-        def get_executor(self, *, pure: bool) -> None:
-            assert not pure
-
-    cluster = tasks.Cluster("tcp://10.0.0.1:8786", Client(), print)
-    with pytest.raises(SweepError, match=r"1:8786: it is gone: no connection; results"):
-        cluster.count_threads()
-
-
-def test_cluster_without_workers_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Client:
-        def nthreads(self) -> dict[str, int]:
-            return {}
-
-        def get_executor(self, *, pure: bool) -> None:
-            assert not pure
-
-    monkeypatch.setattr(tasks, "_WITHOUT_WORKERS", 0.05)
-    told: list[str] = []
-    cluster = tasks.Cluster("tcp://10.0.0.1:8786", Client(), told.append)
-    assert cluster.count_threads() == 0
-    time.sleep(0.06)
-    with pytest.raises(SweepError, match=r"10\.0\.0\.1:8786: no workers for 0\.05 s"):
-        cluster.count_threads()
-    assert len(told) == 1
-
-
-class Registering:
-    """A client of distributed with workers that die while they are told what to do."""
-
-    def __init__(self, deaths: int) -> None:
-        self.deaths = deaths
-
-    def register_plugin(self, _: object) -> None:
-        self.deaths -= 1
-        if self.deaths >= 0:
-            raise distributed.comm.CommClosedError("it has died")
-
-
-def test_worker_that_dies_while_it_registers_ends_nothing(
+@pytest.mark.slow
+def test_task_that_kills_its_worker_fails_alone(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(tasks, "CHECK_INTERVAL", 0.0)
-    tasks._prepare(distributed, Registering(2), {})
-    with pytest.raises(SweepError, match="cannot run radarsim: it has died"):
-        tasks._prepare(distributed, Registering(99), {})
+    """joblib's backend for dask would wait for it for ever."""
+
+    def run(number: int) -> int:
+        return os._exit(1) if number == 4 else number
+
+    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "0")
+    with dask_cluster(2) as address, distributed.Client(address) as client:
+        executor = client.get_executor(pure=False)
+        done = sorted(run_batches(executor, run, range(9), 3, lambda: 2))
+    assert [each[1] for each in done] == [0, 1, 2, 3, None, 5, 6, 7, 8]
+    assert "killed or crashed" in done[4][2]
 
 
 @pytest.mark.slow
@@ -512,7 +480,7 @@ def logged(out: Path) -> bytes:
 def test_cluster_of_another_version_is_refused(
     small: Path, cluster: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("radarsim.sweep.tasks.__version__", "9.9")
+    monkeypatch.setattr("radarsim.sweep.cluster.__version__", "9.9")
     run = sweep(small, "-o", small.parent / "refused", "--scheduler", cluster)
     assert run.code == 1
     assert f"a worker has radarsim {radarsim.__version__}, expected 9.9" in run.err

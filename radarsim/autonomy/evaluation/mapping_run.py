@@ -86,8 +86,8 @@ class MappingResult:
         Errors of poses have five digits. A run that ended early is described as far as
         it came.
         """
-        left_out = {"no_pose": 0, "no_echoes": 0}
-        left_out |= {} if self.mapper is None else self.mapper.left_out
+        none = {"no_pose": 0, "no_echoes": 0}
+        left_out = none if self.mapper is None else self.mapper.left_out
         result: dict[str, Any] = {
             "outcome": self.outcome,
             "strategy": self.strategy,
@@ -97,7 +97,7 @@ class MappingResult:
             "left_out": [[round(x, 3), round(y, 3)] for x, y in self.unreached],
             "safety_distance": rounded(self.safety_distance, 3),
             "scans": 0 if self.mapper is None else self.mapper.scans,
-            "scans_left_out": left_out | {"late": 0},  # that servers drop
+            "scans_left_out": left_out,
             "loop_closures": 0 if self.mapper is None else self.mapper.slam.closures,
             "cells": _cell_counts(self.mapper),
             "pose_errors": self._pose_errors(),
