@@ -6,6 +6,7 @@ import time
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -48,29 +49,30 @@ def run_tasks(
         return
     groups = [dict(enumerate(tasks))]
     suspects: set[int] = set()
-    while groups:
-        left = groups.pop()
-        begun: list[int] = []
-        try:
-            for result in _run_together(function, left, begun, workers, prepare):
-                del left[result[0]]
-                yield result
-        except BrokenProcessPool:
-            if suspects.issuperset(left):  # it ran alone
-                yield from ((number, None, LOST) for number in left)
-                continue
-            # Nobody knows whose process crashed: what had begun runs again, each alone.
-            suspects.update(left.keys() & begun)
-            groups.append({key: left[key] for key in left if key not in suspects})
-            groups.extend({key: left[key]} for key in left if key in suspects)
+    with _processes(workers, prepare) as parallel:
+        while groups:
+            left = groups.pop()
+            begun: list[int] = []
+            try:
+                for result in _run_together(parallel, function, left, begun):
+                    del left[result[0]]
+                    yield result
+            except BrokenProcessPool:
+                if suspects.issuperset(left):  # it ran alone
+                    yield from ((number, None, LOST) for number in left)
+                    continue
+                # Nobody knows whose process crashed: what had begun runs again, each
+                # alone.
+                suspects.update(left.keys() & begun)
+                groups.append({key: left[key] for key in left if key not in suspects})
+                groups.extend({key: left[key]} for key in left if key in suspects)
 
 
 def _run_together(
+    parallel: Parallel,
     function: Callable[..., Value],
     tasks: dict[int, tuple[Any, ...]],
     begun: list[int],
-    workers: int,
-    prepare: Callable[[], object],
 ) -> Iterator[TaskResult[Value]]:
     """Run tasks until a process crashes; ``begun`` gets the numbers of those begun."""
 
@@ -79,6 +81,16 @@ def _run_together(
             begun.append(number)
             yield delayed(run_task)(function, number, arguments)
 
+    with starting_workers():
+        results = parallel(calls())
+        # A thread of joblib fails if it ends before it has sent the tasks.
+        time.sleep(0.1)
+    yield from results
+
+
+@contextmanager
+def _processes(workers: int, prepare: Callable[[], object]) -> Iterator[Parallel]:
+    """Open processes, which start with the first tasks, and again if one crashes."""
     # joblib warns of runs that are ended early, and of workers that it starts again as
     # they use much memory.
     warnings.filterwarnings("ignore", category=UserWarning, module=r"joblib\.")
@@ -86,20 +98,15 @@ def _run_together(
         # Not through a pipe: each worker would start when the one before has read it.
         file = Path(folder) / "prepare.pickle"
         file.write_bytes(pickle.dumps(prepare))
-        parallel = Parallel(
-            workers,
-            return_as="generator_unordered",
-            max_nbytes=None,
-            initializer=start_worker,
-            initargs=(os.getpid(), partial(_prepare, file)),
-        )
         try:
-            with parallel:
-                with starting_workers():
-                    results = parallel(calls())
-                    # A thread of joblib fails if it ends before it has sent the tasks.
-                    time.sleep(0.1)
-                yield from results
+            with Parallel(
+                workers,
+                return_as="generator_unordered",
+                max_nbytes=None,
+                initializer=start_worker,
+                initargs=(os.getpid(), partial(_prepare, file)),
+            ) as parallel:
+                yield parallel
         finally:  # else the processes would stay, or start when the file has gone
             get_reusable_executor(kill_workers=True).shutdown()
 
