@@ -20,7 +20,6 @@ from commands import Run, run_in_process
 
 import radarsim
 from radarsim.errors import SweepError
-from radarsim.sweep.cluster import run_batches
 from radarsim.sweep.file import read_sweep, shipped_sweeps
 from radarsim.sweep.folder import ABOUT, FIGURE, LOG, TABLE, as_line, task_key
 from radarsim.sweep.tasks import prepare_worker
@@ -417,23 +416,6 @@ def test_sweep_goes_on_when_somebody_restarts_the_cluster(
         restarting.result()
     assert run.code == 0
     assert files_of(restarted) == files_of(one)
-
-
-@pytest.mark.slow
-def test_task_that_kills_its_worker_fails_alone(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """joblib's backend for dask would wait for it for ever."""
-
-    def run(number: int) -> int:
-        return os._exit(1) if number == 4 else number
-
-    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "0")
-    with dask_cluster(2) as address, distributed.Client(address) as client:
-        executor = client.get_executor(pure=False)
-        done = sorted(run_batches(executor, run, range(9), 3, lambda: 2))
-    assert [each[1] for each in done] == [0, 1, 2, 3, None, 5, 6, 7, 8]
-    assert "killed or crashed" in done[4][2]
 
 
 @pytest.mark.slow
