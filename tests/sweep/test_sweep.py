@@ -20,6 +20,7 @@ from commands import Run, run_in_process
 
 import radarsim
 from radarsim.errors import SweepError
+from radarsim.sweep.cluster import run_batches
 from radarsim.sweep.file import read_sweep, shipped_sweeps
 from radarsim.sweep.folder import ABOUT, FIGURE, LOG, TABLE, as_line, task_key
 from radarsim.sweep.tasks import prepare_worker
@@ -416,6 +417,21 @@ def test_sweep_goes_on_when_somebody_restarts_the_cluster(
         restarting.result()
     assert run.code == 0
     assert files_of(restarted) == files_of(one)
+
+
+@pytest.mark.slow
+def test_task_that_kills_its_worker_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    """joblib's backend for dask would wait for it for ever."""
+
+    def run(number: int) -> int:
+        return os._exit(number)
+
+    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "0")
+    with dask_cluster(1) as address, distributed.Client(address) as client:
+        executor = client.get_executor(pure=False)
+        ((_, value, error),) = run_batches(executor, run, [1], 1, lambda: 1)
+    assert value is None
+    assert "killed or crashed" in error
 
 
 @pytest.mark.slow
