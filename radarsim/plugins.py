@@ -23,7 +23,7 @@ OWN: Final[dict[str, dict[str, str]]] = {
         "core": "radarsim.cli.entries:COMMANDS",
         "autonomy": "radarsim.autonomy.commands:COMMANDS",
         "addons": "radarsim.addons.commands:COMMANDS",
-        "lab": "radarsim.lab.commands:COMMANDS",
+        "sweep": "radarsim.sweep:COMMANDS",
     },
     # Radars, by the section of a sensor preset that describes them.
     "radarsim.sensors": {"fmcw": "radarsim.addons.fmcw.radar:FmcwRadar"},

@@ -12,19 +12,20 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from multiprocessing import active_children, parent_process, resource_tracker
-from multiprocessing.connection import wait
-from multiprocessing.context import SpawnContext, SpawnProcess
+from multiprocessing import active_children, get_context, resource_tracker
 from types import FrameType
-from typing import Any, Final, NoReturn, ParamSpec, TypeVar
+from typing import Final, NoReturn, ParamSpec, TypeVar
 
 HUNG_UP: Final = 129  # exit codes as shells report them
 INTERRUPTED: Final = 130
 BROKEN_PIPE: Final = 141  # who reads what is printed has gone, such as ``head``
 TERMINATED: Final = 143
+
+_LOOK_INTERVAL: Final = 1.0  # s between two looks of a worker at its main process
 
 _LEFT_TO_THE_MAIN_PROCESS = {signal.SIGINT}
 _exit_codes = {int(signal.SIGINT): INTERRUPTED, int(signal.SIGTERM): TERMINATED}
@@ -176,72 +177,77 @@ def process_cpu_count() -> int:
 
 
 @contextmanager
-def worker_pool(
-    count: int, prepare: Callable[..., None] | None = None, *settings: Any
-) -> Iterator[ProcessPoolExecutor]:
-    """Open a pool of processes; leaving it early terminates those that still run.
+def starting_workers() -> Iterator[None]:
+    """Start worker processes with Ctrl-C blocked, until ``start_worker`` ignores it.
+
+    Python needs a moment to start, in which Ctrl-C would end in a traceback. Signals to
+    this process wait meanwhile: one that is half started would not be ended.
+    """
+    came: list[int] = []
+    handlers = dict.fromkeys(_heeded_signals(), lambda number, _: came.append(number))
+    with signal_handlers(handlers), _block_for_children():
+        yield
+    for number in came:
+        signal.raise_signal(number)
+
+
+@contextmanager
+def _block_for_children() -> Iterator[None]:
+    if sys.platform == "win32":
+        yield
+        return
+    resource_tracker.ensure_running()  # which would unblock the signals
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _LEFT_TO_THE_MAIN_PROCESS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def start_worker(parent: int, prepare: Callable[[], object]) -> None:
+    """Leave Ctrl-C to the main process, which ends its workers, then prepare this one.
+
+    The same holds for a terminal that is closed.
 
     Args:
-        count: Number of processes. Each is a fresh interpreter, so it can only be given
-            functions of modules.
-        prepare: Called in each process before its first task.
-        settings: Its arguments.
+        parent: The main process.
+        prepare: Called once.
+    """
+    for number in _LEFT_TO_THE_MAIN_PROCESS:
+        signal.signal(number, signal.SIG_IGN)
+    # A main process that is killed ends nobody; its workers would run on.
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    prepare()
+
+
+def _end_with(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(_LOOK_INTERVAL)
+    os._exit(1)  # sys.exit would end this thread only
+
+
+@contextmanager
+def worker_process(prepare: Callable[[], object]) -> Iterator[ProcessPoolExecutor]:
+    """Start a process; leaving it early terminates what still runs there.
+
+    Args:
+        prepare: Called in the process before its first task. The process is a fresh
+            interpreter, so it can only be given functions of modules.
     """
     # Other pools of this process keep their workers.
     others = {*active_children()}
+    # Spawned, because threads of this process would not survive a fork.
     pool = ProcessPoolExecutor(
-        count,
-        mp_context=_WorkerContext(),
-        initializer=_start_worker,
-        initargs=(prepare, settings),
+        1,
+        mp_context=get_context("spawn"),
+        initializer=start_worker,
+        initargs=(os.getpid(), prepare),
     )
     try:
+        with starting_workers():
+            pool.submit(os.getpid)  # the process starts with its first task
         yield pool
     finally:
         for worker in {*active_children()} - others:
             worker.terminate()  # shutdown alone would wait for the runs to end
         pool.shutdown(cancel_futures=True)
-
-
-class _Worker(SpawnProcess):
-    """A process that begins with Ctrl-C blocked: Python needs a moment to start."""
-
-    def start(self) -> None:
-        """Start it."""
-        if not hasattr(signal, "pthread_sigmask"):  # Windows
-            super().start()
-            return
-        resource_tracker.ensure_running()  # which would unblock them
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, _LEFT_TO_THE_MAIN_PROCESS)
-        try:
-            super().start()
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-class _WorkerContext(SpawnContext):
-    # Spawned, because threads of this process would not survive a fork.
-    Process = _Worker
-
-
-def _start_worker(
-    prepare: Callable[..., None] | None, settings: tuple[Any, ...]
-) -> None:
-    """Leave Ctrl-C to the main process, which terminates its workers, or is killed.
-
-    The same holds for a terminal that is closed.
-    """
-    for number in _LEFT_TO_THE_MAIN_PROCESS:
-        signal.signal(number, signal.SIG_IGN)
-    # A main process that is killed terminates nobody; its workers would run on.
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    if prepare is not None:
-        prepare(*settings)
-
-
-def _end_with_parent() -> None:
-    parent = parent_process()
-    if parent is not None:
-        wait([parent.sentinel])
-        # sys.exit would end this thread only.
-        os._exit(1)

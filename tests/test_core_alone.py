@@ -1,4 +1,4 @@
-"""The core without autonomy, add-ons and lab, and without the packages they need."""
+"""The core without autonomy, add-ons and sweeps, and without the packages they need."""
 
 import os
 import re
@@ -16,7 +16,7 @@ from radarsim import kernel_cache
 
 PACKAGE = Path(radarsim.__file__).parent
 TESTS = Path(__file__).parent
-OTHERS = ("autonomy", "addons", "lab")
+OTHERS = ("autonomy", "addons", "sweep")
 # Imported before anything else, it hides the extras, which may be installed.
 SITE = """
 import sys
@@ -139,7 +139,7 @@ def test_option_of_an_absent_part_names_the_part(core: Path) -> None:
     [
         ("navigate", "radarsim.autonomy"),
         ("ros", "radarsim.addons"),
-        ("sweep", "radarsim.lab"),
+        ("sweep", "radarsim.sweep"),
     ],
 )
 def test_command_of_an_absent_part_is_told_in_one_line(

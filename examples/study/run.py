@@ -13,11 +13,13 @@ import json
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
+from joblib import Parallel, delayed
 
 from radarsim.autonomy.evaluation.shortest_path import shortest_path
 from radarsim.autonomy.evaluation.trials import SCANNER, run_plan
@@ -237,20 +239,15 @@ def run(kind: str, name: str, method: str, seed: int) -> dict[str, Any]:
     return task | expected | row.select(DRIVEN)
 
 
-def main() -> None:
-    """Run all maps and sensors, or those that are asked for."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=10)
-    parser.add_argument("--only", metavar="MAP:SENSOR", help="one map and sensor")
-    options = parser.parse_args()
-    for seed in range(options.seeds):
-        for kind in KINDS:
-            for sensor in SENSORS:
-                if options.only not in (None, f"{kind}:{sensor}"):
-                    continue
-                for method in ("planned", MAPPING)[: 1 + (kind in MAPPED)]:
-                    print(json.dumps(run(kind, sensor, method, seed)), flush=True)
-
-
-if __name__ == "__main__":
-    main()
+parser = argparse.ArgumentParser(description=__doc__)
+parser.add_argument("--seeds", type=int, default=10)
+parser.add_argument("--only", metavar="MAP:SENSOR", help="one map and sensor")
+options = parser.parse_args()
+runs = [
+    delayed(run)(kind, sensor, method, seed)
+    for seed, kind, sensor in product(range(options.seeds), KINDS, SENSORS)
+    if options.only in (None, f"{kind}:{sensor}")
+    for method in ("planned", MAPPING)[: 1 + (kind in MAPPED)]
+]
+for row in Parallel(-1, return_as="generator")(runs):
+    print(json.dumps(row), flush=True)

@@ -29,7 +29,7 @@ PROGRAM: Final = "Program"
 BEYOND_THE_CORE: Final = {
     "autonomy": ("navigate", "map", "trials"),
     "addons": ("commander", "ros", "replay", "recording", "import", "spectrum"),
-    "lab": ("sweep",),
+    "sweep": ("sweep",),
 }
 
 

@@ -30,11 +30,12 @@ from collections.abc import Set as AbstractSet
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
+from functools import partial
 from typing import TYPE_CHECKING, Final, Protocol
 
 from radarsim.errors import ServerError
 from radarsim.listening import has_hung_up, waiting_bytes
-from radarsim.processes import worker_pool
+from radarsim.processes import worker_process
 from radarsim.protocol.images import WHOLE, Region, RequestBuffer
 from radarsim.server.peer_connections import PeerConnection, PeerServer, RefusalLog
 from radarsim.server.views import Shown, Tiles, assign, tiles_of
@@ -65,9 +66,8 @@ class PictureProcess:
         await asyncio.shield(self._starting)
 
     def _start(self) -> None:
-        pool = worker_pool(1, _Painter.prepare, *self._setting)
-        self._pool = self._until_stop.enter_context(pool)
-        self._pool.submit(os.getpid)  # processes start with their first task
+        process = worker_process(partial(_Painter.prepare, *self._setting))
+        self._pool = self._until_stop.enter_context(process)
 
     async def draw(
         self, tiles: Tiles, regions: AbstractSet[Region]

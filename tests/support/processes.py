@@ -5,6 +5,8 @@ import pty
 import select
 import subprocess
 import sys
+import time
+from pathlib import Path
 from typing import IO, Any
 
 
@@ -42,3 +44,15 @@ def on_terminal(*words: str, **variables: str) -> str:
     os.close(outer)
     assert process.returncode in (0, 2)
     return text.decode()
+
+
+def has_ended(process: int) -> bool:
+    """Wait up to a minute until a process has ended; return whether it has."""
+    status = Path(f"/proc/{process}/stat")
+    deadline = time.monotonic() + 60
+    # Nobody may have waited for a process that has ended.
+    while status.exists() and ") Z " not in status.read_text():
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.05)
+    return True

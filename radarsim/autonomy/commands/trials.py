@@ -6,6 +6,7 @@ import json
 import time
 from collections.abc import Sequence
 from contextlib import closing
+from itertools import product
 from pathlib import Path
 from statistics import fmean
 from typing import TYPE_CHECKING, Annotated, TypeAlias
@@ -25,7 +26,7 @@ from radarsim.plans import RARE, Form, Option
 from radarsim.processes import process_cpu_count, raise_on_signals
 
 if TYPE_CHECKING:
-    from radarsim.autonomy.evaluation.trials import TrialResult, TrialSpec
+    from radarsim.autonomy.evaluation.trials import TrialResult
 
 
 def _read_names(text: str) -> tuple[str, ...]:
@@ -65,23 +66,24 @@ def trials(
         rules: Rules of the bumpers to compare.
         workers: Number of processes; one for each core by default.
     """
-    from radarsim.autonomy.evaluation.trials import MAPS, all_trials
+    from radarsim.autonomy.evaluation.task_runner import in_order, run_tasks
+    from radarsim.autonomy.evaluation.trials import MAPS, run_trial
 
-    workers = workers or process_cpu_count()
     names = maps or MAPS
     _check(names, algorithms, sensors, rules)
-    todo = all_trials(names, algorithms, sensors, seeds, rules)
-    _run(todo, min(workers, len(todo)), as_json=as_json)
-
-
-def _run(todo: Sequence[TrialSpec], processes: int, *, as_json: bool) -> None:
-    from radarsim.autonomy.evaluation.trials import run_trials
-
+    todo = [
+        (map_, algorithm, sensor, seed, rule)
+        for map_, algorithm, rule, sensor, seed in product(
+            names, algorithms, rules, sensors, range(seeds)
+        )
+    ]
+    processes = min(workers or process_cpu_count(), len(todo))
     # before the clock runs, and once instead of in each process
     compile_now()
     began = time.perf_counter()
-    with raise_on_signals(), closing(run_trials(todo, workers=processes)) as running:
-        scores = list(with_bar(running, "trials", len(todo)))
+    running = run_tasks(run_trial, todo, workers=processes)
+    with raise_on_signals(), closing(running):
+        scores = in_order(with_bar(running, "trials", len(todo)))
     duration = time.perf_counter() - began
     if as_json:
         click.echo(json.dumps([score.to_dict() for score in scores], allow_nan=False))

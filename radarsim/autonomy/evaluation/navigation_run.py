@@ -46,47 +46,48 @@ class Contact:
 
 
 class GroundTruthMonitor:
-    """Watches the robots of a simulation, tick by tick.
+    """Watches the first robot of a simulation, tick by tick.
 
     Attributes:
-        collisions: How often a robot began to touch something, or another robot.
-        contacts: Those of the robot that was first.
-        path_length: Length of the true paths of the robots' centres, m.
-        first_length: That of the robot that was first, m.
+        contacts: Its touches of something, or of another robot.
+        path_length: Length of the true path of its centre, m.
         path: Its path, in steps of at least ``STEP``.
     """
 
     def __init__(self, host: Host) -> None:
-        self.collisions = 0
         self.contacts: list[Contact] = []
-        self.path_length = self.first_length = 0.0
+        self.path_length = 0.0
         self.path: list[Position] = []
         self._simulation = host.simulation
-        self._touches: dict[int, bool] = {}  # by the number of the robot
-        self._poses: dict[int, Pose2] = {}
+        self._number: int | None = None  # of the robot
+        self._touches = False
+        self._pose: Pose2 | None = None
 
     def watch(self) -> None:
         """Update from the simulation; to be called after every tick."""
         for vehicle in self._simulation.vehicles:
-            number, pose = vehicle.number, vehicle.robot.pose
-            touches = vehicle.robot.touched
+            if self._number is None:
+                self._number = vehicle.number
+            if vehicle.number == self._number:
+                self._add(vehicle.robot.pose, touches=vehicle.robot.touched)
+
+    def _add(self, pose: Pose2, *, touches: bool) -> None:
+        if touches:
             # a touch that lasts is one collision, not one a tick
-            begins = touches and not self._touches.get(number, False)
-            self.collisions += begins
-            if touches and number == next(iter(self._poses), number):
-                if begins:
-                    self.contacts.append(Contact(pose))
-                self.contacts[-1].duration += TICK
-            previous = self._poses.get(number, pose)
-            length = math.hypot(pose.x - previous.x, pose.y - previous.y)
-            self.path_length += length
-            self._poses[number], self._touches[number] = pose, touches
-            # of the other robots only lengths and collisions count
-            if number == next(iter(self._poses)):
-                self.first_length += length
-                x, y = self.path[-1] if self.path else (math.inf, math.inf)
-                if math.hypot(pose.x - x, pose.y - y) >= STEP:
-                    self.path.append((pose.x, pose.y))
+            if not self._touches:
+                self.contacts.append(Contact(pose))
+            self.contacts[-1].duration += TICK
+        previous = self._pose or pose
+        self.path_length += math.hypot(pose.x - previous.x, pose.y - previous.y)
+        self._pose, self._touches = pose, touches
+        x, y = self.path[-1] if self.path else (math.inf, math.inf)
+        if math.hypot(pose.x - x, pose.y - y) >= STEP:
+            self.path.append((pose.x, pose.y))
+
+    @property
+    def collisions(self) -> int:
+        """How often the robot began to touch something."""
+        return len(self.contacts)
 
     @property
     def pushes(self) -> int:
@@ -95,10 +96,6 @@ class GroundTruthMonitor:
             each.duration > PUSH or any(map(each.repeats, self.contacts[:k]))
             for k, each in enumerate(self.contacts)
         )
-
-    @property
-    def _pose(self) -> Pose2 | None:
-        return next(iter(self._poses.values()), None)
 
     @property
     def positions(self) -> Floats:

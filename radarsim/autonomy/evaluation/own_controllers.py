@@ -5,10 +5,9 @@ It is judged as the navigators of the package are: by the truth, on the same map
 
 from __future__ import annotations
 
-import pickle
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Final, TypeAlias
@@ -19,11 +18,10 @@ from radarsim.autonomy.evaluation.estimates import Estimate, mean, share
 from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
 from radarsim.autonomy.evaluation.task_runner import in_order, run_tasks
 from radarsim.autonomy.evaluation.trials import (
-    GOAL_TOLERANCE,
     MAPS,
     TrialResult,
-    TrialSpec,
     config_with_sensor,
+    judge_drive,
     load_trial,
     prepare_trial,
 )
@@ -50,9 +48,8 @@ class _TimeIsUp(Exception):
 class _TrialSimulation(LocalSimulation):
     """A simulation that ends at a time."""
 
-    def __init__(self, scene: Scene, spec: TrialSpec, end: float) -> None:
-        config = config_with_sensor(spec.sensor)
-        super().__init__(scene, seed=spec.seed, config=config)
+    def __init__(self, scene: Scene, sensor: str, seed: int, end: float) -> None:
+        super().__init__(scene, seed=seed, config=config_with_sensor(sensor))
         self._end = end
         self._commands = 0  # since the last step
 
@@ -177,7 +174,7 @@ def evaluate(
     the controller fails the run; any other error ends the evaluation.
 
     Args:
-        controller: The controller; with several workers a function of a module.
+        controller: The controller.
         maps: Names of maps that have a ``trial``, or paths of their files.
         seeds: Seeds of the simulations, or how many from 0.
         sensor: Name of the preset of the scanner.
@@ -188,12 +185,15 @@ def evaluate(
     Raises:
         MapError: If a map is wrong, or defines no trial.
         PresetError: If there is no such sensor.
-        TypeError: If an argument is of another type, or the controller is no function
-            of a module and there are several workers.
+        TypeError: If an argument is of another type.
         ValueError: If there are no maps, or no seeds, or a number is too small.
     """
     # Before any trial, so that a mistake is not found after minutes.
-    _check_controller(controller, workers)
+    if not callable(controller):
+        text = "expected a function of a robot and a goal"
+        raise TypeError(f"controller {controller!r}, {text}")
+    if workers < 1:
+        raise ValueError(f"workers {workers!r}, expected at least 1")
     check_number("time_limit in s", time_limit, above=0.0)
     numbers = _check_seeds(seeds)
     if isinstance(maps, str):
@@ -203,38 +203,15 @@ def evaluate(
     for map_ in maps:
         load_trial(str(map_) if isinstance(map_, Path) else map_)
     config_with_sensor(sensor)
-    name = getattr(controller, "__name__", type(controller).__name__)
-    specs = [
-        TrialSpec(str(map_), name, sensor, seed) for map_ in maps for seed in numbers
-    ]
+    tasks = [(str(map_), seed) for map_ in maps for seed in numbers]
     folder = None if pictures is None else Path(pictures)
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
-    run = partial(run_own_trial, controller, time_limit, folder)
+    run = partial(run_own_trial, controller, sensor, time_limit, folder)
     if workers == 1:  # errors of the controller come as they are
-        return Evaluation(tuple(map(run, specs)))
-    with closing(run_tasks(run, specs, workers=workers)) as running:
-        return Evaluation(tuple(result.unwrap() for result in in_order(running)))
-
-
-def _check_controller(controller: object, workers: int) -> None:
-    """Check that a controller can be called, by several processes if there are.
-
-    Raises:
-        TypeError: If it cannot.
-        ValueError: If the number of processes is none.
-    """
-    if not callable(controller):
-        text = "expected a function of a robot and a goal"
-        raise TypeError(f"controller {controller!r}, {text}")
-    if workers < 1:
-        raise ValueError(f"workers {workers!r}, expected at least 1")
-    if workers > 1:
-        try:
-            pickle.dumps(controller)
-        except (AttributeError, TypeError, pickle.PicklingError) as error:
-            text = "expected a function of a module, for several workers"
-            raise TypeError(f"controller {controller!r}, {text}: {error}") from None
+        return Evaluation(tuple(run(*task) for task in tasks))
+    with closing(run_tasks(run, tasks, workers=workers)) as running:
+        return Evaluation(tuple(in_order(running)))
 
 
 def _check_seeds(seeds: int | Sequence[int]) -> Sequence[int]:
@@ -255,11 +232,16 @@ def _check_seeds(seeds: int | Sequence[int]) -> Sequence[int]:
 
 
 def run_own_trial(
-    controller: OwnController, time_limit: float, folder: Path | None, spec: TrialSpec
+    controller: OwnController,
+    sensor: str,
+    time_limit: float,
+    folder: Path | None,
+    map_: str,
+    seed: int,
 ) -> TrialResult:
     """Run one trial; arguments as of ``evaluate``."""
-    scene, trial, shortest = prepare_trial(spec.map)
-    sim = _TrialSimulation(scene, spec, time_limit)
+    scene, trial, shortest = prepare_trial(map_)
+    sim = _TrialSimulation(scene, sensor, seed, time_limit)
     monitor = GroundTruthMonitor(sim.host)
     robot = sim.spawn(ROBOT, start=trial.start)
     sim.host.add_observer(_Judge(monitor))
@@ -273,21 +255,17 @@ def run_own_trial(
     except (ClientError, NavigationError) as error:
         note = str(error)
     except Exception as error:
-        error.add_note(f"on map {spec.map}, seed {spec.seed}, at {sim.time:.2f} s")
+        error.add_note(f"on map {map_}, seed {seed}, at {sim.time:.2f} s")
         raise
     monitor.watch()
     off = monitor.distance(trial.goal)
-    if outcome == "reached" and off > GOAL_TOLERANCE:
-        outcome, note = "failed", f"says reached, {off:.2f} m from the goal"
+    row = vars(judge_drive(sim.host, monitor, off, outcome, note))
     if folder is not None:
-        sim.render(folder / f"{Path(spec.map).stem}-{spec.seed}.png")
+        sim.render(folder / f"{Path(map_).stem}-{seed}.png")
     return TrialResult(
-        **asdict(spec),
-        outcome=outcome,
-        collisions=monitor.collisions,
-        path_length=monitor.path_length,
-        shortest_path=shortest,
-        time=sim.time,
-        off=off,
-        note=note,
+        map=map_,
+        algorithm=getattr(controller, "__name__", type(controller).__name__),
+        sensor=sensor,
+        seed=seed,
+        **row | {"shortest_path": shortest},
     )

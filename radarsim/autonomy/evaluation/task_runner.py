@@ -1,338 +1,141 @@
-"""Run many independent tasks on several cores, or on a cluster.
+"""Run many independent tasks in several processes; one that fails ends no other."""
 
-A task is what a function gets, and it returns a result. Both have to be picklable; a
-task that is plain data has a key and a random generator of its own. What a task draws
-then depends on nothing but its parameters: not on the order of tasks, on the number of
-processes, or on what other tasks there are.
-
-Logs of results are files of JSON lines that are only ever added to.
-
-A run that is killed leaves at most an incomplete last line. Readers leave it out, and
-the next run cuts it off.
-"""
-
-import hashlib
-import json
-from collections.abc import (
-    Callable,
-    Collection,
-    Generator,
-    Iterable,
-    Iterator,
-    Mapping,
-    Sequence,
-)
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    BrokenExecutor,
-    CancelledError,
-    Executor,
-    Future,
-    wait,
-)
-from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass
-from itertools import chain, islice
+import os
+import pickle
+import time
+import warnings
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Any, Final, Generic, TypeAlias, TypeVar
+from tempfile import TemporaryDirectory
+from typing import Any, Final, TypeAlias, TypeVar
 
-import numpy as np
+from joblib import Parallel, delayed
+from joblib.externals.loky import get_reusable_executor
 
 from radarsim.errors import RadarsimError
-from radarsim.files import write_atomically
-from radarsim.processes import worker_pool
-from radarsim.rng import generator_for
+from radarsim.processes import start_worker, starting_workers
 
-AHEAD: Final = 2  # batches for each worker that wait to be run
-CHECK_INTERVAL: Final = 1.0  # s between two looks at whether there are workers
 LOST: Final = "its process was killed or crashed, expected a result"
 
-Result: TypeAlias = Mapping[str, Any]
-
-
-def read_log(file: Path, keys: Collection[str], expected: str) -> list[dict[str, Any]]:
-    """Read the results of earlier runs; there are none if the file does not exist.
-
-    Args:
-        file: The log.
-        keys: Keys that each result has.
-        expected: What a line is, for the message about one that is not.
-
-    Raises:
-        OSError: If the file exists and cannot be read.
-        ValueError: If it has other lines; it names the first.
-    """
-    if not file.exists():
-        return []
-    results: list[dict[str, Any]] = []
-    with file.open(encoding="utf-8", errors="replace") as lines:
-        for number, line in enumerate(lines, 1):
-            if not line.endswith("\n"):  # the run was killed while it wrote
-                continue
-            try:
-                result = json.loads(line)
-            except ValueError:
-                result = None
-            if not isinstance(result, dict) or not {*result} >= {*keys}:
-                raise ValueError(f"{file}:{number}: expected {expected}")
-            results.append(result)
-    return results
-
-
-@contextmanager
-def opened_log(file: Path | None) -> Iterator[Callable[[Result], None]]:
-    """Open a log to add results to it, each of which is on the disk at once.
-
-    Args:
-        file: The log, which is created if necessary; None for none.
-
-    Yields:
-        A function that adds a result.
-
-    Raises:
-        OSError: If the file cannot be written.
-    """
-    if file is not None and file.exists():
-        data = file.read_bytes()
-        complete = data.rfind(b"\n") + 1
-        if complete < len(data):  # a line of a run that was killed
-            write_atomically({file: data[:complete]})
-    with nullcontext() if file is None else file.open("a", encoding="utf-8") as log:
-
-        def add(result: Result) -> None:
-            if log is not None:
-                log.write(as_line(result))
-                log.flush()
-
-        yield add
-
-
-def as_line(result: Result) -> str:
-    """Return a result as a line of JSON."""
-    return json.dumps(result, allow_nan=False) + "\n"
-
-
-Task = TypeVar("Task")
 Value = TypeVar("Value")
-Batch = list[tuple[int, Task]]
-
-
-@dataclass(frozen=True, slots=True)
-class TaskResult(Generic[Value]):
-    """What became of a task.
-
-    Attributes:
-        number: Index of the task.
-        value: What the function returned; None if it failed.
-        error: Why it failed; empty if it did not.
-    """
-
-    number: int
-    value: Value | None
-    error: str = ""
-
-    def unwrap(self) -> Value:
-        """Return the value.
-
-        Raises:
-            RadarsimError: If the task failed.
-        """
-        if self.value is None:
-            raise RadarsimError(self.error)
-        return self.value
-
-
-def canonical_json(parameters: Mapping[str, Any]) -> str:
-    """Return parameters as JSON, the same in whatever order they come."""
-    return json.dumps(
-        parameters, sort_keys=True, allow_nan=False, separators=(",", ":")
-    )
-
-
-def task_key(parameters: Mapping[str, Any]) -> str:
-    """Return the key of a task, 32 hexadecimal digits."""
-    return hashlib.sha256(canonical_json(parameters).encode()).hexdigest()[:32]
-
-
-def task_generator(seed: int, parameters: Mapping[str, Any]) -> np.random.Generator:
-    """Create the random generator of a task.
-
-    Args:
-        seed: Seed of all tasks, at least 0.
-        parameters: Parameters of the task, in any order.
-    """
-    return generator_for(seed, "task", canonical_json(parameters))
+# Number of a task, what the function returned, and why it failed, empty if it did not.
+TaskResult: TypeAlias = tuple[int, Value | None, str]
 
 
 def run_tasks(
-    function: Callable[[Task], Value],
-    tasks: Sequence[Task],
+    function: Callable[..., Value],
+    tasks: Sequence[tuple[Any, ...]],
     *,
     workers: int,
-    batch: int = 1,
-    prepare: Callable[..., None] | None = None,
-    settings: tuple[Any, ...] = (),
+    prepare: Callable[[], object] = int,
 ) -> Generator[TaskResult[Value], None, None]:
     """Run tasks, and yield each result as soon as there is one.
 
-    Closing the generator early terminates the tasks that still run. A task whose
-    process crashes fails, and no other with it.
+    Closing the generator early ends the tasks that still run. A task whose process
+    crashes fails, and no other with it.
 
     Args:
-        function: A function of a module.
-        tasks: The tasks.
+        function: The function.
+        tasks: Its arguments in each task.
         workers: Number of processes; with one, all tasks run in this process.
-        batch: Number of tasks that a process is given at once.
-        prepare: A function of a module that is called in each process before its first
-            task.
-        settings: Its arguments.
+        prepare: Called in each process before its first task; can be pickled.
     """
-    left = iter(_batches(tasks, batch))
     if workers == 1:
-        if prepare is not None:
-            prepare(*settings)
-        for each in left:
-            for one in each:
-                yield from _run_batch(function, [one])
+        prepare()
+        yield from (run_task(function, *each) for each in enumerate(tasks))
         return
-    while True:
-        suspects: list[Batch[Task]] = []
-        with worker_pool(workers, prepare, *settings) as pool:
-            yield from _run_batches(pool, function, left, workers * AHEAD, suspects)
-        if not suspects:
-            return
-        for one in (one for each in suspects for one in each):
-            with worker_pool(1, prepare, *settings) as pool:
-                yield _run_alone(pool, function, one)
+    groups = [dict(enumerate(tasks))]
+    suspects: set[int] = set()
+    with _processes(workers, prepare) as parallel:
+        while groups:
+            left = groups.pop()
+            begun: list[int] = []
+            try:
+                for result in _run_together(parallel, function, left, begun):
+                    del left[result[0]]
+                    yield result
+            except BrokenProcessPool:
+                if suspects.issuperset(left):  # it ran alone
+                    yield from ((number, None, LOST) for number in left)
+                    continue
+                # Nobody knows whose process crashed: what had begun runs again, each
+                # alone.
+                suspects.update(left.keys() & begun)
+                groups.append({key: left[key] for key in left if key not in suspects})
+                groups.extend({key: left[key]} for key in left if key in suspects)
 
 
-def run_tasks_in(
-    executor: Executor,
-    function: Callable[[Task], Value],
-    tasks: Sequence[Task],
-    *,
-    workers: int,
-    batch: int = 1,
-    check_workers: Callable[[], object] = lambda: None,
-) -> Generator[TaskResult[Value], None, None]:
-    """Run tasks in an executor, and yield each result as soon as there is one.
-
-    Args:
-        executor: An executor of processes that have what the function needs.
-        function: A function of a module.
-        tasks: The tasks.
-        workers: Number of its processes.
-        batch: Number of tasks that a process is given at once.
-        check_workers: Called again and again while results are awaited; raises if none
-            can be expected any more.
-    """
-    suspects: list[Batch[Task]] = []
-    left = iter(_batches(tasks, batch))
-    yield from _run_batches(
-        executor, function, left, workers * AHEAD, suspects, check_workers
-    )
-    for number, _ in (one for each in suspects for one in each):
-        yield TaskResult(number, None, LOST)
-
-
-def _run_batches(
-    executor: Executor,
-    function: Callable[[Task], Value],
-    left: Iterator[Batch[Task]],
-    at_once: int,
-    suspects: list[Batch[Task]],
-    check_workers: Callable[[], object] = lambda: None,
+def _run_together(
+    parallel: Parallel,
+    function: Callable[..., Value],
+    tasks: dict[int, tuple[Any, ...]],
+    begun: list[int],
 ) -> Iterator[TaskResult[Value]]:
-    """Run batches of tasks in an executor; end early if one of its processes crashes.
+    """Run tasks until a process crashes; ``begun`` gets the numbers of those begun."""
 
-    Args:
-        executor: The executor.
-        function: A function of a module.
-        left: The batches; those that are begun are taken from it.
-        at_once: Number of batches that are submitted at any time.
-        suspects: Gets the batches that were begun when a process crashed.
-        check_workers: As in ``run_tasks_in``.
-    """
-    # Few batches wait at any time: all that have begun when a process crashes are run
-    # again, each alone.
-    running: dict[Future[list[TaskResult[Value]]], Batch[Task]] = {}
-    while not suspects:
-        for batch in islice(left, at_once - len(running)):
-            try:
-                running[executor.submit(_run_batch, function, batch)] = batch
-            except BrokenExecutor:
-                suspects.append(batch)
-                break
-        if not running:
-            return
-        done, _ = wait(running, CHECK_INTERVAL, return_when=FIRST_COMPLETED)
-        if not done:
-            check_workers()
-        for future in done:
-            batch = running.pop(future)
-            try:
-                results = future.result()
-            except BrokenExecutor:
-                suspects.append(batch)
-            except CancelledError:
-                # The cluster has been restarted, and forgets what was submitted, or it
-                # is gone.
-                check_workers()
-                left = chain([batch], left)
-            # What a task raises is its result: this is what a cluster raises that has
-            # given a batch up, as its workers have died of it.
-            except Exception as error:  # noqa: BLE001
-                if len(batch) > 1:
-                    left = chain(([one] for one in batch), left)
-                else:
-                    yield TaskResult(batch[0][0], None, f"{LOST}: {error}")
-            else:
-                yield from results
-    # A process that crashes breaks the whole pool, and nobody knows which task it was:
-    # all that had begun may be, and are run again, each alone.
-    suspects.extend(running.values())
+    def calls() -> Iterator[Any]:
+        for number, arguments in [*tasks.items()]:
+            begun.append(number)
+            yield delayed(run_task)(function, number, arguments)
+
+    with starting_workers():
+        results = parallel(calls())
+        # A thread of joblib fails if it ends before it has sent the tasks.
+        time.sleep(0.1)
+    yield from results
 
 
-def in_order(results: Iterable[TaskResult[Value]]) -> Iterator[TaskResult[Value]]:
-    """Yield results in the order of their tasks, each as soon as it is its turn."""
-    early: dict[int, TaskResult[Value]] = {}
-    turn = 0
-    for result in results:
-        early[result.number] = result
-        while turn in early:
-            yield early.pop(turn)
-            turn += 1
+@contextmanager
+def _processes(workers: int, prepare: Callable[[], object]) -> Iterator[Parallel]:
+    """Open processes, which start with the first tasks, and again if one crashes."""
+    # joblib warns of runs that are ended early, and of workers that it starts again as
+    # they use much memory.
+    warnings.filterwarnings("ignore", category=UserWarning, module=r"joblib\.")
+    with TemporaryDirectory(prefix="radarsim-") as folder:
+        # Not through a pipe: each worker would start when the one before has read it.
+        file = Path(folder) / "prepare.pickle"
+        file.write_bytes(pickle.dumps(prepare))
+        try:
+            with Parallel(
+                workers,
+                return_as="generator_unordered",
+                max_nbytes=None,
+                initializer=start_worker,
+                initargs=(os.getpid(), partial(_prepare, file)),
+            ) as parallel:
+                yield parallel
+        finally:  # else the processes would stay, or start when the file has gone
+            get_reusable_executor(kill_workers=True).shutdown()
 
 
-def _batches(tasks: Sequence[Task], size: int) -> Iterator[Batch[Task]]:
-    numbered = enumerate(tasks)
-    while batch := list(islice(numbered, size)):
-        yield batch
+def _prepare(file: Path) -> None:
+    pickle.loads(file.read_bytes())()
 
 
-def _run_batch(
-    function: Callable[[Task], Value], batch: Batch[Task]
-) -> list[TaskResult[Value]]:
-    return [_run(function, number, task) for number, task in batch]
-
-
-def _run(
-    function: Callable[[Task], Value], number: int, task: Task
+def run_task(
+    function: Callable[..., Value], number: int, arguments: tuple[Any, ...]
 ) -> TaskResult[Value]:
+    """Run a task."""
     try:
-        return TaskResult(number, function(task))
+        return number, function(*arguments), ""
     except RadarsimError as error:
-        return TaskResult(number, None, str(error))
+        return number, None, str(error)
     except Exception as error:  # noqa: BLE001 - one task that fails ends no other
-        return TaskResult(number, None, f"{type(error).__name__}: {error}")
+        return number, None, f"{type(error).__name__}: {error}"
 
 
-def _run_alone(
-    executor: Executor, function: Callable[[Task], Value], one: tuple[int, Task]
-) -> TaskResult[Value]:
-    """Run a task in a process of its own, which it may crash."""
-    try:
-        (result,) = executor.submit(_run_batch, function, [one]).result()
-    except BrokenExecutor:
-        return TaskResult(one[0], None, LOST)
-    return result
+def in_order(results: Iterable[TaskResult[Value]]) -> list[Value]:
+    """Return the values of tasks in the order of the tasks.
+
+    Raises:
+        RadarsimError: If a task has failed.
+    """
+    values: dict[int, Any] = {}
+    for number, value, error in results:
+        if error:
+            raise RadarsimError(error)
+        values[number] = value
+    return [values[number] for number in sorted(values)]

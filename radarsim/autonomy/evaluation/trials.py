@@ -5,18 +5,15 @@ the length of the shortest path.
 """
 
 import math
-from collections.abc import Generator, Iterable, Sequence
-from contextlib import closing
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from functools import cache
-from itertools import product
 from typing import Any
 
 from radarsim.autonomy.evaluation.map_score import MapScore
 from radarsim.autonomy.evaluation.mapping_run import MappingRun
 from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor, rounded
 from radarsim.autonomy.evaluation.shortest_path import shortest_path
-from radarsim.autonomy.evaluation.task_runner import in_order, run_tasks
 from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.navigation.algorithms import ROBOT, Algorithm, Rule
 from radarsim.autonomy.navigation.mission import run_mission
@@ -141,25 +138,39 @@ def _drive(mission: Mission, host: Host) -> Row:
         except (ClientError, NavigationError) as error:
             outcome = "too_near" if isinstance(error, TooNearError) else "failed"
             note = str(error)
-    off = monitor.off_goal(mission)
+    row = judge_drive(host, monitor, monitor.off_goal(mission), outcome, note)
+    return replace(row, circuits=circuits)
+
+
+def judge_drive(
+    host: Host, monitor: GroundTruthMonitor, off: float, outcome: str, note: str
+) -> Row:
+    """Return how a drive went; ``reached`` elsewhere than at the goal has failed.
+
+    Args:
+        host: The server.
+        monitor: What it has seen of the robot.
+        off: True distance to the goal, m.
+        outcome: What the robot reports.
+        note: Why the run failed; empty if it did not.
+    """
     # the robot's own pose drifts: it may take another place for the goal
     if outcome == "reached" and off > GOAL_TOLERANCE:
         outcome, note = "failed", f"says reached, {off:.2f} m from the goal"
     return Row(
         outcome=outcome,
-        collisions=len(monitor.contacts),
+        collisions=monitor.collisions,
         pushes=monitor.pushes,
-        path_length=monitor.first_length,
+        path_length=monitor.path_length,
         time=host.simulation.time,
-        circuits=circuits,
         off=off,
         note=note,
     )
 
 
-@dataclass(frozen=True, slots=True)
-class TrialSpec:
-    """One trial: which algorithm and sensor run on which map.
+@dataclass(frozen=True, kw_only=True)
+class TrialResult(Row):
+    """The result of a trial: an algorithm that ran with a sensor on a map.
 
     Attributes:
         map: Name of the map.
@@ -175,11 +186,6 @@ class TrialSpec:
     seed: int
     rule: str = Rule.SHARE.value
 
-
-@dataclass(frozen=True)
-class TrialResult(Row, TrialSpec):
-    """The result of a trial."""
-
     @property
     def is_correct(self) -> bool:
         """Whether the robot found what the map allows, and touched nothing."""
@@ -188,25 +194,9 @@ class TrialResult(Row, TrialSpec):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, rounded to mm and ms."""
-        left_out = ("measured_length", "score", "pushes")
-        names = (field.name for field in fields(self))
-        return self.select(name for name in names if name not in left_out)
-
-
-def all_trials(
-    maps: Sequence[str],
-    algorithms: Sequence[str],
-    sensors: Sequence[str],
-    seeds: int,
-    rules: Sequence[str] = (Rule.SHARE.value,),
-) -> list[TrialSpec]:
-    """Return all combinations, map by map."""
-    return [
-        TrialSpec(map_, algorithm, sensor, seed, rule)
-        for map_, algorithm, rule, sensor, seed in product(
-            maps, algorithms, rules, sensors, range(seeds)
-        )
-    ]
+        what = ("map", "algorithm", "sensor", "seed", "rule")
+        how = ("outcome", "collisions", "path_length", "shortest_path", "time")
+        return self.select((*what, *how, "circuits", "off", "note"))
 
 
 def config_with_sensor(sensor: str) -> SimulationConfig:
@@ -233,25 +223,29 @@ def load_trial(map_: str) -> tuple[Scene, Trial]:
     return scene, scene.trial
 
 
-def run_trial(spec: TrialSpec) -> TrialResult:
-    """Run one trial.
+def run_trial(
+    map_: str, algorithm: str, sensor: str, seed: int, rule: str = Rule.SHARE.value
+) -> TrialResult:
+    """Run one trial; arguments are attributes of its result.
 
     Raises:
         MapError: If the map is wrong, or defines no trial.
         PresetError: If there is no such sensor.
     """
-    scene, trial, shortest = prepare_trial(spec.map)
-    host = Host(scene, config=config_with_sensor(spec.sensor), seed=spec.seed)
+    scene, trial, shortest = prepare_trial(map_)
+    host = Host(scene, config=config_with_sensor(sensor), seed=seed)
     mission = Mission(
-        algorithm=Algorithm(spec.algorithm),
+        algorithm=Algorithm(algorithm),
         goals=(trial.goal,),
         start=trial.start,
         safety_distance=trial.safety_distance,
-        rule=Rule(spec.rule),
+        rule=Rule(rule),
         time_limit=TIME_LIMIT,
     )
     row = vars(run_plan(mission, host)) | {"shortest_path": shortest}
-    return TrialResult(**asdict(spec), **row)
+    return TrialResult(
+        map=map_, algorithm=algorithm, sensor=sensor, seed=seed, rule=rule, **row
+    )
 
 
 def shortest_for(scene: Scene, trial: Trial) -> float | None:
@@ -269,27 +263,3 @@ def prepare_trial(map_: str) -> tuple[Scene, Trial, float | None]:
     """Load a map and compute its shortest path, once in a process."""
     scene, trial = load_trial(map_)
     return scene, trial, shortest_for(scene, trial)
-
-
-def run_trials(
-    specs: Sequence[TrialSpec], *, workers: int
-) -> Generator[TrialResult, None, None]:
-    """Run trials on several cores, and yield the results in their order.
-
-    Closing the iterator early terminates the trials that still run.
-
-    Args:
-        specs: The trials.
-        workers: Number of processes; with one, all trials run in this process.
-
-    Raises:
-        MapError: If a map is wrong, or defines no trial.
-        PresetError: If there is no such sensor.
-    """
-    # Before any trial, so that a wrong name is not found after minutes.
-    for map_ in dict.fromkeys(spec.map for spec in specs):
-        load_trial(map_)
-    for sensor in dict.fromkeys(spec.sensor for spec in specs):
-        config_with_sensor(sensor)
-    with closing(run_tasks(run_trial, specs, workers=workers)) as running:
-        yield from (result.unwrap() for result in in_order(running))

@@ -225,9 +225,10 @@ class Exploration:
         if isinstance(strategy, WaypointFollower) or not strategy.is_done:
             return
         start = self.trip.start or observation.pose
-        left = find_unexplored([observation], self.mapper.grid, self.settings, start)
-        self.unreached = tuple(left.frontiers + left.cut_off)
+        frontiers, cut_off = find_unexplored(
+            observation, self.mapper.grid, self.settings, start
+        )
         unseen = strategy.unseen if isinstance(strategy, SecondLook) else ()
-        self.unreached += unseen
-        if left.frontiers or unseen:
+        self.unreached = (*frontiers, *cut_off, *unseen)
+        if frontiers or unseen:
             self.outcome = Outcome.INCOMPLETE

@@ -10,8 +10,8 @@ When a strategy has nothing more to do, what is left of an area is looked at as 
 """
 
 import math
-from collections.abc import Callable, Sequence
-from typing import Final, NamedTuple
+from collections.abc import Callable
+from typing import Final
 
 import numpy as np
 
@@ -142,38 +142,30 @@ def is_enclosed(observation: Observation) -> bool:
     return bool(np.isfinite(observation.ranges).mean() > ENCLOSED_SHARE)
 
 
-class Unexplored(NamedTuple):
-    """What is left, a place for each piece, m, map frame.
-
-    Attributes:
-        frontiers: Where floor that the robot can reach borders on the unknown.
-        cut_off: Floor where the robot would fit, but to which no passage leads.
-    """
-
-    frontiers: list[Point]
-    cut_off: list[Point]
-
-
 def find_unexplored(
-    observations: Sequence[Observation],
+    observation: Observation,
     grid: OccupancyGrid,
     settings: ExplorationSettings,
     start: Pose2,
-) -> Unexplored:
+) -> tuple[list[Point], list[Point]]:
     """Find what is left; where no walls enclose the area, within its radius.
 
     Args:
-        observations: The latest one of each robot.
+        observation: The latest one.
         grid: The map.
         settings: How the robot explores.
         start: Where it began.
+
+    Returns:
+        A place on each frontier of floor that the robot can reach, and on each piece of
+        floor where it would fit, but to which no passage leads, m, map frame.
     """
     floor = settings.traversability(grid)
-    reachable = np.any([floor.reachable(each.pose) for each in observations], axis=0)
+    reachable = floor.reachable(observation.pose)
     within = np.ones_like(reachable)
-    if not is_enclosed(observations[0]):
+    if not is_enclosed(observation):
         within = floor.disc(start.x, start.y, settings.radius)
-    return Unexplored(
+    return (
         floor.places_of(floor.frontiers & reachable & within, 0.0),
         floor.places_of(floor.open & ~reachable & within, LEAST_AREA),
     )

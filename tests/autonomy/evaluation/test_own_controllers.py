@@ -9,7 +9,7 @@ import pytest
 
 import radarsim
 from radarsim.autonomy.evaluation.own_controllers import Evaluation, evaluate
-from radarsim.autonomy.evaluation.trials import TrialSpec, run_trial
+from radarsim.autonomy.evaluation.trials import run_trial
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.mission import run_mission
@@ -51,7 +51,7 @@ def test_navigator_of_the_package_is_judged_as_by_trials() -> None:
     found = evaluate(tangent_bug, maps=MAPS, seeds=[1])
     assert [row.map for row in found.rows] == list(MAPS)
     for row in found.rows:
-        known = run_trial(TrialSpec(row.map, "tangentbug", "radar", 1))
+        known = run_trial(row.map, "tangentbug", "radar", 1)
         assert row.outcome == known.outcome
         assert row.is_correct
         assert row.shortest_path == known.shortest_path
@@ -76,7 +76,7 @@ def test_touches_and_false_claims_are_no_success(tmp_path: Path) -> None:
 
 
 def test_claim_that_there_is_no_path_is_right_where_there_is_none() -> None:
-    found = evaluate(lambda *_: False, maps=MAPS, seeds=3)
+    found = evaluate(lambda *_: False, maps=MAPS, seeds=3, workers=2)
     assert {name: each.value for name, each in found.success.items()} == {
         "bug_box": 0.0,
         "bug_closed_box": 1.0,

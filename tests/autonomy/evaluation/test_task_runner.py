@@ -1,23 +1,20 @@
-"""Tasks run in any number of processes, fail alone, and draw by their parameters."""
+"""Tasks run in any number of processes, and fail alone."""
 
 import os
-import threading
-from collections.abc import Callable
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from typing import Any
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+from pathlib import Path
 
 import pytest
+from processes import has_ended
 
-from radarsim.autonomy.evaluation import task_runner
-from radarsim.autonomy.evaluation.task_runner import (
-    TaskResult,
-    in_order,
-    run_tasks,
-    run_tasks_in,
-    task_generator,
-    task_key,
-)
+from radarsim.autonomy.evaluation.task_runner import in_order, run_tasks
 from radarsim.errors import MapError, RadarsimError
+
+NUMBERS = [(number,) for number in range(6)]
 
 
 def square(number: int) -> int:
@@ -26,131 +23,124 @@ def square(number: int) -> int:
     return 7 // (number - 3) + number * number
 
 
-def square_or_crash(number: int) -> int:
+def square_or_die(number: int) -> int:
     if number == 2:
-        os._exit(3)
+        os.kill(os.getpid(), signal.SIGKILL)
     return number * number
 
 
+def create_file(folder: Path) -> None:
+    (folder / str(os.getpid())).open("x").close()
+
+
 def test_failed_task_is_a_result_with_its_error() -> None:
-    done = list(run_tasks(square, range(5), workers=1))
-    assert [each.number for each in done] == [0, 1, 2, 3, 4]
-    assert done[4] == TaskResult(4, 23)
-    assert done[2] == TaskResult(2, None, "two: expected another number")
-    assert done[3].error.startswith("ZeroDivisionError: ")
+    done = list(run_tasks(square, NUMBERS, workers=1))
+    assert [number for number, _, _ in done] == [0, 1, 2, 3, 4, 5]
+    assert done[4] == (4, 23, "")
+    assert done[2] == (2, None, "two: expected another number")
+    assert done[3][2].startswith("ZeroDivisionError: ")
     with pytest.raises(RadarsimError, match="two: expected"):
-        done[2].unwrap()
-
-
-@pytest.mark.parametrize("batch", [1, 2, 9])
-def test_executor_gives_the_same_results(batch: int) -> None:
-    alone = list(run_tasks(square, range(5), workers=1))
-    with ThreadPoolExecutor(2) as pool:
-        done = run_tasks_in(pool, square, range(5), workers=2, batch=batch)
-        assert list(in_order(done)) == alone
-
-
-class GivingUp(Executor):
-    """Runs nothing, as a cluster whose workers die of each task but the first."""
-
-    def submit(
-        self, function: Callable[..., Any], /, *args: Any, **_: Any
-    ) -> Future[Any]:
-        future: Future[Any] = Future()
-        if args[-1][0][0] == 0:
-            future.set_result(function(*args))
-        else:
-            future.set_exception(ValueError("four workers have died"))
-        return future
-
-
-def test_task_that_a_cluster_gives_up_is_lost_alone() -> None:
-    done = list(in_order(run_tasks_in(GivingUp(), square, range(2), workers=1)))
-    assert done[0] == TaskResult(0, -3)
-    assert done[1].value is None
-    assert done[1].error.endswith("expected a result: four workers have died")
-
-
-def test_of_a_batch_that_a_cluster_gives_up_one_task_is_lost() -> None:
-    class Deadly(ThreadPoolExecutor):
-        def submit(self, function: Any, /, *args: Any, **_: Any) -> Future[Any]:
-            if 4 in [number for number, _ in args[-1]]:
-                function = GivingUp().submit(function, args[-1]).result
-                return super().submit(function)
-            return super().submit(function, *args)
-
-    with Deadly(2) as pool:
-        done = list(in_order(run_tasks_in(pool, square, range(9), workers=2, batch=3)))
-    alone = list(run_tasks(square, range(9), workers=1))
-    assert done[:4] + done[5:] == alone[:4] + alone[5:]
-    assert done[4].error.endswith("four workers have died")
-
-
-def test_what_a_cluster_has_forgotten_is_run_again() -> None:
-    class Restarted(ThreadPoolExecutor):
-        forgets = 3
-
-        def submit(self, function: Any, /, *args: Any, **_: Any) -> Future[Any]:
-            future = super().submit(function, *args)
-            if self.forgets:
-                self.forgets -= 1
-                future = Future()
-                future.cancel()
-                future.set_running_or_notify_cancel()
-            return future
-
-    checked: list[int] = []
-    with Restarted(2) as pool:
-        running = run_tasks_in(
-            pool,
-            square,
-            range(9),
-            workers=2,
-            batch=2,
-            check_workers=lambda: checked.append(1),
-        )
-        done = list(in_order(running))
-    assert done == list(run_tasks(square, range(9), workers=1))
-    assert len(checked) == 3
-
-
-def test_workers_are_looked_at_while_results_are_awaited(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def check() -> None:
-        raise RadarsimError("no workers")
-
-    monkeypatch.setattr(task_runner, "CHECK_INTERVAL", 0.01)
-    waiting = threading.Event()
-    with ThreadPoolExecutor(1) as pool:
-        running = run_tasks_in(
-            pool, waiting.wait, [9.0], workers=1, check_workers=check
-        )
-        with pytest.raises(RadarsimError, match="no workers"):
-            next(running)
-        waiting.set()
+        in_order(done)
 
 
 @pytest.mark.slow
-def test_task_that_crashes_its_process_fails_alone() -> None:
-    running = run_tasks(square_or_crash, range(6), workers=2)
-    done = sorted(running, key=lambda each: each.number)
-    assert [each.value for each in done] == [0, 1, None, 9, 16, 25]
-    assert "crashed" in done[2].error
+def test_processes_give_the_same_results_of_any_function() -> None:
+    prepared: list[int] = []  # of each process
+    run = lambda number: (square(number), len(prepared))  # noqa: E731
+    one, two = (
+        sorted(run_tasks(run, NUMBERS, workers=workers, prepare=each))
+        for workers, each in ((1, int), (2, int))
+    )
+    assert two == one
 
 
-def test_results_in_order_come_as_soon_as_it_is_their_turn() -> None:
-    yielded = in_order(TaskResult(number, number) for number in (1, 0, 3, 2))
-    assert [each.number for each in yielded] == [0, 1, 2, 3]
+@pytest.mark.slow
+def test_each_process_is_prepared_once(tmp_path: Path) -> None:
+    prepare = partial(create_file, tmp_path)
+    workers = {
+        pid for _, pid, _ in run_tasks(os.getpid, [()] * 9, workers=2, prepare=prepare)
+    }
+    prepared = {int(path.name) for path in tmp_path.iterdir()}
+    assert os.getpid() not in workers
+    assert workers <= prepared
 
 
-def test_draws_depend_on_the_parameters_alone() -> None:
-    def draw(seed: int, **parameters: Any) -> float:
-        return float(task_generator(seed, parameters).random())
+@pytest.mark.slow
+def test_task_that_kills_its_process_fails_alone() -> None:
+    done = sorted(run_tasks(square_or_die, NUMBERS, workers=2))
+    assert [value for _, value, _ in done] == [0, 1, None, 9, 16, 25]
+    assert "killed or crashed" in done[2][2]
 
-    assert draw(0, map="room", side=25) == draw(0, side=25, map="room")
-    others = {draw(0, map="room", side=s) for s in (25, 50)}
-    others |= {draw(1, map="room", side=25), draw(0, map="room", side="25")}
-    assert len(others) == 4
-    assert task_key({"a": 1, "b": [2]}) == task_key({"b": [2], "a": 1})
-    assert task_key({"a": 1}) != task_key({"a": 1.5})
+
+def test_results_are_put_in_order() -> None:
+    assert in_order([(1, 10, ""), (0, 5, ""), (2, 0, "")]) == [5, 10, 0]
+
+
+PARENT = """
+import os, sys, time
+from radarsim.autonomy.evaluation.task_runner import run_tasks
+
+def run(duration):
+    time.sleep(duration)
+    return os.getpid()
+
+running = run_tasks(run, [(0.0,), (300.0,), (300.0,)], workers=2)
+try:
+    print(next(running)[1], flush=True)
+    next(running)
+except KeyboardInterrupt:
+    sys.exit(130)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -signal.SIGKILL)]
+)
+def test_workers_end_with_the_main_process(number: int, code: int) -> None:
+    with subprocess.Popen(
+        (sys.executable, "-c", PARENT),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    ) as parent:
+        assert parent.stdout is not None
+        worker = int(parent.stdout.readline())
+        if number == signal.SIGINT:
+            os.killpg(parent.pid, number)  # as a terminal does
+        else:
+            parent.kill()
+        _, errors = parent.communicate(timeout=60)
+    assert parent.returncode == code
+    if number == signal.SIGINT:
+        assert errors == b""
+    assert has_ended(worker)
+
+
+STARTING = """
+import time
+from radarsim.autonomy.evaluation.task_runner import run_tasks
+
+running = run_tasks(time.sleep, [(60.0,)] * 2, workers=2)
+print("go", flush=True)
+try:
+    next(running)
+except KeyboardInterrupt:
+    pass
+"""
+
+
+@pytest.mark.parametrize("delay", [0.05, 0.1, 0.2, 0.4])
+def test_ctrl_c_while_workers_start_prints_nothing(delay: float) -> None:
+    with subprocess.Popen(
+        (sys.executable, "-c", STARTING),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    ) as parent:
+        assert parent.stdout is not None
+        parent.stdout.readline()
+        time.sleep(delay)
+        os.killpg(parent.pid, signal.SIGINT)  # as a terminal does
+        _, errors = parent.communicate(timeout=60)
+    assert (parent.returncode, errors) == (0, b"")

@@ -52,9 +52,9 @@ def test_maps_and_planned_paths_lead_through_the_same_doors(
     assert bool(len(path)) == is_wide
 
     settings = ExplorationSettings(bumpers=Bumpers(safety_distance=SAFETY))
-    left = find_unexplored([seen], map_, settings, HERE)
-    assert bool(left.cut_off) != is_wide
-    assert all(0.3 < x < 6.0 for x, _ in left.cut_off)
+    _, cut_off = find_unexplored(seen, map_, settings, HERE)
+    assert bool(cut_off) != is_wide
+    assert all(0.3 < x < 6.0 for x, _ in cut_off)
 
 
 @pytest.mark.slow

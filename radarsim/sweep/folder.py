@@ -25,22 +25,22 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from radarsim import __version__
-from radarsim.autonomy.evaluation.task_runner import Result, as_line, task_key
 from radarsim.errors import SweepError, describe_os_error, import_optional
 from radarsim.files import write_atomically, written_atomically
 from radarsim.geometry import Floats
-from radarsim.lab.sweep.file import FigureEntry, Parameters, SweepFile, flat_parameters
-from radarsim.lab.sweep.tasks import MAP_VALUES, digest, unpacked
 from radarsim.plotting.palette import GRID, RADAR_SHADES, sensor_colours
 from radarsim.plotting.style import render
 from radarsim.presets.sensors import load_settings
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import load_sensor
+from radarsim.sweep.file import FigureEntry, Parameters, SweepFile, flat_parameters
+from radarsim.sweep.tasks import MAP_VALUES, canonical_json, digest, unpacked
 
 EXTRA: Final = "sweep"
 _GROUP: Final = 256  # tasks in a row group
 
 Row = dict[str, Any]
+Tasks = Mapping[str, Parameters]  # by key
 LOG: Final = "tasks.jsonl"
 TABLE: Final = "rows.parquet"
 ABOUT: Final = "sweep.json"
@@ -82,37 +82,30 @@ def _kind_of(arrow: Any, values: list[Any]) -> Any:
     return arrow.string()
 
 
-def with_checksum(result: Result) -> Result:
-    """Return the result of a task with a checksum of its other values."""
-    digest = hashlib.sha256(as_line(result).encode()).hexdigest()
-    return {**result, "checksum": digest[:16]}
+def as_line(result: Mapping[str, Any]) -> str:
+    """Return the result of a task as a line of the log, with a checksum of the rest."""
+    text = json.dumps(result, allow_nan=False) + "\n"
+    checksum = hashlib.sha256(text.encode()).hexdigest()[:16]
+    return json.dumps({**result, "checksum": checksum}) + "\n"
 
 
-def _intact(line: bytes) -> dict[str, Any] | None:
+def _intact(line: str) -> dict[str, Any] | None:
     """Return the result of a line of the log; None if its checksum is not right."""
     try:
         result: dict[str, Any] = json.loads(line)
-        others = {key: result[key] for key in result if key != "checksum"}
-        return result if with_checksum(others) == result else None
-    except (ValueError, TypeError, RecursionError):
+        del result["checksum"]
+        return result if as_line(result) == line else None
+    except (ValueError, TypeError, KeyError, RecursionError):
         return None  # no JSON, or no object, or one of thousands in each other
 
 
-@dataclass(frozen=True, slots=True)
-class SweepTask:
-    """A task of a sweep.
-
-    Attributes:
-        key: The same for equal parameters, and the same map.
-        parameters: Its parameters, as ``run_sweep_task`` takes them.
-    """
-
-    key: str
-    parameters: Parameters
+def task_key(parameters: Parameters) -> str:
+    """Return the key of a task, 32 hexadecimal digits."""
+    return hashlib.sha256(canonical_json(parameters).encode()).hexdigest()[:32]
 
 
-def sweep_tasks(sweep: SweepFile, scenes: Mapping[str, Scene]) -> list[SweepTask]:
-    """Return all tasks of a sweep.
+def sweep_tasks(sweep: SweepFile, scenes: Mapping[str, Scene]) -> dict[str, Parameters]:
+    """Return the parameters of all tasks, as ``run_sweep_task`` takes them, by key.
 
     Args:
         sweep: The sweep file.
@@ -125,7 +118,7 @@ def sweep_tasks(sweep: SweepFile, scenes: Mapping[str, Scene]) -> list[SweepTask
         # then.
         whole = {**task, "count": sweep.count, "scene": digests[task["map"]]}
         tasks[task_key(whole)] = whole  # equal values in a list are one task
-    return [SweepTask(key, whole) for key, whole in tasks.items()]
+    return tasks
 
 
 @dataclass(slots=True)
@@ -135,17 +128,17 @@ class SweepFolder:
     Attributes:
         path: The folder.
         lines: The last line of each task that has run, by its key.
+        errors: Why tasks failed, by their keys.
         damaged: Numbers of the lines of the log that are not as they were written;
             their tasks are run again.
     """
 
     path: Path
     lines: dict[str, str] = field(default_factory=dict)
+    errors: dict[str, str] = field(default_factory=dict)
     damaged: list[int] = field(default_factory=list)
 
-    def open(
-        self, file: Path, sweep: SweepFile, tasks: Sequence[SweepTask], *, resume: bool
-    ) -> None:
+    def open(self, file: Path, sweep: SweepFile, tasks: Tasks, *, resume: bool) -> None:
         """Create the folder, or read what an earlier run has left in it.
 
         Args:
@@ -166,12 +159,15 @@ class SweepFolder:
                 raise SweepError(
                     f"{self.path}: not empty, expected an empty folder, or --resume"
                 )
-            lines = log.read_bytes().split(b"\n")[:-1] if log.exists() else []
+            data = log.read_bytes() if log.exists() else b""
+            complete = data[: data.rfind(b"\n") + 1]
+            if complete != data:  # a run was killed while it wrote a line
+                write_atomically({log: complete})
         except OSError as error:
             raise SweepError(f"{self.path}: {describe_os_error(error)}") from error
-        self.damaged = []
+        lines = complete.decode(errors="replace").split("\n")[:-1]
         for number, line in enumerate(lines, 1):
-            result = _intact(line)
+            result = _intact(line + "\n")
             if result is None:
                 self.damaged.append(number)
                 continue
@@ -180,9 +176,9 @@ class SweepFolder:
                     f"{log}:{number}: a task of radarsim {result['version']!r},"
                     f" expected {__version__}; choose another folder"
                 )
-            self.lines[result["task"]] = as_line(result)
+            self._keep(line + "\n", result)
         # The file may have more tasks than before; a new table would lack others.
-        if others := len(self.lines.keys() - {task.key for task in tasks}):
+        if others := len(self.lines.keys() - tasks.keys()):
             try:
                 before = json.loads((self.path / ABOUT).read_bytes())["file"]
             except (OSError, ValueError, KeyError, TypeError):
@@ -195,12 +191,23 @@ class SweepFolder:
         if not (self.path / ABOUT).exists():
             self._write_about(self._describe(file, sweep, tasks))
 
-    def has(self, task: SweepTask) -> bool:
-        """Return whether a task has run and did not fail."""
-        line = self.lines.get(task.key)
-        return line is not None and "error" not in json.loads(line)
+    def add(self, key: str, result: Mapping[str, Any]) -> None:
+        """Log the rows of a task, or its error."""
+        whole = {"version": __version__, "task": key, **result}
+        line = as_line(whole)
+        # To the file first: a kill between the two loses nothing that memory has.
+        with (self.path / LOG).open("a", encoding="utf-8") as log:
+            log.write(line)
+        self._keep(line, whole)
 
-    def write(self, file: Path, sweep: SweepFile, tasks: Sequence[SweepTask]) -> None:
+    def _keep(self, line: str, result: Mapping[str, Any]) -> None:
+        key = result["task"]
+        self.lines[key] = line
+        self.errors.pop(key, None)
+        if "error" in result:
+            self.errors[key] = result["error"]
+
+    def write(self, file: Path, sweep: SweepFile, tasks: Tasks) -> None:
         """Write the table, what it is about, the log in order, and the figure.
 
         Args:
@@ -214,7 +221,7 @@ class SweepFolder:
         with written_atomically(self.path / TABLE) as table:
             self._write_table(table, sweep, tasks)
         about = self._describe(file, sweep, tasks)
-        about["failed"] = sum(not self.has(task) for task in tasks)
+        about["failed"] = len(self.errors)
         self._write_about(about)
         with (
             written_atomically(self.path / LOG) as whole,
@@ -222,33 +229,31 @@ class SweepFolder:
         ):
             # In the order of the file: tasks end in any order, and equal sweeps are to
             # give equal bytes.
-            log.writelines(self.lines[task.key] for task in tasks)
+            log.writelines(self.lines[key] for key in tasks)
         if sweep.figure is not None:
             figure = draw_sweep(sweep, sweep.figure, self.path / TABLE)
             write_atomically({self.path / FIGURE: render(figure)})
 
-    def _write_table(
-        self, path: Path, sweep: SweepFile, tasks: Sequence[SweepTask]
-    ) -> None:
+    def _write_table(self, path: Path, sweep: SweepFile, tasks: Tasks) -> None:
         """Write the table, some hundred tasks at a time: scans may be many."""
         arrow = import_optional("pyarrow", EXTRA)
         parquet = import_optional("pyarrow.parquet", EXTRA)
         # From the file alone: types must not depend on which tasks failed, or came
         # first.
         schema = _schema(arrow, sweep)
-        rest = iter(tasks)
+        rest = iter(tasks.items())
         with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
             while group := list(islice(rest, _GROUP)):
-                rows = [row for task in group for row in self._rows_of(task)]
+                rows = [row for task in group for row in self._rows_of(*task)]
                 columns = {
                     each: [row.get(each) for row in rows] for each in schema.names
                 }
                 writer.write_table(arrow.table(columns, schema=schema))
 
-    def _rows_of(self, task: SweepTask) -> Iterator[Row]:
+    def _rows_of(self, key: str, task: Parameters) -> Iterator[Row]:
         """Yield the rows of a task; of what did not return, the range is null."""
-        result = json.loads(self.lines[task.key])
-        head = {"task": task.key, **flat_parameters(task.parameters)}
+        result = json.loads(self.lines[key])
+        head = {"task": key, **flat_parameters(task)}
         if "error" in result:
             yield {**head, "error": result["error"]}
         for row in result.get("rows", ()):
@@ -258,22 +263,12 @@ class SweepFolder:
                 row["rays"] = unpacked(row["rays"], np.int8)
             yield {**head, **row}
 
-    def first_failure(self, tasks: Sequence[SweepTask]) -> tuple[int, str]:
-        """Return how many tasks failed, and why the first did."""
-        failed = [task for task in tasks if not self.has(task)]
-        why = json.loads(self.lines[failed[0].key])["error"] if failed else ""
-        return len(failed), why
-
-    def _describe(
-        self, file: Path, sweep: SweepFile, tasks: Sequence[SweepTask]
-    ) -> dict[str, Any]:
+    def _describe(self, file: Path, sweep: SweepFile, tasks: Tasks) -> dict[str, Any]:
         return {
             "version": __version__,
             "file": file.name,
             "sha256": hashlib.sha256(file.read_bytes()).hexdigest(),
-            "maps": {
-                task.parameters["map"]: task.parameters["scene"] for task in tasks
-            },
+            "maps": {task["map"]: task["scene"] for task in tasks.values()},
             "tasks": len(tasks),
             "sweep": sweep.model_dump(mode="json", exclude_none=True),
         }

@@ -1,15 +1,10 @@
-"""The tasks of sweeps: scans, trials and maps, run in any process that was prepared.
-
-On a dask cluster that runs already, here or elsewhere, the workers are prepared first.
-"""
+"""The tasks of sweeps: scans, trials and maps, run in any process that was prepared."""
 
 import base64
 import hashlib
+import json
 import math
-import time
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Executor
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
@@ -17,22 +12,18 @@ from typing import Any, Final
 import numpy as np
 
 from radarsim import __version__
-from radarsim.autonomy.evaluation.task_runner import CHECK_INTERVAL, task_generator
 from radarsim.autonomy.evaluation.trials import SCANNER, run_plan, shortest_for
 from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.plans import Mission
-from radarsim.errors import (
-    MapError,
-    SweepError,
-    import_optional,
-)
-from radarsim.lab.sweep.file import Parameters, SweepFile
+from radarsim.errors import MapError, SweepError
+from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import load_sensor
 from radarsim.server.host import Host
 from radarsim.simulation.config import SimulationConfig
+from radarsim.sweep.file import Parameters, SweepFile
 
 ALL_AROUND: Final = {"fov_deg": 359, "resolution_deg": 1}
 MAP_VALUES: Final = (
@@ -56,12 +47,6 @@ TRIAL_VALUES: Final = (
 Row = dict[str, Any]
 
 _scenes: dict[str, Scene] = {}  # of this process, by their digests
-EXTRA: Final = "cluster"
-_CONNECTING: Final = 30  # s
-_WITHOUT_WORKERS: Final = 120.0  # s that a cluster may have no workers
-_REGISTRATIONS: Final = 5  # attempts to tell all workers what to prepare
-# An adaptive cluster starts workers for tasks that wait: it has to see some of them.
-_LEAST_THREADS: Final = 8
 
 
 def load_scenes(path: Path, sweep: SweepFile) -> dict[str, Scene]:
@@ -121,6 +106,13 @@ def prepare_worker(version: str, scenes: Mapping[str, Scene]) -> None:
     _scenes.update({digest(scene): scene for scene in scenes.values()})
 
 
+def canonical_json(parameters: Parameters) -> str:
+    """Return parameters as JSON, the same in whatever order they come."""
+    return json.dumps(
+        parameters, sort_keys=True, allow_nan=False, separators=(",", ":")
+    )
+
+
 def run_sweep_task(task: Parameters) -> list[Row]:
     """Run a task, and return its rows of plain data.
 
@@ -136,7 +128,7 @@ def _scan_rows(task: Parameters, scene: Scene) -> list[Row]:
     # A larger count adds scans to the same ones, and a map that changes is met by the
     # same rays.
     drawn = {key: value for key, value in task.items() if key not in ("count", "scene")}
-    rng = task_generator(task["seed"], drawn)
+    rng = generator_for(task["seed"], "task", canonical_json(drawn))
     settings = dict(task["sensor"])
     scanner = load_sensor(settings.pop("name"), **settings)
     pose = (task["x"], task["y"], math.radians(task["yaw_deg"]))
@@ -193,121 +185,3 @@ def _host(task: Parameters, scene: Scene) -> Host:
     settings["sensor"] = settings.pop("name")
     config = SimulationConfig(item_settings={SCANNER: settings})
     return Host(scene, config=config, seed=task["seed"])
-
-
-class Cluster:
-    """The workers of a cluster, which may come, go and restart.
-
-    Attributes:
-        executor: Runs tasks on them.
-    """
-
-    def __init__(
-        self, address: str, client: Any, report: Callable[[str], None]
-    ) -> None:
-        """Take a cluster; arguments are those of ``connect_cluster``.
-
-        Args:
-            address: Address of its scheduler.
-            client: The client of distributed.
-            report: Called with what a user should know.
-        """
-        # Not pure: dask would give equal tasks the result of an earlier run.
-        self.executor: Executor = client.get_executor(pure=False)
-        self._address = address
-        self._client = client
-        self._report = report
-        self._deadline: float | None = None  # while there are no workers
-
-    def count_threads(self) -> int:
-        """Return how many threads its workers have; none if there are no workers now.
-
-        Raises:
-            SweepError: If there have been none for too long, or the scheduler is gone.
-        """
-        try:
-            threads: int = sum(self._client.nthreads().values())
-        except (OSError, RuntimeError) as error:
-            raise SweepError(
-                f"--scheduler {self._address}: it is gone: {error}; results so far are"
-                " kept for --resume"
-            ) from error
-        if threads:
-            self._deadline = None
-        elif self._deadline is None:
-            self._deadline = time.monotonic() + _WITHOUT_WORKERS
-            limit = f"up to {_WITHOUT_WORKERS:g} s"
-            self._report(f"{self._address} has no workers; waiting {limit} for one")
-        elif time.monotonic() > self._deadline:
-            raise SweepError(
-                f"--scheduler {self._address}: no workers for {_WITHOUT_WORKERS:g} s,"
-                " expected some; results so far are kept for --resume"
-            )
-        return threads
-
-    def wait_for_workers(self) -> int:
-        """Return how many threads there are as soon as there is a worker.
-
-        Raises:
-            SweepError: If there is none for too long.
-        """
-        waker = self._client.submit(int, pure=False)
-        while not (threads := self.count_threads()):
-            time.sleep(CHECK_INTERVAL)
-        waker.release()
-        return max(threads, _LEAST_THREADS)
-
-
-@contextmanager
-def connect_cluster(
-    address: str, scenes: Mapping[str, Scene], report: Callable[[str], None]
-) -> Iterator[Cluster]:
-    """Connect to a cluster, and give its workers the maps of a sweep.
-
-    Workers that join later get them as well.
-
-    Args:
-        address: Address of its scheduler, such as ``tcp://10.0.0.1:8786``.
-        scenes: From ``load_scenes``.
-        report: Called with what a user should know while it is waited for.
-
-    Raises:
-        MissingPackage: If distributed is not installed.
-        SweepError: If there is no such cluster, or one of its workers has another
-            version of radarsim, or none at all.
-    """
-    distributed = import_optional("distributed", EXTRA)
-    try:
-        client = distributed.Client(address, timeout=_CONNECTING)
-    except (OSError, ValueError, TimeoutError) as error:
-        raise SweepError(f"--scheduler {address}: {error}") from error
-    with client:
-        _prepare(distributed, client, scenes)
-        yield Cluster(address, client, report)
-
-
-def _prepare(distributed: Any, client: Any, scenes: Mapping[str, Scene]) -> None:
-    """Prepare all workers, and those that will join."""
-
-    class Preparation(distributed.WorkerPlugin):  # type: ignore[misc]
-        name = "radarsim-sweep"
-
-        def setup(self, worker: Any) -> None:
-            del worker
-            prepare_worker(__version__, scenes)
-
-    for attempt in reversed(range(_REGISTRATIONS)):
-        try:
-            client.register_plugin(Preparation())
-        # distributed passes on what its plugin raises, here that of another version.
-        except SweepError:
-            raise
-        except Exception as error:
-            # A worker that has died meanwhile is none that cannot run it.
-            if isinstance(error, OSError) and attempt:
-                time.sleep(CHECK_INTERVAL)
-                continue
-            # whatever keeps a worker from importing radarsim
-            text = f"a worker cannot run radarsim: {error}"
-            raise SweepError(text) from error
-        return

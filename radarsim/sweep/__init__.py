@@ -1,4 +1,4 @@
-"""The commands of the lab, as entries."""
+"""Sweeps: the same task for all combinations of parameters, as one table."""
 
 from typing import Final
 
@@ -7,7 +7,7 @@ from radarsim.cli.entries import RESULTS, CommandEntry
 COMMANDS: Final = (
     CommandEntry(
         "sweep",
-        "radarsim.lab.sweep.commands:sweep",
+        "radarsim.sweep.commands:sweep",
         "Scan, drive or map for all combinations of values.",
         RESULTS,
     ),

@@ -19,12 +19,11 @@ import pytest
 from commands import Run, run_in_process
 
 import radarsim
-from radarsim.autonomy.evaluation.task_runner import as_line
 from radarsim.errors import SweepError
-from radarsim.lab.sweep import tasks
-from radarsim.lab.sweep.file import read_sweep, shipped_sweeps
-from radarsim.lab.sweep.folder import ABOUT, FIGURE, LOG, TABLE, with_checksum
-from radarsim.lab.sweep.tasks import prepare_worker
+from radarsim.sweep.cluster import run_batches
+from radarsim.sweep.file import read_sweep, shipped_sweeps
+from radarsim.sweep.folder import ABOUT, FIGURE, LOG, TABLE, as_line, task_key
+from radarsim.sweep.tasks import prepare_worker
 
 parquet = pytest.importorskip("pyarrow.parquet")
 distributed = pytest.importorskip("distributed")
@@ -206,7 +205,7 @@ def test_stopped_sweep_says_what_it_was(
     def fail(*_: object) -> None:
         raise SweepError("no table today")
 
-    monkeypatch.setattr("radarsim.lab.sweep.folder._schema", fail)
+    monkeypatch.setattr("radarsim.sweep.folder._schema", fail)
     out = small.parent / "out"
     assert sweep(small, "-o", out, "--workers", 1).code == 1
     assert json.loads((out / ABOUT).read_text())["file"] == "small.yaml"
@@ -220,7 +219,7 @@ def test_failed_task_is_a_row_with_its_error(
             raise RuntimeError("no such luck")
         return radarsim.load_sensor(name, **settings)
 
-    monkeypatch.setattr("radarsim.lab.sweep.tasks.load_sensor", fail_sometimes)
+    monkeypatch.setattr("radarsim.sweep.tasks.load_sensor", fail_sometimes)
     out = small.parent / "out"
     run = sweep(small, "-o", out, "--workers", 1)
     assert run.code == 1
@@ -297,11 +296,15 @@ def test_worker_and_results_of_another_version_are_refused(small: Path) -> None:
         prepare_worker("0.0.1", {})
     out = small.parent / "out"
     out.mkdir()
-    old = with_checksum({"version": "0.0.1", "task": "x", "rows": []})
-    (out / LOG).write_text(as_line(old))
+    (out / LOG).write_text(as_line({"version": "0.0.1", "task": "x", "rows": []}))
     run = sweep(small, "-o", out, "--resume")
     assert run.code == 1
     assert f"{LOG}:1: a task of radarsim '0.0.1'" in run.err
+
+
+def test_key_depends_on_the_parameters_alone() -> None:
+    assert task_key({"a": 1, "b": [2]}) == task_key({"b": [2], "a": 1})
+    assert task_key({"a": 1}) != task_key({"a": 1.5})
 
 
 def test_shipped_sweeps_are_right() -> None:
@@ -416,56 +419,19 @@ def test_sweep_goes_on_when_somebody_restarts_the_cluster(
     assert files_of(restarted) == files_of(one)
 
 
-def test_cluster_that_is_gone_ends_the_sweep() -> None:
-    class Client:
-        def nthreads(self) -> dict[str, int]:
-            raise distributed.comm.CommClosedError("no connection")
+@pytest.mark.slow
+def test_task_that_kills_its_worker_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    """joblib's backend for dask would wait for it for ever."""
 
-        def get_executor(self, *, pure: bool) -> None:
-            assert not pure
+    def run(number: int) -> int:
+        return os._exit(number)
 
-    cluster = tasks.Cluster("tcp://10.0.0.1:8786", Client(), print)
-    with pytest.raises(SweepError, match=r"1:8786: it is gone: no connection; results"):
-        cluster.count_threads()
-
-
-def test_cluster_without_workers_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Client:
-        def nthreads(self) -> dict[str, int]:
-            return {}
-
-        def get_executor(self, *, pure: bool) -> None:
-            assert not pure
-
-    monkeypatch.setattr(tasks, "_WITHOUT_WORKERS", 0.05)
-    told: list[str] = []
-    cluster = tasks.Cluster("tcp://10.0.0.1:8786", Client(), told.append)
-    assert cluster.count_threads() == 0
-    time.sleep(0.06)
-    with pytest.raises(SweepError, match=r"10\.0\.0\.1:8786: no workers for 0\.05 s"):
-        cluster.count_threads()
-    assert len(told) == 1
-
-
-class Registering:
-    """A client of distributed with workers that die while they are told what to do."""
-
-    def __init__(self, deaths: int) -> None:
-        self.deaths = deaths
-
-    def register_plugin(self, _: object) -> None:
-        self.deaths -= 1
-        if self.deaths >= 0:
-            raise distributed.comm.CommClosedError("it has died")
-
-
-def test_worker_that_dies_while_it_registers_ends_nothing(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(tasks, "CHECK_INTERVAL", 0.0)
-    tasks._prepare(distributed, Registering(2), {})
-    with pytest.raises(SweepError, match="cannot run radarsim: it has died"):
-        tasks._prepare(distributed, Registering(99), {})
+    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "0")
+    with dask_cluster(1) as address, distributed.Client(address) as client:
+        executor = client.get_executor(pure=False)
+        ((_, value, error),) = run_batches(executor, run, [1], 1, lambda: 1)
+    assert value is None
+    assert "killed or crashed" in error
 
 
 @pytest.mark.slow
@@ -512,7 +478,7 @@ def logged(out: Path) -> bytes:
 def test_cluster_of_another_version_is_refused(
     small: Path, cluster: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("radarsim.lab.sweep.tasks.__version__", "9.9")
+    monkeypatch.setattr("radarsim.sweep.cluster.__version__", "9.9")
     run = sweep(small, "-o", small.parent / "refused", "--scheduler", cluster)
     assert run.code == 1
     assert f"a worker has radarsim {radarsim.__version__}, expected 9.9" in run.err

@@ -1,1 +1,0 @@
-"""Sweeps: the same task for all combinations of parameters, as one table."""

@@ -1,0 +1,132 @@
+"""``radarsim sweep``: scans, trials or maps for all combinations of parameters."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import click
+from annotated_types import Ge
+
+from radarsim import __version__
+from radarsim.cli.compile_progress import compile_now, with_bar, with_compile_progress
+from radarsim.cli.output import print_lines, print_message
+from radarsim.plans import RARE, Option
+from radarsim.processes import process_cpu_count, raise_on_signals
+
+if TYPE_CHECKING:
+    from radarsim.autonomy.evaluation.task_runner import TaskResult
+    from radarsim.sweep.file import SweepFile
+    from radarsim.sweep.folder import SweepFolder
+
+_BATCHES: Final = {"scan": 16, "trial": 1, "map": 1}  # tasks that are worth a process
+
+
+@with_compile_progress
+def sweep(
+    file: Annotated[str, Option(is_argument=True, metavar="FILE")],
+    *,
+    output: Annotated[Path, Option(names=("-o", "--output"), metavar="OUT")],
+    resume: bool = False,
+    dry_run: bool = False,
+    workers: Annotated[int | None, Ge(1), RARE] = None,
+    scheduler: Annotated[str | None, Option(metavar="ADDRESS", is_rare=True)] = None,
+) -> int:
+    """Scan, drive or map for all combinations of values.
+
+    Writes one table of the results, and the figure that the file asks for.
+
+    Args:
+        file: A sweep file, or a shipped sweep.
+        output: A folder for the results.
+        resume: Go on with a sweep that was stopped.
+        dry_run: Check the file, and count its tasks.
+        workers: Number of processes; one for each core by default.
+        scheduler: Scheduler of a dask cluster that runs already.
+    """
+    from radarsim.autonomy.evaluation.task_runner import run_tasks
+    from radarsim.errors import import_optional
+    from radarsim.presets.sensors import has_fmcw
+    from radarsim.sweep.cluster import run_on_cluster
+    from radarsim.sweep.file import read_sweep
+    from radarsim.sweep.folder import (
+        ABOUT,
+        EXTRA,
+        FIGURE,
+        LOG,
+        TABLE,
+        SweepFolder,
+        sweep_tasks,
+    )
+    from radarsim.sweep.tasks import load_scenes, prepare_worker, run_sweep_task
+
+    path, wanted = read_sweep(file)
+    if workers is not None and scheduler is not None:
+        text = "expected only one of --workers and --scheduler"
+        raise click.BadParameter(text)
+    scenes = load_scenes(path, wanted)
+    tasks = sweep_tasks(wanted, scenes)
+    folder = SweepFolder(output)
+    if dry_run:
+        print_lines([_count(wanted, len(tasks))])
+        return 0
+    # Before anything runs: without it, hours of work would end in no table.
+    import_optional("pyarrow", EXTRA)
+    folder.open(path, wanted, tasks, resume=resume)
+    for number in folder.damaged:
+        print_message(f"{output / LOG}:{number}: damaged, its task is run again")
+    done = folder.lines.keys() - folder.errors.keys()
+    left = {key: tasks[key] for key in tasks if key not in done}
+    began = time.perf_counter()
+    if left:
+        has_radar = any(has_fmcw(name) for name in wanted.sensor["name"])
+        parts = {"mapping": wanted.kind == "map", "fmcw": has_radar}
+        compile_now(*(part for part, is_needed in parts.items() if is_needed))
+        batch, todo = _BATCHES[wanted.kind], [*left.values()]
+        if scheduler is not None:
+            running = run_on_cluster(scheduler, scenes, todo, batch, print_message)
+        else:
+            running = run_tasks(
+                run_sweep_task,
+                [(task,) for task in todo],
+                workers=min(workers or process_cpu_count(), -(-len(todo) // batch)),
+                prepare=partial(prepare_worker, __version__, scenes),
+            )
+        with raise_on_signals(), closing(running):
+            _collect(folder, [*left], running)
+    folder.write(path, wanted, tasks)
+    failed = [folder.errors[key] for key in tasks if key in folder.errors]
+    if failed:
+        text = f"{len(failed)} of {len(tasks)} tasks failed, the first: {failed[0]}"
+        print_message(text)
+    spent = f"{_count(wanted, len(left))} in {time.perf_counter() - began:.1f} s"
+    print_lines([spent, output / TABLE, output / ABOUT])
+    if wanted.figure is not None:
+        print_lines([output / FIGURE])
+    return int(bool(failed))
+
+
+def _count(wanted: SweepFile, tasks: int) -> str:
+    text = "1 task" if tasks == 1 else f"{tasks} tasks"
+    if wanted.kind != "scan":
+        return text
+    scans = tasks * wanted.count
+    return f"{text}, {scans} scan" + "s" * (scans != 1)
+
+
+def _collect(
+    folder: SweepFolder, keys: list[str], running: Iterator[TaskResult[Any]]
+) -> None:
+    """Log each result as soon as there is one; an interrupt keeps what is there."""
+    done = 0
+    try:
+        for number, rows, error in with_bar(running, "tasks", len(keys)):
+            folder.add(keys[number], {"error": error} if error else {"rows": rows})
+            done += 1
+    except (KeyboardInterrupt, SystemExit):
+        print_message(f"{done} of {len(keys)} tasks done; go on with --resume")
+        raise
