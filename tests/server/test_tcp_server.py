@@ -261,7 +261,7 @@ async def test_diagnostics_are_logged_once_for_each_kind_and_client(
         await peer.send(b"FOO\r\nBAR\r\nDRIVE {Left x}\r\nDRIVE {Left y}\r\n")
         await peer.send(b"DRIVE {Left 1} {Right 1}\r\nGETSTARTPOSES\r\n")
         await peer.until(b"StartPoses")
-    texts = [record.getMessage().split(": ", 1)[1] for record in caplog.records]
+    texts = [text.split(": ", 1)[1] for text in caplog.messages if "slow" not in text]
     assert [text[:30] for text in texts] == 2 * [
         "verb 'FOO', expected one of ['",
         "DRIVE Left: 'x', expected a nu",
@@ -370,7 +370,7 @@ async def test_robot_of_a_flood_ends_in_time_once_its_client_has_gone(
                 await loop.sock_sendall(flood, drives)
         assert running_server.robots == 1  # whose client has gone on sending
     await wait_until(lambda: running_server.robots == 0)
-    assert running_server.host.simulation.time > began + 1
+    assert running_server.host.simulation.time > began
 
 
 async def test_error_of_one_robot_closes_its_connection_with_a_message(
@@ -493,7 +493,7 @@ async def test_number_of_logged_kinds_of_a_client_is_limited(
         peer = await running_server.peer()
         await peer.send(b"GETSTARTPOSES\r\n")
         await peer.until(b"StartPoses")
-        assert len(caplog.records) == 50
+        assert sum(": kind " in text for text in caplog.messages) == 50
 
 
 async def _greeting_or_end(peer: Peer) -> bytes:
