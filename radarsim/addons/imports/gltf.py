@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from radarsim.addons.imports.commands import ImportOptions
 from radarsim.addons.imports.imported_map import ImportedMap
+from radarsim.addons.imports.xml_reader import read_bytes, wrong
 from radarsim.errors import ForeignFileError
 from radarsim.geometry import Pose3
 from radarsim.scene.gltf import split_glb
@@ -19,7 +20,6 @@ from radarsim.scene.material import library_names
 from radarsim.scene.mesh_files import MAX_FILE_BYTES, MeshError
 from radarsim.scene.meshes import read_surfaces
 from radarsim.validation import describe_invalid, short_repr
-from radarsim.xml_reader import read_bytes, wrong
 
 
 class _Material(BaseModel):

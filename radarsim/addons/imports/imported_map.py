@@ -11,11 +11,11 @@ import yaml
 
 from radarsim.addons.imports.commands import ImportOptions
 from radarsim.addons.imports.source_file import rounded
+from radarsim.addons.imports.xml_reader import place
 from radarsim.errors import ForeignFileError, MapError
 from radarsim.geometry import Pose3
 from radarsim.scene.map_loader import MapLoader
 from radarsim.scene.map_schema import MAX_NAME, MAX_OBJECTS, level_of
-from radarsim.xml_reader import place
 from radarsim.yaml_reader import parse_yaml
 
 MAX_SHOWN: Final = 8  # names in a warning

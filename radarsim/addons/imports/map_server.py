@@ -20,10 +20,10 @@ from radarsim.addons.imports.plan_picture import (
     read_picture,
 )
 from radarsim.addons.imports.source_file import find_in
+from radarsim.addons.imports.xml_reader import wrong
 from radarsim.errors import ForeignFileError, describe_os_error
 from radarsim.geometry import Floats, Pose3
 from radarsim.validation import short_repr
-from radarsim.xml_reader import wrong
 from radarsim.yaml_reader import YamlFile, read_yaml
 
 KNOWN = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")

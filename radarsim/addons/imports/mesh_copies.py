@@ -8,6 +8,7 @@ import numpy as np
 
 from radarsim.addons.imports.collada import read_collada
 from radarsim.addons.imports.imported_map import ImportedMap
+from radarsim.addons.imports.xml_reader import place, read_bytes
 from radarsim.errors import ForeignFileError
 from radarsim.scene.mesh_files import (
     MAX_FILE_BYTES,
@@ -18,7 +19,6 @@ from radarsim.scene.mesh_files import (
     check_vertices,
 )
 from radarsim.scene.shapes import Mesh, concatenate
-from radarsim.xml_reader import place, read_bytes
 
 KNOWN: Final = (".dae", ".glb", ".gltf", ".obj", ".ply", ".stl")
 

@@ -19,10 +19,15 @@ from radarsim.addons.imports.mesh_copies import MeshCopies
 from radarsim.addons.imports.sdf_frames import ORIGIN, Frames, LeftOut, parse_pose
 from radarsim.addons.imports.sdf_shapes import read_mesh, read_shape
 from radarsim.addons.imports.source_file import find_in
+from radarsim.addons.imports.xml_reader import (
+    XmlElement,
+    parse_numbers,
+    read_xml,
+    wrong,
+)
 from radarsim.errors import ForeignFileError
 from radarsim.geometry import Pose3
 from radarsim.validation import short_repr
-from radarsim.xml_reader import XmlElement, parse_numbers, read_xml, wrong
 
 MAX_LEVELS: Final = 100  # of models and includes in each other
 MAX_INCLUDED: Final = 2_000_000  # elements that all includes have together

@@ -10,8 +10,8 @@ from typing import Final
 
 from scipy.spatial.transform import Rotation
 
+from radarsim.addons.imports.xml_reader import XmlElement, parse_numbers, wrong
 from radarsim.geometry import Pose3
-from radarsim.xml_reader import XmlElement, parse_numbers, wrong
 
 MAX_CHAIN: Final = 100  # of poses that are relative to each other
 ORIGIN: Final = Pose3(0.0, 0.0, 0.0)

@@ -12,11 +12,11 @@ import numpy as np
 
 from radarsim.addons.imports.mesh_copies import KNOWN, MeshCopies
 from radarsim.addons.imports.sdf_frames import LeftOut
+from radarsim.addons.imports.xml_reader import XmlElement, parse_numbers, wrong
 from radarsim.errors import MissingPackage, install_command
 from radarsim.geometry import Floats
 from radarsim.scene.mesh_files import MeshError
 from radarsim.scene.shapes import CYLINDER_SIDES, Mesh, sphere
-from radarsim.xml_reader import XmlElement, parse_numbers, wrong
 
 MAX_POINTS: Final = 10_000  # of the polylines of a shape
 FARTHEST: Final = 1e5  # m, of a point

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from radarsim.xml_reader import read_bytes, wrong
+from radarsim.addons.imports.xml_reader import read_bytes, wrong
 
 
 def read_text(path: Path) -> str:

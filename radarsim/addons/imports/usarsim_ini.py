@@ -18,11 +18,11 @@ from typing import Any, Final, NamedTuple, TypeAlias
 from pydantic import ValidationError
 
 from radarsim.addons.imports.source_file import read_text, rounded
+from radarsim.addons.imports.xml_reader import place, wrong
 from radarsim.errors import ForeignFileError, expected_one_of
 from radarsim.presets.robots import RobotModel, load_robot, robot_names
 from radarsim.protocol.message import pose_from_wire
 from radarsim.validation import describe_invalid, short_repr
-from radarsim.xml_reader import place, wrong
 
 BASE: Final = "P3AT"  # has the body of classes that are not shipped
 # Types of items, and presets of scanners, by the classes of parts.
