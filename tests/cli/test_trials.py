@@ -1,11 +1,11 @@
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from radarsim.autonomy.evaluation.trials import TrialResult, TrialSpec
+from radarsim.autonomy.evaluation.trials import TrialResult
 
 Command = Callable[..., Any]
 QUICK = ("trials", "bug_box", "--seeds", "1", "--workers", "1")
@@ -16,14 +16,21 @@ def test_table_has_a_row_for_each_kind_of_trial_and_a_line_for_each_failure(
 ) -> None:
     failed = {"outcome": "failed", "note": "no scan", "collisions": 2}
 
-    def run(todo: Sequence[TrialSpec], *, workers: int) -> Iterator[TrialResult]:
-        assert (len(todo), workers) == (2, 1)
-        for name, ended in (("bug1", {"outcome": "reached"}), ("bug2", failed)):
-            row = {"collisions": 0, "path_length": 9.0, "shortest_path": 6.0}
-            row |= {"time": 3.0, "circuits": 0, "off": 0.1}
-            yield TrialResult("bug_box", name, "radar", 0, "share", **row | ended)
+    def run(
+        map_: str, algorithm: str, sensor: str, seed: int, rule: str
+    ) -> TrialResult:
+        row: dict[str, Any] = {"collisions": 0, "path_length": 9.0, "time": 3.0}
+        row |= {"shortest_path": 6.0, "circuits": 0, "off": 0.1}
+        return TrialResult(
+            map=map_,
+            algorithm=algorithm,
+            sensor=sensor,
+            seed=seed,
+            rule=rule,
+            **row | (failed if algorithm == "bug2" else {"outcome": "reached"}),
+        )
 
-    monkeypatch.setattr("radarsim.autonomy.evaluation.trials.run_trials", run)
+    monkeypatch.setattr("radarsim.autonomy.evaluation.trials.run_trial", run)
     run_ = radarsim(*QUICK)
     assert run_.code == 0
     head, one, two, _, failure, last = run_.text.splitlines()
