@@ -94,13 +94,17 @@ def flood_fill(passable: NDArray[np.bool_], start: Cell) -> NDArray[np.bool_]:
 
 
 def may_join_outside(passable: NDArray[np.bool_], start: Cell, end: Cell) -> bool:
-    """Return whether two cells are both connected with the border of the grid.
+    """Return whether two cells are joined with the border, and not with each other.
 
-    Then a path between them may lead around what the grid shows.
+    Then a path between them may lead around what the grid shows. To an end that is
+    closed nothing leads.
     """
     border = np.ones(passable.shape, np.bool_)
     border[1:-1, 1:-1] = False
-    return all((flood_fill(passable, each) & border).any() for each in (start, end))
+    from_start, from_end = (flood_fill(passable, each) for each in (start, end))
+    if from_start[end] or not passable[end]:
+        return False
+    return bool((from_start & border).any() and (from_end & border).any())
 
 
 @njit_cached

@@ -49,7 +49,7 @@ NEARER: Final = 10.0  # times that, nearer to it than the robot is
 PAUSE: Final = 2.0  # s between two looks that are not one
 APART: Final = 0.3  # m, or rad, between two scans that are kept
 DOUBT: Final = 5.0  # times the cost of a step, through what may be an image
-MOST_DOUBTED: Final = 200.0  # m on such ways to a goal, so that each run ends
+MOST_DOUBTED: Final = 100.0  # m on such ways to a goal, so that each run ends
 _MOST_GROWN: Final = 10  # margins around the first grid
 
 

@@ -164,6 +164,9 @@ def test_only_what_is_open_to_the_border_may_be_joined_outside() -> None:
     rows, columns = np.indices((20, 30))
     wall = columns == 15
     assert may_join_outside(~wall, (10, 5), (10, 25))
+    # a larger grid opens no way to what is closed, and none is needed without the wall
+    assert not may_join_outside(~wall, (10, 5), (10, 15))
+    assert not may_join_outside(~wall, (10, 5), (15, 10))
     ring = np.maximum(abs(rows - 10), abs(columns - 22)) == 3
     assert not may_join_outside(~ring, (10, 5), (10, 22))
     assert not may_join_outside(~ring, (10, 22), (10, 5))
