@@ -66,9 +66,9 @@ class LineBuffer:
 
     A line ends at CR or at LF. Empty and blank lines are dropped, so CRLF, LF CR and
     bare LF, which all occur in the field, are one line end each. Where blank lines are
-    kept, CR and LF beside each other are one line end. The mark of UTF-8 and the options
-    of telnet before the first line are dropped. Bytes are decoded as Latin-1, so none
-    are refused here.
+    kept, adjacent CR and LF are one line end. The mark of UTF-8 and the options of
+    telnet before the first line are dropped. Bytes are decoded as Latin-1, so none are
+    refused here.
 
     >>> lines = LineBuffer()
     >>> lines.feed(b"DRIVE {Left 1}")
