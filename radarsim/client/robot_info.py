@@ -15,6 +15,7 @@ import numpy as np
 from radarsim.errors import ClientError, did_you_mean
 from radarsim.geometry import Floats, Pose3
 from radarsim.protocol.dialect import RAD_PER_S, DriveUnit
+from radarsim.protocol.message import LARGEST_COMMANDED
 from radarsim.protocol.reports import (
     ItemGeo,
     RangeScan,
@@ -161,6 +162,9 @@ class RobotInfo:
             speed: Forward speed, m/s.
             turn: Counter-clockwise turn rate, rad/s.
         """
+        # Sums of the largest floats would be infinite, and their ratio no number.
+        most = LARGEST_COMMANDED
+        speed, turn = (max(min(each, most), -most) for each in (speed, turn))
         across = turn * self.wheel_separation / 2
         left, right = speed - across, speed + across
         fastest = max(abs(left), abs(right))

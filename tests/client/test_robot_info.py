@@ -64,6 +64,12 @@ def test_limited_wheel_speeds_follow_the_same_curve_slower(
     assert (got_speed, got_turn) == pytest.approx((share * speed, share * turn))
 
 
+@pytest.mark.parametrize("turn", [1.7e308, -1.7e308, 1.0])
+def test_wheel_speeds_of_the_largest_numbers_are_numbers(turn: float) -> None:
+    speeds = [spin * 0.1 for spin in ROBOT.wheel_speeds(1.7e308, turn)]
+    assert max(map(abs, speeds)) == pytest.approx(0.8)
+
+
 @pytest.mark.parametrize(
     "geo",
     [
