@@ -155,7 +155,6 @@ EVALUATIONS: list[tuple[dict[str, Any], str]] = [
     ({"workers": 0}, "workers 0, expected at least 1"),
     ({"time_limit": 0}, "time_limit in s 0, expected more than 0"),
     ({"maps": [3]}, "map 3, expected the name of a map"),
-    ({"workers": 2}, "controller .*lambda.*, expected a function of a module"),
 ]
 
 
