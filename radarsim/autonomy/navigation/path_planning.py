@@ -49,7 +49,7 @@ NEARER: Final = 10.0  # times that, nearer to it than the robot is
 PAUSE: Final = 2.0  # s between two looks that are not one
 APART: Final = 0.3  # m, or rad, between two scans that are kept
 DOUBT: Final = 5.0  # times the cost of a step, through what may be an image
-MOST_DOUBTED: Final = 100.0  # m on such ways to a goal, so that each run ends
+MOST_DOUBTED: Final = 200.0  # s on such ways to a goal, so that each run ends
 _MOST_GROWN: Final = 10  # margins around the first grid
 
 
@@ -72,8 +72,8 @@ class PathPlanning(Controller):
         self._hull = None if hull is None else Hull(*hull)
         self._is_narrow = False  # whether there was no path of the disc
         self._follower: FootprintFollower | None = None
-        # m driven since it gives up only what is sure; None before
-        self._doubted: float | None = None
+        # s; since when it drives through what is not sure; None before
+        self._doubts_since: float | None = None
 
     def reconsider(
         self, pose: Pose2, correct: Callable[[Observation], Observation]
@@ -102,11 +102,9 @@ class PathPlanning(Controller):
     def _begin_goal(self, _: Pose2) -> None:
         self._planned = -math.inf
         self._follower = None
-        self._doubted = None
+        self._doubts_since = None
 
-    def _decide(self, observation: Observation, driven: float) -> Twist:
-        if self._doubted is not None:
-            self._doubted += driven
+    def _decide(self, observation: Observation, driven: float) -> Twist:  # noqa: ARG002
         if observation.time >= self._planned + INTERVAL:
             self._plan(observation)
         if self._follower is not None:
@@ -133,8 +131,9 @@ class PathPlanning(Controller):
             self._scans.append(observation)
         self._planned = observation.time
         self._plan_disc(pose, goal)
-        is_lost = not len(self._path)
-        if is_lost and self._doubted is not None and self._doubted < MOST_DOUBTED:
+        since = self._doubts_since
+        doubts = since is not None and observation.time < since + MOST_DOUBTED
+        if doubts and not len(self._path):
             self._plan_disc(pose, goal, doubts=True)
         if len(self._path):
             # The centre of its cell may be 7 cm off, of the 10 that are allowed.
@@ -142,7 +141,7 @@ class PathPlanning(Controller):
             self._follower = None
             return
         # Such a plan takes long: while it doubts, only before it gives up.
-        is_due = self._doubted is None or self._follower is not None
+        is_due = since is None or self._follower is not None
         if self._is_narrow and is_due and self._plan_footprint(observation):
             return
         start, end = self._grid.cell((pose.x, pose.y)), self._grid.cell(goal)
@@ -197,8 +196,8 @@ class PathPlanning(Controller):
             self._is_narrow = self._hull is not None
             if self._is_narrow and self._plan_footprint(observation):
                 return STOP
-            if self._doubted is None:
-                self._doubted = 0.0
+            if self._doubts_since is None:
+                self._doubts_since = observation.time
                 self._plan_disc(observation.pose, self.goals[0], doubts=True)
             if not len(self._path):
                 self.activity = Activity.NO_PATH

@@ -144,6 +144,23 @@ def test_what_has_driven_away_is_forgotten() -> None:
     assert not cost_is_open(grid, (4.0, 0.0))
 
 
+@pytest.mark.parametrize(
+    ("distance", "pause", "stands"),
+    [(1.0, 8.0, True), (1.0, 1.0, False), (3.0, 8.0, False)],
+)
+def test_what_comes_back_to_its_place_stands_there(
+    distance: float, pause: float, stands: bool
+) -> None:
+    grid, bearings = ObstacleGrid([(0.0, 0.0), (4.0, 0.0)]), np.zeros(1)
+    here, wall = np.array([distance]), np.array([6.0])
+    for time in np.arange(6) * pause:
+        for ranges in (here, here, wall, wall, wall):  # through a pane
+            grid.add(Observation(time, Pose2(0.0, 0.0), bearings, ranges))
+    grid.grow()
+    grid.add(Observation(99.0, Pose2(0.0, 0.0), bearings, wall))
+    assert (grid.clearance()[grid.cell((distance, 0.0))] == 0) == stands
+
+
 def test_grid_keeps_what_it_has_seen_when_it_grows() -> None:
     grid = ObstacleGrid([(0.0, 0.0), (4.0, 0.0)])
     grid.add(Observation(0.0, Pose2(0.0, 0.0), np.zeros(1), np.full(1, 2.0)))
