@@ -6,7 +6,7 @@
 import io
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from textwrap import fill
 from typing import Any, Final
 
@@ -28,14 +28,12 @@ from radarsim.plotting.palette import (
     FAMILY_COLOURS,
     MARKER,
     Family,
-    colour_of,
     family_of,
 )
 from radarsim.scene.material import Material
-from radarsim.scene.scene import Scene
 from radarsim.sensors.beams import CENTRE, LEFT, RIGHT
 from radarsim.sensors.range_scanner import RangeScanner
-from radarsim.sensors.scan import ROBOT, Echoes, Scan
+from radarsim.sensors.scan import Echoes, Scan
 
 FORMS: Final = ("png", "svg", "pdf")
 # Keys of the date or the version that matplotlib would write.
@@ -294,20 +292,6 @@ def area_style(family: Family) -> dict[str, Any]:
         "edgecolor": tuple(OUTLINE_SHADE * part for part in colour),
         "linewidth": 0.6,
     }
-
-
-def material_colours(scene: Scene) -> dict[str, str]:
-    """Return the colour of each material of a scene by its name, and that of robots."""
-    return {material.name: colour_of(material) for material in _materials(scene)}
-
-
-def _materials(scene: Scene) -> Iterator[Material]:
-    """Yield the material of robots, and those of a scene; one may have its name."""
-    yield ROBOT
-    yield from scene.materials.values()
-    yield from (part.material for part in scene.parts)
-    if scene.air is not None:
-        yield scene.air
 
 
 def scan_points(scan: Scan) -> Floats:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import closing
 from functools import partial
 from pathlib import Path
@@ -20,7 +20,8 @@ from radarsim.processes import process_cpu_count, raise_on_signals
 
 if TYPE_CHECKING:
     from radarsim.autonomy.evaluation.task_runner import TaskResult
-    from radarsim.sweep.file import SweepFile
+    from radarsim.scene.scene import Scene
+    from radarsim.sweep.file import Parameters, SweepFile
     from radarsim.sweep.folder import SweepFolder
 
 _BATCHES: Final = {"scan": 16, "trial": 1, "map": 1}  # tasks that are worth a process
@@ -48,7 +49,6 @@ def sweep(
         workers: Number of processes; one for each core by default.
         scheduler: Scheduler of a dask cluster that runs already.
     """
-    from radarsim.autonomy.evaluation.task_runner import run_tasks
     from radarsim.errors import import_optional
     from radarsim.presets.sensors import has_fmcw
     from radarsim.sweep.cluster import run_on_cluster
@@ -62,7 +62,7 @@ def sweep(
         SweepFolder,
         sweep_tasks,
     )
-    from radarsim.sweep.tasks import load_scenes, prepare_worker, run_sweep_task
+    from radarsim.sweep.tasks import load_scenes
 
     path, wanted = read_sweep(file)
     if workers is not None and scheduler is not None:
@@ -86,16 +86,11 @@ def sweep(
         has_radar = any(has_fmcw(name) for name in wanted.sensor["name"])
         parts = {"mapping": wanted.kind == "map", "fmcw": has_radar}
         compile_now(*(part for part, is_needed in parts.items() if is_needed))
-        batch, todo = _BATCHES[wanted.kind], [*left.values()]
-        if scheduler is not None:
-            running = run_on_cluster(scheduler, scenes, todo, batch, print_message)
+        todo, batch = [*left.values()], _BATCHES[wanted.kind]
+        if scheduler is None:
+            running = _run_here(todo, scenes, batch, workers or process_cpu_count())
         else:
-            running = run_tasks(
-                run_sweep_task,
-                [(task,) for task in todo],
-                workers=min(workers or process_cpu_count(), -(-len(todo) // batch)),
-                prepare=partial(prepare_worker, __version__, scenes),
-            )
+            running = run_on_cluster(scheduler, scenes, todo, batch, print_message)
         with raise_on_signals(), closing(running):
             _collect(folder, [*left], running)
     folder.write(path, wanted, tasks)
@@ -108,6 +103,21 @@ def sweep(
     if wanted.figure is not None:
         print_lines([output / FIGURE])
     return int(bool(failed))
+
+
+def _run_here(
+    todo: list[Parameters], scenes: dict[str, Scene], batch: int, workers: int
+) -> Generator[TaskResult[Any], None, None]:
+    """Run tasks in processes of this machine, of which each has a batch at least."""
+    from radarsim.autonomy.evaluation.task_runner import run_tasks
+    from radarsim.sweep.tasks import prepare_worker, run_sweep_task
+
+    return run_tasks(
+        run_sweep_task,
+        [(task,) for task in todo],
+        workers=min(workers, -(-len(todo) // batch)),
+        prepare=partial(prepare_worker, __version__, scenes),
+    )
 
 
 def _count(wanted: SweepFile, tasks: int) -> str:

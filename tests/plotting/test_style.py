@@ -12,11 +12,11 @@ from matplotlib.patches import Polygon
 import radarsim
 from radarsim import Material, Part, Scan, Scene
 from radarsim.geometry import Pose2, Pose3
+from radarsim.plotting.palette import colour_of
 from radarsim.plotting.plan import draw_robot
 from radarsim.plotting.style import (
     draw_scale_bar,
     echo_points,
-    material_colours,
     scan_points,
 )
 from radarsim.presets.robots import load_robot
@@ -120,18 +120,13 @@ def test_no_return_is_placed_at_the_maximum_range() -> None:
     assert np.hypot(*way.T) == pytest.approx(np.full(9, 2.0))
 
 
-def test_materials_of_one_family_have_one_colour_in_any_order() -> None:
+def test_materials_of_one_family_have_one_colour() -> None:
     names = ["oak_leaves", "brick_wall", "hedge", "dust", "soil", "steel"]
     materials = {name: Material(name) for name in names}
     materials["oak_leaves"] = Material("oak_leaves", sheet_loss=0.1)
-    forth = material_colours(Scene("a", "A", (), (), materials))
-    back = material_colours(Scene("b", "B", (), (), dict(reversed(materials.items()))))
-    assert forth == back
-    assert set(forth) == {*names, ROBOT.name}
-    assert forth["oak_leaves"] == forth["hedge"]
-    assert len(set(forth.values())) == 5
-    # without the list of a map, the parts tell
-    assert {"hedge", "wall"} < set(material_colours(YARD))
+    colours = {name: colour_of(each) for name, each in materials.items()}
+    assert colours["oak_leaves"] == colours["hedge"]
+    assert len({*colours.values(), colour_of(ROBOT)}) == 5  # robots are of metal
 
 
 @pytest.mark.parametrize(

@@ -4,11 +4,11 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from radarsim.addons.fmcw.beat_signal import Tones, beat_rows
 from radarsim.addons.fmcw.radar import FmcwRadar
-from radarsim.addons.fmcw.radar_equation import noise_power
+from radarsim.addons.fmcw.radar_equation import noise_power, radar_constant
 from radarsim.addons.fmcw.range_lines import Power
 from radarsim.addons.fmcw.speckle import Speckle
 from radarsim.addons.fmcw.turn_echoes import Echoes, TurnEchoes
@@ -117,3 +117,9 @@ def no_echoes(settings: FmcwSettings) -> Power:
 def correlation(first: NDArray[Any], second: NDArray[Any]) -> float:
     """Return the correlation of two arrays."""
     return float(np.corrcoef(first.ravel(), second.ravel())[0, 1])
+
+
+def received_power(settings: FmcwSettings, rcs: ArrayLike, ranges: ArrayLike) -> Floats:
+    """Return the power from points in the middle of the beam, W."""
+    sections, distances = np.asarray(rcs), np.asarray(ranges, np.float64)
+    return np.asarray(radar_constant(settings) * sections / distances**4)

@@ -156,18 +156,6 @@ def radar_constant(settings: FmcwSettings) -> float:
     return float(sent * gain**2 * settings.wavelength**2 / (4 * math.pi) ** 3)
 
 
-def received_power(settings: FmcwSettings, rcs: ArrayLike, ranges: ArrayLike) -> Floats:
-    """Return the power from points in the middle of the beam, W.
-
-    Args:
-        settings: The radar.
-        rcs: Radar cross sections, m^2.
-        ranges: Distances, m.
-    """
-    sections, distances = np.asarray(rcs), np.asarray(ranges, np.float64)
-    return np.asarray(radar_constant(settings) * sections / distances**4)
-
-
 def noise_power(settings: FmcwSettings) -> float:
     """Return kTBF in a bin, W; B is the window's noise bandwidth over the sweep."""
     window = window_of(settings)

@@ -9,9 +9,10 @@ have passed a pole. Cells that nobody has seen are open. The grid covers
 start and goal and a margin around them; what is beyond is left out until the grid
 grows.
 
-Beams also go through a pane, in which others end. So what was forgotten and is seen in
-its place again, from near and after seconds, stands there for good at the third time:
-else a robot would drive to and fro before a pane for ever.
+Some beams pass a pane of glass, others end in it, so that its cells are closed and
+opened again. A cell that is closed for the third time, with seconds between and seen
+from near, therefore stays closed: else a robot would drive to and fro before the pane
+for ever.
 
 In a mirror something seems to stand behind it where nothing does. A robot that is near
 the image has driven past the mirror, or has touched it. So what closes a cell is sure
@@ -43,8 +44,8 @@ _POINT: Final = 0.02  # m; side of a square of which the newest point is kept
 _BESIDE: Final = 0.015  # m beside a place that a beam still goes through
 _NEAR: Final = 1.5  # m from the robot, within which what it sees is no image
 _DRIFT: Final = 0.3  # m by which poses may be off when the same thing is seen again
-_RETURN: Final = 5.0  # s after which what is seen again in a cell has come back
-_STANDS: Final = 3  # times that something comes to a cell in which it stands for good
+_REOPENED: Final = 5.0  # s between two closings of a cell that count as two
+_STAYS_CLOSED: Final = 3  # closings after which a cell is not opened any more
 _MOST_CELLS: Final = 1 << 24
 
 
@@ -77,9 +78,9 @@ class ObstacleGrid:
         self._places = np.zeros((rows, columns, 2))
         # where something was seen from near
         self._seen_near = np.zeros((rows, columns), np.bool_)
-        # when something last came to each cell, s, and how often
-        self._came_at = np.full((rows, columns), -np.inf)
-        self._comings = np.zeros((rows, columns), np.int16)
+        # when each cell was last closed, s, and how often
+        self._closed_at = np.full((rows, columns), -np.inf)
+        self._closings = np.zeros((rows, columns), np.int16)
         self.points: Floats = np.zeros((0, 2))
 
     def grow(self) -> None:
@@ -89,8 +90,8 @@ class ObstacleGrid:
         self._evidence = np.pad(self._evidence, width)
         self._places = np.pad(self._places, ((width, width), (width, width), (0, 0)))
         self._seen_near = np.pad(self._seen_near, width)
-        self._came_at = np.pad(self._came_at, width, constant_values=-np.inf)
-        self._comings = np.pad(self._comings, width)
+        self._closed_at = np.pad(self._closed_at, width, constant_values=-np.inf)
+        self._closings = np.pad(self._closings, width)
 
     def clear(self) -> None:
         """Forget all that was seen."""
@@ -120,15 +121,15 @@ class ObstacleGrid:
         loss = np.where(self._evidence > 0, _GAIN, _LOSS)
         change = np.where(met, _GAIN, np.where(passed, -loss, 0))
         # Within limits, so that what has stood for long is forgotten soon, too.
-        change[passed & ~met & (self._comings >= _STANDS)] = 0
+        change[passed & ~met & (self._closings >= _STAYS_CLOSED)] = 0
         was_open = self._evidence <= 0
         self._evidence = np.clip(self._evidence + change, _LEAST, _MOST).astype(
             np.int16
         )
-        comes = was_open & (self._evidence > 0)
-        comes &= observation.time > self._came_at + _RETURN
-        self._comings[comes & self._seen_near] += 1
-        self._came_at[comes] = observation.time
+        closes = was_open & (self._evidence > 0)
+        closes &= observation.time > self._closed_at + _REOPENED
+        self._closings[closes & self._seen_near] += 1
+        self._closed_at[closes] = observation.time
         points = np.vstack([ends[inside], self.points])
         _, newest = np.unique(
             np.floor(points / _POINT).astype(np.int64), axis=0, return_index=True

@@ -104,7 +104,7 @@ class PathPlanning(Controller):
         self._follower = None
         self._doubts_since = None
 
-    def _decide(self, observation: Observation, driven: float) -> Twist:  # noqa: ARG002
+    def _decide(self, observation: Observation, driven: float) -> Twist:  # noqa: ARG002 - for Bugs
         if observation.time >= self._planned + INTERVAL:
             self._plan(observation)
         if self._follower is not None:

@@ -5,7 +5,7 @@ from statistics import NormalDist
 
 import numpy as np
 import pytest
-from fmcw_scenes import beat_spectrum, db, dbm, no_echoes, radar
+from fmcw_scenes import beat_spectrum, db, dbm, no_echoes, radar, received_power
 from scipy.signal import get_window
 
 from radarsim.addons.fmcw.beat_signal import (
@@ -17,7 +17,6 @@ from radarsim.addons.fmcw.point_echoes import Points, Ways, point_tones
 from radarsim.addons.fmcw.radar_equation import (
     fft_length,
     noise_power,
-    received_power,
     sample_count,
     window_of,
 )

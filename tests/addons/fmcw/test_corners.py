@@ -5,10 +5,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fmcw_scenes import EYE, PLAIN, block, db, echo_power, radar, scene_of
+from fmcw_scenes import (
+    EYE,
+    PLAIN,
+    block,
+    db,
+    echo_power,
+    radar,
+    received_power,
+    scene_of,
+)
 
 from radarsim.addons.fmcw.beat_signal import Tones
-from radarsim.addons.fmcw.radar_equation import noise_power, received_power
+from radarsim.addons.fmcw.radar_equation import noise_power
 from radarsim.addons.fmcw.smooth_corners import corner_points
 from radarsim.addons.fmcw.viewpoints import fixed_viewpoints
 from radarsim.geometry import rotation_matrix

@@ -4,13 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from fmcw_scenes import EYE, block, db, radar
+from fmcw_scenes import EYE, block, db, radar, received_power
 
 import radarsim
 from radarsim.addons.fmcw.plate_edges import edge_points
 from radarsim.addons.fmcw.point_echoes import fresnel_reflections
 from radarsim.addons.fmcw.radar import FmcwRadar
-from radarsim.addons.fmcw.radar_equation import received_power
 from radarsim.addons.fmcw.viewpoints import fixed_viewpoints
 from radarsim.geometry import Floats, rotation_matrix
 from radarsim.raycast.tracer import tracer_of

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from fmcw_scenes import EYE, block, db, radar, scene_of, wall_at
+from fmcw_scenes import EYE, block, db, radar, received_power, scene_of, wall_at
 
 import radarsim
-from radarsim.addons.fmcw.radar_equation import received_power
 from radarsim.addons.fmcw.spectrum import Spectrum
 from radarsim.errors import PresetError
 from radarsim.rng import generator_for

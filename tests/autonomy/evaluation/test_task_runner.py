@@ -93,17 +93,22 @@ except KeyboardInterrupt:
 """
 
 
+def started(program: str) -> subprocess.Popen[bytes]:
+    """Start a program in a session of its own, whose processes get Ctrl-C together."""
+    return subprocess.Popen(
+        (sys.executable, "-c", program),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -signal.SIGKILL)]
 )
 def test_workers_end_with_the_main_process(number: int, code: int) -> None:
-    with subprocess.Popen(
-        (sys.executable, "-c", PARENT),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        start_new_session=True,
-    ) as parent:
+    with started(PARENT) as parent:
         assert parent.stdout is not None
         worker = int(parent.stdout.readline())
         if number == signal.SIGINT:
@@ -132,12 +137,7 @@ except KeyboardInterrupt:
 
 @pytest.mark.parametrize("delay", [0.05, 0.1, 0.2, 0.4])
 def test_ctrl_c_while_workers_start_prints_nothing(delay: float) -> None:
-    with subprocess.Popen(
-        (sys.executable, "-c", STARTING),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        start_new_session=True,
-    ) as parent:
+    with started(STARTING) as parent:
         assert parent.stdout is not None
         parent.stdout.readline()
         time.sleep(delay)

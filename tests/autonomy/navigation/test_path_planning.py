@@ -145,11 +145,11 @@ def test_what_has_driven_away_is_forgotten() -> None:
 
 
 @pytest.mark.parametrize(
-    ("distance", "pause", "stands"),
+    ("distance", "pause", "is_closed"),
     [(1.0, 8.0, True), (1.0, 1.0, False), (3.0, 8.0, False)],
 )
-def test_what_comes_back_to_its_place_stands_there(
-    distance: float, pause: float, stands: bool
+def test_cell_that_is_closed_a_third_time_stays_closed(
+    distance: float, pause: float, is_closed: bool
 ) -> None:
     grid, bearings = ObstacleGrid([(0.0, 0.0), (4.0, 0.0)]), np.zeros(1)
     here, wall = np.array([distance]), np.array([6.0])
@@ -158,7 +158,7 @@ def test_what_comes_back_to_its_place_stands_there(
             grid.add(Observation(time, Pose2(0.0, 0.0), bearings, ranges))
     grid.grow()
     grid.add(Observation(99.0, Pose2(0.0, 0.0), bearings, wall))
-    assert (grid.clearance()[grid.cell((distance, 0.0))] == 0) == stands
+    assert (grid.clearance()[grid.cell((distance, 0.0))] == 0) == is_closed
 
 
 def test_grid_keeps_what_it_has_seen_when_it_grows() -> None:
