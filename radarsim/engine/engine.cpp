@@ -1,0 +1,14 @@
+// The engine: all that is too slow in Python. One library, as C headers compile in seconds.
+#include "face_passes.hpp"
+
+#define EXPORT extern "C" __attribute__((visibility("default")))
+
+// A description of all functions and structures, as library.py reads it.
+EXPORT const char* radarsim_describe() {
+    static radarsim::door::Text text;
+    if (!text.memory()[0]) radarsim::door::describe_all(text);
+    return text.memory();
+}
+
+// The digest of the sources that this was compiled from.
+EXPORT const char* radarsim_sources() { return RADARSIM_SOURCES; }

@@ -1,0 +1,305 @@
+"""Calls into the engine, a library in C++, by ctypes.
+
+The library knows neither Python nor numpy, so that one file serves all versions of
+both. It describes its functions and structures itself, see ``door.hpp``. These
+descriptions are read when it is opened, and each call is checked against them: the type
+of each array, its order, its number of axes, and lengths that have to agree. So no call
+can read or write beyond an array.
+
+Python's lock is released during calls.
+"""
+
+import ctypes
+import functools
+import struct
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radarsim.engine.build import FOLDER, LIBRARY, source_digest
+from radarsim.errors import EngineError
+
+_Bytes = ctypes.c_char * 0
+# The lengths that have a name: all arrays of a call that share the name share it.
+_Lengths: TypeAlias = dict[str, int]
+
+
+def address(array: NDArray[Any]) -> int:
+    """Return the address of a contiguous array; it is valid as long as the array is."""
+    try:  # a fifth of the time of the other way
+        return ctypes.addressof(_Bytes.from_buffer(array))  # type: ignore[arg-type]
+    except (TypeError, ValueError):  # it is read-only, or has a type that ctypes lacks
+        return array.ctypes.data
+
+
+class _Number:
+    """A number among the parameters of a function or the fields of a structure."""
+
+    def __init__(self, code: str) -> None:
+        self.format = "d" if code == "f8" else "q"
+        self._convert: Any = float if code == "f8" else int
+
+    def add(self, words: list[Any], value: Any, name: str, _lengths: _Lengths) -> None:
+        try:
+            words.append(self._convert(value))
+        except (TypeError, ValueError) as error:
+            raise EngineError(f"{name} is {value!r}, expected a number") from error
+
+
+class _Row:
+    """Some numbers within a structure."""
+
+    def __init__(self, code: str) -> None:
+        kind, _, count = code.removesuffix("]").partition("[")
+        self.format = count + ("d" if kind == "f8" else "q")
+        self._count = int(count)
+
+    def add(self, words: list[Any], value: Any, name: str, _lengths: _Lengths) -> None:
+        if len(value) != self._count:
+            raise EngineError(f"{name} is {value!r}, expected {self._count} numbers")
+        words.extend(value)
+
+
+class _Array:
+    """An array among the parameters of a function or the fields of a structure."""
+
+    def __init__(self, code: str, structures: "dict[str, Structure]") -> None:
+        self._is_written = code.startswith("=")
+        kind, _, axes = code[1:].removesuffix("]").partition("[")
+        leading, _, row = axes.partition(";")  # of rows the lengths are known in C++
+        names = leading.split(",") + (row.split(",") if row else [])
+        self._axes = [int(name) if name.isdigit() else name for name in names]
+        self._dtype = structures[kind].dtype if kind in structures else np.dtype(kind)
+        self._leading = leading.count(",") + 1
+        self.format = "Q" + "q" * self._leading
+        axes = ",".join(names)
+        self._text = f"an array {kind}[{axes}]" + " to write to" * self._is_written
+
+    def add(self, words: list[Any], value: Any, name: str, lengths: _Lengths) -> None:
+        if not isinstance(value, np.ndarray):
+            raise self._unexpected(value, name, lengths)
+        flags, shape, dtype = value.flags, value.shape, value.dtype
+        if dtype is not self._dtype and dtype != self._dtype:
+            raise self._unexpected(value, name, lengths)
+        is_usable = (
+            flags.c_contiguous and flags.aligned and len(shape) == len(self._axes)
+        )
+        if not is_usable or (self._is_written and not flags.writeable):
+            raise self._unexpected(value, name, lengths)
+        for axis, length in zip(self._axes, shape, strict=True):
+            known = lengths.setdefault(axis, length) if isinstance(axis, str) else axis
+            if known != length:
+                raise self._unexpected(value, name, lengths)
+        words.append(address(value))
+        words.extend(shape[: self._leading])
+
+    def _unexpected(self, value: Any, name: str, lengths: _Lengths) -> EngineError:
+        came = repr(value)
+        if isinstance(value, np.ndarray):
+            came = f"an array {value.dtype}{list(value.shape)}"
+            came += "" if value.flags.c_contiguous else ", not contiguous"
+            came += "" if value.flags.writeable else ", read-only"
+        known = ", ".join(f"{a} = {lengths[a]}" for a in self._axes if a in lengths)  # type: ignore[index]
+        where = f" where {known}" if known else ""
+        return EngineError(f"{name} is {came}, expected {self._text}{where}")
+
+
+class _Reference:
+    """A packed structure among parameters or fields."""
+
+    format = "Q"
+
+    def __init__(self, code: str) -> None:
+        self._name = code.removeprefix("&")
+
+    def add(self, words: list[Any], value: Any, name: str, _lengths: _Lengths) -> None:
+        if not isinstance(value, Packed) or value.structure.name != self._name:
+            raise EngineError(f"{name} is {value!r}, expected a packed {self._name}")
+        words.append(value.address)
+
+
+_Parameter: TypeAlias = _Number | _Row | _Array | _Reference
+
+
+def _parameter(code: str, structures: "dict[str, Structure]") -> _Parameter:
+    match code[0]:
+        case "*" | "=":
+            return _Array(code, structures)
+        case "&":
+            return _Reference(code)
+    return _Row(code) if code.endswith("]") else _Number(code)
+
+
+class Packed:
+    """A structure in memory, with the arrays and structures that it refers to.
+
+    Attributes:
+        structure: Its type.
+        address: Where it is.
+    """
+
+    def __init__(self, structure: "Structure", memory: bytearray, kept: object) -> None:
+        self.structure = structure
+        self._memory = memory
+        self.address = ctypes.addressof(_Bytes.from_buffer(memory))
+        self._kept = kept
+
+
+class Structure:
+    """A structure of the engine: a row of an array, or what functions take packed.
+
+    Attributes:
+        name: Its name in C++.
+    """
+
+    def __init__(self, name: str, size: int, fields: Sequence[str]) -> None:
+        """Read a description.
+
+        Args:
+            name: Its name in C++.
+            size: bytes.
+            fields: Of each field its name, its offset in bytes, and its code.
+        """
+        self.name, self._size = name, size
+        self._names, self._codes = fields[::3], fields[2::3]
+        self._offsets = [int(offset) for offset in fields[1::3]]
+
+    @functools.cached_property
+    def dtype(self) -> np.dtype[np.void]:
+        """The type of a row of an array."""
+        fields = zip(self._names, self._codes, self._offsets, strict=True)
+        types = {name: (_field_type(code), offset) for name, code, offset in fields}
+        names, formats = list(types), [kind for kind, _ in types.values()]
+        return np.dtype(
+            {
+                "names": names,
+                "formats": formats,
+                "offsets": self._offsets,
+                "itemsize": self._size,
+            }
+        )
+
+    def pack(self, **values: Any) -> Packed:
+        """Pack a structure; its arrays are not copied.
+
+        Args:
+            values: A value for each field.
+
+        Raises:
+            EngineError: If a value is not as the description says, or a field has none.
+        """
+        if unknown := values.keys() ^ set(self._names):
+            raise EngineError(f"{self.name}: {sorted(unknown)} are missing or unknown")
+        memory, lengths = bytearray(self._size), dict[str, int]()
+        fields = zip(self._names, self._parameters, self._offsets, strict=True)
+        for name, parameter, offset in fields:
+            words: list[Any] = []
+            parameter.add(words, values[name], f"{self.name}.{name}", lengths)
+            struct.pack_into(parameter.format, memory, offset, *words)
+        return Packed(self, memory, values)
+
+    @functools.cached_property
+    def _parameters(self) -> list[_Parameter]:
+        return [_parameter(code, engine.structures) for code in self._codes]
+
+
+def _field_type(code: str) -> Any:
+    kind, _, count = code.removesuffix("]").partition("[")
+    return (kind, (int(count),)) if count else kind
+
+
+class Function:
+    """A function of the engine."""
+
+    def __init__(self, name: str, start: int, codes: Sequence[str]) -> None:
+        """Read a description.
+
+        Args:
+            name: Its name in C++.
+            start: Its address.
+            codes: The codes of its parameters, an arrow, and the code of its result.
+        """
+        self._name, self._codes = name, codes[:-2]
+        result = {"none": None, "f8": ctypes.c_double}.get(codes[-1], ctypes.c_int64)
+        self._call = ctypes.CFUNCTYPE(result, ctypes.c_char_p)(start)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the function.
+
+        Args:
+            arguments: In the order of its parameters.
+
+        Raises:
+            EngineError: If one is not as the description says.
+        """
+        if len(arguments) != len(self._codes):
+            raise TypeError(f"{len(arguments)} arguments for {self._name}{self._codes}")
+        words, lengths = list[Any](), dict[str, int]()
+        for (name, parameter), argument in zip(
+            self._parameters, arguments, strict=True
+        ):
+            parameter.add(words, argument, name, lengths)
+        return self._call(self._pack(*words))
+
+    @functools.cached_property
+    def _parameters(self) -> list[tuple[str, _Parameter]]:
+        return [
+            (f"argument {i} of {self._name}", _parameter(code, engine.structures))
+            for i, code in enumerate(self._codes, 1)
+        ]
+
+    @functools.cached_property
+    def _pack(self) -> Any:
+        return struct.Struct(
+            "=" + "".join(each.format for _, each in self._parameters)
+        ).pack
+
+
+class Engine:
+    """The library.
+
+    Its functions are attributes of their names.
+
+    Attributes:
+        structures: Its structures, by their names in C++.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Open the library.
+
+        Raises:
+            EngineError: If it cannot be opened, or is older than its source.
+        """
+        try:
+            library = ctypes.CDLL(str(path))
+        except OSError as error:
+            raise EngineError(
+                f"cannot use {path}: {error}; it is compiled when radarsim is installed"
+            ) from error
+        for name in ("describe", "sources"):
+            getattr(library, f"radarsim_{name}").restype = ctypes.c_char_p
+        # Only a checkout has the sources.
+        if (FOLDER / "engine.cpp").exists():
+            built = library.radarsim_sources().decode()
+            if built != source_digest():
+                raise EngineError(
+                    f"{path} is older than its source; compile it again by"
+                    " 'pip install -e .', or by 'python radarsim/engine/build.py'"
+                    " where ziglang is installed"
+                )
+        self.structures: dict[str, Structure] = {}
+        for line in library.radarsim_describe().decode().splitlines():
+            name, number, kind, *codes = line.split()
+            if kind == "structure":
+                self.structures[name] = Structure(name, int(number), codes)
+            else:
+                setattr(self, name, Function(name, int(number), codes))
+
+    def __getattr__(self, name: str) -> Any:
+        raise AttributeError(f"the engine has no function {name!r}")
+
+
+engine: Final = Engine(LIBRARY)
