@@ -1,5 +1,6 @@
 // The engine: all that is too slow in Python. One library, as C headers compile in seconds.
 #include "face_passes.hpp"
+#include "trace.hpp"
 
 #define EXPORT extern "C" __attribute__((visibility("default")))
 

@@ -136,16 +136,27 @@ def _parameter(code: str, structures: "dict[str, Structure]") -> _Parameter:
 class Packed:
     """A structure in memory, with the arrays and structures that it refers to.
 
+    Its fields are attributes of their names.
+
     Attributes:
         structure: Its type.
+        fields: The value of each field.
         address: Where it is.
     """
 
-    def __init__(self, structure: "Structure", memory: bytearray, kept: object) -> None:
+    def __init__(
+        self, structure: "Structure", memory: bytearray, fields: dict[str, Any]
+    ) -> None:
         self.structure = structure
+        self.fields = fields
         self._memory = memory
         self.address = ctypes.addressof(_Bytes.from_buffer(memory))
-        self._kept = kept
+
+    def __getattr__(self, name: str) -> Any:
+        try:
+            return self.fields[name]
+        except KeyError:
+            raise AttributeError(f"{self.structure.name} has no {name!r}") from None
 
 
 class Structure:
