@@ -1,7 +1,7 @@
 """Compile the engine with the compiler in the package ``ziglang``, a wheel of PyPI.
 
 ``hatch_build.py`` does so when the package is built or installed; in a checkout, this
-file can be run: ``python radarsim/engine/build.py``. It imports nothing of radarsim.
+file can be run: ``python radarsim/engine/build.py [COMPILER]``. It imports nothing of radarsim.
 """
 
 import hashlib
@@ -58,5 +58,5 @@ def compile_engine(target: Path = LIBRARY, *compiler: str) -> None:
     new.replace(target)
 
 
-if __name__ == "__main__":
-    compile_engine()
+if __name__ == "__main__":  # another compiler can be given, for example for sanitizers
+    compile_engine(LIBRARY, *sys.argv[1:])

@@ -102,7 +102,7 @@ class _Array:
             came = f"an array {value.dtype}{list(value.shape)}"
             came += "" if value.flags.c_contiguous else ", not contiguous"
             came += "" if value.flags.writeable else ", read-only"
-        known = ", ".join(f"{a} = {lengths[a]}" for a in self._axes if a in lengths)  # type: ignore[index]
+        known = ", ".join(f"{a} = {lengths[a]}" for a in self._axes if a in lengths)
         where = f" where {known}" if known else ""
         return EngineError(f"{name} is {came}, expected {self._text}{where}")
 
@@ -130,7 +130,8 @@ def _parameter(code: str, structures: "dict[str, Structure]") -> _Parameter:
             return _Array(code, structures)
         case "&":
             return _Reference(code)
-    return _Row(code) if code.endswith("]") else _Number(code)
+        case _:
+            return _Row(code) if code.endswith("]") else _Number(code)
 
 
 class Packed:

@@ -75,7 +75,9 @@ def test_surfaces_are_crossed_by_distance_and_then_by_part(
     parts = []
     for part in range(4):
         places = [t for t, owner in crossings if owner == part]
-        vertices = np.vstack([np.zeros((0, 3)), *([*corners, t, 0, 0] for t in places)])
+        vertices = np.vstack(
+            [np.zeros((0, 3)), *(corners + np.array([t, 0.0, 0.0]) for t in places)]
+        )
         faces = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
         sheet = Material("leaf", density=0.0, sheet_loss=0.01)
         parts.append(Part("leaves", sheet, vertices, faces))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from oracles.nearest_box import nearest_box
 
 from radarsim.geometry import Floats
@@ -73,7 +74,7 @@ def rays_from(rng: np.random.Generator, places: Floats, spread: float, n: int) -
     return rays
 
 
-def grid_of(boxes: Boxes) -> tuple[Floats, float, Floats]:
+def grid_of(boxes: Boxes) -> tuple[Floats, float, NDArray[np.int64]]:
     """Return the lower corner and the cells' size of the grid, m, and its borders."""
     middles, radii = boxes.rows[:, :2], np.hypot(*boxes.rows[:, 5:7].T)[:, None] + 2e-6
     low, high = (middles - radii).min(axis=0), (middles + radii).max(axis=0)

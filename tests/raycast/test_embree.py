@@ -95,10 +95,9 @@ def test_meshes_are_copied() -> None:
 def test_first_hits_match_those_of_embreex() -> None:
     rng = np.random.Generator(np.random.PCG64(2))
     solids = [shapes.sphere(0.7), shapes.box(1, 2, 0.5), shapes.cylinder(0.4, 2.0)] * 8
-    meshes = [
-        Mesh(vertices + rng.uniform(-3, 3, 3), faces) for vertices, faces in solids
-    ]
-    parts = [Part(str(i), Material("wall"), *each) for i, each in enumerate(meshes)]
+    solids = [(vertices + rng.uniform(-3, 3, 3), faces) for vertices, faces in solids]
+    meshes, wall = [Mesh(*each) for each in solids], Material("wall")
+    parts = [Part(str(i), wall, *each) for i, each in enumerate(solids)]
     origins = rng.uniform(-8, 8, (3000, 3))
     ray_directions: Floats = rng.uniform(-6, 6, (3000, 3)) - origins
     ray_directions /= np.linalg.norm(ray_directions, axis=1, keepdims=True)
