@@ -153,6 +153,9 @@ class Packed:
         self._memory = memory
         self.address = ctypes.addressof(_Bytes.from_buffer(memory))
 
+    def __repr__(self) -> str:
+        return f"a packed {self.structure.name}"
+
     def __getattr__(self, name: str) -> Any:
         try:
             return self.fields[name]
