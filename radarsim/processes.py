@@ -176,6 +176,17 @@ def process_cpu_count() -> int:
     return os.cpu_count() or 1
 
 
+def thread_count() -> int:
+    """Return on how many threads the engine may work, at least 1.
+
+    ``OMP_NUM_THREADS`` limits them: joblib and dask set it in worker processes, so that
+    all of these together have as many threads as processors.
+    """
+    limit = os.environ.get("OMP_NUM_THREADS", "")
+    count = process_cpu_count()
+    return max(min(count, int(limit)), 1) if limit.isdecimal() else count
+
+
 @contextmanager
 def starting_workers() -> Iterator[None]:
     """Start worker processes with Ctrl-C blocked, until ``start_worker`` ignores it.

@@ -32,6 +32,7 @@ struct Segment {
 
 // A ray at one point; one object serves many rays.
 struct RayState {
+    Room<Crossing> room;           // of the crossings
     Array<Crossing> crossings;     // of the segment
     Room<int32_t> winding;         // of each part
     List<int32_t> touched;         // parts whose winding number was changed
@@ -41,8 +42,8 @@ struct RayState {
     Array<Event> events;           // empty if none are wanted
     int64_t event_count = 0;       // also of those for which there is no room
 
-    RayState(int64_t parts, Array<Crossing> crossings, Array<Event> events)
-        : crossings(crossings), winding(parts), touched(parts), seen(parts), enclosing(parts), events(events) {}
+    RayState(int64_t parts, int64_t max_crossings, Array<Event> events)
+        : room(max_crossings), crossings{room.data(), {max_crossings}}, winding(parts), touched(parts), seen(parts), enclosing(parts), events(events) {}
 };
 
 struct Progress {

@@ -53,7 +53,7 @@ def compile_engine(target: Path = LIBRARY, *compiler: str) -> None:
     new = target.with_suffix(".new")
     digest = f'-DRADARSIM_SOURCES="{source_digest()}"'
     source = str(FOLDER / "engine.cpp")
-    arguments = (*FLAGS.split(), digest, source, "-o", str(new), "-lm")
+    arguments = (*FLAGS.split(), digest, source, "-o", str(new), "-lm", "-lpthread")
     if code := subprocess.run([*command, *arguments], check=False).returncode:
         sys.exit(f"cannot compile {source}: {command[0]} ended with {code}")
     new.replace(target)

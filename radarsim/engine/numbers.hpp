@@ -27,6 +27,7 @@ template <typename T, int D = 1> struct Array {
     T& operator[](int64_t i) const { return data[i]; }
     T& operator()(int64_t i, int64_t j) const { return data[i * shape[1] + j]; }
     T& operator()(int64_t i, int64_t j, int64_t k) const { return data[(i * shape[1] + j) * shape[2] + k]; }
+    T* row(int64_t i) const { return data + i * shape[1]; } // of a table
     T* begin() const { return data; }
     T* end() const { return data + size(); }
 };

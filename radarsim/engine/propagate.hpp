@@ -54,18 +54,16 @@ struct Traces { // one row for each ray
 // Traces one ray after the other through a scene.
 class RayTracer {
   public:
-    RayTracer(const Scene& scene, Array<const RobotBox> boxes, int64_t rays, Array<Crossing> crossings,
-              Array<Event> events)
-        : scene(scene), handle(*scene.handle), materials(*scene.materials), boxes(boxes), box_grid(boxes, rays),
-          state(materials.parts(), crossings, events), near_volumes_(materials.volume.size()) {
-        prepare_query(handle, query_, crossings);
+    RayTracer(const Scene& scene, const BoxGrid& box_grid, int64_t max_crossings, Array<Event> events)
+        : scene(scene), handle(*scene.handle), materials(*scene.materials), box_grid(box_grid),
+          state(materials.parts(), max_crossings, events), near_volumes_(materials.volume.size()) {
+        prepare_query(handle, query_, state.crossings);
     }
 
     const Scene& scene;
     const SceneHandle& handle;
     const MaterialTable& materials;
-    Array<const RobotBox> boxes;
-    BoxGrid box_grid;
+    const BoxGrid& box_grid;
     RayState state;
     Unsliced unsliced = {};
     Vector origin, direction; // of the ray: in the map, before it is traced
@@ -130,7 +128,7 @@ class RayTracer {
     }
 
     // A value of a part for the class of the ray.
-    template <typename T> T* of_class(Array<T, 2> table) const { return &table(class_, 0); }
+    template <typename T> T* of_class(Array<T, 2> table) const { return table.row(class_); }
 
     void start_segment(double before) {
         state.segment.before = before;
@@ -206,7 +204,7 @@ class RayTracer {
     double incidence_of(const RayEnd& end) const {
         if (end.outcome != HIT) return NOT_A_NUMBER;
         if (end.part >= materials.parts()) // a robot
-            return box_incidence(boxes, end.part - materials.parts(), origin, direction,
+            return box_incidence(box_grid.boxes, end.part - materials.parts(), origin, direction,
                                  end.t - state.segment.before);
         return least(fabs(along(opaque_normal())), 1.0);
     }

@@ -70,8 +70,10 @@ inline int64_t cell_at(double offset, int64_t cells) {
 // Boxes by the cells of a grid over the x-y plane; one cell if more do not pay off.
 class BoxGrid {
   public:
+    const Array<const RobotBox> boxes;
+
     BoxGrid(Array<const RobotBox> boxes, int64_t rays)
-        : boxes_(boxes), layout_(lay_out(boxes, rays)), heads_(layout_.cells() + 1), links_(count_links()) {
+        : boxes(boxes), layout_(lay_out(boxes, rays)), heads_(layout_.cells() + 1), links_(count_links()) {
         list_boxes();
     }
 
@@ -80,7 +82,7 @@ class BoxGrid {
         Cells around = cells_around(point[0], point[1], radius);
         for (int64_t row = around.low; row <= around.high; row++)
             for (int64_t k = heads_[row * layout_.columns + around.left]; k < heads_[row * layout_.columns + around.right + 1]; k++) {
-                const RobotBox& box = boxes_[links_[k]];
+                const RobotBox& box = boxes[links_[k]];
                 double dx = point[0] - box.x, dy = point[1] - box.y, reach = radius + box.footprint_radius;
                 if (dx * dx + dy * dy <= reach * reach && box.id != double(carrier)) return true;
             }
@@ -109,8 +111,8 @@ class BoxGrid {
         while (true) {
             for (int64_t k = heads_[cell]; k < heads_[end]; k++) {
                 int64_t i = links_[k];
-                if (boxes_[i].id == double(carrier)) continue;
-                double t = intersect_box(boxes_[i], origin, direction);
+                if (boxes[i].id == double(carrier)) continue;
+                double t = intersect_box(boxes[i], origin, direction);
                 if (t >= 0.0 && (t < nearest || (t == nearest && i > found))) nearest = t, found = i;
             }
             // The boxes of the cells beyond are farther than where this one ends.
@@ -122,7 +124,7 @@ class BoxGrid {
             if (column < 0 || column >= layout_.columns || row < 0 || row >= layout_.rows) break;
             cell = row * layout_.columns + column, end = cell + 1;
         }
-        if (found >= 0) id = int64_t(boxes_[found].id);
+        if (found >= 0) id = int64_t(boxes[found].id);
         return nearest;
     }
 
@@ -180,15 +182,15 @@ class BoxGrid {
 
     // Let the head of each cell be the end of its list; returns the length of all lists.
     int64_t count_links() {
-        for (const RobotBox& box : boxes_) visit_cells(box, [](int32_t& head) { head++; });
+        for (const RobotBox& box : boxes) visit_cells(box, [](int32_t& head) { head++; });
         for (int64_t cell = 1; cell <= layout_.cells(); cell++) heads_[cell] += heads_[cell - 1];
         return heads_[layout_.cells()];
     }
 
     // Fill the lists from their ends, so that heads become their beginnings.
     void list_boxes() {
-        for (int64_t i = 0; i < boxes_.size(); i++)
-            visit_cells(boxes_[i], [&](int32_t& head) { links_[--head] = int32_t(i); });
+        for (int64_t i = 0; i < boxes.size(); i++)
+            visit_cells(boxes[i], [&](int32_t& head) { links_[--head] = int32_t(i); });
     }
 
     // Where a ray enters the grid, m; inf if it does not.
@@ -207,7 +209,6 @@ class BoxGrid {
         return {(double(cell + is_forward) - start) * inverse, fabs(inverse), is_forward ? 1 : -1};
     }
 
-    Array<const RobotBox> boxes_;
     Layout layout_;
     Room<int32_t> heads_, links_; // where the list of each cell begins, and the lists
 };

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from radarsim.engine import Packed, engine
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
+from radarsim.processes import thread_count
 from radarsim.raycast.aimed_rays import (
     NO_TABLE,
     Nodes,
@@ -55,6 +56,7 @@ from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene, expected_scene
 from radarsim.scene.shapes import box
 
+THREAD_RAYS: Final = 2_000  # from as many on, all processors trace the rays of a call
 INITIAL_CAPACITY: Final = 512  # crossings of a segment; events of a call
 INCONSISTENT: Final = -(2**63)  # a result of ``trace_rays``
 EMPTY: Final = np.zeros(0)
@@ -177,7 +179,7 @@ class Tracer:
         """
         source = pack_source(columns_of(rays), NO_TABLE)
         size, classes = len(rays.origins), rays.ray_classes
-        traces, code, _ = self._run(
+        traces, code = self._run(
             source, classes, size, NO_SCANS, boxes, events, incidence
         )
         if code < 0:
@@ -209,11 +211,12 @@ class Tracer:
         nodes, sides = np.zeros(n, np.int16), np.zeros(n, np.int8)
         clear = np.zeros(count, np.bool_)
         columns = places, chances, nodes, sides, clear
-        traces, code, crowded = self._run(
+        traces, code = self._run(
             sensor.source, sensor.ray_classes, n, columns, boxes, events, incidence
         )
         if code < 0:
             reject_ray(scans.aim(), -1 - code)
+        crowded = 0 if clear.all() else count - int(clear.sum())
         return TracedScans(traces, nodes, sides, clear, crowded)
 
     def explain(self, rays: Rays, boxes: Boxes | None = None) -> list[list[Event]]:
@@ -265,7 +268,7 @@ class Tracer:
         boxes: Boxes | None,
         events: bool,
         incidence: bool,
-    ) -> tuple[Traces, int, int]:
+    ) -> tuple[Traces, int]:
         """Trace rays; all of them again with more memory if it was too little.
 
         Args:
@@ -279,13 +282,13 @@ class Tracer:
             incidence: As in ``trace``.
 
         Returns:
-            The traces; 0, or -1 minus the index of an invalid ray; and the number of
-            scans that are not clear.
+            The traces; and 0, or -1 minus the index of an invalid ray.
         """
         # Too little room only means a second pass; after it the highest need is known,
         # so that calls seldom trace twice.
         room = max(self._events_per_ray * size, INITIAL_CAPACITY) if events else 0
-        scene, summary = self._packed_for(ray_classes), np.zeros(4)
+        scene, summary = self._packed_for(ray_classes), np.zeros(3)
+        threads = 1 if size < THREAD_RAYS else thread_count()
         table = NO_BOXES if boxes is None else boxes.table(self._centre)
         while True:
             columns = (
@@ -304,15 +307,16 @@ class Tracer:
                 rows,
                 *columns,
                 *scans,
+                threads,
                 summary,
             )
-            count, height, unsliced, crowded = summary.tolist()
+            count, height, unsliced = summary.tolist()
             if needed == INCONSISTENT:
                 raise EngineError(
                     "rays or scans of lengths that do not belong together"
                 )
             if needed < 0:
-                return Traces(*columns, NO_EVENTS), needed, int(crowded)
+                return Traces(*columns, NO_EVENTS), needed
             if needed == 0 and count <= room:
                 # Level rays at a height that many have get a slice of the scene:
                 # counted here, as the engine cannot build one (``embree``).
@@ -321,7 +325,7 @@ class Tracer:
                 if room:
                     most = int(count) // max(size, 1) + 1
                     self._events_per_ray = max(self._events_per_ray, most)
-                return Traces(*columns, rows[: int(count)]), 0, int(crowded)
+                return Traces(*columns, rows[: int(count)]), 0
             self._max_crossings = max(self._max_crossings, 2 * needed)
             room = max(room, int(count))
 

@@ -62,7 +62,7 @@ def test_unexpected_arrays_are_rejected(labels: Any, text: str) -> None:
 
 def test_array_that_is_not_aligned_is_rejected() -> None:
     labels = np.zeros(9, np.uint8)[1:].view(np.int32)
-    with pytest.raises(EngineError, match="^argument 3 of label_faces is an array"):
+    with pytest.raises(EngineError, match=r"^argument 3 of label_faces is an array"):
         label_faces(labels)
 
 
