@@ -102,7 +102,7 @@ class _Array:
             came = f"an array {value.dtype}{list(value.shape)}"
             came += "" if value.flags.c_contiguous else ", not contiguous"
             came += "" if value.flags.writeable else ", read-only"
-        known = ", ".join(f"{a} = {lengths[a]}" for a in self._axes if a in lengths)  # type: ignore[index]
+        known = ", ".join(f"{a} = {lengths[a]}" for a in self._axes if a in lengths)
         where = f" where {known}" if known else ""
         return EngineError(f"{name} is {came}, expected {self._text}{where}")
 
@@ -130,22 +130,37 @@ def _parameter(code: str, structures: "dict[str, Structure]") -> _Parameter:
             return _Array(code, structures)
         case "&":
             return _Reference(code)
-    return _Row(code) if code.endswith("]") else _Number(code)
+        case _:
+            return _Row(code) if code.endswith("]") else _Number(code)
 
 
 class Packed:
     """A structure in memory, with the arrays and structures that it refers to.
 
+    Its fields are attributes of their names.
+
     Attributes:
         structure: Its type.
+        fields: The value of each field.
         address: Where it is.
     """
 
-    def __init__(self, structure: "Structure", memory: bytearray, kept: object) -> None:
+    def __init__(
+        self, structure: "Structure", memory: bytearray, fields: dict[str, Any]
+    ) -> None:
         self.structure = structure
+        self.fields = fields
         self._memory = memory
         self.address = ctypes.addressof(_Bytes.from_buffer(memory))
-        self._kept = kept
+
+    def __repr__(self) -> str:
+        return f"a packed {self.structure.name}"
+
+    def __getattr__(self, name: str) -> Any:
+        try:
+            return self.fields[name]
+        except KeyError:
+            raise AttributeError(f"{self.structure.name} has no {name!r}") from None
 
 
 class Structure:
