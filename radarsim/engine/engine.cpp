@@ -1,5 +1,7 @@
 // The engine: all that is too slow in Python. One library, as C headers compile in seconds.
+#include "echo_lines.hpp"
 #include "face_passes.hpp"
+#include "lines.hpp"
 #include "trace.hpp"
 
 #define EXPORT extern "C" __attribute__((visibility("default")))

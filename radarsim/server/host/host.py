@@ -176,12 +176,8 @@ class Host:
         What only some robots need is loaded when the first of them is spawned, or
         before by ``ScannerItems.warm_up``.
         """
-        from radarsim.protocol import line_writer
-        from radarsim.server.host import echo_lines
         from radarsim.simulation.simulation import Simulation
 
-        line_writer.warm_up()
-        echo_lines.warm_up()
         return Simulation(self._scene, config=self._config, seed=self._seed)
 
     def begin(self, simulation: Simulation) -> None:
