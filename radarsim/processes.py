@@ -1,7 +1,7 @@
 """Worker processes, a background thread, and the signals that end the program.
 
 SIGINT, SIGTERM and SIGHUP end it at once, or by an exception. At once is the default,
-also while modules are imported and kernels are compiled: an exception gets lost in
+also while modules are imported: an exception gets lost in
 callbacks from C, or ends in a traceback or a crash there. Only where something is to be
 saved or restored the signals raise an exception.
 
@@ -92,7 +92,7 @@ def set_exit_code_of_sigterm(code: int) -> None:
 def exit_immediately(code: int) -> NoReturn:
     """End the process at once, though other threads still run, with all output written.
 
-    Threads that compile would crash while Python shuts down.
+    Threads that load the engine would crash while Python shuts down.
     """
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
