@@ -291,8 +291,8 @@ class Requests:
         Args:
             question: INIT.
             wait: How long to wait.
-            may_be_busy: Whether to wait longer for a busy server: a limit that the caller
-                has set is kept.
+            may_be_busy: Whether to wait longer for a busy server: a limit that the
+                caller has set is kept.
         """
         # Of a short timeout, half is left for the question that tells why nothing
         # comes.

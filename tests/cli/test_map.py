@@ -12,11 +12,9 @@ from PIL import Image
 from processes import start_radarsim
 
 from radarsim.addons.testing import UsarsimServer
-from radarsim.autonomy.exploration.exploration import warm_up
 from radarsim.client import Client
 from radarsim.protocol.reports import RangeScan
 from radarsim.scene.map_file import shipped_maps
-from radarsim.scene.scene import Scene
 
 Command = Callable[..., Any]
 FOLIAGE = ("foliage_room", "--time-limit", "3")
@@ -336,107 +334,6 @@ def test_full_disk_is_reported_in_json_and_leaves_the_old_map(
     assert "map.pgm: the disk is full" in run.err
     assert sorted(file.name for file in tmp_path.iterdir()) == ["map.pgm", "map.tum"]
     assert (tmp_path / "map.tum").read_bytes() == old
-
-
-@pytest.mark.slow
-@fast_server
-@pytest.mark.parametrize(
-    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)]
-)
-def test_signal_ends_the_run_and_the_map_and_the_film_so_far_are_written(
-    server: str, tmp_path: Path, number: int, code: int
-) -> None:
-    words = ("map", "-o", str(tmp_path), "--connect", server, "--json")
-    film = tmp_path / "run.gif"
-    with start_radarsim(*words, "--film", str(film)) as process:
-        deadline = time.monotonic() + 240
-        while not film_has_begun(tmp_path) and time.monotonic() < deadline:
-            time.sleep(0.01)
-        process.send_signal(number)
-        out, errors = process.communicate(timeout=240)
-    told = json.loads(out)
-    assert process.returncode == code
-    assert (told["outcome"], told["error"]) == ("broken_off", "interrupted")
-    assert len(told["files"]) == 5
-    assert b"Traceback" not in errors
-    with Image.open(film) as image:
-        image.seek(getattr(image, "n_frames", 1) - 1)
-        assert image.info["duration"] >= 2000
-    assert sorted(file.name for file in tmp_path.iterdir()) == [*FILES, "run.gif"]
-
-
-def film_has_begun(folder: Path) -> bool:
-    """Return whether a part of a film is on the disk already."""
-    return any(part.stat().st_size for part in folder.glob(".*.part"))
-
-
-@pytest.mark.slow
-def test_files_of_other_programs_are_not_overwritten(
-    radarsim: Command, tmp_path: Path
-) -> None:
-    for ending in (".png", ".pgm", ".yaml", ".tum", "_view.png"):
-        (tmp_path / f"map{ending}").write_text("mine\n")
-        run = radarsim("map", "-o", str(tmp_path), *FOLIAGE)
-        assert run.code == 2
-        assert f"map{ending}, which is of another program" in run.err
-        (tmp_path / f"map{ending}").unlink()
-    assert radarsim("map", "-o", str(tmp_path), *FOLIAGE).code == 0
-    assert radarsim("map", "-o", str(tmp_path), *FOLIAGE).code == 0  # its own may go
-    assert sorted(file.name for file in tmp_path.iterdir()) == FILES
-
-
-def test_simulated_map_is_not_overwritten(radarsim: Command, tmp_path: Path) -> None:
-    text = f"# radarsim map\n{shipped_maps()['empty_room'].read_text()}"
-    (tmp_path / "yard.yaml").write_text(text)
-    yard = str(tmp_path / "yard.yaml")
-    run = radarsim("map", "-o", str(tmp_path / "yard"), yard, "--time-limit", "1")
-    assert run.code == 2
-    assert (tmp_path / "yard.yaml").read_text() == text
-
-
-def test_map_of_the_users_own_is_not_overwritten_beside_itself(
-    radarsim: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    text = shipped_maps()["empty_room"].read_text()
-    Path("my_room.yaml").write_text(text)
-    run = radarsim("map", "my_room.yaml", "--time-limit", "1")
-    assert run.code == 2
-    told = "would overwrite my_room.yaml, which is the simulated map, expected -o OUT"
-    assert told in run.err
-    assert Path("my_room.yaml").read_text() == text
-
-
-def test_seed_of_turn_away_is_accepted_without_serve(
-    server: str, radarsim: Command, tmp_path: Path
-) -> None:
-    words = ("--connect", server, "--strategy", "turn_away", "--seed", "3")
-    run = radarsim("map", "-o", str(tmp_path), *words, "--time-limit", "0.5")
-    assert (run.code, run.err.count("expected")) == (0, 0)
-
-
-def test_full_disk_is_reported_in_json_and_leaves_the_old_map(
-    radarsim: Command, foliage_run: tuple[Any, Path], tmp_path: Path
-) -> None:
-    old = (foliage_run[1] / "map.tum").read_bytes() + b"# more\n"
-    (tmp_path / "map.tum").write_bytes(old)
-    (tmp_path / "map.pgm").symlink_to("/dev/full")
-    run = radarsim("map", "-o", str(tmp_path), *FOLIAGE, "--json")
-    told = json.loads(run.text)
-    assert run.code == 1
-    why = "the disk is full"
-    assert told["error"] == f"cannot write {tmp_path / 'map.pgm'}: {why}"
-    assert (told["outcome"], told["files"]) == ("time_limit", [])
-    assert told["judge"]["right"] > 1000
-    assert "map.pgm: the disk is full" in run.err
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["map.pgm", "map.tum"]
-    assert (tmp_path / "map.tum").read_bytes() == old
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _compiled(empty_room: Scene) -> None:  # noqa: ARG001
-    """Compile before the tests, which read the first line that a program tells."""
-    warm_up()
 
 
 @pytest.mark.slow
