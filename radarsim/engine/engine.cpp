@@ -1,5 +1,9 @@
 // The engine: all that is too slow in Python. One library, as C headers compile in seconds.
+#include "beat_signal.hpp"
+#include "detection.hpp"
 #include "face_passes.hpp"
+#include "ray_fan.hpp"
+#include "turn_echoes.hpp"
 
 #define EXPORT extern "C" __attribute__((visibility("default")))
 
