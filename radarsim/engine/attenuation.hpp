@@ -1,22 +1,13 @@
 // The penetration model: the power that a ray loses, and where it ends; see attenuation.py.
 #pragma once
 #include "crossings.hpp"
+#include "event.hpp"
 
 namespace radarsim {
 
 constexpr double ROUNDING = 1e-12; // share of the initial power that may be left by rounding
 
 enum Outcome : uint8_t { NOTHING, HIT, SPENT, ABSORBED };
-enum class Kind : int32_t { START_INSIDE, ENTER, LEAVE, SHEET, HIT, SPENT, OUT_OF_RANGE, MIRRORED, ABSORBED, NONE = -1 };
-
-struct Event { // a row of EVENT
-    int64_t ray;
-    double t;
-    int32_t part;
-    Kind kind;
-    double power, absorbed, x, y, z;
-};
-LAYOUT(Event, "", ray, t, part, kind, power, absorbed, x, y, z)
 
 struct RayCosts {
     const double *density, *sheet_loss; // of each part

@@ -1,8 +1,12 @@
 // The engine: all that is too slow in Python. One library, as C headers compile in seconds.
+#include "beat_signal.hpp"
+#include "detection.hpp"
 #include "echo_lines.hpp"
 #include "face_passes.hpp"
 #include "lines.hpp"
+#include "ray_fan.hpp"
 #include "trace.hpp"
+#include "turn_echoes.hpp"
 
 #define EXPORT extern "C" __attribute__((visibility("default")))
 
