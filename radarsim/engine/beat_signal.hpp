@@ -2,7 +2,7 @@
 #pragma once
 #include "door.hpp"
 
-namespace radarsim {
+namespace radarsim::fmcw {
 
 // Fill the power of spectra by the shape of the noise.
 inline bool square_spectra(Array<const float[2], 2> spectra, Array<const float> shape, Array<float, 2> power) {
@@ -36,4 +36,4 @@ inline bool add_cosines(Array<float, 2> sweeps, int64_t samples, Array<const int
 }
 DOOR(add_cosines, "rs k k k k")
 
-} // namespace radarsim
+} // namespace radarsim::fmcw

@@ -2,7 +2,7 @@
 #pragma once
 #include "door.hpp"
 
-namespace radarsim {
+namespace radarsim::fmcw {
 
 // Find the strongest bin of each run of bins that are set: a strong echo sets all bins of its main lobe.
 inline void find_peaks(Array<const bool, 2> mask, Array<const float, 2> power, Array<bool, 2> peaks) {
@@ -117,4 +117,4 @@ inline bool find_os(Array<const float, 2> levels, int64_t nearest, int64_t step,
 }
 DOOR(find_os, "rb rb")
 
-} // namespace radarsim
+} // namespace radarsim::fmcw

@@ -10,7 +10,7 @@
 #pragma once
 #include "scattering.hpp"
 
-namespace radarsim {
+namespace radarsim::fmcw {
 
 constexpr double NEPER_DB = 4.3429448190325175; // dB of power in a neper of power
 constexpr double STEEPEST = 0.999;             // square of h / R, at which the formula for ground ends
@@ -173,4 +173,4 @@ inline void add_volume(const RangeLines& lines, const Place& place, double near,
     lines.widen(span.low, span.high);
 }
 
-} // namespace radarsim
+} // namespace radarsim::fmcw

@@ -2,7 +2,7 @@
 #pragma once
 #include "door.hpp"
 
-namespace radarsim {
+namespace radarsim::fmcw {
 
 // The rest of an angle, rad, from -pi to pi, as Python's remainder has it.
 inline double wrapped(double angle) {
@@ -59,4 +59,4 @@ inline bool turn_directions(Array<const Vector> directions, Array<const double[3
 }
 DOOR(turn_directions, "n r n n")
 
-} // namespace radarsim
+} // namespace radarsim::fmcw

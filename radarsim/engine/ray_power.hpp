@@ -2,7 +2,7 @@
 #pragma once
 #include "range_lines.hpp"
 
-namespace radarsim {
+namespace radarsim::fmcw {
 
 constexpr double GRAZING = 1e-3;      // the smallest cosine of an angle of incidence
 constexpr double OVERLAP = 1.5;       // by how much the ranges of a ray reach over those of the next
@@ -216,4 +216,4 @@ class RayWalk {
     Place place_;
 };
 
-} // namespace radarsim
+} // namespace radarsim::fmcw

@@ -2,7 +2,7 @@
 #pragma once
 #include "event.hpp"
 
-namespace radarsim {
+namespace radarsim::fmcw {
 
 constexpr double LEVEL = 1e-6; // how far the normal of level ground is off the vertical, at most
 
@@ -95,4 +95,4 @@ inline Grazing grazing_at(const PartScattering& part, const Event& event, const 
     return over_ground(event.x - t * direction[0], event.y - t * direction[1], direction, t, angle, near, far);
 }
 
-} // namespace radarsim
+} // namespace radarsim::fmcw

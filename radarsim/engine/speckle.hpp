@@ -2,7 +2,7 @@
 #pragma once
 #include "scattering.hpp"
 
-namespace radarsim {
+namespace radarsim::fmcw {
 
 constexpr double FAINT = 1e-5; // in units of the noise; what is less has no amplitude
 constexpr int64_t HASH_LEVELS = 1024;
@@ -69,4 +69,4 @@ inline bool add_amplitudes(Array<const Scatterers> scatterers, Array<const HashL
 }
 DOOR(add_amplitudes, "n l b nb")
 
-} // namespace radarsim
+} // namespace radarsim::fmcw

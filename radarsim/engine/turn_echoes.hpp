@@ -3,7 +3,7 @@
 #include "ray_power.hpp"
 #include "speckle.hpp"
 
-namespace radarsim {
+namespace radarsim::fmcw {
 
 struct Beams { // where the power of a turn is added up
     // Of the directions; the first row is that of the one that is half of the pattern before the first.
@@ -65,4 +65,4 @@ inline bool add_rays(const Beams& beams, const RangeLines& lines, const FanRays&
 }
 DOOR(add_rays, "e s l")
 
-} // namespace radarsim
+} // namespace radarsim::fmcw
