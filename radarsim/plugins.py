@@ -31,7 +31,6 @@ OWN: Final[dict[str, dict[str, str]]] = {
     "radarsim.items": {"fmcw": "radarsim.addons.fmcw.antennas:Antennas"},
     # What compiles the functions of a part of the program, unless they are cached.
     "radarsim.kernels": {
-        "camera": "radarsim.server.camera:warm_up",
         "fmcw": "radarsim.addons.fmcw.antennas:warm_up",
         "mapping": "radarsim.autonomy.exploration.exploration:warm_up",
         "meshes": "radarsim.scene.face_passes:warm_up",

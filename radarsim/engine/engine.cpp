@@ -1,5 +1,8 @@
 // The engine: all that is too slow in Python. One library, as C headers compile in seconds.
+#include "beams.hpp"
 #include "face_passes.hpp"
+#include "rain.hpp"
+#include "shading.hpp"
 
 #define EXPORT extern "C" __attribute__((visibility("default")))
 
