@@ -1,10 +1,13 @@
 // The engine: all that is too slow in Python. One library, as C headers compile in seconds.
+#include "beams.hpp"
 #include "beat_signal.hpp"
 #include "detection.hpp"
 #include "echo_lines.hpp"
 #include "face_passes.hpp"
 #include "lines.hpp"
+#include "rain.hpp"
 #include "ray_fan.hpp"
+#include "shading.hpp"
 #include "trace.hpp"
 #include "turn_echoes.hpp"
 
