@@ -33,9 +33,7 @@ OWN: Final[dict[str, dict[str, str]]] = {
     "radarsim.kernels": {
         "camera": "radarsim.server.camera:warm_up",
         "fmcw": "radarsim.addons.fmcw.antennas:warm_up",
-        "mapping": "radarsim.autonomy.exploration.exploration:warm_up",
         "meshes": "radarsim.scene.face_passes:warm_up",
-        "navigation": "radarsim.autonomy.navigation.footprint_planning:warm_up",
         "server": "radarsim.server.engine_loader:warm_up",
     },
     # What 'radarsim explain' can print instead of what a beam meets.

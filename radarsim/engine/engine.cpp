@@ -1,5 +1,8 @@
 // The engine: all that is too slow in Python. One library, as C headers compile in seconds.
 #include "face_passes.hpp"
+#include "footprint_planning.hpp"
+#include "occupancy.hpp"
+#include "scan_matching.hpp"
 
 #define EXPORT extern "C" __attribute__((visibility("default")))
 

@@ -84,8 +84,7 @@ def sweep(
     began = time.perf_counter()
     if left:
         has_radar = any(has_fmcw(name) for name in wanted.sensor["name"])
-        parts = {"mapping": wanted.kind == "map", "fmcw": has_radar}
-        compile_now(*(part for part, is_needed in parts.items() if is_needed))
+        compile_now(*(("fmcw",) if has_radar else ()))
         todo, batch = [*left.values()], _BATCHES[wanted.kind]
         if scheduler is None:
             running = _run_here(todo, scenes, batch, workers or process_cpu_count())

@@ -18,11 +18,7 @@ from radarsim.autonomy.commands.film import check_film, filmed
 from radarsim.autonomy.commands.map_files import MapFiles
 from radarsim.autonomy.commands.map_view import MapCamera
 from radarsim.autonomy.evaluation.mapping_run import MappingResult, MappingRun
-from radarsim.autonomy.exploration.exploration import (
-    Exploration,
-    ExplorationStep,
-    warm_up,
-)
+from radarsim.autonomy.exploration.exploration import Exploration, ExplorationStep
 from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.plotting.area import draw_area_curves
 from radarsim.autonomy.watching import RobotWatcher, WatchMapper
@@ -250,8 +246,6 @@ def follow(
     recording = output.recording
     output.check()
     start_log(logging.WARNING, "%(message)s")
-    # Before it connects: else scans pass while kernels are being compiled.
-    warm_up()
     result = MappingResult(
         None, follower.motion_source, trip=follower.trip, outcome="watched"
     )
