@@ -241,7 +241,8 @@ class Function:
             codes: The codes of its parameters, an arrow, and the code of its result.
         """
         self._name, self._codes = name, codes[:-2]
-        result = {"none": None, "f8": ctypes.c_double}.get(codes[-1], ctypes.c_int64)
+        has_none = codes[-1] == "none"
+        result = None if has_none else np.ctypeslib.as_ctypes_type(np.dtype(codes[-1]))
         self._call = ctypes.CFUNCTYPE(result, ctypes.c_char_p)(start)
 
     def __call__(self, *arguments: Any) -> Any:
