@@ -26,7 +26,6 @@ from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.footprint import Footprint
-from radarsim.robots.motion import sweep_rate
 from radarsim.robots.obstacles import Obstacles, finish, overlaps
 from radarsim.robots.robot import Robot
 from radarsim.scene.scene import Scene
@@ -426,14 +425,9 @@ class Simulation:
         radar.plan(self._tracer, pose, rng, boxes, 0)  # as beside a wall
         sonar = SonarArray([pose], [sonar_settings()])
         self._tracer.trace(sonar.rays(pose), boxes, incidence=True)
-        # What a spawn runs: else the first one would hold up all clients.
-        Obstacles().clear(Footprint(1.0, 1.0), Pose2(0.0, 0.0))
-        sweep_rate(0.0, 0.0, 1.0, 1.0, 0.0)
         floors = dict.fromkeys(start.pose.z for start in self.scene.starts)
         for floor in islice(floors or [0.0], MOST_READY_FLOORS):
             self._fleet.prepare(self._obstacles(floor))
-        self._fleet.step(TICK)
-        self._fleet.touched([])
         self._readings.run([], 0)
 
     def _obstacles(self, floor: float) -> Obstacles:
