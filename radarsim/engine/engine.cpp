@@ -6,6 +6,7 @@
 #include "face_passes.hpp"
 #include "footprint_planning.hpp"
 #include "lines.hpp"
+#include "motion.hpp"
 #include "occupancy.hpp"
 #include "rain.hpp"
 #include "ray_fan.hpp"
