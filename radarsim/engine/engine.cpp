@@ -2,6 +2,7 @@
 #include "echo_lines.hpp"
 #include "face_passes.hpp"
 #include "lines.hpp"
+#include "readings.hpp"
 #include "trace.hpp"
 
 #define EXPORT extern "C" __attribute__((visibility("default")))
