@@ -15,7 +15,7 @@
 #pragma once
 #include "walls.hpp"
 
-namespace radarsim {
+namespace radarsim::robots {
 
 constexpr double ROBOT_RANGE = 4.0; // m between the circles of two robots that find each other
 constexpr double MIN_CELL = 2.0;    // m
@@ -226,4 +226,4 @@ class Mover {
     int64_t walls_ = 0;      // their number
 };
 
-} // namespace radarsim
+} // namespace radarsim::robots

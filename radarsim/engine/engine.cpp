@@ -10,6 +10,7 @@
 #include "occupancy.hpp"
 #include "rain.hpp"
 #include "ray_fan.hpp"
+#include "readings.hpp"
 #include "scan_matching.hpp"
 #include "shading.hpp"
 #include "trace.hpp"

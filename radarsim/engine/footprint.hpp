@@ -2,7 +2,7 @@
 #pragma once
 #include "robot.hpp"
 
-namespace radarsim {
+namespace radarsim::robots {
 
 struct Line {
     double middle_x, middle_y; // m, map frame
@@ -52,4 +52,4 @@ inline void find_contacts(Array<const Line> lines, Array<const Vector> poses, do
 }
 DOOR(find_contacts, "l p p")
 
-} // namespace radarsim
+} // namespace radarsim::robots

@@ -9,7 +9,7 @@
 #pragma once
 #include "collision.hpp"
 
-namespace radarsim {
+namespace radarsim::robots {
 
 constexpr double MAX_SWEEP = 0.05;  // m; a longer step is split, not to jump over obstacles
 constexpr double MAX_PARTS = 1e6;  // a robot that would be faster gets anywhere
@@ -194,4 +194,4 @@ inline bool drive_each_alone(const Surroundings& around, Array<const int64_t> or
 }
 DOOR(drive_each_alone, "r r")
 
-} // namespace radarsim
+} // namespace radarsim::robots

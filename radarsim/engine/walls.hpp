@@ -2,7 +2,7 @@
 #pragma once
 #include "footprint.hpp"
 
-namespace radarsim {
+namespace radarsim::robots {
 
 struct WallEntry { // a wall that crosses a cell
     int64_t cell;  // number of the cell, ascending on each floor
@@ -89,4 +89,4 @@ inline double find_gap(const Walls& walls, double x, double y, double yaw, doubl
 }
 DOOR(find_gap, "l")
 
-} // namespace radarsim
+} // namespace radarsim::robots
