@@ -1,7 +1,7 @@
 """Worker processes, a background thread, and the signals that end the program.
 
 SIGINT, SIGTERM and SIGHUP end it at once, or by an exception. At once is the default,
-also while modules are imported and kernels are compiled: an exception gets lost in
+also while modules are imported: an exception gets lost in
 callbacks from C, or ends in a traceback or a crash there. Only where something is to be
 saved or restored the signals raise an exception.
 
@@ -92,7 +92,7 @@ def set_exit_code_of_sigterm(code: int) -> None:
 def exit_immediately(code: int) -> NoReturn:
     """End the process at once, though other threads still run, with all output written.
 
-    Threads that compile would crash while Python shuts down.
+    Threads that load the engine would crash while Python shuts down.
     """
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
@@ -174,6 +174,17 @@ def process_cpu_count() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def thread_count() -> int:
+    """Return on how many threads the engine may work, at least 1.
+
+    ``OMP_NUM_THREADS`` limits them: joblib and dask set it in worker processes, so that
+    all of these together have as many threads as processors.
+    """
+    limit = os.environ.get("OMP_NUM_THREADS", "")
+    count = process_cpu_count()
+    return max(min(count, int(limit)), 1) if limit.isdecimal() else count
 
 
 @contextmanager

@@ -1,7 +1,8 @@
 """Compile the engine with the compiler in the package ``ziglang``, a wheel of PyPI.
 
 ``hatch_build.py`` does so when the package is built or installed; in a checkout, this
-file can be run: ``python radarsim/engine/build.py``. It imports nothing of radarsim.
+file can be run: ``python radarsim/engine/build.py [COMPILER]``. It imports nothing of
+radarsim.
 """
 
 import hashlib
@@ -45,18 +46,18 @@ def compile_engine(target: Path = LIBRARY, *compiler: str) -> None:
     """
     if platform.machine() != "x86_64" or sys.platform != "linux":
         sys.exit(
-            "radarsim runs on Linux on x86-64, since embreex has no wheel for others"
-            f" that it is tested with; this is {sys.platform} on {platform.machine()}"
+            "radarsim runs on Linux on x86-64, for which embreex and this package are"
+            f" tested, not on {sys.platform} on {platform.machine()}"
         )
     command = compiler or (sys.executable, *ZIG, "-mcpu=x86_64_v2")
     new = target.with_suffix(".new")
     digest = f'-DRADARSIM_SOURCES="{source_digest()}"'
     source = str(FOLDER / "engine.cpp")
-    arguments = (*FLAGS.split(), digest, source, "-o", str(new), "-lm")
+    arguments = (*FLAGS.split(), digest, source, "-o", str(new), "-lm", "-lpthread")
     if code := subprocess.run([*command, *arguments], check=False).returncode:
         sys.exit(f"cannot compile {source}: {command[0]} ended with {code}")
     new.replace(target)
 
 
-if __name__ == "__main__":
-    compile_engine()
+if __name__ == "__main__":  # another compiler can be given, for example for sanitizers
+    compile_engine(LIBRARY, *sys.argv[1:])

@@ -65,7 +65,7 @@ class Lengths {
 };
 
 // The code of a type in numpy, or the name of a structure.
-template <typename T> struct Code;
+template <typename T> struct Code { static constexpr const char* name = structure_name(static_cast<T*>(nullptr)); };
 template <> struct Code<double> { static constexpr const char* name = "f8"; };
 template <> struct Code<float> { static constexpr const char* name = "f4"; };
 template <> struct Code<bool> { static constexpr const char* name = "?"; };
@@ -214,12 +214,10 @@ inline void describe_all(Text& text) {
     Parameter<decltype(type::field)>::describe(text, lengths);                                                        \
     text.add(" ");
 
-// To be used in the namespace radarsim.
 #define LAYOUT(type, lengths_, ...)                                                                                   \
-    namespace door {                                                                                                  \
-    template <> struct Code<type> { static constexpr const char* name = #type; };                                     \
-    inline void describe_##type(Text& text, Lengths& lengths) {                                                       \
+    constexpr const char* structure_name(const type*) { return #type; }                                              \
+    inline void describe_##type(::radarsim::door::Text& text, [[maybe_unused]] ::radarsim::door::Lengths& lengths) {  \
+        using ::radarsim::door::Parameter;                                                                            \
         RADARSIM_EXPAND(RADARSIM_EACH(RADARSIM_FIELD, type, __VA_ARGS__))                                             \
     }                                                                                                                 \
-    }                                                                                                                 \
-    static const door::Entry type##_entry{#type, lengths_, nullptr, sizeof(type), &door::describe_##type};
+    static const ::radarsim::door::Entry type##_entry{#type, lengths_, nullptr, sizeof(type), &describe_##type};

@@ -27,6 +27,7 @@ template <typename T, int D = 1> struct Array {
     T& operator[](int64_t i) const { return data[i]; }
     T& operator()(int64_t i, int64_t j) const { return data[i * shape[1] + j]; }
     T& operator()(int64_t i, int64_t j, int64_t k) const { return data[(i * shape[1] + j) * shape[2] + k]; }
+    T* row(int64_t i) const { return data + i * shape[1]; } // of a table
     T* begin() const { return data; }
     T* end() const { return data + size(); }
 };
@@ -56,11 +57,13 @@ template <typename T> class List {
     T* begin() const { return room_.data(); }
     T* end() const { return room_.data() + size_; }
     void append(T value) { room_[size_++] = value; }
-    void clear() { size_ = 0; }
-    // Remove a value that is in the list; those behind it move up.
+    void clear() { shorten(0); }
+    void shorten(int64_t size) { size_ = size; }
+    // Remove a value if it is in the list; those behind it move up.
     void remove(T value) {
         int64_t i = 0;
-        while (room_[i] != value) i++;
+        while (i < size_ && room_[i] != value) i++;
+        if (i == size_) return;
         for (size_--; i < size_; i++) room_[i] = room_[i + 1];
     }
 
