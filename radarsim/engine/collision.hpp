@@ -31,7 +31,7 @@ struct Surroundings { // what robots may run into
     Array<const int64_t> order; // slots of all robots, in the order in which they move
     Array<Odometry> odometry;
     const Walls* walls;
-    Array<Line> lines;             // room for those near a robot: all walls, and four for each robot
+    Array<LineSegment> lines;             // room for those near a robot: all walls, and four for each robot
     double margin;                 // m; a smaller gap counts as contact
     double wall_range;             // m beyond the robot's circle within which walls are found
     double max_displacement_ratio; // of a centre, by the sweep of a move
@@ -222,7 +222,7 @@ class Mover {
     const Surroundings& around_;
     const RobotGrid& grid_;
     Robot& robot_;
-    Array<Line> lines_ = {}; // those near it; the first are walls
+    Array<LineSegment> lines_ = {}; // those near it; the first are walls
     int64_t walls_ = 0;      // their number
 };
 

@@ -4,12 +4,12 @@
 
 namespace radarsim::robots {
 
-struct Line {
+struct LineSegment {
     double middle_x, middle_y; // m, map frame
     double half_x, half_y;     // vector from the middle to the second end, m
     double rank;               // of lines at the same distance the one of lowest rank counts
 };
-LAYOUT(Line, "", middle_x, middle_y, half_x, half_y, rank)
+LAYOUT(LineSegment, "", middle_x, middle_y, half_x, half_y, rank)
 
 struct Contact {
     double gap;            // lower bound of the distance to a line, m; negative, minus the depth, if it reaches in
@@ -17,10 +17,10 @@ struct Contact {
 };
 LAYOUT(Contact, "", gap, away_x, away_y)
 
-inline Contact find_contact(Array<const Line> lines, const Pose2& pose, double half_length, double half_width) {
+inline Contact find_contact(Array<const LineSegment> lines, const Pose2& pose, double half_length, double half_width) {
     double c = cos(pose.yaw), s = sin(pose.yaw), rank = 0.0;
     Contact contact = {INFINITE, 0.0, 0.0};
-    for (const Line& line : lines) {
+    for (const LineSegment& line : lines) {
         double dx = line.middle_x - pose.x, dy = line.middle_y - pose.y;
         double middle_x = dx * c + dy * s, middle_y = dy * c - dx * s;
         double half_x = line.half_x * c + line.half_y * s, half_y = line.half_y * c - line.half_x * s;
@@ -45,8 +45,8 @@ inline Contact find_contact(Array<const Line> lines, const Pose2& pose, double h
 }
 
 // The contacts of a rectangle at several poses: x, y and yaw.
-inline void find_contacts(Array<const Line> lines, Array<const Vector> poses, double half_length, double half_width,
-                          Array<Contact> contacts) {
+inline void find_contacts(Array<const LineSegment> lines, Array<const Vector> poses, double half_length,
+                          double half_width, Array<Contact> contacts) {
     for (int64_t i = 0; i < poses.size(); i++)
         contacts[i] = find_contact(lines, {poses[i][0], poses[i][1], poses[i][2]}, half_length, half_width);
 }

@@ -13,7 +13,7 @@ namespace radarsim::robots {
 
 constexpr double MAX_SWEEP = 0.05;  // m; a longer step is split, not to jump over obstacles
 constexpr double MAX_PARTS = 1e6;  // a robot that would be faster gets anywhere
-constexpr double UNKNOWN = -1.0; // of Robot::touched
+constexpr double TOUCH_UNKNOWN = -1.0; // of Robot::touched
 
 // An angle, rad, wrapped to (-pi, pi].
 inline double wrap_angle(double angle) {
@@ -84,7 +84,7 @@ inline void move(const Surroundings& around, const RobotGrid& grid, Robot& robot
 }
 
 inline void drive_robot(const Surroundings& around, const RobotGrid& grid, Robot& robot, double dt) {
-    robot.touched = UNKNOWN;
+    robot.touched = TOUCH_UNKNOWN;
     double left = robot.left_spin, right = robot.right_spin, aside = robot.aside;
     if (left == 0.0 && right == 0.0 && aside == 0.0) {
         // Others may approach meanwhile: the next move measures the gap anew.
@@ -137,7 +137,7 @@ inline void find_touched_in(const Surroundings& around, RobotGrid& grid, Array<c
     grid.enter(0.0);
     for (int64_t slot : slots) {
         Robot& robot = around.robots[slot];
-        if (robot.touched == UNKNOWN)
+        if (robot.touched == TOUCH_UNKNOWN)
             robot.touched = robot.blocked != 0.0 || Mover(around, grid, robot).is_touching();
     }
 }

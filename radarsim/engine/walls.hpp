@@ -19,7 +19,7 @@ struct WallGrid { // of a floor
 LAYOUT(WallGrid, "", left, bottom, cell, columns, rows, first, end)
 
 struct Walls {
-    Array<const Line> lines;
+    Array<const LineSegment> lines;
     Array<const WallEntry> entries;
     Array<const WallGrid> floors;
     Array<int64_t> marks;    // number of the search that found a wall last
@@ -50,7 +50,7 @@ inline int64_t first_entry(Array<const WallEntry> entries, const WallGrid& grid,
     return first;
 }
 
-inline bool is_near(const Line& line, double x, double y, double reach) {
+inline bool is_near(const LineSegment& line, double x, double y, double reach) {
     double dx = x - line.middle_x, dy = y - line.middle_y;
     double share = (dx * line.half_x + dy * line.half_y) / (line.half_x * line.half_x + line.half_y * line.half_y);
     share = least(most(share, -1.0), 1.0);
@@ -60,7 +60,8 @@ inline bool is_near(const Line& line, double x, double y, double reach) {
 }
 
 // Write the walls of a floor within reach of a place, each once; returns their number. There is room for all walls.
-inline int64_t find_walls(const Walls& walls, double floor, double x, double y, double reach, Array<Line> found) {
+inline int64_t find_walls(const Walls& walls, double floor, double x, double y, double reach,
+                          Array<LineSegment> found) {
     if (!(floor >= 0.0 && floor < double(walls.floors.size())) || found.size() < walls.lines.size()) return 0;
     const WallGrid& grid = walls.floors[int64_t(floor)];
     CellRange columns = cells_within(x - grid.left, reach, grid.cell, grid.columns);
@@ -83,7 +84,7 @@ DOOR(find_walls, "l")
 
 // The gap of a rectangle, within a circle of a radius, to the walls of the only floor; infinite if none is near.
 inline double find_gap(const Walls& walls, double x, double y, double yaw, double half_length, double half_width,
-                       double radius, Array<Line> lines) {
+                       double radius, Array<LineSegment> lines) {
     int64_t count = find_walls(walls, 0.0, x, y, radius, lines);
     return find_contact({lines.data, {count}}, {x, y, yaw}, half_length, half_width).gap;
 }

@@ -27,7 +27,7 @@ NO_SEGMENTS.setflags(write=False)
 
 
 Lines: TypeAlias = NDArray[np.void]  # structures of the type LINE
-LINE: Final = engine.structures["Line"].dtype
+LINE: Final = engine.structures["LineSegment"].dtype
 _CONTACT: Final = engine.structures["Contact"].dtype
 
 
