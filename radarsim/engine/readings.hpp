@@ -192,13 +192,16 @@ inline double link_angle(const Link& link, double ticks) {
 inline double angle_of_link(Array<const Link> link, double ticks) { return link_angle(link[0], ticks); }
 DOOR(angle_of_link, "1")
 
-// Robots, their odometry, and the rows of what their sensors remember, which begin with whether random numbers are
-// used up.
-using RobotRow = double[sizeof(Robot) / sizeof(double)];
-using OdometryRow = double[sizeof(Odometry) / sizeof(double)];
+struct SensorTables { // of robots by slots, jobs and odometry aside
+    Array<const Job> jobs;
+    Array<double, 2> rows; // whether random numbers are used up, and what sensors remember
+    Array<const double[sizeof(Robot) / sizeof(double)]> robots;
+    Array<const double[sizeof(Odometry) / sizeof(double)]> odometry;
+};
+LAYOUT(SensorTables, "j sn r m", jobs, rows, robots, odometry)
 
 // Do a job. Returns whether some random numbers are used up.
-inline bool take_reading(const Job& job, double* row, double ticks, const Robot& robot, Array<const OdometryRow> odometry,
+inline bool take_reading(const Job& job, double* row, double ticks, const Robot& robot, const SensorTables& tables,
                          Numbers& out) {
     void* place = row + job.place;
     const double body[] = {robot.x, robot.y, robot.body_z, robot.roll, robot.pitch, robot.yaw};
@@ -225,7 +228,11 @@ inline bool take_reading(const Job& job, double* row, double ticks, const Robot&
         break;
     }
     case Reading::MINUTES: out.add(floor((ticks - row[job.place]) / TICKS_A_MINUTE)); break; // since the spawn
-    case Reading::WHEEL_POSE: out.add(&odometry[int64_t(row[job.place])][offsetof(Odometry, x) / sizeof(double)], 3); break;
+    case Reading::WHEEL_POSE: {
+        const double* odometry = tables.odometry[int64_t(row[job.place])];
+        out.add(&reinterpret_cast<const Odometry*>(odometry)->x, 3);
+        break;
+    }
     case Reading::DRIFT: {
         Ins& ins = *static_cast<Ins*>(place);
         move_ins(ins, body);
@@ -251,19 +258,18 @@ inline bool take_reading(const Job& job, double* row, double ticks, const Robot&
 
 // Do the jobs of robots, one after the other. Returns the number of robots that have used up random numbers; -1 if out
 // has not the length that is written.
-inline int64_t take_readings(Array<const DueJobs> due, Array<const Job> jobs, Array<double, 2> rows, double ticks,
-                             Array<double> out, Array<const RobotRow> robots, Array<const OdometryRow> odometry) {
+inline int64_t take_readings(Array<const DueJobs> due, const SensorTables& tables, double ticks, Array<double> out) {
     Numbers numbers = {out, 0};
     int64_t used_up = 0;
     for (const DueJobs& each : due) {
-        const Robot& robot = reinterpret_cast<const Robot&>(robots[each.slot]);
-        double* row = &rows(each.slot, 0);
+        const Robot& robot = reinterpret_cast<const Robot&>(tables.robots[each.slot]);
+        double* row = &tables.rows(each.slot, 0);
         for (int64_t job = each.first; job < each.end; job++)
-            if (take_reading(jobs[job], row, ticks, robot, odometry, numbers)) row[0] = 1.0;
+            if (take_reading(tables.jobs[job], row, ticks, robot, tables, numbers)) row[0] = 1.0;
         used_up += row[0] != 0.0;
     }
     return numbers.count == out.size() ? used_up : -1;
 }
-DOOR(take_readings, "d j sn o r m")
+DOOR(take_readings, "d o")
 
 } // namespace radarsim

@@ -3,13 +3,14 @@
 ``readings.hpp`` describes what they follow from.
 """
 
+import operator
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.engine import engine
+from radarsim.engine import Packed, engine
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.robots.fleet import Fleet
@@ -68,6 +69,7 @@ class ReadingTable:
         self._rows: Floats = np.zeros((0, 1))
         self._jobs = np.zeros(0, _JOB)
         self._programs: dict[tuple[Job, ...], Program] = {}
+        self._tables = self._pack()
 
     def program(self, jobs: Sequence[Job], size: int) -> Program:
         """Return jobs, which write ``size`` numbers, as a program; equal ones once."""
@@ -95,18 +97,23 @@ class ReadingTable:
             random numbers, so that ``RobotState.is_depleted``.
         """
         out = np.zeros(sum([each.size for _, each in due]))
-        depleted = engine.take_readings(
-            np.array([(slot, each.first, each.end) for slot, each in due], _DUE),
-            self._jobs,
-            self._rows,
-            ticks,
-            out,
-            self._fleet.columns,
-            self._fleet.odometry,
-        )
+        rows = np.array([(slot, each.first, each.end) for slot, each in due], _DUE)
+        fleet, tables = self._fleet, self._tables
+        arrays = self._jobs, self._rows, fleet.columns, fleet.odometry
+        if not all(map(operator.is_, arrays, tables.fields.values())):
+            tables = self._tables = self._pack()
+        depleted = engine.take_readings(rows, tables, ticks, out)
         if depleted < 0:
             raise EngineError(f"jobs do not write {len(out)} numbers, as lines have")
         return out.tolist(), depleted > 0
+
+    def _pack(self) -> Packed:
+        return engine.structures["SensorTables"].pack(
+            jobs=self._jobs,
+            rows=self._rows,
+            robots=self._fleet.columns,
+            odometry=self._fleet.odometry,
+        )
 
     def row(self, slot: int, width: int) -> Floats:
         """Return the row of a slot; there is room for at least ``width`` numbers."""
