@@ -171,11 +171,7 @@ class Host:
         return self._commands.simulation
 
     def make_simulation(self) -> Simulation:
-        """Load or compile the engine, and create a simulation; in any thread.
-
-        What only some robots need is loaded when the first of them is spawned, or
-        before by ``ScannerItems.warm_up``.
-        """
+        """Load the engine, and create a simulation; in any thread."""
         from radarsim.simulation.simulation import Simulation
 
         return Simulation(self._scene, config=self._config, seed=self._seed)
