@@ -12,6 +12,7 @@
 #include "ray_fan.hpp"
 #include "scan_matching.hpp"
 #include "shading.hpp"
+#include "slices.hpp"
 #include "trace.hpp"
 #include "turn_echoes.hpp"
 
