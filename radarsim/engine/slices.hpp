@@ -99,4 +99,44 @@ inline int64_t slice_area(const SolidMesh& mesh, double x_min, double x_max, dou
 }
 DOOR(slice_area, "s s")
 
+// Write the numbers of the triangles that reach into a slab between two heights; returns how many they are.
+inline int64_t find_in_slab(Array<const Triangle> triangles, double low, double high, Array<int64_t> numbers) {
+    int64_t count = 0;
+    for (int64_t i = 0; i < triangles.size(); i++) {
+        double a = triangles[i][2], b = triangles[i][5], c = triangles[i][8];
+        if ((a <= high || b <= high || c <= high) && (a >= low || b >= low || c >= low)) numbers[count++] = i;
+    }
+    return count;
+}
+DOOR(find_in_slab, "t t")
+
+// Extend a box, three numbers of its lower corner and three of its upper one, to a point.
+inline void extend(double* box, const Vector& point) {
+    for (int axis = 0; axis < 3; axis++) { // a corner that is not known yet is nan
+        if (!(box[axis] <= point[axis])) box[axis] = point[axis];
+        if (!(box[axis + 3] >= point[axis])) box[axis + 3] = point[axis];
+    }
+}
+
+// Write the bounding boxes of the parts of triangles within a slab: lower corner, upper corner, lower corner.
+inline void clip_to_slab(Array<const Triangle> triangles, double low, double high, Array<Triangle> outlines) {
+    const double heights[2] = {low, high};
+    for (int64_t i = 0; i < triangles.size(); i++) {
+        double* box = outlines[i];
+        for (int k = 0; k < 6; k++) box[k] = NOT_A_NUMBER;
+        for (int corner = 0; corner < 3; corner++) {
+            const double *begin = &triangles[i][3 * corner], *end = &triangles[i][3 * ((corner + 1) % 3)];
+            if (begin[2] >= low && begin[2] <= high) extend(box, {begin[0], begin[1], begin[2]});
+            for (double height : heights) { // where the side crosses a face of the slab
+                double before = begin[2] - height, after = end[2] - height, share = before / (before - after);
+                if (!(before * after < 0.0)) continue;
+                extend(box, {begin[0] + share * (end[0] - begin[0]), begin[1] + share * (end[1] - begin[1]),
+                             begin[2] + share * (end[2] - begin[2])});
+            }
+        }
+        memcpy(box + 6, box, 3 * sizeof(double));
+    }
+}
+DOOR(clip_to_slab, "t t")
+
 } // namespace radarsim
