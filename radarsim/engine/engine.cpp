@@ -13,6 +13,7 @@
 #include "readings.hpp"
 #include "scan_matching.hpp"
 #include "shading.hpp"
+#include "slices.hpp"
 #include "trace.hpp"
 #include "turn_echoes.hpp"
 

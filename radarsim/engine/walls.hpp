@@ -6,7 +6,7 @@ namespace radarsim::robots {
 
 struct WallEntry { // a wall that crosses a cell
     int64_t cell;  // number of the cell, ascending on each floor
-    int64_t wall;
+    int64_t wall;  // number of the wall on its floor
 };
 LAYOUT(WallEntry, "", cell, wall)
 
@@ -15,8 +15,9 @@ struct WallGrid { // of a floor
     double cell;         // size of a cell, m
     int64_t columns, rows;
     int64_t first, end; // its entries
+    int64_t first_line;
 };
-LAYOUT(WallGrid, "", left, bottom, cell, columns, rows, first, end)
+LAYOUT(WallGrid, "", left, bottom, cell, columns, rows, first, end, first_line)
 
 struct Walls {
     Array<const LineSegment> lines;
@@ -26,6 +27,69 @@ struct Walls {
     Array<int64_t> searches; // their number
 };
 LAYOUT(Walls, "w e f w 1", lines, entries, floors, marks, searches)
+
+using Ends = double[2][2]; // m, x and y of both ends, map frame
+
+// Fill lines, ranked as their segments come.
+inline void fill_lines(Array<const Ends> segments, Array<LineSegment> lines) {
+    for (int64_t i = 0; i < segments.size(); i++) {
+        const auto& [first, second] = segments[i];
+        lines[i] = {(first[0] + second[0]) / 2, (first[1] + second[1]) / 2, (second[0] - first[0]) / 2,
+                    (second[1] - first[1]) / 2, double(i)};
+    }
+}
+DOOR(fill_lines, "s s")
+
+constexpr double CELL_TOLERANCE = 1e-6; // cells; a wall this close to a cell crosses it
+
+inline int64_t first_cell(double low) { return int64_t(floor(low - CELL_TOLERANCE)); }
+inline int64_t last_cell(double high) { return int64_t(floor(high + CELL_TOLERANCE)); }
+
+// Call a function with row and column of each cell that a segment crosses.
+template <typename F> void visit_cells(const Ends& segment, const WallGrid& grid, F visit) {
+    double x[2], y[2];
+    for (int end = 0; end < 2; end++) {
+        x[end] = (segment[end][0] - grid.left) / grid.cell;
+        y[end] = (segment[end][1] - grid.bottom) / grid.cell;
+    }
+    int low = y[1] >= y[0] ? 0 : 1;
+    double run = x[1 - low] - x[low], rise = y[1 - low] - y[low];
+    int64_t last_row = last_cell(y[low] + rise);
+    for (int64_t row = first_cell(y[low]); row <= last_row; row++) {
+        // The part of the segment within the row, as shares of its length.
+        double begin = 0.0, end = 1.0;
+        if (rise != 0.0) {
+            begin = least(most((double(row) - CELL_TOLERANCE - y[low]) / rise, 0.0), 1.0);
+            end = least(most((double(row + 1) + CELL_TOLERANCE - y[low]) / rise, 0.0), 1.0);
+        }
+        begin = x[low] + begin * run, end = x[low] + end * run;
+        int64_t last = last_cell(most(begin, end));
+        for (int64_t column = first_cell(least(begin, end)); column <= last; column++) visit(row, column);
+    }
+}
+
+// Count the cells that segments cross, and set the numbers of columns and rows.
+inline int64_t count_crossings(Array<const Ends> segments, Array<WallGrid> grid) {
+    int64_t count = 0, &columns = grid[0].columns, &rows = grid[0].rows;
+    for (const Ends& segment : segments)
+        visit_cells(segment, grid[0], [&](int64_t row, int64_t column) {
+            if (column >= columns) columns = column + 1;
+            if (row >= rows) rows = row + 1;
+            count++;
+        });
+    return count;
+}
+DOOR(count_crossings, "s 1")
+
+// Write an entry for each of these, wall by wall.
+inline void enter_crossings(Array<const Ends> segments, Array<const WallGrid> grid, Array<WallEntry> entries) {
+    int64_t count = 0;
+    for (int64_t wall = 0; wall < segments.size(); wall++)
+        visit_cells(segments[wall], grid[0], [&](int64_t row, int64_t column) {
+            if (count < entries.size()) entries[count++] = {row * grid[0].columns + column, wall};
+        });
+}
+DOOR(enter_crossings, "s 1 e")
 
 struct CellRange {
     int64_t first, last;
@@ -72,7 +136,7 @@ inline int64_t find_walls(const Walls& walls, double floor, double x, double y, 
         int64_t last = row * grid.columns + columns.last;
         int64_t entry = first_entry(walls.entries, grid, row * grid.columns + columns.first);
         for (; entry < grid.end && walls.entries[entry].cell <= last; entry++) {
-            int64_t wall = walls.entries[entry].wall;
+            int64_t wall = grid.first_line + walls.entries[entry].wall;
             if (walls.marks[wall] == search) continue;
             walls.marks[wall] = search;
             if (is_near(walls.lines[wall], x, y, reach)) found[count++] = walls.lines[wall];

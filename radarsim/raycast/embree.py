@@ -81,7 +81,6 @@ SIGNATURES: Final[dict[str, tuple[type | None, list[type]]]] = {
     "rtcPointQuery": (_BOOL, [_POINTER] * 5),
     "rtcIntersect1": (None, [_POINTER, _POINTER, _POINTER]),
 }
-SLAB_BLOCK: Final = 50_000  # triangles of which intermediate results fit into memory
 # How much wider than its triangle a box is, for each metre of the scene's radius.
 # Each rounding to float32 costs up to 6e-8 of a coordinate; Embree rounds some eight
 # times before it compares.
@@ -162,29 +161,8 @@ def clip_to_slab(triangles: Floats, low: float, high: float) -> Floats:
         corner, and the lower one again.
     """
     outlines = np.zeros((len(triangles), 9))
-    for start in range(0, len(triangles), SLAB_BLOCK):
-        rows = slice(start, start + SLAB_BLOCK)
-        points = _outline(triangles[rows].reshape(-1, 3, 3), low, high)
-        outlines[rows, :3] = outlines[rows, 6:] = np.nanmin(points, axis=1)
-        outlines[rows, 3:6] = np.nanmax(points, axis=1)
+    engine.clip_to_slab(triangles, low, high, outlines)
     return outlines
-
-
-def _outline(corners: Floats, low: float, high: float) -> Floats:
-    """Return the corners of the parts, (T, 9, 3) m; nan for those that there are not.
-
-    They are the triangle's corners within the slab, and the points at which its edges
-    cross the slab's faces.
-    """
-    z = corners[:, :, 2:]
-    points = [np.where((z >= low) & (z <= high), corners, np.nan)]
-    ends = np.roll(corners, -1, axis=1)
-    for height in (low, high):
-        before, after = z - height, ends[:, :, 2:] - height
-        crosses = before * after < 0.0
-        share = before / np.where(crosses, before - after, 1.0)
-        points.append(np.where(crosses, corners + share * (ends - corners), np.nan))
-    return np.concatenate(points, axis=1)
 
 
 class Mesh(NamedTuple):
@@ -285,15 +263,12 @@ class EmbreeScene:
         """
         whole, handle = self.hierarchies[0], self.handle
         margin, sliced = handle.margin, handle.sliced
-        # By columns, which takes a quarter of the time: an axis of three is slow.
-        a, b, c = np.ascontiguousarray(self.triangles[:, 2::3].T)
         # Twice the margin: Embree rounds its boxes to float32.
         low, high = height - 2.0 * margin, height + 2.0 * margin
-        reaches = (a <= high) | (b <= high) | (c <= high)
-        reaches &= (a >= low) | (b >= low) | (c >= low)
-        kept = np.flatnonzero(reaches)
+        room = np.zeros(len(self.triangles), np.int64)
+        kept = room[: engine.find_in_slab(self.triangles, low, high, room)]
         part = whole
-        if len(kept) <= max(SMALL_SLICE, len(a) // 2):  # else it takes much memory
+        if len(kept) <= max(SMALL_SLICE, len(room) // 2):  # else it takes much memory
             corners, owners = self.triangles[kept], whole.owners[kept]
             outlines = clip_to_slab(corners, low, high)
             part = Hierarchy(corners, owners, margin, outlines, len(sliced))

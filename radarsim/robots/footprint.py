@@ -34,10 +34,7 @@ _CONTACT: Final = engine.structures["Contact"].dtype
 def line_table(segments: Floats) -> Lines:
     """Return segments, (S, 2, 2), as lines, (S,), ranked as they come."""
     lines = np.zeros(len(segments), LINE)
-    first, second = segments[:, 0], segments[:, 1]
-    lines["middle_x"], lines["middle_y"] = ((first + second) / 2).T
-    lines["half_x"], lines["half_y"] = ((second - first) / 2).T
-    lines["rank"] = np.arange(len(segments))
+    engine.fill_lines(np.ascontiguousarray(segments, np.float64), lines)
     return lines
 
 

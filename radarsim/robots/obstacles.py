@@ -56,18 +56,13 @@ def slice_mesh(vertices: Floats, faces: NDArray[np.int32], height: float) -> Flo
         Line segments, (S, 2, 2) m: x and y of both ends; where the plane only touches
         a corner, the ends are equal.
     """
-    a, b, c = (vertices[:, 2] >= height)[faces.T]
-    cut = (a | b | c) & ~(a & b & c)
-    corners = vertices[faces[cut]]  # (S, 3, 3)
-    above = corners[:, :, 2] >= height
-    # the corner that is alone on its side of the plane comes first
-    alone = np.where(above.sum(axis=1) == 1, above.argmax(axis=1), above.argmin(axis=1))
-    order = (alone[:, None] + np.arange(3)) % 3
-    corners = np.take_along_axis(corners, order[:, :, None], axis=1)
-    first, others = corners[:, :1], corners[:, 1:]
-    share = (height - first[..., 2:]) / (others[..., 2:] - first[..., 2:])
-    ends = (first + share * (others - first))[..., :2]
-    return np.ascontiguousarray(ends)
+    segments = np.zeros((len(faces), 2, 2))
+    vertices = np.ascontiguousarray(vertices, np.float64)
+    faces = np.ascontiguousarray(faces, np.int32)
+    count = engine.slice_faces(vertices, faces, height, segments)
+    if count < 0:
+        raise ValueError(f"faces of more than the {len(vertices)} vertices of a mesh")
+    return segments[:count].copy()
 
 
 def slice_parts(parts: Iterable[Part], height: float) -> Floats:

@@ -22,7 +22,6 @@ _ENTRIES_PER_WALL: Final = 16
 _FREE_ENTRIES: Final = 65536
 _FEW_WALLS: Final = 64
 _SPARE_ROWS: Final = np.array([16384, 32768, 512])  # walls, entries, floors
-_TOLERANCE: Final = 1e-6  # cells; a wall this close to a cell crosses it
 
 
 WALL_ENTRY: Final = engine.structures["WallEntry"].dtype
@@ -62,22 +61,22 @@ def pack_walls(
 
 def floor_walls(segments: Floats) -> FloorWalls:
     """Return the walls of a floor: segments, (S, 2, 2) m, x and y of both ends."""
+    lines = line_table(segments)
     if len(segments) <= _FEW_WALLS:
         # One cell without end: to look at each wall takes less time than to sort them.
-        left, bottom, size, columns, rows = 0.0, 0.0, np.inf, 1, 1
-        wall = np.arange(len(segments))
-        cell = np.zeros_like(wall)
-    else:
-        size = _cell_size(segments)
-        left, bottom = corner = segments.reshape(-1, 2).min(axis=0) - size
-        row, column, wall = _cells_crossed((segments - corner) / size)
-        columns, rows = column.max(initial=0) + 1, row.max(initial=0) + 1
-        cell = row * columns + column
-    order = np.argsort(cell, kind="stable")
-    entries = np.zeros(len(wall), WALL_ENTRY)
-    entries["cell"], entries["wall"] = cell[order], wall[order]
-    grid = (left, bottom, size, columns, rows, 0, len(entries))
-    return FloorWalls(line_table(segments), entries, np.array([grid], WALL_GRID))
+        entries = np.zeros(len(segments), WALL_ENTRY)
+        entries["wall"] = np.arange(len(segments))
+        endless = (0.0, 0.0, np.inf, 1, 1, 0, len(segments), 0)
+        return FloorWalls(lines, entries, np.array([endless], WALL_GRID))
+    segments = np.ascontiguousarray(segments, np.float64)
+    size = _cell_size(segments)
+    left, bottom = segments.reshape(-1, 2).min(axis=0) - size
+    grid = np.array([(left, bottom, size, 1, 1, 0, 0, 0)], WALL_GRID)
+    entries = np.zeros(engine.count_crossings(segments, grid), WALL_ENTRY)
+    engine.enter_crossings(segments, grid, entries)
+    grid["end"] = len(entries)
+    order = np.argsort(entries["cell"], kind="stable")
+    return FloorWalls(lines, entries[order], grid)
 
 
 class WallStore:
@@ -128,8 +127,7 @@ class WallStore:
         pieces = zip(self._tables, self._used.tolist(), end.tolist(), strict=True)
         lines, entries, grid = (table[start:stop] for table, start, stop in pieces)
         lines[:], entries[:], grid[:] = floor
-        lines["rank"] += walls
-        entries["wall"] += walls
+        grid["first_line"] = walls
         grid["first"] += first
         grid["end"] += first
         self._used = end
@@ -146,34 +144,3 @@ def _cell_size(segments: Floats) -> float:
     extent = float(np.abs(segments[:, 1] - segments[:, 0]).sum())
     spare = _ENTRIES_PER_WALL * len(segments) + _FREE_ENTRIES
     return max(_MIN_CELL, extent / spare)
-
-
-def _cells_crossed(segments: Floats) -> tuple[Ints, Ints, Ints]:
-    """Return row, column and segment of each crossing of a segment with a cell.
-
-    Args:
-        segments: (S, 2, 2), in units of a cell.
-    """
-    upward = segments[:, 1, 1] >= segments[:, 0, 1]
-    low = np.where(upward[:, None], segments[:, 0], segments[:, 1])
-    run = np.where(upward[:, None], 1.0, -1.0) * (segments[:, 1] - segments[:, 0])
-    segment, row = _between(low[:, 1], low[:, 1] + run[:, 1])
-    start, rise = low[segment], run[segment]
-    # the part of the segment within the row, as shares of its length
-    edges = np.stack([row - _TOLERANCE, row + 1 + _TOLERANCE]) - start[:, 1]
-    is_level = rise[:, 1] == 0.0
-    shares = np.clip(edges / np.where(is_level, 1.0, rise[:, 1]), 0.0, 1.0)
-    shares = np.where(is_level, [[0.0], [1.0]], shares)
-    ends = start[:, 0] + shares * rise[:, 0]
-    part, column = _between(ends.min(axis=0), ends.max(axis=0))
-    return row[part], column, segment[part]
-
-
-def _between(low: Floats, high: Floats) -> tuple[Ints, Ints]:
-    """Return the number of the interval, and the cell, of all cells that each meets."""
-    first = np.floor(low - _TOLERANCE).astype(np.int64)
-    last = np.floor(high + _TOLERANCE).astype(np.int64)
-    counts = last - first + 1
-    interval = np.repeat(np.arange(len(low)), counts)
-    passed = np.cumsum(counts) - counts  # cells of the intervals before
-    return interval, np.arange(len(interval)) - passed[interval] + first[interval]
