@@ -345,7 +345,7 @@ def _fastest_sweep(robot: Robot) -> float:
         motions = [(spin, spin, 0.0), (-spin, spin, 0.0)]
     else:
         motions = robot.bicycle.extremes(spin)
-    fastest = max(
+    fastest: float = max(
         engine.sweep_rate(
             left * model.wheel_radius,
             right * model.wheel_radius,
