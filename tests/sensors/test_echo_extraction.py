@@ -19,7 +19,6 @@ from radarsim.scene.scene import Part
 from radarsim.scene.shapes import box
 from radarsim.sensors.echo_extraction import (
     ECHO,
-    LAST,
     LEAF_BACKSCATTER,
     EchoTable,
     extract_echoes,
@@ -361,9 +360,9 @@ def test_ray_ends_equal_the_last_echoes() -> None:
         found = extract(there, traces, power)
         settings = load_settings("radar", penetration_power=power)
         ends = extract_ray_ends(traces, np.zeros(1, np.int64), settings)
-        rows = select_echoes(found, LAST, 1, 0.0)
+        rows = select_echoes(found, settings, np.zeros(1), np.zeros(1, np.int64))
         for name in ECHO.names or ():
-            wanted = found[name][rows[rows >= 0]]
+            wanted = found[name][rows]
             assert ends[name] == pytest.approx(wanted), name
 
 
