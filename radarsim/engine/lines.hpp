@@ -42,16 +42,31 @@ inline int64_t scale_number(double size, double scale) {
     return int64_t(whole);
 }
 
+// The digits of the numbers below 100.
+struct Pairs {
+    uint8_t digits[100][2];
+    constexpr Pairs() : digits() {
+        for (int i = 0; i < 100; i++) digits[i][0] = uint8_t('0' + i / 10), digits[i][1] = uint8_t('0' + i % 10);
+    }
+};
+constexpr Pairs PAIRS;
+
+// Write the last digits of a number before a place; returns the number without them.
+inline uint64_t write_last_digits(uint64_t number, int count, uint8_t* end) {
+    for (; count > 1; count -= 2, number /= 100) memcpy(end -= 2, PAIRS.digits[number % 100], 2);
+    if (!count) return number;
+    end[-1] = uint8_t('0' + number % 10);
+    return number / 10;
+}
+
 // Write a scaled number with its point at a place; returns the place behind.
 inline uint8_t* write_digits(int64_t scaled, int decimals, uint8_t* at) {
-    int digits = decimals + 1;
-    while (scaled >= POWERS[digits]) digits++;
-    // From the last to the first, since a division yields the last; without a sign it is faster.
-    uint8_t *end = at + digits + (decimals > 0), *place = end;
-    uint64_t rest = uint64_t(scaled);
-    for (int i = 0; i < decimals; i++, rest /= 10) *--place = uint8_t('0' + rest % 10);
-    if (decimals) *--place = '.';
-    for (; place > at; rest /= 10) *--place = uint8_t('0' + rest % 10);
+    int whole = 1; // digits before the point
+    while (scaled >= POWERS[whole + decimals]) whole++;
+    uint8_t *point = at + whole, *end = point + (decimals ? 1 + decimals : 0);
+    uint64_t rest = write_last_digits(uint64_t(scaled), decimals, end); // from the last to the first, by divisions
+    if (decimals) *point = '.';
+    write_last_digits(rest, whole, point);
     return end;
 }
 
