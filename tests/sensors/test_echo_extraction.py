@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.presets.sensors import load_settings
 from radarsim.raycast.attenuation import EVENT, EventKind
@@ -334,6 +335,18 @@ def test_combined_rays_share_the_beam() -> None:
     bush = 1 - returned(0.7)
     assert found["strength"][:3] == pytest.approx(bush * np.array([0.25, 0.5, 0.25]))
     assert found["strength"].reshape(2, 9).sum(axis=1) == pytest.approx([1, 1])
+
+
+@pytest.mark.parametrize(
+    ("weights", "parts"), [(1, 1), (2, 0)], ids=["other rays", "other parts"]
+)
+def test_events_of_others_are_refused(weights: int, parts: int) -> None:
+    bush = [layer("bush", leaf(0.1), 2, 5)]
+    traces = trace_ahead(bush, count=2)
+    densities = densities_of(Tracer(bush[:parts]))
+    settings = load_settings("radar")
+    with pytest.raises(EngineError, match="other rays or parts"):
+        extract_echoes(traces, np.ones(weights), 1, densities, settings)
 
 
 def test_incidence_weakens_a_tilted_wall_and_leaves() -> None:
