@@ -130,8 +130,10 @@ DOOR(merge_echoes, "e e")
 
 enum Mode { LAST, FIRST, STRONGEST };
 
-// Select the row of the echo that gives each beam its range; see echo_extraction.py.
-inline void select_echoes(Array<const Echo> echoes, int64_t mode, double threshold, Array<int64_t> selected) {
+// Select the echo that gives each beam its range, and set its range and ray; see echo_extraction.py. Return how many
+// beams read one; their rows come first in selected.
+inline int64_t select_echoes(Array<const Echo> echoes, int64_t mode, double threshold, bool reads_spent,
+                             Array<int64_t> selected, Array<double> ranges, Array<int64_t> rays) {
     auto is_above = [&](const Echo& echo) { return mode != LAST && echo.strength > threshold; };
     for (int64_t& row : selected) row = -1;
     for (int64_t i = 0; i < echoes.size(); i++) {
@@ -142,7 +144,15 @@ inline void select_echoes(Array<const Echo> echoes, int64_t mode, double thresho
         bool is_better = !has_above || (mode == STRONGEST && echo.strength > echoes[row].strength);
         if (is_above(echo) ? is_better : echo.ends && !has_above) row = i;
     }
+    int64_t count = 0;
+    for (int64_t row : selected)
+        if (row >= 0 && (reads_spent || Kind(echoes[row].kind) != Kind::SPENT)) {
+            const Echo& echo = echoes[selected[count++] = row];
+            ranges[echo.beam] = echo.t;
+            rays[echo.beam] = echo.row;
+        }
+    return count;
 }
-DOOR(select_echoes, "e b")
+DOOR(select_echoes, "e b b b")
 
 } // namespace radarsim

@@ -37,6 +37,7 @@ from radarsim.raycast.rays import Traces
 from radarsim.sensors.echo_strength import Densities, return_law, returned_share
 
 LEAF_BACKSCATTER: Final = 2 / 3  # mean cosine of leaves that rays meet
+_MODES: Final = {"last": 0, "all": 0, "first": 1, "strongest": 2}  # of the engine
 
 ECHO: Final = engine.structures["Echo"].dtype
 EchoTable: TypeAlias = NDArray[np.void]  # of ECHO, a row for each, beam by beam
@@ -124,9 +125,6 @@ def extract_ray_ends(
     return echoes
 
 
-LAST, FIRST, STRONGEST = 0, 1, 2
-
-
 def merge_echoes(echoes: EchoTable, resolution: float) -> EchoTable:
     """Merge echoes of a beam that are closer together than a resolution, m."""
     if resolution <= 0:
@@ -136,21 +134,33 @@ def merge_echoes(echoes: EchoTable, resolution: float) -> EchoTable:
 
 
 def select_echoes(
-    echoes: EchoTable, mode: int, beams: int, threshold: float
+    echoes: EchoTable,
+    settings: SensorSettings,
+    ranges: Floats,
+    rays: NDArray[np.int64],
 ) -> NDArray[np.int64]:
-    """Select the echo that gives each beam its range.
+    """Select the echo that gives each beam its range, and set its range and ray.
 
-    A beam in which no echo is above the threshold has the range at which its ray ends.
+    Of equally strong echoes, the nearest is the strongest. A beam in which no echo is
+    above the sensor's threshold has the range at which its ray ends.
 
     Args:
         echoes: Echoes of all beams.
-        mode: ``LAST``, ``FIRST`` or ``STRONGEST``; of equally strong ones the nearest.
-        beams: N, the number of beams.
-        threshold: Strength up to which an echo is neither first nor strongest.
+        settings: Settings of the sensor.
+        ranges: (N,) m, unchanged where a beam reads no echo.
+        rays: (N,) the ray of each range, likewise.
 
     Returns:
-        (N,) int64, rows of the echoes; -1 for a beam without echo.
+        The rows of the echoes that are read, beam by beam.
     """
-    selected = np.zeros(beams, np.int64)
-    engine.select_echoes(echoes, mode, threshold, selected)
-    return selected
+    selected = np.zeros(len(ranges), np.int64)
+    count = engine.select_echoes(
+        echoes,
+        _MODES[settings.return_mode],
+        settings.echo_threshold,
+        settings.spent_reads != "nothing",
+        selected,
+        ranges,
+        rays,
+    )
+    return selected[:count]

@@ -15,7 +15,7 @@ echoes, so that they keep their order; then ranges are rounded to whole steps.
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,9 +29,6 @@ from radarsim.raycast.tracer import Tracer
 from radarsim.scene.scene import Scene
 from radarsim.sensors.beams import BeamPattern, ray_class_of
 from radarsim.sensors.echo_extraction import (
-    FIRST,
-    LAST,
-    STRONGEST,
     EchoTable,
     backscatter,
     extract_echoes,
@@ -44,7 +41,6 @@ from radarsim.sensors.first_returns import answer_in_clouds
 from radarsim.sensors.rain import add_rain, find_rain
 from radarsim.sensors.scan import Echoes, Scan
 
-MODES: Final = {"last": LAST, "all": LAST, "first": FIRST, "strongest": STRONGEST}
 Rows = NDArray[np.int64]
 
 
@@ -196,19 +192,12 @@ class ScanBuilder:
     ) -> Scan:
         settings = self._settings
         echoes = self._all_echoes(plan, traces, rows)
-        mode, beams = MODES[settings.return_mode], len(self._pattern.angles)
-        selected = select_echoes(echoes, mode, beams, settings.echo_threshold)
-        found = np.flatnonzero(selected >= 0)
-        kept = selected[found]
-        if settings.spent_reads == "nothing":
-            reads = echoes["kind"][kept] != EventKind.SPENT
-            found, kept = found[reads], kept[reads]
-        ranges = np.full(beams, np.inf)
-        ranges[found] = echoes["t"][kept]
+        ranges = np.full(len(self._pattern.angles), np.inf)
         rays = (self._middle_rows if rows is None else rows).copy()
-        rays[found] = echoes["row"][kept]
+        kept = select_echoes(echoes, settings, ranges, rays)
         if settings.spent_reads == "zero":
-            ranges[found[traces.outcomes[rays[found]] == Outcome.SPENT]] = 0.0
+            spent = traces.outcomes[rays] == Outcome.SPENT
+            ranges[np.isfinite(ranges) & spent] = 0.0
         if settings.return_mode != "all":
             echoes = echoes.take(kept)
         find_echoes = partial(self._echoes, plan, echoes)

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.presets.sensors import load_settings
 from radarsim.raycast.attenuation import EVENT, EventKind
@@ -19,7 +20,6 @@ from radarsim.scene.scene import Part
 from radarsim.scene.shapes import box
 from radarsim.sensors.echo_extraction import (
     ECHO,
-    LAST,
     LEAF_BACKSCATTER,
     EchoTable,
     extract_echoes,
@@ -337,6 +337,18 @@ def test_combined_rays_share_the_beam() -> None:
     assert found["strength"].reshape(2, 9).sum(axis=1) == pytest.approx([1, 1])
 
 
+@pytest.mark.parametrize(
+    ("weights", "parts"), [(1, 1), (2, 0)], ids=["other rays", "other parts"]
+)
+def test_events_of_others_are_refused(weights: int, parts: int) -> None:
+    bush = [layer("bush", leaf(0.1), 2, 5)]
+    traces = trace_ahead(bush, count=2)
+    densities = densities_of(Tracer(bush[:parts]))
+    settings = load_settings("radar")
+    with pytest.raises(EngineError, match="other rays or parts"):
+        extract_echoes(traces, np.ones(weights), 1, densities, settings)
+
+
 def test_incidence_weakens_a_tilted_wall_and_leaves() -> None:
     vertices, faces = box(1, 40, 40)
     turn = math.radians(60)
@@ -361,9 +373,9 @@ def test_ray_ends_equal_the_last_echoes() -> None:
         found = extract(there, traces, power)
         settings = load_settings("radar", penetration_power=power)
         ends = extract_ray_ends(traces, np.zeros(1, np.int64), settings)
-        rows = select_echoes(found, LAST, 1, 0.0)
+        rows = select_echoes(found, settings, np.zeros(1), np.zeros(1, np.int64))
         for name in ECHO.names or ():
-            wanted = found[name][rows[rows >= 0]]
+            wanted = found[name][rows]
             assert ends[name] == pytest.approx(wanted), name
 
 
