@@ -98,8 +98,8 @@ struct CellRange {
 // The cells within reach on an axis, of a number of cells.
 inline CellRange cells_within(double place, double reach, double cell, int64_t count) {
     // Limited before they become whole numbers: the place may be far off the grid.
-    double first = least(most((place - reach) / cell, 0.0), double(count));
-    double last = least(most((place + reach) / cell, -1.0), double(count) - 1.0);
+    double first = least(most(0.0, (place - reach) / cell), double(count));
+    double last = least(most(-1.0, (place + reach) / cell), double(count) - 1.0);
     return {int64_t(floor(first)), int64_t(floor(last))};
 }
 
