@@ -124,7 +124,7 @@ class SensorItem:
         self._state = mounting.state
         self._rng = mounting.rng
 
-    def _report(self, sample: SensorReport, **jobs: Sequence[Job]) -> None:
+    def _report(self, sample: LineReport, **jobs: Sequence[Job]) -> None:
         """Set the source: the jobs of each attribute besides the time."""
         self.source = Source(sample, {"time": [Job(TIME)], **jobs})
 
