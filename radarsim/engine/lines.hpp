@@ -10,7 +10,7 @@ namespace radarsim {
 constexpr uint8_t FIRST_MARK = 0xC0, IN_SERIES = 0x20, LINE_END = 0xDA, TRUTH = 0xDB, FLIPPED = 0xDC, WRAPPED = 0xDD,
                   POSITIVE = 0xDE, BLOCK_END = 0xF9;
 enum Rounding { NEAREST, FLOAT32, TRUNCATED, WHOLE };
-enum NotWritten { MISFIT = -2, TOO_LARGE };
+constexpr int64_t MISFIT = -2, TOO_LARGE = -1; // instead of a number of bytes
 
 constexpr double LARGEST_WRITTEN = 2147483648.0;
 constexpr int64_t LONGEST_NUMBER = 19; // sign, ten digits, point, seven decimals; a truth value is less
