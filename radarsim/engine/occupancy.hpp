@@ -216,24 +216,18 @@ inline void pair_echoes(Array<const int64_t> beams, Array<const int64_t> targets
     };
     for (int64_t i = 0; i < count; i++) {
         double range = ranges[i];
-        switch (kinds[i]) {
-        case EchoKind::LEAVE:
+        EchoKind kind = kinds[i];
+        if (kind == EchoKind::LEAVE) {
             add(i, begun, range, depth <= 1);
             // It may have begun in several copies: the next one it leaves begins here.
             if (depth <= 1) begun = range;
             if (depth > 0) depth--;
-            break;
-        case EchoKind::SHEET:
-        case EchoKind::HIT:
+        } else if (kind == EchoKind::SHEET || kind == EchoKind::HIT) {
             add(i, range, range, true);
-            break;
-        case EchoKind::SPENT:
+        } else if (kind == EchoKind::SPENT) {
             add(i, depth ? begun : range, range, true);
             depth = 0;
-            break;
-        case EchoKind::RAIN:
-            break;
-        default:
+        } else if (kind != EchoKind::RAIN) {
             if (!depth) begun = range;
             depth++;
         }

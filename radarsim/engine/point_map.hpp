@@ -9,6 +9,19 @@ using Vector2 = double[2]; // x and y
 // the x and once times the y of their normals.
 using Moments = double[3][6];
 
+using Pair = double __attribute__((vector_size(16))); // numbers that the processor computes with together
+
+inline Pair pair_at(const double* numbers) {
+    Pair pair;
+    memcpy(&pair, numbers, sizeof(pair));
+    return pair;
+}
+
+inline void add_pair(double* sums, Pair terms) {
+    terms += pair_at(sums);
+    memcpy(sums, &terms, sizeof(terms));
+}
+
 constexpr double FINEST = 0.1; // m
 constexpr int LEVELS = 5;
 constexpr double MIN_WEIGHT = 2.0; // of the points in a window; about eight points
@@ -53,8 +66,9 @@ inline void copy_table(const PointTable& table, const PointTable& larger) {
 DOOR(copy_table, "")
 
 // Add points to a table in which some rows are used. Returns how many more are used then; -1 if the table is too short.
-inline int64_t add_points(const PointTable& table, int64_t used, Array<const Vector2> points,
+inline int64_t add_points(const PointTable& packed, int64_t used, Array<const Vector2> points,
                           Array<const Vector2> normals) {
+    const PointTable table = packed; // of its own, so that what is written to arrays cannot be a part of it
     // As if each point took a new cell of every size: half the rows stay free.
     if (table.keys.size() < 2 * (used + LEVELS * points.size())) return -1;
     int64_t cells = 0;
@@ -69,9 +83,10 @@ inline int64_t add_points(const PointTable& table, int64_t used, Array<const Vec
             double x = points[i][0] - (double(column) + 0.5) * size, y = points[i][1] - (double(line) + 0.5) * size;
             const double factors[3] = {1.0, normals[i][0], normals[i][1]};
             for (int k = 0; k < 3; k++) {
-                double f = factors[k], fx = f * x, fy = f * y;
-                const double terms[6] = {f, fx, fy, fx * x, fx * y, fy * y};
-                for (int moment = 0; moment < 6; moment++) table.moments[row][k][moment] += terms[moment];
+                double f = factors[k], fx = f * x, fy = f * y, *sums = table.moments[row][k];
+                add_pair(sums, Pair{f, fx});
+                add_pair(sums + 2, Pair{fy, fx * x});
+                add_pair(sums + 4, Pair{fx * y, fy * y});
             }
             size *= 2.0; // exact, so that windows of a level meet the same cells
         }
@@ -99,15 +114,31 @@ inline Window sum_around(const PointTable& table, int level, double x, double y,
     double whole = nx * nx + ny * ny > 0.0 ? 0.5 : 1.0;
     int64_t column = cell_around(x / size), line = cell_around(y / size);
     double tx = x / size - double(column) - 0.5, ty = y / size - double(line) - 0.5;
+    // All cells are found first, so that the processor fetches them while others are searched for.
+    const Moments* cells[3][3];
+#pragma GCC unroll 3
+    for (int i = 0; i < 3; i++)
+#pragma GCC unroll 3
+        for (int j = 0; j < 3; j++) {
+            int64_t row = find_key(table, cell_key(level, column + i - 1, line + j - 1));
+            cells[i][j] = table.keys[row] ? &table.moments[row] : nullptr;
+            if (table.keys[row])
+                for (int k = 0; k < 3; k++) __builtin_prefetch(&table.moments[row][k]);
+        }
+    const double weights[3] = {spline(-1, ty), spline(0, ty), spline(1, ty)};
     Window window;
-    for (int i = -1; i <= 1; i++) {
-        double fx = whole * spline(i, tx), u = (i - tx) * size;
-        for (int j = -1; j <= 1; j++) {
-            int64_t row = find_key(table, cell_key(level, column + i, line + j));
-            if (!table.keys[row]) continue;
-            double f = fx * spline(j, ty), v = (j - ty) * size, sums[6];
-            const Moments& moments = table.moments[row];
-            for (int k = 0; k < 6; k++) sums[k] = f * (moments[0][k] + nx * moments[1][k] + ny * moments[2][k]);
+#pragma GCC unroll 3
+    for (int i = 0; i < 3; i++) {
+        double fx = whole * spline(i - 1, tx), u = (i - 1 - tx) * size;
+#pragma GCC unroll 3
+        for (int j = 0; j < 3; j++) {
+            if (!cells[i][j]) continue;
+            double f = fx * weights[j], v = (j - 1 - ty) * size, sums[6];
+            const Moments& moments = *cells[i][j];
+            for (int k = 0; k < 6; k += 2) {
+                Pair sum = f * (pair_at(&moments[0][k]) + nx * pair_at(&moments[1][k]) + ny * pair_at(&moments[2][k]));
+                memcpy(&sums[k], &sum, sizeof(sum));
+            }
             // Moments about the point, from those about a center that is (u, v) away.
             double m = sums[0], p = sums[1], q = sums[2];
             window.n += m;
@@ -177,13 +208,13 @@ inline void fill_normals(Array<const Vector2> places, Array<const Vector2> along
             int64_t j = k < 0 ? k + count : k < count ? k : k - count; // scans go all around
             double u = places[j][0] - places[i][0], v = places[j][1] - places[i][1];
             // Beams beside each other may end on different things, metres apart.
-            bool is_near = u * u + v * v < RADIUS * RADIUS;
-            n += is_near;
-            x += is_near ? u : 0.0; // without a branch, which would be hard to predict
-            y += is_near ? v : 0.0;
-            xx += is_near ? u * u : 0.0;
-            xy += is_near ? u * v : 0.0;
-            yy += is_near ? v * v : 0.0;
+            if (!(u * u + v * v < RADIUS * RADIUS)) continue;
+            n++;
+            x += u;
+            y += v;
+            xx += u * u;
+            xy += u * v;
+            yy += v * v;
         }
         if (n < MIN_NEIGHBOURS) continue;
         double count_ = double(n);

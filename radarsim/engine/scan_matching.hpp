@@ -1,4 +1,4 @@
-// Scan matching: fits a scan to a map of points by Gauss-Newton with robust weights; see scan_matching.py for the theory.
+// Scan matching: fits a scan to a map of points by Gauss-Newton with robust weights; see scan_matching.py.
 #pragma once
 #include "point_map.hpp"
 
