@@ -2,7 +2,7 @@
 #pragma once
 #include "walls.hpp"
 
-namespace radarsim {
+namespace radarsim::robots {
 
 using Corners = int32_t[3];
 
@@ -139,4 +139,4 @@ inline void clip_to_slab(Array<const Triangle> triangles, double low, double hig
 }
 DOOR(clip_to_slab, "t t")
 
-} // namespace radarsim
+} // namespace radarsim::robots
