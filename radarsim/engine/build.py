@@ -20,6 +20,8 @@ FLAGS: Final = (
     " -fno-exceptions -fno-rtti -fno-threadsafe-statics"
     # The same bits on each processor: a product and a sum stay two operations.
     " -ffp-contract=off"
+    # Square roots set no errno, so that loops with them are computed in vectors.
+    " -fno-math-errno"
 )
 # "zig cc" reads C++ as well; "zig c++" would build its standard library first. Old
 # enough a glibc for manylinux_2_17.
