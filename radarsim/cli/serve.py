@@ -163,7 +163,7 @@ def serve(
         ports = own_ports | {k: v for each in beside for k, v in each.ports.items()}
         with cure_of_port(ports):
             code = asyncio.run(serving)
-    if not simulated.has_begun:  # a thread loads the engine, and knows no end
+    if server.is_loading:  # Python would crash while it shuts down around the thread
         exit_immediately(code)
     return code
 

@@ -9,10 +9,11 @@ struct WrittenEcho {
 };
 LAYOUT(WrittenEcho, "", beam, range, power, strength)
 
-struct EchoRows { // a line: the echoes of a part from a row to that before the end
-    int64_t part, start, end;
+struct EchoRows {
+    int64_t part, start, end; // of a line: the echoes of a part from a row to that before the end
+    int64_t before;           // of a row: where the echo was before
 };
-LAYOUT(EchoRows, "", part, start, end)
+LAYOUT(EchoRows, "", part, start, end, before)
 
 struct PartEchoes { // the echoes of a part
     int64_t part, beam;   // the beam of the first
@@ -40,7 +41,7 @@ inline void group_echoes(Array<const int64_t> parts, Array<const int64_t> beams,
 }
 
 // Write the lines of groups by their first beam, and for the same beam by their part; returns how many.
-inline int64_t share_lines(List<PartEchoes>& groups, int64_t echoes_a_line, Array<EchoRows> lines) {
+inline int64_t share_lines(List<PartEchoes>& groups, int64_t echoes_a_line, Array<EchoRows> rows) {
     Room<int64_t> ranks(groups.size());
     for (int64_t group = 0; group < groups.size(); group++) { // by beam they are sorted already
         const auto& [part, beam, count, start, place] = groups[group];
@@ -53,8 +54,8 @@ inline int64_t share_lines(List<PartEchoes>& groups, int64_t echoes_a_line, Arra
     for (int64_t rank = 0; rank < groups.size(); rank++) {
         PartEchoes& group = groups[ranks[rank]];
         group.start = group.place = start;
-        for (int64_t end = start + group.count; start < end; start = lines[line++].end)
-            lines[line] = {group.part, start, end - start > echoes_a_line ? start + echoes_a_line : end};
+        for (int64_t end = start + group.count; start < end; start = rows[line++].end)
+            rows[line] = {group.part, start, end - start > echoes_a_line ? start + echoes_a_line : end, 0};
     }
     return line;
 }
@@ -68,15 +69,14 @@ inline double power_share(double power, double full_power) {
 }
 
 // Sort echoes into lines of one part each, as many as fit into a line: the echoes of a part by beam and range. They
-// come sorted by beam. Writes the numbers of each in that order, and the row where it was; returns the number of lines.
+// come sorted by beam. Returns the number of lines.
 inline int64_t sort_echoes(Array<const int64_t> parts, Array<const int64_t> beams, Array<const double> ranges,
                            Array<const double> power, Array<const double> strength, double full_power,
-                           int64_t echoes_a_line, Array<WrittenEcho> echoes, Array<int64_t> order,
-                           Array<EchoRows> lines) {
+                           int64_t echoes_a_line, Array<WrittenEcho> echoes, Array<EchoRows> rows) {
     List<PartEchoes> groups(parts.size());
     Room<int64_t> group_of(parts.size());
     group_echoes(parts, beams, groups, group_of);
-    int64_t count = share_lines(groups, echoes_a_line, lines);
+    int64_t count = share_lines(groups, echoes_a_line, rows);
     for (int64_t row = 0; row < parts.size(); row++) {
         PartEchoes& group = groups[group_of[row]];
         int64_t place = group.place++;
@@ -84,13 +84,13 @@ inline int64_t sort_echoes(Array<const int64_t> parts, Array<const int64_t> beam
         // Insertion, as a beam has few echoes of one part.
         for (; place > group.start && echoes[place - 1].beam == beam && echoes[place - 1].range > ranges[row]; place--) {
             echoes[place] = echoes[place - 1];
-            order[place] = order[place - 1];
+            rows[place].before = rows[place - 1].before;
         }
-        order[place] = row;
+        rows[place].before = row;
         echoes[place] = {beam, ranges[row], power_share(power[row], full_power), clip_to_unit(strength[row])};
     }
     return count;
 }
-DOOR(sort_echoes, "n n n n n n n n")
+DOOR(sort_echoes, "n n n n n n n")
 
 } // namespace radarsim

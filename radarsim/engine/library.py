@@ -23,6 +23,7 @@ from radarsim.engine.build import FOLDER, LIBRARY, source_digest
 from radarsim.errors import EngineError
 
 _Bytes = ctypes.c_char * 0
+_buffer, _address_of = _Bytes.from_buffer, ctypes.addressof  # called often
 # The lengths that have a name: all arrays of a call that share the name share it.
 _Lengths: TypeAlias = dict[str, int]
 
@@ -39,7 +40,7 @@ class _Number:
     """A number among the parameters of a function or the fields of a structure."""
 
     def __init__(self, code: str) -> None:
-        self.format = "d" if code == "f8" else "q"
+        self.form, self.format = None, "d" if code == "f8" else "q"
         self._convert: Any = float if code == "f8" else int
 
     def add(self, words: list[Any], value: Any, name: str, _lengths: _Lengths) -> None:
@@ -77,6 +78,8 @@ class _Array:
         self.format = "Q" + "q" * self._leading
         axes = ",".join(names)
         self._text = f"an array {kind}[{axes}]" + " to write to" * self._is_written
+        self.lengths, rows = self._axes[: self._leading], self._axes[self._leading :]
+        self.form = self._dtype, self._dtype.alignment, self._leading, tuple(rows)
 
     def add(self, words: list[Any], value: Any, name: str, lengths: _Lengths) -> None:
         if not isinstance(value, np.ndarray):
@@ -113,7 +116,7 @@ class _Reference:
     format = "Q"
 
     def __init__(self, code: str) -> None:
-        self._name = code.removeprefix("&")
+        self._name = self.form = code.removeprefix("&")
 
     def add(self, words: list[Any], value: Any, name: str, _lengths: _Lengths) -> None:
         if not isinstance(value, Packed) or value.structure.name != self._name:
@@ -238,7 +241,8 @@ class Function:
             codes: The codes of its parameters, an arrow, and the code of its result.
         """
         self._name, self._codes = name, codes[:-2]
-        result = {"none": None, "f8": ctypes.c_double}.get(codes[-1], ctypes.c_int64)
+        has_none = codes[-1] == "none"
+        result = None if has_none else np.ctypeslib.as_ctypes_type(np.dtype(codes[-1]))
         self._call = ctypes.CFUNCTYPE(result, ctypes.c_char_p)(start)
 
     def __call__(self, *arguments: Any) -> Any:
@@ -250,6 +254,62 @@ class Function:
         Raises:
             EngineError: If one is not as the description says.
         """
+        # Many calls are short. Their arguments are checked one by one, which takes
+        # longer, only if something about them is wrong or unusual.
+        try:
+            block = self._pack(*self._words(arguments))
+        except (AttributeError, BufferError, TypeError, ValueError, struct.error):
+            block = self._pack(*self._checked_words(arguments))
+        return self._call(block)
+
+    def _words(self, arguments: Sequence[Any]) -> list[Any]:
+        words: list[Any] = []
+        forms, alike, fixed = self._rules
+        for form, value in zip(forms, arguments, strict=True):
+            if form is None:  # a number, which is checked when it is packed
+                words.append(value)
+            elif type(form) is tuple:
+                dtype, alignment, axes, rows = form
+                # Only contiguous arrays that can be written to have such a buffer.
+                place, shape = _address_of(_buffer(value)), value.shape
+                if rows:
+                    shape, its_rows = shape[:axes], shape[axes:]
+                    if its_rows != rows:
+                        raise TypeError
+                if value.dtype is not dtype or len(shape) != axes or place % alignment:
+                    raise TypeError
+                words.append(place)
+                words += shape
+            elif value.structure.name == form:
+                words.append(value.address)
+            else:
+                raise TypeError
+        for place, other in alike:
+            if words[place] != words[other]:
+                raise TypeError
+        for place, length in fixed:
+            if words[place] != length:
+                raise TypeError
+        return words
+
+    @functools.cached_property
+    def _rules(self) -> tuple[list[Any], list[tuple[int, int]], list[tuple[int, int]]]:
+        """Forms of arguments; places of lengths that agree; places of given lengths."""
+        place, first = 0, dict[str | int, int]()
+        alike, fixed = [], []
+        for _, parameter in self._parameters:
+            for at, axis in enumerate(getattr(parameter, "lengths", ()), place + 1):
+                if isinstance(axis, int):
+                    fixed.append((at, axis))
+                elif axis in first:
+                    alike.append((at, first[axis]))
+                else:
+                    first[axis] = at
+            place += len(parameter.format)
+        forms = [getattr(each, "form", None) for _, each in self._parameters]
+        return forms, alike, fixed
+
+    def _checked_words(self, arguments: Sequence[Any]) -> list[Any]:
         if len(arguments) != len(self._codes):
             raise TypeError(f"{len(arguments)} arguments for {self._name}{self._codes}")
         words, lengths = list[Any](), dict[str, int]()
@@ -257,7 +317,7 @@ class Function:
             self._parameters, arguments, strict=True
         ):
             parameter.add(words, argument, name, lengths)
-        return self._call(self._pack(*words))
+        return words
 
     @functools.cached_property
     def _parameters(self) -> list[tuple[str, _Parameter]]:

@@ -57,11 +57,13 @@ template <typename T> class List {
     T* begin() const { return room_.data(); }
     T* end() const { return room_.data() + size_; }
     void append(T value) { room_[size_++] = value; }
-    void clear() { size_ = 0; }
-    // Remove a value that is in the list; those behind it move up.
+    void clear() { shorten(0); }
+    void shorten(int64_t size) { size_ = size; }
+    // Remove a value if it is in the list; those behind it move up.
     void remove(T value) {
         int64_t i = 0;
-        while (room_[i] != value) i++;
+        while (i < size_ && room_[i] != value) i++;
+        if (i == size_) return;
         for (size_--; i < size_; i++) room_[i] = room_[i + 1];
     }
 

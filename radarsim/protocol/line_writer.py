@@ -13,9 +13,9 @@ from radarsim.protocol.fields import LineReport, ReportGroup
 from radarsim.protocol.line_template import NO_SERIES
 from radarsim.protocol.message import clip_numbers
 
-_BLOCK_END: Final = b"\xf9"  # after the templates of each block
+_BLOCK_END: Final = b"\xf9"  # after the lines of each block
 _LONGEST_NUMBER: Final = 19  # bytes
-_TOO_LARGE: Final = 1  # result of the engine; 0 if all is written
+_TOO_LARGE: Final = -1  # result of the engine instead of the number of bytes
 
 
 class ReportBlock(NamedTuple):
@@ -51,8 +51,7 @@ def encode_blocks(blocks: Sequence[ReportBlock]) -> list[bytes]:
             if its_series is not NO_SERIES:
                 series.append(its_series)
         templates.append(_BLOCK_END)
-    data, ends = _write(b"".join(templates), numbers, series, len(blocks))
-    return [data[start:end] for start, end in zip([0, *ends], ends, strict=False)]
+    return _write(templates, numbers, series).split(_BLOCK_END)[:-1]
 
 
 def fill_lines(
@@ -65,24 +64,23 @@ def fill_lines(
         numbers: Numbers of all lines, in the order of their marks.
         series: Series of all lines, in the order of their marks.
     """
-    return _write(b"".join([*templates, _BLOCK_END]), numbers, [series], 1)[0]
+    return _write(templates, numbers, [series])
 
 
 def _write(
-    templates: bytes, numbers: Sequence[float], series: Sequence[Floats], blocks: int
-) -> tuple[bytes, list[int]]:
-    """Return the lines of blocks after each other, and where each block ends."""
-    codes = np.frombuffer(templates, np.uint8)
-    values, entries = np.array(numbers, np.float64), np.concatenate(series)
-    # An upper bound is enough, as the array is cut afterwards; counting exactly would
-    # mean to format all numbers twice. Ends of lines have two bytes for one mark.
-    most = 2 * len(codes) + _LONGEST_NUMBER * (len(values) + len(entries))
-    out, ends = np.empty(most, np.uint8), np.empty(blocks, np.int64)
-    code = engine.write_lines(codes, values, entries, out, ends)
-    if code == _TOO_LARGE:
-        values, entries = clip_numbers(values), clip_numbers(entries)
-        code = engine.write_lines(codes, values, entries, out, ends)
-    if code:
-        counts = f"{len(values)} numbers and {len(entries)} in series"
-        raise EngineError(f"{counts}, expected one for each mark of {templates!r}")
-    return out[: ends[-1]].tobytes() if blocks else b"", ends.tolist()
+    templates: Sequence[bytes], numbers: Sequence[float], series: Sequence[Floats]
+) -> bytes:
+    marked = np.frombuffer(bytearray().join(templates), np.uint8)
+    values = np.concatenate([np.array(numbers, np.float64), *series])
+    # An upper bound, as counting exactly would mean to format all numbers twice. The
+    # end of a line has two bytes for one mark.
+    out = np.zeros(2 * len(marked) + _LONGEST_NUMBER * len(values), np.uint8)
+    size = engine.write_lines(marked, values, len(numbers), out)
+    if size == _TOO_LARGE:
+        values = clip_numbers(values)
+        size = engine.write_lines(marked, values, len(numbers), out)
+    if size < 0:
+        counts = f"{len(numbers)} numbers and {len(values) - len(numbers)} in series"
+        text = marked.tobytes().decode("latin-1")
+        raise EngineError(f"{counts}, expected one for each mark of {text!r}")
+    return out[:size].tobytes()

@@ -7,7 +7,7 @@ kernels need only one array for all.
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, TypeAlias
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -50,11 +50,6 @@ ROLL, PITCH, ROLL_WANTED, PITCH_WANTED = range(36, 40)
 COLUMNS: Final = 40
 
 UNKNOWN: Final = -1.0
-
-# x, y and yaw, m, rad, map frame: a ``Pose2`` as kernels have it.
-Place: TypeAlias = tuple[float, float, float]
-
-MAX_DISPLACEMENT_RATIO: Final = 2.0  # of a centre, by the sweep of a move
 
 
 def new_columns(rows: int) -> Floats:

@@ -156,10 +156,3 @@ def measure_components(
 def _readable(array: NDArray[_Number], dtype: type[_Number]) -> NDArray[_Number]:
     """Return an array in the form that the engine takes."""
     return np.ascontiguousarray(array, dtype)
-
-
-def warm_up() -> None:
-    """Compile what maps with mesh files need, or read it from the cache."""
-    vertices, faces = weld_vertices(np.eye(3), np.arange(3, dtype=np.int32)[None])
-    labels = connect_faces(faces).labels
-    measure_components(vertices, faces, labels, np.zeros((1, 3)))

@@ -52,6 +52,7 @@ class Server:
     Attributes:
         address: Host and port that it listens on, once started.
         pace: How simulated time follows the wall clock; may be changed at any time.
+        is_loading: Whether a thread loads the engine, for which nothing can wait.
     """
 
     def __init__(
@@ -71,6 +72,7 @@ class Server:
             after_tick: Called after each tick, when its clients are sent what is due.
         """
         self.address = ("", 0)
+        self.is_loading = False
         self._host = host
         self.pace = Pace(speed)
         self._max_clients = max_clients
@@ -128,7 +130,9 @@ class Server:
             EngineError: If Embree cannot be loaded.
         """
         if not self._host.has_begun:
+            self.is_loading = True  # and remains so if this is cancelled
             simulation = await in_daemon_thread(self._host.make_simulation)
+            self.is_loading = False
             # What is there now stays. To look through it takes the garbage collector
             # some 90 ms, by which scans would be late.
             gc.collect()

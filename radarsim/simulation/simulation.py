@@ -346,8 +346,8 @@ class Simulation:
     def _compute(self, programs: Sequence[tuple[Vehicle, Program]]) -> list[float]:
         """Return what programs write for robots, one after the other."""
         jobs = [(vehicle.robot.slot, program) for vehicle, program in programs]
-        numbers, is_spent = self._readings.run(jobs, self.ticks)
-        if is_spent:
+        numbers, is_depleted = self._readings.run(jobs, self.ticks)
+        if is_depleted:
             for vehicle, _ in programs:
                 vehicle.draw()
         return numbers

@@ -1,7 +1,7 @@
 """Merging and selection of echoes, against the same rules in plain Python."""
 
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 
 from radarsim.raycast.attenuation import EventKind
 from radarsim.sensors.echo_extraction import (
+    ECHO,
     FIRST,
     LAST,
     STRONGEST,
-    EchoColumns,
+    EchoTable,
     merge_echoes,
     select_echoes,
 )
@@ -35,13 +36,11 @@ class Row(NamedTuple):
     front: float = 0.0
 
 
-def columns_of(rows: list[Row]) -> EchoColumns:
-    names = ("i8", "i8", "f8", "u1", "i8", "f8", "f8", "u1", "f8")
-    columns = zip(*rows, strict=True) if rows else [()] * 9
-    arrays: list[Any] = [
-        np.array(column, name) for column, name in zip(columns, names, strict=True)
-    ]
-    return EchoColumns(*arrays)
+def table_of(rows: list[Row]) -> EchoTable:
+    table = np.zeros(len(rows), ECHO)
+    for name in Row._fields:
+        table[name] = [getattr(row, name) for row in rows]
+    return table
 
 
 @st.composite
@@ -88,24 +87,24 @@ def test_echoes_within_the_resolution_merge_from_the_nearest_on(
     for _, group in groupby(rows, key=lambda row: row.beam):
         beam = list(group)
         wanted += merge_in_python(beam, cell) if cell else beam
-    found = merge_echoes(columns_of(rows), cell)
+    found = merge_echoes(table_of(rows), cell)
     for name in Row._fields:
-        assert getattr(found, name).tolist() == pytest.approx(
+        assert found[name].tolist() == pytest.approx(
             [getattr(row, name) for row in wanted]
         ), name
 
 
 def test_merging_does_not_change_its_input() -> None:
     rows = [Row(0, i, 1 + i / 10, HIT, i, 1.0, 0.5, 1) for i in range(3)]
-    given_ = columns_of(rows)
+    given_ = table_of(rows)
     merge_echoes(given_, 1.0)
-    assert given_.t.tolist() == pytest.approx([1.0, 1.1, 1.2])
+    assert given_["t"].tolist() == pytest.approx([1.0, 1.1, 1.2])
 
 
 @given(sorted_rows())
 def test_each_mode_selects_its_echo(rows: list[Row]) -> None:
     found = {
-        mode: select_echoes(columns_of(rows), mode, 3, 0.0)
+        mode: select_echoes(table_of(rows), mode, 3, 0.0)
         for mode in (LAST, FIRST, STRONGEST)
     }
     for beam in range(3):

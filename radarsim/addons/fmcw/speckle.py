@@ -110,9 +110,9 @@ class Speckle:
 
 
 def _mixed(words: Words) -> Words:
-    words = (words ^ (words >> 30)) * _FIRST_FACTOR
-    words = (words ^ (words >> 27)) * _SECOND_FACTOR
-    return words ^ (words >> 31)
+    words = (words ^ (words >> np.uint64(30))) * _FIRST_FACTOR
+    words = (words ^ (words >> np.uint64(27))) * _SECOND_FACTOR
+    return words ^ (words >> np.uint64(31))
 
 
 @lru_cache(maxsize=1)

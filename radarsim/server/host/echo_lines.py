@@ -90,26 +90,24 @@ class EchoWriter:
             echoes: Echoes of the scan.
             dialect: Dialect of the lines.
         """
-        written = np.empty(len(echoes), engine.structures["WrittenEcho"].dtype)
-        rows = np.empty(len(echoes), engine.structures["EchoRows"].dtype)
-        order = np.empty(len(echoes), np.int64)
+        written = np.zeros(len(echoes), engine.structures["WrittenEcho"].dtype)
+        rows = np.zeros(len(echoes), engine.structures["EchoRows"].dtype)
         columns = echoes.parts, echoes.beams, echoes.fronts, echoes.power
         count = engine.sort_echoes(
             *[np.ascontiguousarray(each) for each in (*columns, echoes.strength)],
             echoes.settings.penetration_power,
             ECHOES_A_LINE,
             written,
-            order,
             rows,
         )
         if not count:
             return to_bytes([EchoLine(time, scanner, 0, 0, None).encode(dialect)])
         marks = {kind: find_mark(dialect, name) for kind, name in KIND_NAMES.items()}
-        texts = [marks[kind] for kind in echoes.kinds[order].tolist()]
+        texts = [marks[kind] for kind in echoes.kinds[rows["before"]].tolist()]
         heads = self._heads_of(dialect, scanner, echoes.settings)
         templates: list[bytes] = []
         numbers: list[float] = []
-        for line, (part, start, end) in enumerate(rows[:count].tolist(), 1):
+        for line, (part, start, end, _) in enumerate(rows[:count].tolist(), 1):
             if part not in heads:
                 target = describe_target(echoes, part, self._robot_names())
                 heads[part] = build_head(dialect, scanner, target)

@@ -1,7 +1,6 @@
 """Poses by SLAM for navigators: they may jump, and what was kept can be corrected."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -14,30 +13,10 @@ from radarsim.autonomy.navigation.algorithms import PoseSource
 from radarsim.autonomy.navigation.observation import Observation, ObservationBuilder
 from radarsim.client import ScannerInfo
 from radarsim.geometry import Pose2, Pose3
-from radarsim.protocol.echoes import EchoLine, TargetEchoes
-from radarsim.protocol.reports import Ins, RangeScan, Report
+from radarsim.protocol.reports import Ins, RangeScan
 
-BEAMS = 90
 FOV = math.radians(356)
-SCANNER = ScannerInfo("x", Pose3(0, 0, 0), 0.1, 6.0, math.radians(4), FOV, BEAMS)
-
-
-def sample_reports() -> Iterator[Report]:
-    """Return what a robot reports inside a round wall, with a hedge on one side."""
-    for k in range(3):
-        time = 0.1 * k
-        yield Ins(time, "x", Pose3(0.3 * k, 0.0, 0.0))
-        yield EchoLine(time, "x", 1, 2, echoes("wall", BEAMS, 5.0, "hit"))
-        yield EchoLine(time, "x", 2, 2, echoes("hedge", BEAMS // 2, 3.0, "enter"))
-        yield RangeScan(time, "x", math.radians(4), FOV, np.full(BEAMS, 5.0))
-
-
-def echoes(name: str, count: int, range_: float, kind: str) -> TargetEchoes:
-    beams, ones = np.arange(count), np.ones(count)
-    kinds, flags = (kind,) * count, (False, False)
-    return TargetEchoes(
-        name, name, 1.0, 0.5, *flags, beams, range_ * ones, kinds, ones, ones
-    )
+SCANNER = ScannerInfo("x", Pose3(0, 0, 0), 0.1, 6.0, math.radians(4), FOV, 90)
 
 
 class LoopingSlam:
@@ -72,8 +51,7 @@ def square_room(x: float, y: float) -> np.ndarray[Any, Any]:
 
 def reports_of(k: int, x: float, told: float) -> tuple[Ins, RangeScan]:
     ranges = square_room(x, 0.3)
-    scanner = SCANNER
-    scan = RangeScan(0.1 * k, "x", scanner.resolution, scanner.fov, ranges)
+    scan = RangeScan(0.1 * k, "x", SCANNER.resolution, SCANNER.fov, ranges)
     return Ins(0.1 * k, "INS", Pose3(told, 0.3, 0.0)), scan
 
 
@@ -118,7 +96,8 @@ def test_scans_that_were_kept_are_corrected_after_a_loop(
 
 def test_other_poses_never_jump() -> None:
     source = ObservationBuilder(SCANNER, PoseSource.INS, lambda: 0.0)
-    seen = [each for report in sample_reports() if (each := source.take(report))]
+    reports = [each for k in range(3) for each in reports_of(k, 0.1 * k, 0.1 * k)]
+    seen = [each for report in reports if (each := source.take(report))]
     assert len(seen) == 3
     assert not source.pop_jump()
     assert source.corrected(seen[0]) is seen[0]
