@@ -13,8 +13,8 @@ inline double wrapped(double angle) {
 
 // Measure what directions bounding boxes take up, by lower and upper corners; see Extents.
 inline void measure_extents(Array<const double[2][3]> bounds, Array<const double> position, Array<const Vector> rotation,
-                            Array<double> azimuth, Array<double> width, Array<double> low, Array<double> high,
-                            Array<double> distance) {
+                            Array<double, 2> extents) {
+    double *azimuth = &extents(0, 0), *width = &extents(1, 0), *low = &extents(2, 0), *high = &extents(3, 0);
     for (int64_t i = 0; i < bounds.size(); i++) {
         double seen[8][3] = {}, middle[3] = {};
         for (int corner = 0; corner < 8; corner++)
@@ -33,10 +33,10 @@ inline void measure_extents(Array<const double[2][3]> bounds, Array<const double
             low[i] = least(low[i], up), high[i] = most(high[i], up);
         }
         azimuth[i] = centre + first, width[i] = last - first;
-        distance[i] = sqrt(middle[0] * middle[0] + middle[1] * middle[1] + middle[2] * middle[2]);
+        extents(4, i) = sqrt(middle[0] * middle[0] + middle[1] * middle[1] + middle[2] * middle[2]);
     }
 }
-DOOR(measure_extents, "n 3 3 n n n n n")
+DOOR(measure_extents, "n 3 3 5n")
 
 // Turn unit vectors of a sensor to the map frame, each by one of some rotations. Returns whether all of these exist.
 inline bool turn_directions(Array<const Vector> directions, Array<const double[3][3]> rotations,

@@ -4,7 +4,7 @@
 
 namespace radarsim::fmcw {
 
-constexpr double FAINT = 1e-5; // in units of the noise; what is less has no amplitude
+constexpr float FAINT = 1e-5f; // in units of the noise; what is less has no amplitude
 constexpr int64_t HASH_LEVELS = 1024;
 
 struct HashLevel { // what one of the levels of a hash stands for
@@ -37,7 +37,7 @@ inline void fill_amplitudes(const Scatterers& scatterers, Array<const HashLevel>
     constexpr uint64_t LAST = HASH_LEVELS - 1;
     for (int64_t i = 0; i < count; i++) {
         amplitudes[2 * i] = amplitudes[2 * i + 1] = 0.0f;
-        if (double(power[i]) <= FAINT) continue;
+        if (power[i] <= FAINT) continue;
         uint64_t word = mixed(scatterers.key + (uint64_t(scatterers.start) + uint64_t(first + i)) * HASH_STEP);
         float size = sqrtf(power[i]) * levels[word & LAST].amplitude;
         uint64_t turned = (word >> 10) + scatterers.phase;

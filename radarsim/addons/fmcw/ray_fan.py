@@ -55,9 +55,9 @@ def extents_from(position: Floats, rotation: Floats, bounds: Floats) -> Extents:
         rotation: (3, 3) of the sensor.
         bounds: (N, 2, 3) m, lower and upper corners, map frame.
     """
-    extents = Extents._make(np.zeros((5, len(bounds))))
-    engine.measure_extents(bounds, position, rotation, *extents)
-    return extents
+    extents = np.zeros((5, len(bounds)))
+    engine.measure_extents(bounds, position, rotation, extents)
+    return Extents._make(extents)
 
 
 def turned_directions(
