@@ -19,13 +19,9 @@ FLAGS: Final = (
     "-std=c++20 -O3 -shared -fPIC -Wall -Wextra -Werror -fvisibility=hidden"
     " -fno-exceptions -fno-rtti -fno-threadsafe-statics"
     # The same bits on each processor: a product and a sum stay two operations.
-<<<<<<< HEAD
-    " -ffp-contract=off -fno-math-errno"
-=======
     " -ffp-contract=off"
     # Square roots set no errno, so that loops with them are computed in vectors.
     " -fno-math-errno"
->>>>>>> e-fmcw
 )
 # "zig cc" reads C++ as well; "zig c++" would build its standard library first. Old
 # enough a glibc for manylinux_2_17.
