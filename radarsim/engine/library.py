@@ -273,25 +273,19 @@ class Function:
                 # Contiguous, aligned, and to be written to.
                 if type(value) is not np.ndarray or not value.flags.carray:
                     raise TypeError
-                shape = value.shape
-                if rows:
-                    shape, its_rows = shape[:axes], shape[axes:]
-                    if its_rows != rows:
-                        raise TypeError
-                if value.dtype is not dtype or len(shape) != axes:
+                shape, is_same = value.shape, value.dtype is dtype
+                if not is_same or len(shape) < axes or shape[axes:] != rows:
                     raise TypeError
                 words.append(_pointer_at(id(value) + _HEAD).value)
-                words += shape
+                words += shape[:axes]
             elif value.structure.name == form:
                 words.append(value.address)
             else:
                 raise TypeError
-        for place, other in alike:
-            if words[place] != words[other]:
-                raise TypeError
-        for place, length in fixed:
-            if words[place] != length:
-                raise TypeError
+        if any(words[place] != words[other] for place, other in alike):
+            raise TypeError
+        if any(words[place] != length for place, length in fixed):
+            raise TypeError
         return words
 
     @functools.cached_property
