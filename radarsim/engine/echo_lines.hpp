@@ -73,6 +73,7 @@ inline double power_share(double power, double full_power) {
 inline int64_t sort_echoes(Array<const int64_t> parts, Array<const int64_t> beams, Array<const double> ranges,
                            Array<const double> power, Array<const double> strength, double full_power,
                            int64_t echoes_a_line, Array<WrittenEcho> echoes, Array<EchoRows> rows) {
+    if (echoes_a_line < 1) return 0;
     List<PartEchoes> groups(parts.size());
     Room<int64_t> group_of(parts.size());
     group_echoes(parts, beams, groups, group_of);

@@ -33,15 +33,22 @@ inline uint64_t find_slot(const VertexTable& table, int32_t vertex) {
     return slot;
 }
 
+inline bool has_corners(const Face& face, int64_t vertices) {
+    return uint64_t(face[0]) < uint64_t(vertices) && uint64_t(face[1]) < uint64_t(vertices) &&
+           uint64_t(face[2]) < uint64_t(vertices);
+}
+
 // Number the vertices, and write the faces that keep their corners. Returns the number of faces, and that of
-// vertices in count; -1 if there are too few slots.
+// vertices in count; -1 if there are too few slots, whose number is a power of two.
 inline int64_t merge_vertices(Array<const Vector> positions, Array<const Face> faces, Array<int32_t> slots,
                               Array<int32_t> kept, Array<int32_t> numbers, Array<Face> merged, Array<int64_t> count) {
     VertexTable table = {positions, slots, kept};
     int64_t rows = 0, vertices = 0;
+    if (slots.size() & (slots.size() - 1)) return -1; // no power of two
     for (const Face& face : faces) {
         // Three quarters full: probes become long, so begin again with more slots.
         if (4 * vertices > 3 * slots.size() - 12) return -1;
+        if (!has_corners(face, positions.size())) continue;
         Face& corners = merged[rows];
         for (int corner = 0; corner < 3; corner++) {
             int32_t vertex = face[corner];
@@ -101,12 +108,15 @@ inline bool join_faces(const Forest& forest, int32_t face, int32_t other, bool d
 
 // Unite the faces that share edges. Edges hold, for each other end of those at a vertex, the place of its first
 // side, the number of its sides, and how much more often it is run along upwards.
-inline void unite_faces(Array<const Face> faces, Array<int32_t> sides, Array<int32_t> starts, Array<int32_t, 2> edges,
+inline bool unite_faces(Array<const Face> faces, Array<int32_t> sides, Array<int32_t> starts, Array<int32_t, 2> edges,
                         Array<int32_t> parents, Array<bool> flips, Array<int64_t> counts) {
     auto low_end = [&](int64_t face, int corner) {
         return lower(faces[face][corner], faces[face][next_corner(corner)]);
     };
     int64_t vertices = edges.shape[1];
+    if (starts.size() != vertices + 2 || sides.size() < 3 * faces.size()) return false;
+    for (const Face& face : faces)
+        if (!has_corners(face, vertices)) return false;
     // Sort the sides of all faces by their lower vertex: two places ahead, as a place moves on.
     for (int64_t face = 0; face < faces.size(); face++)
         for (int corner = 0; corner < 3; corner++) starts[low_end(face, corner) + 2]++;
@@ -143,6 +153,7 @@ inline void unite_faces(Array<const Face> faces, Array<int32_t> sides, Array<int
             has_one_side |= join_faces({parents, flips}, face, other, disagree);
         }
     counts[0] = open_edges, counts[1] = unpaired_edges, counts[2] = has_one_side, counts[3] = may_coincide;
+    return true;
 }
 DOOR(unite_faces, "f s t 3v f f 4")
 
@@ -164,6 +175,7 @@ inline void measure_components(Array<const Vector> vertices, Array<const Face> f
                                Array<Vector> lows, Array<Vector> highs) {
     for (int64_t face = 0; face < faces.size(); face++) {
         int32_t label = labels[face];
+        if (!has_corners(faces[face], vertices.size()) || label < 0 || label >= origins.size()) continue;
         const Vector &a = vertices[faces[face][0]], &b = vertices[faces[face][1]], &c = vertices[faces[face][2]];
         for (int axis = 0; axis < 3; axis++) {
             double &low = lows[label][axis], &high = highs[label][axis];

@@ -68,7 +68,7 @@ inline int64_t search_states(Array<const int64_t, 2> masks, Array<const CellStep
             double cost = 1.0 + more * double(bits >> 16 & 1) + little_more * double(bits >> 32 & 1);
             double total = so_far + costs[state % HEADINGS][motion] * cost;
             bool is_known = parents.data[after] || after == first;
-            if (!(total < (is_known ? best[after] : INFINITE))) continue;
+            if (!(so_far <= total && total < (is_known ? best[after] : INFINITE))) continue;
             best[after] = total;
             parents.data[after] = int32_t(state + 1);
             queue.push({total + guide.data[after / HEADINGS], total, after});

@@ -69,8 +69,8 @@ inline int64_t search_grid(Array<const double, 2> cost, int64_t row, int64_t col
             for (int64_t n = j - 1; n <= j + 1; n++) {
                 if (k < 0 || k >= rows || n < 0 || n >= columns || (k == i && n == j)) continue;
                 double total = so_far + cost(k, n) * (k == i || n == j ? 1.0 : sqrt(2.0));
-                // Less, and not as much, for the same reason as above.
-                if (!(total < best(k, n))) continue;
+                // Less, and not as much, for the same reason as above. No step costs less than nothing.
+                if (!(so_far <= total && total < best(k, n))) continue;
                 best(k, n) = total;
                 parents(k, n) = cell;
                 queue.push({total, k * columns + n});

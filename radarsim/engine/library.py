@@ -45,9 +45,11 @@ class _Number:
 
     def add(self, words: list[Any], value: Any, name: str, _lengths: _Lengths) -> None:
         try:
-            words.append(self._convert(value))
-        except (TypeError, ValueError) as error:
+            number = self._convert(value)
+            struct.pack(self.format, number)  # it may have too many digits
+        except (TypeError, ValueError, OverflowError, struct.error) as error:
             raise EngineError(f"{name} is {value!r}, expected a number") from error
+        words.append(number)
 
 
 class _Row:

@@ -13,6 +13,7 @@ namespace radarsim::robots {
 
 constexpr double MAX_SWEEP = 0.05;  // m; a longer step is split, not to jump over obstacles
 constexpr double MAX_PARTS = 1e6;  // a robot that would be faster gets anywhere
+constexpr int64_t MAX_STEPS = 1 << 20; // in one call, which nothing interrupts
 constexpr double TOUCH_UNKNOWN = -1.0; // of Robot::touched
 
 // An angle, rad, wrapped to (-pi, pi].
@@ -174,7 +175,7 @@ DOOR(find_touched, "s")
 // Drive some robots for several time steps as if there were no others, and note which are touched after any step.
 inline bool drive_on(const Surroundings& around, Array<const int64_t> order, double dt, int64_t steps,
                      Array<bool> touched) {
-    if (!are_valid(around, order)) return false;
+    if (!are_valid(around, order) || steps > MAX_STEPS) return false;
     RobotGrid grid(around.robots, order);
     for (int64_t step = 0; step < steps; step++) {
         drive_once(around, grid, order, dt);

@@ -18,6 +18,9 @@ inline double most(double a, double b) { return b > a ? b : a; }
 inline double least(double a, double b, double c) { return least(least(a, b), c); }
 inline double most(double a, double b, double c) { return most(most(a, b), c); }
 
+// The whole part of a number; the least of all integers where there is none.
+inline int64_t whole_of(double number) { return fabs(number) < 0x1p63 ? int64_t(number) : INT64_MIN; }
+
 // An array that numpy owns; T may be a row, as Vector is.
 template <typename T, int D = 1> struct Array {
     T* data;

@@ -182,7 +182,7 @@ inline void fill_distances(Array<const bool, 2> cells, double limit, Array<doubl
             squares[j] = distance * distance;
         }
     }
-    int64_t reach = int64_t(most(limit, 0.0));
+    int64_t reach = int64_t(most(0.0, limit));
     for (int64_t i = 0; i < rows; i++) {
         for (int64_t j = 0; j < columns; j++) nearest[j] = INT32_MAX;
         for (int64_t k = i > reach ? i - reach : 0; k <= i + reach && k < rows; k++) {

@@ -70,7 +70,7 @@ inline int64_t add_points(const PointTable& packed, int64_t used, Array<const Ve
                           Array<const Vector2> normals) {
     const PointTable table = packed; // of its own, so that what is written to arrays cannot be a part of it
     // As if each point took a new cell of every size: half the rows stay free.
-    if (table.keys.size() < 2 * (used + LEVELS * points.size())) return -1;
+    if (used < 0 || table.keys.size() / 2 - used < LEVELS * points.size()) return -1;
     int64_t cells = 0;
     for (int64_t i = 0; i < points.size(); i++) {
         double size = FINEST;

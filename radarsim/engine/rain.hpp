@@ -4,6 +4,8 @@
 
 namespace radarsim {
 
+constexpr double MOST_CELLS = 1e7; // between two events; a search farther on would not end
+
 // What is left of a search from cell to cell.
 struct Search {
     double t;      // m, the first cell that was not searched, or that shows rain
@@ -37,7 +39,7 @@ inline int64_t find_rain(Array<const Event> events, Array<const int64_t> rays, A
         while (i < events.size() && events[i].ray < rays[beam]) i++;
         for (; i < events.size() && events[i].ray == rays[beam] && search.budget > 0.0; i++) {
             const Event& event = events[i];
-            if (!is_known(event, INT64_MAX, parts)) continue;
+            if (!is_known(event, INT64_MAX, parts) || !(event.t - search.t < MOST_CELLS * cell)) continue;
             double contrast = 0.0;
             int64_t raining = -1;
             for (int64_t part = 0; part < parts; part++)

@@ -104,7 +104,7 @@ inline void move_ins(Ins& ins, const double* body) {
     double square = 0.0;
     for (int axis = 0; axis < 3; axis++) square += (body[axis] - ins.body[axis]) * (body[axis] - ins.body[axis]);
     double distance = sqrt(square);
-    const double* draws = &ins.draws[6 * (int64_t(ins.used) % DRAWN_AHEAD)];
+    const double* draws = &ins.draws[6 * (whole_of(ins.used) & (DRAWN_AHEAD - 1))];
     for (int axis = 0; axis < 6; axis++) {
         double motion = measure_motion(ins.body[axis], body[axis], axis);
         // Errors grow with the way driven, also across it, and with the turn itself.
@@ -132,7 +132,7 @@ inline const Tachometer& measure_speeds(Tachometer& sensor, double time, const R
 }
 
 inline double count_ticks(Encoder& encoder, const Robot& robot) {
-    double error = -encoder.noise + 2 * encoder.noise * encoder.draws[int64_t(encoder.used) % DRAWN_AHEAD];
+    double error = -encoder.noise + 2 * encoder.noise * encoder.draws[whole_of(encoder.used) & (DRAWN_AHEAD - 1)];
     encoder.used += 1.0;
     double turned = ((encoder.side != 0.0 ? robot.right_angle : robot.left_angle) - encoder.zero) * (1 + error);
     return trunc(fmod(turned, 2 * M_PI) / ENCODER_RESOLUTION) * encoder.sign;
@@ -229,8 +229,9 @@ inline bool take_reading(const Job& job, double* row, double ticks, const Robot&
     }
     case Reading::MINUTES: out.add(floor((ticks - row[job.place]) / TICKS_A_MINUTE)); break; // since the spawn
     case Reading::WHEEL_POSE: {
-        const double* odometry = tables.odometry[int64_t(row[job.place])];
-        out.add(&reinterpret_cast<const Odometry*>(odometry)->x, 3);
+        int64_t number = whole_of(row[job.place]);
+        if (number < 0 || number >= tables.odometry.size()) break;
+        out.add(&reinterpret_cast<const Odometry*>(tables.odometry[number])->x, 3);
         break;
     }
     case Reading::DRIFT: {
@@ -256,9 +257,43 @@ inline bool take_reading(const Job& job, double* row, double ticks, const Robot&
     return false;
 }
 
+// How many numbers of the row of its robot a job uses.
+inline int64_t count_used(const Job& job) {
+    switch (job.kind) {
+    case Reading::CHARGE: return sizeof(Charge) / sizeof(double);
+    case Reading::ALTITUDES:
+    case Reading::MINUTES:
+    case Reading::WHEEL_POSE: return 1;
+    case Reading::DRIFT:
+    case Reading::INS_POSE: return sizeof(Ins) / sizeof(double);
+    case Reading::LEFT_SPEED:
+    case Reading::RIGHT_SPEED:
+    case Reading::LEFT_ANGLE:
+    case Reading::RIGHT_ANGLE: return sizeof(Tachometer) / sizeof(double);
+    case Reading::TICKS: return sizeof(Encoder) / sizeof(double);
+    case Reading::ACCELERATION:
+    case Reading::PROPER_ACCELERATION:
+    case Reading::INERTIA: return sizeof(Accelerometer) / sizeof(double);
+    case Reading::LINK_ANGLE: return sizeof(Link) / sizeof(double);
+    default: return 0;
+    }
+}
+
+// Whether jobs and robots are in the tables, and what sensors remember is in the rows.
+inline bool are_due(Array<const DueJobs> due, const SensorTables& tables) {
+    int64_t robots = tables.robots.size(), columns = tables.rows.shape[1];
+    if (tables.rows.shape[0] < robots) robots = tables.rows.shape[0];
+    for (const DueJobs& each : due)
+        if (each.slot < 0 || each.slot >= robots || each.first < 0 || each.end > tables.jobs.size()) return false;
+    for (const Job& job : tables.jobs)
+        if (job.place < 0 || job.place > columns - count_used(job)) return false;
+    return columns > 0 || !due.size();
+}
+
 // Do the jobs of robots, one after the other. Returns the number of robots that have used up random numbers; -1 if out
-// has not the length that is written.
+// has not the length that is written, or jobs are of no robot.
 inline int64_t take_readings(Array<const DueJobs> due, const SensorTables& tables, double ticks, Array<double> out) {
+    if (!are_due(due, tables)) return -1;
     Numbers numbers = {out, 0};
     int64_t used_up = 0;
     for (const DueJobs& each : due) {

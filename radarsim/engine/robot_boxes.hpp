@@ -124,7 +124,7 @@ class BoxGrid {
             if (column < 0 || column >= layout_.columns || row < 0 || row >= layout_.rows) break;
             cell = row * layout_.columns + column, end = cell + 1;
         }
-        if (found >= 0) id = int64_t(boxes[found].id);
+        if (found >= 0) id = whole_of(boxes[found].id);
         return nearest;
     }
 
@@ -159,7 +159,7 @@ class BoxGrid {
             double count = double(boxes.size());
             size = most(sqrt(most(area, 4.0 * squares) / count), longest / count);
         }
-        if (boxes.size() < MIN_BOXES || rays < MIN_RAYS || size == INFINITE) {
+        if (boxes.size() < MIN_BOXES || rays < MIN_RAYS || !(left <= right && low <= high && size < INFINITE)) {
             left = right = low = high = 0.0;
             size = INFINITE;
         }

@@ -40,9 +40,7 @@ struct Grazing { // a ray that meets level ground
 };
 
 // The greatest integer up to a number; the least of all integers where there is none.
-inline int64_t floor_of(double number) {
-    return fabs(number) < 0x1p63 ? int64_t(floor(number)) : INT64_MIN;
-}
+inline int64_t floor_of(double number) { return whole_of(floor(number)); }
 
 // The gamma of a surface at an angle of incidence, whose cosine is above 0.
 inline double gamma_at(double cosine, double gamma, bool constant_gamma, double glint, double narrowness) {

@@ -8,6 +8,7 @@ namespace radarsim {
 
 constexpr int64_t INCONSISTENT = INT64_MIN; // arrays that do not belong together
 constexpr int64_t PARTS_PER_THREAD = 4;
+constexpr int64_t MOST_CROSSINGS = 1 << 26, MOST_THREADS = 1024; // for which there is memory
 constexpr int CLEARANCE_CLASS = 1; // the class for which something may hide a ray
 
 struct RaySource { // given rays, or one row of what the rays of a sensor have in common
@@ -40,6 +41,9 @@ struct Scans {
 
 inline bool belong_together(const Scene& scene, const RaySource& source, const Scans& scans, const Traces& traces) {
     int64_t rays = traces.ranges.size(), angles = traces.incidence.size();
+    const MaterialTable& materials = *scene.materials;
+    if (materials.low.size() != materials.volume.size() + 1) return false;
+    if (scene.triangles.size() != (*scene.handle)[0].triangles.size()) return false;
     if (angles && angles != rays) return false;
     if (!scans.places.size()) return source.origins.size() == rays && source.power.size() == rays;
     if (source.radius && scene.materials->classes() <= CLEARANCE_CLASS) return false;
@@ -53,7 +57,7 @@ inline void clear_scans(const Scene& scene, const RaySource& source, const Scans
         const Place& place = scans.place(scan);
         Vector point = {place.x - scene.centre[0], place.y - scene.centre[1], place.z - scene.centre[2]};
         scans.clear[scan] = source.radius == 0.0 ||
-                            (!grid.is_near(int64_t(place.carrier), point, reach) &&
+                            (!grid.is_near(whole_of(place.carrier), point, reach) &&
                              !is_opaque_nearby(*scene.handle, scene.materials->forward_roles.row(CLEARANCE_CLASS), point, reach));
     }
 }
@@ -99,7 +103,7 @@ inline int64_t trace_beams(const RaySource& source, const Scans& scans, int64_t 
             scans.sides[i] = table.sides[chosen];
             aim_ray(table, frame, beam, chosen, tracer.origin, tracer.direction);
             if (int64_t code = tracer.trace(i, source.max_range[0], source.power[0], source.class_index[0],
-                                            int64_t(scans.place(scan).carrier), traces))
+                                            whole_of(scans.place(scan).carrier), traces))
                 return code;
         }
     }
@@ -132,6 +136,7 @@ inline int64_t trace_rays(const Scene& scene, const RaySource& source, Array<con
     Traces traces = {ranges, outcomes, parts, power, incidence};
     Scans scans = {places, chances, nodes, sides, clear};
     if (!belong_together(scene, source, scans, traces)) return INCONSISTENT;
+    if (max_crossings < 0 || max_crossings > MOST_CROSSINGS || threads < 1 || threads > MOST_THREADS) return INCONSISTENT;
     BoxGrid grid(boxes, ranges.size());
     if (places.size()) clear_scans(scene, source, scans, grid);
     // More parts than threads, since some rays take longer than others.

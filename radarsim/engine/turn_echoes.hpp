@@ -51,6 +51,8 @@ inline bool add_rays(const Beams& beams, const RangeLines& lines, const FanRays&
                 is_span(1) && scattering.parts.size() && scattering.open_part < scattering.parts.size() &&
                 !(events.size() && events[events.size() - 1].kind == Kind::MIRRORED);
     if (!fits) return false;
+    for (const PartScattering& part : scattering.parts)
+        if (!lines.sway.shape[2] && !(part.sway <= 0.0)) return false;
     List<int64_t> inside(scattering.parts.size());
     int64_t ray = 0, event = 0;
     // Rays add to their column and to the next one, so that two lines are enough: each is spread when its column is

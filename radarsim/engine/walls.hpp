@@ -40,17 +40,19 @@ inline void fill_lines(Array<const Ends> segments, Array<LineSegment> lines) {
 }
 DOOR(fill_lines, "s s")
 
-constexpr double CELL_TOLERANCE = 1e-6; // cells; a wall this close to a cell crosses it
+constexpr double CELL_TOLERANCE = 1e-6;  // cells; a wall this close to a cell crosses it
+constexpr double FARTHEST_CROSSED = 1e7; // cells; more would not fit in memory
 
 inline int64_t first_cell(double low) { return int64_t(floor(low - CELL_TOLERANCE)); }
 inline int64_t last_cell(double high) { return int64_t(floor(high + CELL_TOLERANCE)); }
 
-// Call a function with row and column of each cell that a segment crosses.
+// Call a function with row and column of each cell that a segment crosses; with none if an end is too far away.
 template <typename F> void visit_cells(const Ends& segment, const WallGrid& grid, F visit) {
     double x[2], y[2];
     for (int end = 0; end < 2; end++) {
         x[end] = (segment[end][0] - grid.left) / grid.cell;
         y[end] = (segment[end][1] - grid.bottom) / grid.cell;
+        if (!(fabs(x[end]) < FARTHEST_CROSSED && fabs(y[end]) < FARTHEST_CROSSED)) return;
     }
     int low = y[1] >= y[0] ? 0 : 1;
     double run = x[1 - low] - x[low], rise = y[1 - low] - y[low];
@@ -128,6 +130,7 @@ inline int64_t find_walls(const Walls& walls, double floor, double x, double y, 
                           Array<LineSegment> found) {
     if (!(floor >= 0.0 && floor < double(walls.floors.size())) || found.size() < walls.lines.size()) return 0;
     const WallGrid& grid = walls.floors[int64_t(floor)];
+    if (grid.end > walls.entries.size()) return 0;
     CellRange columns = cells_within(x - grid.left, reach, grid.cell, grid.columns);
     CellRange rows = cells_within(y - grid.bottom, reach, grid.cell, grid.rows);
     // A wall is in several cells. Marks with the number of the search need not be reset.
@@ -137,7 +140,7 @@ inline int64_t find_walls(const Walls& walls, double floor, double x, double y, 
         int64_t entry = first_entry(walls.entries, grid, row * grid.columns + columns.first);
         for (; entry < grid.end && walls.entries[entry].cell <= last; entry++) {
             int64_t wall = grid.first_line + walls.entries[entry].wall;
-            if (walls.marks[wall] == search) continue;
+            if (wall >= walls.lines.size() || walls.marks[wall] == search) continue;
             walls.marks[wall] = search;
             if (is_near(walls.lines[wall], x, y, reach)) found[count++] = walls.lines[wall];
         }
