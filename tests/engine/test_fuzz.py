@@ -1,7 +1,7 @@
 """No arguments crash the engine: real calls are recorded, changed, and made again.
 
 A library that was compiled with sanitizers ends the process at the first access beyond
-an array; see ``.ci/run``.
+an array: ``python radarsim/engine/build.py g++ -O1 -g -fsanitize=address,undefined``.
 """
 
 import math

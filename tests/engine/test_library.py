@@ -147,6 +147,36 @@ def test_numbers_and_references_are_checked() -> None:
         pack(**fields | {"table": pack(**fields)})
 
 
+@pytest.mark.parametrize("number", [2**63, -(2**63) - 1, 1e300, math.inf, math.nan])
+def test_numbers_without_room_are_rejected(number: float) -> None:
+    masks, steps = np.zeros((2, 2), np.int64), np.zeros((16, 2), np.int64)
+    with pytest.raises(EngineError, match=r"^argument 3 of are_joined is .*, expected"):
+        engine.are_joined(masks, steps, number, 0)
+
+
+def test_search_ends_where_steps_cost_less_than_nothing() -> None:
+    cost, targets = np.full((3, 3), -1e-3), np.zeros((3, 3), np.bool_)
+    parents, best = np.zeros((3, 3), np.int64), np.full((3, 3), math.inf)
+    assert engine.search_grid(cost, 0, 0, targets, parents, best) == -1
+
+
+def test_entries_of_walls_that_are_missing_are_not_read() -> None:
+    kinds = {name: engine.structures[name].dtype for name in ("WallGrid", "WallEntry")}
+    floors = np.zeros(1, kinds["WallGrid"])
+    floors["cell"] = floors["columns"] = floors["rows"] = 1
+    floors["end"] = 1000
+    lines = np.zeros(1, engine.structures["LineSegment"].dtype)
+    marks, searches = np.zeros((2, 1), np.int64)
+    walls = engine.structures["Walls"].pack(
+        lines=lines,
+        entries=np.zeros(0, kinds["WallEntry"]),
+        floors=floors,
+        marks=marks,
+        searches=searches,
+    )
+    assert engine.find_walls(walls, 0.0, 0.5, 0.5, 1.0, lines.copy()) == 0
+
+
 def test_row_of_numbers_has_its_length() -> None:
     box = shapes.box(1, 1, 1)
     handle = EmbreeScene([Mesh(*box)]).handle
