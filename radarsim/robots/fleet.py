@@ -81,6 +81,7 @@ class Fleet:
         self._spawned = 0
         self._floors: list[Obstacles] = []
         self.columns = new_columns(0)
+        self._lines: NDArray[np.void] = np.zeros(0, LINE)  # room for what a robot meets
         self._enter_floors()
 
     @property
@@ -112,12 +113,15 @@ class Fleet:
         """Pack what robots may run into, as C++ takes it."""
         slots = len(self.columns)
         room = self._walls.lines + 4 * slots  # all walls, and the sides of all robots
+        # Kept from robot to robot: to allocate megabytes can take milliseconds.
+        if len(self._lines) < room:
+            self._lines = np.zeros(room + room // 4, LINE)
         self._around = engine.structures["Surroundings"].pack(
             robots=self.columns.view(ROBOT).reshape(slots),
             order=self.slots,
             odometry=self.odometry.view(_ODOMETRY).reshape(len(self.odometry)),
             walls=self._walls.table,
-            lines=np.zeros(room, LINE),
+            lines=self._lines,
             margin=MARGIN,
             wall_range=WALL_RANGE,
             max_displacement_ratio=_MAX_DISPLACEMENT_RATIO,

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from radarsim import plugins
 from radarsim.geometry import Floats, Pose2
 from radarsim.presets.robots import RobotModel
+from radarsim.presets.sensors import item_presets, sensor_presets
 from radarsim.protocol.fields import SensorReport
 from radarsim.protocol.reports import RangeScan
 from radarsim.raycast.attenuation import EventKind
@@ -98,7 +99,7 @@ class Simulation:
             name: plugins.load(ITEMS_GROUP, name)(scene, self._clock)
             for name in plugins.names(ITEMS_GROUP)
         }
-        self._prepare_floors()
+        self._prepare_spawns()
 
     @property
     def time(self) -> float:
@@ -405,8 +406,10 @@ class Simulation:
             its_readings += item.read(self.time, piece)
         return readings
 
-    def _prepare_floors(self) -> None:
-        """Measure the walls around the first starts, so that no spawn waits for it."""
+    def _prepare_spawns(self) -> None:
+        """Read presets, and measure walls around the first starts, before a spawn."""
+        sensor_presets()
+        item_presets()
         floors = dict.fromkeys(start.pose.z for start in self.scene.starts)
         for floor in islice(floors or [0.0], MOST_READY_FLOORS):
             self._fleet.prepare(self._obstacles(floor))
