@@ -1,9 +1,9 @@
 """Worker processes, a background thread, and the signals that end the program.
 
 SIGINT, SIGTERM and SIGHUP end it at once, or by an exception. At once is the default,
-also while modules are imported: an exception gets lost in
-callbacks from C, or ends in a traceback or a crash there. Only where something is to be
-saved or restored the signals raise an exception.
+also while modules are imported: an exception gets lost in callbacks from C, or ends in
+a traceback or a crash there. Only where something is to be saved or restored the
+signals raise an exception.
 
 Imports next to nothing, so that a program can install its handlers first of all.
 """
@@ -25,6 +25,7 @@ INTERRUPTED: Final = 130
 BROKEN_PIPE: Final = 141  # who reads what is printed has gone, such as ``head``
 TERMINATED: Final = 143
 
+MOST_THREADS: Final = 1024  # of the engine
 _LOOK_INTERVAL: Final = 1.0  # s between two looks of a worker at its main process
 
 _LEFT_TO_THE_MAIN_PROCESS = {signal.SIGINT}
@@ -184,7 +185,8 @@ def thread_count() -> int:
     """
     limit = os.environ.get("OMP_NUM_THREADS", "")
     count = process_cpu_count()
-    return max(min(count, int(limit)), 1) if limit.isdecimal() else count
+    count = max(min(count, int(limit)), 1) if limit.isdecimal() else count
+    return min(count, MOST_THREADS)
 
 
 @contextmanager

@@ -15,7 +15,10 @@ struct NodeTable {
 
     int64_t nodes() const { return sides.size() < directions.shape[0] ? sides.size() : directions.shape[0]; }
     int64_t beams() const { return directions.shape[1]; }
-    bool has_starts() const { return starts.shape[0] == 1 || starts.shape[0] == directions.shape[0]; }
+    // Whether there are starts for all nodes, and numbers of nodes fit into 16 bits.
+    bool is_valid() const {
+        return (starts.shape[0] == 1 || starts.shape[0] == directions.shape[0]) && directions.shape[0] <= INT16_MAX;
+    }
 };
 LAYOUT(NodeTable, "kn sn e m", directions, starts, edges, sides)
 
@@ -68,7 +71,7 @@ enum Choice : int64_t { DRAWN, ALL, GIVEN };
 inline bool aim_scans(const NodeTable& table, Array<const double[6]> poses, Choice choice, Array<const double, 2> chances,
                       Array<int16_t> nodes, Array<int8_t> sides, Array<Vector> origins, Array<Vector> directions) {
     int64_t beams = poses.size() * table.beams(), all = table.nodes(), i = 0;
-    if (!beams || !table.has_starts()) return !nodes.size();
+    if (!beams || !table.is_valid()) return !nodes.size();
     int64_t rays_per_beam = nodes.size() / beams;
     if (nodes.size() % beams || (choice == ALL && rays_per_beam > all)) return false;
     bool is_drawn = chances.shape[0] == poses.size() && chances.shape[1] == table.beams() && table.edges.size() < all;

@@ -6,6 +6,7 @@ radarsim.
 """
 
 import hashlib
+import os
 import platform
 import subprocess
 import sys
@@ -52,7 +53,7 @@ def compile_engine(target: Path = LIBRARY, *compiler: str) -> None:
             f" tested, not on {sys.platform} on {platform.machine()}"
         )
     command = compiler or (sys.executable, *ZIG, "-mcpu=x86_64_v2")
-    new = target.with_suffix(".new")
+    new = target.with_suffix(f".{os.getpid()}")  # another process may compile it, too
     digest = f'-DRADARSIM_SOURCES="{source_digest()}"'
     source = str(FOLDER / "engine.cpp")
     arguments = (*FLAGS.split(), digest, source, "-o", str(new), "-lm", "-lpthread")

@@ -33,7 +33,7 @@ struct Neighbours { // the training bins on each side of a bin, half of all
 
 // Find the bins that exceed the mean of their training bins by a factor: one if these are on one side, and one for
 // both. Returns whether the training bins are valid.
-inline bool find_ca(Array<const float, 2> power, int64_t nearest, int64_t step, int64_t half, double one_side,
+inline int64_t find_ca(Array<const float, 2> power, int64_t nearest, int64_t step, int64_t half, double one_side,
                     double both_sides, Array<bool, 2> found) {
     Neighbours around = {nearest, step, half};
     if (!around.is_valid()) return false;
@@ -87,7 +87,7 @@ class LevelHistogram {
 
 // Find the bins from one to another whose level is above that of an order around them. From a bin to the one a step
 // farther on, two training bins change on each side; the histogram follows. Returns whether the numbers are valid.
-inline bool find_os(Array<const float, 2> levels, int64_t nearest, int64_t step, int64_t half, int64_t start,
+inline int64_t find_os(Array<const float, 2> levels, int64_t nearest, int64_t step, int64_t half, int64_t start,
                     int64_t end, bool behind, bool ahead, int64_t order, double above, Array<bool, 2> found) {
     Neighbours around = {nearest, step, half};
     if (!around.is_valid()) return false;

@@ -11,6 +11,7 @@
 //     struct Walls { Array<const Vector> starts, ends; double height; };
 //     LAYOUT(Walls, "w w", starts, ends, height)
 //
+// A function that returns bool returns whether its arguments belong together; if not, Python raises an EngineError.
 // A structure of plain numbers is a row of a structured array, Array<const Robot>; any other is passed by reference.
 #pragma once
 #include "numbers.hpp"

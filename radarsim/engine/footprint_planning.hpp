@@ -80,7 +80,7 @@ DOOR(search_states, "rc h h rc sh")
 
 // Whether motions lead from heading 0 in a cell to another cell. Motions can be undone. So states are visited from both
 // cells in turn until they meet, or none is left on one side: that is far less than a search visits that fails.
-inline bool are_joined(Array<const int64_t, 2> masks, Array<const CellStep> steps, int64_t start, int64_t goal) {
+inline int64_t are_joined(Array<const int64_t, 2> masks, Array<const CellStep> steps, int64_t start, int64_t goal) {
     PoseLattice lattice = {masks, steps};
     if (!lattice.has_cell(start) || !lattice.has_cell(goal)) return false;
     if (start == goal) return true;

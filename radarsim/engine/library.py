@@ -3,18 +3,19 @@
 The library knows neither Python nor numpy, so that one file serves all versions of
 both. It describes its functions and structures itself, see ``door.hpp``. These
 descriptions are read when it is opened, and each call is checked against them: the type
-of each array, its order, its number of axes, and lengths that have to agree. So no call
-can read or write beyond an array.
+of each array, its order, its number of axes, and lengths that have to agree. What else
+has to hold, functions check themselves, but for indices that this package has made.
 
 Python's lock is released during calls.
 """
 
 import ctypes
 import functools
+import operator
 import struct
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, NoReturn, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,13 +42,15 @@ class _Number:
 
     def __init__(self, code: str) -> None:
         self.form, self.format = None, "d" if code == "f8" else "q"
-        self._convert: Any = float if code == "f8" else int
+        # ``float`` would also read text.
+        as_float = operator.methodcaller("__float__")
+        self._convert: Any = as_float if code == "f8" else operator.index
 
     def add(self, words: list[Any], value: Any, name: str, _lengths: _Lengths) -> None:
         try:
             number = self._convert(value)
             struct.pack(self.format, number)  # it may have too many digits
-        except (TypeError, ValueError, OverflowError, struct.error) as error:
+        except (AttributeError, TypeError, struct.error) as error:
             raise EngineError(f"{name} is {value!r}, expected a number") from error
         words.append(number)
 
@@ -61,8 +64,11 @@ class _Row:
         self._count = int(count)
 
     def add(self, words: list[Any], value: Any, name: str, _lengths: _Lengths) -> None:
-        if len(value) != self._count:
-            raise EngineError(f"{name} is {value!r}, expected {self._count} numbers")
+        try:
+            struct.pack(self.format, *value)
+        except (TypeError, struct.error) as error:
+            text = f"{name} is {value!r}, expected {self._count} numbers"
+            raise EngineError(text) from error
         words.extend(value)
 
 
@@ -161,6 +167,9 @@ class Packed:
     def __repr__(self) -> str:
         return f"a packed {self.structure.name}"
 
+    def __reduce__(self) -> NoReturn:
+        raise TypeError(f"{self!r} refers to memory of this process")
+
     def __getattr__(self, name: str) -> Any:
         try:
             return self.fields[name]
@@ -246,6 +255,7 @@ class Function:
         has_none = codes[-1] == "none"
         result = None if has_none else np.ctypeslib.as_ctypes_type(np.dtype(codes[-1]))
         self._call = ctypes.CFUNCTYPE(result, ctypes.c_char_p)(start)
+        self._may_refuse = codes[-1] == "?"
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the function.
@@ -254,7 +264,8 @@ class Function:
             arguments: In the order of its parameters.
 
         Raises:
-            EngineError: If one is not as the description says.
+            EngineError: If one is not as the description says, or the function finds
+                that they do not belong together.
         """
         # Many calls are short. Their arguments are checked one by one, which takes
         # longer, only if something about them is wrong or unusual.
@@ -262,7 +273,11 @@ class Function:
             block = self._pack(*self._words(arguments))
         except (AttributeError, TypeError, ValueError, struct.error):
             block = self._pack(*self._checked_words(arguments))
-        return self._call(block)
+        result = self._call(block)
+        if self._may_refuse and not result:
+            text = "lengths or indices that do not belong together"
+            raise EngineError(f"{self._name} was called with {text}")
+        return result
 
     def _words(self, arguments: Sequence[Any]) -> list[Any]:
         words: list[Any] = []

@@ -146,6 +146,7 @@ inline void find_touched_in(const Surroundings& around, RobotGrid& grid, Array<c
 // Whether slots are in the table of robots, and there is room for all lines.
 inline bool are_valid(const Surroundings& around, Array<const int64_t> slots) {
     int64_t rows = around.robots.size();
+    if (slots.size() > rows) return false; // each robot comes once, so that there is room for its sides
     if (around.lines.size() < around.walls->lines.size() + 4 * rows) return false;
     for (int64_t slot : slots)
         if (slot < 0 || slot >= rows) return false;

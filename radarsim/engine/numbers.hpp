@@ -1,4 +1,4 @@
-// Numbers as Python and numba treat them: what is computed here has the same bits as there.
+// Numbers as Python treats them, and arrays.
 #pragma once
 #include <math.h> // and no header of C++: its library takes minutes to build
 #include <stddef.h>

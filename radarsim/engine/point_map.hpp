@@ -36,6 +36,12 @@ struct PointTable {
 };
 LAYOUT(PointTable, "c c", keys, moments)
 
+// Whether a table can be searched: one that is full would be searched without end.
+inline bool is_valid(const PointTable& table) {
+    int64_t rows = table.keys.size();
+    return rows > 0 && !(rows & (rows - 1));
+}
+
 // The number of the cell around a place, along an axis; what is too far away, or no number, shares a cell there.
 inline int64_t cell_around(double place) { return fabs(place) < CELL_OFFSET ? int64_t(floor(place)) : CELL_OFFSET; }
 
@@ -54,7 +60,8 @@ inline int64_t find_key(const PointTable& table, int64_t key) {
     return row;
 }
 
-inline void copy_table(const PointTable& table, const PointTable& larger) {
+inline bool copy_table(const PointTable& table, const PointTable& larger) {
+    if (!is_valid(table) || !is_valid(larger) || larger.keys.size() < 2 * table.keys.size()) return false;
     for (int64_t i = 0; i < table.keys.size(); i++) {
         if (!table.keys[i]) continue;
         // The row of a cell depends on the length of the table.
@@ -62,6 +69,7 @@ inline void copy_table(const PointTable& table, const PointTable& larger) {
         larger.keys[row] = table.keys[i];
         memcpy(&larger.moments[row], &table.moments[i], sizeof(Moments));
     }
+    return true;
 }
 DOOR(copy_table, "")
 
@@ -70,7 +78,7 @@ inline int64_t add_points(const PointTable& packed, int64_t used, Array<const Ve
                           Array<const Vector2> normals) {
     const PointTable table = packed; // of its own, so that what is written to arrays cannot be a part of it
     // As if each point took a new cell of every size: half the rows stay free.
-    if (used < 0 || table.keys.size() / 2 - used < LEVELS * points.size()) return -1;
+    if (!is_valid(table) || used < 0 || table.keys.size() / 2 - used < LEVELS * points.size()) return -1;
     int64_t cells = 0;
     for (int64_t i = 0; i < points.size(); i++) {
         double size = FINEST;
@@ -186,8 +194,10 @@ inline LocalShape shape_around(const PointTable& table, double x, double y, cons
     return first;
 }
 
-inline void find_shape(const PointTable& table, double x, double y, double nx, double ny, Array<LocalShape> shape) {
+inline bool find_shape(const PointTable& table, double x, double y, double nx, double ny, Array<LocalShape> shape) {
+    if (!is_valid(table)) return false;
     shape[0] = shape_around(table, x, y, {nx, ny}, 0);
+    return true;
 }
 DOOR(find_shape, "1")
 

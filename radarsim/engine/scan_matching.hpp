@@ -182,10 +182,11 @@ inline Constraint constraint_of(const PointTable& table, const ScanPoints& point
 
 // Move a pose, x, y and yaw, to where the scan fits; a predicted pose is known with some information on each of them.
 // Sets the information of the points alone, and how well they fit before the last step: their score and inliers.
-inline void fit_scan(const PointTable& table, Array<const Vector2> places, Array<const Vector2> along,
+inline bool fit_scan(const PointTable& table, Array<const Vector2> places, Array<const Vector2> along,
                      Array<const Vector2> normals, double spread, bool spots, Array<double> state,
                      Array<const double> predicted, Array<const double> known, Array<double, 2> information,
                      Array<double> outcome) {
+    if (!is_valid(table)) return false;
     ScanPoints points = {places, along, normals, spread, spots};
     // Once, at the start, so that all steps of a fit make the same sum smaller.
     auto [ratio, nx, ny] = constraint_of(table, points, state.data);
@@ -210,6 +211,7 @@ inline void fit_scan(const PointTable& table, Array<const Vector2> places, Array
         // Nothing within 10 m of the robot moves by more than about 0.1 mm any more.
         if (most(fabs(gradient[0]), fabs(gradient[1]), 10.0 * fabs(gradient[2])) < 1e-4) break;
     }
+    return true;
 }
 DOOR(fit_scan, "k k k 3 3 3 33 2")
 
@@ -217,6 +219,7 @@ DOOR(fit_scan, "k k k 3 3 3 33 2")
 inline int64_t best_start(const PointTable& table, Array<const Vector2> places, Array<const Vector2> along,
                           Array<const Vector2> normals, double spread, bool spots,
                           Array<const Vector> starts) {
+    if (!is_valid(table)) return -1;
     ScanPoints points = {places, along, normals, spread, spots};
     int64_t best = 0, step = 1 + places.size() / SAMPLED_POINTS;
     double best_score = -1.0;

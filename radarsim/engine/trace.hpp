@@ -33,7 +33,7 @@ struct Scans {
     // Whether each ray has a node in the table.
     bool fit(const NodeTable& table) const {
         int64_t beams = table.beams(), all = table.nodes();
-        if (!beams || !table.has_starts() || nodes.size() % (places.size() * beams)) return false;
+        if (!beams || !table.is_valid() || nodes.size() % (places.size() * beams)) return false;
         if (!chances.shape[1]) return rays_per_scan() <= all * beams;
         return chances.shape[1] == beams && chances.shape[0] == places.size() && table.edges.size() < all;
     }
@@ -110,18 +110,20 @@ inline int64_t trace_beams(const RaySource& source, const Scans& scans, int64_t 
     return 0;
 }
 
-// Append the events of the other parts to those of the first, as far as there is room; returns the first code.
+// Move the events of all parts together, behind those of the first; returns the first code. If a part had too little
+// room, the number of events is that for which each part would have enough.
 inline int64_t join_parts(Array<TracePart> parts, Array<Event> events, Array<double> summary) {
-    int64_t code = 0, count = 0;
+    int64_t code = 0, count = 0, needed = 0;
     Unsliced unsliced = {};
     for (TracePart& part : parts) {
         if (!code) code = part.code;
-        bool fits = count + part.event_count <= events.size();
-        if (&part != parts.begin() && fits) memcpy(&events[count], part.events.data, part.event_count * sizeof(Event));
+        if (part.event_count > part.events.size() && needed < part.event_count * parts.size())
+            needed = part.event_count * parts.size();
+        if (!needed) memmove(events.data + count, part.events.data, part.event_count * sizeof(Event));
         count += part.event_count;
         if (part.unsliced.rays) unsliced = {part.unsliced.height, unsliced.rays + part.unsliced.rays};
     }
-    summary[0] = double(count), summary[1] = unsliced.height, summary[2] = unsliced.rays;
+    summary[0] = double(needed ? needed : count), summary[1] = unsliced.height, summary[2] = unsliced.rays;
     return code;
 }
 
@@ -141,13 +143,14 @@ inline int64_t trace_rays(const Scene& scene, const RaySource& source, Array<con
     if (places.size()) clear_scans(scene, source, scans, grid);
     // More parts than threads, since some rays take longer than others.
     int64_t count = threads > 1 ? PARTS_PER_THREAD * threads : 1;
+    if (events.size() && events.size() < count) count = 1; // each needs room for some
     int64_t rows = places.size() ? places.size() * source.table->beams() : ranges.size();
+    int64_t share = events.size() / count; // of the room for events
     Room<TracePart> found(count);
-    Room<Event> room((count - 1) * events.size()); // the first part needs none
     auto trace_part = [&](int64_t i) {
         int64_t first = rows * i / count, last = rows * (i + 1) / count;
         TracePart& part = found[i];
-        part.events = i ? Array<Event>{&room[(i - 1) * events.size()], {events.size()}} : events;
+        part.events = {events.data + i * share, {share}};
         RayTracer tracer(scene, grid, max_crossings, part.events);
         part.code = places.size() ? trace_beams(source, scans, first, last, tracer, traces)
                                   : trace_given(source, first, last, tracer, traces);

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.engine import Packed, engine
-from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.raycast.rays import RayClass, RayColumns, Rays
 
@@ -103,8 +102,7 @@ def aim_scans(
     """
     table = NodeTable(*columns[:4]).pack()
     poses = np.ascontiguousarray(poses)
-    if not engine.aim_scans(table, poses, choice, chances, *columns[4:]):
-        raise EngineError(f"rays of {columns[4].shape} for poses of {poses.shape}")
+    engine.aim_scans(table, poses, choice, chances, *columns[4:])
 
 
 def pack_source(rays: RayColumns, table: NodeTable, radius: float = 0.0) -> Packed:

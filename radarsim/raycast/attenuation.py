@@ -28,7 +28,7 @@ the point where the power runs out.
 """
 
 from enum import IntEnum
-from typing import Final, Protocol, TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,20 +38,6 @@ from radarsim.engine import engine
 # One row for each event; the fields are those of ``rays.Event``.
 EVENT: Final = engine.structures["Event"].dtype
 Events: TypeAlias = NDArray[np.void]  # of EVENT
-
-
-class EventRow(Protocol):
-    """A row of EVENT, as kernels see it."""
-
-    ray: int
-    t: float
-    part: int
-    kind: int
-    power: float
-    absorbed: float
-    x: float
-    y: float
-    z: float
 
 
 class Outcome(IntEnum):

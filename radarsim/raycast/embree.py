@@ -3,7 +3,7 @@
 Theory of operation
 ===================
 embreex brings Embree 4's own shared library in its wheel; ctypes opens that file and
-builds the scene. Compiled code calls ``rtcIntersect1`` directly, with no Python between
+builds the scene. The engine calls ``rtcIntersect1`` directly, with no Python between
 two rays.
 
 Embree computes in float32, which at 1 km is off by more than the thickness of a

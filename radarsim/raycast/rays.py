@@ -48,7 +48,7 @@ DEFAULT_CLASSES: Final = (RayClass(RADAR), RayClass(LASER))
 
 
 class RayColumns(NamedTuple):
-    """The columns of ``Rays``, as kernels take them."""
+    """The columns of ``Rays``, as the engine takes them."""
 
     origins: Floats
     directions: Floats
@@ -221,7 +221,7 @@ class Event:
 
 
 def columns_of(rays: Rays) -> RayColumns:
-    """Return the columns, checked: kernels would read beyond the ends of shorter ones.
+    """Return the columns, checked, as their errors name the column.
 
     Raises:
         EngineError: If the shape or dtype of a column is not that of ``Rays``.

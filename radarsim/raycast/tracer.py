@@ -2,9 +2,8 @@
 
 Theory of operation
 ===================
-One compiled loop, in ``engine``, takes one ray after the other: ``intersect``
-collects the surfaces ahead of the ray, and ``attenuation`` follows the ray through the
-sorted list.
+A loop of the engine takes one ray after the other: ``intersect`` collects the
+surfaces ahead of the ray, and ``attenuation`` follows the ray through the sorted list.
 
 Rule 1: the volumes that contain the start of a ray are not deduced from what is ahead,
 where an opaque wall may hide their far side. If the start is in the bounds of a volume,
@@ -194,7 +193,7 @@ class Tracer:
         events: bool = False,
         incidence: bool = False,
     ) -> TracedScans:
-        """Aim the rays of scans and trace them, in one compiled call.
+        """Aim the rays of scans and trace them, in one call of the engine.
 
         Args:
             scans: The scans.
@@ -328,6 +327,7 @@ class Tracer:
                 return Traces(*columns, rows[: int(count)]), 0
             self._max_crossings = max(self._max_crossings, 2 * needed)
             room = max(room, int(count))
+            self._events_per_ray = max(self._events_per_ray, room // max(size, 1) + 1)
 
 
 # One tracer for each scene: built when first needed, and freed with the scene.

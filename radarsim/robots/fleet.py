@@ -285,6 +285,7 @@ class Fleet:
             count = len(self.columns)
             more = new_columns(max(_FIRST_SLOTS, count))
             self.columns = np.concatenate([self.columns, more])
+            self._pack()
             # Highest first, as slots are taken from the end: the lowest one is used
             # first.
             self._free_slots = list(range(len(self.columns) - 1, count - 1, -1))

@@ -96,7 +96,7 @@ class BeamPattern:
         self._power = settings.max_range, settings.penetration_power
         self._ray_class = ray_class_of(settings)
         limits = columns_of(self.rays_from(AimedRays.empty(1), -1))
-        # The kernel aims the rays itself, and needs of them only what all have in
+        # The engine aims the rays itself, and needs only what all of them have in
         # common.
         self._limits = limits._replace(origins=NO_VECTORS, directions=NO_VECTORS)
         self._sensor_rays: SensorRays | None = None

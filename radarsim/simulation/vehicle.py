@@ -157,8 +157,8 @@ class Vehicle:
         self._empty_age = math.inf  # ticks after which the battery is empty
         if self.battery.runs_out:
             ages = range(ticks_of(self.battery.life) + 1)
-            # Searched for, so that kernels, status and this agree to the tick, whatever
-            # is rounded on the way to whole seconds.
+            # Searched for, so that the engine, status and this agree to the tick,
+            # whatever is rounded on the way to whole seconds.
             self._empty_age = bisect_left(
                 ages, True, key=lambda age: self.battery.is_empty(seconds(age))
             )

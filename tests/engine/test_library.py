@@ -1,5 +1,6 @@
 """Calls into the engine are checked against the descriptions in C++."""
 
+import copy
 import math
 import re
 import subprocess
@@ -141,10 +142,25 @@ def test_numbers_and_references_are_checked() -> None:
     pack(**fields)
     with pytest.raises(EngineError, match=r"^RaySource.radius is 'wide', expected a n"):
         pack(**fields | {"radius": "wide"})
+    with pytest.raises(EngineError, match=r"^RaySource.radius is '3', expected a n"):
+        pack(**fields | {"radius": "3"})
     with pytest.raises(EngineError, match=r"^RaySource.table is None, expected a pack"):
         pack(**fields | {"table": None})
     with pytest.raises(EngineError, match=r"^RaySource.table is a packed Ray"):
         pack(**fields | {"table": pack(**fields)})
+
+
+def test_packed_structure_is_not_copied() -> None:
+    with pytest.raises(TypeError, match=r"^a packed NodeTable refers to memory of"):
+        copy.copy(node_table())
+
+
+def test_lengths_that_do_not_belong_together_are_rejected() -> None:
+    faces, sides = np.zeros((1, 3), np.int32), np.zeros(2, np.int32)
+    others = np.zeros(3, np.int32), np.full((3, 1), -1, np.int32)
+    forest, counts = (np.zeros(1, np.int32), np.zeros(1, bool)), np.zeros(4, np.int64)
+    with pytest.raises(EngineError, match=r"^unite_faces was called with lengths"):
+        engine.unite_faces(faces, sides, *others, *forest, counts)
 
 
 @pytest.mark.parametrize("number", [2**63, -(2**63) - 1, 1e300, math.inf, math.nan])

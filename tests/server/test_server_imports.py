@@ -11,7 +11,7 @@ from radarsim.server.tcp_server import Server
 from radarsim.simulation.config import SimulationConfig
 host = load_host(sys.argv[1], SimulationConfig(), seed=0, begins=False)
 Server(host), make_image_server(host, 0), host.connect()
-print(*{"numba", "scipy", "shapely", "matplotlib", "embreex"} & set(sys.modules))
+print(*{"scipy", "shapely", "matplotlib", "embreex"} & set(sys.modules))
 host.begin(host.make_simulation())
 print(*{"scipy.signal", "matplotlib"} & set(sys.modules))
 """

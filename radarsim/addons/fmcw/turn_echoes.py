@@ -32,7 +32,6 @@ from radarsim.addons.fmcw.radar_equation import gaussian, rows_in_beam
 from radarsim.addons.fmcw.scattering import Scattering
 from radarsim.addons.fmcw.speckle import Scatterers, hash_levels
 from radarsim.engine import Packed, engine
-from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.raycast.attenuation import Events
@@ -125,7 +124,7 @@ class TurnEchoes:
         """
         first = rows.start * self._settings.rays_across
         closes = rows.stop == self._settings.azimuths
-        fits = engine.add_rays(
+        engine.add_rays(
             self._beams,
             self._lines,
             rays,
@@ -136,8 +135,6 @@ class TurnEchoes:
             first,
             closes,
         )
-        if not fits:
-            raise EngineError(f"directions {rows}, rays or events that do not fit")
 
     def rows(
         self,
