@@ -4,7 +4,7 @@ import socket
 import sys
 
 host, _, port = sys.argv[1].rpartition(":")
-# At its first start the server compiles its engine while INIT waits.
+# A busy machine may take a while.
 with socket.create_connection((host, int(port)), 600) as client:
     lines = client.makefile("rb")
     greeting = lines.readline()

@@ -10,7 +10,7 @@ wanted = {"radarsim/py.typed"}
 for folder, home in (("radarsim", ""), ("maps", "radarsim/")):
     files = (path for path in (checkout / folder).rglob("*") if path.is_file())
     for path in files:
-        if "__pycache__" not in path.parts:
+        if "__pycache__" not in path.parts and path.suffix not in {".cpp", ".hpp"}:
             wanted.add(home + path.relative_to(checkout).as_posix())
 missing = sorted(wanted - held)
 if missing:
@@ -21,4 +21,6 @@ if licences != {"LICENSE", "three.LICENSE"}:
 strangers = sorted(n for n in held if not n.startswith(("radarsim/", "radarsim-")))
 if strangers:
     sys.exit(f"only the package belongs into {wheel.name}: {strangers}")
+if not wheel.name.endswith("-py3-none-manylinux_2_17_x86_64.whl"):
+    sys.exit(f"{wheel.name} has another tag than the platform of its engine")
 sys.stdout.write(f"{wheel.name}: {len(held)} files, {wheel.stat().st_size} bytes\n")

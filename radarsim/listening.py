@@ -7,10 +7,12 @@ import select
 import signal
 import socket
 import sys
+import threading
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 from radarsim.errors import (
     PortUnavailable,
@@ -29,6 +31,9 @@ from radarsim.processes import (
 if sys.platform == "linux":
     import fcntl
     import termios
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 OUT_OF_FILES = (errno.EMFILE, errno.ENFILE)
 ACCEPT_LOG_INTERVAL = 10.0  # s between two lines
@@ -286,3 +291,21 @@ def raise_file_limit(count: int) -> int:
             resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, ceiling))
             limit = wanted
     return min(count, limit)
+
+
+async def in_daemon_thread(
+    function: Callable[P, T], *args: P.args, **kwargs: P.kwargs
+) -> T:
+    """Call a function in a thread for which the end of the program does not wait."""
+    future: Future[T] = Future()
+    # Who awaits it may be cancelled, but a call that runs cannot be.
+    future.set_running_or_notify_cancel()
+
+    def run() -> None:
+        try:
+            future.set_result(function(*args, **kwargs))
+        except Exception as error:  # noqa: BLE001 - raised where it is awaited
+            future.set_exception(error)
+
+    threading.Thread(target=run, daemon=True).start()
+    return await asyncio.wrap_future(future)

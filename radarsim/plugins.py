@@ -13,8 +13,6 @@ from typing import Any, Final
 
 from radarsim.errors import MissingPackage
 
-KERNELS: Final = "radarsim.kernels"  # a group that several modules load from
-
 # Not in pyproject.toml: that is read from the metadata of an installation, which a
 # source tree may not have, and which takes 20 ms where many packages are installed.
 OWN: Final[dict[str, dict[str, str]]] = {
@@ -29,15 +27,6 @@ OWN: Final[dict[str, dict[str, str]]] = {
     "radarsim.sensors": {"fmcw": "radarsim.addons.fmcw.radar:FmcwRadar"},
     # Scanners of robots that are read beside the simulation, at times of their own.
     "radarsim.items": {"fmcw": "radarsim.addons.fmcw.antennas:Antennas"},
-    # What compiles the functions of a part of the program, unless they are cached.
-    "radarsim.kernels": {
-        "camera": "radarsim.server.camera:warm_up",
-        "fmcw": "radarsim.addons.fmcw.antennas:warm_up",
-        "mapping": "radarsim.autonomy.exploration.exploration:warm_up",
-        "meshes": "radarsim.scene.face_passes:warm_up",
-        "navigation": "radarsim.autonomy.navigation.footprint_planning:warm_up",
-        "server": "radarsim.server.engine_loader:warm_up",
-    },
     # What 'radarsim explain' can print instead of what a beam meets.
     "radarsim.explanations": {"budget": "radarsim.addons.fmcw.budget:print_budget"},
     # What simulations in Python can do besides.

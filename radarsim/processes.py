@@ -1,9 +1,9 @@
 """Worker processes, a background thread, and the signals that end the program.
 
 SIGINT, SIGTERM and SIGHUP end it at once, or by an exception. At once is the default,
-also while modules are imported and kernels are compiled: an exception gets lost in
-callbacks from C, or ends in a traceback or a crash there. Only where something is to be
-saved or restored the signals raise an exception.
+also while modules are imported: an exception gets lost in callbacks from C, or ends in
+a traceback or a crash there. Only where something is to be saved or restored the
+signals raise an exception.
 
 Imports next to nothing, so that a program can install its handlers first of all.
 """
@@ -25,6 +25,7 @@ INTERRUPTED: Final = 130
 BROKEN_PIPE: Final = 141  # who reads what is printed has gone, such as ``head``
 TERMINATED: Final = 143
 
+MOST_THREADS: Final = 1024  # of the engine
 _LOOK_INTERVAL: Final = 1.0  # s between two looks of a worker at its main process
 
 _LEFT_TO_THE_MAIN_PROCESS = {signal.SIGINT}
@@ -92,7 +93,7 @@ def set_exit_code_of_sigterm(code: int) -> None:
 def exit_immediately(code: int) -> NoReturn:
     """End the process at once, though other threads still run, with all output written.
 
-    Threads that compile would crash while Python shuts down.
+    Threads that load the engine would crash while Python shuts down.
     """
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
@@ -174,6 +175,18 @@ def process_cpu_count() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def thread_count() -> int:
+    """Return on how many threads the engine may work, at least 1.
+
+    ``OMP_NUM_THREADS`` limits them: joblib and dask set it in worker processes, so that
+    all of these together have as many threads as processors.
+    """
+    limit = os.environ.get("OMP_NUM_THREADS", "")
+    count = process_cpu_count()
+    count = max(min(count, int(limit)), 1) if limit.isdecimal() else count
+    return min(count, MOST_THREADS)
 
 
 @contextmanager

@@ -15,7 +15,6 @@ from hypothesis import HealthCheck, settings
 
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
-from radarsim.simulation.simulation import Simulation
 
 # Machines are shared and noisy: a slow example is not a wrong one.
 settings.register_profile(
@@ -161,12 +160,6 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, bool, bool]:
         return (yield)
 
 
-def _ready(name: str) -> Scene:
-    scene = load_map(name)
-    Simulation(scene)  # compiles the engine, if its cache is cold
-    return scene
-
-
 @pytest.fixture(scope="session", autouse=True)
 def _default_hangup() -> Iterator[None]:
     """Let SIGHUP end programs also where ``nohup`` has started the tests."""
@@ -177,14 +170,14 @@ def _default_hangup() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def empty_room() -> Scene:
-    return _ready("empty_room")
+    return load_map("empty_room")
 
 
 @pytest.fixture(scope="session")
 def foliage_room() -> Scene:
-    return _ready("foliage_room")
+    return load_map("foliage_room")
 
 
 @pytest.fixture(scope="session")
 def smoke_room() -> Scene:
-    return _ready("smoke_room")
+    return load_map("smoke_room")

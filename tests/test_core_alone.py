@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 
 import radarsim
-from radarsim import kernel_cache
 
 PACKAGE = Path(radarsim.__file__).parent
 TESTS = Path(__file__).parent
@@ -70,20 +69,12 @@ def core(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if maps.is_dir():  # not where the package is installed: it has its own
         shutil.copytree(maps, folder / "maps")
     (folder / "sitecustomize.py").write_text(SITE)
-    # Kernels of the core are the same without the others: what is compiled is not
-    # compiled again.
-    if compiled := kernel_cache.cache_folder():
-        name = kernel_cache.PREFIX + kernel_cache.kernel_hash(folder / "radarsim")
-        unfinished = shutil.ignore_patterns(".*", kernel_cache.COMPLETE)
-        cache = folder / "cache" / "radarsim" / name
-        shutil.copytree(compiled, cache, ignore=unfinished)
     return folder
 
 
 def environment(core: Path) -> dict[str, str]:
     known = {k: v for k, v in os.environ.items() if not k.startswith("COVERAGE")}
-    own = {"PYTHONPATH": str(core), "NUMBA_CACHE_DIR": str(core / "cache")}
-    return {**known, **own, "COLUMNS": "80"}
+    return {**known, "PYTHONPATH": str(core), "COLUMNS": "80"}
 
 
 def run(

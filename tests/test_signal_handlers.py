@@ -41,7 +41,7 @@ def run(script: str) -> tuple[int, bytes, bytes]:
     return ended.returncode, ended.stdout, ended.stderr
 
 
-# Like the compiler, which calls back from C, where exceptions get lost.
+# Called back from C, where exceptions get lost.
 IMMEDIATE = """
 {setting}
 with raise_on_signals(), exit_immediately_on_signals():

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from radarsim.cli.compile_progress import with_compile_progress
 from radarsim.cli.fields import MapName
 from radarsim.cli.files import (
     PICTURE_FORMS,
@@ -162,7 +161,6 @@ def _trial(trial: Trial) -> str:
     return f"trial: {trial.start} to {x:.3f} {y:.3f}, {distance}"
 
 
-@with_compile_progress
 def check(map_: MapName, *, plot: Path | None = None, strict: bool = False) -> int:
     """Read a map and print what is in it, or all its errors.
 

@@ -1,6 +1,6 @@
 """What a shell completes: names of maps, sensors and robot classes, quickly.
 
-Nothing that compiles is imported: a shell asks whenever Tab is pressed.
+Nothing heavy is imported: a shell asks whenever Tab is pressed.
 """
 
 from collections.abc import Callable, Iterable, Iterator

@@ -146,12 +146,6 @@ COMMANDS: Final = (
         MAPS,
     ),
     CommandEntry(
-        "compile",
-        "radarsim.cli.compile:compile_kernels",
-        "Compile everything now, so that no later start has to.",
-        PROGRAM,
-    ),
-    CommandEntry(
         "docs",
         "radarsim.cli.first_steps:docs",
         "Show a page of the manual; without a topic, the list of topics.",

@@ -12,7 +12,6 @@ import numpy as np
 from annotated_types import Ge
 
 from radarsim import plugins
-from radarsim.cli.compile_progress import with_compile_progress
 from radarsim.cli.fields import MapName
 from radarsim.cli.output import print_lines
 from radarsim.cli.scan import PlacedSensor
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
     from radarsim.sensors.scan import Scan
 
 
-@with_compile_progress
 def explain(
     map_: MapName,
     plan: PlacedSensor,

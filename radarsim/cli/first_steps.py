@@ -17,7 +17,6 @@ from typing import Annotated, ClassVar, Final
 import click
 from annotated_types import Ge
 
-from radarsim.cli.compile_progress import with_compile_progress
 from radarsim.cli.files import (
     PICTURE_FORMS,
     check_ending,
@@ -62,7 +61,6 @@ class DemoPicture:
     output: Annotated[Path | None, Option(names=("-o", "--output"))] = None
 
 
-@with_compile_progress
 def demo(picture: DemoPicture) -> None:
     """Draw what radar and laser see of a room behind bushes, in one picture.
 

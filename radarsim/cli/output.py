@@ -8,18 +8,14 @@ import logging
 import shlex
 import shutil
 import sys
-from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager, ExitStack
+from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Final, TextIO
+from typing import Final
 
 import click
 
 from radarsim.errors import escape_lines, escape_unprintable
-
-# Within these a line of the log is written: they hide what is shown in its place.
-log_line_contexts: Final[list[Callable[[], AbstractContextManager[None]]]] = []
 
 MESSAGE_FORM: Final = "radarsim: %(message)s"  # of logs that look like messages
 
@@ -71,19 +67,9 @@ def start_log(level: int, form: str, *, as_json: bool = False) -> None:
         form: Format of a line, as ``logging.Formatter`` takes it.
         as_json: Whether each line is a JSON object instead.
     """
-    handler = _LogHandler()
+    handler = logging.StreamHandler()
     handler.setFormatter(_JsonFormatter() if as_json else _PrintableFormatter(form))
     logging.basicConfig(handlers=[handler], level=level)
-
-
-class _LogHandler(logging.StreamHandler[TextIO]):
-    def emit(self, record: logging.LogRecord) -> None:
-        """Write a line where no progress is shown."""
-        # Entered anew for each line: a display may begin or end between two of them.
-        with ExitStack() as until_written:
-            for context in log_line_contexts:
-                until_written.enter_context(context())
-            super().emit(record)
 
 
 class _JsonFormatter(logging.Formatter):

@@ -15,7 +15,6 @@ import click
 import numpy as np
 from annotated_types import Ge
 
-from radarsim.cli.compile_progress import with_compile_progress
 from radarsim.cli.fields import MapName, OutputFile, Seed, SensorName, Setting
 from radarsim.cli.files import check_writable, list_endings, write_file
 from radarsim.cli.output import print_bytes, print_lines
@@ -119,7 +118,6 @@ class PlacedSensor:
         return load_robot("P3AT").scanner_pose(start.pose)
 
 
-@with_compile_progress
 def scan(
     map_: MapName,
     plan: PlacedSensor,

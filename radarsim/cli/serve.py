@@ -14,9 +14,8 @@ import click
 from annotated_types import Ge, Gt
 
 from radarsim.cli.command import PlansOf
-from radarsim.cli.compile_progress import compile_progress
 from radarsim.cli.fields import MapName, Port, Seed
-from radarsim.cli.output import print_message, print_now, start_log
+from radarsim.cli.output import print_now, start_log
 from radarsim.cli.server_options import (
     EXTENSIONS,
     ExtensionOptions,
@@ -44,9 +43,6 @@ log = logging.getLogger("radarsim.server")
 DEFAULT_MAX_CLIENTS: Final = 1024
 OTHER_FILES: Final = 128  # that the server opens besides those of its clients
 FEWEST_CLIENTS: Final = 32  # even if that leaves fewer for the rest
-WAIT_FOR_ENGINE: Final = (
-    "INIT waits until the ray engine is compiled, up to a minute on an idle machine"
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,10 +131,9 @@ def serve(
             until_end.callback(each.close)
             each.open()
         log_options.start()
-        with compile_progress():  # which maps with meshes do, while they are read
-            simulated = load_host(map_, options.config(), seed=seed, begins=False)
-            for each in beside:
-                each.attach(simulated)
+        simulated = load_host(map_, options.config(), seed=seed, begins=False)
+        for each in beside:
+            each.attach(simulated)
         from radarsim.server.tcp_server import Server
         from radarsim.server.tcp_server import serve as serve_until_signal
 
@@ -162,16 +157,13 @@ def serve(
                     print_now(f"radarsim: {name} on {join_address(at, own_port)}")
             for extension in beside:
                 extension.announce(address)
-            if not simulated.has_begun:
-                print_message(WAIT_FOR_ENGINE)
 
         companions: list[Companion] = [*own.values(), *beside]
         serving = serve_until_signal(server, host, port, announce_all, companions)
         ports = own_ports | {k: v for each in beside for k, v in each.ports.items()}
-        with cure_of_port(ports), compile_progress():
+        with cure_of_port(ports):
             code = asyncio.run(serving)
-    # A thread still compiles, and would crash while Python shuts down around it.
-    if server.is_loading:
+    if server.is_loading:  # Python would crash while it shuts down around the thread
         exit_immediately(code)
     return code
 

@@ -53,17 +53,14 @@ from radarsim.protocol.reports import (
 
 SILENCE_LIMIT: Final = 2.0  # s; many servers do not answer what is optional
 SPAWN_PATIENCE: Final = 2.0  # s until the client asks whether INIT is done
-COMPILING_LIMIT: Final = 300.0  # s for which a server may compile
+BUSY_LIMIT: Final = 300.0  # s for which a server may be busy
 MOST_PASSED: Final = 1000  # reports that are kept while something else is waited for
-COMPILING: Final = (
-    "waiting up to {:g} s for a {}: the server does not execute INIT yet; at its first"
-    " start on a machine it compiles first, which its log tells"
-)
+BUSY: Final = "waiting up to {:g} s for a {}: the server does not execute INIT yet"
 REFUSED: Final = (
     "the server has no such class, or no free place for it at that start or pose; its"
     " log says which"
 )
-LATE: Final = "a server that still compiles spawns no robots yet; its log tells"
+LATE: Final = "the server is busy, and has not executed INIT yet"
 
 Value = TypeVar("Value")
 AnyReport = TypeVar("AnyReport", bound=Report)
@@ -240,7 +237,7 @@ class Requests:
         self.session.scans.clear()  # another robot's
         self.session.newest.clear()
         first = yield from self._wait_for_robot(
-            question, Wait(question.what, limit, until), may_compile=timeout is None
+            question, Wait(question.what, limit, until), may_be_busy=timeout is None
         )
         self._pending.insert(0, first)
         self._class_name = class_name
@@ -283,19 +280,19 @@ class Requests:
         return wanted
 
     def _wait_for_robot(
-        self, question: Question, wait: Wait, *, may_compile: bool
+        self, question: Question, wait: Wait, *, may_be_busy: bool
     ) -> Exchange[Report]:
         """Return the first report of a robot, for which INIT has been sent.
 
-        A server does not tell that it has no place for a robot, nor that it compiles
-        first. But it executes commands in their order: a question after INIT is
-        answered as soon as INIT is done.
+        A server does not report that it has no place for a robot. But it executes
+        commands in their order: a question after INIT is answered as soon as INIT is
+        done, which takes a while where the machine is busy.
 
         Args:
             question: INIT.
             wait: How long to wait.
-            may_compile: Whether to wait longer for a server that compiles: a limit that
-                the caller has set is kept.
+            may_be_busy: Whether to wait longer for a busy server: a limit that the
+                caller has set is kept.
         """
         # Of a short timeout, half is left for the question that tells why nothing
         # comes.
@@ -319,17 +316,17 @@ class Requests:
         except ClientTimeout:
             # One that has greeted, and answered all before INIT, is at work on INIT.
             answers = self.session.greeting is not None and has_answered
-            if not (may_compile and answers and wait.timeout < COMPILING_LIMIT):
+            if not (may_be_busy and answers and wait.timeout < BUSY_LIMIT):
                 raise
-            self._notify(COMPILING.format(COMPILING_LIMIT, question.what))
-            until = wait.until + COMPILING_LIMIT - wait.timeout
-            longer = Wait(question.what, COMPILING_LIMIT, until, LATE)
+            self._notify(BUSY.format(BUSY_LIMIT, question.what))
+            until = wait.until + BUSY_LIMIT - wait.timeout
+            longer = Wait(question.what, BUSY_LIMIT, until, LATE)
             report = yield from self._await(waiter, longer)
             wait = longer
         if question.accepts(report):
             return report
         # INIT is done, and there are still no reports of a robot: if it is there, they
-        # come soon, however long the caller would wait for a server that compiles.
+        # come soon, however long the caller would wait for a busy server.
         last = self._wait(question.what, None)
         wait = min(wait, last, key=lambda each: each.until)
         return (yield from self._skip(question.accepts, replace(wait, hint=REFUSED)))

@@ -113,9 +113,8 @@ class Client:
         """Spawn a robot and wait for its first report.
 
         A server does not report a failure: without such a class, or without a free
-        place, no report comes. The first server on a machine spawns robots when it has
-        compiled: as long as it answers nothing that is sent after the request, the
-        client waits up to 300 s, and logs that it does.
+        place, no report comes. As long as a busy server answers nothing that is sent
+        after the request, the client waits up to 300 s, and logs that it does.
 
         Args:
             class_name: Class of the robot, such as ``P3AT``.
@@ -125,7 +124,7 @@ class Client:
                 ``(x, y, yaw)`` or the six of a ``Pose3``. Without both, it takes the
                 first start of the map at which radarsim has room for it, or the first
                 one of another server.
-            timeout: Longest time to wait, s, also for a server that compiles; None for
+            timeout: Longest time to wait, s, also for a busy server; None for
                 the default.
 
         Raises:

@@ -437,8 +437,7 @@ def simulate(
 
     ``radarsim.shipped_maps()`` lists the maps that come with radarsim, and
     ``radarsim.load_map(name).starts`` the start poses of one. The same seed, map and
-    commands give the same numbers as a server sends. The first call on a machine
-    compiles the engine, which takes about a quarter of a minute.
+    commands give the same numbers as a server sends.
 
     Args:
         map_: The name of a shipped map, the path of a map file, or a scene.

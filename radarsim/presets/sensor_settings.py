@@ -381,8 +381,7 @@ def two_way_deviation(beamwidth: float) -> float:
 
 
 MAX_NOISE = 10.0  # times the motion itself; more overflows after a while
-# compiled into kernels
-ENCODER_RESOLUTION = 0.01745  # rad per tick
+ENCODER_RESOLUTION = 0.01745  # rad per tick, as in readings.hpp
 
 
 @dataclass(frozen=True, slots=True)

@@ -410,8 +410,6 @@ class LineReport:
     def encode(self, dialect: Dialect) -> str:
         """Write the report as one line without its end."""
         template, numbers, series = self.split(dialect)
-        # The writer is compiled code, which a server does not have before its
-        # simulation.
         if not numbers and series is NO_SERIES:  # as of all lines before a simulation
             return template[:-1].decode("ascii")
         from radarsim.protocol.line_writer import fill_lines

@@ -1,6 +1,6 @@
 r"""Templates of lines: lines with a mark for each number.
 
-The kernel in ``line_writer`` writes the numbers of many lines into their templates.
+The engine (``lines.hpp``) writes the numbers of many lines into their templates.
 
 A line is ASCII; marks are characters from U+00C0. The lower six bits of a mark are
 
@@ -21,7 +21,6 @@ import numpy as np
 from radarsim.geometry import Floats
 from radarsim.protocol.dialect import NumberFormat, Rounding
 
-# compiled into kernels
 FIRST_MARK: Final = 0xC0
 IN_SERIES: Final = 32
 NEAREST, FLOAT32, TRUNCATED = range(3)  # roundings in marks

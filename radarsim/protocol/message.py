@@ -147,8 +147,7 @@ class LineBuffer:
 
 
 LARGEST_COMMANDED = 1e9  # m, rad, rad/s; what follows from it can still be written
-# compiled into kernels
-LARGEST = 2.0**31  # in reports; the original casts to 32 bit integers
+LARGEST = 2.0**31  # in reports, as in lines.hpp; the original casts to 32 bit integers
 _LARGEST_WRITTEN = 2.0**31 - 128.0  # the largest number of single precision below that
 
 _NUMBER = re.compile(r"[+-]?([0-9]+([.,][0-9]*)?|[.,][0-9]+)([eE][+-]?[0-9]+)?")

@@ -3,7 +3,7 @@
 Theory of operation
 ===================
 embreex brings Embree 4's own shared library in its wheel; ctypes opens that file and
-builds the scene. Compiled code calls ``rtcIntersect1`` directly, with no Python between
+builds the scene. The engine calls ``rtcIntersect1`` directly, with no Python between
 two rays.
 
 Embree computes in float32, which at 1 km is off by more than the thickness of a
@@ -49,20 +49,12 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene as PlainScene
-from numba.np.numpy_support import carray
 from numpy.typing import ArrayLike, NDArray
 
+from radarsim.engine import address, engine
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
-from radarsim.jit import Pointer, c_callback
 from radarsim.raycast.crossings import TINY
-from radarsim.raycast.intersect import (
-    CORNERS_BYTES,
-    SceneHandle,
-    on_nearby_primitive,
-    on_primitive,
-    pointer,
-)
 
 PROPERTY_VERSION: Final = 0
 PROPERTY_USER_GEOMETRY: Final = 100
@@ -89,7 +81,6 @@ SIGNATURES: Final[dict[str, tuple[type | None, list[type]]]] = {
     "rtcPointQuery": (_BOOL, [_POINTER] * 5),
     "rtcIntersect1": (None, [_POINTER, _POINTER, _POINTER]),
 }
-SLAB_BLOCK: Final = 50_000  # triangles of which intermediate results fit into memory
 # How much wider than its triangle a box is, for each metre of the scene's radius.
 # Each rounding to float32 costs up to 6e-8 of a coordinate; Embree rounds some eight
 # times before it compares.
@@ -170,49 +161,8 @@ def clip_to_slab(triangles: Floats, low: float, high: float) -> Floats:
         corner, and the lower one again.
     """
     outlines = np.zeros((len(triangles), 9))
-    for start in range(0, len(triangles), SLAB_BLOCK):
-        rows = slice(start, start + SLAB_BLOCK)
-        points = _outline(triangles[rows].reshape(-1, 3, 3), low, high)
-        outlines[rows, :3] = outlines[rows, 6:] = np.nanmin(points, axis=1)
-        outlines[rows, 3:6] = np.nanmax(points, axis=1)
+    engine.clip_to_slab(triangles, low, high, outlines)
     return outlines
-
-
-def _outline(corners: Floats, low: float, high: float) -> Floats:
-    """Return the corners of the parts, (T, 9, 3) m; nan for those that there are not.
-
-    They are the triangle's corners within the slab, and the points at which its edges
-    cross the slab's faces.
-    """
-    z = corners[:, :, 2:]
-    points = [np.where((z >= low) & (z <= high), corners, np.nan)]
-    ends = np.roll(corners, -1, axis=1)
-    for height in (low, high):
-        before, after = z - height, ends[:, :, 2:] - height
-        crosses = before * after < 0.0
-        share = before / np.where(crosses, before - after, 1.0)
-        points.append(np.where(crosses, corners + share * (ends - corners), np.nan))
-    return np.concatenate(points, axis=1)
-
-
-@c_callback
-def _on_bounds(call: Pointer) -> None:
-    """Write the bounding box of a triangle; Embree calls this.
-
-    Args:
-        call: RTCBoundsFunctionArguments.
-    """
-    members = carray(call, 3, np.uint64)  # user data, triangle, box to be filled
-    triangle = np.uint64(carray(call, 3, np.uint32)[2])
-    table = carray(pointer(members[0]), 2, np.uint64)
-    margin = carray(pointer(members[0]), 2, np.float64)[1]
-    place = table[0] + triangle * np.uint64(CORNERS_BYTES)
-    corners = carray(pointer(place), 9, np.float64)
-    box = carray(pointer(members[2]), 8, np.float32)
-    for axis in range(3):
-        a, b, c = corners[axis], corners[axis + 3], corners[axis + 6]
-        box[axis] = min(a, b, c) - margin
-        box[axis + 4] = max(a, b, c) + margin
 
 
 class Mesh(NamedTuple):
@@ -227,13 +177,13 @@ class Mesh(NamedTuple):
     faces: ArrayLike
 
 
-class _Hierarchy:
+class Hierarchy:
     """Triangles, and Embree's hierarchy of boxes around them.
 
     Attributes:
         triangles: (T, 9) m, the corners.
         owners: (T,) uint32, the index of each triangle's mesh.
-        addresses: The first three of a row of ``SceneHandle.scenes``.
+        packed: The ``Hierarchy`` for the engine.
     """
 
     def __init__(
@@ -242,6 +192,7 @@ class _Hierarchy:
         owners: NDArray[np.uint32],
         margin: float,
         outlines: Floats | None = None,
+        first_sliced: int = 0,
     ) -> None:
         """Build the hierarchy.
 
@@ -251,6 +202,8 @@ class _Hierarchy:
             margin: m by which the boxes are wider than what they surround.
             outlines: (T, 9) m, three points for each triangle, which its box surrounds
                 instead of the corners.
+            first_sliced: Where the indices of its triangles begin among those of all
+                slices.
         """
         library = open_library()
         self.triangles, self.owners = triangles, owners
@@ -259,14 +212,17 @@ class _Hierarchy:
         close = weakref.finalize(self, _release, library, scene, device)
         # When Python ends, a daemon thread may still trace rays in the scene.
         close.atexit = False
-        self.addresses = (scene, triangles.ctypes.data, owners.ctypes.data)
+        self.packed = engine.structures["Hierarchy"].pack(
+            scene=scene, triangles=triangles, owners=owners, first_sliced=first_sliced
+        )
 
 
 class EmbreeScene:
     """Triangle meshes in Embree, and slices of them for level rays.
 
     Attributes:
-        handle: The ``SceneHandle`` for queries; replaced when a slice is added.
+        hierarchies: The whole scene, and all slices that were added.
+        handle: The packed ``SceneHandle``; replaced when a slice is added.
         triangles: (T, 9) m, the corners of all triangles, mesh after mesh.
     """
 
@@ -283,18 +239,17 @@ class EmbreeScene:
         owners = np.repeat(np.arange(len(meshes), dtype=np.uint32), counts)
         radius = _radius(self.triangles)
         margin = RELATIVE_MARGIN * radius
-        whole = _Hierarchy(self.triangles, owners, margin)
-        self._hierarchies = [whole]
+        whole = Hierarchy(self.triangles, owners, margin)
+        self.hierarchies = [whole]
         self._unsliced_rays: dict[float, int] = {}
-        self.handle = SceneHandle(
-            _address_of(library.rtcIntersect1),
-            _address_of(library.rtcPointQuery),
-            np.uint64(on_nearby_primitive.address),
-            np.array([[*whole.addresses, 0]], np.uint64),
-            np.array([np.nan]),
-            np.zeros(0, np.int64),
-            radius + margin,
-            margin,
+        self.handle = engine.structures["SceneHandle"].pack(
+            intersect=_address_of(library.rtcIntersect1),
+            point_query=_address_of(library.rtcPointQuery),
+            addresses=np.array([whole.packed.address], np.uint64),
+            heights=np.array([np.nan]),
+            sliced=np.zeros(0, np.int64),
+            radius=radius + margin,
+            margin=margin,
         )
 
     def add_slice(self, height: float) -> None:
@@ -306,25 +261,27 @@ class EmbreeScene:
         Args:
             height: z, m.
         """
-        whole, handle = self._hierarchies[0], self.handle
-        # By columns, which takes a quarter of the time: an axis of three is slow.
-        a, b, c = np.ascontiguousarray(self.triangles[:, 2::3].T)
+        whole, handle = self.hierarchies[0], self.handle
+        margin, sliced = handle.margin, handle.sliced
         # Twice the margin: Embree rounds its boxes to float32.
-        low, high = height - 2.0 * handle.margin, height + 2.0 * handle.margin
-        reaches = (a <= high) | (b <= high) | (c <= high)
-        reaches &= (a >= low) | (b >= low) | (c >= low)
-        kept = np.flatnonzero(reaches)
-        row = handle.scenes[0]
-        if len(kept) <= max(SMALL_SLICE, len(a) // 2):  # else it takes much memory
+        low, high = height - 2.0 * margin, height + 2.0 * margin
+        room = np.zeros(len(self.triangles), np.int64)
+        kept = room[: engine.find_in_slab(self.triangles, low, high, room)]
+        part = whole
+        if len(kept) <= max(SMALL_SLICE, len(room) // 2):  # else it takes much memory
             corners, owners = self.triangles[kept], whole.owners[kept]
             outlines = clip_to_slab(corners, low, high)
-            part = _Hierarchy(corners, owners, handle.margin, outlines)
-            self._hierarchies.append(part)
-            row = np.array([*part.addresses, len(handle.sliced)], np.uint64)
-            handle = handle._replace(sliced=np.append(handle.sliced, kept))
-        self.handle = handle._replace(
-            scenes=np.vstack([handle.scenes, row]),
+            part = Hierarchy(corners, owners, margin, outlines, len(sliced))
+            self.hierarchies.append(part)
+            sliced = np.append(sliced, kept)
+        self.handle = engine.structures["SceneHandle"].pack(
+            intersect=handle.intersect,
+            point_query=handle.point_query,
+            addresses=np.append(handle.addresses, np.uint64(part.packed.address)),
             heights=np.append(handle.heights, height),
+            sliced=sliced,
+            radius=handle.radius,
+            margin=margin,
         )
 
     def count_unsliced(self, height: float, rays: int) -> None:
@@ -346,8 +303,8 @@ class EmbreeScene:
             self.add_slice(height)
 
 
-def _address_of(function: "ctypes._NamedFuncPointer") -> np.uint64:
-    return np.uint64(ctypes.cast(function, ctypes.c_void_p).value or 0)
+def _address_of(function: "ctypes._NamedFuncPointer") -> int:
+    return ctypes.cast(function, ctypes.c_void_p).value or 0
 
 
 class FirstHits:
@@ -439,12 +396,15 @@ def _build(library: ctypes.CDLL, triangles: Floats, margin: float) -> tuple[int,
     device = library.rtcNewDevice(None)
     scene = library.rtcNewScene(device)
     geometry = library.rtcNewGeometry(device, GEOMETRY_USER)
-    table = np.array([triangles.ctypes.data, 0], np.uint64)
+    table = np.array([address(triangles), 0], np.uint64)
     table.view(np.float64)[1] = margin
     library.rtcSetGeometryUserPrimitiveCount(geometry, len(triangles))
     library.rtcSetGeometryUserData(geometry, table.ctypes.data)
-    library.rtcSetGeometryBoundsFunction(geometry, _on_bounds.address, None)
-    library.rtcSetGeometryIntersectFunction(geometry, on_primitive.address)
+    callbacks = np.zeros(2, np.int64)
+    engine.get_callbacks(callbacks)
+    on_bounds, on_primitive = callbacks.tolist()
+    library.rtcSetGeometryBoundsFunction(geometry, on_bounds, None)
+    library.rtcSetGeometryIntersectFunction(geometry, on_primitive)
     library.rtcCommitGeometry(geometry)
     library.rtcAttachGeometry(scene, geometry)
     library.rtcReleaseGeometry(geometry)

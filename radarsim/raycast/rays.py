@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
-from radarsim.jit import njit_inline
 from radarsim.raycast.attenuation import EventKind
 
 RADAR: Final = 0
@@ -46,11 +45,10 @@ class RayClass(NamedTuple):
 
 
 DEFAULT_CLASSES: Final = (RayClass(RADAR), RayClass(LASER))
-UNIT_TOLERANCE: Final = 2e-9  # of the squared length of a direction
 
 
 class RayColumns(NamedTuple):
-    """The columns of ``Rays``, as kernels take them."""
+    """The columns of ``Rays``, as the engine takes them."""
 
     origins: Floats
     directions: Floats
@@ -223,7 +221,7 @@ class Event:
 
 
 def columns_of(rays: Rays) -> RayColumns:
-    """Return the columns, checked: kernels would read beyond the ends of shorter ones.
+    """Return the columns, checked, as their errors name the column.
 
     Raises:
         EngineError: If the shape or dtype of a column is not that of ``Rays``.
@@ -250,21 +248,6 @@ _DTYPES: Final = {name: np.dtype("f8") for name in RayColumns._fields} | {
     "class_index": np.dtype("u1"),
     "carrier_id": np.dtype("i8"),
 }
-
-
-@njit_inline
-def is_valid_ray(
-    origin: Floats, direction: Floats, max_range: float, power: float
-) -> bool:
-    """Return whether a ray has finite coordinates and range, and a unit direction."""
-    length = 0.0
-    for axis in range(3):
-        length += direction[axis] ** 2
-        if not np.isfinite(origin[axis]):
-            return False
-    if not abs(length - 1.0) <= UNIT_TOLERANCE:
-        return False
-    return 0.0 <= max_range < np.inf and power >= 0.0
 
 
 def reject_ray(rays: Rays, row: int) -> NoReturn:

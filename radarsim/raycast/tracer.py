@@ -2,9 +2,8 @@
 
 Theory of operation
 ===================
-One compiled loop, in ``trace_kernel``, takes one ray after the other: ``intersect``
-collects the surfaces ahead of the ray, and ``attenuation`` follows the ray through the
-sorted list.
+A loop of the engine takes one ray after the other: ``intersect`` collects the
+surfaces ahead of the ray, and ``attenuation`` follows the ray through the sorted list.
 
 Rule 1: the volumes that contain the start of a ray are not deduced from what is ahead,
 where an opaque wall may hide their far side. If the start is in the bounds of a volume,
@@ -18,15 +17,18 @@ Rule 3: coordinates are relative to the centre of the scene, so that they are sm
 
 import functools
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
+from radarsim.engine import Packed, engine
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
+from radarsim.processes import thread_count
 from radarsim.raycast.aimed_rays import (
+    NO_TABLE,
     Nodes,
     Sides,
     UnaimedScans,
@@ -34,7 +36,6 @@ from radarsim.raycast.aimed_rays import (
 )
 from radarsim.raycast.attenuation import EVENT, EventKind
 from radarsim.raycast.embree import EmbreeScene, Mesh
-from radarsim.raycast.intersect import SceneHandle
 from radarsim.raycast.rays import (
     Event,
     RayClass,
@@ -44,23 +45,29 @@ from radarsim.raycast.rays import (
     reject_ray,
 )
 from radarsim.raycast.robot_boxes import NO_BOXES, Boxes
-from radarsim.raycast.trace_kernel import NO_SCANS, ScanColumns, trace_rays
 from radarsim.raycast.traced_scene import (
-    MaterialTable,
-    PackedArrays,
     centre_of,
     find_volumes,
     material_table,
-    pack_scene,
     scattering_of,
 )
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene, expected_scene
 from radarsim.scene.shapes import box
 
+THREAD_RAYS: Final = 2_000  # from as many on, all processors trace the rays of a call
 INITIAL_CAPACITY: Final = 512  # crossings of a segment; events of a call
+INCONSISTENT: Final = -(2**63)  # a result of ``trace_rays``
 EMPTY: Final = np.zeros(0)
 NO_EVENTS: Final = np.zeros(0, EVENT)
+# The columns of scans in a call that traces given rays.
+NO_SCANS: Final = (
+    np.zeros((0, 7)),
+    np.zeros((0, 0)),
+    np.zeros(0, np.int16),
+    np.zeros(0, np.int8),
+    np.zeros(0, np.bool_),
+)
 
 
 class TracedScans(NamedTuple):
@@ -121,11 +128,10 @@ class Tracer:
         self._centre = centre_of(parts)
         self._volumes = find_volumes(parts, self._centre)
         self._air = air
-        self._tables: dict[tuple[RayClass, ...], MaterialTable] = {}
+        self._tables: dict[tuple[RayClass, ...], Packed] = {}
         self._scattering: dict[RayClass, Floats] = {}
-        # The scene for kernels, and its handle: it is packed anew after a slice was
-        # added.
-        self._packed: dict[tuple[RayClass, ...], tuple[PackedArrays, SceneHandle]] = {}
+        # The scene for the engine: it is packed again after a slice was added.
+        self._packed: dict[tuple[RayClass, ...], Packed] = {}
         self._scene = EmbreeScene(
             [Mesh(part.vertices - self._centre, part.faces) for part in parts]
         )
@@ -170,9 +176,10 @@ class Tracer:
         Raises:
             EngineError: If a ray or a column of the rays is invalid.
         """
-        source, size = pack_source(columns_of(rays)), len(rays.origins)
-        traces, code, _ = self._run(
-            source, rays.ray_classes, size, NO_SCANS, boxes, events, incidence
+        source = pack_source(columns_of(rays), NO_TABLE)
+        size, classes = len(rays.origins), rays.ray_classes
+        traces, code = self._run(
+            source, classes, size, NO_SCANS, boxes, events, incidence
         )
         if code < 0:
             reject_ray(rays, -1 - code)
@@ -186,7 +193,7 @@ class Tracer:
         events: bool = False,
         incidence: bool = False,
     ) -> TracedScans:
-        """Aim the rays of scans and trace them, in one compiled call.
+        """Aim the rays of scans and trace them, in one call of the engine.
 
         Args:
             scans: The scans.
@@ -202,12 +209,13 @@ class Tracer:
         n = count * sensor.rays_per_scan
         nodes, sides = np.zeros(n, np.int16), np.zeros(n, np.int8)
         clear = np.zeros(count, np.bool_)
-        columns = ScanColumns(chances, places, nodes, sides, clear)
-        traces, code, crowded = self._run(
+        columns = places, chances, nodes, sides, clear
+        traces, code = self._run(
             sensor.source, sensor.ray_classes, n, columns, boxes, events, incidence
         )
         if code < 0:
             reject_ray(scans.aim(), -1 - code)
+        crowded = 0 if clear.all() else count - int(clear.sum())
         return TracedScans(traces, nodes, sides, clear, crowded)
 
     def explain(self, rays: Rays, boxes: Boxes | None = None) -> list[list[Event]]:
@@ -229,7 +237,7 @@ class Tracer:
             events[int(row["ray"])].append(event)
         return events
 
-    def _table_for(self, ray_classes: tuple[RayClass, ...]) -> MaterialTable:
+    def _table_for(self, ray_classes: tuple[RayClass, ...]) -> Packed:
         """Return the table for classes of rays, computed when first needed."""
         table = self._tables.get(ray_classes)
         if table is None:
@@ -237,80 +245,89 @@ class Tracer:
             self._tables[ray_classes] = table
         return table
 
-    def _packed_for(self, ray_classes: tuple[RayClass, ...]) -> PackedArrays:
+    def _packed_for(self, ray_classes: tuple[RayClass, ...]) -> Packed:
+        """Return the ``Scene`` for classes of rays."""
         found, handle = self._packed.get(ray_classes), self._scene.handle
-        # The handle is another one after a slice was added: addresses of the old one
-        # are stale.
-        if found is not None and found[1] is handle:
-            return found[0]
-        table = self._table_for(ray_classes)
-        packed = pack_scene(handle, self._centre, table, self._scene.triangles)
-        self._packed[ray_classes] = packed, handle
-        return packed
+        # The handle is another one after a slice was added.
+        if found is None or found.handle is not handle:
+            found = self._packed[ray_classes] = engine.structures["Scene"].pack(
+                handle=handle,
+                materials=self._table_for(ray_classes),
+                centre=self._centre.tolist(),
+                triangles=self._scene.triangles,
+            )
+        return found
 
     def _run(
         self,
-        source: PackedArrays,
+        source: Packed,
         ray_classes: tuple[RayClass, ...],
         size: int,
-        scans: ScanColumns,
+        scans: tuple[NDArray[Any], ...],
         boxes: Boxes | None,
         events: bool,
         incidence: bool,
-    ) -> tuple[Traces, int, int]:
+    ) -> tuple[Traces, int]:
         """Trace rays; all of them again with more memory if it was too little.
 
         Args:
             source: The packed ``RaySource``.
             ray_classes: The classes of its rays.
             size: The number of rays.
-            scans: The scans; none for given rays.
+            scans: The columns of the scans, as ``trace_rays`` takes them; ``NO_SCANS``
+                for given rays.
             boxes: The robots.
             events: As in ``trace``.
             incidence: As in ``trace``.
 
         Returns:
-            The traces; 0, or -1 minus the index of an invalid ray; and the number of
-            scans that are not clear.
+            The traces; and 0, or -1 minus the index of an invalid ray.
         """
         # Too little room only means a second pass; after it the highest need is known,
         # so that calls seldom trace twice.
         room = max(self._events_per_ray * size, INITIAL_CAPACITY) if events else 0
-        packed = self._packed_for(ray_classes)
+        scene, summary = self._packed_for(ray_classes), np.zeros(3)
+        threads = 1 if size < THREAD_RAYS else thread_count()
         table = NO_BOXES if boxes is None else boxes.table(self._centre)
         while True:
-            columns = (  # in the order of ``TraceColumns``, and of ``Traces``
+            columns = (
                 np.zeros(size),
                 np.zeros(size, np.uint8),
                 np.zeros(size, np.int64),
                 np.zeros(size),
                 np.zeros(size) if incidence else EMPTY,
             )
-            rows = np.zeros(room + 1, EVENT) if room else NO_EVENTS
-            needed, crowded, height, unsliced = trace_rays(
-                packed.words,
-                source.words,
+            rows = np.zeros(room, EVENT) if room else NO_EVENTS
+            needed = engine.trace_rays(
+                scene,
+                source,
                 table,
                 self._max_crossings,
                 rows,
                 *columns,
                 *scans,
+                threads,
+                summary,
             )
-            count = int(rows[-1]["ray"]) if room else 0
+            count, height, unsliced = summary.tolist()
+            if needed == INCONSISTENT:
+                raise EngineError(
+                    "rays or scans of lengths that do not belong together"
+                )
             if needed < 0:
-                return Traces(*columns, NO_EVENTS), needed, crowded
+                return Traces(*columns, NO_EVENTS), needed
             if needed == 0 and count <= room:
                 # Level rays at a height that many have get a slice of the scene:
-                # counted here, as the kernel must not build one (``embree``).
+                # counted here, as the engine cannot build one (``embree``).
                 if unsliced:
                     self._scene.count_unsliced(height, int(unsliced))
-                if not room:
-                    return Traces(*columns, rows), 0, crowded
-                most = count // max(size, 1) + 1
-                self._events_per_ray = max(self._events_per_ray, most)
-                return Traces(*columns, rows[:count]), 0, crowded
+                if room:
+                    most = int(count) // max(size, 1) + 1
+                    self._events_per_ray = max(self._events_per_ray, most)
+                return Traces(*columns, rows[: int(count)]), 0
             self._max_crossings = max(self._max_crossings, 2 * needed)
-            room = max(room, count)
+            room = max(room, int(count))
+            self._events_per_ray = max(self._events_per_ray, room // max(size, 1) + 1)
 
 
 # One tracer for each scene: built when first needed, and freed with the scene.

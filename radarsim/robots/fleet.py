@@ -11,10 +11,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from radarsim.engine import engine
 from radarsim.geometry import Floats, Pose2, wrap_angle
 from radarsim.presets.robots import RobotModel
 from radarsim.protocol.dialect import WheelDrive
-from radarsim.robots.collision import Surroundings, new_robot_grid
+from radarsim.robots.footprint import LINE, MARGIN
 from radarsim.robots.motion import (
     FREE,
     ODOMETRY_COLUMNS,
@@ -23,11 +24,6 @@ from radarsim.robots.motion import (
     SEPARATION,
     SLOT,
     WheelOdometry,
-    drive_each_alone,
-    drive_on,
-    drive_robots,
-    find_touched,
-    sweep_rate,
 )
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import (
@@ -36,7 +32,6 @@ from radarsim.robots.robot import (
     FLOOR,
     HALF_LENGTH,
     HALF_WIDTH,
-    MAX_DISPLACEMENT_RATIO,
     NUMBER,
     RADIUS,
     REJECTED,
@@ -54,9 +49,13 @@ from radarsim.robots.robot import (
     Y,
     new_columns,
 )
-from radarsim.robots.wall_grid import WallStore, WallTable
+from radarsim.robots.wall_grid import WallStore
 
 _FIRST_SLOTS: Final = 8
+WALL_RANGE: Final = 0.5  # m beyond the robot's circle within which walls are found
+_MAX_DISPLACEMENT_RATIO: Final = 2.0  # of a centre, by the sweep of a move
+ROBOT: Final = engine.structures["Robot"].dtype
+_ODOMETRY: Final = engine.structures["Odometry"].dtype
 _BOX_COLUMNS: Final = [X, Y, YAW, BOTTOM, TOP, HALF_LENGTH, HALF_WIDTH, NUMBER]
 
 
@@ -68,6 +67,9 @@ class Fleet:
         slots: (R,) their slots, int64.
         odometry: (M, 7) table of the odometry of robots that have one; some rows may be
             free.
+        columns: The table of robots, a row for each slot; another array once one is
+            added. ``robots.robot`` numbers its columns. Rows of free slots hold
+            anything.
     """
 
     def __init__(self) -> None:
@@ -78,21 +80,14 @@ class Fleet:
         self._free_slots: list[int] = []
         self._spawned = 0
         self._floors: list[Obstacles] = []
-        self._walls = WallStore()
-        self._around = _surroundings(new_columns(0), self._walls.table)
+        self.columns = new_columns(0)
+        self._lines: NDArray[np.void] = np.zeros(0, LINE)  # room for what a robot meets
+        self._enter_floors()
 
     @property
     def floors(self) -> tuple[Obstacles, ...]:
         """The floors whose walls are known."""
         return tuple(self._floors)
-
-    @property
-    def columns(self) -> Floats:
-        """The table of robots, a row for each slot; another array once one is added.
-
-        ``robots.robot`` numbers its columns. Rows of free slots hold anything.
-        """
-        return self._around.robots
 
     def prepare(self, obstacles: Obstacles) -> None:
         """Enter the walls of a floor, unless it is known."""
@@ -112,7 +107,25 @@ class Fleet:
     def _enter_floors(self) -> None:
         """Enter the walls of all floors into another table."""
         self._walls = WallStore([floor.walls for floor in self._floors])
-        self._around = _surroundings(self.columns, self._walls.table)
+        self._pack()
+
+    def _pack(self) -> None:
+        """Pack what robots may run into, as C++ takes it."""
+        slots = len(self.columns)
+        room = self._walls.lines + 4 * slots  # all walls, and the sides of all robots
+        # Kept from robot to robot: to allocate megabytes can take milliseconds.
+        if len(self._lines) < room:
+            self._lines = np.zeros(room + room // 4, LINE)
+        self._around = engine.structures["Surroundings"].pack(
+            robots=self.columns.view(ROBOT).reshape(slots),
+            order=self.slots,
+            odometry=self.odometry.view(_ODOMETRY).reshape(len(self.odometry)),
+            walls=self._walls.table,
+            lines=self._lines,
+            margin=MARGIN,
+            wall_range=WALL_RANGE,
+            max_displacement_ratio=_MAX_DISPLACEMENT_RATIO,
+        )
 
     def add(
         self,
@@ -158,6 +171,7 @@ class Fleet:
             more = np.full((max(_FIRST_SLOTS, count), ODOMETRY_COLUMNS), FREE)
             free = np.array([count])
             self.odometry = np.concatenate([self.odometry, more])
+            self._pack()
         odometry = WheelOdometry(robot, int(free[0]))
         self.odometry[odometry.row] = numbers
         self._odometries.append(odometry)
@@ -212,7 +226,7 @@ class Fleet:
     def step(self, dt: float) -> None:
         """Drive all robots for one time step of ``dt`` s."""
         self._enter_missing()
-        drive_robots(self._around, self.slots, self.odometry, dt)
+        engine.drive_robots(self._around, dt)
 
     def drive(
         self, slots: NDArray[np.int64], dt: float, steps: int, *, meets: bool
@@ -230,8 +244,8 @@ class Fleet:
         """
         self._enter_missing()
         touched = np.zeros(len(slots), np.bool_)
-        kernel = drive_on if meets else drive_each_alone
-        kernel(self._around, slots, self.odometry, dt, steps, touched)
+        drive = engine.drive_on if meets else engine.drive_each_alone
+        drive(self._around, slots, dt, steps, touched)
         return touched
 
     def touched(self, slots: Sequence[int] | NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -245,7 +259,7 @@ class Fleet:
         """
         self._enter_missing()
         asked = np.asarray(slots, np.int64)
-        find_touched(self._around, self.slots, asked)
+        engine.find_touched(self._around, asked)
         touched: NDArray[np.bool_] = self.columns[asked, TOUCHED] == 1.0
         return touched
 
@@ -270,11 +284,11 @@ class Fleet:
         if not self._free_slots:
             count = len(self.columns)
             more = new_columns(max(_FIRST_SLOTS, count))
-            columns = np.concatenate([self.columns, more])
+            self.columns = np.concatenate([self.columns, more])
+            self._pack()
             # Highest first, as slots are taken from the end: the lowest one is used
             # first.
-            self._free_slots = list(range(len(columns) - 1, count - 1, -1))
-            self._around = _surroundings(columns, self._walls.table)
+            self._free_slots = list(range(len(self.columns) - 1, count - 1, -1))
         self.prepare(obstacles)
         return self._free_slots.pop()
 
@@ -289,7 +303,7 @@ class Fleet:
         model, row = robot.model, self.columns[robot.slot]
         row[:] = new_columns(1)
         radius, floor = robot.footprint.radius, obstacles.floor
-        top_speed = MAX_DISPLACEMENT_RATIO * _fastest_sweep(robot)
+        top_speed = _MAX_DISPLACEMENT_RATIO * _fastest_sweep(robot)
         row[[X, Y, YAW]] = pose.x, pose.y, wrap_angle(pose.yaw)
         row[[BOTTOM, TOP]] = floor, floor + model.height
         row[BODY_Z] = floor + model.origin_height
@@ -302,13 +316,12 @@ class Fleet:
     def _take_over(self, robot: Robot) -> None:
         """Become the fleet of one robot of another fleet."""
         other, slot = robot.fleet, robot.slot
-        columns = other.columns[slot : slot + 1].copy()
-        self._floors = [other._floors[int(columns[0, FLOOR])]]
-        columns[0, FLOOR] = 0
+        self.columns = other.columns[slot : slot + 1].copy()
+        self._floors = [other._floors[int(self.columns[0, FLOOR])]]
+        self.columns[0, FLOOR] = 0
         # Its walls are entered if it moves again, which those that have left seldom do:
         # the table of all walls would stay in memory as long as one of them.
         self._walls = WallStore(spare=np.zeros(3, np.int64))
-        self._around = _surroundings(columns, self._walls.table)
         self._spawned = robot.number
         self.robots = (robot,)
         self._odometries = [o for o in other._odometries if o.robot is robot]
@@ -321,6 +334,7 @@ class Fleet:
 
     def _update_slots(self) -> None:
         self.slots = np.array([robot.slot for robot in self.robots], np.int64)
+        self._pack()
         self._forget_gaps()
 
     def _forget_gaps(self) -> None:
@@ -336,8 +350,8 @@ def _fastest_sweep(robot: Robot) -> float:
         motions = [(spin, spin, 0.0), (-spin, spin, 0.0)]
     else:
         motions = robot.bicycle.extremes(spin)
-    fastest = max(
-        sweep_rate(
+    fastest: float = max(
+        engine.sweep_rate(
             left * model.wheel_radius,
             right * model.wheel_radius,
             model.track,
@@ -350,9 +364,3 @@ def _fastest_sweep(robot: Robot) -> float:
         return fastest
     turn = math.radians(model.flight.max_turn_deg) * robot.footprint.radius
     return max(fastest, model.flight.max_linear + turn) + model.flight.max_lateral
-
-
-def _surroundings(columns: Floats, walls: WallTable) -> Surroundings:
-    slots = len(columns)
-    room = len(walls.lines) + 4 * slots  # for all walls, and the sides of all robots
-    return Surroundings(columns, walls, new_robot_grid(slots), np.zeros((room, 5)))

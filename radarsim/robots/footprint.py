@@ -13,28 +13,29 @@ collision test, as clearance and as penetration depth.
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
+from radarsim.engine import engine
 from radarsim.geometry import Floats, Pose2
-from radarsim.jit import Int, njit_cached, njit_inline
 
 MARGIN: Final = 1e-6  # m; a smaller gap counts as contact; far above rounding errors
 NO_SEGMENTS: Floats = np.zeros((0, 2, 2))
 NO_SEGMENTS.setflags(write=False)
 
 
-# Columns of a table of lines: middle, vector from the middle to the second end, m, map
-# frame; of lines at the same distance the one of lowest rank counts.
-MIDDLE_X, MIDDLE_Y, HALF_X, HALF_Y, RANK = range(5)
+Lines: TypeAlias = NDArray[np.void]  # structures of the type LINE
+LINE: Final = engine.structures["LineSegment"].dtype
+_CONTACT: Final = engine.structures["Contact"].dtype
 
 
-def line_table(segments: Floats) -> Floats:
-    """Return segments, (S, 2, 2), as a table of lines, (S, 5), ranked as they come."""
-    first, second = segments[:, 0], segments[:, 1]
-    ranks = np.arange(len(segments))
-    return np.column_stack([(first + second) / 2, (second - first) / 2, ranks])
+def line_table(segments: Floats) -> Lines:
+    """Return segments, (S, 2, 2), as lines, (S,), ranked as they come."""
+    lines = np.zeros(len(segments), LINE)
+    engine.fill_lines(np.ascontiguousarray(segments, np.float64), lines)
+    return lines
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,64 +101,17 @@ class Footprint:
         Returns:
             The contact with the smallest gap; of equal ones, that of the first segment.
         """
-        lines = line_table(segments)
-        place = (float(pose.x), float(pose.y), float(pose.yaw))
-        half_size = (self.length / 2, self.width / 2)
-        return Contact(*find_contact(lines, len(segments), place, half_size))
+        poses = np.array([[pose.x, pose.y, pose.yaw]], np.float64)
+        contacts = self._contacts(poses, line_table(segments))
+        return Contact(*contacts[0].tolist())
 
+    def gaps(self, poses: Floats, lines: Lines) -> Floats:
+        """Return the gap to lines at each pose, (P, 3) m, rad, as of ``Contact``."""
+        gaps: Floats = self._contacts(poses, lines)["gap"]
+        return gaps
 
-@njit_cached
-def find_contact(
-    lines: Floats,
-    count: Int,
-    pose: tuple[float, float, float],
-    half_size: tuple[float, float],
-) -> tuple[float, float, float]:
-    """Find the contact of a rectangle with the first ``count`` of some lines.
-
-    Args:
-        lines: (L, 5) table of lines.
-        count: How many of them there are.
-        pose: x, y and yaw of the rectangle, m, rad, map frame.
-        half_size: Half its length and half its width, m.
-
-    Returns:
-        The gap, m, and x and y of the unit vector away from the line.
-    """
-    x, y, yaw = pose
-    length, width = half_size
-    c, s = math.cos(yaw), math.sin(yaw)
-    gap, rank, away_x, away_y = np.inf, 0.0, 0.0, 0.0
-    for i in range(count):
-        dx, dy = lines[i, MIDDLE_X] - x, lines[i, MIDDLE_Y] - y
-        middle_x, middle_y = dx * c + dy * s, dy * c - dx * s
-        dx, dy = lines[i, HALF_X], lines[i, HALF_Y]
-        half_x, half_y = dx * c + dy * s, dy * c - dx * s
-        along_x = abs(middle_x) - abs(half_x) - length
-        along_y = abs(middle_y) - abs(half_y) - width
-        if max(along_x, along_y) > gap:
-            # Spares the normal and its square root, as the gap is the largest of the
-            # three: row j of the benchmarks.
-            continue
-        across = abs(middle_x * half_y - middle_y * half_x)
-        across -= length * abs(half_y) + width * abs(half_x)
-        across /= math.hypot(half_x, half_y)
-        found = max(along_x, along_y, across)
-        if found < gap or (found == gap and lines[i, RANK] < rank):
-            gap, rank = found, lines[i, RANK]
-            axis_x, axis_y = 1.0, 0.0
-            if along_x < found and along_y == found:
-                axis_x, axis_y = 0.0, 1.0
-            elif along_x < found:
-                axis_x, axis_y = _normal(half_x, half_y)
-            if axis_x * middle_x + axis_y * middle_y > 0:
-                axis_x, axis_y = -axis_x, -axis_y
-            away_x, away_y = c * axis_x - s * axis_y, s * axis_x + c * axis_y
-    return gap, away_x, away_y
-
-
-@njit_inline
-def _normal(x: float, y: float) -> tuple[float, float]:
-    """Return the unit vector to the right of a vector."""
-    length = math.hypot(x, y)
-    return y / length, -x / length
+    def _contacts(self, poses: Floats, lines: Lines) -> NDArray[np.void]:
+        contacts = np.zeros(len(poses), _CONTACT)
+        half_size = self.length / 2, self.width / 2
+        engine.find_contacts(lines, poses, *half_size, contacts)
+        return contacts

@@ -10,23 +10,17 @@ import shapely
 from numpy.typing import NDArray
 from shapely import Geometry
 
+from radarsim.engine import Packed, engine
 from radarsim.geometry import Floats, Pose2
 from radarsim.robots.footprint import (
+    LINE,
     MARGIN,
-    MIDDLE_X,
-    MIDDLE_Y,
     NO_SEGMENTS,
-    RANK,
     Footprint,
-    find_contact,
+    Lines,
     line_table,
 )
-from radarsim.robots.wall_grid import (
-    FloorWalls,
-    WallTable,
-    find_walls_of_floor,
-    floor_walls,
-)
+from radarsim.robots.wall_grid import FloorWalls, floor_walls
 from radarsim.scene.scene import Part, Scene
 
 Result = TypeVar("Result")
@@ -62,18 +56,13 @@ def slice_mesh(vertices: Floats, faces: NDArray[np.int32], height: float) -> Flo
         Line segments, (S, 2, 2) m: x and y of both ends; where the plane only touches
         a corner, the ends are equal.
     """
-    a, b, c = (vertices[:, 2] >= height)[faces.T]
-    cut = (a | b | c) & ~(a & b & c)
-    corners = vertices[faces[cut]]  # (S, 3, 3)
-    above = corners[:, :, 2] >= height
-    # the corner that is alone on its side of the plane comes first
-    alone = np.where(above.sum(axis=1) == 1, above.argmax(axis=1), above.argmin(axis=1))
-    order = (alone[:, None] + np.arange(3)) % 3
-    corners = np.take_along_axis(corners, order[:, :, None], axis=1)
-    first, others = corners[:, :1], corners[:, 1:]
-    share = (height - first[..., 2:]) / (others[..., 2:] - first[..., 2:])
-    ends = (first + share * (others - first))[..., :2]
-    return np.ascontiguousarray(ends)
+    segments = np.zeros((len(faces), 2, 2))
+    vertices = np.ascontiguousarray(vertices, np.float64)
+    faces = np.ascontiguousarray(faces, np.int32)
+    count = engine.slice_faces(vertices, faces, height, segments)
+    if count < 0:
+        raise ValueError(f"faces of more than the {len(vertices)} vertices of a mesh")
+    return segments[:count].copy()
 
 
 def slice_parts(parts: Iterable[Part], height: float) -> Floats:
@@ -139,9 +128,8 @@ class Obstacles:
         return floor_walls(self.segments)
 
     @cached_property
-    def _table(self) -> WallTable:
-        lines, entries, grid = self.walls
-        return WallTable(lines, entries, grid[None], np.zeros(len(lines) + 1, np.int64))
+    def _table(self) -> Packed:
+        return self.walls.pack()
 
     @classmethod
     def from_scene(cls, scene: Scene, *, floor: float = 0.0) -> "Obstacles":
@@ -165,34 +153,40 @@ class Obstacles:
 
     def near(self, x: float, y: float, distance: float) -> Floats:
         """Return the segments within a distance of a point, in their stored order."""
-        rows = np.sort(self._lines_near(x, y, distance)[:, RANK])
+        rows = np.sort(self._lines_near(x, y, distance)["rank"])
         near: Floats = self.segments[rows.astype(np.intp)]
         return near
 
     def parts_at(self, footprint: Footprint, pose: Pose2) -> list[int]:
         """Return the numbers of the parts whose slices a footprint overlaps, sorted."""
         lines = self._lines_near(pose.x, pose.y, footprint.radius)
-        owners = self.owners[lines[:, RANK].astype(np.intp)]
+        owners = self.owners[lines["rank"].astype(np.intp)]
         order = np.argsort(owners, kind="stable")
         numbers, firsts = np.unique(owners[order], return_index=True)
         pieces = np.split(lines[order], firsts[1:])
+        place = np.array([[pose.x, pose.y, pose.yaw]])
         return [
             number
             for number, piece in zip(numbers.tolist(), pieces, strict=False)
-            if _gap(footprint, pose, piece) <= MARGIN
+            if footprint.gaps(place, piece)[0] <= MARGIN
         ]
 
-    def _lines_near(self, x: float, y: float, distance: float) -> Floats:
-        """Return the lines, (L, 5), within a distance of a point, in any order."""
-        lines = np.zeros((len(self.segments), 5))
-        return lines[: find_walls_of_floor(self._table, x, y, distance, lines)]
+    def _lines_near(self, x: float, y: float, distance: float) -> Lines:
+        """Return the lines within a distance of a point, in any order."""
+        lines = np.zeros(len(self.segments), LINE)
+        return lines[: engine.find_walls(self._table, 0, x, y, distance, lines)]
 
     def clear(
         self, footprint: Footprint, pose: Pose2, others: Sequence[Body] = ()
     ) -> bool:
         """Return whether a footprint overlaps no obstacle and no other body."""
-        walls = self._lines_near(pose.x, pose.y, footprint.radius)
-        if _gap(footprint, pose, walls) <= MARGIN:
+        half_size = footprint.length / 2, footprint.width / 2
+        lines = np.zeros(len(self.segments), LINE)  # room for them
+        gap = engine.find_gap(
+            *(self._table, pose.x, pose.y, pose.yaw),
+            *(*half_size, footprint.radius, lines),
+        )
+        if gap <= MARGIN:
             return False
         return not any(overlaps(footprint, pose, other) for other in others)
 
@@ -257,28 +251,30 @@ class Obstacles:
         )
         lines = self._lines_near(pose.x, pose.y, enlarged.radius + within)
         # The nearest first: they are in the way of most positions.
-        distances = np.hypot(*(lines[:, [MIDDLE_X, MIDDLE_Y]] - here).T)
+        distances = np.hypot(lines["middle_x"] - pose.x, lines["middle_y"] - pose.y)
         lines = lines[np.argsort(distances, kind="stable")]
         yield work + _SORTING_WORK * len(lines)
         for offsets in _search_batches(within):
-            places = [Pose2(x, y, pose.yaw) for x, y in (here + offsets).tolist()]
+            places = np.full((len(offsets), 3), pose.yaw, np.float64)
+            places[:, :2] = here + offsets
             for first in range(0, len(lines), _LINES):
                 some = lines[first : first + _LINES]
                 yield len(places) * (_POSITION_WORK + len(some))
-                places = [p for p in places if _gap(enlarged, p, some) > MARGIN]
-            at_end = work if places else 0
+                places = places[enlarged.gaps(places, some) > MARGIN]
+            at_end = work if len(places) else 0
             yield at_end + _TRACING_WORK + len(places) * _POSITION_WORK
-            positions = np.array([(p.x, p.y) for p in places]).reshape(-1, 2)
             bodies = others()
             sides = [body.footprint.outline(body.pose) for body in bodies]
             outlines = line_table(np.concatenate([NO_SEGMENTS, *sides]))
-            for k in np.flatnonzero(is_open(positions)).tolist():
+            is_free = enlarged.gaps(places, outlines) > MARGIN
+            is_free &= is_open(np.ascontiguousarray(places[:, :2]))
+            for place in places[is_free].tolist():
+                free = Pose2(*place)
                 # Bodies whose sides are apart from it may still surround it.
-                if _gap(enlarged, places[k], outlines) > MARGIN and not any(
-                    body.footprint.covers(body.pose, places[k].x, places[k].y)
-                    for body in bodies
+                if not any(
+                    body.footprint.covers(body.pose, free.x, free.y) for body in bodies
                 ):
-                    return places[k]
+                    return free
         return None
 
 
@@ -290,14 +286,6 @@ def finish(steps: Generator[int, None, Result]) -> Result:
     except StopIteration as end:
         result: Result = end.value
         return result
-
-
-def _gap(footprint: Footprint, pose: Pose2, lines: Floats) -> float:
-    """Return the gap between a footprint and lines, as of ``Contact``."""
-    place = (float(pose.x), float(pose.y), float(pose.yaw))
-    half_size = (footprint.length / 2, footprint.width / 2)
-    gap: float = find_contact(lines, len(lines), place, half_size)[0]
-    return gap
 
 
 def overlaps(footprint: Footprint, pose: Pose2, other: Body) -> bool:

@@ -1,13 +1,13 @@
 """One robot on the floor: its row in the table of robots, its commands, its battery.
 
-Kernels read and write the state of all robots as one table. A row is a robot; the
+The engine reads and writes the state of all robots as one table. A row is a robot; the
 columns are numbered here. Whole numbers and truth values are floats too, so that
-kernels need only one array for all.
+one array is enough for all.
 """
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, TypeAlias
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from radarsim.robots.steering import Bicycle
 if TYPE_CHECKING:
     from radarsim.robots.fleet import Fleet
 
-# compiled into kernels
 # Pose on the floor, m, rad, map frame; speeds of the wheels, rad/s, and angles that
 # they turned forward since the spawn, rad.
 X, Y, YAW, LEFT_SPIN, RIGHT_SPIN, LEFT_ANGLE, RIGHT_ANGLE = range(7)
@@ -50,11 +49,6 @@ ROLL, PITCH, ROLL_WANTED, PITCH_WANTED = range(36, 40)
 COLUMNS: Final = 40
 
 UNKNOWN: Final = -1.0
-
-# x, y and yaw, m, rad, map frame: a ``Pose2`` as kernels have it.
-Place: TypeAlias = tuple[float, float, float]
-
-MAX_DISPLACEMENT_RATIO: Final = 2.0  # of a centre, by the sweep of a move
 
 
 def new_columns(rows: int) -> Floats:

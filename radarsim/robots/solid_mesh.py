@@ -11,8 +11,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from radarsim.engine import engine
 from radarsim.geometry import Floats
-from radarsim.robots.obstacles import slice_mesh
 from radarsim.scene.scene import Part
 from radarsim.scene.shapes import Faces, Mesh, concatenate
 
@@ -36,7 +36,9 @@ class SolidMesh:
     def __init__(self, parts: Iterable[Part]) -> None:
         """Sort the triangles of the solid ones among some parts."""
         solid = [(p.vertices, p.faces) for p in parts if p.material.solid]
-        self._vertices, self._faces = concatenate(solid or [_NOTHING])
+        self._vertices, self._faces = map(
+            np.ascontiguousarray, concatenate(solid or [_NOTHING])
+        )
         count = len(self._faces)
         cells = np.zeros((3, count), np.float32)
         for some in _chunks(count):
@@ -50,6 +52,14 @@ class SolidMesh:
             blocks = some.start // _BLOCK + np.arange(len(firsts))
             self._lows[:, blocks] = np.minimum.reduceat(lows, firsts).T
             self._highs[:, blocks] = np.maximum.reduceat(highs, firsts).T
+        self._packed = engine.structures["SolidMesh"].pack(
+            vertices=self._vertices,
+            faces=self._faces,
+            order=self._order,
+            lows=self._lows,
+            highs=self._highs,
+        )
+        self._room = np.zeros(0, np.int32), np.zeros((0, 2, 2))
 
     def slice(self, area: Area, height: float) -> Floats:
         """Slice the triangles in an area at one height.
@@ -62,21 +72,14 @@ class SolidMesh:
             Line segments, as of ``slice_mesh``, in the order of the parts and of their
             faces: all that reach into the area, and perhaps others.
         """
-        low, high = self._lows, self._highs
-        is_met = (low[2] < height) & (height <= high[2])
-        is_met &= (low[0] <= area.x_max) & (area.x_min <= high[0])
-        is_met &= (low[1] <= area.y_max) & (area.y_min <= high[1])
-        places = np.flatnonzero(is_met)[:, None] * _BLOCK + np.arange(_BLOCK)
-        numbers = np.sort(self._order[places[places < len(self._order)]])
-        corners = self._vertices[self._faces[numbers]].reshape(-1, 3)
-        faces = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
-        segments = slice_mesh(corners, faces, height)
-        ends = segments[:, 0], segments[:, 1]
-        low, high = np.minimum(*ends).T, np.maximum(*ends).T
-        is_inside = (low[0] <= area.x_max) & (area.x_min <= high[0])
-        is_inside &= (low[1] <= area.y_max) & (area.y_min <= high[1])
-        inside: Floats = segments[is_inside]
-        return inside
+        while (count := self._slice(area, height)) < 0:
+            self._room = np.zeros(-count, np.int32), np.zeros((-count, 2, 2))
+        return self._room[1][:count].copy()
+
+    def _slice(self, area: Area, height: float) -> int:
+        """Fill the room with the slice; return its size, or minus the room needed."""
+        count: int = engine.slice_area(self._packed, *area, height, *self._room)
+        return count
 
     def _bounds(self, faces: Faces) -> tuple[Floats, Floats]:
         """Return the smallest and the largest coordinates of triangles, (N, 3) m."""

@@ -1,6 +1,6 @@
 """Build materials, and the parts of objects and their copies, from a map's entries.
 
-What reads meshes is imported at the first mesh, since numba takes long to be imported.
+What reads meshes is imported at the first mesh, since few maps have one.
 """
 
 import math

@@ -85,7 +85,7 @@ class Part:
     @cached_property
     def closed(self) -> bool:
         """Whether the surfaces enclose a volume, so that inside and outside exist."""
-        from radarsim.scene.topology import is_closed  # noqa: PLC0415 - numba is slow
+        from radarsim.scene.topology import is_closed  # noqa: PLC0415 - which few need
 
         return is_closed(self.faces)
 

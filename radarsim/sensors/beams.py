@@ -32,8 +32,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from radarsim.engine import engine
 from radarsim.geometry import Floats
-from radarsim.jit import njit_cached
 from radarsim.presets.sensor_settings import (
     BANDS_GHZ,
     METRES_PER_UNIT,
@@ -96,7 +96,7 @@ class BeamPattern:
         self._power = settings.max_range, settings.penetration_power
         self._ray_class = ray_class_of(settings)
         limits = columns_of(self.rays_from(AimedRays.empty(1), -1))
-        # The kernel aims the rays itself, and needs of them only what all have in
+        # The engine aims the rays itself, and needs only what all of them have in
         # common.
         self._limits = limits._replace(origins=NO_VECTORS, directions=NO_VECTORS)
         self._sensor_rays: SensorRays | None = None
@@ -268,21 +268,11 @@ def node_directions(angles: Floats, offsets: Floats) -> Floats:
     Returns:
         (K, N, 3) unit vectors.
     """
-    directions = np.zeros((len(offsets), len(angles), 3))
-    _fill_directions(angles, offsets, directions)
+    shape = len(offsets), len(angles)
+    directions = np.zeros((*shape, 3))
+    of_each = np.ascontiguousarray(np.broadcast_to(offsets, (*shape, 2)))
+    engine.node_directions(angles, of_each, directions)
     return directions
-
-
-@njit_cached
-def _fill_directions(angles: Floats, offsets: Floats, directions: Floats) -> None:
-    per_beam = offsets.shape[1] > 1
-    for k in range(len(offsets)):
-        for i in range(len(angles)):
-            offset = offsets[k, i if per_beam else 0]
-            azimuth, level = angles[i] + offset[0], np.cos(offset[1])
-            directions[k, i, 0] = level * np.cos(azimuth)
-            directions[k, i, 1] = level * np.sin(azimuth)
-            directions[k, i, 2] = np.sin(offset[1])
 
 
 def _nodes(settings: SensorSettings) -> tuple[Floats, Floats]:

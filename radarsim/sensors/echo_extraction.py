@@ -23,91 +23,24 @@ those of the strongest end of a ray among them; if no ray ends there, those of t
 strongest echo. If that is a volume, the merged echo begins where the ray enters it.
 """
 
-from typing import Any, Final, NamedTuple
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from radarsim.engine import engine
+from radarsim.errors import EngineError
 from radarsim.geometry import Floats
-from radarsim.jit import Int, njit_cached, njit_inline
 from radarsim.presets.sensor_settings import SensorSettings
-from radarsim.raycast.attenuation import EventRow, Events, Outcome
+from radarsim.raycast.attenuation import EventKind, Outcome
 from radarsim.raycast.rays import Traces
-from radarsim.sensors.echo_strength import (
-    ENTER,
-    HIT,
-    LEAVE,
-    SHEET,
-    SPENT,
-    Densities,
-    EnclosingVolumes,
-    EventReturns,
-    ReturnLaw,
-    compute_strengths,
-    find_ranges,
-    return_law,
-    returned_share,
-)
+from radarsim.sensors.echo_strength import Densities, return_law, returned_share
 
 LEAF_BACKSCATTER: Final = 2 / 3  # mean cosine of leaves that rays meet
-RETURN_ECHO: Final = (ENTER, LEAVE, SHEET, HIT, SPENT)
-SHORT_LIST: Final = 16  # echoes that are sorted by insertion
+_MODES: Final = {"last": 0, "all": 0, "first": 1, "strongest": 2}  # of the engine
 
-
-class EchoColumns(NamedTuple):
-    """Echoes, one row each, beam by beam.
-
-    Attributes:
-        beam: (E,) int64, the number of the beam.
-        row: (E,) int64, the ray, counted over all beams.
-        t: (E,) distance from the start of the ray, m; of a volume, that up to which
-            half of its power came back.
-        kind: (E,) uint8, an ``EventKind``.
-        part: (E,) int64, as in ``Traces``.
-        power: (E,) power left on arrival, for a hit without what the surface absorbs.
-        strength: (E,) share of what a rough wall ahead returns of the whole beam.
-        ends: (E,) uint8, whether a ray ends there.
-        front: (E,) distance at which the echo begins, m: of a volume, where the ray
-            enters it; otherwise as ``t``.
-    """
-
-    beam: NDArray[np.int64]
-    row: NDArray[np.int64]
-    t: Floats
-    kind: NDArray[np.uint8]
-    part: NDArray[np.int64]
-    power: Floats
-    strength: Floats
-    ends: NDArray[np.uint8]
-    front: Floats
-
-    def take(
-        self, rows: slice | NDArray[np.integer] | NDArray[np.bool_]
-    ) -> "EchoColumns":
-        """Return some of the rows, selected by index, mask or slice."""
-        columns: list[NDArray[Any]] = [column[rows] for column in self]
-        return EchoColumns(*columns)
-
-    def insert(self, added: "EchoColumns") -> "EchoColumns":
-        """Return these rows and others, beam by beam, sorted by range."""
-        names = EchoColumns._fields
-        both = [(getattr(self, name), getattr(added, name)) for name in names]
-        joined = EchoColumns(*map(np.concatenate, both))
-        return joined.take(np.lexsort([joined.t, joined.beam]))
-
-
-class BeamRays(NamedTuple):
-    """The rays of beams.
-
-    Attributes:
-        weights: (M,) the share of each ray in its beam.
-        rays_per_beam: How many consecutive rays form a beam.
-        incidence: (M,) cosine of the angle of incidence, as in ``Traces``.
-    """
-
-    weights: Floats
-    rays_per_beam: int
-    incidence: Floats
+ECHO: Final = engine.structures["Echo"].dtype
+EchoTable: TypeAlias = NDArray[np.void]  # of ECHO, a row for each, beam by beam
 
 
 def backscatter(traces: Traces) -> Floats:
@@ -127,7 +60,7 @@ def extract_echoes(
     rays_per_beam: int,
     densities: Densities,
     settings: SensorSettings,
-) -> EchoColumns:
+) -> EchoTable:
     """Extract the echoes from the events along rays.
 
     Args:
@@ -140,164 +73,34 @@ def extract_echoes(
     Returns:
         The echoes, beam by beam, sorted by range; of equal ranges, in the order of the
         rays and along them.
+
+    Raises:
+        EngineError: If the events are not of these rays and parts.
     """
-    events, n = traces.events, len(traces.events)
-    columns = EchoColumns(
-        np.zeros(n, np.int64),
-        np.zeros(n, np.int64),
-        np.zeros(n),
-        np.zeros(n, np.uint8),
-        np.zeros(n, np.int64),
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros(n, np.uint8),
-        np.zeros(n),
+    echoes = np.zeros(len(traces.events), ECHO)
+    count = engine.extract_echoes(
+        traces.events,
+        weights,
+        traces.incidence,
+        rays_per_beam,
+        *densities,
+        *return_law(settings),
+        echoes,
     )
-    beams = BeamRays(weights, rays_per_beam, traces.incidence)
-    count = _extract(events, beams, densities, return_law(settings), *columns)
-    return columns if count == n else columns.take(slice(count))
+    if count < 0:
+        raise EngineError("events of other rays or parts, expected those of a sensor")
+    return echoes[:count]
 
 
-@njit_cached
-def _extract(
-    events: Events,
-    beams: BeamRays,
-    densities: Densities,
-    law: ReturnLaw,
-    *columns: NDArray[Any],
-) -> int:
-    """Fill columns with the echoes of all events; return how many there are.
-
-    Columns come one by one: numba takes twice as long to unpack tuples of arrays
-    (row g of the benchmarks).
-    """
-    n, parts = len(events), len(densities.parts) + 1
-    volumes = EnclosingVolumes(np.zeros(parts, np.int64), np.zeros(parts, np.int64))
-    found = EventReturns(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), volumes)
-    compute_strengths(events, densities, law, found)
-    find_ranges(events, densities, law, found)
-    rows = np.zeros(n, np.int64), np.zeros(n, np.int64)
-    order = _EchoOrder(np.zeros(n), rows[0], np.zeros(n), rows[1])
-    return _fill_columns(events, beams, found, order, EchoColumns(*columns))
-
-
-class _EchoOrder(NamedTuple):
-    """Echoes of a beam, to be sorted by range, and room for as many.
-
-    Attributes:
-        ranges: (V,) m.
-        rows: (V,) the event of each.
-        spare_ranges: (V,) used while runs are merged, as is ``spare_rows``.
-    """
-
-    ranges: Floats
-    rows: NDArray[np.int64]
-    spare_ranges: Floats
-    spare_rows: NDArray[np.int64]
-
-
-@njit_inline
-def _fill_columns(
-    events: Events,
-    beams: BeamRays,
-    found: EventReturns,
-    order: _EchoOrder,
-    columns: EchoColumns,
-) -> int:
-    """Fill columns with echoes, beam by beam; return how many there are."""
-    of_beam, n = beams.rays_per_beam, len(events)
-    total = i = 0
-    while i < n:
-        beam, count = events[i].ray // of_beam, 0
-        while i < n and events[i].ray // of_beam == beam:
-            if events[i].kind in RETURN_ECHO and beams.weights[events[i].ray] > 0.0:
-                order.ranges[count], order.rows[count] = found.ranges[i], i
-                count += 1
-            i += 1
-        _sort_by_range(order, count)
-        for k in range(count):
-            _fill_row(columns, total + k, events, order.rows[k], beams, found)
-        total += count
-    return total
-
-
-@njit_inline
-def _sort_by_range(order: _EchoOrder, count: int) -> None:
-    """Sort the first echoes by range; those of equal range keep their order.
-
-    Most lists are short, and the echoes of each ray are sorted already: insertion is
-    the fastest. Longer lists are merged from runs that were sorted so. numpy's argsort
-    would take seconds to compile.
-    """
-    for start in range(0, count, SHORT_LIST):
-        _sort_run(order, start, min(start + SHORT_LIST, count))
-    width = SHORT_LIST
-    while width < count:
-        for start in range(0, count - width, 2 * width):
-            _merge_runs(order, start, start + width, min(start + 2 * width, count))
-        width *= 2
-
-
-@njit_inline
-def _sort_run(order: _EchoOrder, start: int, end: int) -> None:
-    """Sort the echoes of a short run by insertion."""
-    ranges, rows = order.ranges, order.rows
-    for k in range(start + 1, end):
-        distance, row, i = ranges[k], rows[k], k
-        while i > start and ranges[i - 1] > distance:
-            ranges[i], rows[i] = ranges[i - 1], rows[i - 1]
-            i -= 1
-        ranges[i], rows[i] = distance, row
-
-
-@njit_inline
-def _merge_runs(order: _EchoOrder, start: int, middle: int, end: int) -> None:
-    """Merge two sorted runs; of equal ranges those of the first run come first."""
-    ranges, rows, spare_ranges, spare_rows = order
-    for k in range(start, middle):
-        spare_ranges[k], spare_rows[k] = ranges[k], rows[k]
-    first, second = start, middle
-    for k in range(start, end):
-        if first == middle:
-            return  # the rest is in its place
-        if second < end and ranges[second] < spare_ranges[first]:
-            ranges[k], rows[k] = ranges[second], rows[second]
-            second += 1
-        else:
-            ranges[k], rows[k] = spare_ranges[first], spare_rows[first]
-            first += 1
-
-
-@njit_inline
-def _fill_row(
-    columns: EchoColumns,
-    row: int,
-    events: Events,
-    i: Int,
-    beams: BeamRays,
-    found: EventReturns,
-) -> None:
-    event: EventRow = events[i]
-    kind, ray = event.kind, event.ray
-    strength = found.strengths[i]
-    if beams.incidence.size:
-        hit = kind == HIT
-        strength *= beams.incidence[ray] if hit else LEAF_BACKSCATTER
-    columns.beam[row] = ray // beams.rays_per_beam
-    columns.row[row] = ray
-    columns.t[row] = found.ranges[i]
-    columns.front[row] = event.t
-    columns.kind[row] = kind
-    columns.part[row] = event.part
-    columns.power[row] = event.power - (event.absorbed if kind == HIT else 0.0)
-    # Rounding can add up to a little more than the whole power.
-    columns.strength[row] = min(beams.weights[ray] * strength, 1.0)
-    columns.ends[row] = kind in (HIT, SPENT)
+def insert_echoes(echoes: EchoTable, added: EchoTable) -> EchoTable:
+    """Return some echoes and others, beam by beam, sorted by range."""
+    joined = np.concatenate([echoes, added], dtype=ECHO)  # by default without padding
+    return joined.take(np.lexsort([joined["t"], joined["beam"]]))
 
 
 def extract_ray_ends(
     traces: Traces, rows: NDArray[np.int64], settings: SensorSettings
-) -> EchoColumns:
+) -> EchoTable:
     """Extract only the echoes at the ends of rays, for which no events are needed.
 
     Args:
@@ -312,119 +115,52 @@ def extract_ray_ends(
     limited = full > 0 and np.isfinite(full)
     share = power / full if limited else np.ones(len(rows))
     strength = returned_share(share, settings) * backscatter(traces)[rows]
-    return EchoColumns(
-        beams,
-        rows,
-        traces.ranges[rows],
-        np.where(hit, HIT, SPENT).astype(np.uint8),
-        traces.parts[rows],
-        power,
-        np.where(hit, strength, 0.0),
-        np.ones(len(rows), np.uint8),
-        traces.ranges[rows],
-    )
+    echoes = np.zeros(len(rows), ECHO)
+    echoes["beam"], echoes["row"] = beams, rows
+    echoes["t"] = echoes["front"] = traces.ranges[rows]
+    echoes["part"], echoes["power"] = traces.parts[rows], power
+    echoes["strength"] = np.where(hit, strength, 0.0)
+    echoes["kind"] = np.where(hit, EventKind.HIT, EventKind.SPENT)
+    echoes["ends"] = True
+    return echoes
 
 
-LAST, FIRST, STRONGEST = 0, 1, 2
-ROUNDING: Final = 1e-12  # relative difference below which strengths are equal
-
-
-def merge_echoes(echoes: EchoColumns, resolution: float) -> EchoColumns:
+def merge_echoes(echoes: EchoTable, resolution: float) -> EchoTable:
     """Merge echoes of a beam that are closer together than a resolution, m."""
-    if resolution <= 0 or not len(echoes.t):
+    if resolution <= 0:
         return echoes
-    merged = echoes.take(np.arange(len(echoes.t)))
-    return merged.take(slice(_merge_in_place(merged, resolution)))
+    merged = np.zeros(len(echoes), ECHO)
+    return merged[: engine.merge_echoes(echoes, resolution, merged)]
 
 
-@njit_inline
-def _first_with_power(echoes: EchoColumns, i: int) -> int:
-    """Return the first echo of a beam from ``i`` on that has strength or is an end."""
-    n, beam = len(echoes.t), echoes.beam[i]
-    while i < n and echoes.beam[i] == beam:
-        if echoes.strength[i] > 0.0 or echoes.ends[i]:
-            return i
-        i += 1
-    return n
-
-
-@njit_inline
-def _represents(echoes: EchoColumns, one: int, other: int) -> bool:
-    """Return whether one echo rather than another gives a merged echo its kind."""
-    if echoes.ends[one] != echoes.ends[other]:
-        return bool(echoes.ends[one] > echoes.ends[other])
-    return bool(echoes.strength[one] > echoes.strength[other] * (1.0 + ROUNDING))
-
-
-@njit_cached
-def _merge_in_place(echoes: EchoColumns, resolution: float) -> int:
-    """Merge echoes in place; return how many are left."""
-    left, i, n = 0, 0, len(echoes.t)
-    while i < n:
-        first = _first_with_power(echoes, i)
-        if first < n and echoes.t[first] - echoes.t[i] < resolution:
-            end = echoes.t[first] + resolution
-        else:
-            first, end = i, echoes.t[i]  # nothing to merge with
-        beam, nearest = echoes.beam[i], echoes.t[first]
-        best, total, mean = i, 0.0, 0.0
-        j = i
-        while j == i or (j < n and echoes.beam[j] == beam and echoes.t[j] < end):
-            strength = echoes.strength[j]
-            total += strength
-            mean += strength * (echoes.t[j] - nearest)
-            if _represents(echoes, j, best):
-                best = j
-            j += 1
-        t = nearest + mean / total if total > 0.0 else nearest
-        front = echoes.front[best] if echoes.kind[best] == ENTER else t
-        _copy_row(echoes, best, left)
-        echoes.t[left], echoes.front[left] = t, front
-        echoes.strength[left] = min(total, 1.0)
-        left += 1
-        i = j
-    return left
-
-
-@njit_inline
-def _copy_row(echoes: EchoColumns, source: int, target: int) -> None:
-    """Copy what a merged echo takes over unchanged."""
-    echoes.beam[target] = echoes.beam[source]
-    echoes.row[target] = echoes.row[source]
-    echoes.kind[target] = echoes.kind[source]
-    echoes.part[target] = echoes.part[source]
-    echoes.power[target] = echoes.power[source]
-    echoes.ends[target] = echoes.ends[source]
-
-
-@njit_cached
 def select_echoes(
-    echoes: EchoColumns, mode: int, beams: int, threshold: float
+    echoes: EchoTable,
+    settings: SensorSettings,
+    ranges: Floats,
+    rays: NDArray[np.int64],
 ) -> NDArray[np.int64]:
-    """Select the echo that gives each beam its range.
+    """Select the echo that gives each beam its range, and set its range and ray.
 
-    A beam in which no echo is above the threshold has the range at which its ray ends.
+    Of equally strong echoes, the nearest is the strongest. A beam in which no echo is
+    above the sensor's threshold has the range at which its ray ends.
 
     Args:
-        echoes: EchoColumns of all beams.
-        mode: ``LAST``, ``FIRST`` or ``STRONGEST``; of equally strong ones the nearest.
-        beams: N, the number of beams.
-        threshold: Strength up to which an echo is neither first nor strongest.
+        echoes: Echoes of all beams.
+        settings: Settings of the sensor.
+        ranges: (N,) m, unchanged where a beam reads no echo.
+        rays: (N,) the ray of each range, likewise.
 
     Returns:
-        (N,) int64, rows of the echoes; -1 for a beam without echo.
+        The rows of the echoes that are read, beam by beam.
     """
-    selected = np.full(beams, -1, np.int64)
-    best = np.zeros(beams)  # strength of the selected echo
-    for i in range(len(echoes.t)):
-        beam, strength = echoes.beam[i], echoes.strength[i]
-        if mode == LAST:
-            if echoes.ends[i]:
-                selected[beam] = i
-        elif strength > threshold:
-            if best[beam] == 0.0 or (mode == STRONGEST and strength > best[beam]):
-                selected[beam] = i
-                best[beam] = strength
-        elif best[beam] == 0.0 and echoes.ends[i]:
-            selected[beam] = i
-    return selected
+    selected = np.zeros(len(ranges), np.int64)
+    count = engine.select_echoes(
+        echoes,
+        _MODES[settings.return_mode],
+        settings.echo_threshold,
+        settings.spent_reads != "nothing",
+        selected,
+        ranges,
+        rays,
+    )
+    return selected[:count]

@@ -21,15 +21,9 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.presets.sensor_settings import SensorSettings
-from radarsim.raycast.attenuation import Events
-from radarsim.sensors.echo_extraction import EchoColumns
-from radarsim.sensors.echo_strength import (
-    ENTER,
-    LEAVE,
-    START_INSIDE,
-    return_law,
-    returned_share,
-)
+from radarsim.raycast.attenuation import EventKind, Events
+from radarsim.sensors.echo_extraction import ECHO, EchoTable, insert_echoes
+from radarsim.sensors.echo_strength import return_law, returned_share
 
 Rows = NDArray[np.int64]
 
@@ -49,19 +43,19 @@ class _Answers(NamedTuple):
 
 
 def answer_in_clouds(
-    columns: EchoColumns,
+    echoes: EchoTable,
     events: Events,
     density: Floats,
     drawn: Floats,
     settings: SensorSettings,
-) -> EchoColumns:
+) -> EchoTable:
     """Replace the echoes of clouds' edges by answers from inside of them.
 
     A beam ends where it answers: its echo is of the kind ``ENTER`` and an end, and
     begins where the ray enters the cloud, or at the sensor.
 
     Args:
-        columns: All echoes of beams of one ray each.
+        echoes: All echoes of beams of one ray each.
         events: EVENT of all rays.
         density: (P,) power lost per metre in each part that is a cloud; otherwise 0.
         drawn: (N,) optical depth at which each beam answers.
@@ -73,34 +67,30 @@ def answer_in_clouds(
     beams, ranges, before = answers
     last = np.full(len(drawn), np.inf)
     last[beams] = ranges
-    entries = columns.kind == ENTER
-    is_edge = np.zeros(len(entries), bool)
-    is_edge[entries] = density[columns.part[entries]] > 0
-    kept = columns.take(~is_edge & (columns.t <= last[columns.beam]))
+    is_edge = echoes["kind"] == EventKind.ENTER
+    is_edge[is_edge] = density[echoes["part"][is_edge]] > 0
+    is_kept = ~is_edge & (echoes["t"] <= last[echoes["beam"]])
+    kept = echoes.take(np.flatnonzero(is_kept))
     around = _innermost_clouds(events, change, answers, len(drawn))
     near = events["t"][before - 1]
     left = events["power"][before - 1] - events["absorbed"][before - 1]
     way = events["t"][before] - near
     gone = np.divide(ranges - near, way, out=np.zeros(len(way)), where=way > 0)
     power = left + gone * (events["power"][before] - left)
-    added = EchoColumns(
-        beams,
-        beams,
-        ranges,
-        np.full(len(beams), ENTER, np.uint8),
-        events["part"][around].astype(np.int64),
-        power,
-        returned_share(power / law.full, settings),
-        np.ones(len(beams), np.uint8),
-        events["t"][around].copy(),
-    )
-    return kept.insert(added)
+    added = np.zeros(len(beams), ECHO)
+    added["beam"] = added["row"] = beams
+    added["t"], added["front"] = ranges, events["t"][around]
+    added["part"], added["power"] = events["part"][around], power
+    added["strength"] = returned_share(power / law.full, settings)
+    added["kind"], added["ends"] = EventKind.ENTER, True
+    return insert_echoes(kept, added)
 
 
 def _density_changes(events: Events, density: Floats) -> Floats:
     """Return by how much the density of clouds rises at each event, (V,)."""
     kinds, change = events["kind"], np.zeros(len(events))
-    for kinds_of, sign in (((ENTER, START_INSIDE), 1.0), ((LEAVE,), -1.0)):
+    entering = EventKind.ENTER, EventKind.START_INSIDE
+    for kinds_of, sign in ((entering, 1.0), ((EventKind.LEAVE,), -1.0)):
         rows = np.isin(kinds, kinds_of)
         change[rows] = sign * density[events["part"][rows]]
     return change

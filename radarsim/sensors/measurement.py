@@ -15,7 +15,7 @@ echoes, so that they keep their order; then ranges are rounded to whole steps.
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import Final, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,28 +23,24 @@ from numpy.typing import NDArray
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.raycast.aimed_rays import Sides
-from radarsim.raycast.attenuation import Outcome
+from radarsim.raycast.attenuation import EventKind, Outcome
 from radarsim.raycast.rays import Rays, Traces
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.scene import Scene
 from radarsim.sensors.beams import BeamPattern, ray_class_of
 from radarsim.sensors.echo_extraction import (
-    FIRST,
-    LAST,
-    STRONGEST,
-    EchoColumns,
+    EchoTable,
     backscatter,
     extract_echoes,
     extract_ray_ends,
     merge_echoes,
     select_echoes,
 )
-from radarsim.sensors.echo_strength import SPENT, Densities
+from radarsim.sensors.echo_strength import Densities
 from radarsim.sensors.first_returns import answer_in_clouds
-from radarsim.sensors.rain import add_rain, find_speckle
+from radarsim.sensors.rain import add_rain, find_rain
 from radarsim.sensors.scan import Echoes, Scan
 
-MODES: Final = {"last": LAST, "all": LAST, "first": FIRST, "strongest": STRONGEST}
 Rows = NDArray[np.int64]
 
 
@@ -195,28 +191,21 @@ class ScanBuilder:
         scene: Scene | None,
     ) -> Scan:
         settings = self._settings
-        columns = self._all_echoes(plan, traces, rows)
-        mode, beams = MODES[settings.return_mode], len(self._pattern.angles)
-        selected = select_echoes(columns, mode, beams, settings.echo_threshold)
-        found = np.flatnonzero(selected >= 0)
-        kept = selected[found]
-        if settings.spent_reads == "nothing":
-            reads = columns.kind[kept] != SPENT
-            found, kept = found[reads], kept[reads]
-        ranges = np.full(beams, np.inf)
-        ranges[found] = columns.t[kept]
+        echoes = self._all_echoes(plan, traces, rows)
+        ranges = np.full(len(self._pattern.angles), np.inf)
         rays = (self._middle_rows if rows is None else rows).copy()
-        rays[found] = columns.row[kept]
+        kept = select_echoes(echoes, settings, ranges, rays)
         if settings.spent_reads == "zero":
-            ranges[found[traces.outcomes[rays[found]] == Outcome.SPENT]] = 0.0
+            spent = traces.outcomes[rays] == Outcome.SPENT
+            ranges[np.isfinite(ranges) & spent] = 0.0
         if settings.return_mode != "all":
-            columns = columns.take(kept)
-        find_echoes = partial(self._echoes, plan, columns)
+            echoes = echoes.take(kept)
+        find_echoes = partial(self._echoes, plan, echoes)
         return self._scan(plan, ranges, rays, find_echoes, scene)
 
     def _all_echoes(
         self, plan: PlannedScan, traces: Traces, rows: Rows | None
-    ) -> EchoColumns:
+    ) -> EchoTable:
         """Return all echoes, rain included, merged and with range errors."""
         settings = self._settings
         weights = self._shares if self._pattern.rays > 1 else np.ones(len(plan.sides))
@@ -227,28 +216,32 @@ class ScanBuilder:
             *plan.tracer.densities(self._ray_class),
             plan.tracer.scattering(self._ray_class),
         )
-        columns = extract_echoes(
+        echoes = extract_echoes(
             traces, weights, self._pattern.rays, densities, settings
         )
         if plan.draws.rain.size:
             stand_ins = self._middle_rows if rows is None else rows
-            speckle = find_speckle(
+            rain = find_rain(
                 plan.tracer, traces.events, stand_ins, plan.draws.rain, settings
             )
-            columns = add_rain(columns, speckle, stand_ins)
+            echoes = add_rain(echoes, rain)
         if plan.draws.cloud.size:
-            columns = answer_in_clouds(
-                columns,
+            echoes = answer_in_clouds(
+                echoes,
                 traces.events,
                 np.where(plan.tracer.clouds, densities.parts, 0.0),
                 plan.draws.cloud,
                 settings,
             )
-        columns = merge_echoes(columns, settings.range_resolution)
-        error = plan.draws.range_error[columns.beam] if self.is_noisy else None
-        self._add_errors(columns.t, error)
-        self._add_errors(columns.front, error)
-        return columns
+        echoes = merge_echoes(echoes, settings.range_resolution)
+        self._move_echoes(echoes, plan.draws.range_error)
+        return echoes
+
+    def _move_echoes(self, echoes: EchoTable, errors: Floats) -> None:
+        """Add the random errors of beams, (N,), to their echoes, in place."""
+        error = errors[echoes["beam"]] if self.is_noisy else None
+        self._add_errors(echoes["t"], error)
+        self._add_errors(echoes["front"], error)
 
     def _add_errors(self, ranges: Floats, error: Floats | None) -> None:
         """Add the sensor's random errors to ranges and quantise them, in place."""
@@ -296,16 +289,19 @@ class ScanBuilder:
             scene,
         )
 
-    def _echoes(self, plan: PlannedScan, columns: EchoColumns) -> Echoes:
+    def _echoes(self, plan: PlannedScan, echoes: EchoTable) -> Echoes:
+        def column(name: str) -> NDArray[Any]:
+            return np.ascontiguousarray(echoes[name])
+
         return Echoes(
-            beams=columns.beam,
-            sides=plan.sides[columns.row],
-            ranges=columns.t,
-            fronts=columns.front,
-            kinds=columns.kind,
-            power=columns.power,
-            strength=columns.strength,
-            parts=columns.part,
+            beams=column("beam"),
+            sides=plan.sides[echoes["row"]],
+            ranges=column("t"),
+            fronts=column("front"),
+            kinds=column("kind"),
+            power=column("power"),
+            strength=column("strength"),
+            parts=column("part"),
             scene_parts=plan.tracer.parts,
             settings=self._settings,
         )
@@ -315,13 +311,11 @@ class ScanBuilder:
     ) -> Echoes:
         """Return the echoes at the ends of the rays, for which no events are needed."""
         rows = np.arange(len(self._pattern.angles)) if rows is None else rows
-        columns = extract_ray_ends(traces, rows, self._settings)
+        echoes = extract_ray_ends(traces, rows, self._settings)
         if self._settings.spent_reads == "nothing":
-            columns = columns.take(columns.kind != SPENT)
-        error = plan.draws.range_error[columns.beam] if self.is_noisy else None
-        self._add_errors(columns.t, error)
-        self._add_errors(columns.front, error)
-        return self._echoes(plan, columns)
+            echoes = echoes.take(np.flatnonzero(echoes["kind"] != EventKind.SPENT))
+        self._move_echoes(echoes, plan.draws.range_error)
+        return self._echoes(plan, echoes)
 
 
 def _cast(plan: PlannedScan, rows: Rows | None) -> Rays:

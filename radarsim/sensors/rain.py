@@ -22,83 +22,23 @@ where the antenna receives its own signal.
 """
 
 import math
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from radarsim.engine import engine
 from radarsim.geometry import Floats
-from radarsim.jit import njit_cached, njit_inline
 from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
-from radarsim.raycast.attenuation import EventKind, EventRow, Events
+from radarsim.raycast.attenuation import Events
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import rain_reflectivity
-from radarsim.sensors.echo_extraction import EchoColumns
-from radarsim.sensors.echo_strength import ENTER, LEAVE, START_INSIDE
+from radarsim.sensors.echo_extraction import ECHO, EchoTable, insert_echoes
 
 BLIND_RANGE: Final = 1.0  # m
 DEFAULT_CELL: Final = 0.25  # m, for a sensor without range resolution
 DEFAULT_BEAMWIDTH: Final = 2.0  # degrees, for a sensor without beamwidth
 REFERENCE_RANGE: Final = 10.0  # m, where ``least_rcs_dbsm`` holds
-
-
-class Speckle(NamedTuple):
-    """The nearest cell of each beam in which rain is detected.
-
-    Attributes:
-        t: (N,) distance, m; inf for a beam without.
-        part: (N,) the part in which it rains.
-        power: (N,) power left on arrival there.
-        strength: (N,) share of what a rough wall ahead returns.
-    """
-
-    t: Floats
-    part: NDArray[np.int64]
-    power: Floats
-    strength: Floats
-
-
-class RainField(NamedTuple):
-    """Where it rains, and how strongly a sensor sees it.
-
-    Attributes:
-        around_start: (P,) uint8, the parts that enclose every ray at its start.
-        contrasts: (P,) contrast of the rain in each part at 1 m; 0 without rain.
-    """
-
-    around_start: NDArray[np.uint8]
-    contrasts: Floats
-
-
-class BeamDraws(NamedTuple):
-    """The rays that stand for the beams, and their random numbers.
-
-    Attributes:
-        rows: (N,) index of the ray.
-        first_event: (N,) index of its first event.
-        random: (2, N) exponentially distributed with mean 1: how far the beam reaches,
-            and how bright the detected cell is.
-    """
-
-    rows: NDArray[np.int64]
-    first_event: NDArray[np.int64]
-    random: Floats
-
-
-class RainLimits(NamedTuple):
-    """Limits of the search for rain.
-
-    Attributes:
-        cell: Depth of a range cell, m.
-        margin_db: Margin of the sensor, dB.
-        nearest: Distance of the first cell, m.
-        full_power: Penetration power with which a ray starts.
-    """
-
-    cell: float
-    margin_db: float
-    nearest: float
-    full_power: float
 
 
 def cell_depth(settings: SensorSettings) -> float:
@@ -116,141 +56,46 @@ def contrast(settings: SensorSettings, mm_per_h: float) -> float:
     return volume * rain_reflectivity(band, mm_per_h) / least
 
 
-def find_speckle(
+def find_rain(
     tracer: Tracer,
     events: Events,
-    rows: NDArray[np.int64],
+    rays: NDArray[np.int64],
     random: Floats,
     settings: SensorSettings,
-) -> Speckle:
-    """Find the nearest cell of each beam in which rain is detected.
+) -> EchoTable:
+    """Find the echoes of the nearest cell of each beam in which rain is detected.
 
     Args:
         tracer: Tracer of the scene.
-        events: EVENT of all rays.
-        rows: (N,) the ray that stands for each beam.
-        random: (2, N) as in ``BeamDraws``.
+        events: EVENT of all rays, sorted by ray.
+        rays: (N,) the ray that stands for each beam, in ascending order.
+        random: (2, N) exponentially distributed with mean 1: how far the beam reaches,
+            and how bright the detected cell is.
         settings: Settings of the sensor.
     """
-    n = len(rows)
-    speckle = Speckle(np.full(n, np.inf), np.full(n, -1), np.zeros(n), np.zeros(n))
     contrasts = np.zeros(len(tracer.rain_rate))
     for part in np.flatnonzero(tracer.rain_rate).tolist():
         contrasts[part] = contrast(settings, float(tracer.rain_rate[part]))
-    around_start = np.zeros(len(contrasts), np.uint8)
-    if tracer.air_part >= 0:
-        around_start[tracer.air_part] = 1
     cell = cell_depth(settings)
     # All cells are at multiples of their depth; the first is beyond the blind range.
     nearest = (math.floor(max(BLIND_RANGE, settings.min_range) / cell) + 1) * cell
-    _find_cells(
+    echoes = np.zeros(len(rays), ECHO)
+    count = engine.find_rain(
         events,
-        # Events are sorted by ray.
-        BeamDraws(rows, np.searchsorted(events["ray"], rows), random),
-        RainField(around_start, contrasts),
-        RainLimits(cell, settings.margin_db, nearest, settings.penetration_power),
-        speckle,
+        rays,
+        random,
+        tracer.air_part,
+        contrasts,
+        cell,
+        settings.margin_db,
+        nearest,
+        settings.penetration_power,
+        echoes,
     )
-    return speckle
+    return echoes[:count]
 
 
-@njit_inline
-def _contrast_at(enclosing: NDArray[np.uint8], contrasts: Floats) -> tuple[float, int]:
-    """Return the contrast of the rain around a ray, and the part in which it rains."""
-    total, part = 0.0, -1
-    for k in range(len(contrasts)):
-        if enclosing[k] and contrasts[k] > 0.0:
-            total, part = total + contrasts[k], k
-    return total, part
-
-
-@njit_inline
-def _search(
-    t: float, end: float, cell: float, contrast: float, budget: float
-) -> tuple[float, float]:
-    """Search cells of constant contrast until rain is detected in one.
-
-    Each cell reduces the budget by its -log(probability that nothing shows), so a
-    single exponential random number decides the whole search.
-
-    Returns:
-        The distance of the first cell that was not searched, or that shows rain; and
-        what is left of the budget, at most 0 if rain shows.
-    """
-    # Where it does not rain, skip the cells, but stay at multiples of their depth.
-    if contrast <= 0.0:
-        return t + cell * max(np.ceil((end - t) / cell), 0.0), budget
-    while t < end:
-        # log1p stays exact where the probability of a detection is tiny.
-        budget += np.log1p(-np.exp(-t * t / contrast))
-        if budget <= 0.0:
-            return t, budget
-        t += cell
-    return t, budget
-
-
-@njit_cached
-def _find_cells(
-    events: Events,
-    beams: BeamDraws,
-    rain: RainField,
-    limits: RainLimits,
-    speckle: Speckle,
-) -> None:
-    """Fill a speckle; see ``find_speckle``."""
-    # Beams are searched cell by cell only while it rains around them and their budget
-    # lasts; one random number decides a whole search.
-    full = limits.full_power
-    enclosing = rain.around_start.copy()
-    for beam in range(len(beams.rows)):
-        for part in range(len(enclosing)):
-            enclosing[part] = rain.around_start[part]
-        budget, t, i = beams.random[0, beam], limits.nearest, beams.first_event[beam]
-        before, power = 0.0, full  # distance and power after the previous event
-        while i < len(events) and events[i].ray == beams.rows[beam] and budget > 0.0:
-            event: EventRow = events[i]
-            contrast, part = _contrast_at(enclosing, rain.contrasts)
-            t, budget = _search(t, event.t, limits.cell, contrast, budget)
-            if budget <= 0.0:
-                # Power falls linearly between events; unlimited power does not fall.
-                lost = (power - event.power) * (t - before) if power < np.inf else 0.0
-                lost /= event.t - before
-                # The exponential distribution has no memory: what a detected cell has
-                # above the detection limit is distributed as without the limit.
-                level = 10.0 * np.log10(
-                    1.0 + contrast / (t * t) * beams.random[1, beam]
-                )
-                share = (power - lost) / full if 0.0 < full < np.inf else 1.0
-                margin = limits.margin_db
-                above = min(level, margin) - margin * (1.0 - share)
-                if above > 0.0:
-                    speckle.t[beam], speckle.part[beam] = t, part
-                    speckle.power[beam] = power - lost
-                    speckle.strength[beam] = 10.0 ** ((above - margin) / 10.0)
-            if event.kind in (START_INSIDE, ENTER):
-                enclosing[event.part] = 1
-            elif event.kind == LEAVE:
-                enclosing[event.part] = 0
-            before, power = event.t, event.power - event.absorbed
-            i += 1
-
-
-def add_rain(
-    columns: EchoColumns, speckle: Speckle, rows: NDArray[np.int64]
-) -> EchoColumns:
+def add_rain(echoes: EchoTable, rain: EchoTable) -> EchoTable:
     """Insert the echoes of rain among the other echoes of their beams."""
-    beams = np.flatnonzero(np.isfinite(speckle.t))
-    has_end = np.zeros(len(rows), bool)
-    has_end[columns.beam[columns.ends > 0]] = True
-    added = EchoColumns(
-        beams,
-        rows[beams],
-        speckle.t[beams],
-        np.full(len(beams), EventKind.RAIN, np.uint8),
-        speckle.part[beams],
-        speckle.power[beams],
-        speckle.strength[beams],
-        (~has_end[beams]).astype(np.uint8),
-        speckle.t[beams],
-    )
-    return columns.insert(added)
+    rain["ends"] = ~np.isin(rain["beam"], echoes["beam"][echoes["ends"]])
+    return insert_echoes(echoes, rain)

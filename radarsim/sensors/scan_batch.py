@@ -4,14 +4,13 @@ Theory of operation
 ===================
 Random numbers are drawn scan by scan, so that each generator is used as if the scans
 were taken one after the other. Everything else is done for all scans of equal sensors
-in a few compiled calls, and in several threads where there are many poses or scans.
+in a few calls of the engine, which uses all processors where there are many rays.
 
-Rays are aimed by the kernel that traces them. Only where something opaque is so near a
+Rays are aimed in the call that traces them. Only where something opaque is so near a
 sensor that side rays may start behind it, its rays are aimed first: from there it
 cannot see, and the centre ray takes the place of those rays.
 """
 
-from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
@@ -22,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose3
-from radarsim.processes import BackgroundThread, process_cpu_count
-from radarsim.raycast.aimed_rays import AimedRays, Nodes, Sides, UnaimedScans
+from radarsim.raycast.aimed_rays import AimedRays, Nodes, Sides
 from radarsim.raycast.attenuation import Outcome
 from radarsim.raycast.rays import Rays, Traces
 from radarsim.raycast.robot_boxes import Boxes
@@ -35,12 +33,8 @@ from radarsim.sensors.scan import Scan
 if TYPE_CHECKING:
     from radarsim.sensors.range_scanner import RangeScanner
 
-CHUNK_RAYS: Final = 20_000  # traced in one piece, in some 10 ms
-THREAD_RAYS: Final = 4_000  # from as many on, two threads trace the scans of a tick
+CHUNK_RAYS: Final = 50_000  # traced in one piece, in some 20 ms
 MIDDLE_NODE: Final = 1  # of three
-
-
-_thread: Final = BackgroundThread()
 
 
 class ScanRequest(NamedTuple):
@@ -291,49 +285,18 @@ def _trace_ranges(tracer: Tracer, group: ScanGroup, boxes: Boxes | None) -> Floa
     """Return the ranges, (J, N), of scans of equal sensors that read ends of rays."""
     pattern, builder = group.scanner.pattern, group.scanner.builder
     unaimed = pattern.unaimed([draws.beams for draws in group.draws], group.places())
-    first, *others = _split_for_threads(unaimed)
-    pending = [_thread.submit(tracer.trace_scans, each, boxes) for each in others]
-    traced = tracer.trace_scans(first, boxes)
-    readings, outcomes = traced.traces.ranges, traced.traces.outcomes
-    clear, crowding = traced.clear, traced.crowded
-    # What a lone robot scans is not copied, which takes a twentieth of its tick.
-    for each in pending:
-        more = each.result()
-        readings = np.concatenate([readings, more.traces.ranges])
-        outcomes = np.concatenate([outcomes, more.traces.outcomes])
-        clear, crowding = np.concatenate([clear, more.clear]), crowding + more.crowded
-    builder.read_ends(readings, outcomes, group.range_errors())
+    traced = tracer.trace_scans(unaimed, boxes)
+    readings = traced.traces.ranges
+    builder.read_ends(readings, traced.traces.outcomes, group.range_errors())
     ranges = readings.reshape(len(group.indices), -1)
-    if crowding:
-        crowded = np.flatnonzero(~clear)
+    if traced.crowded:
+        crowded = np.flatnonzero(~traced.clear)
         some = group.take(crowded.tolist())
         plans = aim_scans_apart(tracer, some, boxes)
         traces = tracer.trace(Rays.concatenate([plan.rays for plan in plans]), boxes)
         builder.read_ends(traces.ranges, traces.outcomes, some.range_errors())
         ranges[crowded] = traces.ranges.reshape(len(crowded), -1)
     return ranges
-
-
-def _split_for_threads(scans: UnaimedScans) -> list[UnaimedScans]:
-    """Return scans in two halves if they are worth a second thread, else as they are.
-
-    Their random numbers are drawn already: how they are split changes no reading.
-    """
-    count = len(scans.places)
-    if (
-        count < 2
-        or count * scans.sensor.rays_per_scan < THREAD_RAYS
-        or process_cpu_count() < 2
-    ):
-        return [scans]
-    return [
-        UnaimedScans(
-            scans.sensor,
-            scans.chances[part] if scans.chances.size else scans.chances,
-            scans.places[part],
-        )
-        for part in (slice(count // 2), slice(count // 2, count))
-    ]
 
 
 def aim_scans_apart(
@@ -414,8 +377,6 @@ def scan_poses(
     tracer: Tracer,
     poses: Sequence[Pose3],
     rng: np.random.Generator | None,
-    *,
-    workers: int | None = None,
 ) -> ScanArrays:
     """Scan from each pose, in order.
 
@@ -424,13 +385,11 @@ def scan_poses(
         tracer: Tracer of the scene.
         poses: Poses of the sensor, map frame.
         rng: Source of random rays and noise.
-        workers: Number of threads that trace; None for all processors.
 
     Raises:
         ValueError: If an rng is needed and missing.
     """
-    scans = _scans(scanner, tracer, poses, rng, workers or process_cpu_count())
-    return stack_scans(scanner, poses, scans)
+    return stack_scans(scanner, poses, _scans(scanner, tracer, poses, rng))
 
 
 def stack_scans(
@@ -454,22 +413,20 @@ def _scans(
     tracer: Tracer,
     poses: Sequence[Pose3],
     rng: np.random.Generator | None,
-    workers: int,
 ) -> Iterator[Scan]:
-    """Yield the scan of each pose; chunks are traced ahead of those that are read."""
+    """Yield the scan of each pose; a chunk is traced ahead of the one that is read."""
     step = max(CHUNK_RAYS // scanner.pattern.rays_per_scan, 1)
-    pending: deque[Future[list[Scan]]] = deque()
-    with ThreadPoolExecutor(workers) as pool:
+    pending: Future[list[Scan]] | None = None
+    with ThreadPoolExecutor(1) as pool:
         for start in range(0, len(poses), step):
             requests = [
                 ScanRequest(scanner, pose, rng) for pose in poses[start : start + step]
             ]
             # Drawn here and traced there: threads must not share a generator.
             groups = draw_scans(tracer, requests)
-            pending.append(pool.submit(_trace_groups, tracer, groups, None, None))
-            # At most one chunk waits for each thread, so that memory does not grow with
-            # the poses.
-            if len(pending) > workers:
-                yield from pending.popleft().result()
-        for future in pending:
-            yield from future.result()
+            before = pending
+            pending = pool.submit(_trace_groups, tracer, groups, None, None)
+            if before is not None:
+                yield from before.result()
+        if pending is not None:
+            yield from pending.result()

@@ -14,15 +14,15 @@ import io
 import math
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any, Final, TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 from PIL import Image
 
-from radarsim.geometry import Floats, Pose3
-from radarsim.jit import njit_cached, njit_inline
+from radarsim.engine import engine
+from radarsim.geometry import Floats
 from radarsim.plotting.palette import FAMILY_COLOURS, Family, family_of
 from radarsim.protocol.images import (
     HEIGHT,
@@ -33,9 +33,8 @@ from radarsim.protocol.images import (
     encode_image,
     encode_raw,
 )
-from radarsim.raycast.attenuation import EventKind, Outcome
+from radarsim.raycast.attenuation import Outcome
 from radarsim.raycast.rays import LASER, RayClass, Rays
-from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import tracer_of
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Scene
@@ -44,10 +43,6 @@ from radarsim.server.views import FOV_DEG, Tiles, View
 
 FULL_POWER: Final = 50.0  # a ray that has lost it sees nothing: exp(-50) is 2e-22
 AMBIENT: Final = 0.45  # brightness of a surface along the ray
-# numba compiles plain integers faster than the members of an enumeration.
-_START_INSIDE, _ENTER = int(EventKind.START_INSIDE), int(EventKind.ENTER)
-_LEAVE, _OUT_OF_RANGE = int(EventKind.LEAVE), int(EventKind.OUT_OF_RANGE)
-_HIT, _ABSORBED = int(EventKind.HIT), int(EventKind.ABSORBED)
 Pixels: TypeAlias = NDArray[np.uint8]
 FIELD_OF_VIEW: Final = math.radians(FOV_DEG)
 VIEWING_DISTANCE: Final = 1000.0  # m
@@ -57,72 +52,6 @@ MARK_RADIUS: Final = 0.04  # m; of a disc for each mark of a trail
 MOST_ANGLES: Final = 8  # fields of view whose pixels are kept
 ZENITH: Final = "#8fb8de"
 HORIZON: Final = "#e4eef5"
-
-
-@njit_inline
-def brightness(cosine: Any) -> Any:
-    """Return the brightness of a surface, 0 to 1.
-
-    Args:
-        cosine: Cosine between the ray and the surface's normal; nan counts as 0.
-    """
-    return AMBIENT + (1.0 - AMBIENT) * (cosine if cosine > 0.0 else 0.0)
-
-
-@njit_inline
-def _leave(enclosing: Any, count: Any, part: Any) -> Any:
-    """Remove a part from the first ``count`` of a list; return the new count."""
-    kept = 0
-    for i in range(count):
-        if enclosing[i] != part:
-            enclosing[kept] = enclosing[i]
-            kept += 1
-    return kept
-
-
-@njit_inline
-def _add(pixels: Any, ray: Any, share: Any, colour: Any) -> None:
-    for channel in range(3):
-        pixels[ray, channel] += share * colour[channel]
-
-
-@njit_cached
-def shade(
-    events: Any, incidence: Any, colours: Any, background: Any, pixels: Any
-) -> None:
-    """Compute the colours of rays that started with ``FULL_POWER``.
-
-    Args:
-        events: Rows of EVENT, ordered by ray and by distance.
-        incidence: (N,) cosine between each ray and the normal of what it hit.
-        colours: (P + 1, 3) of the parts, the air's last, then that of robots.
-        background: (N, 3) colour of what is behind everything.
-        pixels: (N, 3) zeros, to which the colours are added.
-    """
-    robots = len(colours) - 1
-    enclosing = np.zeros(len(colours), np.int64)
-    ray, inside, power, seen = -1, 0, FULL_POWER, 1.0
-    for k in range(len(events)):
-        event = events[k]
-        if event.ray != ray:
-            ray, inside, power, seen = event.ray, 0, FULL_POWER, 1.0
-        # Of volumes within each other the last entered one gives its colour; outside of
-        # all it is the air.
-        medium = enclosing[inside - 1] if inside else robots - 1
-        passed = np.exp(event.power - power)
-        _add(pixels, ray, seen * (1.0 - passed), colours[medium])
-        seen *= passed
-        power = event.power
-        if event.kind in (_START_INSIDE, _ENTER):
-            enclosing[inside] = event.part
-            inside += 1
-        elif event.kind == _LEAVE:
-            inside = _leave(enclosing, inside, event.part)
-        elif event.kind in (_HIT, _ABSORBED):
-            share = seen * brightness(incidence[ray])
-            _add(pixels, ray, share, colours[min(event.part, robots)])
-        elif event.kind == _OUT_OF_RANGE:
-            _add(pixels, ray, seen, background[ray])
 
 
 class Renderer:
@@ -187,12 +116,14 @@ class Renderer:
         )
         traces = self._tracer.trace(rays, view.boxes, events=True, incidence=True)
         pixels = np.zeros((n, 3))
-        shade(
+        engine.shade(
             traces.events,
             traces.incidence,
             self._colours,
             _background(directions),
             pixels,
+            FULL_POWER,
+            AMBIENT,
         )
         if view.marks is not None and len(view.marks):
             self._draw_marks(view, view.marks, pixels.reshape(self._shape))
@@ -301,10 +232,3 @@ def _as_jpeg(pixels: Pixels, quality: int) -> bytes:
     file = io.BytesIO()
     Image.fromarray(pixels).save(file, "JPEG", quality=quality)
     return file.getvalue()
-
-
-def warm_up() -> None:
-    """Compile what a camera needs, or read it from the cache."""
-    place = Pose3(0.0, 0.0, 0.0)
-    nothing = Boxes(np.zeros((0, 8)))
-    Renderer(Scene("empty", "Empty")).render(View(place, nothing))

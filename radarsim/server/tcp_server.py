@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import logging
 import select
 import sys
@@ -10,22 +11,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
-from radarsim.kernel_cache import compilation, is_complete
 from radarsim.listening import (
     configure_socket,
     exit_code_of_signal,
     has_hung_up,
+    in_daemon_thread,
     listen,
     log_refused_accepts,
     peer_name,
     waiting_bytes,
 )
 from radarsim.processes import TERMINATED
-from radarsim.server.engine_loader import EngineLoader
 from radarsim.server.host import Diagnostic, Host
 from radarsim.server.pace import Pace
 from radarsim.server.peer_connections import ReadAllowance, ReadTurns, RefusalLog
-from radarsim.simulation.clock import TICK
 
 if TYPE_CHECKING:
     from radarsim.simulation.simulation import Simulation
@@ -53,6 +52,7 @@ class Server:
     Attributes:
         address: Host and port that it listens on, once started.
         pace: How simulated time follows the wall clock; may be changed at any time.
+        is_loading: Whether a thread loads the engine, for which nothing can wait.
     """
 
     def __init__(
@@ -72,8 +72,8 @@ class Server:
             after_tick: Called after each tick, when its clients are sent what is due.
         """
         self.address = ("", 0)
+        self.is_loading = False
         self._host = host
-        self._loader = EngineLoader(host)
         self.pace = Pace(speed)
         self._max_clients = max_clients
         self._after_tick = after_tick
@@ -102,7 +102,6 @@ class Server:
 
     async def stop(self) -> None:
         """Close the port and all connections at once; never raises."""
-        self._loader.stop()
         if self._listener is not None:
             self._listener.close()
         for connection in list(self._connections.by_number.values()):
@@ -122,7 +121,7 @@ class Server:
             await asyncio.shield(self._ticking)
 
     async def begin(self) -> Simulation:
-        """Load the engine, and start simulated time; clients may be greeted meanwhile.
+        """Load the engine, in a thread, and start simulated time.
 
         Returns:
             The simulation, which is there at once if it has begun already.
@@ -131,7 +130,14 @@ class Server:
             EngineError: If Embree cannot be loaded.
         """
         if not self._host.has_begun:
-            self._host.begin(await self._loader.load())
+            self.is_loading = True  # and remains so if this is cancelled
+            simulation = await in_daemon_thread(self._host.make_simulation)
+            self.is_loading = False
+            # What is there now stays. To look through it takes the garbage collector
+            # some 90 ms, by which scans would be late.
+            gc.collect()
+            gc.freeze()
+            self._host.begin(simulation)
         return self._host.simulation
 
     @property
@@ -139,15 +145,7 @@ class Server:
         """Whether it has begun to listen."""
         return self._listener is not None
 
-    @property
-    def is_loading(self) -> bool:
-        """Whether a thread loads the engine; it ends by itself or with the process."""
-        return self._loader.is_running
-
     async def _tick_forever(self) -> None:
-        while not self._host.has_begun:  # ticks without time, for what is asked
-            await asyncio.sleep(TICK)
-            self.tick()
         loop = asyncio.get_running_loop()
         due = next_log = loop.time()
         lost = 0.0
@@ -487,51 +485,11 @@ async def _run(
 ) -> None:
     """Start a server, and wait until it fails; arguments and errors as above."""
     log_refused_accepts(log)
-    loading = asyncio.ensure_future(server.begin())
-    try:
-        # To read the engine takes less than a second, and some clients wait no longer
-        # for their robot; to compile it takes minutes, in which clients are greeted.
-        if is_complete():
-            await _wait_until_read(loading)
-        await server.start(address, port)
-        for companion in companions:
-            await companion.start(address)
-        announce(server.address)
-        await asyncio.gather(_begin(loading, companions), server.wait_failed())
-    finally:
-        loading.cancel()
-
-
-async def _wait_until_read(loading: asyncio.Future[Simulation]) -> None:
-    """Wait until the engine is there, or something of it has to be compiled after all.
-
-    A file of the cache may be damaged, or the cache made on another processor.
-
-    Raises:
-        EngineError: If Embree cannot be loaded.
-    """
-    compiles: asyncio.Future[Any] = asyncio.Future()
-    either = {loading, compiles}
-
-    def settle() -> None:
-        if not compiles.done():
-            compiles.set_result(None)
-
-    def observe(_: str | None) -> None:  # in the thread that compiles
-        loading.get_loop().call_soon_threadsafe(settle)
-
-    compilation.observers.append(observe)
-    try:
-        await asyncio.wait(either, return_when=asyncio.FIRST_COMPLETED)
-    finally:
-        compilation.observers.remove(observe)
-    if loading.done():
-        loading.result()
-
-
-async def _begin(
-    loading: asyncio.Future[Simulation], companions: Sequence[Companion]
-) -> None:
-    simulation = await loading
+    simulation = await server.begin()
+    await server.start(address, port)
+    for companion in companions:
+        await companion.start(address)
+    announce(server.address)
     for companion in companions:
         await companion.begin(simulation)
+    await server.wait_failed()

@@ -1,6 +1,6 @@
 """Configuration of a simulation.
 
-Imports no compiled code before a scanner is created.
+Imports no engine before a scanner is created.
 
 It limits how many rays a client may ask for by changing the settings of a scanner.
 

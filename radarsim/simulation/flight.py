@@ -20,8 +20,7 @@ from radarsim.presets.robots import RobotModel
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
-from radarsim.robots.collision import WALL_RANGE
-from radarsim.robots.fleet import Fleet
+from radarsim.robots.fleet import WALL_RANGE, Fleet
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import (
     BLOCKED,

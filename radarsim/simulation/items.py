@@ -1,17 +1,19 @@
 """The items of a robot besides its scanners.
 
 What the items that cast no rays read is computed for all robots together: an item has
-jobs for that, and numbers in the row of its robot. The rays of all sonars and GPS
+jobs for that, and a state in the row of its robot. The rays of all sonars and GPS
 receivers that are due in a tick are traced together.
 """
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple, Protocol, TypeAlias
+from typing import Any, Final, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
+from radarsim.engine import engine
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.presets.robots import Item
 from radarsim.presets.sensor_settings import InsNoise
@@ -29,21 +31,16 @@ from radarsim.protocol.reports import (
 )
 from radarsim.raycast.rays import Rays, Traces
 from radarsim.robots.robot import Robot
-from radarsim.sensors.acceleration import new_acceleration
 from radarsim.sensors.gps import Gps
 from radarsim.sensors.motion_readings import (
-    ANGLE_ZERO,
-    DRAWN,
-    INS_DRAWS,
-    INS_USED,
-    TICK_ZERO,
-    USED,
+    DRAWN_AHEAD,
+    ENCODER,
+    INS,
     draw_drift,
     draw_errors,
     encoded_wheels,
-    new_encoder,
+    new_encoders,
     new_ins,
-    new_tachometer,
     overwrite_ins,
 )
 from radarsim.sensors.sonar import SonarArray
@@ -53,28 +50,27 @@ from radarsim.simulation.readings import (
     ALTITUDES,
     BODY_POSE,
     DRIFT,
-    FROM_ANGLE,
-    FROM_TICK,
     HEADING,
     INERTIA,
     INS_POSE,
-    IS_TOUCHED,
-    LINK_ANGLES,
-    LINK_NUMBERS,
-    LINK_SPEED,
+    LEFT_ANGLE,
+    LEFT_SPEED,
+    LINK_ANGLE,
     MINUTES,
     PROPER_ACCELERATION,
+    RIGHT_ANGLE,
+    RIGHT_SPEED,
+    TICKS,
     TIME,
-    TO_ANGLE,
-    WHEEL_ANGLES,
+    TOUCHED,
     WHEEL_POSE,
-    WHEEL_SPEEDS,
-    WHEEL_TICKS,
     Job,
-    NumberRow,
-    link_angle,
+    RobotState,
 )
 
+_TACHOMETER: Final = engine.structures["Tachometer"].dtype
+_ACCELEROMETER: Final = engine.structures["Accelerometer"].dtype
+_LINK: Final = engine.structures["Link"].dtype
 FAR: Final = 1e6  # rad; where a link without limits turns to that is told a speed
 
 
@@ -85,7 +81,7 @@ class Mounting:
     Attributes:
         item: The item of the robot's class.
         robot: The robot that carries it.
-        numbers: The numbers of the robot.
+        state: What the sensors of the robot remember.
         rng: The item's own random numbers.
         config: Configuration of the simulation.
         time: Time of the spawn, s.
@@ -93,7 +89,7 @@ class Mounting:
 
     item: Item
     robot: Robot
-    numbers: NumberRow
+    state: RobotState
     rng: np.random.Generator
     config: SimulationConfig
     time: float
@@ -112,7 +108,7 @@ class Source(NamedTuple):
 
 
 class SensorItem:
-    """An item whose readings follow from the numbers of its robot.
+    """An item whose readings follow from its robot and what it remembers.
 
     Attributes:
         name: Name of the item.
@@ -125,13 +121,12 @@ class SensorItem:
     def __init__(self, mounting: Mounting) -> None:
         self.name = mounting.item.name
         self.robot = mounting.robot
-        self._numbers = mounting.numbers
+        self._state = mounting.state
         self._rng = mounting.rng
 
-    def _report(self, sample: SensorReport, **jobs: Job) -> None:
-        """Set the source, of one job for each attribute besides the time."""
-        each = {attribute: (job,) for attribute, job in jobs.items()}
-        self.source = Source(sample, {"time": (Job(TIME),), **each})
+    def _report(self, sample: LineReport, **jobs: Sequence[Job]) -> None:
+        """Set the source: the jobs of each attribute besides the time."""
+        self.source = Source(sample, {"time": [Job(TIME)], **jobs})
 
     def reset(self) -> None:
         """Start counting again, if it counts."""
@@ -145,7 +140,8 @@ class GroundTruthItem(SensorItem):
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
-        self._report(GroundTruth(0.0, self.name, self.robot.body), pose=Job(BODY_POSE))
+        sample = GroundTruth(0.0, self.name, self.robot.body)
+        self._report(sample, pose=[Job(BODY_POSE)])
 
 
 class TouchItem(SensorItem):
@@ -153,7 +149,7 @@ class TouchItem(SensorItem):
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
-        self._report(Touch(0.0, self.name, touched=False), touched=Job(IS_TOUCHED))
+        self._report(Touch(0.0, self.name, touched=False), touched=[Job(TOUCHED)])
 
 
 class InsItem(SensorItem):
@@ -168,20 +164,23 @@ class InsItem(SensorItem):
         body = self.robot.body
         sensor = body.compose(mounting.item.mount)
         noise = InsNoise.from_settings(mounting.config.settings(mounting.item))
-        self._places = self._numbers.add(new_ins(sensor, body, noise, self._rng))
+        self._places = self._state.add(new_ins(sensor, body, noise, self._rng))
         place = self._places.start
-        self._report(Ins(0.0, self.name, body), pose=Job(INS_POSE, place))
+        self._report(Ins(0.0, self.name, body), pose=[Job(INS_POSE, place)])
         self.drift = Job(DRIFT, place)
 
     def draw(self) -> None:
         """Draw random numbers for the drift, if they are used up."""
-        ins = self._numbers[self._places]
-        if ins[INS_USED] >= len(ins) - INS_DRAWS:
-            draw_drift(ins, self._rng)
+        if self._ins["used"] >= DRAWN_AHEAD:
+            draw_drift(self._ins, self._rng)
 
     def overwrite(self, pose: Pose3) -> None:
         """Replace the estimated pose."""
-        overwrite_ins(self._numbers[self._places], pose, self.robot.body)
+        overwrite_ins(self._ins, pose, self.robot.body)
+
+    @property
+    def _ins(self) -> NDArray[Any]:
+        return self._state[self._places].view(INS)
 
 
 class OdometryItem(SensorItem):
@@ -190,9 +189,9 @@ class OdometryItem(SensorItem):
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
         self._odometry = self.robot.fleet.add_odometry(self.robot)
-        place = self._numbers.add([self._odometry.row]).start
+        place = self._state.add(np.array([float(self._odometry.row)])).start
         sample = Odometry(0.0, self.name, Pose2(0.0, 0.0))
-        self._report(sample, pose=Job(WHEEL_POSE, place))
+        self._report(sample, pose=[Job(WHEEL_POSE, place)])
 
     def reset(self) -> None:
         """Start again from a pose of zeros."""
@@ -204,21 +203,22 @@ class TachometerItem(SensorItem):
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
-        start = new_tachometer(mounting.time, *self.robot.side_angles)
-        self._places = self._numbers.add(start)
-        place, sides = self._places.start, self.robot.model.wheels
-        wheels = _add_wheels(self._numbers, [(side, 1) for side in sides])
-        zeros = (0.0,) * len(sides)
+        start = np.zeros(1, _TACHOMETER)
+        start["read_at"] = mounting.time
+        start["angles"] = start["zero"] = self.robot.side_angles
+        self._places, sides = self._state.add(start), self.robot.model.wheels
+        zeros, place = (0.0,) * len(sides), self._places.start
+        speeds = {"left": LEFT_SPEED, "right": RIGHT_SPEED}
+        angles = {"left": LEFT_ANGLE, "right": RIGHT_ANGLE}
         self._report(
             Tachometer(0.0, self.name, velocities=zeros, positions=zeros),
-            velocities=Job(WHEEL_SPEEDS, place, wheels),
-            positions=Job(WHEEL_ANGLES, place, wheels),
+            velocities=[Job(speeds[side], place) for side in sides],
+            positions=[Job(angles[side], place) for side in sides],
         )
 
     def reset(self) -> None:
         """Count angles from zero again."""
-        zero = slice(ANGLE_ZERO, ANGLE_ZERO + 2)
-        self._numbers[self._places][zero] = self.robot.side_angles
+        self._state[self._places].view(_TACHOMETER)["zero"] = self.robot.side_angles
 
 
 class EncoderItem(SensorItem):
@@ -227,26 +227,28 @@ class EncoderItem(SensorItem):
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
         sides = self.robot.model.wheels
-        encoded = encoded_wheels(self.name, sides)
-        start = new_encoder(len(encoded), *self.robot.side_angles, self._rng)
-        self._places = self._numbers.add(start)
-        signs = [(sides[wheel.index], wheel.sign) for wheel in encoded]
-        wheels = _add_wheels(self._numbers, signs)
+        wheels = encoded_wheels(self.name, sides)
+        are_right = [int(sides[wheel.index] == "right") for wheel in wheels]
+        start = new_encoders(are_right, self._rng)
+        start["sign"] = [wheel.sign for wheel in wheels]
+        self._places = self._state.add(start)
+        self.reset()
         self._report(
-            Encoder(0.0, tuple((wheel.name, 0) for wheel in encoded)),
-            ticks=Job(WHEEL_TICKS, self._places.start, wheels),
+            Encoder(0.0, tuple((wheel.name, 0) for wheel in wheels)),
+            ticks=_jobs(TICKS, self._places, ENCODER),
         )
 
     def reset(self) -> None:
         """Count ticks from zero again."""
-        zero = slice(TICK_ZERO, TICK_ZERO + 2)
-        self._numbers[self._places][zero] = self.robot.side_angles
+        encoders = self._state[self._places].view(ENCODER)
+        left, right = self.robot.side_angles
+        encoders["zero"] = np.where(encoders["side"], right, left)
 
     def draw(self) -> None:
         """Draw random numbers for the errors, if they are used up."""
-        encoder = self._numbers[self._places]
-        if encoder[USED] >= encoder[DRAWN]:
-            draw_errors(encoder, self._rng)
+        encoders = self._state[self._places].view(ENCODER)
+        if (encoders["used"] >= DRAWN_AHEAD).any():
+            draw_errors(encoders, self._rng)
 
 
 class AccelerationItem(SensorItem):
@@ -254,16 +256,15 @@ class AccelerationItem(SensorItem):
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
-        item, yaw = mounting.item, self.robot.pose.yaw
-        start = new_acceleration(item.mount, mounting.time, yaw)
-        kind, report, others = _ACCELERATIONS[item.type]
-        job = Job(kind, self._numbers.add(start).start)
-        zeros = [(0.0, 0.0, 0.0)] * (1 + len(others))
-        sample = report(0.0, self.name, *zeros)
+        start = np.zeros(1, _ACCELEROMETER)
+        start["axes"] = mounting.item.mount.rotation().T.ravel()
+        start["read_at"] = mounting.time
+        start["attitude"] = 0.0, 0.0, self.robot.pose.yaw
+        kind, report, others = _ACCELERATIONS[mounting.item.type]
+        sample = report(0.0, self.name, *[(0.0, 0.0, 0.0)] * (1 + len(others)))
+        job = Job(kind, self._state.add(start).start)
         # The job of the first attribute writes the numbers of all of them.
-        rest: dict[str, tuple[Job, ...]] = dict.fromkeys(others, ())
-        jobs = {"time": (Job(TIME),), "acceleration": (job,), **rest}
-        self.source = Source(sample, jobs)
+        self._report(sample, acceleration=[job], **dict.fromkeys(others, ()))
 
 
 # By item type: kind of the job, the report, its attributes besides the acceleration.
@@ -280,11 +281,10 @@ class AltitudeItem(SensorItem):
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
-        start = self._numbers.add([self.robot.body.z]).start
+        place = self._state.add(np.array([self.robot.body.z])).start
         sample = reports.Altitude(0.0, self.name, 0.0, 0.0)
         # The job of the first attribute writes the numbers of both.
-        jobs = {"time": (Job(TIME),), "above_start": (Job(ALTITUDES, start),)}
-        self.source = Source(sample, {**jobs, "above_sea": ()})
+        self._report(sample, above_start=[Job(ALTITUDES, place)], above_sea=())
 
 
 class CompassItem(SensorItem):
@@ -292,7 +292,7 @@ class CompassItem(SensorItem):
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
-        self._report(reports.Compass(0.0, self.name, 0.0), heading=Job(HEADING))
+        self._report(reports.Compass(0.0, self.name, 0.0), heading=[Job(HEADING)])
 
 
 class MissionTimeItem(SensorItem):
@@ -300,9 +300,9 @@ class MissionTimeItem(SensorItem):
 
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
-        start = self._numbers.add([round(100 * mounting.time)]).start
+        place = self._state.add(np.array([round(100 * mounting.time)], float)).start
         sample = reports.MissionTime(0.0, self.name, 0)
-        self._report(sample, minutes=Job(MINUTES, start))
+        self._report(sample, minutes=[Job(MINUTES, place)])
 
 
 class PackageItem(SensorItem):
@@ -315,16 +315,16 @@ class PackageItem(SensorItem):
     def __init__(self, mounting: Mounting) -> None:
         super().__init__(mounting)
         self.links, self._mount = mounting.item.links, mounting.item.mount
-        start = [float(len(self.links)), *[0.0] * (LINK_NUMBERS * len(self.links))]
-        for number, link in enumerate(self.links):
-            angle = link.limit(0.0)
-            start[FROM_ANGLE + LINK_NUMBERS * number] = angle
-            start[TO_ANGLE + LINK_NUMBERS * number] = angle
-        self._places = self._numbers.add(start)
-        states = tuple((link.limit(0.0), -link.max_torque) for link in self.links)
-        sample = PackageState(0.0, self.name, states)
-        job = Job(LINK_ANGLES, self._places.start)
-        self.source = Source(sample, {"time": (Job(TIME),), "links": (job,)})
+        start = np.zeros(len(self.links), _LINK)
+        angles = [link.limit(0.0) for link in self.links]
+        start["from_angle"] = start["to_angle"] = angles
+        self._places = self._state.add(start)
+        torques = [-link.max_torque for link in self.links]
+        states = tuple(zip(angles, torques, strict=True))
+        self._report(
+            PackageState(0.0, self.name, states),
+            links=_jobs(LINK_ANGLE, self._places, _LINK),
+        )
 
     def tip(self, ticks: int) -> Pose3:
         """Return the pose of its last link in the body frame.
@@ -332,9 +332,9 @@ class PackageItem(SensorItem):
         Args:
             ticks: Simulated time in ticks.
         """
-        pose, numbers = self._mount, self._numbers[self._places]
+        pose = self._mount
         for number, link in enumerate(self.links):
-            angle = link_angle(numbers, LINK_NUMBERS * number, ticks)
+            angle = engine.angle_of_link(self._link(number), ticks)
             pose = pose.compose(link.turned(angle))
         return pose
 
@@ -346,9 +346,8 @@ class PackageItem(SensorItem):
             order: What it is told.
             ticks: Simulated time in ticks.
         """
-        link, first = self.links[number], LINK_NUMBERS * number
-        numbers = self._numbers[self._places]
-        angle = link_angle(numbers, first, ticks)
+        link, state = self.links[number], self._link(number)
+        angle = engine.angle_of_link(state, ticks)
         speed = link.max_speed
         if order.order in (packages.ABSOLUTE, packages.BANG_BANG):
             target = order.value
@@ -359,18 +358,18 @@ class PackageItem(SensorItem):
             speed = min(abs(order.value), speed)
         else:
             return
-        numbers[first + FROM_ANGLE], numbers[first + FROM_TICK] = angle, ticks
-        numbers[first + TO_ANGLE] = link.limit(target)
-        numbers[first + LINK_SPEED] = speed
+        state["from_angle"], state["from_tick"] = angle, ticks
+        state["to_angle"], state["speed"] = link.limit(target), speed
+
+    def _link(self, number: int) -> NDArray[Any]:
+        return self._state[self._places].view(_LINK)[number : number + 1]
 
 
-def _add_wheels(numbers: NumberRow, wheels: Sequence[tuple[str, int]]) -> int:
-    """Add the numbers of wheels, of which sides and signs are given."""
-    added = [float(len(wheels))]
-    for side, sign in wheels:
-        added += [float(side == "right"), float(sign)]
-    start: int = numbers.add(added).start
-    return start
+def _jobs(kind: int, places: slice, dtype: np.dtype[np.void]) -> list[Job]:
+    """Return a job for each of some structures."""
+    return [
+        Job(kind, at) for at in range(places.start, places.stop, dtype.itemsize // 8)
+    ]
 
 
 def join_encoders(sources: Iterable[Source]) -> list[Source]:

@@ -14,26 +14,22 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarsim import plugins
-from radarsim.geometry import Floats, Pose2, Pose3
+from radarsim.geometry import Floats, Pose2
 from radarsim.presets.robots import RobotModel
-from radarsim.presets.sensors import sonar_settings
+from radarsim.presets.sensors import item_presets, sensor_presets
 from radarsim.protocol.fields import SensorReport
 from radarsim.protocol.reports import RangeScan
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import tracer_of
-from radarsim.rng import generator_for
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.footprint import Footprint
-from radarsim.robots.motion import sweep_rate
 from radarsim.robots.obstacles import Obstacles, finish, overlaps
 from radarsim.robots.robot import Robot
 from radarsim.scene.scene import Scene
 from radarsim.sensors.motion_readings import INS_DRIFT_INTERVAL
-from radarsim.sensors.range_scanner import load_sensor
 from radarsim.sensors.scan_batch import BatchRanges, ScanRequest, scan_ranges
-from radarsim.sensors.sonar import SonarArray
 from radarsim.simulation.clock import TICK, Clock, Schedule, ticks_of
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.crates import Crates
@@ -103,7 +99,7 @@ class Simulation:
             name: plugins.load(ITEMS_GROUP, name)(scene, self._clock)
             for name in plugins.names(ITEMS_GROUP)
         }
-        self._warm_up()
+        self._prepare_spawns()
 
     @property
     def time(self) -> float:
@@ -351,8 +347,8 @@ class Simulation:
     def _compute(self, programs: Sequence[tuple[Vehicle, Program]]) -> list[float]:
         """Return what programs write for robots, one after the other."""
         jobs = [(vehicle.robot.slot, program) for vehicle, program in programs]
-        numbers, is_spent = self._readings.run(jobs, self.ticks)
-        if is_spent:
+        numbers, is_depleted = self._readings.run(jobs, self.ticks)
+        if is_depleted:
             for vehicle, _ in programs:
                 vehicle.draw()
         return numbers
@@ -410,31 +406,13 @@ class Simulation:
             its_readings += item.read(self.time, piece)
         return readings
 
-    def _warm_up(self) -> None:
-        """Run all kernels, so that none is compiled while clients wait."""
-        # One of each kind of scan. numba compiles a kernel for each combination of
-        # types, and a first scan in a tick would hold up all clients for a minute.
-        radar, pose = load_sensor("radar", fov_deg=1), Pose3(0.0, 0.0, 0.0)
-        settings = {"incidence_weights": True, "ray_choice": "together"}
-        together = load_sensor("radar", fov_deg=1, range_resolution=0.1, **settings)
-        rng, boxes = generator_for(0, "warm-up"), self.boxes()
-        requests = [
-            ScanRequest(scanner, pose, rng, 0)
-            for scanner in (radar, radar.with_all_echoes, together)
-        ]
-        scan_ranges(self._tracer, requests, boxes)
-        radar.plan(self._tracer, pose, rng, boxes, 0)  # as beside a wall
-        sonar = SonarArray([pose], [sonar_settings()])
-        self._tracer.trace(sonar.rays(pose), boxes, incidence=True)
-        # What a spawn runs: else the first one would hold up all clients.
-        Obstacles().clear(Footprint(1.0, 1.0), Pose2(0.0, 0.0))
-        sweep_rate(0.0, 0.0, 1.0, 1.0, 0.0)
+    def _prepare_spawns(self) -> None:
+        """Read presets, and measure walls around the first starts, before a spawn."""
+        sensor_presets()
+        item_presets()
         floors = dict.fromkeys(start.pose.z for start in self.scene.starts)
         for floor in islice(floors or [0.0], MOST_READY_FLOORS):
             self._fleet.prepare(self._obstacles(floor))
-        self._fleet.step(TICK)
-        self._fleet.touched([])
-        self._readings.run([], 0)
 
     def _obstacles(self, floor: float) -> Obstacles:
         if floor not in self._obstacles_by_floor:

@@ -87,17 +87,8 @@ class ScannerItems(Protocol):
     from the scene and the clock of a simulation.
     """
 
-    def warm_up(self) -> None:
-        """Load or compile what these scanners need, if that is not done yet.
-
-        A server calls it at its start, in a thread, so that no client waits for it.
-        """
-
     def add(self, vehicle: Vehicle) -> None:
-        """Read those scanners of a robot from now on that are of this kind.
-
-        What they need is loaded or compiled first.
-        """
+        """Read those scanners of a robot from now on that are of this kind."""
 
     def remove(self, vehicle: Vehicle) -> None:
         """Read those of a robot no more."""

@@ -8,6 +8,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from radarsim.engine import engine
 from radarsim.geometry import Pose3
 from radarsim.presets.robots import Item, RobotModel
 from radarsim.presets.sensors import has_fmcw
@@ -44,9 +45,9 @@ from radarsim.simulation.readings import (
     STEERING,
     TIME,
     Job,
-    NumberRow,
     Program,
     ReadingTable,
+    RobotState,
 )
 from radarsim.simulation.search_items import SEARCH_ITEMS
 
@@ -144,7 +145,7 @@ class Vehicle:
             seed: Seed of the simulation.
             schedule: The vehicle adds itself for the ticks in which it has something to
                 report.
-            readings: For the numbers from which its readings follow.
+            readings: For what its sensors remember.
             scene: What its items look at.
         """
         self.number = robot.number
@@ -156,8 +157,8 @@ class Vehicle:
         self._empty_age = math.inf  # ticks after which the battery is empty
         if self.battery.runs_out:
             ages = range(ticks_of(self.battery.life) + 1)
-            # Searched for, so that kernels, status and this agree to the tick, whatever
-            # is rounded on the way to whole seconds.
+            # Searched for, so that the engine, status and this agree to the tick,
+            # whatever is rounded on the way to whole seconds.
             self._empty_age = bisect_left(
                 ages, True, key=lambda age: self.battery.is_empty(seconds(age))
             )
@@ -179,12 +180,13 @@ class Vehicle:
         self._sensor_items: dict[str, SensorItem] = {}
         self._due_items: dict[tuple[int, ...], DueItems] = {}
         self._readings = readings
-        self._numbers = NumberRow(readings, robot.slot)
-        least = 0.0 if self.battery.runs_out else 1.0
-        charge = self._numbers.add([self.battery.life, least, self.spawn_tick])
+        self._state = RobotState(readings, robot.slot)
+        charge = np.zeros(1, engine.structures["Charge"].dtype)
+        charge["life"], charge["spawn_tick"] = self.battery.life, self.spawn_tick
+        charge["least"] = 0.0 if self.battery.runs_out else 1.0
         self._status_jobs = {
             "time": [Job(TIME)],
-            "battery": [Job(CHARGE, charge.start)],
+            "battery": [Job(CHARGE, self._state.add(charge).start)],
             "steering": [Job(STEERING)],
         }
         self._changed: set[str] = set()  # scanners that are to be replaced
@@ -246,8 +248,8 @@ class Vehicle:
 
     def draw(self) -> None:
         """Draw random numbers for the readings that follow, if some are used up."""
-        if self._numbers.is_spent:
-            self._numbers.is_spent = False
+        if self._state.is_depleted:
+            self._state.is_depleted = False
             for item in self._sensor_items.values():
                 item.draw()
 
@@ -349,9 +351,7 @@ class Vehicle:
         for item in robot.model.items:
             rng = generator_for(seed, robot.name, item.name)
             self._interval_ticks[item.name] = ticks_of(config.interval(item))
-            mounting = Mounting(
-                item, robot, self._numbers, rng, config, self._clock.time
-            )
+            mounting = Mounting(item, robot, self._state, rng, config, self._clock.time)
             if item.type == "RangeScanner":
                 scanners.append(MountedScanner(item, config.scanner(item), rng))
             elif item.type == "GPS":

@@ -13,8 +13,8 @@ import click
 from annotated_types import Ge
 
 from radarsim import __version__
-from radarsim.cli.compile_progress import compile_now, with_bar, with_compile_progress
 from radarsim.cli.output import print_lines, print_message
+from radarsim.cli.progress import with_bar
 from radarsim.plans import RARE, Option
 from radarsim.processes import process_cpu_count, raise_on_signals
 
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 _BATCHES: Final = {"scan": 16, "trial": 1, "map": 1}  # tasks that are worth a process
 
 
-@with_compile_progress
 def sweep(
     file: Annotated[str, Option(is_argument=True, metavar="FILE")],
     *,
@@ -50,7 +49,6 @@ def sweep(
         scheduler: Scheduler of a dask cluster that runs already.
     """
     from radarsim.errors import import_optional
-    from radarsim.presets.sensors import has_fmcw
     from radarsim.sweep.cluster import run_on_cluster
     from radarsim.sweep.file import read_sweep
     from radarsim.sweep.folder import (
@@ -83,9 +81,6 @@ def sweep(
     left = {key: tasks[key] for key in tasks if key not in done}
     began = time.perf_counter()
     if left:
-        has_radar = any(has_fmcw(name) for name in wanted.sensor["name"])
-        parts = {"mapping": wanted.kind == "map", "fmcw": has_radar}
-        compile_now(*(part for part, is_needed in parts.items() if is_needed))
         todo, batch = [*left.values()], _BATCHES[wanted.kind]
         if scheduler is None:
             running = _run_here(todo, scenes, batch, workers or process_cpu_count())

@@ -22,7 +22,6 @@ def test_version_and_help_are_printed(radarsim: Command) -> None:
     assert radarsim("sarve").code == 2
 
 
-@pytest.mark.usefixtures("empty_room")  # which compiles
 def test_closed_stdout_ends_the_program_without_an_error() -> None:
     command = (*PROGRAM, "scan", "empty_room", "--sensor", "laser")
     with subprocess.Popen(

@@ -141,7 +141,7 @@ def plain_user() -> Iterator[None]:
         ("replay", "{}/bag"),
     ],
 )
-@pytest.mark.usefixtures("empty_room")  # which compiles as the user of the cache
+@pytest.mark.usefixtures("empty_room")
 def test_missing_permission_has_one_wording(
     radarsim: RunCommand, tmp_path: Path, command: tuple[str, ...]
 ) -> None:

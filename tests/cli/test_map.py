@@ -12,11 +12,9 @@ from PIL import Image
 from processes import start_radarsim
 
 from radarsim.addons.testing import UsarsimServer
-from radarsim.autonomy.exploration.exploration import warm_up
 from radarsim.client import Client
 from radarsim.protocol.reports import RangeScan
 from radarsim.scene.map_file import shipped_maps
-from radarsim.scene.scene import Scene
 
 Command = Callable[..., Any]
 FOLIAGE = ("foliage_room", "--time-limit", "3")
@@ -336,12 +334,6 @@ def test_full_disk_is_reported_in_json_and_leaves_the_old_map(
     assert "map.pgm: the disk is full" in run.err
     assert sorted(file.name for file in tmp_path.iterdir()) == ["map.pgm", "map.tum"]
     assert (tmp_path / "map.tum").read_bytes() == old
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _compiled(empty_room: Scene) -> None:  # noqa: ARG001
-    """Compile before the tests, which read the first line that a program tells."""
-    warm_up()
 
 
 @pytest.mark.slow

@@ -143,8 +143,8 @@ def test_file_without_an_ending_holds_json(radarsim: Command, tmp_path: Path) ->
 
 def test_terminal_gets_a_summary_and_how_to_get_the_numbers() -> None:
     text = on_terminal("scan", "empty_room", "--sensor", "laser", *START)
-    lines = text.removesuffix("\x1b[0m").splitlines()  # colorama, for numba, adds it
-    *_, first, second, last = lines  # it may compile before
+    lines = text.removesuffix("\x1b[0m").splitlines()
+    *_, first, second, last = lines
     assert first.endswith("laser at -7.79 0.00 0.35, 181 of 181 beams return")
     assert second.startswith("  nearest 6.40 m at -90 degrees, median ")
     assert "-o FILE.json" in last

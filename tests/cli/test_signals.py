@@ -23,7 +23,6 @@ COMMANDS = {
 }
 pytestmark = [
     pytest.mark.timeout(180),
-    pytest.mark.usefixtures("empty_room"),  # which compiles
     pytest.mark.skipif(sys.platform != "linux", reason="reads /proc"),
 ]
 

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from radarsim.errors import EngineError
 from radarsim.geometry import Pose2, Pose3, wrap_angle
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect, NumberFormat, Rounding
 from radarsim.protocol.fields import MOST_KEPT, LineReport, ReportGroup
@@ -163,6 +164,13 @@ def test_number_of_a_group_that_cannot_be_written_is_clipped() -> None:
             [ReportBlock([], COMPAT, group, [1.0, math.nan, 0.0, 0.0])]
         )
     assert b"{Pose 0.0000,0.0000,0.0000}" in line
+
+
+@pytest.mark.parametrize("numbers", [[1.0] * 3, [1.0] * 5])
+def test_group_needs_a_number_for_each_mark(numbers: list[float]) -> None:
+    group = ReportGroup([Odometry(0.0, "Odometer", Pose2(0, 0))], COMPAT)
+    with pytest.raises(EngineError, match=f"^{len(numbers)} numbers and 0 in series"):
+        encode_blocks([ReportBlock([], COMPAT, group, numbers)])
 
 
 def test_angles_of_any_size_are_wrapped() -> None:

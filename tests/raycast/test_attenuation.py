@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radarsim.raycast.attenuation import Outcome
-from radarsim.raycast.crossings import CROSSING, sort_crossings
+from radarsim.raycast.attenuation import EventKind, Outcome
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
@@ -66,18 +65,34 @@ def test_random_stacks_of_layers_match_a_direct_sum(
 
 @given(
     st.lists(
-        st.tuples(
-            st.sampled_from([0.0, 0.5, 1.0, 2.5]),
-            st.integers(0, 3),
-            st.sampled_from([1, -1]),
-        ),
-        max_size=60,
+        st.tuples(st.sampled_from([0.5, 1.0, 2.5]), st.integers(0, 3)), max_size=60
     )
 )
-def test_crossings_are_sorted_by_distance_then_part_then_entering_first(
-    crossings: list[tuple[float, int, int]],
+def test_surfaces_are_crossed_by_distance_and_then_by_part(
+    crossings: list[tuple[float, int]],
 ) -> None:
-    rows = np.array(crossings, CROSSING)
-    sort_crossings(rows, len(rows))
-    wanted = sorted(crossings, key=lambda c: (c[0], c[1], -c[2]))
-    assert [tuple(row) for row in rows.tolist()] == wanted
+    corners = np.array([[0.0, -9, -9], [0, 9, -9], [0, 0, 9]])
+    parts = []
+    for part in range(4):
+        places = [t for t, owner in crossings if owner == part]
+        vertices = np.vstack(
+            [np.zeros((0, 3)), *(corners + np.array([t, 0.0, 0.0]) for t in places)]
+        )
+        faces = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
+        sheet = Material("leaf", density=0.0, sheet_loss=0.01)
+        parts.append(Part("leaves", sheet, vertices, faces))
+    rays = Rays.uniform(np.zeros((1, 3)), np.eye(3)[:1], max_range=9.0)
+    events = Tracer(parts).trace(rays, events=True).events[:-1]
+    found = [(round(float(t), 9), int(part)) for t, part in events[["t", "part"]]]
+    assert found == sorted(crossings)
+
+
+def test_volume_is_entered_before_another_of_the_same_part_is_left() -> None:
+    near, far = (layer(Material("leaf", density=0.1), x, 1.0) for x in (1.0, 2.0))
+    vertices = np.vstack([near.vertices, far.vertices])
+    faces = np.vstack([near.faces, far.faces + len(near.vertices)])
+    both = Part("leaves", near.material, vertices, faces)
+    rays = Rays.uniform(np.zeros((1, 3)), np.eye(3)[:1], max_range=9.0)
+    events = Tracer([both]).explain(rays)[0]
+    found = [(event.kind, round(event.t, 9)) for event in events[:-1]]
+    assert found == [(EventKind.ENTER, 1.0), (EventKind.LEAVE, 3.0)]

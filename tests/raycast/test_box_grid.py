@@ -4,17 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from oracles.nearest_box import nearest_box
 
 from radarsim.geometry import Floats
-from radarsim.raycast.rays import Rays
-from radarsim.raycast.robot_boxes import (
-    BOX_ID,
-    MAX_LINKS,
-    Boxes,
-    is_box_near,
-    new_box_grid,
-)
+from radarsim.raycast.aimed_rays import NodeTable, SensorRays, UnaimedScans
+from radarsim.raycast.rays import DEFAULT_CLASSES, Rays, columns_of
+from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
 
 TRACER = Tracer([])
@@ -22,8 +18,9 @@ TRACER = Tracer([])
 
 def expected(rays: Rays, boxes: Boxes) -> tuple[list[float], list[int]]:
     table = boxes.table(np.zeros(3))
+    rows = np.array(table.tolist()).reshape(-1, 10)
     found = [
-        nearest_box(table, int(carrier), origin, direction, reach)
+        nearest_box(rows, int(carrier), origin, direction, reach)
         for carrier, origin, direction, reach in zip(
             *(rays.carrier_id, rays.origins, rays.directions, rays.max_range),
             strict=True,
@@ -77,16 +74,25 @@ def rays_from(rng: np.random.Generator, places: Floats, spread: float, n: int) -
     return rays
 
 
+def grid_of(boxes: Boxes) -> tuple[Floats, float, NDArray[np.int64]]:
+    """Return the lower corner and the cells' size of the grid, m, and its borders."""
+    middles, radii = boxes.rows[:, :2], np.hypot(*boxes.rows[:, 5:7].T)[:, None] + 2e-6
+    low, high = (middles - radii).min(axis=0), (middles + radii).max(axis=0)
+    area, count = np.prod(high - low), len(middles)
+    squares = 4.0 * (radii**2).sum()
+    size = max(np.sqrt(max(area, squares) / count), (high - low).max() / count)
+    return low, float(size), np.arange(int((high - low).max() / size) + 2)
+
+
 def places_around(rng: np.random.Generator, boxes: Boxes, spread: float) -> Floats:
     """Create places in boxes and beside them, on borders of cells, and far outside."""
     places = rng.uniform(-spread, spread, (7, 3)) * [1.0, 1.0, 0.2]
-    grid = new_box_grid(boxes.table(np.zeros(3)), 99)
-    border = rng.integers(0, max(grid.columns, grid.rows) + 1, 2)
+    low, size, borders = grid_of(boxes)
+    border = rng.choice(borders, 2)
     places[0, :2] = boxes.rows[0, :2]
     places[1, :2] = boxes.rows[-1, :2] + [0.7, 0.0]
-    if grid.per_metre > 0.0:
-        places[2, :2] = np.array([grid.x, grid.y]) + border / grid.per_metre
-        places[3, 0] = grid.x + border[0] / grid.per_metre
+    places[2, :2] = np.clip(low + border * size, -1e12, 1e12)
+    places[3, 0] = np.clip(low[0] + border[0] * size, -1e12, 1e12)
     places[4, :2] += [-1.5 * spread, spread]
     places[5, 1] -= 20.0
     places[6, :2] = rng.choice([-1e12, -2e5, -9e4, 9e4, 1e12], 2)
@@ -131,10 +137,10 @@ def test_rays_along_the_borders_of_cells_meet_what_is_there(
     boxes = Boxes(
         np.column_stack([rows, np.zeros((16, 2)), np.ones((16, 3)), range(16)])
     )
-    grid = new_box_grid(boxes.table(np.zeros(3)), 99)
-    count = grid.columns + 1
+    low, size, columns = grid_of(boxes)
+    count = len(columns)
     assert count > 4
-    borders = grid.x + np.arange(count) / grid.per_metre
+    borders = low[0] + columns * size
     starts = np.column_stack([borders, np.full(count, -3.0), np.full(count, 0.5)])
     ways = np.tile([slope, 1.0, 0.0], (count, 1))
     if turned:
@@ -158,16 +164,26 @@ def test_boxes_near_a_place_are_those_of_all(
 ) -> None:
     rng = np.random.Generator(np.random.PCG64(seed))
     boxes = random_boxes(rng, count, spread, far) if count else Boxes(np.zeros((0, 8)))
-    table = boxes.table(np.zeros(3))
-    grid = new_box_grid(table, 99)
-    for place in rng.uniform(-1.2 * spread - 1, 1.2 * spread + 1, (40, 3)):
-        for radius in (0.0, 0.3, 5.0):
-            gap = np.hypot(*(table[:, :2] - place[:2]).T) - np.hypot(
-                *boxes.rows[:, 5:7].T
-            )
-            others = gap[table[:, BOX_ID] != 1]
-            expected = bool((others <= radius).any())
-            assert is_box_near(grid, table, 1, place, radius) == expected
+    places = rng.uniform(-1.2 * spread - 1, 1.2 * spread + 1, (40, 3))
+    for radius in (0.1, 0.3, 5.0):
+        gaps = np.hypot(
+            *(places[:, None, :2] - boxes.rows[:, :2]).transpose(2, 0, 1)
+        ) - np.hypot(*boxes.rows[:, 5:7].T)
+        others = gaps[:, boxes.rows[:, 7] != 1]
+        expected = (others <= radius).any(axis=1).tolist()
+        assert are_near(boxes, places, radius) == expected
+
+
+def are_near(boxes: Boxes, places: Floats, radius: float) -> list[bool]:
+    """Return where a box other than the carrier's, 1, leaves out a scan."""
+    ahead, aside = np.array([[[1.0, 0, 0]]]), np.array([[[0, radius, 0]]])
+    table = NodeTable(ahead, aside, np.zeros(0), np.zeros(1, np.int8))
+    ray = Rays.uniform(np.zeros((1, 3)), ahead[0], max_range=9.0)
+    sensor = SensorRays(table, radius, columns_of(ray), DEFAULT_CLASSES, 1)
+    rows = np.column_stack([places, np.zeros((len(places), 3)), np.ones(len(places))])
+    scans = UnaimedScans(sensor, np.zeros((1, 0)), rows)
+    near: list[bool] = (~TRACER.trace_scans(scans, boxes).clear).tolist()
+    return near
 
 
 @given(
@@ -177,17 +193,15 @@ def test_boxes_near_a_place_are_those_of_all(
     shape=st.sampled_from([[1.0, 1.0], [0.0, 1.0], [1.0, 0.01]]),
     largest=st.sampled_from([0.0, 2.0, 50.0]),
 )
-def test_lists_have_room_for_boxes_of_all_sizes(
+def test_boxes_of_all_sizes_are_met(
     seed: int, count: int, spread: float, shape: list[float], largest: float
 ) -> None:
     rng = np.random.Generator(np.random.PCG64(seed))
     rows = random_boxes(rng, count, spread).rows
     rows[:, :2] *= shape
     rows[:, 5:7] = rng.uniform(0.0, 1.0, (count, 2)) ** 8 * largest
-    grid = new_box_grid(Boxes(rows).table(np.zeros(3)), 99)
-    assert count <= grid.heads[-1] <= MAX_LINKS * count == len(grid.links)
-    assert grid.columns * grid.rows <= 3 * count + 1
-    assert set(grid.links[: grid.heads[-1]].tolist()) == set(range(count))
+    places = rng.uniform(-1.5 * spread, 1.5 * spread, (6, 3)) * [1.0, 1.0, 0.2]
+    assert_equal(rays_from(rng, places, 0.5, 12), Boxes(rows))
 
 
 @pytest.mark.parametrize("turn", np.linspace(0.0, 2 * np.pi, 33).tolist())

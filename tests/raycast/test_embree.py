@@ -1,5 +1,4 @@
 import ctypes.util
-import gc
 import importlib.metadata
 import math
 import subprocess
@@ -14,7 +13,6 @@ import pytest
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.raycast import embree
-from radarsim.raycast.crossings import CROSSING
 from radarsim.raycast.embree import (
     EmbreeScene,
     FirstHits,
@@ -23,13 +21,11 @@ from radarsim.raycast.embree import (
     load_library,
     open_library,
 )
-from radarsim.raycast.intersect import (
-    OPAQUE,
-    Interval,
-    intersect_forward,
-    new_ray_buffer,
-)
+from radarsim.raycast.rays import Rays
+from radarsim.raycast.tracer import Tracer
 from radarsim.scene import shapes
+from radarsim.scene.material import Material
+from radarsim.scene.scene import Part
 
 TRIANGLE = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
 FACE = np.array([[0, 1, 2]])
@@ -93,51 +89,24 @@ def test_meshes_are_copied() -> None:
     vertices = TRIANGLE.copy()
     scene = EmbreeScene([Mesh(vertices, FACE)])
     vertices += 50
-    del vertices
-    gc.collect()
-    assert ahead(scene, [OPAQUE], (0.2, 0.2, 1), (0, 0, -1)) == ([], 1.0, 0)
-
-
-def ahead(
-    scene: EmbreeScene,
-    roles: list[int],
-    origin: tuple[float, float, float],
-    ray_direction: tuple[float, float, float],
-    max_range: float = 100.0,
-) -> tuple[list[tuple[float, int, int]], float, int]:
-    """Return the surfaces ahead, in order, and the range and part of the end."""
-    crossings, role_table = np.zeros(32, CROSSING), np.array(roles, np.uint8)
-    block = new_ray_buffer(scene.handle, crossings)
-    start, direction = np.array(origin, float), np.array(ray_direction, float)
-    span = Interval(0.0, max_range, math.inf)
-    count, t, part = intersect_forward(
-        scene.handle, block, role_table, start, direction, span
-    )
-    return sorted(crossings[:count].tolist()), t, int(part)
+    assert scene.triangles.tolist() == [TRIANGLE.ravel().tolist()]
 
 
 def test_first_hits_match_those_of_embreex() -> None:
     rng = np.random.Generator(np.random.PCG64(2))
     solids = [shapes.sphere(0.7), shapes.box(1, 2, 0.5), shapes.cylinder(0.4, 2.0)] * 8
-    meshes = [
-        Mesh(vertices + rng.uniform(-3, 3, 3), faces) for vertices, faces in solids
-    ]
-    scene = EmbreeScene(meshes)
+    solids = [(vertices + rng.uniform(-3, 3, 3), faces) for vertices, faces in solids]
+    meshes, wall = [Mesh(*each) for each in solids], Material("wall")
+    parts = [Part(str(i), wall, *each) for i, each in enumerate(solids)]
     origins = rng.uniform(-8, 8, (3000, 3))
     ray_directions: Floats = rng.uniform(-6, 6, (3000, 3)) - origins
     ray_directions /= np.linalg.norm(ray_directions, axis=1, keepdims=True)
     other = FirstHits(meshes, (origins, ray_directions)).everything()
-    roles = [OPAQUE] * len(meshes)
-    found = [
-        ahead(scene, roles, tuple(origin), tuple(ray_direction), 1e3)
-        for origin, ray_direction in zip(origins, ray_directions, strict=True)
-    ]
-    parts = np.array([part for _, _, part in found])
-    assert (parts >= 0).sum() > 500
-    assert parts.tolist() == other["geomID"].tolist()
-    hit = parts >= 0
-    distances = np.array([t for _, t, _ in found])
-    np.testing.assert_allclose(distances[hit], other["tfar"][hit], atol=2e-5)
+    found = Tracer(parts).trace(Rays.uniform(origins, ray_directions, max_range=1e3))
+    hit = found.parts >= 0
+    assert hit.sum() > 500
+    assert found.parts.tolist() == other["geomID"].tolist()
+    np.testing.assert_allclose(found.ranges[hit], other["tfar"][hit], atol=2e-5)
 
 
 def test_library_is_opened_once() -> None:

@@ -4,28 +4,24 @@ import numpy as np
 import pytest
 
 from radarsim.errors import EngineError
-from radarsim.raycast.robot_boxes import Boxes, intersect_boxes, new_box_grid
+from radarsim.raycast.rays import Rays
+from radarsim.raycast.robot_boxes import Boxes
+from radarsim.raycast.tracer import Tracer
 
 # x, y, yaw, low, high, half length, half width, number
 ROW = [5.0, 0.0, 0.0, 0.0, 1.0, 0.5, 0.25, 3.0]
 
 
 def first_hit(
-    rows: list[list[float]],
+    row: list[float],
     origin: tuple[float, float, float],
-    ray_direction: tuple[float, float, float] = (1, 0, 0),
-    *,
-    carrier_id: int = -1,
-    max_range: float = 100.0,
+    ray_direction: tuple[float, float, float],
 ) -> tuple[float, int]:
-    table = Boxes(np.array(rows)).table(np.zeros(3))
-    direction = np.array(ray_direction, float)
-    direction /= np.linalg.norm(direction)
-    grid = new_box_grid(table, 1)
-    t, name = intersect_boxes(
-        grid, table, carrier_id, np.array(origin, float), direction, max_range
+    rays = Rays.uniform(
+        np.array([origin], float), np.array([ray_direction], float), max_range=100.0
     )
-    return t, name
+    found = Tracer([]).trace(rays, Boxes(np.array([row])))
+    return float(found.ranges[0]), int(found.parts[0])
 
 
 @pytest.mark.parametrize(
@@ -35,9 +31,9 @@ def first_hit(
         pytest.param(ROW, (9, 0, 0.5), (-1, 0, 0), (3.5, 3), id="back"),
         pytest.param(ROW, (5, 4, 0.5), (0, -1, 0), (3.75, 3), id="side"),
         pytest.param(ROW, (5, 0, 3), (0, 0, -1), (2.0, 3), id="top"),
-        pytest.param(ROW, (0, 0, 1.5), (1, 0, 0), (100.0, -1), id="above it"),
-        pytest.param(ROW, (0, 0.3, 0.5), (1, 0, 0), (100.0, -1), id="beside it"),
-        pytest.param(ROW, (9, 0, 0.5), (1, 0, 0), (100.0, -1), id="behind the ray"),
+        pytest.param(ROW, (0, 0, 1.5), (1, 0, 0), (math.inf, -1), id="above it"),
+        pytest.param(ROW, (0, 0.3, 0.5), (1, 0, 0), (math.inf, -1), id="beside it"),
+        pytest.param(ROW, (9, 0, 0.5), (1, 0, 0), (math.inf, -1), id="behind the ray"),
         pytest.param(ROW, (5, 0, 0.5), (1, 0, 0), (0.5, 3), id="from within"),
         pytest.param(ROW, (0, 0.25, 0.5), (1, 0, 0), (4.5, 3), id="along a face"),
         pytest.param(
@@ -62,7 +58,7 @@ def test_box_is_hit_at_its_face(
     ray_direction: tuple[float, float, float],
     expected: tuple[float, int],
 ) -> None:
-    assert first_hit([row], origin, ray_direction) == pytest.approx(expected)
+    assert first_hit(row, origin, ray_direction) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """Level rays find in a slice of a scene what they find in the whole scene."""
 
-import ctypes
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -156,7 +155,7 @@ def test_large_slice_that_has_most_triangles_is_the_whole_scene() -> None:
     many = np.tile(faces, (2 * SMALL_SLICE // len(faces), 1))
     scene = EmbreeScene([Mesh(vertices, many)])
     scene.add_slice(0.0)
-    assert scene.handle.scenes[1].tolist() == scene.handle.scenes[0].tolist()
+    assert scene.handle.addresses[1] == scene.handle.addresses[0]
     assert len(scene.handle.sliced) == 0
 
 
@@ -226,17 +225,12 @@ def test_threads_that_add_slices_at_once_do_not_mix_them() -> None:
         list(pool.map(scene.add_slice, heights))
     handle = scene.handle
     assert len(handle.heights) > 1
-    starts = [*handle.scenes[1:, 3].tolist(), len(handle.sliced)]
-    for height, corners, first, end in zip(
-        handle.heights[1:],
-        handle.scenes[1:, 1].tolist(),
-        starts[:-1],
-        starts[1:],
-        strict=True,
-    ):
-        triangles = scene.triangles[handle.sliced[first:end]]
+    built = {each.packed.address: each for each in scene.hierarchies}
+    slices = [built[address] for address in handle.addresses[1:].tolist()]
+    ends = [each.packed.first_sliced for each in slices[1:]] + [len(handle.sliced)]
+    for height, each, end in zip(handle.heights[1:], slices, ends, strict=True):
+        triangles = scene.triangles[handle.sliced[each.packed.first_sliced : end]]
         z = triangles[:, 2::3]
         assert (z.min(axis=1) <= height + 1e-4).all()
         assert (z.max(axis=1) >= height - 1e-4).all()
-        memory = (ctypes.c_double * triangles.size).from_address(corners)
-        np.testing.assert_array_equal(np.ctypeslib.as_array(memory), triangles.ravel())
+        np.testing.assert_array_equal(each.triangles, triangles)

@@ -5,11 +5,11 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracles.motion import CONTACT_GAP
 
 from radarsim.geometry import Floats, Pose2, wrap_angle
 from radarsim.presets.robots import load_robot
 from radarsim.protocol.dialect import WheelDrive
-from radarsim.robots.collision import CONTACT_GAP
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import Robot

@@ -8,12 +8,11 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from oracles.motion import ReferenceRobot
+from oracles.motion import CONTACT_GAP, ReferenceRobot
 
 from radarsim.geometry import Pose2
 from radarsim.presets.robots import load_robot
 from radarsim.protocol.dialect import WheelDrive
-from radarsim.robots.collision import CONTACT_GAP
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import Robot

@@ -3,16 +3,21 @@ import math
 import pytest
 
 from radarsim.geometry import Pose2, wrap_angle
+from radarsim.presets.robots import load_robot
 from radarsim.protocol.dialect import DriveUnit, WheelDrive
-from radarsim.robots import motion as skid_steer
+from radarsim.robots.fleet import Fleet
+from radarsim.robots.obstacles import Obstacles
 
 
 def advance(
     pose: Pose2, left: float, right: float, *, track: float, dt: float
 ) -> Pose2:
-    start = (float(pose.x), float(pose.y), float(pose.yaw))
-    speeds = (float(left), float(right), track, 0.0, float(dt))
-    return Pose2(*skid_steer.advance(start, *speeds))
+    model = load_robot("P3AT").model_copy(update={"track": track, "wheel_radius": 1.0})
+    drive, nothing = WheelDrive(1.0), Obstacles()
+    robot = Fleet().add("R", model, pose, obstacles=nothing, wheel_drive=drive)
+    robot.drive(left, right)
+    robot.fleet.step(dt)
+    return robot.pose
 
 
 def same(one: Pose2, other: Pose2) -> bool:

@@ -1,4 +1,4 @@
-"""The compiled passes over faces find what plain Python finds."""
+"""The passes over faces find what plain Python finds."""
 
 from collections import Counter
 from typing import Any

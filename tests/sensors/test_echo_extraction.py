@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.presets.sensors import load_settings
 from radarsim.raycast.attenuation import EVENT, EventKind
@@ -18,9 +19,9 @@ from radarsim.scene.material import Material
 from radarsim.scene.scene import Part
 from radarsim.scene.shapes import box
 from radarsim.sensors.echo_extraction import (
-    LAST,
+    ECHO,
     LEAF_BACKSCATTER,
-    EchoColumns,
+    EchoTable,
     extract_echoes,
     extract_ray_ends,
     select_echoes,
@@ -76,7 +77,7 @@ def extract(
     power: float = 1.0,
     weights: Floats | None = None,
     of_a_beam: int = 1,
-) -> EchoColumns:
+) -> EchoTable:
     settings = load_settings("radar", penetration_power=power)
     weights = np.ones(len(traces.ranges)) if weights is None else weights
     densities = densities_of(Tracer(parts))
@@ -87,11 +88,11 @@ def echoes(parts: list[Part], power: float = 1.0) -> list[tuple[Any, ...]]:
     """Return kind, front, power and strength of all echoes of one ray."""
     traces = trace_ahead(parts, power)
     found = extract(parts, traces, power)
-    kinds = [EventKind(int(kind)) for kind in found.kind]
+    kinds = [EventKind(int(kind)) for kind in found["kind"]]
     numbers = zip(
-        found.front.round(9).tolist(),
-        found.power.round(9).tolist(),
-        found.strength.round(9).tolist(),
+        found["front"].round(9).tolist(),
+        found["power"].round(9).tolist(),
+        found["strength"].round(9).tolist(),
         strict=True,
     )
     return [(kind, *row) for kind, row in zip(kinds, numbers, strict=True)]
@@ -143,10 +144,9 @@ def test_absorbed_decibels_are_missing_from_the_echo_of_a_wall() -> None:
     traces = tracer.trace(replace(rays, ray_classes=(ray_class,)), events=True)
     settings = load_settings("radar")
     found = extract_echoes(traces, np.ones(1), 1, densities_of(tracer), settings)
-    assert 10 * np.log10(found.strength) == pytest.approx([-13.0])
-    assert extract_ray_ends(
-        traces, np.zeros(1, np.int64), settings
-    ).strength == pytest.approx(found.strength)
+    assert 10 * np.log10(found["strength"]) == pytest.approx([-13.0])
+    ends = extract_ray_ends(traces, np.zeros(1, np.int64), settings)
+    assert ends["strength"] == pytest.approx(found["strength"])
 
 
 def test_overlapping_volumes_share_the_loss_by_density() -> None:
@@ -195,7 +195,7 @@ def test_loss_in_the_air_returns_no_echo() -> None:
     settings = load_settings("radar")
     found = extract_echoes(traces, np.ones(1), 1, densities_of(tracer), settings)
     of_bush = (returned(0.9) - returned(0.6)) * 2 / 3
-    assert found.strength == pytest.approx([of_bush, 0.0, returned(0.4)])
+    assert found["strength"] == pytest.approx([of_bush, 0.0, returned(0.4)])
 
 
 def test_loss_in_a_volume_around_the_start_returns_no_echo() -> None:
@@ -234,11 +234,11 @@ def test_strengths_of_a_beam_without_power(
 def middles(parts: list[Part], power: float = 1.0) -> dict[float, float]:
     """Return the ranges of volumes by their fronts."""
     found = extract(parts, trace_ahead(parts, power), power)
-    entered = found.kind == ENTER
+    entered = found["kind"] == ENTER
     return dict(
         zip(
-            found.front[entered].round(6).tolist(),
-            found.t[entered].tolist(),
+            found["front"][entered].round(6).tolist(),
+            found["t"][entered].tolist(),
             strict=True,
         )
     )
@@ -317,11 +317,11 @@ def test_strengths_of_a_ray_that_ends_add_up_to_1(
     parts.append(layer("wall", WALL, at + 1, at + 2))
     traces = trace_ahead(parts, power)
     found = extract(parts, traces, power)
-    assert found.strength.sum() == pytest.approx(1.0)
-    assert (found.strength >= 0).all()
-    assert (np.diff(found.t) >= 0).all()
-    assert (found.front <= found.t + 1e-9).all()
-    assert found.ends.tolist() == [0] * (len(found.t) - 1) + [1]
+    assert found["strength"].sum() == pytest.approx(1.0)
+    assert (found["strength"] >= 0).all()
+    assert (np.diff(found["t"]) >= 0).all()
+    assert (found["front"] <= found["t"] + 1e-9).all()
+    assert found["ends"].tolist() == [0] * (len(found["t"]) - 1) + [1]
 
 
 def test_combined_rays_share_the_beam() -> None:
@@ -329,12 +329,24 @@ def test_combined_rays_share_the_beam() -> None:
     traces = trace_ahead(parts, count=6)
     weights = np.tile([0.25, 0.5, 0.25], 2)
     found = extract(parts, traces, 1.0, weights, 3)
-    assert found.beam.tolist() == [0] * 9 + [1] * 9
-    assert found.front[:9].round(9).tolist() == [2.0] * 3 + [5.0] * 3 + [8.0] * 3
-    assert found.row[:9].tolist() == [0, 1, 2] * 3
+    assert found["beam"].tolist() == [0] * 9 + [1] * 9
+    assert found["front"][:9].round(9).tolist() == [2.0] * 3 + [5.0] * 3 + [8.0] * 3
+    assert found["row"][:9].tolist() == [0, 1, 2] * 3
     bush = 1 - returned(0.7)
-    assert found.strength[:3] == pytest.approx(bush * np.array([0.25, 0.5, 0.25]))
-    assert [found.strength[:9].sum(), found.strength[9:].sum()] == pytest.approx([1, 1])
+    assert found["strength"][:3] == pytest.approx(bush * np.array([0.25, 0.5, 0.25]))
+    assert found["strength"].reshape(2, 9).sum(axis=1) == pytest.approx([1, 1])
+
+
+@pytest.mark.parametrize(
+    ("weights", "parts"), [(1, 1), (2, 0)], ids=["other rays", "other parts"]
+)
+def test_events_of_others_are_refused(weights: int, parts: int) -> None:
+    bush = [layer("bush", leaf(0.1), 2, 5)]
+    traces = trace_ahead(bush, count=2)
+    densities = densities_of(Tracer(bush[:parts]))
+    settings = load_settings("radar")
+    with pytest.raises(EngineError, match="other rays or parts"):
+        extract_echoes(traces, np.ones(weights), 1, densities, settings)
 
 
 def test_incidence_weakens_a_tilted_wall_and_leaves() -> None:
@@ -350,7 +362,7 @@ def test_incidence_weakens_a_tilted_wall_and_leaves() -> None:
     found = extract(parts, traces)
     behind = returned(0.6)
     wanted = [(1 - behind) * LEAF_BACKSCATTER, 0, behind / 2]
-    assert found.strength == pytest.approx(wanted)
+    assert found["strength"] == pytest.approx(wanted)
 
 
 def test_ray_ends_equal_the_last_echoes() -> None:
@@ -361,10 +373,10 @@ def test_ray_ends_equal_the_last_echoes() -> None:
         found = extract(there, traces, power)
         settings = load_settings("radar", penetration_power=power)
         ends = extract_ray_ends(traces, np.zeros(1, np.int64), settings)
-        rows = select_echoes(found, LAST, 1, 0.0)
-        for name in EchoColumns._fields:
-            wanted = getattr(found, name)[rows[rows >= 0]]
-            assert getattr(ends, name) == pytest.approx(wanted), name
+        rows = select_echoes(found, settings, np.zeros(1), np.zeros(1, np.int64))
+        for name in ECHO.names or ():
+            wanted = found[name][rows]
+            assert ends[name] == pytest.approx(wanted), name
 
 
 @pytest.mark.parametrize("count", [1, 7, 16, 17, 32, 33, 100, 700])
@@ -388,4 +400,4 @@ def test_echoes_of_combined_rays_are_sorted_by_range_and_ray(count: int) -> None
     for beam in range(2):
         mine = slice(beam * count, (beam + 1) * count)
         order = np.lexsort([np.arange(count), events["t"][mine]]) + beam * count
-        assert found.row[mine].tolist() == order.tolist()
+        assert found["row"][mine].tolist() == order.tolist()

@@ -1,24 +1,23 @@
 """Merging and selection of echoes, against the same rules in plain Python."""
 
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from radarsim.presets.sensors import load_settings
 from radarsim.raycast.attenuation import EventKind
 from radarsim.sensors.echo_extraction import (
-    FIRST,
-    LAST,
-    STRONGEST,
-    EchoColumns,
+    ECHO,
+    EchoTable,
     merge_echoes,
     select_echoes,
 )
 
-ENTER, HIT = EventKind.ENTER, EventKind.HIT
+ENTER, HIT, SPENT = EventKind.ENTER, EventKind.HIT, EventKind.SPENT
 
 
 class Row(NamedTuple):
@@ -35,13 +34,11 @@ class Row(NamedTuple):
     front: float = 0.0
 
 
-def columns_of(rows: list[Row]) -> EchoColumns:
-    names = ("i8", "i8", "f8", "u1", "i8", "f8", "f8", "u1", "f8")
-    columns = zip(*rows, strict=True) if rows else [()] * 9
-    arrays: list[Any] = [
-        np.array(column, name) for column, name in zip(columns, names, strict=True)
-    ]
-    return EchoColumns(*arrays)
+def table_of(rows: list[Row]) -> EchoTable:
+    table = np.zeros(len(rows), ECHO)
+    for name in Row._fields:
+        table[name] = [getattr(row, name) for row in rows]
+    return table
 
 
 @st.composite
@@ -88,32 +85,42 @@ def test_echoes_within_the_resolution_merge_from_the_nearest_on(
     for _, group in groupby(rows, key=lambda row: row.beam):
         beam = list(group)
         wanted += merge_in_python(beam, cell) if cell else beam
-    found = merge_echoes(columns_of(rows), cell)
+    found = merge_echoes(table_of(rows), cell)
     for name in Row._fields:
-        assert getattr(found, name).tolist() == pytest.approx(
+        assert found[name].tolist() == pytest.approx(
             [getattr(row, name) for row in wanted]
         ), name
 
 
 def test_merging_does_not_change_its_input() -> None:
     rows = [Row(0, i, 1 + i / 10, HIT, i, 1.0, 0.5, 1) for i in range(3)]
-    given_ = columns_of(rows)
+    given_ = table_of(rows)
     merge_echoes(given_, 1.0)
-    assert given_.t.tolist() == pytest.approx([1.0, 1.1, 1.2])
+    assert given_["t"].tolist() == pytest.approx([1.0, 1.1, 1.2])
 
 
+@pytest.mark.parametrize("mode", ["last", "first", "strongest"])
+@pytest.mark.parametrize("spent_reads", ["range", "nothing"])
 @given(sorted_rows())
-def test_each_mode_selects_its_echo(rows: list[Row]) -> None:
-    found = {
-        mode: select_echoes(columns_of(rows), mode, 3, 0.0)
-        for mode in (LAST, FIRST, STRONGEST)
-    }
+def test_each_mode_selects_its_echo(
+    mode: str, spent_reads: str, rows: list[Row]
+) -> None:
+    settings = load_settings("radar", return_mode=mode, spent_reads=spent_reads)
+    ranges, rays = np.full(3, np.inf), np.full(3, -1)
+    found = select_echoes(table_of(rows), settings, ranges, rays).tolist()
     for beam in range(3):
         mine = [(i, row) for i, row in enumerate(rows) if row.beam == beam]
         ends = [i for i, row in mine if row.ends]
         giving = [i for i, row in mine if row.strength > 0]
-        last = ends[-1] if ends else -1
-        assert found[LAST][beam] == last
-        assert found[FIRST][beam] == (giving[0] if giving else last)
-        strongest = max(giving, key=lambda i: (rows[i].strength, -i), default=last)
-        assert found[STRONGEST][beam] == strongest
+        wanted = ends[-1] if ends else -1
+        if giving and mode == "first":
+            wanted = giving[0]
+        elif giving and mode == "strongest":
+            wanted = max(giving, key=lambda i: (rows[i].strength, -i))
+        if wanted >= 0 and spent_reads == "nothing" and rows[wanted].kind == SPENT:
+            wanted = -1
+        selected = [i for i in found if rows[i].beam == beam]
+        assert selected == [wanted] * (wanted >= 0)
+        of_echo = (rows[wanted].t, rows[wanted].row) if wanted >= 0 else (np.inf, -1)
+        assert (ranges[beam], rays[beam]) == of_echo
+    assert found == sorted(found)

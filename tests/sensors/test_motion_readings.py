@@ -1,14 +1,17 @@
 import math
 from collections.abc import Sequence
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
-from radarsim.errors import PresetError
-from radarsim.geometry import Floats, Pose3
+from radarsim.engine import engine
+from radarsim.errors import EngineError, PresetError
+from radarsim.geometry import Pose3
 from radarsim.presets.sensor_settings import ENCODER_RESOLUTION, InsNoise
 from radarsim.rng import generator_for
 from radarsim.robots.robot import (
@@ -21,30 +24,28 @@ from radarsim.robots.robot import (
     new_columns,
 )
 from radarsim.sensors.motion_readings import (
-    ANGLE_ZERO,
-    TICK_ZERO,
     draw_drift,
     draw_errors,
     encoded_wheels,
-    new_encoder,
+    new_encoders,
     new_ins,
-    new_tachometer,
     overwrite_ins,
 )
+from radarsim.simulation import readings
 from radarsim.simulation.readings import (
     DRIFT,
     INS_POSE,
-    SPENT,
-    WHEEL_ANGLES,
-    WHEEL_SPEEDS,
-    WHEEL_TICKS,
-    fill_readings,
+    LEFT_SPEED,
+    RIGHT_SPEED,
+    TICKS,
+    Job,
+    ReadingTable,
+    RobotState,
 )
 
 CALM = InsNoise(sigma=0, position_bias=0, angle_bias=0)
 SPAWN = Pose3(1, 2, 0.146, 0, 0, 0.5)
 MOUNTED = Pose3(1, 2, 0.346, 0, 0, 0.5)
-LEFT, RIGHT = 0, 1
 places = st.builds(
     Pose3, st.floats(-9, 9), st.floats(-9, 9), st.just(0.146), yaw=st.floats(-3, 3)
 )
@@ -53,13 +54,18 @@ places = st.builds(
 class Sensor:
     """A sensor of a robot whose pose and wheels are given."""
 
-    def __init__(
-        self, numbers: Floats, rng: np.random.Generator, *, wheels: int = 2
-    ) -> None:
-        # A left wheel, and perhaps a right one, both forward, after the numbers.
-        self.row = np.concatenate([[0.0], numbers, [wheels, LEFT, 1, RIGHT, 1]])
-        self.numbers = self.row[1:-5]
+    def __init__(self, state: NDArray[Any], rng: np.random.Generator) -> None:
+        self.columns = new_columns(1)
+        fleet: Any = SimpleNamespace(columns=self.columns, odometry=np.zeros((0, 7)))
+        self.table = ReadingTable(fleet)
+        self.robot = RobotState(self.table, 0)
+        self.places = self.robot.add(state)
+        self.dtype = state.dtype
         self.rng = rng
+
+    @property
+    def state(self) -> NDArray[Any]:
+        return self.robot[self.places].view(self.dtype)
 
     def read(
         self,
@@ -69,13 +75,15 @@ class Sensor:
         ticks: int = 0,
     ) -> list[float]:
         """Do jobs of some kinds."""
-        robots = new_columns(1)
-        robots[0, [X, Y, BODY_Z, YAW]] = body.x, body.y, body.z, body.yaw
-        robots[0, [LEFT_ANGLE, RIGHT_ANGLE]] = wheels
-        jobs = np.array([(kind, 1, len(self.row) - 5) for kind in kinds])
-        due, out = np.array([[0, 0, len(jobs)]]), np.zeros(6)
-        fill_readings(due, jobs, self.row[None], ticks, out, robots, np.zeros((0, 7)))
-        return out.tolist()
+        self.columns[0, [X, Y, BODY_Z, YAW]] = body.x, body.y, body.z, body.yaw
+        self.columns[0, [LEFT_ANGLE, RIGHT_ANGLE]] = wheels
+        jobs = [Job(kind, self.places.start) for kind in kinds]
+        size = sum({DRIFT: 0, INS_POSE: 6}.get(kind, 1) for kind in kinds)
+        numbers, is_depleted = self.table.run(
+            [(0, self.table.program(jobs, size))], ticks
+        )
+        assert self.robot.is_depleted == is_depleted
+        return numbers
 
 
 class Ins(Sensor):
@@ -85,15 +93,15 @@ class Ins(Sensor):
 
     def drift(self, body: Pose3) -> None:
         self.read(DRIFT, body=body)
-        if self.row[SPENT]:
-            draw_drift(self.numbers, self.rng)
-            self.row[SPENT] = 0
+        if self.robot.is_depleted:
+            draw_drift(self.state, self.rng)
+            self.robot.is_depleted = False
 
     def reading(self, body: Pose3) -> Pose3:
         return Pose3(*self.read(INS_POSE, body=body))
 
     def overwrite(self, pose: Pose3, body: Pose3) -> None:
-        overwrite_ins(self.numbers, pose, body)
+        overwrite_ins(self.state, pose, body)
 
 
 def ins(noise: InsNoise = CALM, *, seed: int = 0) -> Ins:
@@ -228,15 +236,16 @@ def test_drift_draws_the_same_numbers_however_many_at_a_time() -> None:
 
 
 def tachometer() -> Sensor:
-    return Sensor(new_tachometer(0.0, 0, 0), generator_for(0))
+    state = np.zeros(1, engine.structures["Tachometer"].dtype)
+    return Sensor(state, generator_for(0))
 
 
 def speeds(one: Sensor, ticks: int, wheels: tuple[float, float]) -> list[float]:
-    return one.read(WHEEL_SPEEDS, wheels=wheels, ticks=ticks)[:2]
+    return one.read(LEFT_SPEED, RIGHT_SPEED, wheels=wheels, ticks=ticks)
 
 
 def angles(one: Sensor, wheels: tuple[float, float]) -> list[float]:
-    return one.read(WHEEL_ANGLES, wheels=wheels)[:2]
+    return one.read(readings.LEFT_ANGLE, readings.RIGHT_ANGLE, wheels=wheels)
 
 
 def test_tachometer_averages_since_its_last_reading() -> None:
@@ -256,7 +265,7 @@ def test_second_reading_at_the_same_time_repeats_the_first() -> None:
 def test_tachometer_zero_moves_positions_but_not_velocities() -> None:
     measuring = tachometer()
     speeds(measuring, 100, (5, 6))
-    measuring.numbers[ANGLE_ZERO : ANGLE_ZERO + 2] = 5, 6
+    measuring.state["zero"] = 5, 6
     assert speeds(measuring, 200, (6, 8)) == [1, 2]
     assert angles(measuring, (6, 8)) == [1, 2]
 
@@ -264,14 +273,14 @@ def test_tachometer_zero_moves_positions_but_not_velocities() -> None:
 class Encoder(Sensor):
     def __init__(self, noise: float = 0.0) -> None:
         rng = generator_for(0, "W1")
-        super().__init__(new_encoder(1, 0, 0, rng, noise=noise), rng, wheels=1)
+        super().__init__(new_encoders([0], rng, noise=noise), rng)
 
     def ticks(self, left: float, right: float = 0.0) -> float:
         """Return the ticks of the left wheel."""
-        ticks, *_ = self.read(WHEEL_TICKS, wheels=(left, right))
-        if self.row[SPENT]:
-            draw_errors(self.numbers, self.rng)
-            self.row[SPENT] = 0
+        (ticks,) = self.read(TICKS, wheels=(left, right))
+        if self.robot.is_depleted:
+            draw_errors(self.state, self.rng)
+            self.robot.is_depleted = False
         return ticks
 
 
@@ -307,8 +316,15 @@ def test_encoder_draws_the_same_errors_however_many_at_a_time() -> None:
 
 def test_encoder_counts_from_its_reset() -> None:
     counted = Encoder()
-    counted.numbers[TICK_ZERO : TICK_ZERO + 2] = 1, 1
+    counted.state["zero"] = 1
     assert counted.ticks(1 + 3.5 * ENCODER_RESOLUTION) == 3
+
+
+@pytest.mark.parametrize("size", [0, 2])
+def test_jobs_have_to_write_the_numbers_of_their_lines(size: int) -> None:
+    table = tachometer().table
+    with pytest.raises(EngineError, match=f"^jobs do not write {size} numbers"):
+        table.run([(0, table.program([Job(readings.TIME)], size))], 0)
 
 
 def test_noise_is_read_from_settings() -> None:

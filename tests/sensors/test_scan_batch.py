@@ -1,6 +1,5 @@
 """Scans from many poses have the values of single scans in the same order."""
 
-import threading
 from collections.abc import Sequence
 from typing import Any
 
@@ -8,13 +7,13 @@ import numpy as np
 import pytest
 
 from radarsim.geometry import Pose3
+from radarsim.raycast import tracer as tracer_module
 from radarsim.raycast.robot_boxes import Boxes
-from radarsim.raycast.tracer import Tracer, tracer_of
+from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene
-from radarsim.sensors import scan_batch as scan_batch_module
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor
-from radarsim.sensors.scan_batch import ScanRequest, scan_batch, scan_poses, scan_ranges
+from radarsim.sensors.scan_batch import ScanRequest, scan_batch, scan_ranges
 
 SENSORS: dict[str, tuple[str, dict[str, Any]]] = {
     "radar": ("radar", {}),
@@ -57,19 +56,23 @@ def test_scans_from_many_poses_equal_single_scans(
     assert (many.ranges.tobytes(), rays) == expected
 
 
-@pytest.mark.parametrize("workers", [1, 2, 7])
+@pytest.mark.parametrize("threads", [1, 2, 7])
 @pytest.mark.parametrize(
     ("name", "room"), [("radar", "foliage_room"), ("physical", "smoke_room")]
 )
 def test_number_of_threads_does_not_matter(
-    name: str, room: str, workers: int, request: pytest.FixtureRequest
+    name: str,
+    room: str,
+    threads: int,
+    request: pytest.FixtureRequest,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     scene: Scene = request.getfixturevalue(room)
     sensor, poses = load_sensor(name), drive(400)
-    placed = [Pose3(x, y, 0.346, 0.0, 0.0, yaw) for x, y, yaw in poses]
-    tracer = tracer_of(scene)
-    many = scan_poses(sensor, tracer, placed, generator_for(4), workers=workers)
-    assert many.ranges.tobytes() == one_by_one(sensor, scene, placed, 4)[0]
+    expected = one_by_one(sensor, scene, poses, 4)[0]
+    monkeypatch.setattr(tracer_module, "thread_count", lambda: threads)
+    many = sensor.scan_many(scene, poses, generator_for(4))
+    assert many.ranges.tobytes() == expected
 
 
 def test_poses_are_returned_in_space(empty_room: Scene) -> None:
@@ -179,25 +182,12 @@ def test_ranges_without_scans_are_those_of_scans(
     assert bool(found.scans) == (settings.get("return_mode") == "all")
 
 
-@pytest.mark.parametrize(
-    ("processors", "least_rays", "used"),
-    [
-        pytest.param(2, 0, 2, id="two threads"),
-        pytest.param(1, 0, 1, id="one processor"),
-        pytest.param(2, 10**9, 1, id="few rays"),
-    ],
-)
 @pytest.mark.parametrize("settings", LASTS.values(), ids=LASTS)
-def test_ranges_are_the_same_in_one_thread_and_in_two(
-    settings: dict[str, Any],
-    processors: int,
-    least_rays: int,
-    used: int,
-    foliage_room: Scene,
-    monkeypatch: pytest.MonkeyPatch,
+def test_ranges_of_a_crowd_are_the_same_on_one_thread_and_on_five(
+    settings: dict[str, Any], foliage_room: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tracer, (poses, boxes) = tracer_of(foliage_room), crowd(13)
-    sensor, threads = load_sensor("radar", **settings), set[int]()
+    sensor = load_sensor("radar", **settings)
 
     def requests() -> list[ScanRequest]:
         return [
@@ -205,17 +195,8 @@ def test_ranges_are_the_same_in_one_thread_and_in_two(
             for i, pose in enumerate(poses)
         ]
 
-    class NotingTracer(Tracer):
-        def trace_scans(self, *args: Any, **options: Any) -> Any:
-            threads.add(threading.get_ident())
-            return tracer.trace_scans(*args, **options)
-
-    noting = NotingTracer(foliage_room.parts)
     alone = [scan_ranges(tracer, [each], boxes).ranges[0] for each in requests()]
-    monkeypatch.setattr(scan_batch_module, "THREAD_RAYS", least_rays)
-    monkeypatch.setattr(scan_batch_module, "process_cpu_count", lambda: processors)
-    together = scan_ranges(noting, requests(), boxes).ranges
+    monkeypatch.setattr(tracer_module, "THREAD_RAYS", 0)
+    monkeypatch.setattr(tracer_module, "thread_count", lambda: 5)
+    together = scan_ranges(tracer, requests(), boxes).ranges
     assert [each.tobytes() for each in together] == [each.tobytes() for each in alone]
-    # Scans whose echoes are listed are traced together.
-    lists = settings.get("return_mode") == "all"
-    assert len(threads) == (1 if lists else used)

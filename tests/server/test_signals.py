@@ -93,7 +93,6 @@ def listening_port(process: "subprocess.Popen[str]") -> int:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("empty_room")  # compiled by then
 @pytest.mark.parametrize(("number", "code"), EXITS)
 def test_program_exits_on_a_signal_while_robots_are_scanning(
     tmp_path: Path, number: int, code: int

@@ -5,7 +5,6 @@ import logging
 import re
 import socket
 import struct
-import threading
 from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
@@ -15,13 +14,11 @@ import numpy as np
 import pytest
 from peers import DEADLINE, Peer, wait_until
 
-from radarsim.errors import ServerError
+from radarsim.errors import EngineError, ServerError
 from radarsim.geometry import Pose2, Pose3
-from radarsim.kernel_cache import compilation
 from radarsim.listening import raise_file_limit
 from radarsim.presets.robots import load_robot
 from radarsim.scene.scene import Scene, StartPose
-from radarsim.server.engine_loader import EngineLoader
 from radarsim.server.host import Diagnostic, Host
 from radarsim.server.tcp_server import MAX_CLIENTS, Connection, Server, serve
 from radarsim.simulation.config import SimulationConfig
@@ -601,47 +598,27 @@ async def test_lost_time_is_logged_and_no_scan_is_skipped(
     assert len(caplog.records) <= 5
 
 
-@pytest.mark.parametrize("is_compiled", [True, False])
-async def test_compiled_engine_is_read_before_clients_can_connect(
-    empty_room: Scene, monkeypatch: pytest.MonkeyPatch, is_compiled: bool
-) -> None:
-    async def compile_for_ever(_: EngineLoader) -> None:
-        await asyncio.Event().wait()
-
-    monkeypatch.setattr("radarsim.server.tcp_server.is_complete", lambda: is_compiled)
-    if not is_compiled:
-        monkeypatch.setattr(EngineLoader, "load", compile_for_ever)
+async def test_engine_is_loaded_before_clients_can_connect(empty_room: Scene) -> None:
     host = Host(empty_room, begins=False)
 
     class Announced(Exception):
         """Ends the server."""
 
     def announce(_: tuple[str, int]) -> None:
-        assert host.has_begun == is_compiled
+        assert host.has_begun
         raise Announced
 
     with pytest.raises(Announced):
         await serve(Server(host), "127.0.0.1", 0, announce)
 
 
-async def test_server_listens_while_it_compiles_what_its_cache_lacks(
+async def test_error_of_the_engine_ends_the_server(
     empty_room: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("radarsim.server.tcp_server.is_complete", lambda: True)
-    host, listens = Host(empty_room, begins=False), threading.Event()
-    make_simulation = host.make_simulation
+    def fail() -> Simulation:
+        raise EngineError("no library")
 
-    def compile_until_it_listens() -> Simulation:
-        with compilation.running():
-            assert listens.wait(DEADLINE)
-        return make_simulation()
-
-    monkeypatch.setattr(host, "make_simulation", compile_until_it_listens)
-    serving = asyncio.ensure_future(
-        serve(Server(host), "127.0.0.1", 0, lambda _: listens.set())
-    )
-    async with asyncio.timeout(DEADLINE):
-        while not host.has_begun:  # noqa: ASYNC110 - the server has no event for it
-            await asyncio.sleep(0.01)
-    serving.cancel()
-    await asyncio.wait({serving})
+    host = Host(empty_room, begins=False)
+    monkeypatch.setattr(host, "make_simulation", fail)
+    with pytest.raises(EngineError, match="no library"):
+        await serve(Server(host), "127.0.0.1", 0, print)

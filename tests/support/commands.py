@@ -1,7 +1,6 @@
 """The program's main function, run in this process."""
 
 import io
-import re
 import signal
 import sys
 from dataclasses import dataclass
@@ -45,9 +44,7 @@ def run_in_process(*arguments: str) -> Run:
         finally:
             for number, handler in before.items():
                 signal.signal(number, handler)
-    # Whether anything has to be compiled depends on what ran before.
-    told = re.sub("radarsim: compiling .*\n", "", _contents(err).decode())
-    return Run(code, _contents(out), told)
+    return Run(code, _contents(out), _contents(err).decode())
 
 
 def _contents(stream: io.TextIOWrapper) -> bytes:

@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radarsim.addons.fmcw.beat_signal import Tones, beat_rows
+from radarsim.addons.fmcw.beat_signal import Power, Tones, beat_rows
 from radarsim.addons.fmcw.radar import FmcwRadar
 from radarsim.addons.fmcw.radar_equation import noise_power, radar_constant
-from radarsim.addons.fmcw.range_lines import Power
 from radarsim.addons.fmcw.speckle import Speckle
 from radarsim.addons.fmcw.turn_echoes import Echoes, TurnEchoes
 from radarsim.addons.fmcw.viewpoints import Viewpoints, fixed_viewpoints

@@ -18,7 +18,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cache
 from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 import numpy as np
@@ -29,9 +28,7 @@ from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.processes import BackgroundThread
 from radarsim.protocol.echoes import target_lines
 from radarsim.raycast.robot_boxes import Boxes
-from radarsim.rng import NumberedStreams, generator_for
 from radarsim.scene.scene import Scene
-from radarsim.sensors.range_scanner import load_sensor
 from radarsim.simulation.clock import TICK, Clock
 from radarsim.simulation.faults import Faults
 from radarsim.simulation.tick_output import DueScan, ScanDetails, report_scan
@@ -227,15 +224,10 @@ class Antennas:
         self._antennas: dict[int, list[Antenna]] = {}
         self._before = -1, Boxes(np.zeros((0, 8)))  # the last tick with boxes
 
-    def warm_up(self) -> None:
-        """Load or compile what antennas need, if that is not done yet."""
-        warm_up()
-
     def add(self, vehicle: Vehicle) -> None:
         """Add the antennas of a robot."""
         carried = [Antenna(vehicle, each) for each in vehicle.scanners if each.has_fmcw]
         if carried:
-            warm_up()
             self._antennas[vehicle.number] = carried
 
     def remove(self, vehicle: Vehicle) -> None:
@@ -302,23 +294,3 @@ def antennas_of(simulation: Simulation) -> Antennas:
     antennas = simulation.scanner_items["fmcw"]
     assert isinstance(antennas, Antennas)
     return antennas
-
-
-@cache
-def warm_up() -> None:
-    """Load or compile what FMCW radars need, if that is not done yet."""
-    from radarsim.addons.fmcw.beat_signal import NO_TONES  # noqa: PLC0415
-    from radarsim.addons.fmcw.detection import DETECTORS  # noqa: PLC0415
-    from radarsim.addons.fmcw.rotation import Rotation  # noqa: PLC0415
-    from radarsim.addons.fmcw.turn_echoes import Echoes  # noqa: PLC0415
-
-    small = {"azimuths": 8, "bins": 400, "rays_across": 1, "rays_up": 1}
-    radar = load_sensor("navtech_cts350x", fmcw=small).fmcw
-    pose, rng = Pose3(0.0, 0.0, 0.0), generator_for(0, "warm-up")
-    nothing = Boxes(np.zeros((0, 8)))
-    Rotation(radar, Scene("empty", "Empty"), rng).advance(pose, 1, boxes=nothing)
-    echoes = Echoes(np.ones((8, 400), np.float32), np.ones((8, 800), np.float32))
-    streams = NumberedStreams(rng)
-    spectrum = radar.receive(pose, range(8), echoes, NO_TONES, streams)
-    for detector in DETECTORS:
-        spectrum.detections(detector)

@@ -37,12 +37,11 @@ from radarsim.addons.fmcw.radar_equation import (
     watts,
     window_of,
 )
+from radarsim.engine import engine
 from radarsim.geometry import Floats
-from radarsim.jit import njit_cached
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.rng import NumberedStreams
 
-_LANES: Final = 16
 ROWS_AT_ONCE: Final = 40  # directions; what they need fits into a processor's cache
 
 Power = NDArray[np.float32]
@@ -111,13 +110,15 @@ def beat_rows(
         sweep = fft.irfft(sweeps, length, axis=1, norm="forward", overwrite_x=True)
         sweep[:, samples:] = 0  # a sweep has no more samples; the rest is padding
         signal = sweep[:, :samples]
-        _add_tones(settings, signal, row, tones)
+        _add_tones(settings, sweep, row, tones)
         _add_noise(settings, signal, random[:, :samples])
         # What the converter clips spreads over the whole sweep.
         if signal.max(initial=0.0) > limits[1] or signal.min(initial=0.0) < limits[0]:
             np.clip(signal, *limits, out=signal)
         signal *= window
-        _square(fft.rfft(sweep, axis=1, overwrite_x=True), shape, power[rows])
+        spectra = fft.rfft(sweep, axis=1, overwrite_x=True)
+        fields = spectra.view(np.float32).reshape(*spectra.shape, 2)
+        engine.square_spectra(fields, shape, power[rows])
     return power
 
 
@@ -144,48 +145,15 @@ def _add_noise(settings: FmcwSettings, signal: Power, white: Power) -> None:
     signal += white
 
 
-@njit_cached
-def _square(spectra: Signal, shape: Power, power: Power) -> None:
-    for row in range(len(power)):
-        for b in range(len(shape)):
-            field = spectra[row, b]
-            power[row, b] = shape[b] * (field.real**2 + field.imag**2)
-
-
-def _add_tones(settings: FmcwSettings, signal: Power, first: int, tones: Tones) -> None:
+def _add_tones(settings: FmcwSettings, sweeps: Power, first: int, tones: Tones) -> None:
     """Add the tones of points to the directions from ``first`` on."""
     shape = noise_shape(settings)
-    rows, ranges, phases, power = tones.of_rows(range(first, first + len(signal)))
+    rows, ranges, phases, power = tones.of_rows(range(first, first + len(sweeps)))
     places = ranges / settings.bin_size
     level = np.interp(places, np.arange(len(shape)), shape)
     turns = 2 * np.pi * places / fft_length(settings)
-    _add_cosines(signal, rows - first, turns, phases, 2 * np.sqrt(power / level))
-
-
-@njit_cached
-def _add_cosines(
-    signal: Power,
-    rows: NDArray[np.int64],
-    turns: Floats,
-    phases: Floats,
-    amplitudes: Floats,
-) -> None:
-    """Add cosines to rows of sweeps; ``turns`` are in rad a sample.
-
-    cos(a + b) = 2 cos(a) cos(b) - cos(a - b), with b of ``_LANES`` samples, which a
-    processor computes at once. Over the samples of a sweep the error stays below that
-    of 32-bit numbers.
-    """
-    samples = signal.shape[1]
-    tone = np.zeros(samples)
-    for k in range(len(rows)):
-        for n in range(min(2 * _LANES, samples)):
-            tone[n] = amplitudes[k] * np.cos(turns[k] * n + phases[k])
-        factor = 2.0 * np.cos(_LANES * turns[k])
-        for n in range(2 * _LANES, samples):
-            tone[n] = factor * tone[n - _LANES] - tone[n - 2 * _LANES]
-        for n in range(samples):
-            signal[rows[k], n] += np.float32(tone[n])
+    amplitudes, samples = 2 * np.sqrt(power / level), sample_count(settings)
+    engine.add_cosines(sweeps, samples, rows - first, turns, phases, amplitudes)
 
 
 @lru_cache(maxsize=16)

@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass
 
 import click
 import numpy as np
+from numpy.typing import NDArray
 
 from radarsim.addons.fmcw.radar import FmcwRadar
 from radarsim.addons.fmcw.radar_equation import (
@@ -22,11 +23,10 @@ from radarsim.addons.fmcw.radar_equation import (
 )
 from radarsim.addons.fmcw.scattering import (
     GRAZING,
-    Scattering,
-    gamma_at,
     scene_scattering,
 )
 from radarsim.cli.output import print_lines
+from radarsim.engine import engine
 from radarsim.errors import PresetError
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
@@ -171,7 +171,7 @@ def link_budget(radar: FmcwRadar, scene: Scene, pose: Pose3, azimuth: int) -> Bu
     )
     tracer = tracer_of(scene)
     incidence = float(tracer.trace(rays, incidence=True).incidence[0])
-    scattering = scene_scattering(tracer, radar.ray_class)
+    scattering = scene_scattering(tracer, radar.ray_class).parts
     losses = _Losses(radar, tracer.parts)
     echoes = []
     for event in tracer.explain(rays)[0]:
@@ -204,30 +204,31 @@ def beam_solid_angle(settings: FmcwSettings) -> float:
 def _echo_of(
     event: Event,
     incidence: float,
-    scattering: Scattering,
+    scattering: NDArray[np.void],
     radar: FmcwRadar,
 ) -> tuple[str, str, float] | None:
     """Return the kind of an echo, what it is due to, and its gamma; or None."""
-    part, resolution = event.part, radar.settings.resolution
+    resolution = radar.settings.resolution
     per_db = radar.ray_class.power_per_db
     # Robots share the last row.
-    part = min(part, len(scattering.gamma) - 1)
+    part = scattering[min(event.part, len(scattering) - 1)]
     if event.kind is EventKind.HIT:
         cosine = max(incidence, GRAZING)
-        gamma = gamma_at(cosine, *(each[part] for each in scattering[:4]))
+        law = part[["gamma", "constant_gamma", "glint", "narrowness"]].item()
+        gamma = engine.gamma_at(cosine, *law)
         degrees = math.degrees(math.acos(min(incidence, 1.0)))
         return "surface", f"backscatter, met at {degrees:.0f} deg", float(gamma)
     if event.kind is EventKind.MIRRORED:
-        gamma = float(scattering.gamma[part])
+        gamma = float(part["gamma"])
         return "mirror", "backscatter beside the reflection", gamma
     if event.kind in (EventKind.ENTER, EventKind.START_INSIDE) and event.t > 0:
         # A volume returns into every bin that the ray passes: here the first of them.
-        gamma = float(scattering.volume[part] * resolution)
+        gamma = float(part["volume"] * resolution)
         label = f"backscatter of the first {resolution:.2f} m"
         return ("volume", label, gamma) if gamma > 0 else None
     if event.kind is EventKind.SHEET:
         loss = event.absorbed / per_db
-        gamma = float(scattering.albedo[part] * (1 - 10 ** (-loss / 10)))
+        gamma = float(part["albedo"] * (1 - 10 ** (-loss / 10)))
         return ("sheet", "backscatter of a sheet", gamma) if gamma > 0 else None
     return None
 

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
 import click
 from annotated_types import Ge, Gt, Interval, Unit
 
-from radarsim.cli.compile_progress import with_compile_progress
 from radarsim.cli.fields import MapName
 from radarsim.cli.files import check_ending, check_writable, write_file
 from radarsim.cli.scan import PlacedSensor
@@ -118,7 +117,6 @@ class Detector:
         return turn.detections(name, pfa=self.pfa, count=self.strongest)
 
 
-@with_compile_progress
 def spectrum(
     map_: MapName,
     plan: PlacedRadar,

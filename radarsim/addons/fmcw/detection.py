@@ -33,8 +33,9 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from radarsim.addons.fmcw.radar_equation import dbm_of, noise_correlation
+from radarsim.engine import engine
+from radarsim.errors import EngineError
 from radarsim.geometry import Floats
-from radarsim.jit import njit_cached, njit_inline
 from radarsim.presets.fmcw_settings import FmcwSettings
 
 if TYPE_CHECKING:
@@ -120,21 +121,10 @@ def strongest_mask(
     return mask & (counts >= least) & allowed
 
 
-@njit_cached
 def peaks_of(mask: Mask, power: NDArray[np.float32]) -> Mask:
     """Return the strongest bin of each run of bins that are set, (A, B)."""
-    # A strong echo sets all bins of its main lobe: it is one target.
     peaks = np.zeros(mask.shape, np.bool_)
-    for row in range(len(mask)):
-        best = -1
-        for i in range(mask.shape[1]):
-            if not mask[row, i]:
-                best = -1
-            elif best < 0 or power[row, i] > power[row, best]:
-                if best >= 0:
-                    peaks[row, best] = False
-                peaks[row, i] = True
-                best = i
+    engine.find_peaks(mask, power, peaks)
     return peaks
 
 
@@ -249,7 +239,6 @@ def _root(log_pfa: Callable[[float], float], pfa: float) -> float:
 
 
 LEVELS_PER_DB: Final = 8.0  # of the histogram of OS
-_LEVELS: Final = 2048
 
 
 def ca_mask(
@@ -269,52 +258,17 @@ def ca_mask(
         correlation: As in ``correlated_factor``; None for independent bins.
     """
     half = training.bins // 2
-    # By how many sides have training bins.
-    factors = np.full(3, math.inf)
-    for sides in (1, 2):
-        factors[sides] = (
-            ca_factor(sides * half, pfa)
-            if correlation is None
-            else correlated_factor(training, sides, pfa, correlation)
-        )
+    one_side, both_sides = (
+        ca_factor(sides * half, pfa)
+        if correlation is None
+        else correlated_factor(training, sides, pfa, correlation)
+        for sides in (1, 2)
+    )
     found = np.zeros(power.shape, np.bool_)
-    _find_ca(power, training.guard + 1, training.step, half, factors, found)
+    nearest, step = training.guard + 1, training.step
+    if not engine.find_ca(power, nearest, step, half, one_side, both_sides, found):
+        raise EngineError(f"{training}, expected positive numbers")
     return found
-
-
-@njit_cached
-def _find_ca(
-    power: NDArray[np.float32],
-    nearest: int,
-    step: int,
-    half: int,
-    factors: Floats,
-    found: Mask,
-) -> None:
-    """Set ``found``; ``factors`` are by how many sides have training bins."""
-    count = power.shape[1]
-    farthest = nearest + (half - 1) * step
-    # Sums over the training bins before each bin. Those after a bin are before one
-    # that is this much farther on, which may be beyond the last.
-    ahead = nearest + farthest
-    sums = np.zeros(count + nearest)
-    for row in range(len(power)):
-        line = power[row]
-        for i in range(farthest, min(farthest + step, len(sums))):
-            sums[i] = 0.0
-            for q in range(half):
-                sums[i] += line[i - nearest - q * step]
-        # Bins a step apart share all training bins but two.
-        for i in range(farthest + step, len(sums)):
-            sums[i] = sums[i - step] + line[i - nearest] - line[i - step - farthest]
-        middle = min(farthest, count), max(count - farthest, 0)
-        for i in range(min(middle)):
-            found[row, i] = line[i] > factors[1] * (sums[i + ahead] / half)
-        for i in range(middle[0], middle[1]):
-            total = sums[i] + sums[i + ahead]
-            found[row, i] = line[i] > factors[2] * (total / (2 * half))
-        for i in range(max(middle), count):
-            found[row, i] = line[i] > factors[1] * (sums[i] / half)
 
 
 def os_mask(
@@ -347,7 +301,7 @@ def os_mask(
         bins = half * (behind + ahead)
         which = max(order * bins // training.bins, 1)
         factor = 10 * LEVELS_PER_DB * math.log10(os_factor(bins, which, pfa))
-        _find_os(
+        is_valid = engine.find_os(
             levels,
             nearest,
             training.step,
@@ -357,67 +311,9 @@ def os_mask(
             behind,
             ahead,
             which,
-            np.float32(factor),
+            float(np.float32(factor)),
             found,
         )
+        if not is_valid:
+            raise EngineError(f"order {order} of {training}")
     return found
-
-
-@njit_cached
-def _find_os(
-    levels: NDArray[np.float32],
-    nearest: int,
-    step: int,
-    half: int,
-    start: int,
-    end: int,
-    behind: bool,
-    ahead: bool,
-    order: int,
-    above: np.float32,
-    found: Mask,
-) -> None:
-    """Set ``found`` where a level is by ``above`` over the ``order``-th around it.
-
-    From a bin to the one a step farther on, two training bins change on each side. The
-    histogram of their levels follows, and a pointer to the level of that order.
-    """
-    farthest = nearest + (half - 1) * step
-    histogram = np.zeros(_LEVELS, np.int32)
-    for row in range(len(levels)):
-        line = levels[row]
-        for first in range(start, min(start + step, end)):
-            histogram[:] = 0
-            for q in range(half):
-                if behind:
-                    _move(histogram, 0, line[first - nearest - q * step], 1)
-                if ahead:
-                    _move(histogram, 0, line[first + nearest + q * step], 1)
-            current, below = 0, 0
-            for i in range(first, end, step):
-                last = i - step
-                if behind and i > first:
-                    below += _move(histogram, current, line[last - farthest], -1)
-                    below += _move(histogram, current, line[i - nearest], 1)
-                if ahead and i > first:
-                    below += _move(histogram, current, line[last + nearest], -1)
-                    below += _move(histogram, current, line[i + farthest], 1)
-                # To the level of this order; neighbours are mostly a few levels apart.
-                while below + histogram[current] < order:
-                    below += histogram[current]
-                    current += 1
-                while below >= order:
-                    current -= 1
-                    below -= histogram[current]
-                # On average the training bin was in the middle of its level.
-                found[row, i] = line[i] > current + np.float32(0.5) + above
-
-
-@njit_inline
-def _move(
-    histogram: NDArray[np.int32], current: int, value: np.float32, change: int
-) -> int:
-    """Change a level's count; return by how much the number below ``current`` does."""
-    level = min(max(int(value), 0), _LEVELS - 1)
-    histogram[level] += change
-    return change if level < current else 0

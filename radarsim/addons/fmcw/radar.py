@@ -32,7 +32,6 @@ from radarsim.addons.fmcw.ray_fan import (
     refined_fan,
     turned_directions,
 )
-from radarsim.addons.fmcw.ray_power import FanRays
 from radarsim.addons.fmcw.scattering import scene_scattering
 from radarsim.addons.fmcw.smooth_corners import corner_points
 from radarsim.addons.fmcw.speckle import Scatterers, Speckle, add_amplitudes
@@ -45,6 +44,7 @@ from radarsim.addons.fmcw.viewpoints import (
     Viewpoints,
     fixed_viewpoints,
 )
+from radarsim.engine import engine
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
@@ -188,7 +188,7 @@ class FmcwRadar:
 
     def sways(self, tracer: Tracer) -> bool:
         """Return whether the wind moves anything in a scene."""
-        return bool(scene_scattering(tracer, self.ray_class).sway.any())
+        return bool(scene_scattering(tracer, self.ray_class).parts["sway"].any())
 
     def receive(
         self,
@@ -299,25 +299,22 @@ class FmcwRadar:
         """
         settings, fan, traces = self.settings, turn.fan, turn.traces
         constant = radar_constant(settings) / noise_power(settings)
-        rays = FanRays(
-            fan.column,
-            fan.across,
-            fan.weights * constant,
-            fan.spread,
-            turn.directions,
-            doppler_shift(settings, turn.approach),
-            traces.ranges,
-            traces.incidence,
+        rays = engine.structures["FanRays"].pack(
+            column=fan.column,
+            across=fan.across,
+            weights=fan.weights * constant,
+            spread=fan.spread,
+            directions=turn.directions,
+            shift=doppler_shift(settings, turn.approach),
+            ranges=traces.ranges,
+            incidence=traces.incidence,
+            full=self.full_power,
+            db_per_power=1.0 / self.ray_class.power_per_db,
+            wavelength=settings.wavelength,
         )
-        echoes.add(
-            turn.rows,
-            rays,
-            traces.events,
-            scene_scattering(tracer, self.ray_class),
-            self._scatterers(turn, speckle),
-            self.full_power,
-            1.0 / self.ray_class.power_per_db,
-        )
+        scattering = scene_scattering(tracer, self.ray_class)
+        scatterers = self._scatterers(turn, speckle)
+        echoes.add(turn.rows, rays, traces.events, scattering, scatterers)
 
     def _scatterers(self, turn: TracedTurn, speckle: Speckle) -> Scatterers:
         """Return the scatterers of columns, and of the one after the last."""
@@ -329,7 +326,7 @@ class FmcwRadar:
         found = speckle.scatterers(azimuths, turn.view.of(row), _IN_BEAMS)
         # After the last column of a turn the first one follows. What both add is power,
         # so that the scatterers are others.
-        found.keys[-1] ^= ~np.uint64(0)
+        found["key"][-1] ^= ~np.uint64(0)
         return found
 
     def add_sidelobes(

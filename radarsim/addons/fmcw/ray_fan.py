@@ -24,11 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.addons.fmcw.radar_equation import elevation_limits, elevation_pattern
+from radarsim.engine import engine
 from radarsim.geometry import Floats
-from radarsim.jit import njit_cached
 from radarsim.presets.fmcw_settings import FmcwSettings
-
-_FULL = 2 * math.pi
 
 
 class Extents(NamedTuple):
@@ -57,42 +55,9 @@ def extents_from(position: Floats, rotation: Floats, bounds: Floats) -> Extents:
         rotation: (3, 3) of the sensor.
         bounds: (N, 2, 3) m, lower and upper corners, map frame.
     """
-    extents = Extents._make(np.zeros((5, len(bounds))))
-    _measure(
-        np.ascontiguousarray(bounds),
-        np.ascontiguousarray(position),
-        np.ascontiguousarray(rotation),
-        extents,
-    )
-    return extents
-
-
-@njit_cached
-def _measure(
-    bounds: Floats, position: Floats, rotation: Floats, extents: Extents
-) -> None:
-    seen = np.zeros((8, 3))
-    for i in range(len(bounds)):
-        for corner in range(8):
-            seen[corner] = 0.0
-            for axis in range(3):
-                side = (corner >> axis) & 1
-                offset = bounds[i, side, axis] - position[axis]
-                for k in range(3):
-                    seen[corner, k] += offset * rotation[axis, k]
-        x, y, z = seen[:, 0].mean(), seen[:, 1].mean(), seen[:, 2].mean()
-        centre = -np.arctan2(y, x)
-        first, last, low, high = np.inf, -np.inf, np.inf, -np.inf
-        for corner in range(8):
-            turned = -np.arctan2(seen[corner, 1], seen[corner, 0]) - centre
-            turned = (turned + math.pi) % _FULL - math.pi
-            first, last = min(first, turned), max(last, turned)
-            level = np.hypot(seen[corner, 0], seen[corner, 1])
-            up = np.arctan2(seen[corner, 2], level)
-            low, high = min(low, up), max(high, up)
-        extents.azimuth[i], extents.width[i] = centre + first, last - first
-        extents.low[i], extents.high[i] = low, high
-        extents.distance[i] = np.sqrt(x * x + y * y + z * z)
+    extents = np.zeros((5, len(bounds)))
+    engine.measure_extents(bounds, position, rotation, extents)
+    return Extents._make(extents)
 
 
 def turned_directions(
@@ -106,28 +71,9 @@ def turned_directions(
         which: (M,) which of these rotations each has.
     """
     turned = np.empty_like(directions)
-    _turn(directions, np.ascontiguousarray(rotations), which, turned)
-    return turned
-
-
-@njit_cached
-def _turn(
-    directions: Floats, rotations: Floats, which: NDArray[np.int64], turned: Floats
-) -> None:
     # Not a product of matrices, which rounds by how many rows there are.
-    for ray in range(len(directions)):
-        ahead, left, up = directions[ray]
-        rotation = rotations[which[ray]]
-        square = 0.0
-        for axis in range(3):
-            part = ahead * rotation[axis, 0] + left * rotation[axis, 1]
-            part += up * rotation[axis, 2]
-            turned[ray, axis] = part
-            square += part * part
-        # Rounding of the product must not make the vectors longer.
-        length = np.sqrt(square)
-        for axis in range(3):
-            turned[ray, axis] /= length
+    engine.turn_directions(directions, rotations, which, turned)
+    return turned
 
 
 # Multiples of these, without their integers, fill a square evenly: powers of the

@@ -35,8 +35,7 @@ from radarsim.addons.fmcw.point_echoes import (
     fresnel_reflections,
     head_on_reflection,
 )
-from radarsim.addons.fmcw.ray_power import DENT_AREA
-from radarsim.addons.fmcw.scattering import lobe_of
+from radarsim.addons.fmcw.scattering import DENT_AREA, lobe_of
 from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.raycast.tracer import Tracer

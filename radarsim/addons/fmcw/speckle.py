@@ -31,7 +31,7 @@ Radar System Analysis and Modeling, 2005.
 
 import math
 from functools import lru_cache
-from typing import Final, NamedTuple
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,54 +43,21 @@ from radarsim.addons.fmcw.radar_equation import (
     sample_count,
 )
 from radarsim.addons.fmcw.viewpoints import Viewpoints
+from radarsim.engine import engine
 from radarsim.geometry import Floats
-from radarsim.jit import njit_cached, njit_inline
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.rng import fixed_number
 
 Words = NDArray[np.uint64]
-Field = NDArray[np.complex64]
 
-FAINT: Final = 1e-5  # in units of the noise; what is less has no amplitude
 _LEVELS: Final = 1024  # of amplitudes, phases and speeds
 _MASK: Final = np.uint64(_LEVELS - 1)
 # Steps and factors of the generator SplitMix64 (Steele, Lea and Flood, 2014).
 _STEP: Final = np.uint64(0x9E3779B97F4A7C15)
 _FIRST_FACTOR: Final = np.uint64(0xBF58476D1CE4E5B9)
 _SECOND_FACTOR: Final = np.uint64(0x94D049BB133111EB)
-_BITS: Final = tuple(np.uint64(n) for n in (10, 20, 27, 30, 31))
-
-
-class Tables(NamedTuple):
-    """Values for each of the levels of a hash.
-
-    Attributes:
-        amplitudes: (L,) float32, of a mean power of 1 and exponential distribution.
-        phasors: (L, 2) float32, real and imaginary part of a unit vector.
-        speeds: (L,) float32, standard normal.
-    """
-
-    amplitudes: NDArray[np.float32]
-    phasors: NDArray[np.float32]
-    speeds: NDArray[np.float32]
-
-
-class Scatterers(NamedTuple):
-    """The scatterers of columns of the fan, as an antenna sees them; N columns.
-
-    Attributes:
-        keys: (N,) uint64, of the hash of each column.
-        starts: (N,) int64, number of the scatterer in the first bin.
-        phases: (N,) uint64, of the column, in levels.
-        drifts: (N,) by how many levels the phase turns of a scatterer of 1 m/s.
-        tables: The ``Tables``.
-    """
-
-    keys: Words
-    starts: NDArray[np.int64]
-    phases: Words
-    drifts: Floats
-    tables: Tables
+# Those of a column of the fan, as an antenna sees them: rows of the engine.
+Scatterers: TypeAlias = NDArray[np.void]
 
 
 class Speckle:
@@ -107,7 +74,7 @@ class Speckle:
         self._key = fixed_number(rng)
 
     def scatterers(self, azimuths: Floats, view: Viewpoints, salt: int) -> Scatterers:
-        """Return the scatterers in directions.
+        """Return the scatterers in directions, (N,).
 
         Args:
             azimuths: (N,) rad, clockwise from straight ahead.
@@ -135,105 +102,43 @@ class Speckle:
         # The phase is that in the middle of the sweep, by when a tone has turned too.
         tone = 0.5 * sample_count(it) / fft_length(it)
         turns = np.remainder(starts * tone - 2 * along / it.wavelength, 1.0)
-        return Scatterers(
-            keys,
-            starts,
-            (turns * _LEVELS).astype(np.uint64) & _MASK,
-            _LEVELS * 2 * view.times / it.wavelength,
-            _tables(),
-        )
+        found = np.zeros(len(keys), engine.structures["Scatterers"].dtype)
+        found["key"], found["start"] = keys, starts
+        found["phase"] = (turns * _LEVELS).astype(np.uint64) & _MASK
+        found["drift"] = _LEVELS * 2 * view.times / it.wavelength
+        return found
 
 
 def _mixed(words: Words) -> Words:
-    mixed: Words = np.empty_like(words)
-    _mix_all(words, mixed)
-    return mixed
-
-
-@njit_cached
-def _mix_all(words: Words, mixed: Words) -> None:
-    for i in range(len(words)):
-        mixed[i] = _mix(words[i])
-
-
-@njit_inline
-def _mix(word: np.uint64) -> np.uint64:
-    word = (word ^ (word >> _BITS[3])) * _FIRST_FACTOR
-    word = (word ^ (word >> _BITS[2])) * _SECOND_FACTOR
-    return word ^ (word >> _BITS[4])
+    words = (words ^ (words >> np.uint64(30))) * _FIRST_FACTOR
+    words = (words ^ (words >> np.uint64(27))) * _SECOND_FACTOR
+    return words ^ (words >> np.uint64(31))
 
 
 @lru_cache(maxsize=1)
-def _tables() -> Tables:
+def hash_levels() -> NDArray[np.void]:
+    """Return what each level of a hash stands for: rows of the engine."""
     shares = (np.arange(_LEVELS) + 0.5) / _LEVELS
     power = -np.log(shares)
     turns = 2 * math.pi * np.arange(_LEVELS) / _LEVELS
-    phasors = np.stack([np.cos(turns), np.sin(turns)], axis=-1)
     speeds = ndtri(shares)
-    return Tables(
-        np.sqrt(power / power.mean()).astype(np.float32),
-        phasors.astype(np.float32),
-        (speeds / speeds.std()).astype(np.float32),
-    )
+    levels = np.zeros(_LEVELS, engine.structures["HashLevel"].dtype)
+    # Of a mean power of 1 and exponential distribution; speeds are standard normal.
+    levels["amplitude"] = np.sqrt(power / power.mean())
+    levels["real"], levels["imaginary"] = np.cos(turns), np.sin(turns)
+    levels["speed"] = speeds / speeds.std()
+    return levels
 
 
-@njit_inline
-def fill_amplitudes(
-    scatterers: Scatterers,
-    column: int,
-    first: int,
-    power: NDArray[np.float32],
-    sway: NDArray[np.float32],
-    amplitudes: NDArray[np.float32],
-) -> None:
-    """Fill the amplitudes of neighbouring bins of a column.
-
-    Args:
-        scatterers: The ``Scatterers``.
-        column: Row of these.
-        first: The first bin.
-        power: (N,) mean power of each bin.
-        sway: (2, N) mean power of what the wind moves, and that times its rms speed,
-            m/s; (2, 0) if nothing does.
-        amplitudes: (2 N,) real and imaginary parts.
-    """
-    key, phase = scatterers.keys[column], scatterers.phases[column]
-    start, drift = scatterers.starts[column] + first, scatterers.drifts[column]
-    tables = scatterers.tables
-    for b in range(len(power)):
-        if power[b] <= FAINT:
-            amplitudes[2 * b] = 0.0
-            amplitudes[2 * b + 1] = 0.0
-            continue
-        word = _mix(key + np.uint64(start + b) * _STEP)
-        size = np.sqrt(power[b]) * tables.amplitudes[word & _MASK]
-        turned = (word >> _BITS[0]) + phase
-        if sway.shape[1] > 0 and sway[0, b] > 0.0:
-            # Of all scatterers as many move as the share of the power that does.
-            share = float(word >> _BITS[3]) / 2.0**34
-            if share * power[b] < sway[0, b]:
-                speed = tables.speeds[(word >> _BITS[1]) & _MASK]
-                levels = drift * speed * sway[1, b] / sway[0, b]
-                turned += np.uint64(np.int64(np.floor(levels)))
-        place = turned & _MASK
-        amplitudes[2 * b] = size * tables.phasors[place, 0]
-        amplitudes[2 * b + 1] = size * tables.phasors[place, 1]
-
-
-@njit_cached
 def add_amplitudes(
     scatterers: Scatterers, power: NDArray[np.float32], field: NDArray[np.float32]
 ) -> None:
     """Add the amplitudes of the same mean power in several directions.
 
     Args:
-        scatterers: (N) the ``Scatterers``.
+        scatterers: (N,) those of the directions.
         power: (B,) mean power.
         field: (N, 2 B) real and imaginary parts.
     """
-    amplitudes = np.zeros(field.shape[1], np.float32)
-    still = np.zeros((2, 0), np.float32)
-    for row in range(len(field)):
-        fill_amplitudes(scatterers, row, 0, power, still, amplitudes)
-        for b in range(len(amplitudes)):
-            field[row, b] += amplitudes[b]
+    pairs = field.reshape(len(field), len(power), 2)
+    engine.add_amplitudes(scatterers, hash_levels(), power, pairs)

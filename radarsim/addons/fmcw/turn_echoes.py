@@ -23,19 +23,20 @@ Powers are in units of the noise: in watts many are too small for float32.
 """
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from radarsim.addons.fmcw.beat_signal import Power
 from radarsim.addons.fmcw.radar_equation import gaussian, rows_in_beam
-from radarsim.addons.fmcw.range_lines import NEAREST, Bins, Lines, Power
-from radarsim.addons.fmcw.ray_power import FanRays, TracedFan, add_ray
 from radarsim.addons.fmcw.scattering import Scattering
-from radarsim.addons.fmcw.speckle import Scatterers, fill_amplitudes
+from radarsim.addons.fmcw.speckle import Scatterers, hash_levels
+from radarsim.engine import Packed, engine
 from radarsim.geometry import Floats
-from radarsim.jit import njit_cached, njit_inline
 from radarsim.presets.fmcw_settings import FmcwSettings
+from radarsim.raycast.attenuation import Events
+
+NEAREST: Final = 0.3  # m; nearer the far field, and 1 / R^2, do not hold
 
 
 def pattern_table(settings: FmcwSettings) -> Floats:
@@ -49,28 +50,6 @@ def pattern_table(settings: FmcwSettings) -> Floats:
     steps = np.arange(-half, half + 2)[None, :] - np.arange(parts)[:, None] / parts
     width = math.radians(settings.beamwidth_az_deg)
     return gaussian(steps * settings.step, width) ** 2
-
-
-class Beams(NamedTuple):
-    """Where the power of a turn is added up.
-
-    Attributes:
-        power: (A + K, B) float32, of the directions; its first row is that of the one
-            that is (K - 2) / 2 before the first.
-        total: (B,) the power of all columns.
-        field: (A + K, 2 B) float32, real and imaginary parts of the amplitudes of the
-            same directions.
-        lines: That of one column and the next, which are not spread yet.
-        pattern: (F, K) from ``pattern_table``.
-        amplitudes: (2 B,) float32, overwritten.
-    """
-
-    power: Power
-    total: Floats
-    field: Power
-    lines: Lines
-    pattern: Floats
-    amplitudes: Power
 
 
 class Echoes(NamedTuple):
@@ -104,62 +83,58 @@ class TurnEchoes:
         """
         self._settings = settings
         self._half = rows_in_beam(settings)
-        rows = settings.azimuths + 2 * self._half + 2
-        bins = settings.bins
-        self.total = np.zeros(bins)
-        lines = Lines(
-            np.zeros((2, bins), np.float32),
-            np.zeros((2, 2, bins if sways else 0), np.float32),
-            np.zeros((2, 2), np.int64),
-        )
-        lines.spans[:, 0] = bins
-        lines.spans[:, 1] = -1
-        self._beams = Beams(
-            np.zeros((rows, bins), np.float32),
-            self.total,
-            np.zeros((rows, 2 * bins), np.float32),
-            lines,
-            pattern_table(settings),
-            np.zeros(2 * bins, np.float32),
-        )
-        ranges = np.arange(settings.bins) * settings.bin_size
+        rows, bins = settings.azimuths + 2 * self._half + 2, settings.bins
+        ranges = np.arange(bins) * settings.bin_size
         near = ranges < NEAREST
-        self._per_square = np.where(near, 0.0, 1.0 / np.maximum(ranges, NEAREST) ** 2)
+        self._lines = engine.structures["RangeLines"].pack(
+            bin_size=settings.bin_size,
+            per_square=np.where(near, 0.0, 1.0 / np.maximum(ranges, NEAREST) ** 2),
+            power=np.zeros((2, bins), np.float32),
+            sway=np.zeros((2, 2, bins if sways else 0), np.float32),
+            spans=np.array([[bins, -1]] * 2),
+        )
+        # The first row is that of the direction that is ``half`` before the first.
+        self._power = np.zeros((rows, bins), np.float32)
+        self._field = np.zeros((rows, 2 * bins), np.float32)
+        self.total = np.zeros(bins)
+        self._beams = engine.structures["Beams"].pack(
+            power=self._power,
+            field=self._field.reshape(rows, bins, 2),
+            total=self.total,
+            pattern=pattern_table(settings),
+            amplitudes=np.zeros((bins, 2), np.float32),
+        )
 
     def add(
         self,
         rows: range,
-        rays: FanRays,
-        events: NDArray[np.void],
+        rays: Packed,
+        events: Events,
         scattering: Scattering,
         scatterers: Scatterers,
-        full: float,
-        db_per_power: float,
     ) -> None:
         """Add the rays of directions, which follow those that were added before.
 
         Args:
             rows: The directions.
-            rays: Their rays.
+            rays: Their rays, as the engine's ``FanRays``.
             events: What these met, in order.
             scattering: What the parts of the scene scatter.
             scatterers: Those of their columns, and of the first one after these.
-            full: Power with which the rays start.
-            db_per_power: dB one way in a unit of that.
         """
-        settings = self._settings
-        bins = Bins(
-            settings.bin_size,
-            self._per_square,
-            full,
-            db_per_power,
-            settings.wavelength,
+        first = rows.start * self._settings.rays_across
+        closes = rows.stop == self._settings.azimuths
+        engine.add_rays(
+            self._beams,
+            self._lines,
+            rays,
+            events,
+            scattering.packed,
+            scatterers,
+            hash_levels(),
+            first,
+            closes,
         )
-        traced = TracedFan(rays, events, scattering, bins)
-        parts = settings.rays_across
-        first, end = rows.start * parts, rows.stop * parts
-        closes = rows.stop == settings.azimuths
-        _add_rays(self._beams, traced, scatterers, first, end, closes)
 
     def rows(
         self,
@@ -176,10 +151,9 @@ class TurnEchoes:
             before: The turn before this one.
             after: The turn after this one.
         """
-        own, other, next_ = self._beams, before._beams, after._beams
         return Echoes(
-            self._sum(first, last, own.power, other.power, next_.power),
-            self._sum(first, last, own.field, other.field, next_.field),
+            self._sum(first, last, self._power, before._power, after._power),
+            self._sum(first, last, self._field, before._field, after._field),
         )
 
     def _sum(
@@ -203,73 +177,3 @@ class TurnEchoes:
         """Return what the sidelobes of each direction receive of this turn, (B,)."""
         level = 10 ** (self._settings.sidelobe_db / 10)
         return np.asarray(level * self.total, np.float32)
-
-
-@njit_cached
-def _add_rays(
-    beams: Beams,
-    fan: TracedFan,
-    scatterers: Scatterers,
-    first: int,
-    end: int,
-    closes: bool,
-) -> None:
-    """Add the power of the rays of some columns.
-
-    Args:
-        beams: The ``Beams``.
-        fan: The ``TracedFan``.
-        scatterers: The ``Scatterers`` of these columns, and of the one after the last.
-        first: The first column.
-        end: The column after the last.
-        closes: Whether that is the first one of the next turn.
-    """
-    inside = np.zeros(len(fan.scattering.gamma) + 1, np.int64)
-    ray, event = 0, 0
-    # Rays add to their column and to the next one, so that two lines are enough: each
-    # is spread when its column is done, and is then the one after the next.
-    for column in range(first, end):
-        while ray < len(fan.rays.column) and fan.rays.column[ray] == column:
-            event = add_ray(fan, beams.lines, inside, column & 1, ray, event)
-            ray += 1
-        _spread_line(beams, scatterers, column, column - first)
-    if closes:
-        _spread_line(beams, scatterers, end, end - first)
-
-
-@njit_inline
-def _spread_line(beams: Beams, scatterers: Scatterers, column: int, own: int) -> None:
-    """Add a column's echoes to the directions that see it, and clear it.
-
-    Args:
-        beams: The ``Beams``.
-        scatterers: The ``Scatterers``.
-        column: The column.
-        own: Its row in these.
-    """
-    lines, pattern, here = beams.lines, beams.pattern, column & 1
-    low, high = lines.spans[here, 0], lines.spans[here, 1]
-    if high < low:
-        return
-    line = lines.power[here, low : high + 1]
-    sway = lines.sway[here, :, low : high + 1]
-    amplitudes = beams.amplitudes[2 * low : 2 * high + 2]
-    fill_amplitudes(scatterers, own, low, line, sway, amplitudes)
-    row, part = column // len(pattern), column % len(pattern)
-    # Loops over bins, not sums of slices, which would be new arrays.
-    for k in range(pattern.shape[1]):
-        # Row 0 is that of ``half`` directions before the first, as in the pattern.
-        gain = np.float32(pattern[part, k])
-        seen = beams.power[row + k, low : high + 1]
-        for b in range(len(line)):
-            seen[b] += gain * line[b]
-        field_gain = np.float32(np.sqrt(pattern[part, k]))
-        field = beams.field[row + k, 2 * low : 2 * high + 2]
-        for b in range(len(amplitudes)):
-            field[b] += field_gain * amplitudes[b]
-    total = beams.total[low : high + 1]
-    for b in range(len(line)):
-        total[b] += line[b]
-        line[b] = 0.0
-    sway[:] = 0.0
-    lines.spans[here, 0], lines.spans[here, 1] = len(beams.total), -1

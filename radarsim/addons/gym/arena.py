@@ -1,12 +1,12 @@
 """Robots of one class in a scene, driven for one decision period at a time.
 
 They are those of a simulation: the same motion, collisions and scans. Here nothing is
-reported between two decisions, so that a period takes a few compiled calls.
+reported between two decisions, so that a period takes a few calls of the engine.
 """
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,8 @@ from radarsim.sensors.range_scanner import RangeScanner
 from radarsim.sensors.scan_batch import ScanRequest, scan_batch, scan_ranges
 from radarsim.simulation.clock import TICK, ticks_of
 from radarsim.simulation.config import SimulationConfig
+
+MOST_SECONDS: Final = 10_000.0  # of a decision, as nothing interrupts the engine
 
 
 class BeamReadings(NamedTuple):
@@ -78,6 +80,9 @@ class Arena:
         # Less than half a tick would be rounded to a period of none.
         if not TICK / 2 < period < math.inf:
             text = f"decision period {period!r} s, expected at least {TICK:g} s"
+            raise ValueError(text)
+        if period > MOST_SECONDS:
+            text = f"decision period {period!r} s, expected at most {MOST_SECONDS:g} s"
             raise ValueError(text)
         self._meets, self._ticks = meets, ticks_of(period)
         item = _scanner_item(self.model, settings.scanner)
@@ -158,7 +163,7 @@ class Arena:
         wheels = [LEFT_SPIN, RIGHT_SPIN]
         self._fleet.columns[self._slots[:, None], wheels] = speeds * self._max_spin
         touched = np.zeros(len(self._robots), np.bool_)
-        # All ticks of a period in one compiled call.
+        # All ticks of a period in one call of the engine.
         touched[self._present] = self._fleet.drive(
             self._slots[self._present], TICK, self._ticks, meets=self._meets
         )

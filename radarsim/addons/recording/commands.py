@@ -18,7 +18,6 @@ from rich.table import Column, Table
 
 from radarsim import __version__
 from radarsim.cli.app import EntryGroup
-from radarsim.cli.compile_progress import with_compile_progress
 from radarsim.cli.entries import CommandEntry
 from radarsim.cli.output import print_message, start_log
 from radarsim.cli.server_options import Listener, announce
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
 Folder = Annotated[Path, Option(is_argument=True, metavar="DIR")]
 
 
-@with_compile_progress
 def replay(
     folder: Folder,
     listener: Listener,

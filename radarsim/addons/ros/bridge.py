@@ -49,7 +49,7 @@ MAP_INTERVAL: Final = 1.0  # s of simulated time between messages of a map
 MAP_RESOLUTION: Final = 0.05  # m, side of a cell
 DEAD_MAN: Final = 0.5  # s after the last command
 CHECK_INTERVAL: Final = 0.05  # s
-SPAWN_TIMEOUT: Final = 120.0  # s; the server may have to compile
+SPAWN_TIMEOUT: Final = 120.0  # s; the server may be busy
 SILENCE: Final = 60.0  # s that one call waits for reports
 
 # Called with a forward speed, m/s, and a turn rate, rad/s.

@@ -1,6 +1,6 @@
 """The host that a test asks for.
 
-Apart from the fixtures, because it imports the engine: numba, Embree, shapely.
+Apart from the fixtures, because it imports the engine, Embree and shapely.
 """
 
 import math

@@ -1,8 +1,8 @@
 """What goes on with robots beside driving: tasks, and the maps that are made.
 
 Tasks run in threads, as what they are done with blocks; so do makers of maps. All of it
-is in ``algorithms``, which takes seconds to import and what it has compiled to load. So
-the program does that beside all else; who asks earlier waits for it.
+is in ``algorithms``, which takes a second to import. So the program does that beside
+all else; who asks earlier waits for it.
 """
 
 import asyncio

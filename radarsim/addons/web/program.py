@@ -10,7 +10,6 @@ import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,7 +35,7 @@ from radarsim.addons.web.requests import (
 from radarsim.addons.web.time_control import ServerTime, TimeControl
 from radarsim.addons.web.viewers import SlowViewer
 from radarsim.errors import RadarsimError
-from radarsim.listening import bind, exit_code_of_signal
+from radarsim.listening import bind, exit_code_of_signal, in_daemon_thread
 from radarsim.plotting.palette import PAGE_COLOURS
 from radarsim.server.web_server import AllowedHosts, HostCheck, WebServer, is_token
 from radarsim.simulation.config import SimulationConfig
@@ -142,7 +141,7 @@ async def serve_page(
         server = WebServer(
             app, lambda: announce(address), longest_message=LONGEST_MESSAGE
         )
-        loading = asyncio.ensure_future(_in_thread(_load_scene, settings.map))
+        loading = asyncio.ensure_future(in_daemon_thread(_load_scene, settings.map))
         # A child lets browsers in meanwhile: its parent has found the map right.
         if not settings.is_child:
             await asyncio.wait({end, loading}, return_when=asyncio.FIRST_COMPLETED)
@@ -174,9 +173,7 @@ async def _work(
         scene = await loading
         if scene is not None:
             commander.show_scene(scene)
-        await _in_thread(_import_algorithms)
-        await asyncio.sleep(FIRST_LOOK)
-        await _in_thread(_load_algorithms)
+        await in_daemon_thread(_import_algorithms)
         await running
     finally:
         running.cancel()
@@ -207,28 +204,6 @@ def _load_scene(map_: str | None) -> "SceneMessages | None":
 
 def _import_algorithms() -> None:
     import radarsim.addons.web.algorithms  # noqa: F401, PLC0415
-
-
-def _load_algorithms() -> None:
-    from radarsim.autonomy.exploration.exploration import warm_up  # noqa: PLC0415
-
-    warm_up()
-
-
-async def _in_thread(function: Callable[..., Result], *arguments: object) -> Result:
-    """Call a function in a thread for which the end of the program does not wait."""
-    future: Future[Result] = Future()
-    # Who awaits it may be cancelled, but a call that runs cannot be.
-    future.set_running_or_notify_cancel()
-
-    def run() -> None:
-        try:
-            future.set_result(function(*arguments))
-        except Exception as error:  # noqa: BLE001 - raised where it is awaited
-            future.set_exception(error)
-
-    threading.Thread(target=run, daemon=True).start()
-    return await asyncio.wrap_future(future)
 
 
 def _follow_parent(time: ServerTime, exit_code: asyncio.Future[int]) -> None:

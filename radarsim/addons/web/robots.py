@@ -28,7 +28,7 @@ from radarsim.simulation.config import SimulationConfig
 MOST_ROBOTS: Final = 100  # that the commander spawns
 MOST_VIEWS: Final = 2000  # robots that are known; a server has at most 1024
 ANSWER: Final = 5.0  # s that a server has to answer
-SPAWN_TIMEOUT: Final = 120.0  # s; a server may have to compile first
+SPAWN_TIMEOUT: Final = 120.0  # s; a server may be busy
 PLAYED: Final = "a recording is played, in which robots do what they did"
 LONG_WAIT: Final = 4.0  # s for a robot, after which a browser is told why
 
@@ -186,7 +186,7 @@ class Robots:
     async def _spawn(self, viewer: Viewer, name: str, request: Spawn) -> None:
         def tell_wait() -> None:
             text = f"{name} is not there yet: there is no free place, or the server"
-            text += " is paused or still compiles"
+            text += " is paused or busy"
             viewer.send({"op": "notice", "text": text})
 
         start, pose = request.start, request.pose and Pose2(*request.pose)

@@ -12,7 +12,6 @@ from annotated_types import Interval
 
 from radarsim.autonomy.commands.film import check_start
 from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
-from radarsim.cli.compile_progress import with_compile_progress
 from radarsim.cli.fields import (
     LOCAL_SERVER,
     Json,
@@ -61,7 +60,6 @@ class MapFileOptions(RunFiles):
     mode: Annotated[Literal["trinary", "scale"], RARE] = "trinary"
 
 
-@with_compile_progress
 def map_(
     where: MappedPlace,
     plan: ExplorationPlan,
@@ -85,12 +83,11 @@ def map_(
     """
     _check_combination(where, plan, files)
 
-    # Late, so that wrong options are told at once: numpy, kernels and plots take long.
+    # Late, so that wrong options are told at once: numpy and plots take long.
     from radarsim.addons.recording.run_recording import RunRecording
     from radarsim.autonomy.commands.map_files import MapFiles
     from radarsim.autonomy.commands.map_run import MapOutput, explore, follow
     from radarsim.autonomy.evaluation.mapping_run import MappingRun
-    from radarsim.autonomy.exploration.exploration import warm_up
 
     recording = RunRecording(files.record, plan.drive_unit, robots_map=True)
     # Without the variant of a map, which follows an ``@``.
@@ -114,7 +111,6 @@ def map_(
         check_start(None if served is None else served.simulation.scene, plan.start)
         check_robot(plan.robot_class, served)
         start_log(logging.WARNING, MESSAGE_FORM)
-        warm_up()
         run = MappingRun(plan, served, seed=where.seed)
         run.connect = recording.connect
         explore(run, output, address)

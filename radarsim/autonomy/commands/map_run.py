@@ -21,14 +21,13 @@ from radarsim.autonomy.evaluation.mapping_run import MappingResult, MappingRun
 from radarsim.autonomy.exploration.exploration import (
     Exploration,
     ExplorationStep,
-    warm_up,
 )
 from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.plotting.area import draw_area_curves
 from radarsim.autonomy.watching import RobotWatcher, WatchMapper
-from radarsim.cli.compile_progress import live_status
 from radarsim.cli.files import PICTURE_FORMS, check_ending, check_writable, write_file
 from radarsim.cli.output import print_lines, print_message, start_log
+from radarsim.cli.progress import live_status
 from radarsim.errors import describe_os_error
 from radarsim.plotting.style import as_words
 from radarsim.processes import raise_on_signals
@@ -250,8 +249,6 @@ def follow(
     recording = output.recording
     output.check()
     start_log(logging.WARNING, "%(message)s")
-    # Before it connects: else scans pass while kernels are being compiled.
-    warm_up()
     result = MappingResult(
         None, follower.motion_source, trip=follower.trip, outcome="watched"
     )

@@ -13,7 +13,6 @@ import click
 
 from radarsim.autonomy.commands.film import check_film, check_start, filmed
 from radarsim.autonomy.navigation.plans import Mission
-from radarsim.cli.compile_progress import with_compile_progress
 from radarsim.cli.fields import (
     LOCAL_SERVER,
     Json,
@@ -79,7 +78,6 @@ class NavigationFiles(RunFiles):
                 print_message(f"wrote {self.plot}")
 
 
-@with_compile_progress
 def navigate(
     where: Simulation,
     mission: Mission,

@@ -17,7 +17,7 @@ from radarsim.autonomy.navigation.run_log import Row, RunLog
 from radarsim.autonomy.plotting.frames import RunFrames, first_run_extent
 from radarsim.autonomy.plotting.outlines import Outline, outlines_of
 from radarsim.autonomy.plotting.runs import NO_PATH, RunView, SteeringSensor
-from radarsim.cli.compile_progress import live_status
+from radarsim.cli.progress import live_status
 from radarsim.errors import PresetError
 from radarsim.geometry import Floats, Point
 from radarsim.plotting.film import Pixels

@@ -18,9 +18,9 @@ from rich.table import Table
 from rich.text import Text
 
 from radarsim.autonomy.navigation.algorithms import Algorithm, Rule
-from radarsim.cli.compile_progress import compile_now, with_bar, with_compile_progress
 from radarsim.cli.fields import Json
 from radarsim.cli.output import print_lines
+from radarsim.cli.progress import with_bar
 from radarsim.errors import MapError, PresetError, escape_unprintable, expected_one_of
 from radarsim.plans import RARE, Form, Option
 from radarsim.processes import process_cpu_count, raise_on_signals
@@ -40,7 +40,6 @@ def _read_names(text: str) -> tuple[str, ...]:
 Names: TypeAlias = Annotated[tuple[str, ...], Form("NAME,...", _read_names)]
 
 
-@with_compile_progress
 def trials(
     maps: Annotated[
         tuple[str, ...], Option(is_argument=True, metavar="MAP", words="maps")
@@ -78,8 +77,6 @@ def trials(
         )
     ]
     processes = min(workers or process_cpu_count(), len(todo))
-    # before the clock runs, and once instead of in each process
-    compile_now()
     began = time.perf_counter()
     running = run_tasks(run_trial, todo, workers=processes)
     with raise_on_signals(), closing(running):

@@ -17,8 +17,6 @@ from radarsim.autonomy.exploration.path_follower import (
 from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
 from radarsim.autonomy.exploration.second_look import SecondLook
 from radarsim.autonomy.exploration.strategies import create_strategy, find_unexplored
-from radarsim.autonomy.exploration.traversability import TraversabilityMap
-from radarsim.autonomy.mapping.localization import SAMPLE_SCANNER, sample_reports
 from radarsim.autonomy.mapping.mapper import Mapper, MapperSettings
 from radarsim.autonomy.mapping.slam import SlamSettings
 from radarsim.autonomy.navigation.bumpers import Bumpers
@@ -33,22 +31,9 @@ from radarsim.autonomy.navigation.observation import Observation, check_beams
 from radarsim.autonomy.navigation.runner import TripMeter
 from radarsim.client import Client
 from radarsim.errors import ClientError, MappingError, NavigationError
-from radarsim.geometry import Point, Pose2
+from radarsim.geometry import Point
 
 NOISE = 0.05  # m; estimated poses differ by less while the robot stands
-
-
-def warm_up() -> None:
-    """Make small maps, with and without a motion source, and plan on them."""
-    for settings in (SlamSettings(), SlamSettings(motion_source="none")):
-        mapper = Mapper(SAMPLE_SCANNER, MapperSettings(slam=settings, robot_radius=0.2))
-        for report in sample_reports():
-            mapper.take(report)
-        floor = TraversabilityMap(mapper.grid, 0.4)
-        center = Pose2(0.0, 0.0)
-        floor.find_path(center, floor.frontiers | floor.unvisited)
-        floor.outer_boundary(floor.reachable(center))
-        mapper.grid.drivable_cells(0.4)
 
 
 class Outcome(StrEnum):
@@ -135,9 +120,6 @@ class Exploration:
             Each scan, after the robot was commanded. Where the caller closes the
             generator before its end, the robot stands and the map is whole, too.
         """
-        # Before the robot is there: kernels are compiled for seconds, in which it would
-        # drive on blindly.
-        warm_up()
         try:
             loop, strategy = self._prepare(client)
             yield from self._explore(loop, strategy)

@@ -3,26 +3,20 @@
 The scans are matched with those before (``slam``); the motion in between is that of an
 INS. When a loop closes, or the map is turned back to its start, poses of earlier scans
 change as well: what was kept by them can be corrected.
-
-``sample_reports`` are those of a made-up robot, by which all that is compiled for
-localization can be compiled before a robot drives.
 """
 
 import math
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-import numpy as np
-
 from radarsim.autonomy.mapping.motion_reports import MotionReports
-from radarsim.autonomy.mapping.point_map import PointMap
 from radarsim.autonomy.mapping.scan import MAX_RANGE, read_scan
 from radarsim.autonomy.mapping.slam import Slam, SlamSettings
 from radarsim.client import ScannerInfo
-from radarsim.geometry import Pose2, Pose3, wrap_angle
-from radarsim.protocol.reports import EchoLine, Ins, RangeScan, Report, TargetEchoes
+from radarsim.geometry import Pose2, wrap_angle
+from radarsim.protocol.reports import Ins, RangeScan, TargetEchoes
 
 # Side beams of a radar show the end of a wall beside it, from each side another way:
 # what a few points say together is off by that, and where there is little to see an INS
@@ -99,37 +93,3 @@ class Localizer:
         """
         trajectory = self.slam.trajectory
         return trajectory.poses[max(bisect_right(trajectory.times, time) - 1, 0)]
-
-
-_BEAMS: Final = 90
-_FOV: Final = math.radians(356)
-SAMPLE_SCANNER: Final = ScannerInfo(
-    "x", Pose3(0, 0, 0), 0.1, 6.0, math.radians(4), _FOV, _BEAMS
-)
-_SCANS: Final = 3
-_POINTS: Final = 1000  # more than a new map has rows for
-
-
-def sample_reports() -> Iterator[Report]:
-    """Return what a robot reports inside a round wall, with a hedge on one side.
-
-    Those who drive by scans take these once before: the first use of a compiled
-    function on a machine takes seconds, in which a moving robot would go on blindly.
-    """
-    # So many that the table grows, as copying it is compiled, too.
-    PointMap().add(np.zeros((_POINTS, 2)))
-    for k in range(_SCANS):
-        time = 0.1 * k
-        yield Ins(time, "x", Pose3(0.3 * k, 0.0, 0.0))
-        yield EchoLine(time, "x", 1, 2, _echoes("wall", _BEAMS, 5.0, "hit"))
-        yield EchoLine(time, "x", 2, 2, _echoes("hedge", _BEAMS // 2, 3.0, "enter"))
-        ranges = np.full(_BEAMS, 5.0)
-        yield RangeScan(time, "x", math.radians(4), _FOV, ranges)
-
-
-def _echoes(name: str, count: int, range_: float, kind: str) -> TargetEchoes:
-    beams, ones = np.arange(count), np.ones(count)
-    kinds, flags = (kind,) * count, (False, False)
-    return TargetEchoes(
-        name, name, 1.0, 0.5, *flags, beams, range_ * ones, kinds, ones, ones
-    )

@@ -36,8 +36,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from radarsim.autonomy.mapping.point_map import PointMap, Table
+from radarsim.autonomy.mapping.point_map import PointMap
 from radarsim.autonomy.mapping.scan_matching import Fit, ScanPoints, best_start, fit
+from radarsim.engine import Packed
 from radarsim.geometry import Floats, Pose2
 
 REACHES: Final = 1.5  # distance at which keyframes are left behind, by the reach
@@ -262,7 +263,7 @@ class LoopCloser:
 
 
 def find_pose(
-    table: Table, keyframe: Keyframe, limit: float, turn: float
+    table: Packed, keyframe: Keyframe, limit: float, turn: float
 ) -> Fit | None:
     """Find where a keyframe is on a map, near its pose.
 

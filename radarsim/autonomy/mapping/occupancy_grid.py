@@ -22,21 +22,10 @@ from typing import Any, Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.autonomy.mapping.inverse_sensor_model import (
-    LOG_ODDS_FREE,
-    LOG_ODDS_LIMIT,
-    NEAR,
-    SENSED,
-    Beams,
-    Cells,
-    add_free_cells,
-    add_hits,
-    clear_scan_flags,
-)
 from radarsim.autonomy.mapping.scan import Layer, PlanarScan
+from radarsim.engine import engine
 from radarsim.errors import MappingError
 from radarsim.geometry import Floats, Pose2
-from radarsim.jit import njit_cached
 
 
 def distance_field(cells: NDArray[np.bool_], max_distance: float) -> Floats:
@@ -52,36 +41,9 @@ def distance_field(cells: NDArray[np.bool_], max_distance: float) -> Floats:
     Returns:
         (R, C) in cells; inf where no true cell is within the limit.
     """
-    squares = np.full(cells.shape, np.inf)
-    _fill_squared_distances(cells, math.floor(max_distance), squares)
-    distances: Floats = np.sqrt(squares)
-    # The kernel limits the rows that it looks at, but not the columns.
-    distances[distances > max_distance] = np.inf
+    distances = np.full(cells.shape, np.inf)
+    engine.fill_distances(np.ascontiguousarray(cells), max_distance, distances)
     return distances
-
-
-@njit_cached
-def _fill_squared_distances(
-    cells: NDArray[np.bool_], max_rows: int, squares: Floats
-) -> None:
-    # Squares of distances are separable: first the nearest true cell within each row,
-    # from both sides, then the best of the rows near by.
-    rows, columns = cells.shape
-    in_row = np.full((rows, columns), np.inf)
-    for i in range(rows):
-        since = np.inf
-        for j in range(columns):
-            since = 0.0 if cells[i, j] else since + 1.0
-            in_row[i, j] = since
-        since = np.inf
-        for j in range(columns - 1, -1, -1):
-            since = 0.0 if cells[i, j] else since + 1.0
-            in_row[i, j] = min(in_row[i, j], since)
-    for i in range(rows):
-        for k in range(max(i - max_rows, 0), min(i + max_rows + 1, rows)):
-            dy_squared = float((i - k) * (i - k))
-            for j in range(columns):
-                squares[i, j] = min(squares[i, j], in_row[k, j] ** 2 + dy_squared)
 
 
 T = TypeVar("T", bound=np.generic)
@@ -89,6 +51,8 @@ Mask = NDArray[np.bool_]
 
 RESOLUTION: Final = 0.05  # m
 SHORT_RANGE: Final = 3.0  # m, within which UsarCommander calls free space safe
+SENSED, NEAR = 1, 2  # flags of a cell, as in the engine's occupancy.hpp
+LOG_ODDS_FREE, LOG_ODDS_LIMIT = 2, 60  # tenths; as there
 GROWTH_STEP: Final = 64  # cells; growing by more at once is growing less often
 MAX_SIDE: Final = 1 << 15  # cells
 MAX_CELLS: Final = 1 << 26
@@ -243,24 +207,24 @@ class OccupancyGrid:
             raise ValueError("beams without a direction or an end, expected numbers")
         self._extend(sensor.x, sensor.y, ends)
         size = self.frame.resolution
-        beams = Beams(
-            start=np.array([sensor.x, sensor.y]) / size,
-            corner=np.array([self.frame.column, self.frame.row]),
-            directions=directions,
-            known_range=scan.known_range / size,
-            ends=scan.ends,
-            short_range=self._short_range,
-            sees_through=scan.sees_through,
+        hits = scan.hits
+        engine.add_scan(
+            self._evidence,
+            self._flags,
+            self.frame.row,
+            self.frame.column,
+            sensor.x / size,
+            sensor.y / size,
+            directions,
+            scan.known_range / size,
+            scan.ends,
+            hits.beams,
+            hits.near / size,
+            hits.far / size,
+            hits.layer,
+            self._short_range,
+            scan.sees_through,
         )
-        hits = scan.hits._replace(near=scan.hits.near / size, far=scan.hits.far / size)
-        # A beam crosses at most as many cells as there are rows and columns together.
-        path = np.zeros((2 * max(self.frame.shape) + 2, 2), np.int64)
-        cells = Cells(self._evidence, self._flags)
-        # Hits first: beams that pass must not weaken what others of the same scan hit.
-        # The flags that tell this are of one scan, and are cleared last.
-        add_hits(cells, beams, hits, path)
-        add_free_cells(cells, beams, path)
-        clear_scan_flags(cells, beams, path)
 
     def clear_disc(self, pose: Pose2, radius: float) -> None:
         """Mark the disc under the robot as sensed and free.

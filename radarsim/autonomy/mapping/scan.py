@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radarsim.client.robot_info import no_return
+from radarsim.engine import engine
 from radarsim.geometry import Floats, Pose2
-from radarsim.jit import njit_cached
 from radarsim.protocol.reports import RangeScan, TargetEchoes
 
 Number = TypeVar("Number", bound=np.generic)
@@ -48,17 +48,13 @@ class Layer(IntEnum):
 
 
 _ECHO_KINDS: Final = {
-    "enter": 0,
-    "leave": 1,
-    "sheet": 2,
-    "hit": 3,
-    "spent": 4,
-    "rain": 5,
+    kind: number
+    for number, kind in enumerate(("enter", "leave", "sheet", "hit", "spent", "rain"))
 }
-_LEAVE, _SHEET, _HIT, _SPENT, _RAIN = 1, 2, 3, 4, 5
 _END_OF_ECHO: Final = np.array(
     [*[BeamEnd.BLIND] * 3, BeamEnd.HIT, BeamEnd.SPENT, BeamEnd.AIR], np.int8
 )
+_HIT: Final = _ECHO_KINDS["hit"]
 MAX_RANGE: Final = 200.0  # m; limit of beams, even if a server states more
 ROUNDING: Final = 0.006  # m; how far an echo on the wire may be beyond the maximum
 
@@ -247,53 +243,12 @@ class _EchoTable(NamedTuple):
         """Return what the beams hit."""
         near, far = np.zeros((2, len(self.beams)))
         is_hit = np.zeros(len(self.beams), np.bool_)
-        _pair_echoes(self, known_range, near, far, is_hit)
+        engine.pair_echoes(*self[:4], known_range, near, far, is_hit)
         layer = np.where(self.passable, Layer.SMOKE, Layer.FOLIAGE).astype(np.int8)
         layer[self.kinds == _HIT] = Layer.SOLID
         far = np.minimum(far, known_range[self.beams])
         rows = np.flatnonzero(is_hit & (near <= far))
         return BeamHits(self.beams[rows], near[rows], far[rows], layer[rows])
-
-
-@njit_cached
-def _pair_echoes(
-    echoes: _EchoTable,
-    known_range: Floats,
-    near: Floats,
-    far: Floats,
-    is_hit: NDArray[np.bool_],
-) -> None:
-    """Join the points where beams enter targets with those where they leave them.
-
-    A beam that leaves a target which it has not entered began inside it; one that does
-    not leave what it has entered ended there. A target nested in itself counts once.
-    """
-    depth, begun, n = 0, 0.0, len(echoes.beams)
-    for i in range(n):
-        t, kind = echoes.ranges[i], echoes.kinds[i]
-        is_last = i + 1 == n or (
-            echoes.beams[i + 1] != echoes.beams[i]
-            or echoes.targets[i + 1] != echoes.targets[i]
-        )
-        # ``depth`` counts how deep the beam is in copies of one target, one in another.
-        if kind == _LEAVE:
-            near[i], far[i], is_hit[i] = begun, t, depth <= 1
-            # It may have begun in several copies: the next one it leaves begins here.
-            begun = t if depth <= 1 else begun
-            depth = max(depth - 1, 0)
-        elif kind in (_SHEET, _HIT):
-            near[i], far[i], is_hit[i] = t, t, True
-        elif kind == _SPENT:
-            near[i], far[i], is_hit[i] = (begun if depth else t), t, True
-            depth = 0
-        elif kind != _RAIN:
-            begun = begun if depth else t
-            depth += 1
-        if is_last:
-            if depth > 0:
-                end = max(known_range[echoes.beams[i]], t)
-                near[i], far[i], is_hit[i] = begun, end, True
-            depth, begun = 0, 0.0
 
 
 def _solid_points(beams: NDArray[np.int64], ranges: Floats) -> BeamHits:

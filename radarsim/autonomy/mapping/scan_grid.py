@@ -121,7 +121,7 @@ class RebuildableGrid:
         if self._next is None:
             return
         for stored in self.scans[self._added : self._added + count]:
-            # In the types that kernels are compiled for, and not once more for others.
+            # in the types that the engine takes
             exact = _converted(stored.scan, np.int64, np.float64)
             self._add(self._next, stored._replace(scan=exact))
             self._added += 1

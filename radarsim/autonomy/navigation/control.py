@@ -19,7 +19,7 @@ from radarsim.protocol.reports import Report
 HEADING_GAIN = 2.5  # 1/s: rad/s of turning for each rad of heading error
 STOP_AFTER = 0.5  # s without a scan after which the robot is stopped
 STUCK_AFTER = 3.0  # m that a robot was commanded to go without moving
-STUCK_AFTER_TURN: Final = math.tau  # rad that it was commanded to turn without turning
+STUCK_AFTER_TURN: Final = 2 * math.tau  # rad that it was to turn without turning
 STANDSTILL_LIMIT: Final = 60.0  # s
 _LONGEST_STEP: Final = 1.0  # s between two scans that counts as commanded
 _LEAST_MOVE = 0.1  # m; less is due to noise
@@ -105,7 +105,7 @@ class StuckDetector:
             self._distance += abs(twist.speed) * elapsed
             if self._distance > STUCK_AFTER:
                 pose, command = self._place, f"go {STUCK_AFTER:g} m"
-        if self._heading is None or _has_moved(self._heading, observation.pose):
+        if self._heading is None or has_moved(self._heading, observation.pose):
             self._heading, self._turn = observation.pose, 0.0
         else:
             self._turn += abs(twist.turn) * elapsed
@@ -133,7 +133,7 @@ class StandstillDetector:
             NavigationError: If the robot has stood for a minute.
         """
         reference = self._reference
-        if reference is None or _has_moved(reference.pose, observation.pose):
+        if reference is None or has_moved(reference.pose, observation.pose):
             self._reference = observation
         elif observation.time - reference.time > STANDSTILL_LIMIT:
             pose = observation.pose
@@ -144,7 +144,8 @@ class StandstillDetector:
             )
 
 
-def _has_moved(before: Pose2, now: Pose2) -> bool:
+def has_moved(before: Pose2, now: Pose2) -> bool:
+    """Return whether a robot has driven or turned by more than noise."""
     turned = abs(wrap_angle(now.yaw - before.yaw))
     return moved(before, now) > _LEAST_MOVE or turned > _LEAST_TURN
 

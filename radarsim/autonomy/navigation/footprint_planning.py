@@ -20,7 +20,6 @@ lattice where they keep as far from everything. Their clearance is exact: a stra
 motion sweeps a rectangle.
 """
 
-import heapq
 import itertools
 import math
 from dataclasses import dataclass
@@ -30,8 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.autonomy.navigation.grid_search import path_costs
+from radarsim.engine import engine
 from radarsim.geometry import Floats, Point, Pose2, wrap_angle
-from radarsim.jit import njit_cached
 
 CELL: Final = 0.05  # m
 LEAST_MARGIN: Final = 0.02  # m around the hull, within which nothing may be
@@ -48,6 +47,8 @@ _NEAR: Final = 0.5  # m from a path, beyond which clearances do not matter
 _AHEAD: Final = ((1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1))
 _HEADINGS: Final = np.array([*_AHEAD, *((-x, -y) for x, y in _AHEAD)], np.int64)
 _LENGTHS: Final = np.hypot(*_HEADINGS.T) * CELL
+# Of each motion at each heading: forward, backward, and the turns to the next headings.
+_COSTS: Final = np.column_stack([_LENGTHS, _LENGTHS * REVERSE, *np.full((2, 16), TURN)])
 # A path over 8 neighbours is at most that much longer than one over 16.
 _LONGER: Final = (1 + math.sqrt(2)) / math.sqrt(5)
 # Bits of a mask for each margin: one for each heading of half a turn, and one between.
@@ -115,11 +116,6 @@ class Hull:
         """Return ``motion_clearance`` of the motions from pose to pose, (P - 1,) m."""
         pairs = itertools.pairwise(poses)
         return np.array([self.motion_clearance(points, *pair) for pair in pairs])
-
-
-def warm_up() -> None:
-    """Plan a short path."""
-    plan_footprint(Hull(0.5, 0.4), np.array([[0.0, 0.5]]), Pose2(0.0, 0.0), (1.0, 0.0))
 
 
 def plan_footprint(
@@ -205,9 +201,7 @@ class _PoseGrid:
         cost = np.ones(self._shape)
         column, row = -self._first
         start = int(row) * columns + int(column)
-        # Made here, since only what is written of it takes memory, unlike in a kernel.
-        queues = np.zeros((2, rows * columns * len(_HEADINGS)), np.int32)
-        if not _are_joined(self._masks, start, self._goal, queues):
+        if not engine.are_joined(self._masks, _HEADINGS, start, self._goal):
             return None
         even = sum(1 << bit for bit in range(0, _BITS, 2))
         for level, more in enumerate(MORE, start=1):
@@ -217,13 +211,16 @@ class _PoseGrid:
         guide = path_costs(cost, divmod(self._goal, columns)) * (CELL / _LONGER)
         if not math.isfinite(guide.flat[start]):
             return None
-        parents = np.full(rows * columns * len(_HEADINGS), -1, np.int32)
-        state = _search(self._masks, guide, start, self._goal, parents)
+        # A state is the number of a cell times 16, and the number of a heading.
+        parents = np.zeros((rows * columns, len(_HEADINGS)), np.int32)
+        state = engine.search_states(
+            self._masks, _HEADINGS, _COSTS, *MORE, guide, start, self._goal, parents
+        )
         if state < 0:
             return None
         states = [state]
-        while parents[states[-1]] >= 0:
-            states.append(int(parents[states[-1]]))
+        while before := int(parents.flat[states[-1]]):
+            states.append(before - 1)
         cells, headings = np.divmod(np.array(states[::-1], np.int64), len(_HEADINGS))
         places = np.column_stack([cells % columns, cells // columns]) + self._first
         poses = places * CELL @ self._turned.T + (self._start.x, self._start.y)
@@ -256,115 +253,6 @@ def _bits(hull: Hull, ways: Floats, least: float) -> NDArray[np.int64]:
         for bit, row in enumerate(distances):
             mask |= (row <= margin).astype(np.int64) << (level * _BITS + bit)
     return mask
-
-
-@njit_cached
-def _search(
-    masks: NDArray[np.int64],
-    guide: Floats,
-    start: int,
-    goal: int,
-    parents: NDArray[np.int32],
-) -> int:
-    """Visit states by cost, guided (A*), until one is in the goal; return it, or -1.
-
-    A state is the number of a cell times 16, and the number of a heading. The first is
-    at heading 0.
-    """
-    columns = masks.shape[1]
-    best = np.full(masks.size * 16, np.inf)
-    first = np.int64(start * 16)
-    best[first] = 0.0
-    queue = [(guide[start // columns, start % columns], 0.0, first)]
-    while queue:
-        _, so_far, state = heapq.heappop(queue)
-        if so_far > best[state]:
-            continue  # a cheaper way here has been found since this was queued
-        if state // 16 == goal:
-            return int(state)
-        for move in range(4):
-            after, bits = _moved(masks, state, move)
-            if bits & 1:
-                continue
-            length = TURN
-            if move < 2:
-                length = _LENGTHS[state % 16] * (REVERSE if move else 1.0)
-            cost = 1.0 + MORE[0] * ((bits >> 16) & 1) + MORE[1] * ((bits >> 32) & 1)
-            total = so_far + length * cost
-            if total < best[after]:
-                best[after] = total
-                parents[after] = state
-                cell = after // 16
-                rest = guide[cell // columns, cell % columns]
-                heapq.heappush(queue, (total + rest, total, after))
-    return -1
-
-
-@njit_cached
-def _are_joined(
-    masks: NDArray[np.int64], start: int, goal: int, queues: NDArray[np.int32]
-) -> bool:
-    """Return whether moves lead from heading 0 in a cell to another cell.
-
-    Moves can be undone. So states are visited from both cells in turn until they meet,
-    or none is left on one side: that is far less than a search visits that fails.
-    """
-    if start == goal:
-        return True
-    columns = masks.shape[1]
-    sides = np.zeros(masks.size * 16, np.int8)  # from which each state was visited
-    done, queued = [0, 0], [1, 0]
-    queues[0, 0] = start * 16
-    sides[start * 16] = 1
-    for heading in range(16):
-        if not masks[goal // columns, goal % columns] >> (2 * heading % 16) & 1:
-            queues[1, queued[1]] = goal * 16 + heading
-            sides[goal * 16 + heading] = 2
-            queued[1] += 1
-    while True:
-        for side in range(2):
-            if done[side] == queued[side]:
-                return False
-            state = np.int64(queues[side, done[side]])
-            done[side] += 1
-            for move in range(4):
-                after, bits = _moved(masks, state, move)
-                if bits & 1 or sides[after] == side + 1:
-                    continue
-                if sides[after]:
-                    return True
-                sides[after] = side + 1
-                queues[side, queued[side]] = after
-                queued[side] += 1
-
-
-@njit_cached
-def _moved(
-    masks: NDArray[np.int64], state: np.int64, move: int
-) -> tuple[np.int64, np.int64]:
-    """Return the state after a move, and what it is too near to, a bit per margin.
-
-    Args:
-        masks: Masks of the cells.
-        state: As in ``_search``.
-        move: 0 to 3: forward, backward, and the turns to the next headings.
-    """
-    rows, columns = masks.shape
-    cell, heading = state // 16, state % 16
-    row, column = cell // columns, cell % columns
-    if move < 2:
-        sign = 1 - 2 * move
-        row += sign * _HEADINGS[heading, 1]
-        column += sign * _HEADINGS[heading, 0]
-        if not (0 <= row < rows and 0 <= column < columns):
-            return state, np.int64(1)
-        bits = masks[row, column] >> (2 * heading % 16)
-        return (row * columns + column) * 16 + heading, bits
-    turn = 2 * move - 5
-    to = (heading + turn) % 16
-    bits = masks[row, column] >> (2 * to % 16)
-    bits |= masks[row, column] >> ((2 * heading + turn) % 16)
-    return cell * 16 + to, bits
 
 
 def _shortened(hull: Hull, points: Floats, path: Floats) -> Floats:

@@ -4,11 +4,8 @@ The robot's centre keeps the safety distance from what blocks robots, so a passa
 wide enough if twice the safety distance, and what the sensor and the cells blur, fits
 in. Where there is room, paths keep farther away. All planners that work on grids follow
 this rule, so that what one of them can reach is what all can reach.
-
-Shortest paths and connected cells are found by compiled kernels.
 """
 
-import heapq
 import math
 from typing import Final
 
@@ -16,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from radarsim.engine import engine
 from radarsim.geometry import Floats
-from radarsim.jit import njit_cached
 
 COSTLY: Final = 0.4  # m beyond the safety distance, where a step costs more
 COSTLY_FACTOR: Final = 3.0  # added at its inner edge to the cost of a step, which is 1
@@ -61,9 +58,7 @@ def shortest_path(
         (N, 2) rows and columns, both ends included; N is 0 if there is no path, and 1
         if the start is a target.
     """
-    parents = np.full(cost.shape, -1, np.int64)
-    best = np.full(cost.shape, np.inf)
-    end = _search(cost, start[0], start[1], targets, parents, best)
+    end, parents, _ = _search(cost, start, targets)
     path = []
     while end >= 0:
         row, column = divmod(int(end), cost.shape[1])
@@ -79,10 +74,7 @@ def path_costs(cost: Floats, start: Cell) -> Floats:
         cost: (R, C) cost of a step of one cell into each; inf for closed cells.
         start: Row and column, closed or not.
     """
-    best = np.full(cost.shape, np.inf)
-    parents = np.full(cost.shape, -1, np.int64)
-    _search(cost, start[0], start[1], np.zeros(cost.shape, np.bool_), parents, best)
-    return best
+    return _search(cost, start, np.zeros(cost.shape, np.bool_))[2]
 
 
 def flood_fill(passable: NDArray[np.bool_], start: Cell) -> NDArray[np.bool_]:
@@ -107,40 +99,18 @@ def may_join_outside(passable: NDArray[np.bool_], start: Cell, end: Cell) -> boo
     return bool((from_start & border).any() and (from_end & border).any())
 
 
-@njit_cached
 def _search(
-    cost: Floats,
-    row: int,
-    column: int,
-    targets: NDArray[np.bool_],
-    parents: NDArray[np.int64],
-    best: Floats,
-) -> int:
-    """Visit cells by cost until one is a target (Dijkstra); return it, or -1.
+    cost: Floats, start: Cell, targets: NDArray[np.bool_]
+) -> tuple[int, NDArray[np.int64], Floats]:
+    """Visit cells by cost until one is a target.
 
     Unlike ``scipy.sparse.csgraph`` it stops at the first target, needs no graph, and
     always chooses the same of several paths of equal cost.
+
+    Returns:
+        The number of the target, or -1; the number of the cell before each, and the
+        cost of the path to each.
     """
-    rows, columns = cost.shape
-    best[row, column] = 0.0
-    queue = [(0.0, np.int64(row * columns + column))]
-    while queue:
-        so_far, cell = heapq.heappop(queue)
-        i, j = cell // columns, cell % columns
-        if so_far > best[i, j]:
-            continue  # a cheaper way here has been found since this was queued
-        if targets[i, j]:
-            return int(cell)
-        for di in range(-1, 2):
-            for dj in range(-1, 2):
-                k, n = i + di, j + dj
-                if not (0 <= k < rows and 0 <= n < columns):
-                    continue
-                total = so_far + cost[k, n] * math.sqrt(di * di + dj * dj)
-                # Less, and not as much; and the queue sorts equal costs by cells. So of
-                # several cheapest paths it is always the same.
-                if total < best[k, n]:
-                    best[k, n] = total
-                    parents[k, n] = cell
-                    heapq.heappush(queue, (total, np.int64(k * columns + n)))
-    return -1
+    parents, best = np.full(cost.shape, -1, np.int64), np.full(cost.shape, np.inf)
+    end = engine.search_grid(cost, *start, targets, parents, best)
+    return end, parents, best

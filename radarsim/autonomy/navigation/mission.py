@@ -4,16 +4,13 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from radarsim.autonomy.mapping.localization import SAMPLE_SCANNER, sample_reports
 from radarsim.autonomy.navigation.algorithms import (
     ROBOT,
-    PoseSource,
     controller_class,
 )
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits
 from radarsim.autonomy.navigation.controller import ControllerSettings
-from radarsim.autonomy.navigation.observation import ObservationBuilder
 from radarsim.autonomy.navigation.plans import DrivePlan, Mission
 from radarsim.autonomy.navigation.runner import NavigationStep, Navigator, Result
 from radarsim.client import Client, RobotInfo, ScannerInfo
@@ -84,8 +81,6 @@ def run_mission(
         ClientError: If the server does not send what is needed.
         NavigationError: If the robot cannot do what the mission asks for.
     """
-    if mission.pose_source is PoseSource.SLAM:
-        warm_up()
     robot = spawn_robot(client, mission, info)
     bumpers = Bumpers(
         safety_distance=robot.safety_distance,
@@ -119,13 +114,6 @@ def run_mission(
         return_to_start=mission.return_to_start,
         observe=observe,
     )
-
-
-def warm_up() -> None:
-    """Compile what finds poses, before a robot drives and waits for it."""
-    source = ObservationBuilder(SAMPLE_SCANNER, PoseSource.SLAM, lambda: 0.0)
-    for report in sample_reports():
-        source.take(report)
 
 
 def safety_distance_for(

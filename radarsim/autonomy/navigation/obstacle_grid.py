@@ -46,6 +46,7 @@ _NEAR: Final = 1.5  # m from the robot, within which what it sees is no image
 _DRIFT: Final = 0.3  # m by which poses may be off when the same thing is seen again
 _REOPENED: Final = 5.0  # s between two closings of a cell that count as two
 _STAYS_CLOSED: Final = 3  # closings after which a cell is not opened any more
+_AROUND: Final = 3  # cells around such a cell, likewise
 _MOST_CELLS: Final = 1 << 24
 
 
@@ -121,7 +122,9 @@ class ObstacleGrid:
         loss = np.where(self._evidence > 0, _GAIN, _LOSS)
         change = np.where(met, _GAIN, np.where(passed, -loss, 0))
         # Within limits, so that what has stood for long is forgotten soon, too.
-        change[passed & ~met & (self._closings >= _STAYS_CLOSED)] = 0
+        # What comes again in a cell may come in the next one another time.
+        closings = ndimage.maximum_filter(self._closings, 2 * _AROUND + 1)
+        change[passed & ~met & (closings >= _STAYS_CLOSED)] = 0
         was_open = self._evidence <= 0
         self._evidence = np.clip(self._evidence + change, _LEAST, _MOST).astype(
             np.int16

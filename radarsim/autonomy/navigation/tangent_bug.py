@@ -72,6 +72,7 @@ KEPT: Final = 0.3  # m by which another edge has to be better than the last one
 ARRIVED: Final = 0.3  # m from a place that it heads for, where it has arrived
 AGAIN: Final = 0.5  # m from where a boundary was left, within which it goes on there
 MOST_ALIGNING: Final = 8.0  # s; a whole turn
+_SURE: Final = 3  # scans in a row by which a boundary is left; one may miss a pane
 _SAME: Final = 0.7  # m within which an edge is the last one
 _MOST_RESUMED: Final = 5  # times that a circuit begins anew where a boundary was left
 
@@ -144,6 +145,7 @@ class TangentBug(Controller):
         self._way, self._driven = math.inf, 0.0
         self._place: Point | None = None  # that it heads for after a boundary
         self._left_at = math.inf  # m of that place from the goal; no way leads farther
+        self._open = 0  # scans in a row by which a boundary could be left
         self._boundary: FollowedBoundary | None = None
         self._left: FollowedBoundary | None = None  # the boundary that it left last
         # where it hit obstacles that had gone, m, map frame
@@ -302,13 +304,15 @@ class TangentBug(Controller):
         goal = self.goals[0]
         directions = OpenDirections(observation, self._radius)
         limit = min(boundary.goal_distance, self._left_at) - NEARER
-        place = directions.place_nearer_than(limit, goal)
-        if boundary.travelled >= boundary.least:
-            if place is not None:
+        nearer = place = directions.place_nearer_than(limit, goal)
+        if self._sees_goal(observation) and not self._is_held(observation, goal):
+            place = nearer or goal
+        self._open = 0 if place is None else self._open + 1
+        is_due = boundary.travelled >= boundary.least and self._open >= _SURE
+        if place is not None and is_due:
+            if nearer is not None:
                 self._left_at = limit
-                return self._leave(observation, place, boundary)
-            if self._sees_goal(observation) and not self._is_held(observation, goal):
-                return self._leave(observation, goal, boundary)
+            return self._leave(observation, place, boundary)
         if not boundary.is_reached:
             return self._approach(observation, boundary)
         part = boundary.look(observation, goal)

@@ -22,7 +22,8 @@ would press its hull against what it sees or has touched, such as a turn beside 
 nothing is touched twice. If it touches something on that way, it goes back on that.
 
 In a mirror that it faces it sees itself come as it comes. It may stop before its image,
-and stand there for good: then it takes what it faces for touched.
+and stand there for good; in a gap whose sides are mirrors it may turn to and fro. So
+where it gets nowhere it takes what it faces for touched.
 """
 
 import math
@@ -33,7 +34,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.autonomy.navigation.control import STOP, Twist
+from radarsim.autonomy.navigation.control import STOP, Twist, has_moved
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.open_directions import HORIZON
 from radarsim.geometry import Floats, Pose2, wrap_angle
@@ -41,7 +42,7 @@ from radarsim.geometry import Floats, Pose2, wrap_angle
 DEPTH: Final = 0.1  # m; of a box, so that it is seen from its end, too
 LEAST_WIDTH: Final = 0.2  # m; of a box, so that bumpers notice it
 STOOD: Final = 0.5  # s without a command to move, after which the robot stood
-HELD: Final = 8.0  # s for which it neither drives nor waits, before its own image
+HELD: Final = 8.0  # s for which it gets nowhere and does not wait
 LONGEST_WAY_BACK: Final = 1.0  # m
 LEAST_SPEED: Final = 0.02  # m/s; less is no motion
 LEAST_TURN: Final = 0.05  # rad/s
@@ -178,7 +179,9 @@ class TouchMemory:
         self._motion = STOP  # the last one that was commanded
         self._ahead = 1.0  # or -1: whether the robot last went forward, or backward
         self._moved_at = -math.inf  # s
-        self._decided_at = math.inf  # s; when it last had something to do
+        # where it last was elsewhere, or had to wait, and when, s
+        self._place: Pose2 | None = None
+        self._moved_on_at = math.inf
         self._gone_back: float | None = None  # m since it touched something
         self._reverses = False  # whether its motion leads back the way it came
 
@@ -200,19 +203,21 @@ class TouchMemory:
         was_touched = last is not None and last.touched
         stood = observation.time - self._moved_at > STOOD
         is_touched = observation.touched and not was_touched and not stood
-        is_held = observation.time - self._decided_at > HELD
+        is_held = observation.time - self._moved_on_at > HELD
         if not is_touched and not is_held:
             return False
-        self._decided_at = observation.time
+        self._moved_on_at = observation.time
         self.places.add(self._touched_box(observation.pose))
-        # Who touches something on the way back takes another way out.
-        self._gone_back = math.inf if reverses else 0.0
+        # Who touches something on the way back takes another way out, and so does who
+        # got nowhere, whose way back leads nowhere.
+        self._gone_back = math.inf if reverses or is_held else 0.0
         return True
 
     def note_decision(self, observation: Observation, twist: Twist | None) -> None:
         """Note what was decided by a scan: a motion, or None to wait."""
-        if twist is None or not _stands(twist):
-            self._decided_at = observation.time
+        pose = observation.pose
+        if twist is None or self._place is None or has_moved(self._place, pose):
+            self._place, self._moved_on_at = pose, observation.time
 
     def retreat(self, observation: Observation) -> Twist | None:
         """Return the motion back from what was touched; None away from it.

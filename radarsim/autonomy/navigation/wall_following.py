@@ -50,6 +50,7 @@ from numpy.typing import NDArray
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits, Twist
 from radarsim.autonomy.navigation.observation import Observation, wrap_angles
+from radarsim.autonomy.navigation.open_directions import leads_too_near
 from radarsim.geometry import Floats, Pose2, wrap_angle
 
 DISTANCE_GAIN = 1.5  # rad towards the boundary for each m that it is too far
@@ -181,7 +182,9 @@ class WallFollower:
             heading = self._way_out(view, heading)
         # Headings are not wrapped: one a whole turn away would seem to be ahead.
         twist = self.speed_limits.towards(max(-math.pi, min(math.pi, heading)))
-        speed = 0.0 if is_too_near else twist.speed
+        # nor is a step that leads nearer to something, while it turns away from that
+        leads_there = leads_too_near(view, self.bumpers.safety_distance)
+        speed = 0.0 if is_too_near or leads_there else twist.speed
         return mode.robot_twist(Twist(speed, twist.turn)), True
 
     def align(

@@ -27,13 +27,13 @@ client in a tick, unless these first commands do. How the bytes of a client are 
 into packets changes nothing.
 Rule 5: a client that watches robots gets copies of what their clients are sent, in a
 queue of its own, which comes last in a write. It changes no byte that others get.
-Rule 6: a host can be there before its simulation, which takes a second to load and half
-a minute to compile. It greets clients and answers what they ask before they have a
-robot; INIT waits. Simulated time begins with the simulation.
+Rule 6: a host can be there before its simulation, which takes a moment to load. It
+greets clients and answers what they ask before they have a robot; INIT waits. Simulated
+time begins with the simulation.
 Rule 7: in a tick in which no time passes commands are executed and answered as in any
 other; only readings wait, and a second robot of a client, which comes some time later.
 
-Imports no compiled code before there is a simulation.
+Imports no engine before there is a simulation.
 """
 
 from __future__ import annotations
@@ -171,17 +171,9 @@ class Host:
         return self._commands.simulation
 
     def make_simulation(self) -> Simulation:
-        """Load or compile the engine, and create a simulation; in any thread.
-
-        What only some robots need is loaded when the first of them is spawned, or
-        before by ``ScannerItems.warm_up``.
-        """
-        from radarsim.protocol import line_writer
-        from radarsim.server.host import echo_lines
+        """Load the engine, and create a simulation; in any thread."""
         from radarsim.simulation.simulation import Simulation
 
-        line_writer.warm_up()
-        echo_lines.warm_up()
         return Simulation(self._scene, config=self._config, seed=self._seed)
 
     def begin(self, simulation: Simulation) -> None:

@@ -312,6 +312,7 @@ def test_random_places_are_free_and_can_be_reached(two_rooms: str) -> None:
         ({"goal": "Elsewhere"}, "Elsewhere"),
         ({"goal": "map", "map": "empty_room"}, "no trial"),
         ({"decision_period": 0.0}, "period"),
+        ({"decision_period": 20_000.0}, "period"),
         ({"robot": "Sedan"}, "steers as a car does"),
         ({"max_steps": 0}, "max_steps"),
         ({"beam_values": ["colour"]}, "beam_values"),

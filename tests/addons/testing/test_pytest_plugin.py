@@ -12,7 +12,6 @@ import pytest
 
 from radarsim.addons.testing import DEFAULTS, UsarsimClient, UsarsimServer
 from radarsim.addons.testing.hosts import make_host
-from radarsim.kernel_cache import cache_folder
 from radarsim.server.server_thread import ServerThread
 
 pytest_plugins = ["pytester"]
@@ -26,13 +25,6 @@ filterwarnings = error
 asyncio_mode = auto
 asyncio_default_fixture_loop_scope = function
 """
-
-
-@pytest.fixture(autouse=True)
-def compiled_code(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Share compiled code with the suites, although ``pytester`` moves the home."""
-    if folder := cache_folder():
-        monkeypatch.setenv("NUMBA_CACHE_DIR", str(folder.parent.parent))
 
 
 NO_LEFTOVERS = """
@@ -252,7 +244,7 @@ def test_suites_without_a_server_do_not_import_it(
 
         def test():
             assert "radarsim.addons.testing" in sys.modules
-            assert not {"radarsim.server.host", "numba", "shapely"} & sys.modules.keys()
+            assert not {"radarsim.server.host", "shapely"} & sys.modules.keys()
         """
     )
     pytester.runpytest_subprocess().assert_outcomes(passed=1)

@@ -1,21 +1,17 @@
 """Explorations in lockstep with a simulated server."""
 
-import importlib
 import math
-import pkgutil
 import re
 from typing import Any
 
 import numpy as np
 import pytest
 
-import radarsim.autonomy.mapping
 from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
 from radarsim.autonomy.exploration.exploration import (
     Exploration,
     ExplorationStep,
     Outcome,
-    warm_up,
 )
 from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
 from radarsim.autonomy.mapping.mapper import Mapper
@@ -302,29 +298,3 @@ def test_no_strategy_drives_into_foliage(
     exploration = run(foliage_room, strategy=name, time_limit=100.0)
     assert exploration.outcome in (Outcome.EXPLORED, Outcome.TIME_LIMIT)
     assert max(pose.x for pose in mapper_of(exploration).trajectory.poses) < 0.0
-
-
-def versions() -> dict[str, int]:
-    """Count for how many types of arguments each function is compiled."""
-    found: dict[str, int] = {}
-    for module in pkgutil.iter_modules(radarsim.autonomy.mapping.__path__):
-        full = f"radarsim.autonomy.mapping.{module.name}"
-        members: dict[str, Any] = vars(importlib.import_module(full))
-        for name, member in members.items():
-            if hasattr(member, "nopython_signatures"):
-                found[f"{full}.{name}"] = len(member.nopython_signatures)
-    return found
-
-
-@pytest.mark.slow
-def test_exploration_compiles_nothing_after_warm_up(foliage_room: Scene) -> None:
-    warm_up()
-    before = versions()
-    assert before["radarsim.autonomy.mapping.inverse_sensor_model.add_free_cells"] >= 1
-    for plan in (
-        ExplorationPlan(time_limit=8.0),
-        ExplorationPlan(motion_source="none", time_limit=2.0),
-    ):
-        with Client(InProcessTransport(Host(foliage_room))) as client:
-            Exploration(plan, generator_for(0, "exploring")).run(client)
-    assert versions() == before

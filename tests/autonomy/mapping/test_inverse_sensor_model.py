@@ -8,25 +8,17 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from radarsim.autonomy.mapping.inverse_sensor_model import (
+from radarsim.autonomy.mapping.occupancy_grid import (
     LOG_ODDS_FREE,
-    LOG_ODDS_HIT,
     LOG_ODDS_LIMIT,
     NEAR,
     SENSED,
-    Beams,
-    Cells,
-    add_free_cells,
-    add_hits,
-    clear_scan_flags,
 )
-from radarsim.autonomy.mapping.scan import (
-    BeamEnd,
-    BeamHits,
-    Layer,
-)
+from radarsim.autonomy.mapping.scan import BeamEnd, Layer
+from radarsim.engine import engine
 
 SIDE = 40
+LOG_ODDS_HIT = 9
 angles = st.floats(-math.pi, math.pi)
 reaches = st.floats(0, 15)
 starts = st.tuples(st.floats(17, 23), st.floats(17, 23))
@@ -38,11 +30,8 @@ class SmallGrid:
     """A few cells, and scans of them from one place."""
 
     def __init__(self) -> None:
-        self.cells = Cells(
-            np.zeros((len(Layer), SIDE, SIDE), np.int8),
-            np.zeros((SIDE, SIDE), np.uint8),
-        )
-        self._path = np.zeros((4 * SIDE, 2), np.int64)
+        self.evidence = np.zeros((len(Layer), SIDE, SIDE), np.int8)
+        self.flags = np.zeros((SIDE, SIDE), np.uint8)
 
     def scan(
         self,
@@ -55,27 +44,24 @@ class SmallGrid:
         """Add beams of angle, range and end, and hits of beam, near, far and layer."""
         angle, reach, ends = (np.array(column) for column in zip(*rays, strict=True))
         directions = np.column_stack([np.cos(angle), np.sin(angle)])
-        met = BeamHits(
-            np.array([mark[0] for mark in hits], np.int64),
-            np.array([mark[1] for mark in hits], np.float64),
-            np.array([mark[2] for mark in hits], np.float64),
-            np.array([mark[3] for mark in hits], np.int8),
-        )
-        beams = Beams(
-            np.array(start),
-            np.zeros(2, np.int64),
+        columns = zip(*hits, strict=True) if hits else [()] * 4
+        types = (np.int64, np.float64, np.float64, np.int8)
+        met = [np.array(c, kind) for c, kind in zip(columns, types, strict=True)]
+        engine.add_scan(
+            self.evidence,
+            self.flags,
+            *(0, 0),
+            *start,
             directions,
             reach.astype(np.float64),
             ends.astype(np.int8),
+            *met,
             short,
             sees_through,
         )
-        add_hits(self.cells, beams, met, self._path)
-        add_free_cells(self.cells, beams, self._path)
-        clear_scan_flags(self.cells, beams, self._path)
 
     def sensed(self) -> NDArray[np.bool_]:
-        return np.asarray(self.cells.flags & SENSED > 0)
+        return np.asarray(self.flags & SENSED > 0)
 
 
 BARELY = 1e-9  # cells; so near to the edge of one, rounding decides
@@ -118,7 +104,7 @@ def test_hit_raises_evidence_in_its_cell_and_lowers_it_in_cells_before(
     sheet = SmallGrid()
     sheet.scan(start, [(angle, reach, BeamEnd.HIT)], (0, reach, reach, Layer.SOLID))
     for layer in (Layer.SOLID, Layer.BEAM_END):
-        evidence = sheet.cells.evidence[layer]
+        evidence = sheet.evidence[layer]
         assert (evidence > 0).sum() == 1
         assert evidence.max() == LOG_ODDS_HIT
         assert (evidence < 0).sum() == sheet.sensed().sum() - 1
@@ -131,23 +117,23 @@ def test_foliage_is_mapped_along_the_crossed_stretch(
     sheet = SmallGrid()
     far = near + depth
     sheet.scan(start, [(angle, far, BeamEnd.SPENT)], (0, near, far, Layer.FOLIAGE))
-    bush = sheet.cells.evidence[Layer.FOLIAGE] > 0
+    bush = sheet.evidence[Layer.FOLIAGE] > 0
     _, beam = cells_by_sampling(start, angle, far)
     assert {(int(i), int(j)) for i, j in np.argwhere(bush)} <= {
         (i + di, j + dj) for i, j in beam for di in (-1, 0, 1) for dj in (-1, 0, 1)
     }
     assert bush.sum() >= depth * max(abs(math.cos(angle)), abs(math.sin(angle))) - 1
-    assert not (sheet.cells.evidence[Layer.SOLID] > 0).any()
-    assert not (sheet.cells.evidence[Layer.SMOKE] > 0).any()
+    assert not (sheet.evidence[Layer.SOLID] > 0).any()
+    assert not (sheet.evidence[Layer.SMOKE] > 0).any()
 
 
 def test_cell_gets_evidence_once_per_scan() -> None:
     sheet = SmallGrid()
     beams = [(0.001 * k, 10.0, BeamEnd.HIT) for k in range(20)]
     sheet.scan((20.5, 20.5), beams, *[(k, 10.0, 10.0, Layer.SOLID) for k in range(20)])
-    assert sheet.cells.evidence[Layer.SOLID, 20, 30] == LOG_ODDS_HIT
-    assert sheet.cells.evidence[Layer.SOLID, 20, 25] == -LOG_ODDS_FREE
-    assert not (sheet.cells.flags & ~np.uint8(SENSED | NEAR)).any()
+    assert sheet.evidence[Layer.SOLID, 20, 30] == LOG_ODDS_HIT
+    assert sheet.evidence[Layer.SOLID, 20, 25] == -LOG_ODDS_FREE
+    assert not (sheet.flags & ~np.uint8(SENSED | NEAR)).any()
 
 
 def test_hits_outweigh_beams_that_pass_in_the_same_scan() -> None:
@@ -159,7 +145,7 @@ def test_hits_outweigh_beams_that_pass_in_the_same_scan() -> None:
     ]
     for _ in range(3):
         sheet.scan((20.5, 20.5), beams, (0, 10.0, 10.0, Layer.SOLID))
-    assert sheet.cells.evidence[Layer.SOLID, 20, 30] == 3 * LOG_ODDS_HIT
+    assert sheet.evidence[Layer.SOLID, 20, 30] == 3 * LOG_ODDS_HIT
 
 
 def test_evidence_is_limited() -> None:
@@ -168,18 +154,18 @@ def test_evidence_is_limited() -> None:
         sheet.scan(
             (20.5, 20.5), [(0.0, 10.0, BeamEnd.HIT)], (0, 10.0, 10.0, Layer.SOLID)
         )
-    assert sheet.cells.evidence[Layer.SOLID].max() == LOG_ODDS_LIMIT
+    assert sheet.evidence[Layer.SOLID].max() == LOG_ODDS_LIMIT
     for _ in range(60):
         sheet.scan((20.5, 20.5), [(0.0, 15.0, BeamEnd.NOTHING)])
-    assert sheet.cells.evidence[Layer.SOLID].max() == 0
-    assert sheet.cells.evidence[Layer.SOLID].min() == -LOG_ODDS_LIMIT
+    assert sheet.evidence[Layer.SOLID].max() == 0
+    assert sheet.evidence[Layer.SOLID].min() == -LOG_ODDS_LIMIT
 
 
 def test_scans_without_echoes_leave_foliage_evidence_unchanged() -> None:
     sheet = SmallGrid()
     sheet.scan((20.5, 20.5), [(0.0, 9.0, BeamEnd.NOTHING)], sees_through=False)
-    assert not sheet.cells.evidence[[Layer.FOLIAGE, Layer.SMOKE]].any()
-    assert sheet.cells.evidence[[Layer.SOLID, Layer.BEAM_END]].any()
+    assert not sheet.evidence[[Layer.FOLIAGE, Layer.SMOKE]].any()
+    assert sheet.evidence[[Layer.SOLID, Layer.BEAM_END]].any()
 
 
 def test_blind_beam_changes_nothing() -> None:

@@ -57,7 +57,6 @@ def drive(
         exploration.run(client)
     mapper = exploration.mapper
     assert mapper is not None
-    # Others warm the compiler up.
     return mapper, [scan for slam, scan in matched if slam is mapper.slam]
 
 

@@ -4,17 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from local_shapes import shape_around
 
-from radarsim.autonomy.mapping.point_map import (
-    FINEST,
-    LEVELS,
-    MIN_WEIGHT,
-    PointMap,
-    shape_around,
-)
+from radarsim.autonomy.mapping.point_map import PointMap
 from radarsim.geometry import Floats
 from radarsim.rng import generator_for
 
+FINEST, LEVELS = 0.1, 5  # m; sizes of cells
+MIN_WEIGHT = 2.0
 places = st.floats(-20, 20)
 
 

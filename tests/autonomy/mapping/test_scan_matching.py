@@ -105,8 +105,11 @@ def test_thick_echoes_of_a_corridor_do_not_hold_the_robot_back(
         across = np.column_stack([-points.along[:, 1], points.along[:, 0]])
         off = rng.normal(0.0, 0.05, len(across))[:, None]
         near = np.hypot(*points.places.T) < 6.0
-        places = (points.places + off * across)[near]
-        return points._replace(places=places, along=points.along[near])
+        return points._replace(
+            places=(points.places + off * across)[near],
+            along=points.along[near],
+            normals=points.normals[near],
+        )
 
     known, pose, sigma = PointMap(), Pose2(0.0, 0.0), np.array([0.01, 0.01, 0.01])
     known.add(blurred(0.0).places)

@@ -8,8 +8,9 @@ import pytest
 from flat_world import box
 from hypothesis import given
 from hypothesis import strategies as st
+from local_shapes import shape_around
 
-from radarsim.autonomy.mapping.point_map import PointMap, inward_normals, shape_around
+from radarsim.autonomy.mapping.point_map import PointMap, inward_normals
 from radarsim.autonomy.mapping.scan import PlanarScan
 from radarsim.autonomy.mapping.scan_matching import ScanPoints, fit
 from radarsim.geometry import Floats, Pose2

@@ -132,8 +132,10 @@ def test_thin_bush_is_not_touched_by_who_uses_echoes() -> None:
 def test_ranges_alone_lead_into_a_thin_bush(
     link: type[InProcessTransport], changed: dict[str, Any]
 ) -> None:
-    with pytest.raises(Exception, match="safety distance too small"):
-        drive_at_a_thin_bush(link, **changed)
+    outcome, touches = drive_at_a_thin_bush(link, **changed)
+    # It presses against the bush until it knows that it gets nowhere.
+    assert outcome == "reached"
+    assert touches > 0
 
 
 @pytest.mark.slow

@@ -9,12 +9,12 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radarsim.autonomy.navigation import footprint_planning
 from radarsim.autonomy.navigation.footprint_planning import (
     LEAST_MARGIN,
     Hull,
     plan_footprint,
 )
+from radarsim.engine import engine
 from radarsim.geometry import Floats, Pose2
 
 HULL = Hull(0.552, 0.497)
@@ -104,7 +104,7 @@ def test_no_path_is_searched_where_the_hull_gets_through_but_not_around(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A search that finds no path visits all poses, which takes seconds."""
-    monkeypatch.setattr(footprint_planning, "_search", None)
+    monkeypatch.setattr(engine, "search_states", None)
     start, goal = Pose2(-4.0, 0.0, 0.0), (0.5, 4.5)
     assert plan_footprint(HULL, two_rooms(0.62), start, goal) is None
 

@@ -161,6 +161,16 @@ def test_cell_that_is_closed_a_third_time_stays_closed(
     assert (grid.clearance()[grid.cell((distance, 0.0))] == 0) == is_closed
 
 
+def test_cell_beside_one_that_stays_closed_stays_closed_at_once() -> None:
+    grid, bearings = ObstacleGrid([(0.0, 0.0), (4.0, 0.0)]), np.zeros(1)
+    for time, distance in enumerate([0.8, 0.8, 0.8, 1.0, 1.4]):
+        for length in (*[distance] * 4, *[6.0] * 6):
+            seen = np.array([length])
+            grid.add(Observation(8.0 * time, Pose2(0.0, 0.0), bearings, seen))
+    closed = [grid.clearance()[grid.cell((x, 0.0))] == 0 for x in (0.8, 1.0, 1.4)]
+    assert closed == [True, True, False]
+
+
 def test_grid_keeps_what_it_has_seen_when_it_grows() -> None:
     grid = ObstacleGrid([(0.0, 0.0), (4.0, 0.0)])
     grid.add(Observation(0.0, Pose2(0.0, 0.0), np.zeros(1), np.full(1, 2.0)))

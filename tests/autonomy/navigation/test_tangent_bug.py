@@ -87,6 +87,18 @@ def test_no_path_is_told_after_a_circuit(
     assert world.nearest > S - 0.1
 
 
+def test_boundary_is_not_left_for_what_one_scan_shows(flatland: World) -> None:
+    world = flatland(CELL, at=Pose2(-0.5, 0.3))
+    navigator = tangent_bug((6.0, 0.4))
+    for k in range(150):
+        seen = world.scan()
+        if k % 40 < 2:  # by beams that pass panes
+            seen.ranges[:] = math.inf
+        world.move(navigator.step(seen))
+    assert len(navigator.hit_points) == 1
+    assert not navigator.leave_points
+
+
 def test_goals_are_reached_in_turn(flatland: World) -> None:
     world = flatland(BOX, at=Pose2(-4.0, -4.0))
     goals = [(-4.0, 4.0), (4.0, 4.0)]

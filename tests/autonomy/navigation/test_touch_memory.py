@@ -112,6 +112,22 @@ def test_who_is_driven_into_keeps_nothing() -> None:
     assert not len(memory.places)
 
 
+def test_who_turns_to_and_fro_takes_what_it_faces_for_touched() -> None:
+    memory, turns = TouchMemory(LENGTH, WIDTH, S), [Twist(0.0, 0.8), Twist(0.0, -0.8)]
+    for k in range(82):
+        seen = scan(0.1 * k, Pose2(0.0, 0.0, 0.08 * (k % 2)))
+        assert not memory.notice(seen, turns[k % 2])
+        # as long as it has to wait for something, it is not held
+        memory.note_decision(seen, None if k == 1 else turns[k % 2])
+    assert memory.notice(scan(8.2, Pose2(0.0, 0.0)), turns[0])
+    hidden = memory.places.hide(scan(8.2, Pose2(0.0, 0.0)))
+    assert hidden.ranges.min() < 0.4
+    # not to and fro, as it came
+    away = memory.retreat(hidden)
+    assert away is not None
+    assert away.speed < 0
+
+
 def test_robot_goes_back_the_way_it_came() -> None:
     memory, pose, twist = TouchMemory(LENGTH, WIDTH, S), Pose2(0.0, 0.0), STOP
     track = [pose]

@@ -7,6 +7,7 @@ import shapely
 
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits
+from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.wall_following import FollowMode, WallFollower
 from radarsim.geometry import Pose2
 
@@ -119,6 +120,19 @@ def test_follower_keeps_to_the_middle_of_a_gap(flatland: World) -> None:
         world.move(FOLLOWER.step(world.scan(), FollowMode())[0])
     assert world.pose.x > 0
     assert world.nearest > 0.5
+
+
+@pytest.mark.parametrize(("pole_deg", "drives"), [(-60, False), (-120, True)])
+def test_follower_that_turns_goes_no_nearer_to_what_is_too_near(
+    pole_deg: int, drives: bool
+) -> None:
+    bearings = np.radians(np.arange(360.0) - 180.0)
+    ranges = np.full(360, math.inf)
+    ranges[[180 + 110, 180 + pole_deg]] = 0.7, 0.42
+    seen = Observation(0.0, Pose2(0.0, 0.0), bearings, ranges)
+    twist, _ = FOLLOWER.step(seen, FollowMode())
+    assert twist.turn > 0.3
+    assert (twist.speed > 0) == drives
 
 
 def test_walled_in_follower_turns_on_the_spot(flatland: World) -> None:

@@ -1,4 +1,4 @@
-"""One robot after the other in plain Python and NumPy, as the kernels move them."""
+"""One robot after the other in plain Python and NumPy, as the engine moves them."""
 
 import math
 from dataclasses import dataclass, field

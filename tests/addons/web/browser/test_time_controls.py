@@ -75,7 +75,7 @@ def test_the_page_of_a_foreign_server_cannot_pause_and_says_why(
     with serve_robots("empty_room") as (_, address), show(address) as served:
         page = open_page(served)
         for name in ("#pause", "#step", "#speed"):
-            assert page.page.is_disabled(name)
+            page.page.wait_for_selector(f"{name}:disabled")
             assert "--web" in (page.page.get_attribute(name, "title") or "")
         page.page.context.close()
 

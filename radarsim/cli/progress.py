@@ -1,0 +1,81 @@
+"""Progress on stderr while a run lasts."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Final, TypeVar
+
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+
+from radarsim.errors import escape_unprintable
+
+REFRESH_RATE: Final = 8  # Hz
+_ESTIMATE_PERIOD: Final = 600.0  # s; results may take a minute each
+
+_Result = TypeVar("_Result")
+
+
+@contextmanager
+def live_status(describe: Callable[[], str]) -> Iterator[Callable[[str], None]]:
+    """Show the status in one line that is kept up to date, if stderr is a terminal.
+
+    Args:
+        describe: Returns the status; called only when the line is drawn.
+
+    Yields:
+        A function that prints a line if stderr is not a terminal, and nothing if it is.
+    """
+    console = Console(stderr=True)
+    if not console.is_terminal or console.is_dumb_terminal:
+        # A file has no width: rich would break lines at 80 columns, and read brackets
+        # in names as markup.
+        yield lambda line: console.print(
+            escape_unprintable(line), highlight=False, markup=False, soft_wrap=True
+        )
+        return
+    line = _StatusLine(describe)
+    with Live(line, console=console, refresh_per_second=REFRESH_RATE, transient=True):
+        yield lambda _: None
+
+
+def with_bar(results: Iterator[_Result], name: str, total: int) -> Iterator[_Result]:
+    """Yield results, and show on stderr how many there are, and the time left."""
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    console = Console(stderr=True)
+    bar = Progress(
+        *columns,
+        console=console,
+        disable=not console.is_terminal,
+        transient=True,
+        speed_estimate_period=_ESTIMATE_PERIOD,
+    )
+    with bar:
+        task = bar.add_task(name, total=total)
+        for result in results:
+            bar.advance(task)
+            yield result
+
+
+class _StatusLine:
+    def __init__(self, describe: Callable[[], str]) -> None:
+        self._describe = describe
+
+    def __rich__(self) -> Text:
+        text = escape_unprintable(self._describe())
+        return Text(text, no_wrap=True, overflow="ellipsis")

@@ -1,0 +1,5 @@
+"""The engine, a library in C++ that is compiled when radarsim is installed."""
+
+from radarsim.engine.library import Packed, address, engine
+
+__all__ = ["Packed", "address", "engine"]

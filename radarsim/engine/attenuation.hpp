@@ -1,0 +1,173 @@
+// The penetration model: the power that a ray loses, and where it ends; see attenuation.py.
+#pragma once
+#include "crossings.hpp"
+#include "event.hpp"
+
+namespace radarsim {
+
+constexpr double ROUNDING = 1e-12; // share of the initial power that may be left by rounding
+
+enum Outcome : uint8_t { NOTHING, HIT, SPENT, ABSORBED };
+
+struct RayCosts {
+    const double *density, *sheet_loss; // of each part
+    double air;
+    int64_t air_part;
+};
+
+// A straight piece of a ray's way.
+struct Segment {
+    Vector start, direction; // in the map
+    double before;           // m that the ray has travelled before
+};
+
+// A ray at one point; one object serves many rays.
+struct RayState {
+    Room<Crossing> room;           // of the crossings
+    Array<Crossing> crossings;     // of the segment
+    Room<int32_t> winding;         // of each part
+    List<int32_t> touched;         // parts whose winding number was changed
+    Room<uint8_t> seen;            // whether a part is among them
+    List<int32_t> enclosing;       // the parts around the point, last entered last
+    Segment segment = {};
+    Array<Event> events;           // empty if none are wanted
+    int64_t event_count = 0;       // also of those for which there is no room
+
+    RayState(int64_t parts, int64_t max_crossings, Array<Event> events)
+        : room(max_crossings), crossings{room.data(), {max_crossings}}, winding(parts), touched(parts), seen(parts), enclosing(parts), events(events) {}
+};
+
+struct Progress {
+    double t, power, min_power; // m from the start of the segment
+    int64_t spent_in;           // the part that took the last of the power; -1 while there is some
+};
+struct SegmentEnd {
+    int64_t crossed; // surfaces before
+    double t;        // m from the start of the segment
+    int64_t part;    // the opaque part there; -1 for the maximum range
+};
+struct RayEnd {
+    double t; // m from the ray's origin
+    Outcome outcome;
+    int64_t part;
+    double power;
+};
+
+// Add to a part's winding number. Returns 1 if the ray enters the part by that, -1 if it leaves it.
+inline int update_winding(RayState& state, int32_t part, int32_t sign) {
+    if (!state.seen[part]) {
+        state.seen[part] = 1;
+        state.touched.append(part);
+    }
+    bool was_inside = state.winding[part] > 0;
+    state.winding[part] += sign;
+    bool is_inside = state.winding[part] > 0;
+    if (is_inside == was_inside) return 0;
+    if (is_inside) {
+        state.enclosing.append(part);
+        return 1;
+    }
+    state.enclosing.remove(part); // the last in the list remains the last entered
+    return -1;
+}
+
+inline void reset_winding(RayState& state) {
+    // Only the parts that this ray has touched: a scene can have thousands.
+    for (int32_t part : state.touched) state.winding[part] = state.seen[part] = 0;
+    state.touched.clear();
+    state.enclosing.clear();
+}
+
+inline void record_event(RayState& state, int64_t ray, double t, Kind kind, int64_t part, double power,
+                         double absorbed) {
+    if (!state.events.size()) return;
+    if (state.event_count < state.events.size()) {
+        const auto& [start, direction, before] = state.segment;
+        state.events[state.event_count] = {ray, before + t, int32_t(part), kind, power, absorbed,
+                                           start[0] + t * direction[0], start[1] + t * direction[1],
+                                           start[2] + t * direction[2]};
+    }
+    state.event_count++;
+}
+
+inline Progress start_ray(int64_t ray, double power, RayState& state) {
+    for (int32_t part : state.enclosing) record_event(state, ray, 0.0, Kind::START_INSIDE, part, power, 0.0);
+    // A share of an infinite power is infinite: the ray would be spent at once.
+    return {0.0, power, isfinite(power) ? power * ROUNDING : 0.0, -1};
+}
+
+// The density is summed anew after each crossing: a ray that has left all volumes loses exactly nothing.
+inline double density_around(const RayState& state, const RayCosts& costs) {
+    double total = costs.air;
+    for (int32_t part : state.enclosing) total += costs.density[part];
+    return total;
+}
+
+// Go from crossing to crossing as far as the power lasts.
+inline Progress advance_ray(int64_t ray, const Progress& progress, const SegmentEnd& limit, const RayCosts& costs,
+                            RayState& state) {
+    double at = progress.t, power = progress.power, min_power = progress.min_power;
+    double density = density_around(state, costs);
+    // There is one stretch more than surfaces: the last one ends at the limit.
+    for (int64_t i = 0; i <= limit.crossed; i++) {
+        double t = i < limit.crossed ? state.crossings[i].t : limit.t;
+        if (density > 0.0) {
+            double left = power - density * (t - at);
+            if (left <= min_power) {
+                // Rounding must not carry the end past the next surface.
+                at = least(at + power / density, t);
+                int64_t innermost = state.enclosing.size() ? state.enclosing.end()[-1] : costs.air_part;
+                return {at, 0.0, min_power, innermost};
+            }
+            power = left;
+        }
+        at = t;
+        if (i == limit.crossed) break;
+        const Crossing& crossing = state.crossings[i];
+        double arriving = power, loss = costs.sheet_loss[crossing.part];
+        Kind kind;
+        if (!isnan(loss)) {
+            kind = Kind::SHEET;
+            power = most(power - loss, 0.0);
+        } else {
+            int change = update_winding(state, crossing.part, crossing.sign);
+            kind = change > 0 ? Kind::ENTER : change < 0 ? Kind::LEAVE : Kind::NONE;
+        }
+        if (kind == Kind::NONE) continue;
+        // An infinite power minus itself would be NaN.
+        record_event(state, ray, at, kind, crossing.part, arriving, power < arriving ? arriving - power : 0.0);
+        if (kind == Kind::SHEET && power <= min_power) return {at, 0.0, min_power, crossing.part};
+        density = density_around(state, costs);
+    }
+    return {at, power, min_power, -1};
+}
+
+// Whether a surface absorbs all the power of a ray.
+inline bool is_absorbed(double power, double min_power, double absorption) {
+    // An infinite power minus an infinite absorption would be NaN.
+    return isinf(absorption) || absorption - power > min_power;
+}
+
+inline RayEnd end_ray(int64_t ray, const Progress& progress, const SegmentEnd& end, double absorption,
+                      RayState& state) {
+    auto [at, power, min_power, spent_in] = progress;
+    reset_winding(state);
+    double t = state.segment.before + at;
+    if (spent_in >= 0) {
+        record_event(state, ray, at, Kind::SPENT, spent_in, 0.0, 0.0);
+        return {t, SPENT, spent_in, 0.0};
+    }
+    if (end.part < 0) {
+        record_event(state, ray, at, Kind::OUT_OF_RANGE, end.part, power, 0.0);
+        return {t, NOTHING, end.part, power};
+    }
+    if (absorption > 0.0 && is_absorbed(power, min_power, absorption)) {
+        record_event(state, ray, at, Kind::ABSORBED, end.part, power, absorption);
+        return {t, ABSORBED, end.part, 0.0};
+    }
+    double absorbed = least(absorption, power); // rounding can make it greater
+    record_event(state, ray, at, Kind::HIT, end.part, power, absorbed);
+    return {t, HIT, end.part, power - absorbed};
+}
+
+} // namespace radarsim

@@ -1,0 +1,210 @@
+// Queries to Embree: what a ray intersects, what is near a point; see embree.py for the theory.
+#pragma once
+#include "crossings.hpp"
+#include "embree.hpp"
+
+namespace radarsim {
+
+constexpr double BEHIND = -5e-324; // m, the greatest number below 0
+
+enum Role : uint8_t { IGNORE, COLLECT, OPAQUE }; // what a ray does with a part
+
+// Triangles, and Embree's hierarchy of boxes around them.
+struct Hierarchy {
+    void* scene;
+    Array<const Triangle> triangles;
+    Array<const uint32_t> owners; // the part of each triangle
+    int64_t first_sliced;         // where its triangles begin in SceneHandle::sliced
+};
+LAYOUT(Hierarchy, "t t", scene, triangles, owners, first_sliced)
+
+// Embree's functions, and the hierarchies of a scene: the first is the whole scene, the others are its slices for
+// level rays.
+struct SceneHandle {
+    void *intersect, *point_query; // rtcIntersect1, rtcPointQuery
+    Array<const uint64_t> addresses; // of the hierarchies
+    Array<const double> heights;     // m, z of each slice; nan for the whole scene
+    Array<const int64_t> sliced;     // indices in the whole scene of the slices' triangles
+    double radius, margin;           // m: of a sphere around everything; by which boxes are wider than triangles
+
+    const Hierarchy& operator[](int64_t row) const { return *reinterpret_cast<const Hierarchy*>(addresses[row]); }
+};
+LAYOUT(SceneHandle, "h h s", intersect, point_query, addresses, heights, sliced, radius, margin)
+
+// The part of a line to be searched, m; the window begins at the first collected surface.
+struct Interval {
+    double near, far, window;
+};
+
+// One query. Embree hands its context to the callback, which finds the rest behind it.
+struct Query {
+    embree::RayHit hit;
+    embree::Arguments arguments;
+    embree::Context context;
+    int64_t hierarchy;
+    const Triangle* triangles;
+    const uint32_t* owners;
+    const uint8_t* roles;
+    Array<Crossing> crossings;
+    int64_t count; // of crossings, also of those that do not fit
+    Line line;
+    double near, far, window, stop_t, skipped, margin;
+    uint32_t stop_part, stop_triangle;
+};
+
+// Intersect a triangle whose box the ray meets; Embree calls this. Embree is told nothing of the hit, so that it goes
+// on to all boxes up to tfar.
+inline void on_primitive(embree::IntersectCall* call) {
+    Query& query = *reinterpret_cast<Query*>(reinterpret_cast<char*>(call->context) - offsetof(Query, context));
+    uint32_t triangle = call->prim;
+    double t;
+    int sign = cross_triangle(query.line, query.triangles[triangle], t);
+    if (sign == 0 || t < query.near || t > query.far) return;
+    uint32_t part = query.owners[triangle];
+    double far = query.far;
+    switch (query.roles[part]) {
+    case OPAQUE: {
+        // The order of the calls must not matter: where two opaque surfaces coincide, the part with
+        // the lower index is hit, and of its triangles the lower one.
+        bool nearer = t < query.stop_t || part < query.stop_part;
+        if (nearer || (part == query.stop_part && triangle < query.stop_triangle))
+            query.stop_part = part, query.stop_triangle = triangle;
+        query.stop_t = far = t;
+        break;
+    }
+    case COLLECT:
+        // The window begins at the nearest surface, which need not be found first.
+        far = least(far, t + query.window);
+        if (query.count < query.crossings.size()) query.crossings[query.count] = {t, int32_t(part), sign};
+        query.count++; // also what does not fit: the caller allocates a longer list
+        break;
+    default:
+        break;
+    }
+    if (far < query.far) {
+        query.far = far;
+        // Embree skips all boxes beyond. It counts from the skipped start, and in float32, for which
+        // the margin makes up.
+        call->ray_hit->ray.tfar = float(far - query.skipped + query.margin);
+    }
+}
+
+struct BoundedTriangles {
+    const Triangle* triangles;
+    double margin; // m by which boxes are wider
+};
+
+// Write the bounding box of a triangle; Embree calls this.
+inline void on_bounds(embree::BoundsCall* call) {
+    const auto& [triangles, margin] = *static_cast<const BoundedTriangles*>(call->user_data);
+    const double* p = triangles[call->prim];
+    for (int axis = 0; axis < 3; axis++) {
+        call->bounds->lower[axis] = float(least(p[axis], p[axis + 3], p[axis + 6]) - margin);
+        call->bounds->upper[axis] = float(most(p[axis], p[axis + 3], p[axis + 6]) + margin);
+    }
+}
+
+// The addresses of these callbacks, for Embree.
+inline void get_callbacks(Array<int64_t> addresses) {
+    addresses[0] = reinterpret_cast<int64_t>(&on_bounds);
+    addresses[1] = reinterpret_cast<int64_t>(&on_primitive);
+}
+DOOR(get_callbacks, "2")
+
+inline void select_hierarchy(const SceneHandle& handle, Query& query, int64_t row) {
+    query.hierarchy = row;
+    query.triangles = handle[row].triangles.data;
+    query.owners = handle[row].owners.data;
+}
+
+inline void prepare_query(const SceneHandle& handle, Query& query, Array<Crossing> crossings) {
+    query.arguments = {};
+    query.context = {};
+    query.arguments.context = &query.context;
+    query.crossings = crossings;
+    query.margin = handle.margin;
+    select_hierarchy(handle, query, 0);
+}
+
+// Level rays that found no slice.
+struct Unsliced {
+    double height, rays;
+};
+
+// Choose the hierarchy of the next queries: a slice if the ray is level and one fits.
+inline void select_scene(const SceneHandle& handle, Query& query, const Vector& origin, const Vector& direction,
+                         Unsliced& unsliced) {
+    int64_t row = 0;
+    if (direction[2] == 0.0) {
+        row = handle.heights.size() - 1;
+        while (row > 0 && handle.heights[row] != origin[2]) row--;
+        if (row == 0)
+            unsliced.height = origin[2], unsliced.rays += 1.0;
+        else if (handle[row].scene == handle[0].scene)
+            row = 0;
+    }
+    select_hierarchy(handle, query, row);
+}
+
+// The index, in the whole scene, of the last opaque triangle found.
+inline int64_t opaque_triangle(const SceneHandle& handle, const Query& query) {
+    if (query.hierarchy == 0) return query.stop_triangle;
+    return handle.sliced[handle[query.hierarchy].first_sliced + query.stop_triangle];
+}
+
+// Let Embree traverse the scene along the direction or, with -1, against it.
+inline void run_query(const SceneHandle& handle, Query& query, uint32_t parts, const uint8_t* roles,
+                      const Vector& origin, const Vector& direction, double orientation, Interval interval) {
+    query.roles = roles;
+    query.count = 0;
+    query.stop_part = parts; // no part has this number
+    query.near = interval.near, query.far = interval.far, query.window = interval.window;
+    query.stop_t = INFINITE;
+    query.line = project_line(origin, direction);
+    // Embree counts distances from the start and forwards.
+    double near = orientation > 0.0 ? interval.near : 0.0, far = orientation > 0.0 ? interval.far : INFINITE;
+    // A start far away would be rounded to float32 too coarsely: skip to the sphere around the scene.
+    double ahead = 0.0;
+    for (int axis = 0; axis < 3; axis++) ahead -= origin[axis] * direction[axis] * orientation;
+    double skipped = most(ahead - handle.radius, 0.0);
+    if (skipped > far) return;
+    embree::Ray& ray = query.hit.ray;
+    for (int axis = 0; axis < 3; axis++) {
+        ray.org[axis] = float(origin[axis] + skipped * orientation * direction[axis]);
+        ray.dir[axis] = float(orientation * direction[axis]);
+    }
+    ray.tnear = float(most(near - skipped - handle.margin, 0.0));
+    ray.time = 0.0f;
+    ray.tfar = float(far - skipped + handle.margin);
+    ray.mask = embree::INVALID, ray.id = 0, ray.flags = 0;
+    query.hit.hit.prim = query.hit.hit.geom = embree::INVALID;
+    query.skipped = skipped;
+    auto intersect = reinterpret_cast<embree::Intersect1>(handle.intersect);
+    intersect(handle[query.hierarchy].scene, &query.hit, &query.arguments);
+}
+
+// Whether something opaque may be within a radius around a point; false is certain.
+struct NearbySearch {
+    const uint32_t* owners;
+    const uint8_t* roles;
+    bool found;
+};
+
+inline bool on_nearby_primitive(embree::PointQueryCall* call) {
+    auto& search = *static_cast<NearbySearch*>(call->user_data);
+    if (search.roles[search.owners[call->prim]] != OPAQUE) return false;
+    search.found = true;
+    call->query->radius = 0.0f; // one is enough: end the traversal
+    return true;
+}
+
+inline bool is_opaque_nearby(const SceneHandle& handle, const uint8_t* roles, const Vector& point, double radius) {
+    embree::PointQuery query = {{float(point[0]), float(point[1]), float(point[2])}, 0.0f, float(radius)};
+    embree::PointQueryContext context = {};
+    NearbySearch search = {handle[0].owners.data, roles, false};
+    auto run = reinterpret_cast<embree::RunPointQuery>(handle.point_query);
+    run(handle[0].scene, &query, &context, on_nearby_primitive, &search);
+    return search.found;
+}
+
+} // namespace radarsim

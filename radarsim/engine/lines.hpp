@@ -1,0 +1,126 @@
+// Writes numbers into templates of lines; line_template.py describes their marks.
+//
+// Numbers below 2^31 with up to six decimals are below 2^52 when they are scaled to whole numbers, so that their
+// halves are exact: the digits are those of NumberFormat.
+#pragma once
+#include "door.hpp"
+
+namespace radarsim {
+
+constexpr uint8_t FIRST_MARK = 0xC0, IN_SERIES = 0x20, LINE_END = 0xDA, TRUTH = 0xDB, FLIPPED = 0xDC, WRAPPED = 0xDD,
+                  POSITIVE = 0xDE, BLOCK_END = 0xF9;
+enum Rounding { NEAREST, FLOAT32, TRUNCATED, WHOLE };
+constexpr int64_t MISFIT = -2, TOO_LARGE = -1; // instead of a number of bytes
+
+constexpr double LARGEST_WRITTEN = 2147483648.0;
+constexpr int64_t LONGEST_NUMBER = 19; // sign, ten digits, point, seven decimals; a truth value is less
+constexpr int64_t POWERS[] = {1, 10, 100, 1000, 10000, 100000, 1000000, 10000000, 100000000, 1000000000, 10000000000,
+                              100000000000, 1000000000000, 10000000000000, 100000000000000, 1000000000000000,
+                              10000000000000000, 100000000000000000};
+
+// A number as the marks before its own change it; bits of their places from FLIPPED on are set.
+inline double change_number(double value, int changes) {
+    if (changes & 1) value = 0.0 - value;
+    if (changes & 2) {
+        value = remainder(value, 2 * M_PI); // as geometry.wrap_angle does
+        if (value <= -M_PI) value = M_PI;
+    }
+    if (changes & 4) value += value < 0.0 ? 2 * M_PI : 0.0; // -0.0 becomes 0.0
+    return value;
+}
+
+// A product as a whole number, rounded once; exact halves become even.
+inline int64_t scale_number(double size, double scale) {
+    double product = size * scale, whole = rint(product);
+    if (fabs(product - whole) == 0.5) {
+        // The product may have been rounded to the half. Its error is exact: the upper half of the digits times a
+        // scale of 20 bits is, and so is the lower half.
+        double split = size * 134217729.0, upper = split - (split - size); // 2^27 + 1
+        double error = (upper * scale - product) + (size - upper) * scale;
+        if (error != 0.0) whole = error > 0.0 ? product + 0.5 : product - 0.5;
+    }
+    return int64_t(whole);
+}
+
+// The digits of the numbers below 100.
+struct Pairs {
+    uint8_t digits[100][2];
+    constexpr Pairs() : digits() {
+        for (int i = 0; i < 100; i++) digits[i][0] = uint8_t('0' + i / 10), digits[i][1] = uint8_t('0' + i % 10);
+    }
+};
+constexpr Pairs PAIRS;
+
+// Write the last digits of a number before a place; returns the number without them.
+inline uint64_t write_last_digits(uint64_t number, int count, uint8_t* end) {
+    for (; count > 1; count -= 2, number /= 100) memcpy(end -= 2, PAIRS.digits[number % 100], 2);
+    if (!count) return number;
+    end[-1] = uint8_t('0' + number % 10);
+    return number / 10;
+}
+
+// Write a scaled number with its point at a place; returns the place behind.
+inline uint8_t* write_digits(int64_t scaled, int decimals, uint8_t* at) {
+    int whole = 1; // digits before the point
+    while (scaled >= POWERS[whole + decimals]) whole++;
+    uint8_t *point = at + whole, *end = point + (decimals ? 1 + decimals : 0);
+    uint64_t rest = write_last_digits(uint64_t(scaled), decimals, end); // from the last to the first, by divisions
+    if (decimals) *point = '.';
+    write_last_digits(rest, whole, point);
+    return end;
+}
+
+inline uint8_t* write_number(double value, uint8_t mark, uint8_t* at) {
+    int rounding = mark >> 3 & 3, decimals = mark & 7;
+    int64_t scale = POWERS[decimals], scaled; // with signs, since those without are slow to convert
+    float single = float(value), size = fabsf(single), whole = truncf(size);
+    bool is_negative;
+    if (rounding == TRUNCATED) {
+        // Never as much as the scale: the largest fraction of single precision times a power of ten is nearer to
+        // the number below that power.
+        scaled = int64_t(whole) * scale + int64_t((size - whole) * float(scale));
+        is_negative = single < 0.0f;
+    } else if (rounding == FLOAT32) {
+        scaled = scale_number(size, double(scale));
+        is_negative = signbit(single);
+    } else {
+        scaled = rounding == NEAREST ? scale_number(fabs(value), double(scale)) : int64_t(fabs(value));
+        is_negative = value < 0.0 && scaled;
+    }
+    if (is_negative) *at++ = '-';
+    return write_digits(scaled, decimals, at);
+}
+
+inline uint8_t* write_truth(bool value, uint8_t* at) {
+    for (const char* text = value ? "True" : "False"; *text; text++) *at++ = uint8_t(*text);
+    return at;
+}
+
+// Write lines after each other; returns their bytes. Numbers are in the order of their marks; those of series follow
+// all others, from first_entry on. One pass over the templates of all robots, as a tick can have hundreds of lines.
+inline int64_t write_lines(Array<const uint8_t> templates, Array<const double> numbers, int64_t first_entry,
+                           Array<uint8_t> out) {
+    if (first_entry < 0 || first_entry > numbers.size()) return MISFIT;
+    if (out.size() < 2 * templates.size() + LONGEST_NUMBER * numbers.size()) return MISFIT;
+    const double *number = numbers.begin(), *entry = number + first_entry, *first = entry;
+    uint8_t* at = out.begin();
+    int changes = 0;
+    for (uint8_t code : templates) {
+        if (code < FIRST_MARK || code == BLOCK_END) *at++ = code;
+        else if (FLIPPED <= code && code <= POSITIVE) changes |= 1 << (code - FLIPPED);
+        else if (code == LINE_END) *at++ = '\r', *at++ = '\n';
+        else {
+            bool in_series = code & IN_SERIES;
+            if (in_series ? entry == numbers.end() : number == first) return MISFIT;
+            double value = in_series ? *entry++ : *number++;
+            if (!(fabs(value) < LARGEST_WRITTEN)) return TOO_LARGE; // NaN too
+            if (changes) value = change_number(value, changes);
+            changes = 0;
+            at = code == TRUTH ? write_truth(value != 0.0, at) : write_number(value, code, at);
+        }
+    }
+    return number == first && entry == numbers.end() ? at - out.begin() : MISFIT;
+}
+DOOR(write_lines, "t n o")
+
+} // namespace radarsim

@@ -1,0 +1,313 @@
+// Follow one ray segment by segment to its end; see propagate.py.
+#pragma once
+#include "attenuation.hpp"
+#include "intersect.hpp"
+#include "robot_boxes.hpp"
+
+namespace radarsim {
+
+constexpr int64_t UNKNOWN = -2; // instead of a part: the ray goes on where the window ends
+// The first window is as long as the path on which the densest volume takes all power, times
+// FIRST_WINDOW; each one after it is WINDOW_GROWTH times as long.
+constexpr double FIRST_WINDOW = 1.4, WINDOW_GROWTH = 4.0;
+constexpr double RANGE_TOLERANCE = 1e-9; // m; a surface this far beyond the range is within
+constexpr double NEAR_REACH = 0.5;       // m along each axis from a place that are near it
+constexpr double NEAR_SLACK = 1e-6;      // m; more than coordinates are rounded by
+constexpr double MIRROR_OFFSET = 1e-9;   // m; the next segment starts this far before a mirror
+constexpr double UNIT_TOLERANCE = 2e-9;  // of the squared length of a direction
+
+// The parts of a scene as each class of rays experiences them, by class and part; see traced_scene.py.
+struct MaterialTable {
+    Array<const double, 2> density, sheet_loss; // power lost per metre, and per crossed sheet; nan for volumes
+    Array<const double, 2> absorption;          // power that an opaque surface absorbs
+    Array<const uint8_t, 2> mirror;             // whether an opaque surface is a mirror
+    Array<const double, 2> passing;             // power that a surface of a pane takes; inf for what is none
+    Array<const double> air;                    // of each class: power lost per metre everywhere
+    Array<const int64_t> max_reflections;       // how many mirrors reflect a ray
+    Array<const double> glint;                  // cosine to a mirror's normal up to which it ends a ray
+    Array<const double> max_density;            // the greatest of the volumes, or its equivalent for sheets
+    Array<const uint8_t, 2> forward_roles, backward_roles; // what a ray does with a part ahead, and behind its start
+    Array<const int32_t> volume;                // the parts that are penetrable volumes
+    Array<const Vector> low, high;              // m, of their bounds; the last row is that of all together
+
+    int64_t classes() const { return density.shape[0]; }
+    int64_t parts() const { return density.shape[1]; }
+};
+LAYOUT(MaterialTable, "cp cp cp cp cp c c c c cp cp v w w", density, sheet_loss, absorption, mirror, passing, air,
+       max_reflections, glint, max_density, forward_roles, backward_roles, volume, low, high)
+
+struct Scene {
+    const SceneHandle* handle;
+    const MaterialTable* materials;
+    Vector centre; // m, the origin of all other coordinates
+    Array<const Triangle> triangles;
+};
+LAYOUT(Scene, "t", handle, materials, centre, triangles)
+
+struct Traces { // one row for each ray
+    Array<double> ranges;
+    Array<uint8_t> outcomes;
+    Array<int64_t> parts;
+    Array<double> power, incidence; // incidence is empty if it is not wanted
+};
+
+// Traces one ray after the other through a scene.
+class RayTracer {
+  public:
+    RayTracer(const Scene& scene, const BoxGrid& box_grid, int64_t max_crossings, Array<Event> events)
+        : scene(scene), handle(*scene.handle), materials(*scene.materials), box_grid(box_grid),
+          state(materials.parts(), max_crossings, events), near_volumes_(materials.volume.size()) {
+        prepare_query(handle, query_, state.crossings);
+    }
+
+    const Scene& scene;
+    const SceneHandle& handle;
+    const MaterialTable& materials;
+    const BoxGrid& box_grid;
+    RayState state;
+    Unsliced unsliced = {};
+    Vector origin, direction; // of the ray: in the map, before it is traced
+
+    // Trace one ray. Returns 0; the number of crossings of a segment for which there is too little
+    // room; or -1 minus the ray's number if it is invalid.
+    int64_t trace(int64_t row, double max_range, double power, uint8_t ray_class, int64_t carrier,
+                  const Traces& traces) {
+        if (!is_valid(max_range, power) || ray_class >= materials.classes()) return -1 - row;
+        for (int axis = 0; axis < 3; axis++) origin[axis] -= scene.centre[axis];
+        row_ = row, class_ = ray_class, carrier_ = carrier;
+        reflections_ = materials.max_reflections[ray_class];
+        start_segment(0.0);
+        Progress progress = {0.0, power, 0.0, -1};
+        SegmentEnd end;
+        WayOn on;
+        while (true) {
+            double before = state.segment.before;
+            if (int64_t needed = trace_segment(progress, max_range - before, end)) {
+                reset_winding(state);
+                return needed;
+            }
+            on = find_way_on(progress, end);
+            if (on.way == Way::ENDS) break;
+            record_event(state, row, progress.t, on.way == Way::PASSED ? Kind::SHEET : Kind::MIRRORED, end.part,
+                         progress.power, on.cost);
+            reset_winding(state);
+            go_on(on.way, progress.t);
+            if (on.way == Way::REFLECTED) carrier_ = -1; // in a mirror a robot sees itself
+            start_segment(before + progress.t);
+            progress = {0.0, progress.power - on.cost, progress.min_power, -1};
+            reflections_ -= on.is_bounce;
+        }
+        RayEnd ray_end = end_ray(row, progress, end, on.cost, state);
+        traces.ranges[row] = ray_end.outcome == HIT || ray_end.outcome == SPENT ? ray_end.t : INFINITE;
+        traces.outcomes[row] = ray_end.outcome;
+        traces.parts[row] = ray_end.part;
+        traces.power[row] = ray_end.power;
+        if (traces.incidence.size()) traces.incidence[row] = incidence_of(ray_end);
+        return 0;
+    }
+
+  private:
+    enum class Way { ENDS, REFLECTED, PASSED };
+    struct WayOn {
+        Way way;
+        double cost;    // power that the surface takes
+        bool is_bounce; // one of those of which a ray has a limited number
+    };
+    struct Normal {
+        double x, y, z;
+    };
+
+    bool is_valid(double max_range, double power) const {
+        double length = 0.0;
+        for (int axis = 0; axis < 3; axis++) {
+            length += direction[axis] * direction[axis];
+            if (!isfinite(origin[axis])) return false;
+        }
+        if (!(fabs(length - 1.0) <= UNIT_TOLERANCE)) return false;
+        return 0.0 <= max_range && max_range < INFINITE && power >= 0.0;
+    }
+
+    // A value of a part for the class of the ray.
+    template <typename T> T* of_class(Array<T, 2> table) const { return table.row(class_); }
+
+    void start_segment(double before) {
+        state.segment.before = before;
+        if (!state.events.size()) return;
+        for (int axis = 0; axis < 3; axis++) {
+            state.segment.start[axis] = origin[axis] + scene.centre[axis];
+            state.segment.direction[axis] = direction[axis];
+        }
+    }
+
+    // The unit normal of the triangle at which the last segment ended.
+    Normal opaque_normal() const {
+        const double* p = scene.triangles[opaque_triangle(handle, query_)];
+        double ax = p[3] - p[0], ay = p[4] - p[1], bx = p[6] - p[0], by = p[7] - p[1];
+        double az = p[5] - p[2], bz = p[8] - p[2];
+        double nx = ay * bz - az * by, ny = az * bx - ax * bz, nz = ax * by - ay * bx;
+        double length = sqrt(nx * nx + ny * ny + nz * nz);
+        return {nx / length, ny / length, nz / length};
+    }
+
+    double along(const Normal& n) const { return n.x * direction[0] + n.y * direction[1] + n.z * direction[2]; }
+
+    // The way on from the end of a segment; a ray that is absorbed ends.
+    WayOn find_way_on(const Progress& progress, const SegmentEnd& end) const {
+        // Robots are numbered after the parts and are no mirrors.
+        if (progress.spent_in >= 0 || end.part < 0 || end.part >= materials.parts())
+            return {Way::ENDS, 0.0, false};
+        WayOn on = way_on_from(end.part);
+        if (is_absorbed(progress.power, progress.min_power, on.cost)) return {Way::ENDS, on.cost, false};
+        return on;
+    }
+
+    WayOn way_on_from(int64_t part) const {
+        double absorbed = of_class(materials.absorption)[part];
+        if (!of_class(materials.mirror)[part]) return {Way::ENDS, absorbed, false};
+        double passing = of_class(materials.passing)[part];
+        double ahead = along(opaque_normal());
+        if (ahead > 0.0 && passing < INFINITE) return {Way::PASSED, passing, false}; // out of a pane
+        if (reflections_ <= 0 || fabs(ahead) >= materials.glint[class_]) return {Way::ENDS, absorbed, false};
+        if (passing <= absorbed) return {Way::PASSED, passing, true}; // each half of the loss on either way
+        return {Way::REFLECTED, 2.0 * absorbed, true};                // out and back
+    }
+
+    // Drop the crossings that coincide with a mirror at the end of a segment: the next segment
+    // starts a little before the mirror, and would cross them again.
+    void end_before_mirror(SegmentEnd& end) const {
+        if (reflections_ <= 0 || end.part < 0 || end.part >= materials.parts()) return;
+        if (!of_class(materials.mirror)[end.part]) return;
+        // Along a slanted ray the offset from the mirror's plane is longer.
+        double near = end.t - MIRROR_OFFSET / most(fabs(along(opaque_normal())), MIRROR_OFFSET);
+        while (end.crossed > 0 && state.crossings[end.crossed - 1].t >= near) end.crossed--;
+    }
+
+    // Set origin and direction of the segment that follows one of t m.
+    void go_on(Way way, double t) {
+        if (way == Way::PASSED) {
+            for (int axis = 0; axis < 3; axis++) origin[axis] += (t + MIRROR_OFFSET) * direction[axis];
+            return;
+        }
+        Normal n = opaque_normal();
+        double ahead = along(n);
+        if (ahead > 0.0) n = {-n.x, -n.y, -n.z}, ahead = -ahead; // the back of the triangle is hit
+        // Off the mirror along its normal, not along the ray: a grazing ray would stay within
+        // rounding of the surface and meet it again.
+        origin[0] += t * direction[0] + MIRROR_OFFSET * n.x;
+        origin[1] += t * direction[1] + MIRROR_OFFSET * n.y;
+        origin[2] += t * direction[2] + MIRROR_OFFSET * n.z;
+        direction[0] -= 2.0 * ahead * n.x;
+        direction[1] -= 2.0 * ahead * n.y;
+        direction[2] -= 2.0 * ahead * n.z;
+    }
+
+    double incidence_of(const RayEnd& end) const {
+        if (end.outcome != HIT) return NOT_A_NUMBER;
+        if (end.part >= materials.parts()) // a robot
+            return box_incidence(box_grid.boxes, end.part - materials.parts(), origin, direction,
+                                 end.t - state.segment.before);
+        return least(fabs(along(opaque_normal())), 1.0);
+    }
+
+    bool is_in_bounds(int64_t volume, double margin) const {
+        const Vector &low = materials.low[volume], &high = materials.high[volume];
+        for (int axis = 0; axis < 3; axis++)
+            if (origin[axis] < low[axis] - margin || origin[axis] > high[axis] + margin) return false;
+        return true;
+    }
+
+    // Whether the ray starts in the bounds of a volume that it penetrates.
+    bool is_near_volume() {
+        double margin = handle.margin;
+        // The last row bounds all volumes: one test is enough for most rays.
+        if (!is_in_bounds(materials.volume.size(), margin)) return false;
+        // A forest has thousands of volumes, but few around a sensor.
+        double distance = 0.0;
+        for (int axis = 0; axis < 3; axis++) distance = most(distance, fabs(origin[axis] - near_place_[axis]));
+        if (distance > NEAR_REACH) {
+            near_volumes_.clear();
+            for (int64_t k = 0; k < materials.volume.size(); k++)
+                if (is_in_bounds(k, margin + NEAR_REACH + NEAR_SLACK)) near_volumes_.append(k);
+            for (int axis = 0; axis < 3; axis++) near_place_[axis] = origin[axis];
+        }
+        for (int64_t k : near_volumes_)
+            if (of_class(materials.backward_roles)[materials.volume[k]] && is_in_bounds(k, margin)) return true;
+        return false;
+    }
+
+    // Set the winding numbers at the origin, by what is behind it; returns the number of crossings
+    // there. If there is too little room for them, no number is set.
+    int64_t find_enclosing() {
+        run_query(handle, query_, materials.parts(), of_class(materials.backward_roles), origin, direction, -1.0,
+                  {-INFINITE, BEHIND, INFINITE});
+        if (query_.count > state.crossings.size()) return query_.count;
+        // From the farthest to the nearest, so that the last entered is listed last.
+        sort_crossings(state.crossings.data, query_.count);
+        for (int64_t i = 0; i < query_.count; i++)
+            update_winding(state, state.crossings[i].part, state.crossings[i].sign);
+        return query_.count;
+    }
+
+    // Find what stops the ray in an interval, and the crossings before it. The count exceeds the
+    // room if they did not fit; the part is UNKNOWN if the ray may go on from there.
+    SegmentEnd next_opaque(const Interval& interval, const SegmentEnd& limit) {
+        run_query(handle, query_, materials.parts(), of_class(materials.forward_roles), origin,
+                  direction, 1.0, interval);
+        int64_t count = query_.count;
+        double t = query_.far;
+        // A window that began later may end before the opaque surface.
+        int64_t part = query_.stop_t <= t ? int64_t(query_.stop_part) : -1;
+        if (count > state.crossings.size()) return {count, t, part};
+        // Either the window ended the search, or the interval did.
+        if (part < 0) part = t < interval.far ? UNKNOWN : limit.part;
+        // An opaque surface may be found up to RANGE_TOLERANCE beyond the limit.
+        double last = least(t, limit.t);
+        sort_crossings(state.crossings.data, count);
+        while (count > 0 && state.crossings[count - 1].t > last) count--;
+        return {count, last, part};
+    }
+
+    // Follow a segment window by window to its end; returns the number of crossings if there were too
+    // many, else 0.
+    int64_t march(Progress& progress, const SegmentEnd& limit, SegmentEnd& end) {
+        RayCosts costs = {of_class(materials.density), of_class(materials.sheet_loss), materials.air[class_],
+                          materials.parts() - 1};
+        // Where nothing takes power the window is infinite. A surface at the very range counts, also
+        // if rounding has put it beyond.
+        double window = FIRST_WINDOW * progress.power / materials.max_density[class_];
+        Interval interval = {0.0, limit.t + RANGE_TOLERANCE, window};
+        while (true) {
+            end = next_opaque(interval, limit);
+            if (end.crossed > state.crossings.size()) return end.crossed;
+            end_before_mirror(end);
+            progress = advance_ray(row_, progress, end, costs, state);
+            if (progress.spent_in >= 0 || end.part != UNKNOWN) return 0;
+            // The line continues behind the last float that was searched.
+            interval = {nextafter(end.t, INFINITE), interval.far, interval.window * WINDOW_GROWTH};
+        }
+    }
+
+    // Follow the ray along a straight line to what stops it; returns as march does.
+    int64_t trace_segment(Progress& progress, double max_range, SegmentEnd& end) {
+        // For each segment anew: a mirror may turn a level ray upwards, or a steep one level.
+        select_scene(handle, query_, origin, direction, unsliced);
+        if (is_near_volume()) {
+            int64_t needed = find_enclosing();
+            if (needed > state.crossings.size()) return needed;
+        }
+        int64_t box;
+        double t = box_grid.intersect(carrier_, origin, direction, max_range, box);
+        // Boxes are numbered after the parts.
+        SegmentEnd limit = {0, t, box >= 0 ? materials.parts() + box : -1};
+        // After a reflection the ray keeps its min_power, and is in nothing anew.
+        if (state.segment.before == 0.0) progress = start_ray(row_, progress.power, state);
+        return march(progress, limit, end);
+    }
+
+    Query query_;
+    Vector near_place_ = {INFINITE, INFINITE, INFINITE};
+    List<int64_t> near_volumes_; // around the place, which all that starts near it shares
+    int64_t row_, class_, carrier_, reflections_;
+};
+
+} // namespace radarsim

@@ -1,0 +1,176 @@
+// Power by range: where a ray adds what comes back along it.
+//
+// A surface that is grazed takes up more than one bin, as the next ray of the beam meets it farther off: its power is
+// spread over that distance. From level ground at a depth h below the antenna, which rays meet metres apart,
+// elevations of d theta return at ranges
+//
+//     dR = R^2 / h sqrt(1 - h^2 / R^2) d theta.
+//
+// A volume adds to every bin that the ray passes, less and less as it takes from the wave.
+#pragma once
+#include "scattering.hpp"
+
+namespace radarsim::fmcw {
+
+constexpr double NEPER_DB = 4.3429448190325175; // dB of power in a neper of power
+constexpr double STEEPEST = 0.999;             // square of h / R, at which the formula for ground ends
+constexpr double NEAREST = 0.3;                // m; nearer the far field, and 1 / R^2, do not hold
+
+struct RangeLines { // power by range, of one column and the next, which take turns
+    double bin_size;                // m; bin b is from b - 1/2 to b + 1/2 of it
+    Array<const double> per_square; // 1 / R^2 of each bin, 1/m^2; 0 where it is too near
+    Array<float, 2> power;
+    // What the wind moves, without bins if nothing does: its power, and that times its rms speed, m/s.
+    Array<float, 3> sway;
+    Array<int64_t, 2> spans; // of each line the first and the last bin with power
+
+    int64_t count() const { return per_square.size(); }
+    double bin_at(double range) const { return range / bin_size + 0.5; }
+    // Note that bins have power.
+    void widen(int64_t low, int64_t high) const {
+        for (int64_t line = 0; line < 2; line++) {
+            if (low < spans(line, 0)) spans(line, 0) = low;
+            if (high > spans(line, 1)) spans(line, 1) = high;
+        }
+    }
+};
+LAYOUT(RangeLines, "b 2b 22s 22", bin_size, per_square, power, sway, spans)
+
+struct Place { // where a ray's power goes
+    int64_t here;  // the line of its column
+    double across; // the share of the next column
+    double weight; // power at 1 m from a gamma of 1
+    double shift;  // m, added to ranges
+    double sway;   // rms speed at which the wind moves what returns it, m/s
+
+    Place swaying(double speed) const { return {here, across, weight, shift, speed}; }
+};
+
+struct Span { // of ranges, in bins, and which bins it touches; none if high is below low
+    double start, end;
+    int64_t low, high;
+
+    Span(double start, double end, int64_t count) : start(start), end(end), low(floor_of(start)), high(floor_of(end)) {
+        if (low < 0) low = 0;
+        if (high > count - 1) high = count - 1;
+    }
+    // Which part of a bin it covers.
+    double share(int64_t bin) const { return least(end, bin + 1.0) - most(start, double(bin)); }
+};
+
+inline void add_to_bin(const RangeLines& lines, const Place& place, int64_t bin, double power) {
+    int64_t rows[2] = {place.here, 1 - place.here};
+    double shares[2] = {power * (1.0 - place.across), power * place.across};
+    for (int i = 0; i < 2; i++) {
+        float& own = lines.power(rows[i], bin);
+        own = float(own + shares[i]);
+        if (place.sway <= 0.0) continue;
+        float &moved = lines.sway(rows[i], 0, bin), &speed = lines.sway(rows[i], 1, bin);
+        moved = float(moved + shares[i]);
+        speed = float(speed + shares[i] * place.sway);
+    }
+}
+
+// Add what a surface at a distance returns, evenly over a length along the ray, and at least over one bin: else its
+// power would jump from one to the next as the radar moves. Gamma is less the losses on the way.
+inline void add_surface(const RangeLines& lines, const Place& place, double t, double gamma, double length) {
+    if (gamma <= 0.0 || t < NEAREST) return;
+    double power = place.weight * gamma / (t * t), half = 0.5 * most(length, lines.bin_size);
+    double middle = t + place.shift;
+    Span span(lines.bin_at(middle - half), lines.bin_at(middle + half), lines.count());
+    if (span.high < span.low) return;
+    double density = power / (span.end - span.start);
+    for (int64_t bin = span.low; bin <= span.high; bin++) add_to_bin(lines, place, bin, density * span.share(bin));
+    lines.widen(span.low, span.high);
+}
+
+// What level ground returns into a bin of 1 / R^2.
+inline double ground_at(double per_square, double depth, double scale) {
+    double steep = least(depth * depth * per_square, STEEPEST);
+    return scale * per_square * per_square / sqrt(1.0 - steep);
+}
+
+// Add ground to the whole bins between two; gamma_of has the rest of its gamma by bin and 1 / R^2. Without choices in
+// that, a processor computes several bins at once.
+template <typename Gamma>
+inline void fill_ground(const RangeLines& lines, const Place& place, const Span& span, double depth, double scale,
+                        Gamma gamma_of) {
+    float *own = &lines.power(place.here, 0), *beside = &lines.power(1 - place.here, 0);
+    const double* per_square = lines.per_square.data;
+    double across = place.across;
+    for (int64_t bin = span.low + 1; bin < span.high; bin++) {
+        double power = ground_at(per_square[bin], depth, scale) * gamma_of(bin, per_square[bin]);
+        own[bin] = float(own[bin] + power * (1.0 - across));
+        beside[bin] = float(beside[bin] + power * across);
+    }
+}
+
+// Add what level ground returns. Gamma is that where the ray meets it, less the losses on the way; only these losses
+// if it is of patches.
+inline void add_ground(const RangeLines& lines, const Place& place, const Grazing& grazing, double gamma,
+                       bool constant_gamma, const Scattering& scattering) {
+    bool is_patched = constant_gamma && scattering.has_patches();
+    double t = grazing.t, depth = grazing.depth, size = lines.bin_size, shift = place.shift;
+    // The ray stands for elevations of half the angle to either side of its own.
+    double here = asin(least(depth / t, 1.0)), half = 0.5 * grazing.angle;
+    // Beyond straight down, 1.57 rad, ranges would grow again.
+    double start = most(depth / sin(least(here + half, 1.5)), grazing.near, NEAREST), end = grazing.far;
+    // Rays nearer the horizon than that stand for directions that meet no ground.
+    if (here > half) end = least(end, depth / sin(here - half));
+    // The share of the ray's power in a radian; what lies beyond the last bin is lost.
+    double angle = asin(least(depth / start, 1.0)) - asin(least(depth / end, 1.0));
+    double last = least(lines.bin_at(end + shift), double(lines.count()));
+    Span span(lines.bin_at(start + shift), last, lines.count());
+    if (span.high < span.low || angle <= 0.0) return;
+    double scale = place.weight * gamma * depth * size / angle;
+    lines.widen(span.low, span.high);
+    // Lambert's gamma falls with h / R; it is given for the range of the ray.
+    auto lambert = [&](int64_t, double per_square) { return t * sqrt(per_square); };
+    auto patched = [&](double range) { return patch_gamma(scattering, grazing, range); };
+    // The first and the last bin are passed in part.
+    const int64_t ends[] = {span.low, span.high};
+    for (int64_t bin : ends) {
+        double per_square = lines.per_square[bin], power = ground_at(per_square, depth, scale * span.share(bin));
+        if (!constant_gamma) power *= lambert(bin, per_square);
+        else if (is_patched) power *= patched(bin * size - shift);
+        add_to_bin(lines, place, bin, power);
+    }
+    double second = (span.low + 1) * size - shift;
+    auto patched_from = [&](int64_t bin, double) { return patched(second + (bin - span.low - 1) * size); };
+    if (!constant_gamma) fill_ground(lines, place, span, depth, scale, lambert);
+    else if (is_patched) fill_ground(lines, place, span, depth, scale, patched_from);
+    else fill_ground(lines, place, span, depth, scale, [](int64_t, double) { return 1.0; });
+}
+
+// The integral of e^(-rate r) over a depth.
+inline double mean_depth(double rate, double depth) {
+    if (rate * depth < 1e-6) return depth; // where the difference below would lose its digits
+    return (1.0 - exp(-rate * depth)) / rate;
+}
+
+// Add what a volume, of a cross section of each cubic metre, m^2/m^3, returns along the way of a ray through it. Loss
+// is that up to there, and slope that of a metre within, dB one way.
+inline void add_volume(const RangeLines& lines, const Place& place, double near, double far, double volume,
+                       double loss, double slope) {
+    double size = lines.bin_size, rate = 2.0 * slope / NEPER_DB; // nepers of power per metre, out and back
+    Span span(lines.bin_at(near + place.shift), lines.bin_at(far + place.shift), lines.count());
+    if (span.high < span.low) return;
+    // Most bins are passed as a whole: their share is computed once.
+    double fade = exp(-rate * size), whole = mean_depth(rate, size), begin = most(span.start, double(span.low));
+    double left = place.weight * volume * pow(10.0, -0.2 * loss);
+    left *= exp(-rate * (begin - span.start) * size);
+    for (int64_t bin = span.low; bin <= span.high; bin++) {
+        double depth = (least(span.end, bin + 1.0) - begin) * size, returned = left * whole;
+        if (depth < 0.999999 * size) {
+            returned = left * mean_depth(rate, depth);
+            left *= exp(-rate * depth);
+        } else {
+            left *= fade;
+        }
+        add_to_bin(lines, place, bin, returned * lines.per_square[bin]);
+        begin = bin + 1.0;
+    }
+    lines.widen(span.low, span.high);
+}
+
+} // namespace radarsim::fmcw

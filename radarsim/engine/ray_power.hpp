@@ -1,0 +1,219 @@
+// What comes back along one ray: from the events on its way to power by range.
+#pragma once
+#include "range_lines.hpp"
+
+namespace radarsim::fmcw {
+
+constexpr double GRAZING = 1e-3;      // the smallest cosine of an angle of incidence
+constexpr double OVERLAP = 1.5;       // by how much the ranges of a ray reach over those of the next
+constexpr double DENT_AREA = 1.0;     // m^2, of dents in a sheet of metal; estimate
+constexpr double STRAIGHT_BACK = 0.9; // cosine, beyond which no mirror glints
+constexpr double LONGEST_SPREAD = 3.0; // m, over which a grazed surface is spread
+
+struct FanRays { // the rays of a fan in a scene
+    Array<const int64_t> column;
+    // As in ray_fan.py, but the weights are times K over the noise.
+    Array<const double> across, weights, spread;
+    Array<const Vector> directions; // unit vectors, map frame
+    Array<const double> shift;      // m, by how much all seems farther by Doppler's effect
+    Array<const double> ranges;     // m, to where each ends; inf if it meets nothing
+    Array<const double> incidence;  // cosine of the angle of incidence
+    double full, db_per_power;      // the power with which they start, and dB one way in a unit of it
+    double wavelength;              // m
+};
+LAYOUT(FanRays, "r r r r r r r r", column, across, weights, spread, directions, shift, ranges, incidence, full,
+       db_per_power, wavelength)
+
+// The walk along one ray.
+class RayWalk {
+  public:
+    RayWalk(const FanRays& rays, Array<const Event> events, const Scattering& scattering, const RangeLines& lines,
+            List<int64_t>& inside, int64_t ray, int64_t first)
+        : rays_(rays), events_(events), scattering_(scattering), lines_(lines), inside_(inside), ray_(ray),
+          first_(first), place_{rays.column[ray] & 1, rays.across[ray], rays.weights[ray], rays.shift[ray], 0.0} {}
+
+    // Add the power of the ray; returns the first event of the next one.
+    int64_t add() {
+        double t = 0.0, power = rays_.full;
+        bool is_turned = false; // by a mirror: from there on the ray has not the direction that it has in the fan
+        int64_t i = first_;
+        inside_.clear();
+        for (; i < events_.size() && events_[i].ray == ray_; i++) {
+            const Event& event = events_[i];
+            // Power can only fall; rounding must not make a volume return less than nothing.
+            double left = least(event.power, power);
+            add_volumes(t, event.t, power, left);
+            switch (event.kind) {
+            case Kind::HIT:
+                // Ground is spread by its own law, along the direction that the fan knows: after a mirror it is a
+                // surface as any other.
+                if (!is_turned && is_level(rays_.directions[ray_], rays_.incidence[ray_])) add_level(event, share_left(left));
+                else add_end(event, share_left(left));
+                break;
+            case Kind::OUT_OF_RANGE:
+                if (!is_turned) add_open_ground(event, t, power);
+                break;
+            case Kind::SHEET: {
+                // It has no depth: what it scatters is a share of what it takes.
+                double taken = 1.0 - pow(10.0, -0.1 * event.absorbed * rays_.db_per_power);
+                const PartScattering& part = scattering_.of(event.part);
+                add_surface(lines_, place_.swaying(part.sway), event.t, part.albedo * taken * share_left(left), 0.0);
+                break;
+            }
+            case Kind::MIRRORED: {
+                double gamma = surface_gamma(scattering_.of(event.part), mirror_cosine(i));
+                double through = share_left(left);
+                add_surface(lines_, place_, event.t, gamma * through, 0.0);
+                if (is_turned) add_corner(i, through);
+                is_turned = true;
+                break;
+            }
+            default: break;
+            }
+            pass_surface(event);
+            t = event.t, power = left - event.absorbed;
+        }
+        return i;
+    }
+
+  private:
+    // The share of the wave that is left where the ray has a power left, by decibels one way; the wave comes back, so
+    // that it loses twice as many.
+    double share_left(double left) const { return pow(10.0, -0.2 * (rays_.full - left) * rays_.db_per_power); }
+
+    // Keep the list of volumes around the ray.
+    void pass_surface(const Event& event) {
+        switch (event.kind) {
+        case Kind::START_INSIDE:
+        case Kind::ENTER:
+            if (inside_.size() < scattering_.parts.size()) inside_.append(event.part);
+            break;
+        case Kind::LEAVE:
+            for (int64_t i = inside_.size() - 1; i >= 0; i--)
+                if (inside_[i] == event.part) inside_.remove(event.part);
+            break;
+        case Kind::MIRRORED: inside_.clear(); break; // it enters the volumes again
+        default: break;
+        }
+    }
+
+    // Add the volumes between two events, from the power at one to that at the other.
+    void add_volumes(double near, double far, double power, double left) {
+        double volume = scattering_.air, sway = 0.0; // the cross section of a cubic metre of all that is there
+        for (int64_t part : inside_) {
+            volume += scattering_.of(part).volume;
+            sway = most(sway, scattering_.of(part).sway);
+        }
+        if (!(volume > 0.0 && far > near)) return;
+        double loss = (rays_.full - power) * rays_.db_per_power;
+        double slope = (power - left) / (far - near) * rays_.db_per_power;
+        add_volume(lines_, place_.swaying(sway), near, far, volume, loss, slope);
+    }
+
+    // Add the surface that ends the ray; through is the share of the wave that comes there and back.
+    void add_end(const Event& event, double through) {
+        double cosine = most(rays_.incidence[ray_], GRAZING);
+        double gamma = surface_gamma(scattering_.of(event.part), cosine);
+        // The tangent of the angle of incidence: how much farther the next ray meets it.
+        double slant = sqrt(1.0 - cosine * cosine) / cosine;
+        double length = least(rays_.spread[ray_] * event.t * slant, LONGEST_SPREAD);
+        add_surface(lines_, place_, event.t, gamma * through, length);
+    }
+
+    // Add level ground that ends the ray.
+    void add_level(const Event& event, double through) {
+        // The view over level ground ends where the next ray, which looks higher, meets something upright.
+        int64_t after = ray_ + 1;
+        double end = INFINITE;
+        if (after < rays_.column.size() && rays_.column[after] == rays_.column[ray_] &&
+            !is_level(rays_.directions[after], rays_.incidence[after]))
+            end = most(rays_.ranges[after], rays_.ranges[ray_]);
+        const PartScattering& part = scattering_.of(event.part);
+        double angle = OVERLAP * rays_.spread[ray_];
+        add_level_ground(part, grazing_at(part, event, rays_.directions[ray_], angle, end), through);
+    }
+
+    // Add the open ground that the ray meets beyond the edge of the map, behind t, m, where it had a power.
+    void add_open_ground(const Event& end, double t, double power) {
+        const Vector& direction = rays_.directions[ray_];
+        if (scattering_.open_part < 0 || direction[2] >= 0.0) return;
+        double way = end.t + (scattering_.open_height - end.z) / direction[2];
+        if (way <= t || way >= end.t) return;
+        double lost = rays_.full - power + (power - end.power) * (way - t) / (end.t - t);
+        double through = pow(10.0, -0.2 * lost * rays_.db_per_power), angle = OVERLAP * rays_.spread[ray_];
+        double x = end.x - end.t * direction[0], y = end.y - end.t * direction[1];
+        add_level_ground(scattering_.of(scattering_.open_part),
+                         over_ground(x, y, direction, way, angle, 0.0, INFINITE), through);
+    }
+
+    // Add level ground of a part, or of all patches that the ray stands for.
+    void add_level_ground(const PartScattering& part, const Grazing& grazing, double through) {
+        double gamma = 1.0;
+        if (!part.constant_gamma || !scattering_.has_patches())
+            gamma = surface_gamma(part, most(grazing.depth / grazing.t, GRAZING));
+        add_ground(lines_, place_, grazing, gamma * through, part.constant_gamma, scattering_);
+    }
+
+    // Add what comes straight back by several mirrors, as from a corner of two walls; the last is at an event. They are
+    // one mirror that the ray meets head-on, as far away as half of its way out and back; its slopes are those of all.
+    void add_corner(int64_t last, double through) {
+        const Event &event = events_[last], &after = events_[last + 1], &start = events_[first_];
+        const Vector& ahead = rays_.directions[ray_];
+        double run = after.t - event.t;
+        if (run <= 0.0) return;
+        double dx = start.x - start.t * ahead[0] - event.x, dy = start.y - start.t * ahead[1] - event.y,
+               dz = start.z - start.t * ahead[2] - event.z;
+        double straight = sqrt(dx * dx + dy * dy + dz * dz);
+        double back = (after.x - event.x) * dx + (after.y - event.y) * dy + (after.z - event.z) * dz;
+        back /= run * most(straight, 1e-9);
+        if (back < STRAIGHT_BACK) return;
+        // Half the angle by which it misses the antenna is that of a mirror turned so.
+        double square = least(0.5 * (1.0 + back), 1.0), distance = 0.5 * (event.t + straight);
+        double share = 1.0, spread = 0.0, area = 0.0;
+        for (int64_t i = first_; i <= last; i++) {
+            if (events_[i].kind != Kind::MIRRORED) continue;
+            const PartScattering& part = scattering_.of(events_[i].part);
+            if (part.narrowness <= 0.0) return;
+            share *= part.glint / part.narrowness;
+            // A piece that is smaller than its dents is as flat as a part of one.
+            spread += 0.5 / part.narrowness * least(part.area / DENT_AREA, 1.0);
+            area += part.area * mirror_cosine(i);
+        }
+        // What is small, or far, sends the wave into a lobe; no more of a large mirror than the zone around the
+        // shortest way takes part.
+        area = least(area, 0.5 * rays_.wavelength * distance);
+        spread += rays_.wavelength * rays_.wavelength / (8.0 * M_PI * most(area, 1e-6));
+        double gamma = gamma_at(sqrt(square), 0.0, true, share * 0.5 / spread, 0.5 / spread);
+        add_surface(lines_, place_, distance, gamma * through, 0.0);
+    }
+
+    // The cosine of the angle of incidence on a mirror: half the length by which the direction changes. Events know
+    // places, but no directions; a mirror is never the last event of a ray.
+    double mirror_cosine(int64_t mirror) const {
+        int64_t before = mirror - 1; // the mirror before this one
+        while (before >= first_ && events_[before].kind != Kind::MIRRORED) before--;
+        const Event &here = events_[mirror], &after = events_[mirror + 1];
+        double run = after.t - here.t;
+        if (run <= 0.0) return 1.0;
+        const Vector& direction = rays_.directions[ray_];
+        double ux = direction[0], uy = direction[1], uz = direction[2];
+        if (before >= first_) {
+            const Event& last = events_[before];
+            double way = most(here.t - last.t, 1e-9);
+            ux = (here.x - last.x) / way, uy = (here.y - last.y) / way, uz = (here.z - last.z) / way;
+        }
+        double dx = (after.x - here.x) / run - ux, dy = (after.y - here.y) / run - uy,
+               dz = (after.z - here.z) / run - uz;
+        return least(most(0.5 * sqrt(dx * dx + dy * dy + dz * dz), GRAZING), 1.0);
+    }
+
+    const FanRays& rays_;
+    Array<const Event> events_;
+    const Scattering& scattering_;
+    const RangeLines& lines_;
+    List<int64_t>& inside_; // the volumes around the ray
+    int64_t ray_, first_;   // the ray, and its first event
+    Place place_;
+};
+
+} // namespace radarsim::fmcw

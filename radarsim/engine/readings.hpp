@@ -1,0 +1,310 @@
+// What sensors that cast no rays read.
+//
+// What a sensor remembers is a structure of numbers in the row of its robot. What a robot reports follows from jobs:
+// each writes the numbers of an attribute of a report, in the order in which its line has them. Robots of one class
+// have their structures at the same places, and share the jobs.
+//
+// An INS is dead reckoning that drifts with the distance driven and the angles turned. Its estimate starts at the
+// sensor's true pose. An update of the drift adds the body's true motion since the previous one, with an error: on each
+// axis the distance times a normal random number, on each angle the turn times another. Between updates the true motion
+// is added without error, so that readings can be more frequent.
+//
+// A tachometer measures the mean speed of wheels since its last reading, and their angles, without noise. An encoder
+// counts ticks: the error is a fraction of the total angle, and the count restarts with every turn.
+//
+// Velocities are those of the body's last tick. An acceleration is the change of velocity since the last reading, along
+// the axes of the sensor at its end. Rates are the changes of roll, pitch and yaw, and not those about the axes of the
+// body.
+//
+// Random numbers are drawn ahead, in Python, and are those that would be drawn one after the other.
+//
+// Source: the original server's sensors; the deviation of its INS is 5 % regardless of its settings.
+#pragma once
+#include "robot.hpp"
+
+namespace radarsim {
+
+constexpr double GRAVITY = 9.81;                // m/s2
+constexpr double SEA_LEVEL = -111.0;            // m; height of the sea below the spawn, as of the original
+constexpr double ENCODER_RESOLUTION = 0.01745;  // rad per tick
+constexpr double TICKS_A_SECOND = 100.0, TICKS_A_MINUTE = 6000.0;
+constexpr int64_t DRAWN_AHEAD = 16;             // updates of an INS, readings of an encoder
+constexpr double SHORTEST = 1e-6;               // s between two readings: in one tick there is no speed
+
+enum class Reading : int64_t { // as of readings.py
+    TIME, CHARGE, TOUCHED, BODY_POSE, HEADING, STEERING, ALTITUDES, MINUTES, WHEEL_POSE, DRIFT, INS_POSE,
+    LEFT_SPEED, RIGHT_SPEED, LEFT_ANGLE, RIGHT_ANGLE, TICKS, ACCELERATION, PROPER_ACCELERATION, INERTIA, LINK_ANGLE
+};
+struct Job {
+    Reading kind;
+    int64_t place; // of the structure in the row of its robot
+};
+struct DueJobs { // of a robot
+    int64_t slot, first, end;
+};
+
+struct Charge {
+    double life, least; // time that the battery lasts, and what it holds at least, s
+    double spawn_tick;
+};
+struct Ins {
+    double estimate[6], bias[6]; // pose, map frame, and mean errors
+    double body[6];              // the body's pose at the last update
+    double sigma;                // standard deviation of errors
+    double used;                 // updates whose random numbers are used up
+    double draws[6 * DRAWN_AHEAD];
+};
+struct Tachometer {
+    double read_at; // s
+    double angles[2], speeds[2], zero[2]; // of left and right wheels: at the last reading; angles that count as zero
+};
+struct Encoder { // of a wheel
+    double side, zero, sign; // 1 for right; angle that counts as zero; -1 if forward counts down
+    double noise, used;      // largest error, as a fraction of the angle; random numbers that are used up
+    double draws[DRAWN_AHEAD];
+};
+struct Accelerometer {
+    double axes[9]; // in the body frame, row by row
+    double read_at;    // s; and what was read then
+    double velocity[3], attitude[3], rates[3];
+};
+struct Link { // of a mission package
+    double from_angle, from_tick, to_angle, speed; // when it was told to move, rad, and until when; rad/s
+};
+LAYOUT(Job, "", kind, place)
+LAYOUT(DueJobs, "", slot, first, end)
+LAYOUT(Charge, "", life, least, spawn_tick)
+LAYOUT(Ins, "", estimate, bias, body, sigma, used, draws)
+LAYOUT(Tachometer, "", read_at, angles, speeds, zero)
+LAYOUT(Encoder, "", side, zero, sign, noise, used, draws)
+LAYOUT(Accelerometer, "", axes, read_at, velocity, attitude, rates)
+LAYOUT(Link, "", from_angle, from_tick, to_angle, speed)
+
+// Numbers that are written, and counted where there is no room.
+struct Numbers {
+    Array<double> room;
+    int64_t count;
+
+    void add(double number) {
+        if (count < room.size()) room[count] = number;
+        count++;
+    }
+    void add(const double* numbers, int size) {
+        for (int i = 0; i < size; i++) add(numbers[i]);
+    }
+};
+
+// A motion on an axis, or a turn about it, the short way round.
+inline double measure_motion(double start, double end, int axis) {
+    double motion = end - start;
+    return axis < 3 || fabs(motion) <= M_PI ? motion : remainder(motion, 2 * M_PI);
+}
+
+inline void move_ins(Ins& ins, const double* body) {
+    double square = 0.0;
+    for (int axis = 0; axis < 3; axis++) square += (body[axis] - ins.body[axis]) * (body[axis] - ins.body[axis]);
+    double distance = sqrt(square);
+    const double* draws = &ins.draws[6 * (whole_of(ins.used) & (DRAWN_AHEAD - 1))];
+    for (int axis = 0; axis < 6; axis++) {
+        double motion = measure_motion(ins.body[axis], body[axis], axis);
+        // Errors grow with the way driven, also across it, and with the turn itself.
+        double scale = axis < 3 ? distance : motion;
+        ins.estimate[axis] += motion + scale * (ins.bias[axis] + ins.sigma * draws[axis]);
+        ins.body[axis] = body[axis];
+    }
+    ins.used += 1.0;
+}
+
+inline void read_ins(const Ins& ins, const double* body, Numbers& out) {
+    for (int axis = 0; axis < 6; axis++) out.add(ins.estimate[axis] + measure_motion(ins.body[axis], body[axis], axis));
+}
+
+inline const Tachometer& measure_speeds(Tachometer& sensor, double time, const Robot& robot) {
+    const double angles[] = {robot.left_angle, robot.right_angle}, elapsed = time - sensor.read_at;
+    if (elapsed > SHORTEST) {
+        for (int side = 0; side < 2; side++) {
+            sensor.speeds[side] = (angles[side] - sensor.angles[side]) / elapsed;
+            sensor.angles[side] = angles[side];
+        }
+        sensor.read_at = time;
+    }
+    return sensor;
+}
+
+inline double count_ticks(Encoder& encoder, const Robot& robot) {
+    double error = -encoder.noise + 2 * encoder.noise * encoder.draws[whole_of(encoder.used) & (DRAWN_AHEAD - 1)];
+    encoder.used += 1.0;
+    double turned = ((encoder.side != 0.0 ? robot.right_angle : robot.left_angle) - encoder.zero) * (1 + error);
+    return trunc(fmod(turned, 2 * M_PI) / ENCODER_RESOLUTION) * encoder.sign;
+}
+
+// Turn a vector in a plane.
+inline void turn(double angle, double& a, double& b) {
+    double c = cos(angle), s = sin(angle), turned = c * a - s * b;
+    b = s * a + c * b;
+    a = turned;
+}
+
+// Write the acceleration along the axes of a sensor, and its rotation if there is one to write.
+inline void read_acceleration(Accelerometer& sensor, double time, const Robot& robot, Reading kind, Numbers& out) {
+    const double velocity[] = {robot.velocity_x, robot.velocity_y, robot.velocity_z};
+    const double attitude[] = {robot.roll, robot.pitch, robot.yaw};
+    double elapsed = time - sensor.read_at, felt[3] = {}; // along, across, up
+    bool is_new = elapsed > SHORTEST;
+    if (is_new) {
+        double more_x = (velocity[0] - sensor.velocity[0]) / elapsed;
+        double more_y = (velocity[1] - sensor.velocity[1]) / elapsed;
+        double c = cos(robot.yaw), s = sin(robot.yaw);
+        felt[0] = c * more_x + s * more_y, felt[1] = c * more_y - s * more_x;
+        felt[2] = (velocity[2] - sensor.velocity[2]) / elapsed;
+        memcpy(sensor.velocity, velocity, sizeof(velocity));
+        sensor.read_at = time;
+    }
+    felt[2] -= kind == Reading::PROPER_ACCELERATION ? GRAVITY : 0.0;
+    if (robot.roll != 0.0 || robot.pitch != 0.0) {
+        turn(robot.pitch, felt[0], felt[2]);
+        turn(-robot.roll, felt[1], felt[2]);
+    }
+    for (int axis = 0; axis < 3; axis++) {
+        const double* along = &sensor.axes[3 * axis];
+        out.add(along[0] * felt[0] + along[1] * felt[1] + along[2] * felt[2]);
+    }
+    if (kind != Reading::INERTIA) return;
+    double rates[3] = {}, changes[3] = {};
+    for (int axis = 0; is_new && axis < 3; axis++) {
+        double turned = attitude[axis] - sensor.attitude[axis];
+        if (fabs(turned) > M_PI) turned -= copysign(2 * M_PI, turned);
+        rates[axis] = turned / elapsed;
+        changes[axis] = (rates[axis] - sensor.rates[axis]) / elapsed;
+        sensor.attitude[axis] = attitude[axis];
+        sensor.rates[axis] = rates[axis];
+    }
+    out.add(rates, 3);
+    out.add(changes, 3);
+    out.add(attitude, 3);
+}
+
+// The angle of a link, rad.
+inline double link_angle(const Link& link, double ticks) {
+    double reach = link.speed * (ticks - link.from_tick) / TICKS_A_SECOND;
+    return link.from_angle + most(-reach, least(reach, link.to_angle - link.from_angle));
+}
+inline double angle_of_link(Array<const Link> link, double ticks) { return link_angle(link[0], ticks); }
+DOOR(angle_of_link, "1")
+
+struct SensorTables { // of robots by slots, jobs and odometry aside
+    Array<const Job> jobs;
+    Array<double, 2> rows; // whether random numbers are used up, and what sensors remember
+    Array<const double[sizeof(Robot) / sizeof(double)]> robots;
+    Array<const double[sizeof(Odometry) / sizeof(double)]> odometry;
+};
+LAYOUT(SensorTables, "j sn r m", jobs, rows, robots, odometry)
+
+// Do a job. Returns whether some random numbers are used up.
+inline bool take_reading(const Job& job, double* row, double ticks, const Robot& robot, const SensorTables& tables,
+                         Numbers& out) {
+    void* place = row + job.place;
+    const double body[] = {robot.x, robot.y, robot.body_z, robot.roll, robot.pitch, robot.yaw};
+    double time = ticks / TICKS_A_SECOND;
+    switch (job.kind) {
+    case Reading::TIME: out.add(time); break;
+    case Reading::CHARGE: {
+        const Charge& charge = *static_cast<Charge*>(place);
+        double elapsed = (ticks - charge.spawn_tick) / TICKS_A_SECOND;
+        out.add(most(trunc(most(0.0, charge.life - elapsed)), charge.least)); // as of Battery.seconds_left
+        break;
+    }
+    case Reading::TOUCHED: out.add(robot.touched); break;
+    case Reading::BODY_POSE: out.add(body, 6); break;
+    case Reading::HEADING: out.add(robot.yaw); break;
+    case Reading::STEERING:
+        out.add(robot.front_steer);
+        out.add(robot.rear_steer);
+        break;
+    case Reading::ALTITUDES: {
+        double height = robot.body_z - row[job.place]; // of the spawn
+        out.add(height);
+        out.add(most(0.0, height - SEA_LEVEL));
+        break;
+    }
+    case Reading::MINUTES: out.add(floor((ticks - row[job.place]) / TICKS_A_MINUTE)); break; // since the spawn
+    case Reading::WHEEL_POSE: {
+        int64_t number = whole_of(row[job.place]);
+        if (number < 0 || number >= tables.odometry.size()) break;
+        out.add(&reinterpret_cast<const Odometry*>(tables.odometry[number])->x, 3);
+        break;
+    }
+    case Reading::DRIFT: {
+        Ins& ins = *static_cast<Ins*>(place);
+        move_ins(ins, body);
+        return ins.used >= DRAWN_AHEAD;
+    }
+    case Reading::INS_POSE: read_ins(*static_cast<Ins*>(place), body, out); break;
+    case Reading::LEFT_SPEED: out.add(measure_speeds(*static_cast<Tachometer*>(place), time, robot).speeds[0]); break;
+    case Reading::RIGHT_SPEED: out.add(measure_speeds(*static_cast<Tachometer*>(place), time, robot).speeds[1]); break;
+    case Reading::LEFT_ANGLE: out.add(robot.left_angle - static_cast<Tachometer*>(place)->zero[0]); break;
+    case Reading::RIGHT_ANGLE: out.add(robot.right_angle - static_cast<Tachometer*>(place)->zero[1]); break;
+    case Reading::TICKS: {
+        Encoder& encoder = *static_cast<Encoder*>(place);
+        out.add(count_ticks(encoder, robot));
+        return encoder.used >= DRAWN_AHEAD;
+    }
+    case Reading::ACCELERATION:
+    case Reading::PROPER_ACCELERATION:
+    case Reading::INERTIA: read_acceleration(*static_cast<Accelerometer*>(place), time, robot, job.kind, out); break;
+    case Reading::LINK_ANGLE: out.add(link_angle(*static_cast<Link*>(place), ticks)); break;
+    }
+    return false;
+}
+
+// How many numbers of the row of its robot a job uses.
+inline int64_t count_used(const Job& job) {
+    switch (job.kind) {
+    case Reading::CHARGE: return sizeof(Charge) / sizeof(double);
+    case Reading::ALTITUDES:
+    case Reading::MINUTES:
+    case Reading::WHEEL_POSE: return 1;
+    case Reading::DRIFT:
+    case Reading::INS_POSE: return sizeof(Ins) / sizeof(double);
+    case Reading::LEFT_SPEED:
+    case Reading::RIGHT_SPEED:
+    case Reading::LEFT_ANGLE:
+    case Reading::RIGHT_ANGLE: return sizeof(Tachometer) / sizeof(double);
+    case Reading::TICKS: return sizeof(Encoder) / sizeof(double);
+    case Reading::ACCELERATION:
+    case Reading::PROPER_ACCELERATION:
+    case Reading::INERTIA: return sizeof(Accelerometer) / sizeof(double);
+    case Reading::LINK_ANGLE: return sizeof(Link) / sizeof(double);
+    default: return 0;
+    }
+}
+
+// Whether jobs and robots are in the tables, and what sensors remember is in the rows.
+inline bool are_due(Array<const DueJobs> due, const SensorTables& tables) {
+    int64_t robots = tables.robots.size(), columns = tables.rows.shape[1];
+    if (tables.rows.shape[0] < robots) robots = tables.rows.shape[0];
+    for (const DueJobs& each : due)
+        if (each.slot < 0 || each.slot >= robots || each.first < 0 || each.end > tables.jobs.size()) return false;
+    for (const Job& job : tables.jobs)
+        if (job.place < 0 || job.place > columns - count_used(job)) return false;
+    return columns > 0 || !due.size();
+}
+
+// Do the jobs of robots, one after the other. Returns the number of robots that have used up random numbers; -1 if out
+// has not the length that is written, or jobs are of no robot.
+inline int64_t take_readings(Array<const DueJobs> due, const SensorTables& tables, double ticks, Array<double> out) {
+    if (!are_due(due, tables)) return -1;
+    Numbers numbers = {out, 0};
+    int64_t used_up = 0;
+    for (const DueJobs& each : due) {
+        const Robot& robot = reinterpret_cast<const Robot&>(tables.robots[each.slot]);
+        double* row = &tables.rows(each.slot, 0);
+        for (int64_t job = each.first; job < each.end; job++)
+            if (take_reading(tables.jobs[job], row, ticks, robot, tables, numbers)) row[0] = 1.0;
+        used_up += row[0] != 0.0;
+    }
+    return numbers.count == out.size() ? used_up : -1;
+}
+DOOR(take_readings, "d o")
+
+} // namespace radarsim

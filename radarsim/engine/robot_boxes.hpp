@@ -1,0 +1,216 @@
+// Upright boxes that stop every ray, in a grid seen from above; see robot_boxes.py for the theory.
+#pragma once
+#include "door.hpp"
+
+namespace radarsim {
+
+constexpr int64_t MIN_BOXES = 8, MIN_RAYS = 16; // fewer are in one cell
+constexpr double SLACK = 1e-6;                  // m by which boxes are listed in cells beside them
+constexpr double MAX_COORDINATE = 1e5;          // m; farther away, rounding errors approach the slack
+constexpr double MIN_SLOPE = 1e-200;            // along one axis; a ray with less stays in its cell
+
+struct RobotBox { // a row of Boxes.table
+    double x, y, z, cos, sin, length, width, height, footprint_radius, id;
+};
+LAYOUT(RobotBox, "", x, y, z, cos, sin, length, width, height, footprint_radius, id)
+
+struct Span {
+    double near, far;
+};
+
+// Where a ray enters and leaves the slab from -half to half on one axis.
+inline Span intersect_slab(double start, double slope, double half) {
+    if (slope == 0.0) return fabs(start) <= half ? Span{-INFINITE, INFINITE} : Span{INFINITE, -INFINITE};
+    double first = (-half - start) / slope, second = (half - start) / slope;
+    return {least(first, second), most(first, second)};
+}
+
+// The distance at which a ray meets a box, m; -1 if it does not. From within it hits as well.
+inline double intersect_box(const RobotBox& box, const Vector& origin, const Vector& direction) {
+    double ex = direction[0], ey = direction[1], dx = origin[0] - box.x, dy = origin[1] - box.y;
+    // Most boxes are too far beside the ray: reject them by their circles first.
+    if (fabs(ex * dy - ey * dx) > box.footprint_radius) return -1.0;
+    double c = box.cos, s = box.sin;
+    Span ahead = intersect_slab(c * dx + s * dy, c * ex + s * ey, box.length);
+    Span beside = intersect_slab(c * dy - s * dx, c * ey - s * ex, box.width);
+    Span above = intersect_slab(origin[2] - box.z, direction[2], box.height);
+    double near = most(ahead.near, beside.near, above.near), far = least(ahead.far, beside.far, above.far);
+    double t = near >= 0.0 ? near : far;
+    return near <= far && t >= 0.0 ? t : -1.0;
+}
+
+// The cosine between a ray and the normal of the box face that it hit.
+inline double box_incidence(Array<const RobotBox> boxes, int64_t id, const Vector& origin, const Vector& direction,
+                            double t) {
+    double cosine = 0.0;
+    for (int64_t i = 0; i < boxes.size(); i++) {
+        const RobotBox& box = boxes[i];
+        if (box.id != double(id)) continue;
+        double c = box.cos, s = box.sin;
+        double x = origin[0] + t * direction[0] - box.x, y = origin[1] + t * direction[1] - box.y;
+        double z = origin[2] + t * direction[2] - box.z;
+        // The hit point is on the face to whose plane it is nearest.
+        double ahead = fabs(fabs(c * x + s * y) - box.length);
+        double beside = fabs(fabs(c * y - s * x) - box.width);
+        double above = fabs(fabs(z) - box.height);
+        if (ahead <= beside && ahead <= above)
+            cosine = fabs(c * direction[0] + s * direction[1]);
+        else if (beside <= above)
+            cosine = fabs(c * direction[1] - s * direction[0]);
+        else
+            cosine = fabs(direction[2]);
+    }
+    return cosine;
+}
+
+inline int64_t cell_at(double offset, int64_t cells) {
+    return int64_t(least(most(0.0, offset), double(cells) - 1.0));
+}
+
+// Boxes by the cells of a grid over the x-y plane; one cell if more do not pay off.
+class BoxGrid {
+  public:
+    const Array<const RobotBox> boxes;
+
+    BoxGrid(Array<const RobotBox> boxes, int64_t rays)
+        : boxes(boxes), layout_(lay_out(boxes, rays)), heads_(layout_.cells() + 1), links_(count_links()) {
+        list_boxes();
+    }
+
+    // Whether a box other than the carrier's may be within a radius around a point.
+    bool is_near(int64_t carrier, const Vector& point, double radius) const {
+        Cells around = cells_around(point[0], point[1], radius);
+        for (int64_t row = around.low; row <= around.high; row++)
+            for (int64_t k = heads_[row * layout_.columns + around.left]; k < heads_[row * layout_.columns + around.right + 1]; k++) {
+                const RobotBox& box = boxes[links_[k]];
+                double dx = point[0] - box.x, dy = point[1] - box.y, reach = radius + box.footprint_radius;
+                if (dx * dx + dy * dy <= reach * reach && box.id != double(carrier)) return true;
+            }
+        return false;
+    }
+
+    // Find the nearest surface of all boxes but the carrier's; where boxes touch, that of the last.
+    // Returns the distance, m, at most max_range, and sets the box's id, -1 for none.
+    double intersect(int64_t carrier, const Vector& origin, const Vector& direction, double max_range,
+                     int64_t& id) const {
+        double nearest = max_range;
+        int64_t found = -1;
+        id = -1;
+        // Without a way through the grid, one step goes through the lists of all cells.
+        int64_t cell = 0, column = 0, row = 0, end = layout_.cells();
+        Border x_border, y_border;
+        if (end > 1 && most(fabs(origin[0]), fabs(origin[1])) <= MAX_COORDINATE) {
+            double x = (origin[0] - layout_.x) * layout_.per_metre, y = (origin[1] - layout_.y) * layout_.per_metre;
+            double ex = direction[0] * layout_.per_metre, ey = direction[1] * layout_.per_metre;
+            double enter = enter_grid(x, y, ex, ey);
+            if (enter > max_range) return max_range;
+            column = cell_at(x + enter * ex, layout_.columns), row = cell_at(y + enter * ey, layout_.rows);
+            x_border = first_border(x, ex, column), y_border = first_border(y, ey, row);
+            cell = row * layout_.columns + column, end = cell + 1;
+        }
+        while (true) {
+            for (int64_t k = heads_[cell]; k < heads_[end]; k++) {
+                int64_t i = links_[k];
+                if (boxes[i].id == double(carrier)) continue;
+                double t = intersect_box(boxes[i], origin, direction);
+                if (t >= 0.0 && (t < nearest || (t == nearest && i > found))) nearest = t, found = i;
+            }
+            // The boxes of the cells beyond are farther than where this one ends.
+            if (nearest <= least(x_border.next, y_border.next)) break;
+            if (x_border.next < y_border.next)
+                column += x_border.step, x_border.next += x_border.apart;
+            else
+                row += y_border.step, y_border.next += y_border.apart;
+            if (column < 0 || column >= layout_.columns || row < 0 || row >= layout_.rows) break;
+            cell = row * layout_.columns + column, end = cell + 1;
+        }
+        if (found >= 0) id = whole_of(boxes[found].id);
+        return nearest;
+    }
+
+  private:
+    struct Layout {
+        double x, y, per_metre; // of the lower corner, m; cells per metre
+        int64_t columns, rows;
+        int64_t cells() const { return columns * rows; }
+    };
+    struct Cells {
+        int64_t left, right, low, high;
+    };
+    struct Border { // how a ray leaves cells along one axis, m
+        double next = INFINITE, apart = INFINITE;
+        int64_t step = 0;
+    };
+
+    static Layout lay_out(Array<const RobotBox> boxes, int64_t rays) {
+        double right = -INFINITE, high = -INFINITE, squares = 0.0, size = INFINITE;
+        double left = INFINITE, low = INFINITE;
+        for (int64_t i = 0; i < boxes.size(); i++) {
+            const RobotBox& box = boxes[i];
+            // Twice the slack: a ray that misses the grid misses its boxes by one.
+            double radius = box.footprint_radius + 2.0 * SLACK;
+            left = least(left, box.x - radius), right = most(right, box.x + radius);
+            low = least(low, box.y - radius), high = most(high, box.y + radius);
+            squares += radius * radius;
+        }
+        if (most(most(-left, right, -low), high) <= MAX_COORDINATE) {
+            // As many cells as boxes, and none shorter than the boxes in the mean.
+            double area = (right - left) * (high - low), longest = most(right - left, high - low);
+            double count = double(boxes.size());
+            size = most(sqrt(most(area, 4.0 * squares) / count), longest / count);
+        }
+        if (boxes.size() < MIN_BOXES || rays < MIN_RAYS || !(left <= right && low <= high && size < INFINITE)) {
+            left = right = low = high = 0.0;
+            size = INFINITE;
+        }
+        return {left, low, 1.0 / size, int64_t((right - left) / size) + 1, int64_t((high - low) / size) + 1};
+    }
+
+    Cells cells_around(double x, double y, double radius) const {
+        x = (x - layout_.x) * layout_.per_metre, y = (y - layout_.y) * layout_.per_metre, radius *= layout_.per_metre;
+        return {cell_at(x - radius, layout_.columns), cell_at(x + radius, layout_.columns), cell_at(y - radius, layout_.rows),
+                cell_at(y + radius, layout_.rows)};
+    }
+
+    // Visit the heads of the cells that a box reaches.
+    template <typename Visit> void visit_cells(const RobotBox& box, Visit visit) {
+        Cells around = cells_around(box.x, box.y, box.footprint_radius + SLACK);
+        for (int64_t row = around.low; row <= around.high; row++)
+            for (int64_t column = around.left; column <= around.right; column++)
+                visit(heads_[row * layout_.columns + column]);
+    }
+
+    // Let the head of each cell be the end of its list; returns the length of all lists.
+    int64_t count_links() {
+        for (const RobotBox& box : boxes) visit_cells(box, [](int32_t& head) { head++; });
+        for (int64_t cell = 1; cell <= layout_.cells(); cell++) heads_[cell] += heads_[cell - 1];
+        return heads_[layout_.cells()];
+    }
+
+    // Fill the lists from their ends, so that heads become their beginnings.
+    void list_boxes() {
+        for (int64_t i = 0; i < boxes.size(); i++)
+            visit_cells(boxes[i], [&](int32_t& head) { links_[--head] = int32_t(i); });
+    }
+
+    // Where a ray enters the grid, m; inf if it does not.
+    double enter_grid(double x, double y, double ex, double ey) const {
+        double half_x = 0.5 * double(layout_.columns), half_y = 0.5 * double(layout_.rows);
+        if (fabs(x - half_x) <= half_x && fabs(y - half_y) <= half_y) return 0.0;
+        Span ahead = intersect_slab(x - half_x, ex, half_x), beside = intersect_slab(y - half_y, ey, half_y);
+        double enter = most(ahead.near, beside.near, 0.0);
+        return enter <= least(ahead.far, beside.far) ? enter : INFINITE;
+    }
+
+    static Border first_border(double start, double slope, int64_t cell) {
+        if (fabs(slope) < MIN_SLOPE) return {};
+        double inverse = 1.0 / slope;
+        bool is_forward = slope > 0.0;
+        return {(double(cell + is_forward) - start) * inverse, fabs(inverse), is_forward ? 1 : -1};
+    }
+
+    Layout layout_;
+    Room<int32_t> heads_, links_; // where the list of each cell begins, and the lists
+};
+
+} // namespace radarsim

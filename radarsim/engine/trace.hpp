@@ -1,0 +1,164 @@
+// Trace all rays of a call: given ones, or those of scans, each aimed right before it is traced.
+#pragma once
+#include "aimed_rays.hpp"
+#include "propagate.hpp"
+#include "threads.hpp"
+
+namespace radarsim {
+
+constexpr int64_t INCONSISTENT = INT64_MIN; // arrays that do not belong together
+constexpr int64_t PARTS_PER_THREAD = 4;
+constexpr int64_t MOST_CROSSINGS = 1 << 26, MOST_THREADS = 1024; // for which there is memory
+constexpr int CLEARANCE_CLASS = 1; // the class for which something may hide a ray
+
+struct RaySource { // given rays, or one row of what the rays of a sensor have in common
+    Array<const Vector> origins, directions;
+    Array<const double> max_range, power;
+    Array<const uint8_t> class_index;
+    Array<const int64_t> carrier;
+    const NodeTable* table; // of the sensor
+    double radius;          // m, the largest distance from the sensor at which a ray starts
+};
+LAYOUT(RaySource, "o o r r r r", origins, directions, max_range, power, class_index, carrier, table, radius)
+
+struct Scans {
+    Array<const double[7]> places;  // a Place each
+    Array<const double, 2> chances; // of each scan and beam; no columns if all nodes are aimed
+    Array<int16_t> nodes;           // of each ray
+    Array<int8_t> sides;            // of each ray
+    Array<bool> clear;              // which scans were traced; others have something opaque near them
+
+    const Place& place(int64_t scan) const { return *reinterpret_cast<const Place*>(places[scan]); }
+    int64_t rays_per_scan() const { return nodes.size() / places.size(); }
+    // Whether each ray has a node in the table.
+    bool fit(const NodeTable& table) const {
+        int64_t beams = table.beams(), all = table.nodes();
+        if (!beams || !table.is_valid() || nodes.size() % (places.size() * beams)) return false;
+        if (!chances.shape[1]) return rays_per_scan() <= all * beams;
+        return chances.shape[1] == beams && chances.shape[0] == places.size() && table.edges.size() < all;
+    }
+};
+
+inline bool belong_together(const Scene& scene, const RaySource& source, const Scans& scans, const Traces& traces) {
+    int64_t rays = traces.ranges.size(), angles = traces.incidence.size();
+    const MaterialTable& materials = *scene.materials;
+    if (materials.low.size() != materials.volume.size() + 1) return false;
+    if (scene.triangles.size() != (*scene.handle)[0].triangles.size()) return false;
+    if (angles && angles != rays) return false;
+    if (!scans.places.size()) return source.origins.size() == rays && source.power.size() == rays;
+    if (source.radius && scene.materials->classes() <= CLEARANCE_CLASS) return false;
+    return source.power.size() == 1 && scans.nodes.size() == rays && scans.fit(*source.table);
+}
+
+// Find out which scans have certainly nothing opaque around their sensors.
+inline void clear_scans(const Scene& scene, const RaySource& source, const Scans& scans, const BoxGrid& grid) {
+    double reach = source.radius + scene.handle->margin;
+    for (int64_t scan = 0; scan < scans.places.size(); scan++) {
+        const Place& place = scans.place(scan);
+        Vector point = {place.x - scene.centre[0], place.y - scene.centre[1], place.z - scene.centre[2]};
+        scans.clear[scan] = source.radius == 0.0 ||
+                            (!grid.is_near(whole_of(place.carrier), point, reach) &&
+                             !is_opaque_nearby(*scene.handle, scene.materials->forward_roles.row(CLEARANCE_CLASS), point, reach));
+    }
+}
+
+// What became of some of the rays of a call.
+struct TracePart {
+    int64_t code; // as of trace_rays
+    Array<Event> events;
+    int64_t event_count; // also of those for which there is no room
+    Unsliced unsliced;
+};
+
+inline int64_t trace_given(const RaySource& source, int64_t first, int64_t last, RayTracer& tracer,
+                           const Traces& traces) {
+    for (int64_t i = first; i < last; i++) {
+        for (int axis = 0; axis < 3; axis++) {
+            tracer.origin[axis] = source.origins[i][axis];
+            tracer.direction[axis] = source.directions[i][axis];
+        }
+        if (int64_t code = tracer.trace(i, source.max_range[i], source.power[i], source.class_index[i],
+                                        source.carrier[i], traces))
+            return code;
+    }
+    return 0;
+}
+
+// Trace the rays of some beams of all scans, which are counted scan by scan.
+inline int64_t trace_beams(const RaySource& source, const Scans& scans, int64_t first, int64_t last, RayTracer& tracer,
+                           const Traces& traces) {
+    const NodeTable& table = *source.table;
+    int64_t nodes = scans.rays_per_scan() / table.beams(), scan = -1;
+    Frame frame;
+    for (int64_t row = first; row < last; row++) {
+        int64_t beam = row % table.beams();
+        if (scan != row / table.beams()) {
+            scan = row / table.beams();
+            frame = frame_of(scans.place(scan));
+        }
+        if (!scans.clear[scan]) continue;
+        for (int64_t node = 0, i = row * nodes; node < nodes; node++, i++) {
+            int64_t chosen = scans.chances.shape[1] ? node_of(table.edges, scans.chances(scan, beam)) : node;
+            scans.nodes[i] = int16_t(chosen);
+            scans.sides[i] = table.sides[chosen];
+            aim_ray(table, frame, beam, chosen, tracer.origin, tracer.direction);
+            if (int64_t code = tracer.trace(i, source.max_range[0], source.power[0], source.class_index[0],
+                                            whole_of(scans.place(scan).carrier), traces))
+                return code;
+        }
+    }
+    return 0;
+}
+
+// Move the events of all parts together, behind those of the first; returns the first code. If a part had too little
+// room, the number of events is that for which each part would have enough.
+inline int64_t join_parts(Array<TracePart> parts, Array<Event> events, Array<double> summary) {
+    int64_t code = 0, count = 0, needed = 0;
+    Unsliced unsliced = {};
+    for (TracePart& part : parts) {
+        if (!code) code = part.code;
+        if (part.event_count > part.events.size() && needed < part.event_count * parts.size())
+            needed = part.event_count * parts.size();
+        if (!needed) memmove(events.data + count, part.events.data, part.event_count * sizeof(Event));
+        count += part.event_count;
+        if (part.unsliced.rays) unsliced = {part.unsliced.height, unsliced.rays + part.unsliced.rays};
+    }
+    summary[0] = double(needed ? needed : count), summary[1] = unsliced.height, summary[2] = unsliced.rays;
+    return code;
+}
+
+// Trace rays, or scans if there are places. Returns 0; the number of surfaces on a segment that has more than there
+// is room for; for an invalid ray, -1 minus its index; or INCONSISTENT. The summary is the number of events, the
+// height of level rays that found no slice, and their number.
+inline int64_t trace_rays(const Scene& scene, const RaySource& source, Array<const RobotBox> boxes,
+                          int64_t max_crossings, Array<Event> events, Array<double> ranges, Array<uint8_t> outcomes,
+                          Array<int64_t> parts, Array<double> power, Array<double> incidence,
+                          Array<const double[7]> places, Array<const double, 2> chances, Array<int16_t> nodes,
+                          Array<int8_t> sides, Array<bool> clear, int64_t threads, Array<double> summary) {
+    Traces traces = {ranges, outcomes, parts, power, incidence};
+    Scans scans = {places, chances, nodes, sides, clear};
+    if (!belong_together(scene, source, scans, traces)) return INCONSISTENT;
+    if (max_crossings < 0 || max_crossings > MOST_CROSSINGS || threads < 1 || threads > MOST_THREADS) return INCONSISTENT;
+    BoxGrid grid(boxes, ranges.size());
+    if (places.size()) clear_scans(scene, source, scans, grid);
+    // More parts than threads, since some rays take longer than others.
+    int64_t count = threads > 1 ? PARTS_PER_THREAD * threads : 1;
+    if (events.size() && events.size() < count) count = 1; // each needs room for some
+    int64_t rows = places.size() ? places.size() * source.table->beams() : ranges.size();
+    int64_t share = events.size() / count; // of the room for events
+    Room<TracePart> found(count);
+    auto trace_part = [&](int64_t i) {
+        int64_t first = rows * i / count, last = rows * (i + 1) / count;
+        TracePart& part = found[i];
+        part.events = {events.data + i * share, {share}};
+        RayTracer tracer(scene, grid, max_crossings, part.events);
+        part.code = places.size() ? trace_beams(source, scans, first, last, tracer, traces)
+                                  : trace_given(source, first, last, tracer, traces);
+        part.event_count = tracer.state.event_count, part.unsliced = tracer.unsliced;
+    };
+    ParallelWork(threads, count, trace_part);
+    return join_parts({found.data(), {count}}, events, summary);
+}
+DOOR(trace_rays, "b e r r r r i j hc s s j 3")
+
+} // namespace radarsim

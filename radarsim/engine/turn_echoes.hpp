@@ -1,0 +1,70 @@
+// What comes back from each direction and range: mean power and amplitude; see turn_echoes.py for the theory.
+#pragma once
+#include "ray_power.hpp"
+#include "speckle.hpp"
+
+namespace radarsim::fmcw {
+
+struct Beams { // where the power of a turn is added up
+    // Of the directions; the first row is that of the one that is half of the pattern before the first.
+    Array<float, 2> power;
+    Array<float[2], 2> field; // likewise, real and imaginary parts of the amplitudes
+    Array<double> total;      // the power of all columns
+    Array<const double, 2> pattern; // from pattern_table
+    Array<float[2]> amplitudes;     // overwritten
+};
+LAYOUT(Beams, "db db b fk b", power, field, total, pattern, amplitudes)
+
+// Add the echoes of a column to the directions that see it, and clear its line.
+inline void spread_line(const Beams& beams, const RangeLines& lines, const Scatterers& scatterers,
+                        Array<const HashLevel> levels, int64_t column) {
+    int64_t here = column & 1, low = lines.spans(here, 0), high = lines.spans(here, 1);
+    if (high < low) return;
+    int64_t parts = beams.pattern.shape[0], count = high - low + 1;
+    float *line = &lines.power(here, low), *amplitudes = beams.amplitudes[low];
+    float *moved = nullptr, *speed = nullptr;
+    if (lines.sway.shape[2]) moved = &lines.sway(here, 0, low), speed = &lines.sway(here, 1, low);
+    fill_amplitudes(scatterers, levels, low, count, line, moved, speed, amplitudes);
+    for (int64_t k = 0; k < beams.pattern.shape[1]; k++) {
+        double pattern = beams.pattern(column % parts, k);
+        float gain = float(pattern), field_gain = float(sqrt(pattern));
+        float *power = &beams.power(column / parts + k, low), *field = beams.field(column / parts + k, low);
+        for (int64_t i = 0; i < count; i++) power[i] += gain * line[i];
+        for (int64_t i = 0; i < 2 * count; i++) field[i] += field_gain * amplitudes[i];
+    }
+    for (int64_t i = 0; i < count; i++) beams.total[low + i] += line[i];
+    memset(line, 0, count * sizeof(float));
+    if (moved) memset(moved, 0, count * sizeof(float)), memset(speed, 0, count * sizeof(float));
+    lines.spans(here, 0) = lines.count(), lines.spans(here, 1) = -1;
+}
+
+// Add the power of the rays of some columns; scatterers are those of these and of the one after the last. Closes says
+// whether that is the first one of the next turn. Returns whether all is as it has to be.
+inline bool add_rays(const Beams& beams, const RangeLines& lines, const FanRays& rays, Array<const Event> events,
+                     const Scattering& scattering, Array<const Scatterers> scatterers, Array<const HashLevel> levels,
+                     int64_t first, bool closes) {
+    int64_t columns = scatterers.size() - 1, parts = beams.pattern.shape[0], bins = lines.count();
+    auto is_span = [&](int64_t line) { return lines.spans(line, 0) >= 0 && lines.spans(line, 1) < bins; };
+    bool fits = columns >= 0 && parts > 0 && first >= 0 && first <= INT64_MAX / 2 && levels.size() == HASH_LEVELS &&
+                (first + columns) / parts + beams.pattern.shape[1] <= beams.power.shape[0] &&
+                beams.total.size() == bins && (lines.sway.shape[2] == bins || !lines.sway.shape[2]) && is_span(0) &&
+                is_span(1) && scattering.parts.size() && scattering.open_part < scattering.parts.size() &&
+                !(events.size() && events[events.size() - 1].kind == Kind::MIRRORED);
+    if (!fits) return false;
+    for (const PartScattering& part : scattering.parts)
+        if (!lines.sway.shape[2] && !(part.sway <= 0.0)) return false;
+    List<int64_t> inside(scattering.parts.size());
+    int64_t ray = 0, event = 0;
+    // Rays add to their column and to the next one, so that two lines are enough: each is spread when its column is
+    // done, and is then the one after the next.
+    for (int64_t i = 0; i < columns; i++) {
+        for (; ray < rays.column.size() && rays.column[ray] == first + i; ray++)
+            event = RayWalk(rays, events, scattering, lines, inside, ray, event).add();
+        spread_line(beams, lines, scatterers[i], levels, first + i);
+    }
+    if (closes) spread_line(beams, lines, scatterers[columns], levels, first + columns);
+    return true;
+}
+DOOR(add_rays, "e s l")
+
+} // namespace radarsim::fmcw

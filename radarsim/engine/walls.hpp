@@ -1,0 +1,160 @@
+// The walls near a place, from a grid of square cells; see wall_grid.py.
+#pragma once
+#include "footprint.hpp"
+
+namespace radarsim::robots {
+
+struct WallEntry { // a wall that crosses a cell
+    int64_t cell;  // number of the cell, ascending on each floor
+    int64_t wall;  // number of the wall on its floor
+};
+LAYOUT(WallEntry, "", cell, wall)
+
+struct WallGrid { // of a floor
+    double left, bottom; // corner of the first cell, m
+    double cell;         // size of a cell, m
+    int64_t columns, rows;
+    int64_t first, end; // its entries
+    int64_t first_line;
+};
+LAYOUT(WallGrid, "", left, bottom, cell, columns, rows, first, end, first_line)
+
+struct Walls {
+    Array<const LineSegment> lines;
+    Array<const WallEntry> entries;
+    Array<const WallGrid> floors;
+    Array<int64_t> marks;    // number of the search that found a wall last
+    Array<int64_t> searches; // their number
+};
+LAYOUT(Walls, "w e f w 1", lines, entries, floors, marks, searches)
+
+using Ends = double[2][2]; // m, x and y of both ends, map frame
+
+// Fill lines, ranked as their segments come.
+inline void fill_lines(Array<const Ends> segments, Array<LineSegment> lines) {
+    for (int64_t i = 0; i < segments.size(); i++) {
+        const auto& [first, second] = segments[i];
+        lines[i] = {(first[0] + second[0]) / 2, (first[1] + second[1]) / 2, (second[0] - first[0]) / 2,
+                    (second[1] - first[1]) / 2, double(i)};
+    }
+}
+DOOR(fill_lines, "s s")
+
+constexpr double CELL_TOLERANCE = 1e-6;  // cells; a wall this close to a cell crosses it
+constexpr double FARTHEST_CROSSED = 1e7; // cells; more would not fit in memory
+
+inline int64_t first_cell(double low) { return int64_t(floor(low - CELL_TOLERANCE)); }
+inline int64_t last_cell(double high) { return int64_t(floor(high + CELL_TOLERANCE)); }
+
+// Call a function with row and column of each cell that a segment crosses; with none if an end is too far away.
+template <typename F> void visit_cells(const Ends& segment, const WallGrid& grid, F visit) {
+    double x[2], y[2];
+    for (int end = 0; end < 2; end++) {
+        x[end] = (segment[end][0] - grid.left) / grid.cell;
+        y[end] = (segment[end][1] - grid.bottom) / grid.cell;
+        if (!(fabs(x[end]) < FARTHEST_CROSSED && fabs(y[end]) < FARTHEST_CROSSED)) return;
+    }
+    int low = y[1] >= y[0] ? 0 : 1;
+    double run = x[1 - low] - x[low], rise = y[1 - low] - y[low];
+    int64_t last_row = last_cell(y[low] + rise);
+    for (int64_t row = first_cell(y[low]); row <= last_row; row++) {
+        // The part of the segment within the row, as shares of its length.
+        double begin = 0.0, end = 1.0;
+        if (rise != 0.0) {
+            begin = least(most((double(row) - CELL_TOLERANCE - y[low]) / rise, 0.0), 1.0);
+            end = least(most((double(row + 1) + CELL_TOLERANCE - y[low]) / rise, 0.0), 1.0);
+        }
+        begin = x[low] + begin * run, end = x[low] + end * run;
+        int64_t last = last_cell(most(begin, end));
+        for (int64_t column = first_cell(least(begin, end)); column <= last; column++) visit(row, column);
+    }
+}
+
+// Count the cells that segments cross, and set the numbers of columns and rows.
+inline int64_t count_crossings(Array<const Ends> segments, Array<WallGrid> grid) {
+    int64_t count = 0, &columns = grid[0].columns, &rows = grid[0].rows;
+    for (const Ends& segment : segments)
+        visit_cells(segment, grid[0], [&](int64_t row, int64_t column) {
+            if (column >= columns) columns = column + 1;
+            if (row >= rows) rows = row + 1;
+            count++;
+        });
+    return count;
+}
+DOOR(count_crossings, "s 1")
+
+// Write an entry for each of these, wall by wall.
+inline void enter_crossings(Array<const Ends> segments, Array<const WallGrid> grid, Array<WallEntry> entries) {
+    int64_t count = 0;
+    for (int64_t wall = 0; wall < segments.size(); wall++)
+        visit_cells(segments[wall], grid[0], [&](int64_t row, int64_t column) {
+            if (count < entries.size()) entries[count++] = {row * grid[0].columns + column, wall};
+        });
+}
+DOOR(enter_crossings, "s 1 e")
+
+struct CellRange {
+    int64_t first, last;
+};
+
+// The cells within reach on an axis, of a number of cells.
+inline CellRange cells_within(double place, double reach, double cell, int64_t count) {
+    // Limited before they become whole numbers: the place may be far off the grid.
+    double first = least(most(0.0, (place - reach) / cell), double(count));
+    double last = least(most(-1.0, (place + reach) / cell), double(count) - 1.0);
+    return {int64_t(floor(first)), int64_t(floor(last))};
+}
+
+// The first entry of a floor whose cell is not before one.
+inline int64_t first_entry(Array<const WallEntry> entries, const WallGrid& grid, int64_t cell) {
+    int64_t first = grid.first, end = grid.end;
+    while (first < end) {
+        int64_t middle = (first + end) / 2;
+        if (entries[middle].cell < cell) first = middle + 1;
+        else end = middle;
+    }
+    return first;
+}
+
+inline bool is_near(const LineSegment& line, double x, double y, double reach) {
+    double dx = x - line.middle_x, dy = y - line.middle_y;
+    double share = (dx * line.half_x + dy * line.half_y) / (line.half_x * line.half_x + line.half_y * line.half_y);
+    share = least(most(share, -1.0), 1.0);
+    dx -= share * line.half_x;
+    dy -= share * line.half_y;
+    return dx * dx + dy * dy <= reach * reach;
+}
+
+// Write the walls of a floor within reach of a place, each once; returns their number. There is room for all walls.
+inline int64_t find_walls(const Walls& walls, double floor, double x, double y, double reach,
+                          Array<LineSegment> found) {
+    if (!(floor >= 0.0 && floor < double(walls.floors.size())) || found.size() < walls.lines.size()) return 0;
+    const WallGrid& grid = walls.floors[int64_t(floor)];
+    if (grid.end > walls.entries.size()) return 0;
+    CellRange columns = cells_within(x - grid.left, reach, grid.cell, grid.columns);
+    CellRange rows = cells_within(y - grid.bottom, reach, grid.cell, grid.rows);
+    // A wall is in several cells. Marks with the number of the search need not be reset.
+    int64_t search = ++walls.searches[0], count = 0;
+    for (int64_t row = rows.first; row <= rows.last; row++) {
+        int64_t last = row * grid.columns + columns.last;
+        int64_t entry = first_entry(walls.entries, grid, row * grid.columns + columns.first);
+        for (; entry < grid.end && walls.entries[entry].cell <= last; entry++) {
+            int64_t wall = grid.first_line + walls.entries[entry].wall;
+            if (wall >= walls.lines.size() || walls.marks[wall] == search) continue;
+            walls.marks[wall] = search;
+            if (is_near(walls.lines[wall], x, y, reach)) found[count++] = walls.lines[wall];
+        }
+    }
+    return count;
+}
+DOOR(find_walls, "l")
+
+// The gap of a rectangle, within a circle of a radius, to the walls of the only floor; infinite if none is near.
+inline double find_gap(const Walls& walls, double x, double y, double yaw, double half_length, double half_width,
+                       double radius, Array<LineSegment> lines) {
+    int64_t count = find_walls(walls, 0.0, x, y, radius, lines);
+    return find_contact({lines.data, {count}}, {x, y, yaw}, half_length, half_width).gap;
+}
+DOOR(find_gap, "l")
+
+} // namespace radarsim::robots

@@ -1,0 +1,265 @@
+"""Calls into the engine are checked against the descriptions in C++."""
+
+import copy
+import math
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from radarsim.engine import build, engine, library
+from radarsim.engine.library import Engine
+from radarsim.errors import EngineError
+from radarsim.raycast.embree import EmbreeScene, Mesh
+from radarsim.raycast.rays import RADAR, RayClass
+from radarsim.raycast.traced_scene import find_volumes, material_table
+from radarsim.scene import shapes
+
+
+def numbers(count: int = 2) -> Any:
+    return np.zeros(count, np.int32)
+
+
+def read_only() -> Any:
+    found = numbers()
+    found.flags.writeable = False
+    return found
+
+
+def label_faces(labels: Any) -> Any:
+    return engine.label_faces(numbers(), np.zeros(2, bool), labels)
+
+
+def test_function_reads_and_writes_arrays() -> None:
+    labels = np.full(2, 7, np.int32)
+    assert label_faces(labels) == 1
+    assert labels.tolist() == [0, 0]
+
+
+@pytest.mark.parametrize(
+    ("labels", "text"),
+    [
+        pytest.param(numbers(3), "an array int32[3]", id="too long"),
+        pytest.param(np.zeros(2), "an array float64[2]", id="another type"),
+        pytest.param(np.zeros(2, ">i4"), "an array >i4[2]", id="another byte order"),
+        pytest.param(numbers(4)[::2], "an array int32[2], not contiguous", id="gaps"),
+        pytest.param(np.zeros((2, 1), "i4"), "an array int32[2, 1]", id="an axis more"),
+        pytest.param(read_only(), "an array int32[2], read-only", id="read-only"),
+        pytest.param([0, 0], "[0, 0]", id="a list"),
+    ],
+)
+def test_unexpected_arrays_are_rejected(labels: Any, text: str) -> None:
+    with pytest.raises(EngineError) as caught:
+        label_faces(labels)
+    assert str(caught.value) == (
+        f"argument 3 of label_faces is {text},"
+        " expected an array i4[f] to write to where f = 2"
+    )
+
+
+def test_array_that_is_not_aligned_is_rejected() -> None:
+    labels = np.zeros(9, np.uint8)[1:].view(np.int32)
+    with pytest.raises(EngineError, match=r"^argument 3 of label_faces is an array"):
+        label_faces(labels)
+
+
+def test_arrays_that_are_only_read_may_be_read_only() -> None:
+    vertices, faces, origins = np.eye(3), np.arange(3, dtype=np.int32), np.zeros((1, 3))
+    volumes, areas = np.zeros(1), np.zeros(1)
+    lows, highs = np.full((1, 3), math.inf), np.full((1, 3), -math.inf)
+    inputs = vertices, faces[None], numbers(1), origins
+    for each in inputs:
+        each.flags.writeable = False
+    engine.measure_components(*inputs, volumes, areas, lows, highs)
+    assert areas == pytest.approx(math.sqrt(3) / 2)
+    assert (lows.tolist(), highs.tolist()) == ([[0, 0, 0]], [[1, 1, 1]])
+
+
+def test_number_of_arguments_is_checked() -> None:
+    with pytest.raises(TypeError, match=r"^1 arguments for label_faces"):
+        engine.label_faces(numbers())
+
+
+def test_unknown_function_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="the engine has no function 'nothing'"):
+        engine.nothing()
+
+
+def node_table(**changes: Any) -> library.Packed:
+    fields = {
+        "directions": np.zeros((2, 3, 3)),
+        "starts": np.zeros((1, 3, 3)),
+        "edges": np.full(1, 0.5),
+        "sides": np.zeros(2, np.int8),
+    }
+    return engine.structures["NodeTable"].pack(**fields | changes)
+
+
+def test_fields_of_packed_structures_are_their_attributes() -> None:
+    edges = np.full(1, 0.25)
+    table = node_table(edges=edges)
+    assert table.edges is edges
+    with pytest.raises(AttributeError, match="NodeTable has no 'nodes'"):
+        assert table.nodes
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        pytest.param(
+            {"starts": np.zeros((1, 4, 3))},
+            "NodeTable.starts is an array float64[1, 4, 3],"
+            " expected an array f8[s,n,3] where s = 1, n = 3",
+            id="lengths",
+        ),
+        pytest.param(
+            {"nodes": 1}, "NodeTable: ['nodes'] are missing or unknown", id="unknown"
+        ),
+    ],
+)
+def test_unexpected_fields_are_rejected(changes: dict[str, Any], text: str) -> None:
+    with pytest.raises(EngineError) as caught:
+        node_table(**changes)
+    assert str(caught.value) == text
+
+
+def test_numbers_and_references_are_checked() -> None:
+    fields = {
+        "origins": np.zeros((0, 3)),
+        "directions": np.zeros((0, 3)),
+        "max_range": np.ones(1),
+        "power": np.ones(1),
+        "class_index": np.zeros(1, np.uint8),
+        "carrier": np.zeros(1, np.int64),
+        "table": node_table(),
+        "radius": 0.0,
+    }
+    pack = engine.structures["RaySource"].pack
+    pack(**fields)
+    with pytest.raises(EngineError, match=r"^RaySource.radius is 'wide', expected a n"):
+        pack(**fields | {"radius": "wide"})
+    with pytest.raises(EngineError, match=r"^RaySource.radius is '3', expected a n"):
+        pack(**fields | {"radius": "3"})
+    with pytest.raises(EngineError, match=r"^RaySource.table is None, expected a pack"):
+        pack(**fields | {"table": None})
+    with pytest.raises(EngineError, match=r"^RaySource.table is a packed Ray"):
+        pack(**fields | {"table": pack(**fields)})
+
+
+def test_packed_structure_is_not_copied() -> None:
+    with pytest.raises(TypeError, match=r"^a packed NodeTable refers to memory of"):
+        copy.copy(node_table())
+
+
+def test_lengths_that_do_not_belong_together_are_rejected() -> None:
+    faces, sides = np.zeros((1, 3), np.int32), np.zeros(2, np.int32)
+    others = np.zeros(3, np.int32), np.full((3, 1), -1, np.int32)
+    forest, counts = (np.zeros(1, np.int32), np.zeros(1, bool)), np.zeros(4, np.int64)
+    with pytest.raises(EngineError, match=r"^unite_faces was called with lengths"):
+        engine.unite_faces(faces, sides, *others, *forest, counts)
+
+
+@pytest.mark.parametrize("number", [2**63, -(2**63) - 1, 1e300, math.inf, math.nan])
+def test_numbers_without_room_are_rejected(number: float) -> None:
+    masks, steps = np.zeros((2, 2), np.int64), np.zeros((16, 2), np.int64)
+    with pytest.raises(EngineError, match=r"^argument 3 of are_joined is .*, expected"):
+        engine.are_joined(masks, steps, number, 0)
+
+
+def test_search_ends_where_steps_cost_less_than_nothing() -> None:
+    cost, targets = np.full((3, 3), -1e-3), np.zeros((3, 3), np.bool_)
+    parents, best = np.zeros((3, 3), np.int64), np.full((3, 3), math.inf)
+    assert engine.search_grid(cost, 0, 0, targets, parents, best) == -1
+
+
+def test_entries_of_walls_that_are_missing_are_not_read() -> None:
+    kinds = {name: engine.structures[name].dtype for name in ("WallGrid", "WallEntry")}
+    floors = np.zeros(1, kinds["WallGrid"])
+    floors["cell"] = floors["columns"] = floors["rows"] = 1
+    floors["end"] = 1000
+    lines = np.zeros(1, engine.structures["LineSegment"].dtype)
+    marks, searches = np.zeros((2, 1), np.int64)
+    walls = engine.structures["Walls"].pack(
+        lines=lines,
+        entries=np.zeros(0, kinds["WallEntry"]),
+        floors=floors,
+        marks=marks,
+        searches=searches,
+    )
+    assert engine.find_walls(walls, 0.0, 0.5, 0.5, 1.0, lines.copy()) == 0
+
+
+def test_row_of_numbers_has_its_length() -> None:
+    box = shapes.box(1, 1, 1)
+    handle = EmbreeScene([Mesh(*box)]).handle
+    table = material_table([], find_volumes([], np.zeros(3)), (RayClass(RADAR),), None)
+    fields = {"handle": handle, "materials": table, "triangles": np.zeros((0, 9))}
+    engine.structures["Scene"].pack(**fields, centre=[0.0, 0.0, 0.0])
+    with pytest.raises(EngineError, match=r"^Scene.centre is \[0.0\], expected 3 num"):
+        engine.structures["Scene"].pack(**fields, centre=[0.0])
+
+
+def test_structure_of_numbers_is_a_row_of_an_array() -> None:
+    event = engine.structures["Event"].dtype
+    assert event.names is not None
+    assert event.names[:4] == ("ray", "t", "part", "kind")
+    assert event.itemsize == 64
+
+
+def test_missing_library_is_reported(tmp_path: Path) -> None:
+    path = tmp_path / "libradarsim.so"
+    with pytest.raises(EngineError) as caught:
+        Engine(path)
+    text = str(caught.value)
+    assert text.startswith(f"cannot use {path}: {path}: cannot open shared object file")
+    assert text.endswith("; it is compiled when radarsim is installed")
+
+
+def test_library_that_is_older_than_its_source_is_reported(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(library, "source_digest", lambda: "0123456789abcdef")
+    if not (build.FOLDER / "engine.cpp").exists():
+        pytest.skip("the package is installed without the sources of its engine")
+    with pytest.raises(EngineError) as caught:
+        Engine(build.LIBRARY)
+    assert str(caught.value) == (
+        f"{build.LIBRARY} is older than its source; compile it again by"
+        " 'pip install -e .', or by 'python radarsim/engine/build.py'"
+        " where ziglang is installed"
+    )
+
+
+def test_compiler_that_fails_is_reported(tmp_path: Path) -> None:
+    target = tmp_path / "engine.so"
+    with pytest.raises(SystemExit, match=r"ended with 1$"):
+        build.compile_engine(target, sys.executable, "-c", "raise SystemExit(1)")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("system", "machine"), [("win32", "AMD64"), ("linux", "aarch64")]
+)
+def test_other_platforms_are_refused(
+    monkeypatch: pytest.MonkeyPatch, system: str, machine: str
+) -> None:
+    monkeypatch.setattr(sys, "platform", system)
+    monkeypatch.setattr("platform.machine", lambda: machine)
+    with pytest.raises(SystemExit) as caught:
+        build.compile_engine()
+    assert str(caught.value) == (
+        "radarsim runs on Linux on x86-64, for which embreex and this package are"
+        f" tested, not on {system} on {machine}"
+    )
+
+
+def test_engine_needs_no_newer_c_library_than_its_wheel_says() -> None:
+    found = re.findall(rb"GLIBC_2\.(\d+)", build.LIBRARY.read_bytes())
+    assert found
+    assert max(map(int, found)) <= 17
+    listed = subprocess.run(["ldd", build.LIBRARY], capture_output=True, check=True)
+    assert b"stdc++" not in listed.stdout
