@@ -10,6 +10,7 @@ import os
 import platform
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from typing import Final
 
@@ -57,8 +58,18 @@ def compile_engine(target: Path = LIBRARY, *compiler: str) -> None:
     digest = f'-DRADARSIM_SOURCES="{source_digest()}"'
     source = str(FOLDER / "engine.cpp")
     arguments = (*FLAGS.split(), digest, source, "-o", str(new), "-lm", "-lpthread")
-    if code := subprocess.run([*command, *arguments], check=False).returncode:
-        sys.exit(f"cannot compile {source}: {command[0]} ended with {code}")
+    with tempfile.TemporaryDirectory() as cache:  # else 40 MB stay in the home
+        environment = os.environ | {
+            "ZIG_GLOBAL_CACHE_DIR": cache,
+            "ZIG_LOCAL_CACHE_DIR": cache,
+        }
+        done = subprocess.run([*command, *arguments], check=False, env=environment)
+    if done.returncode:
+        sys.exit(
+            f"cannot compile {source}: {command[0]} ended with {done.returncode};"
+            " the compiler is that of the package ziglang, of the version in"
+            " pyproject.toml"
+        )
     new.replace(target)
 
 

@@ -236,7 +236,9 @@ def test_library_that_is_older_than_its_source_is_reported(
 
 def test_compiler_that_fails_is_reported(tmp_path: Path) -> None:
     target = tmp_path / "engine.so"
-    with pytest.raises(SystemExit, match=r"ended with 1$"):
+    with pytest.raises(
+        SystemExit, match=r"ended with 1; the compiler is that of the package zig"
+    ):
         build.compile_engine(target, sys.executable, "-c", "raise SystemExit(1)")
     assert list(tmp_path.iterdir()) == []
 
