@@ -359,7 +359,7 @@ class Engine:
         """Open the library.
 
         Raises:
-            EngineError: If it cannot be opened, or is older than its source.
+            EngineError: If it cannot be opened, or was compiled from another source.
         """
         try:
             library = ctypes.CDLL(str(path))
@@ -374,7 +374,7 @@ class Engine:
             built = library.radarsim_sources().decode()
             if built != source_digest():
                 raise EngineError(
-                    f"{path} is older than its source; compile it again by"
+                    f"{path} is not that of its source; compile it again by"
                     " 'pip install -e .', or by 'python radarsim/engine/build.py'"
                     " where ziglang is installed"
                 )

@@ -4,13 +4,14 @@ Theory of operation
 ===================
 Random numbers are drawn scan by scan, so that each generator is used as if the scans
 were taken one after the other. Everything else is done for all scans of equal sensors
-in a few calls of the engine, which uses all processors where there are many rays.
+in a few calls of the engine, on all processors where there are many rays or poses.
 
 Rays are aimed in the call that traces them. Only where something opaque is so near a
 sensor that side rays may start behind it, its rays are aimed first: from there it
 cannot see, and the centre ray takes the place of those rays.
 """
 
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
@@ -21,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose3
+from radarsim.processes import thread_count
 from radarsim.raycast.aimed_rays import AimedRays, Nodes, Sides
 from radarsim.raycast.attenuation import Outcome
 from radarsim.raycast.rays import Rays, Traces
@@ -33,7 +35,7 @@ from radarsim.sensors.scan import Scan
 if TYPE_CHECKING:
     from radarsim.sensors.range_scanner import RangeScanner
 
-CHUNK_RAYS: Final = 50_000  # traced in one piece, in some 20 ms
+CHUNK_RAYS: Final = 20_000  # traced in one piece, in some 10 ms
 MIDDLE_NODE: Final = 1  # of three
 
 
@@ -414,19 +416,21 @@ def _scans(
     poses: Sequence[Pose3],
     rng: np.random.Generator | None,
 ) -> Iterator[Scan]:
-    """Yield the scan of each pose; a chunk is traced ahead of the one that is read."""
+    """Yield the scan of each pose; chunks are traced ahead of those that are read."""
     step = max(CHUNK_RAYS // scanner.pattern.rays_per_scan, 1)
-    pending: Future[list[Scan]] | None = None
-    with ThreadPoolExecutor(1) as pool:
+    pending: deque[Future[list[Scan]]] = deque()
+    workers = thread_count()
+    with ThreadPoolExecutor(workers) as pool:
         for start in range(0, len(poses), step):
             requests = [
                 ScanRequest(scanner, pose, rng) for pose in poses[start : start + step]
             ]
             # Drawn here and traced there: threads must not share a generator.
             groups = draw_scans(tracer, requests)
-            before = pending
-            pending = pool.submit(_trace_groups, tracer, groups, None, None)
-            if before is not None:
-                yield from before.result()
-        if pending is not None:
-            yield from pending.result()
+            pending.append(pool.submit(_trace_groups, tracer, groups, None, None))
+            # At most one chunk waits for each thread, so that memory does not grow with
+            # the poses.
+            if len(pending) > workers:
+                yield from pending.popleft().result()
+        for future in pending:
+            yield from future.result()

@@ -219,7 +219,7 @@ def test_missing_library_is_reported(tmp_path: Path) -> None:
     assert text.endswith("; it is compiled when radarsim is installed")
 
 
-def test_library_that_is_older_than_its_source_is_reported(
+def test_library_of_another_source_is_reported(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(library, "source_digest", lambda: "0123456789abcdef")
@@ -228,7 +228,7 @@ def test_library_that_is_older_than_its_source_is_reported(
     with pytest.raises(EngineError) as caught:
         Engine(build.LIBRARY)
     assert str(caught.value) == (
-        f"{build.LIBRARY} is older than its source; compile it again by"
+        f"{build.LIBRARY} is not that of its source; compile it again by"
         " 'pip install -e .', or by 'python radarsim/engine/build.py'"
         " where ziglang is installed"
     )
