@@ -8,17 +8,18 @@ one. A file that ends in the middle of a record is read up to there.
 Source: the MCAP specification and its profile ``ros2``; metadata of rosbag2, version 9.
 """
 
-import io
 import struct
 import zlib
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Final, NamedTuple, cast
+from typing import IO, Any, Final, NamedTuple
 
 import yaml
 from mcap.exceptions import McapError
-from mcap.records import Channel, Footer, McapRecord, Message, Metadata, Schema
+from mcap.reader import NonSeekingReader
+from mcap.records import Metadata
 from mcap.stream_reader import CRCValidationError, StreamReader
 from mcap.writer import CompressionType, Writer
 from zstandard import ZstdError
@@ -31,12 +32,7 @@ from radarsim.addons.recording.bag_folder import (
     lock,
 )
 from radarsim.addons.recording.call_converter import TO_CLIENT, TO_SERVER
-from radarsim.addons.recording.cdr import (
-    EncodedMessage,
-    UInt8MultiArray,
-    decode,
-    typestore,
-)
+from radarsim.addons.recording.cdr import UInt8MultiArray, decode, typestore
 from radarsim.addons.recording.host_recorder import EventType, RunEvent
 from radarsim.errors import RecordingError, describe_os_error
 from radarsim.files import write_atomically
@@ -90,6 +86,24 @@ def _to_yaml(content: object) -> str:
     return text
 
 
+class BagMessage(NamedTuple):
+    """A message of a bag.
+
+    Attributes:
+        topic: Name of its topic.
+        type: Name of its type, such as ``sensor_msgs/msg/LaserScan``.
+        data: The message in CDR.
+        time: When it was recorded, ns.
+        latched: Whether who subscribes later gets the last one of the topic.
+    """
+
+    topic: str
+    type: str
+    data: bytes
+    time: int
+    latched: bool = False
+
+
 @dataclass(slots=True)
 class _Topic:
     channel: int
@@ -123,42 +137,36 @@ class BagWriter:
         self._first: int | None = None
         self._last = 0
         self._flushed = 0
-        # Unbuffered: what is written is in the file, also if the process is killed.
-        self._file = _UnbufferedFile(self._path)
+        self._file = self._path.open("wb")
+        lock(self._file)
         self._writer: Any = Writer(  # some of its methods have no types
-            cast(IO[bytes], self._file),
-            chunk_size=CHUNK_BYTES,
-            compression=CompressionType.ZSTD,
+            self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD
         )
         self._writer.start(profile="ros2", library="radarsim")
         self._writer.add_metadata(INFORMATION, dict(information))
+        self._file.flush()
 
-    def write(
-        self, topic: str, message: EncodedMessage, time: int, *, latched: bool = False
-    ) -> None:
-        """Write one message.
-
-        Args:
-            topic: Name of the topic.
-            message: The message; all of a topic have the same type.
-            time: When it was recorded, ns.
-            latched: Whether who subscribes later gets the last message of the topic.
+    def write(self, message: BagMessage) -> None:
+        """Write one message; all of a topic have the same type.
 
         Raises:
             OSError: If the file cannot be written.
         """
+        topic, type_, data, time, latched = message
         entry = self._topics.get(topic)
         if entry is None:
-            entry = self._add_topic(topic, message.type, latched=latched)
+            entry = self._add_topic(topic, type_, latched=latched)
         # Log time and publish time are both simulated: the same run gives the same bag.
         self._writer.add_message(
-            entry.channel, time, message.data, time, sequence=entry.messages
+            entry.channel, time, data, time, sequence=entry.messages
         )
         entry.messages += 1
         # By recorded time, not by that of the wall: a run gives the same bytes again.
         if time - self._flushed >= FLUSH_INTERVAL:
             self._writer.flush()
             self._flushed = time
+        # What the writer has handed on is in the file, also if the process is killed.
+        self._file.flush()
         self._first = time if self._first is None else min(self._first, time)
         self._last = max(self._last, time)
 
@@ -233,55 +241,12 @@ class BagWriter:
         return topic
 
 
-class _UnbufferedFile:
-    """What a writer needs of a file; each write goes to the system at once."""
-
-    # No subclass of io.FileIO: the writer of mcap would put a buffer in front of it.
-
-    def __init__(self, path: Path) -> None:
-        self._file = io.FileIO(path, "w")
-        lock(self._file)
-
-    def write(self, data: bytes) -> int:
-        """Write bytes, in as many steps as the system takes."""
-        rest = memoryview(data)
-        while rest:
-            rest = rest[self._file.write(rest) :]
-        return len(data)
-
-    def tell(self) -> int:
-        """Return how many bytes are written."""
-        return self._file.tell()
-
-    def flush(self) -> None:
-        """Do nothing: nothing is buffered."""
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
-
-
-class BagMessage(NamedTuple):
-    """A message of a bag.
-
-    Attributes:
-        topic: Name of its topic.
-        message: The message.
-        time: When it was recorded, ns.
-        latched: Whether who subscribes later gets the last one of the topic.
-    """
-
-    topic: str
-    message: EncodedMessage
-    time: int
-    latched: bool
-
-
 class BagReader:
     """Reads one bag of radarsim.
 
     Attributes:
         folder: Folder of the bag.
+        path: Its file.
         info: The conditions of the recorded run.
         is_complete: Whether the file has its end; known once all messages are read.
     """
@@ -297,26 +262,20 @@ class BagReader:
         """
         self.folder = folder
         self.is_complete = False
-        self._path = find_file(folder)
-        for record in self._records():
+        self.path = find_file(folder)
+        with self._open() as file, suppress(*BROKEN):
+            # The first record after the header.
+            records = StreamReader(file, record_size_limit=LARGEST_RECORD).records
+            _, record = next(records), next(records)
             if isinstance(record, Metadata) and record.name == INFORMATION:
                 self.info = RecordingInfo.from_text(record.metadata)
                 return
-            # The conditions are the first record after the header; a bag of another
-            # program has none.
-            if isinstance(record, Message):
-                break
-        raise RecordingError(f"{self._path}: expected a recording of radarsim")
-
-    @property
-    def path(self) -> Path:
-        """The file."""
-        return self._path
+        raise RecordingError(f"{self.path}: expected a recording of radarsim")
 
     @property
     def is_being_written(self) -> bool:
         """Whether a process still records to the file."""
-        return is_being_written(self._path)
+        return is_being_written(self.path)
 
     def messages(self) -> Iterator[BagMessage]:
         """Yield all messages, as far as the file can be read.
@@ -324,28 +283,22 @@ class BagReader:
         Raises:
             RecordingError: If the file cannot be read at all.
         """
-        channels: dict[int, tuple[str, str, bool]] = {}
-        schemas: dict[int, str] = {}
-        for record in self._records():
-            match record:
-                case Schema(id=number, name=name):
-                    # Channels follow the schemas that they refer to, as the
-                    # specification asks.
-                    schemas[number] = name
-                case Channel(
-                    id=number, topic=topic, schema_id=schema, metadata=quality
-                ):
-                    latched = "transient_local" in quality.get(
-                        "offered_qos_profiles", ""
-                    )
-                    channels[number] = topic, schemas[schema], latched
-                case Message(channel_id=number, log_time=time, data=data):
-                    topic, type_, latched = channels[number]
-                    yield BagMessage(topic, EncodedMessage(type_, data), time, latched)
-                case Footer():
-                    self.is_complete = True
-                case _:
-                    pass
+        with self._open() as file, suppress(*BROKEN):
+            # What comes before an error is whole: each chunk has its own checksum.
+            reader = NonSeekingReader(
+                file, validate_crcs=True, record_size_limit=LARGEST_RECORD
+            )
+            # In the order of the file: to sort messages, all are kept in memory.
+            for schema, channel, message in reader.iter_messages(log_time_order=False):
+                quality = channel.metadata.get("offered_qos_profiles", "")
+                yield BagMessage(
+                    channel.topic,
+                    schema.name if schema else "",
+                    message.data,
+                    message.log_time,
+                    "transient_local" in quality,
+                )
+            self.is_complete = True
 
     def calls(self) -> Iterator[RunEvent]:
         """Yield the calls of the host, in order.
@@ -353,34 +306,27 @@ class BagReader:
         Raises:
             RecordingError: If the file cannot be read, or what it says of a call.
         """
-        for topic, message, _, _ in self.messages():
-            if topic in (TO_CLIENT, TO_SERVER):
-                yield decode_call(message)
+        for message in self.messages():
+            if message.topic in (TO_CLIENT, TO_SERVER):
+                yield decode_call(message.type, message.data)
 
-    def _records(self) -> Iterator[McapRecord]:
-        """Yield the records of the file up to the first that is not whole."""
+    @contextmanager
+    def _open(self) -> Iterator[IO[bytes]]:
         try:
-            with self._path.open("rb") as file:
-                reader = StreamReader(
-                    file, validate_crcs=True, record_size_limit=LARGEST_RECORD
-                )
-                try:
-                    yield from reader.records
-                # What comes before is whole: each chunk has a checksum of its own.
-                except BROKEN:
-                    return
+            with self.path.open("rb") as file:
+                yield file
         except OSError as error:
-            raise RecordingError(f"{self._path}: {describe_os_error(error)}") from error
+            raise RecordingError(f"{self.path}: {describe_os_error(error)}") from error
 
 
-def decode_call(message: EncodedMessage) -> RunEvent:
+def decode_call(type_: str, message: bytes) -> RunEvent:
     """Decode a message of one of the topics of the wire.
 
     Raises:
         RecordingError: If it is no call of a host.
     """
     try:
-        octets = decode(message, UInt8MultiArray)
+        octets = decode(type_, message, UInt8MultiArray)
         name, client, tick = octets.layout.dim[0].label.split()
         data = octets.data.tobytes()
         return RunEvent(EventType[name.upper()], int(tick), int(client), data)
@@ -412,8 +358,8 @@ def repair(folder: Path) -> int:
     count = 0
     try:
         writer = BagWriter(folder.resolve(), reader.info.to_text(), path=part.resolve())
-        for topic, message, time, latched in reader.messages():
-            writer.write(topic, message, time, latched=latched)
+        for message in reader.messages():
+            writer.write(message)
             count += 1
         writer.close()
     finally:

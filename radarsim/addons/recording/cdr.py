@@ -2,7 +2,7 @@
 
 import struct
 from functools import cache
-from typing import ClassVar, NamedTuple, Protocol, TypeVar, cast
+from typing import ClassVar, Protocol, TypeVar, cast
 
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
@@ -25,18 +25,6 @@ String = ros2_jazzy.std_msgs__msg__String
 UInt8MultiArray = ros2_jazzy.std_msgs__msg__UInt8MultiArray
 
 
-class EncodedMessage(NamedTuple):
-    """An encoded message.
-
-    Attributes:
-        type: Name of the type, such as ``sensor_msgs/msg/LaserScan``.
-        data: The message in CDR.
-    """
-
-    type: str
-    data: bytes
-
-
 class RosType(Protocol):
     """A class of messages of rosbags."""
 
@@ -52,24 +40,21 @@ def typestore() -> Typestore:
     return get_typestore(Stores.ROS2_JAZZY)
 
 
-def encode(message: RosMessage) -> EncodedMessage:
+def encode(message: RosMessage) -> bytes:
     """Encode a message, little-endian."""
-    data = typestore().serialize_cdr(message.fields, message.type, little_endian=True)
-    return EncodedMessage(message.type, bytes(data))
+    store = typestore()
+    return bytes(store.serialize_cdr(message.fields, message.type, little_endian=True))
 
 
-def decode(message: EncodedMessage, expected: type[_Message]) -> _Message:
+def decode(type_: str, data: bytes, expected: type[_Message]) -> _Message:
     """Decode a message.
 
     Raises:
         ValueError: If it is of another type, or is not whole.
     """
-    if message.type != expected.__msgtype__:
-        raise ValueError(
-            f"message of {message.type!r}, {expected.__msgtype__} expected"
-        )
+    if type_ != expected.__msgtype__:
+        raise ValueError(f"message of {type_!r}, {expected.__msgtype__} expected")
     try:
-        decoded = typestore().deserialize_cdr(message.data, message.type)
+        return cast(_Message, typestore().deserialize_cdr(data, type_))
     except (SerdeError, ValueError, struct.error) as error:
-        raise ValueError(f"{message.type} {error}, expected a whole message") from error
-    return cast(_Message, decoded)
+        raise ValueError(f"{type_} {error}, expected a whole message") from error

@@ -19,7 +19,6 @@ from radarsim.addons.recording.bag import (
 )
 from radarsim.addons.recording.bag_folder import RecordingInfo
 from radarsim.addons.recording.call_converter import TICK, TO_CLIENT, TO_SERVER
-from radarsim.addons.recording.cdr import EncodedMessage
 from radarsim.addons.recording.host_recorder import EventType, RunEvent
 from radarsim.errors import MalformedMessage, RecordingError, describe_os_error
 from radarsim.protocol.message import LineBuffer
@@ -161,8 +160,7 @@ class RecordedLines:
         )
         try:
             for schema, _, message in found:
-                kind = "" if schema is None else schema.name
-                yield decode_call(EncodedMessage(kind, message.data))
+                yield decode_call(schema.name if schema else "", message.data)
         except (*BROKEN, OSError) as error:
             raise RecordingError(self._describe(f"is damaged: {error}")) from error
 

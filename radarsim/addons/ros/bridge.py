@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterable
 from contextlib import AsyncExitStack, suppress
 from typing import Final, Protocol, TypeAlias
 
+from radarsim import __version__
+from radarsim.addons.recording.bag_folder import RecordingInfo
 from radarsim.addons.recording.call_converter import (
     CLOCK,
     TO_CLIENT,
@@ -21,7 +23,7 @@ from radarsim.addons.recording.call_converter import (
 from radarsim.addons.recording.host_recorder import DESCRIBED, EventType, RunEvent
 from radarsim.addons.recording.messages import TopicMessage, clock
 from radarsim.addons.recording.robot_frames import below
-from radarsim.addons.recording.robot_topics import MapSnapshot, topic_name
+from radarsim.addons.recording.robot_topics import sensed_map, topic_name
 from radarsim.addons.recording.wire_recorder import WireRecorder
 from radarsim.addons.ros.pictures import read_pictures
 from radarsim.addons.ros.topic_options import TopicOptions
@@ -30,7 +32,7 @@ from radarsim.client import AsyncClient, ClientTimeout, RobotInfo
 from radarsim.client import session as questions
 from radarsim.client.robot_info import same_name
 from radarsim.errors import ClientError
-from radarsim.protocol.dialect import COMPAT, DriveUnit
+from radarsim.protocol.dialect import DriveUnit
 from radarsim.protocol.line_template import printable_name
 from radarsim.protocol.reports import (
     ClockTick,
@@ -86,12 +88,13 @@ class LiveTopics:
             options: Which topics there are.
         """
         self._publish = publish
-        self._converter = CallConverter(
-            COMPAT,
-            drive_unit,
+        info = RecordingInfo(
+            version=__version__,
+            drive_unit=drive_unit,
             own_localization=options.own_localization,
             no_namespace=options.no_namespace or "",
         )
+        self._converter = CallConverter(info)
         self._wire = WireRecorder(self._convert)
         self._numbers: dict[str, int] = {}  # of robots, by their names
         self._last_number = 0
@@ -177,9 +180,8 @@ async def publish_map(
             time = mapper.trajectory.times[-1]
             if time >= due:
                 due = time + MAP_INTERVAL
-                message = MapSnapshot.of(mapper.grid, time).message()
                 # A map is made in a thread of its own, and topics belong to the loop.
-                loop.call_soon_threadsafe(publish, message)
+                loop.call_soon_threadsafe(publish, sensed_map(mapper.grid, time))
 
         follower.on_scan = publish_now
         watcher = RobotWatcher(server, robot, echoes=echoes)

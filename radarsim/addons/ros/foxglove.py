@@ -13,7 +13,6 @@ from typing import Any, Final, TypeAlias
 
 from radarsim.addons.recording.call_converter import CLOCK
 from radarsim.addons.recording.cdr import (
-    EncodedMessage,
     Twist,
     TwistStamped,
     decode,
@@ -70,12 +69,12 @@ class FoxgloveBoard:
             self.time = now.sec * NANOSECONDS + now.nanosec
         if latched:
             self._latched[topic] = content
-        return encode(content).data if wanted else b""
+        return encode(content) if wanted else b""
 
     def latched(self, topic: str) -> bytes:
         """Return the last message of a latched topic; empty if there is none."""
         message = self._latched.get(topic)
-        return b"" if message is None else encode(message).data
+        return b"" if message is None else encode(message)
 
     def listen(self, topic: str, take: DriveCallback) -> None:
         """See ``Board.listen``."""
@@ -222,11 +221,10 @@ class FoxgloveClient:
         if code == "json":
             velocity = velocity_of(json.loads(content))
         else:
-            message = EncodedMessage(type_, content)
             if type_ == TwistStamped.__msgtype__:
-                twist = decode(message, TwistStamped).twist
+                twist = decode(type_, content, TwistStamped).twist
             else:
-                twist = decode(message, Twist)
+                twist = decode(type_, content, Twist)
             velocity = twist.linear.x, twist.angular.z
         drive(*velocity)
 

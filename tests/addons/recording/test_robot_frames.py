@@ -12,6 +12,7 @@ from odometry import integral_of, place_of, stamp_of
 from rosbags.typesys.stores.ros2_jazzy import tf2_msgs__msg__TFMessage as TFMessage
 
 from radarsim.addons.recording.bag import BagReader
+from radarsim.addons.recording.bag_folder import RecordingInfo
 from radarsim.addons.recording.call_converter import CallConverter
 from radarsim.addons.recording.cdr import decode
 from radarsim.addons.recording.host_recorder import HostRecorder, RunEvent
@@ -66,9 +67,9 @@ class Run:
                 for report in session.receive(host.take(client)):
                     if isinstance(report, GroundTruth):
                         self.truths[round(report.time, 2)] = report.pose
-        converter = CallConverter(
-            dialect, dialect.drive_unit, own_localization=own_localization
-        )
+        config = SimulationConfig(dialect)
+        info = RecordingInfo.of_config(config, own_localization=own_localization)
+        converter = CallConverter(info)
         self.topics: defaultdict[str, list[Any]] = defaultdict(list)
         for event in events:
             for _, message in converter.convert(event):
@@ -169,7 +170,7 @@ def test_own_localization_is_an_option_of_recordings(
     extension.close()
     topics = [message for message in BagReader(folder).messages() if "tf" in message[0]]
     transforms = [
-        each for m in topics for each in decode(m.message, TFMessage).transforms
+        each for m in topics for each in decode(m.type, m.data, TFMessage).transforms
     ]
     parents = {each.header.frame_id for each in transforms}
     assert parents == {"R1/odom", "R1/base_link"}

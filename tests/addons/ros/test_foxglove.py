@@ -80,7 +80,7 @@ def test_protocol_is_that_of_foxgloves_sdk() -> None:
             peer.send(subscription(7, told["channels"][0]["id"]))
             while not channel.has_sinks():
                 time.sleep(0.01)
-            channel.log(encode(POSE).data, log_time=1_500_000_000)
+            channel.log(encode(POSE), log_time=1_500_000_000)
             expected = peer.recv(TIMEOUT)
             server.broadcast_time(1_500_000_000)
             expected_time = peer.recv(TIMEOUT)
@@ -164,7 +164,7 @@ def advertisement(
 def twist(speed: float, turn: float) -> bytes:
     vectors = [messages.vector(speed, 0, 0), messages.vector(0, 0, turn)]
     fields = Fields(linear=vectors[0], angular=vectors[1])
-    return encode(RosMessage("geometry_msgs/msg/Twist", fields)).data
+    return encode(RosMessage("geometry_msgs/msg/Twist", fields))
 
 
 def test_client_drives_in_both_encodings() -> None:
@@ -193,7 +193,7 @@ def test_stamped_velocities_drive_and_other_types_do_not() -> None:
         header=Fields(stamp=Fields(sec=5, nanosec=7), frame_id="base_link"),
         twist=Fields(linear=vectors[0], angular=vectors[1]),
     )
-    stamped = encode(RosMessage("geometry_msgs/msg/TwistStamped", fields)).data
+    stamped = encode(RosMessage("geometry_msgs/msg/TwistStamped", fields))
     client.receive(
         advertisement(3, "/cmd_vel", "cdr", "geometry_msgs/msg/TwistStamped")
     )
