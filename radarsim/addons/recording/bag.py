@@ -32,7 +32,12 @@ from radarsim.addons.recording.bag_folder import (
     lock,
 )
 from radarsim.addons.recording.call_converter import TO_CLIENT, TO_SERVER
-from radarsim.addons.recording.cdr import UInt8MultiArray, decode, typestore
+from radarsim.addons.recording.cdr import (
+    UInt8MultiArray,
+    decode,
+    definition_of,
+    typestore,
+)
 from radarsim.addons.recording.host_recorder import EventType, RunEvent
 from radarsim.errors import RecordingError, describe_os_error
 from radarsim.files import write_atomically
@@ -226,8 +231,8 @@ class BagWriter:
 
     def _add_topic(self, name: str, type_: str, *, latched: bool) -> _Topic:
         if type_ not in self._schemas:
-            definition, _ = typestore().generate_msgdef(type_, ros_version=2)
-            schema = self._writer.register_schema(type_, "ros2msg", definition.encode())
+            definition = definition_of(type_).encode()
+            schema = self._writer.register_schema(type_, "ros2msg", definition)
             self._schemas[type_] = schema, typestore().hash_rihs01(type_)
         schema, digest = self._schemas[type_]
         offered = _to_yaml(_quality_of_service(latched=latched))

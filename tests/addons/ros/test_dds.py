@@ -18,9 +18,8 @@ import pytest
 from PIL import Image
 from processes import start_radarsim
 
-from radarsim.addons.ros.commands import BridgeOptions, ros
-from radarsim.addons.ros.pictures import as_jpeg
-from radarsim.addons.ros.topic_options import TopicOptions
+from radarsim.addons.ros.bridge import as_jpeg
+from radarsim.addons.ros.commands import BridgeOptions, TopicOptions, ros
 from radarsim.addons.testing import UsarsimServer
 from radarsim.cli.fields import Server
 from radarsim.client import Client

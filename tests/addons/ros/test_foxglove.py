@@ -135,7 +135,7 @@ def test_slow_client_loses_the_oldest_messages_and_no_news() -> None:
 
 def test_wrong_messages_are_answered() -> None:
     board, client = subscribed()
-    board.listen("/R1/cmd_vel", lambda *_: pytest.fail("it drives"))
+    board.drivers["/R1/cmd_vel"] = lambda *_: pytest.fail("it drives")
     client.receive(advertisement(1, "/R1/cmd_vel", "cdr"))
     client.receive(advertisement(2, "/goal_pose", "cdr"))
     assert not client.waiting  # panels announce what they may publish
@@ -169,7 +169,7 @@ def twist(speed: float, turn: float) -> bytes:
 
 def test_client_drives_in_both_encodings() -> None:
     board, driven = FoxgloveBoard(), list[tuple[float, float]]()
-    board.listen("/cmd_vel", lambda *speeds: driven.append(speeds))
+    board.drivers["/cmd_vel"] = lambda *speeds: driven.append(speeds)
     client = board.new_client()
     client.receive(advertisement(3, "/cmd_vel", "cdr"))
     client.receive(advertisement(4, "/cmd_vel", "json"))
@@ -186,7 +186,7 @@ def test_client_drives_in_both_encodings() -> None:
 
 def test_stamped_velocities_drive_and_other_types_do_not() -> None:
     board, driven = FoxgloveBoard(), list[tuple[float, float]]()
-    board.listen("/cmd_vel", lambda *speeds: driven.append(speeds))
+    board.drivers["/cmd_vel"] = lambda *speeds: driven.append(speeds)
     client = board.new_client()
     vectors = [messages.vector(0.5, 0, 0), messages.vector(0, 0, -1)]
     fields = Fields(

@@ -217,13 +217,36 @@ def test_wrong_messages_are_answered() -> None:
     assert not client.waiting
 
 
+def test_definitions_of_types_have_those_within() -> None:
+    client = RosbridgeClient(TopicBoard())
+    wanted = {"type": "nav_msgs/Odometry"}
+    call = {"op": "call_service", "service": "/rosapi/message_details"}
+    client.receive(json.dumps({**call, "args": wanted}))
+    (answer,) = map(json.loads, client.waiting)
+    found = {each["type"]: each for each in answer["values"]["typedefs"]}
+    assert next(iter(found)) == "nav_msgs/msg/Odometry"
+    assert "geometry_msgs/msg/Point" in found
+    pose = found["geometry_msgs/msg/PoseWithCovariance"]
+    assert pose["fieldtypes"] == ["geometry_msgs/msg/Pose", "float64"]
+    assert pose["fieldarraylen"] == [-1, 36]
+
+
+def test_definitions_of_types_need_rosbags(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
+    client = RosbridgeClient(TopicBoard())
+    client.receive('{"op": "call_service", "service": "/rosapi/message_details"}')
+    answer = json.loads(client.waiting.popleft())
+    assert not answer["result"]
+    assert "'.[record]'" in answer["values"]
+
+
 @pytest.mark.parametrize(
     "message",
     [None, 3, {"linear": 3}, {"linear": {"x": "a"}}, {"linear": {"x": 10**400}}],
 )
 def test_wrong_velocities_do_not_drive(message: object) -> None:
     board, driven = TopicBoard(), list[tuple[float, float]]()
-    board.listen("/R1/cmd_vel", lambda *speeds: driven.append(speeds))
+    board.drivers["/R1/cmd_vel"] = lambda *speeds: driven.append(speeds)
     client = RosbridgeClient(board)
     for msg in (message, {"twist": {"linear": {"x": 0.5}, "angular": {"z": -1}}}):
         text = {"op": "publish", "topic": "/R1/cmd_vel", "msg": msg}
