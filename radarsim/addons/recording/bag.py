@@ -10,15 +10,15 @@ Source: the MCAP specification and its profile ``ros2``; metadata of rosbag2, ve
 
 import struct
 import zlib
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Final, NamedTuple
 
 import yaml
 from mcap.exceptions import McapError
-from mcap.reader import NonSeekingReader
+from mcap.reader import NonSeekingReader, SeekingReader
 from mcap.records import Metadata
 from mcap.stream_reader import CRCValidationError, StreamReader
 from mcap.writer import CompressionType, Writer
@@ -47,6 +47,7 @@ FLUSH_INTERVAL: Final = 1_000_000_000  # ns of recorded time
 METADATA_VERSION: Final = 9
 METADATA_FILE: Final = "metadata.yaml"
 INFORMATION: Final = "radarsim"  # name of the record that tells the conditions
+LATCHED: Final = "transient_local"  # durability of topics
 DISTRIBUTION: Final = "jazzy"  # of ROS, whose definitions of types are written
 # In C where there is such: metadata of hundreds of topics would take seconds.
 _DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
@@ -76,7 +77,7 @@ def _quality_of_service(*, latched: bool) -> list[dict[str, object]]:
             "history": "keep_last",
             "depth": 1 if latched else 10,
             "reliability": "reliable",
-            "durability": "transient_local" if latched else "volatile",
+            "durability": LATCHED if latched else "volatile",
             "deadline": dict(_UNLIMITED),
             "lifespan": dict(_UNLIMITED),
             "liveliness": "automatic",
@@ -109,15 +110,6 @@ class BagMessage(NamedTuple):
     latched: bool = False
 
 
-@dataclass(slots=True)
-class _Topic:
-    channel: int
-    type: str
-    digest: str
-    latched: bool
-    messages: int = 0
-
-
 class BagWriter:
     """Writes one bag into its folder."""
 
@@ -137,10 +129,9 @@ class BagWriter:
         """
         self._folder = folder
         self._path = path or folder / file_name(folder)
-        self._topics: dict[str, _Topic] = {}
-        self._schemas: dict[str, tuple[int, str]] = {}  # numbers and hashes of types
-        self._first: int | None = None
-        self._last = 0
+        self._channels: dict[str, int] = {}  # by topic
+        self._schemas: dict[str, int] = {}  # by type
+        self._counts: Counter[str] = Counter()
         self._flushed = 0
         self._file = self._path.open("wb")
         lock(self._file)
@@ -158,22 +149,18 @@ class BagWriter:
             OSError: If the file cannot be written.
         """
         topic, type_, data, time, latched = message
-        entry = self._topics.get(topic)
-        if entry is None:
-            entry = self._add_topic(topic, type_, latched=latched)
+        if topic not in self._channels:
+            self._add_topic(topic, type_, latched=latched)
+        channel, number = self._channels[topic], self._counts[topic]
         # Log time and publish time are both simulated: the same run gives the same bag.
-        self._writer.add_message(
-            entry.channel, time, data, time, sequence=entry.messages
-        )
-        entry.messages += 1
+        self._writer.add_message(channel, time, data, time, sequence=number)
+        self._counts[topic] += 1
         # By recorded time, not by that of the wall: a run gives the same bytes again.
         if time - self._flushed >= FLUSH_INTERVAL:
             self._writer.flush()
             self._flushed = time
         # What the writer has handed on is in the file, also if the process is killed.
         self._file.flush()
-        self._first = time if self._first is None else min(self._first, time)
-        self._last = max(self._last, time)
 
     def close(self) -> None:
         """Write the index and the metadata.
@@ -186,64 +173,69 @@ class BagWriter:
         finally:
             self._file.close()
         # Does nothing unless a repair writes beside the old file.
-        self._path.replace(self._folder / file_name(self._folder))
+        path = self._path.replace(self._folder / file_name(self._folder))
         # Players read the metadata, not the file, to know what is in it.
-        first = self._first or 0
-        length = max(0, self._last - first)
-        count = sum(topic.messages for topic in self._topics.values())
-        information = {
-            "version": METADATA_VERSION,
-            "storage_identifier": "mcap",
-            "duration": {"nanoseconds": length},
-            "starting_time": {"nanoseconds_since_epoch": first},
-            "message_count": count,
-            "topics_with_message_count": [
-                {
-                    "topic_metadata": {
-                        "name": name,
-                        "type": topic.type,
-                        "serialization_format": "cdr",
-                        "offered_qos_profiles": _quality_of_service(
-                            latched=topic.latched
-                        ),
-                        "type_description_hash": topic.digest,
-                    },
-                    "message_count": topic.messages,
-                }
-                for name, topic in self._topics.items()
-            ],
-            "compression_format": "",
-            "compression_mode": "",
-            "relative_file_paths": [file_name(self._folder)],
-            "files": [
-                {
-                    "path": file_name(self._folder),
-                    "starting_time": {"nanoseconds_since_epoch": first},
-                    "duration": {"nanoseconds": length},
-                    "message_count": count,
-                }
-            ],
-            "custom_data": None,
-            "ros_distro": DISTRIBUTION,
-        }
-        text = _to_yaml({"rosbag2_bagfile_information": information})
+        text = _to_yaml({"rosbag2_bagfile_information": _metadata_of(path)})
         write_atomically({self._folder / METADATA_FILE: text.encode()})
 
-    def _add_topic(self, name: str, type_: str, *, latched: bool) -> _Topic:
+    def _add_topic(self, topic: str, type_: str, *, latched: bool) -> None:
         if type_ not in self._schemas:
             definition = definition_of(type_).encode()
             schema = self._writer.register_schema(type_, "ros2msg", definition)
-            self._schemas[type_] = schema, typestore().hash_rihs01(type_)
-        schema, digest = self._schemas[type_]
+            self._schemas[type_] = schema
         offered = _to_yaml(_quality_of_service(latched=latched))
-        channel = self._writer.register_channel(
-            name,
-            "cdr",
-            schema,
-            {"offered_qos_profiles": offered, "topic_type_hash": digest},
+        hash_ = typestore().hash_rihs01(type_)
+        quality = {"offered_qos_profiles": offered, "topic_type_hash": hash_}
+        schema = self._schemas[type_]
+        self._channels[topic] = self._writer.register_channel(
+            topic, "cdr", schema, quality
         )
-        topic = self._topics[name] = _Topic(channel, type_, digest, latched)
-        return topic
+
+
+def _metadata_of(path: Path) -> dict[str, object]:
+    """Return what rosbag2 has to know of a file that is complete."""
+    with path.open("rb") as file:
+        summary = SeekingReader(file).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    counts = summary.statistics
+    start = {"nanoseconds_since_epoch": counts.message_start_time}
+    length = max(0, counts.message_end_time - counts.message_start_time)
+    return {
+        "version": METADATA_VERSION,
+        "storage_identifier": "mcap",
+        "duration": {"nanoseconds": length},
+        "starting_time": start,
+        "message_count": counts.message_count,
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": each.topic,
+                    "type": summary.schemas[each.schema_id].name,
+                    "serialization_format": "cdr",
+                    "offered_qos_profiles": _quality_of_service(
+                        latched=LATCHED in each.metadata["offered_qos_profiles"]
+                    ),
+                    "type_description_hash": each.metadata["topic_type_hash"],
+                },
+                "message_count": counts.channel_message_counts[each.id],
+            }
+            for each in summary.channels.values()
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [path.name],
+        "files": [
+            {
+                "path": path.name,
+                "starting_time": dict(start),
+                "duration": {"nanoseconds": length},
+                "message_count": counts.message_count,
+            }
+        ],
+        "custom_data": None,
+        "ros_distro": DISTRIBUTION,
+    }
 
 
 class BagReader:
@@ -301,7 +293,7 @@ class BagReader:
                     schema.name if schema else "",
                     message.data,
                     message.log_time,
-                    "transient_local" in quality,
+                    LATCHED in quality,
                 )
             self.is_complete = True
 

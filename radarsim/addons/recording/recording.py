@@ -6,7 +6,6 @@ Imports no package of the extra ``record`` before a recording is read.
 from __future__ import annotations
 
 import json
-import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from radarsim.addons.fmcw.image_files import ENCODER_COUNTS
 from radarsim.addons.recording.bag_folder import RecordingInfo, open_bag
@@ -146,16 +146,11 @@ class PoseSeries:
     def of(cls, messages: Sequence[tuple[Header, Pose]]) -> Self:
         """Collect what messages say."""
         headers, poses = zip(*messages, strict=True)
-        rows = []
-        for pose in poses:
-            x, y, z, w = (getattr(pose.orientation, axis) for axis in "xyzw")
-            roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-            # Rounding of the quaternion must not leave the domain of the sine.
-            pitch = math.asin(min(1.0, max(-1.0, 2 * (w * y - z * x))))
-            yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-            place = pose.position
-            rows.append((place.x, place.y, place.z, roll, pitch, yaw))
-        return cls(times_of(headers), np.array(rows), headers[0].frame_id)
+        places = [[getattr(each.position, axis) for axis in "xyz"] for each in poses]
+        turns = [[getattr(each.orientation, axis) for axis in "xyzw"] for each in poses]
+        angles = Rotation.from_quat(turns).as_euler("ZYX")[:, ::-1]
+        rows = np.hstack([places, angles])
+        return cls(times_of(headers), rows, headers[0].frame_id)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -195,12 +195,10 @@ class RunRecording:
         """
         from radarsim.addons.recording.wire_recorder import RecordedTransport
         from radarsim.client import Client
-        from radarsim.client.transport import SocketTransport
 
-        transport = SocketTransport(host, port)
         if self._wire is None:
-            return Client(transport)
-        return Client(RecordedTransport(transport, self._wire))
+            return Client.connect(host, port)
+        return Client(RecordedTransport(host, port, self._wire))
 
     def follow(self, robot: str) -> DataCallback:
         """Return what records the reports of a robot of another client.
