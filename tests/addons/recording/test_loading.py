@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import recorded_runs
 import xarray
 from recorded_runs import RecordedRun
 
@@ -22,15 +21,8 @@ from radarsim.scene.scene import Scene
 
 
 @pytest.fixture(scope="module")
-def run(foliage_room: Scene) -> RecordedRun:
-    return recorded_runs.run_two_clients(foliage_room)
-
-
-@pytest.fixture(scope="module")
-def recording(run: RecordedRun, tmp_path_factory: pytest.TempPathFactory) -> Recording:
-    folder = tmp_path_factory.mktemp("recording") / "run"
-    recorded_runs.write_run(run, folder)
-    return radarsim.load_recording(folder)
+def recording(bag: Path) -> Recording:
+    return radarsim.load_recording(bag)
 
 
 def reports_of(run: RecordedRun, client: int) -> list[Report]:

@@ -13,8 +13,10 @@ import recorded_runs
 import shapely
 from matplotlib.colors import to_rgb
 from PIL import Image
+from recorded_runs import all_messages, messages_of
 from rosbags.highlevel import AnyReader
 
+from radarsim.addons.recording import scene_topics
 from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder, file_name
 from radarsim.addons.recording.call_converter import CallConverter
 from radarsim.addons.recording.cdr import encode, typestore
@@ -25,7 +27,6 @@ from radarsim.addons.recording.host_recorder import (
 )
 from radarsim.addons.recording.recording_process import write_recording
 from radarsim.addons.recording.scene_topics import (
-    MOST_TRIANGLES,
     SMALL_PART,
     scene_markers,
     true_map,
@@ -39,23 +40,7 @@ from radarsim.server.camera import FIELD_OF_VIEW
 from radarsim.server.host import Host
 from radarsim.server.views import View
 
-INTERVAL = 20  # ticks between pictures
-
-
-@pytest.fixture(scope="module")
-def run(foliage_room: Scene) -> recorded_runs.RecordedRun:
-    return recorded_runs.run_two_clients(foliage_room, camera_interval=INTERVAL)
-
-
-@pytest.fixture(scope="module")
-def bag(
-    run: recorded_runs.RecordedRun,
-    foliage_room: Scene,
-    tmp_path_factory: pytest.TempPathFactory,
-) -> Path:
-    folder = tmp_path_factory.mktemp("recording") / "run"
-    write_shown(run, folder, foliage_room)
-    return folder
+INTERVAL = 20  # ticks between pictures of the run
 
 
 def write_shown(run: recorded_runs.RecordedRun, folder: Path, scene: Scene) -> None:
@@ -63,24 +48,12 @@ def write_shown(run: recorded_runs.RecordedRun, folder: Path, scene: Scene) -> N
     write_recording(folder, run.info, run.events, scene)
 
 
-def messages_of(folder: Path, topic: str) -> list[Any]:
-    with AnyReader([folder]) as reader:
-        wanted = [each for each in reader.connections if each.topic == topic]
-        assert wanted
-        found = reader.messages(connections=wanted)
-        return [reader.deserialize(data, each.msgtype) for each, _, data in found]
-
-
 def decoded(message: Any) -> Any:
     return typestore().deserialize_cdr(encode(message), message.type)
 
 
 def test_every_message_of_a_bag_is_of_its_type(bag: Path) -> None:
-    with AnyReader([bag]) as reader:
-        topics = {each.topic for each in reader.connections}
-        for connection, _, data in reader.messages():
-            reader.deserialize(data, connection.msgtype)
-    assert topics >= {
+    assert {topic for topic, _ in all_messages(bag)} >= {
         *("/scene", "/map", "/R_1/robot_description", "/R_1_2/robot_description"),
         *("/R_1/camera/image/compressed", "/R_1/camera/camera_info"),
     }
@@ -115,16 +88,20 @@ def test_smoke_is_the_least_opaque() -> None:
     assert max(alphas[False]) < min(alphas[True])
 
 
-def test_only_large_parts_of_a_large_scene_are_thinned(foliage_room: Scene) -> None:
+def test_only_large_parts_of_a_large_scene_are_thinned(
+    foliage_room: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    most = 3 * SMALL_PART
+    monkeypatch.setattr(scene_topics, "MOST_TRIANGLES", most)
     (small, *_) = foliage_room.parts
-    count = 2 * MOST_TRIANGLES
+    count = 2 * most
     faces = np.zeros((count, 3), np.int32)
     faces[:] = small.faces[np.arange(count) % len(small.faces)]
     large = dataclasses.replace(small, faces=faces)
     assert len(small.faces) < SMALL_PART
     shown = scene_markers(Scene("large", "Large", (small, large))).fields.markers
     assert len(shown[0].points) == 3 * len(small.faces)
-    assert len(shown[1].points) / 3 <= MOST_TRIANGLES
+    assert len(shown[1].points) / 3 <= most
 
 
 def test_true_map_is_occupied_by_what_the_section_shows() -> None:
@@ -164,9 +141,8 @@ FACE = np.array([[0, 1, 2]], np.int32)
 
 
 def test_scene_of_nothing_has_no_map() -> None:
-    from radarsim.addons.recording.scene_topics import scene_topics
-
-    assert [each.topic for each in scene_topics(Scene("a", "A"))] == ["/scene"]
+    shown = scene_topics.scene_topics(Scene("a", "A"))
+    assert [each.topic for each in shown] == ["/scene"]
 
 
 def test_maps_that_robots_make_replace_the_true_one(
@@ -286,7 +262,7 @@ def test_no_view_is_taken_that_nobody_wants(
 
 
 def test_one_robot_can_go_without_its_name(foliage_room: Scene, tmp_path: Path) -> None:
-    run = recorded_runs.run_two_clients(foliage_room, camera_interval=50)
+    run = recorded_runs.run_two_clients(foliage_room, ticks=40, camera_interval=20)
     info = run.info.model_copy(update={"no_namespace": "r 1"})  # in any case
     folder = tmp_path / "run"
     write_shown(run._replace(info=info), folder, foliage_room)

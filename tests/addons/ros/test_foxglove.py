@@ -13,6 +13,7 @@ import foxglove
 import numpy as np
 import pytest
 from foxglove.websocket import Capability
+from live_bridge import serving
 from node_packages import install_packages
 from processes import start_radarsim
 from websockets.exceptions import InvalidStatus
@@ -258,8 +259,8 @@ def await_topics(peer: ClientConnection, *wanted: str) -> dict[str, Any]:
 def test_foxglove_sees_the_world_and_pages_of_others_do_not(
     usarsim_server: UsarsimServer,
 ) -> None:
-    shown = ("--draw", "foliage_room", "--true-map", "--no-namespace", "R1")
-    with bridge(usarsim_server, *shown) as port:
+    shown = {"draw": "foliage_room", "true_map": True, "no_namespace": "R1"}
+    with serving(FoxgloveBoard(), usarsim_server, robot_class="P3AT", **shown) as port:
         address = f"ws://127.0.0.1:{port}"
         with (
             pytest.raises(InvalidStatus),
