@@ -23,7 +23,7 @@ from radarsim.errors import (
 )
 from radarsim.presets.fmcw_settings import RADAR_MODEL
 from radarsim.presets.robots import RobotModel
-from radarsim.protocol.dialect import DriveUnit
+from radarsim.protocol.dialect import DriveUnit, get_dialect
 
 if TYPE_CHECKING:
     from radarsim.addons.recording.bag import BagReader
@@ -112,6 +112,13 @@ class RecordingInfo(BaseModel):
             "robots": config.robots,
         }
         return cls.model_validate(known | others)
+
+    def config(self) -> "SimulationConfig":
+        """Return the configuration of the run."""
+        from radarsim.simulation.config import SimulationConfig  # noqa: PLC0415
+
+        dialect = get_dialect(self.dialect)
+        return SimulationConfig(dialect, self.drive_unit, self.settings, self.robots)
 
     def to_text(self) -> dict[str, str]:
         """Return the conditions as a record of metadata."""
