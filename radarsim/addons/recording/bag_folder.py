@@ -252,29 +252,25 @@ def _recordings_in(folder: Path) -> list[str]:
     return []
 
 
-def lock(file: IO[bytes]) -> None:
-    """Mark a file as being written, until it is closed or its process ends.
+def lock(file: IO[bytes], *, shared: bool = False) -> bool:
+    """Lock a file until it is closed or its process ends.
 
-    Systems that lock no files, as Windows and some network drives, mark nothing.
+    Args:
+        file: The file.
+        shared: Whether others may lock it in the same way.
+
+    Returns:
+        Whether no other process has locked it; always true on systems that lock no
+        files, as Windows and some network drives.
     """
     try:
         import fcntl  # noqa: PLC0415 - Windows has none
 
         # A lock ends with its process, however that ends; a file that marks would stay.
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except (ImportError, OSError):
-        return
-
-
-def is_being_written(path: Path) -> bool:
-    """Return whether a process writes to a file that it has locked."""
-    try:
-        import fcntl  # noqa: PLC0415 - Windows has none
-
-        with path.open("rb") as file:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        kind = fcntl.LOCK_SH if shared else fcntl.LOCK_EX
+        fcntl.flock(file, kind | fcntl.LOCK_NB)
     except BlockingIOError:
-        return True
-    except (ImportError, OSError):
         return False
-    return False
+    except (ImportError, OSError):
+        return True
+    return True
