@@ -311,23 +311,24 @@ class RobotTopics:
     def _points(self, line: EchoLine | RadarTargets, scanner: ScannerInfo) -> Points:
         """Return the points of a line in the frame of its scanner."""
         if isinstance(line, RadarTargets):
-            found, points = line, np.zeros(len(line.beams), TARGET)
+            beams, ranges = line.beams, line.ranges
+            points = np.zeros(len(beams), TARGET)
             points["dbm"] = line.dbm
         elif line.echoes is None:
             return np.zeros(0, ECHO)
         else:
-            found, points = line.echoes, np.zeros(len(line.echoes.beams), ECHO)
-            number = self._legend.number
-            points["intensity"], points["power"] = found.strength, found.power
-            points["kind"] = [number("kind", kind) for kind in found.kinds]
-            points["object"] = number("object", found.object)
-            points["material"] = number("material", found.material)
-        points["beam"] = found.beams
+            echoes, number = line.echoes, self._legend.number
+            beams, ranges = echoes.beams, echoes.ranges
+            points = np.zeros(len(beams), ECHO)
+            points["intensity"], points["power"] = echoes.strength, echoes.power
+            points["kind"] = [number("kind", kind) for kind in echoes.kinds]
+            points["object"] = number("object", echoes.object)
+            points["material"] = number("material", echoes.material)
         gaps = scanner.beams - 1
         step = scanner.fov / gaps if gaps else 0.0
-        angles = found.beams * step - scanner.fov / 2  # from straight ahead
-        points["x"] = found.ranges * np.cos(angles)
-        points["y"] = found.ranges * np.sin(angles)
+        angles = beams * step - scanner.fov / 2  # from straight ahead
+        points["beam"] = beams
+        points["x"], points["y"] = ranges * np.cos(angles), ranges * np.sin(angles)
         return points
 
     def _lines_until(self, line: EchoLine | RadarTargets) -> list[Any]:
