@@ -61,7 +61,7 @@ def repaired_calls(folder: Path) -> list[RunEvent]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(6))
 def test_bag_of_a_killed_process_is_repaired(
     seed: int, run: recorded_runs.RecordedRun, tmp_path: Path
 ) -> None:
