@@ -199,8 +199,10 @@ def create_folder(folder: Path) -> None:
     """Create the folder of a bag.
 
     Raises:
-        RecordingError: If it is there already, or cannot be created.
+        RecordingError: If a package is missing, or the folder exists or cannot be
+            created.
     """
+    check_installed()
     try:
         folder.mkdir(parents=True)
     except FileExistsError as error:

@@ -86,9 +86,8 @@ class ServeRecording(ServeExtension):
 
     def open(self) -> None:
         """Create the folder."""
-        from radarsim.addons.recording.bag_folder import check_installed, create_folder
+        from radarsim.addons.recording.bag_folder import create_folder
 
-        check_installed()
         create_folder(self._folder)
         self._has_folder = True
 
