@@ -1,9 +1,31 @@
-// The penetration model: the power that a ray loses, and where it ends; see attenuation.py.
+// The penetration model: events along rays, the power that a ray loses, and where it ends; see attenuation.py.
 #pragma once
-#include "crossings.hpp"
-#include "event.hpp"
+#include "intersect.hpp"
 
 namespace radarsim {
+
+enum class Kind : int32_t { // an EventKind
+    START_INSIDE,
+    ENTER,
+    LEAVE,
+    SHEET,
+    HIT,
+    SPENT,
+    OUT_OF_RANGE,
+    MIRRORED,
+    ABSORBED,
+    RAIN,
+    NONE = -1
+};
+
+struct Event { // a row of EVENT
+    int64_t ray;
+    double t; // m from the ray's origin
+    int32_t part;
+    Kind kind;
+    double power, absorbed, x, y, z;
+};
+LAYOUT(Event, "", ray, t, part, kind, power, absorbed, x, y, z)
 
 constexpr double ROUNDING = 1e-12; // share of the initial power that may be left by rounding
 

@@ -1,7 +1,6 @@
 // Follow one ray segment by segment to its end; see propagate.py.
 #pragma once
 #include "attenuation.hpp"
-#include "intersect.hpp"
 #include "robot_boxes.hpp"
 
 namespace radarsim {

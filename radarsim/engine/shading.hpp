@@ -1,6 +1,6 @@
 // The colours of a camera's rays; see camera.py for the theory.
 #pragma once
-#include "echo_strength.hpp"
+#include "echoes.hpp"
 
 namespace radarsim {
 
