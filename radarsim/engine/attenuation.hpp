@@ -25,7 +25,7 @@ struct Event { // a row of EVENT
     Kind kind;
     double power, absorbed, x, y, z;
 };
-LAYOUT(Event, "", ray, t, part, kind, power, absorbed, x, y, z)
+ROW(Event, ray, t, part, kind, power, absorbed, x, y, z)
 
 constexpr double ROUNDING = 1e-12; // share of the initial power that may be left by rounding
 
@@ -45,11 +45,11 @@ struct Segment {
 
 // A ray at one point; one object serves many rays.
 struct RayState {
-    Room<Crossing> room;           // of the crossings
+    Buffer<Crossing> room;           // of the crossings
     Array<Crossing> crossings;     // of the segment
-    Room<int32_t> winding;         // of each part
+    Buffer<int32_t> winding;         // of each part
     List<int32_t> touched;         // parts whose winding number was changed
-    Room<uint8_t> seen;            // whether a part is among them
+    Buffer<uint8_t> seen;            // whether a part is among them
     List<int32_t> enclosing;       // the parts around the point, last entered last
     Segment segment = {};
     Array<Event> events;           // empty if none are wanted
@@ -137,7 +137,7 @@ inline Progress advance_ray(int64_t ray, const Progress& progress, const Segment
             double left = power - density * (t - at);
             if (left <= min_power) {
                 // Rounding must not carry the end past the next surface.
-                at = least(at + power / density, t);
+                at = minimum(at + power / density, t);
                 int64_t innermost = state.enclosing.size() ? state.enclosing.end()[-1] : costs.air_part;
                 return {at, 0.0, min_power, innermost};
             }
@@ -150,7 +150,7 @@ inline Progress advance_ray(int64_t ray, const Progress& progress, const Segment
         Kind kind;
         if (!isnan(loss)) {
             kind = Kind::SHEET;
-            power = most(power - loss, 0.0);
+            power = maximum(power - loss, 0.0);
         } else {
             int change = update_winding(state, crossing.part, crossing.sign);
             kind = change > 0 ? Kind::ENTER : change < 0 ? Kind::LEAVE : Kind::NONE;
@@ -187,7 +187,7 @@ inline RayEnd end_ray(int64_t ray, const Progress& progress, const SegmentEnd& e
         record_event(state, ray, at, Kind::ABSORBED, end.part, power, absorption);
         return {t, ABSORBED, end.part, 0.0};
     }
-    double absorbed = least(absorption, power); // rounding can make it greater
+    double absorbed = minimum(absorption, power); // rounding can make it greater
     record_event(state, ray, at, Kind::HIT, end.part, power, absorbed);
     return {t, HIT, end.part, power - absorbed};
 }

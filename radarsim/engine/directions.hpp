@@ -1,6 +1,6 @@
 // The directions of rays: in the frame of their sensor, aimed in the map frame, and those of a fan (see ray_fan.py).
 #pragma once
-#include "door.hpp"
+#include "bindings.hpp"
 
 namespace radarsim {
 
@@ -93,7 +93,7 @@ inline bool aim_scans(const NodeTable& table, Array<const double[6]> poses, Choi
     }
     return true;
 }
-DOOR(aim_scans, "j hn r r r r")
+BIND(aim_scans, "j hn r r r r")
 
 // Offsets are angles to the left and up, rad, of each node of each beam.
 inline void node_directions(Array<const double> angles, Array<const double[2], 2> offsets,
@@ -108,7 +108,7 @@ inline void node_directions(Array<const double> angles, Array<const double[2], 2
             direction[2] = sin(up);
         }
 }
-DOOR(node_directions, "n kn kn")
+BIND(node_directions, "n kn kn")
 
 // The rest of an angle, rad, from -pi to pi, as Python's remainder has it.
 inline double wrapped(double angle) {
@@ -135,14 +135,14 @@ inline void measure_extents(Array<const double[2][3]> bounds, Array<const double
         for (const Vector& corner : seen) {
             double turned = wrapped(-atan2(corner[1], corner[0]) - centre);
             double up = atan2(corner[2], hypot(corner[0], corner[1]));
-            first = least(first, turned), last = most(last, turned);
-            low[i] = least(low[i], up), high[i] = most(high[i], up);
+            first = minimum(first, turned), last = maximum(last, turned);
+            low[i] = minimum(low[i], up), high[i] = maximum(high[i], up);
         }
         azimuth[i] = centre + first, width[i] = last - first;
         extents(4, i) = sqrt(middle[0] * middle[0] + middle[1] * middle[1] + middle[2] * middle[2]);
     }
 }
-DOOR(measure_extents, "n 3 3 5n")
+BIND(measure_extents, "n 3 3 5n")
 
 // Turn unit vectors of a sensor to the map frame, each by one of some rotations. Returns whether all of these exist.
 inline bool turn_directions(Array<const Vector> directions, Array<const double[3][3]> rotations,
@@ -163,6 +163,6 @@ inline bool turn_directions(Array<const Vector> directions, Array<const double[3
     }
     return true;
 }
-DOOR(turn_directions, "n r n n")
+BIND(turn_directions, "n r n n")
 
 } // namespace radarsim

@@ -73,7 +73,7 @@ inline void update_volumes(List<Volume>& volumes, const Event& event, int64_t i)
 // Add a loss along a stretch to the echoes of the volumes around it, in proportion to density. The echo of a volume
 // is that of its near side. One around the start has none: its share, like the air's, returns no echo.
 inline void credit_volumes(double loss, const Densities& densities, const List<Volume>& volumes,
-                           Room<Return>& returns) {
+                           Buffer<Return>& returns) {
     if (loss <= 0.0) return;
     double total = total_density(densities, volumes);
     if (total <= 0.0) return;
@@ -83,7 +83,7 @@ inline void credit_volumes(double loss, const Densities& densities, const List<V
 
 // Compute strengths and losses.
 inline void compute_strengths(Array<const Event> events, const Densities& densities, const ReturnLaw& law,
-                              List<Volume>& volumes, Room<Return>& returns) {
+                              List<Volume>& volumes, Buffer<Return>& returns) {
     int64_t ray = -1;
     const double whole = law.returned(1.0);
     double left = whole;
@@ -113,7 +113,7 @@ struct Stretch {
 
 // Set the ranges up to which half of the power of volumes has come back, where that is on this stretch.
 inline void find_middles(const Stretch& stretch, const Densities& densities, const ReturnLaw& law,
-                         const List<Volume>& volumes, Room<Return>& returns) {
+                         const List<Volume>& volumes, Buffer<Return>& returns) {
     auto [near, far, before, behind, loss] = stretch;
     if (loss <= 0.0) return;
     double total = total_density(densities, volumes);
@@ -127,7 +127,7 @@ inline void find_middles(const Stretch& stretch, const Densities& densities, con
             double left = law.returned(before) - entry.missing / share;
             double at = left > 0.0 ? 1.0 + log(left) / law.nepers : behind;
             double lost = (before - at) / (before - behind);
-            entry.range = near + least(most(lost, 0.0), 1.0) * (far - near);
+            entry.range = near + minimum(maximum(lost, 0.0), 1.0) * (far - near);
         }
         entry.missing -= credit;
     }
@@ -135,7 +135,7 @@ inline void find_middles(const Stretch& stretch, const Densities& densities, con
 
 // Find the ranges, when strengths and losses are known.
 inline void find_ranges(Array<const Event> events, const Densities& densities, const ReturnLaw& law,
-                        List<Volume>& volumes, Room<Return>& returns) {
+                        List<Volume>& volumes, Buffer<Return>& returns) {
     int64_t ray = -1;
     double near = 0.0, before = 1.0;
     for (int64_t i = 0; i < events.size(); i++) {
@@ -168,7 +168,7 @@ struct Echo {
     uint8_t kind;    // an EventKind
     bool ends;       // whether a ray ends there
 };
-LAYOUT(Echo, "", beam, row, t, front, part, power, strength, kind, ends)
+ROW(Echo, beam, row, t, front, part, power, strength, kind, ends)
 
 struct Placed { // an event among those of a beam, to be sorted by range
     double range;
@@ -213,12 +213,12 @@ inline int64_t extract_echoes(Array<const Event> events, Array<const double> wei
         if (!is_known(event, weights.size(), parts.size())) return -1;
     Densities densities = {parts, air, scattering};
     ReturnLaw law = {full, nepers, spreads};
-    Room<Return> returns(n);
+    Buffer<Return> returns(n);
     List<Volume> volumes(n);
     compute_strengths(events, densities, law, volumes, returns);
     find_ranges(events, densities, law, volumes, returns);
     List<Placed> placed(n);
-    Room<Placed> spare(n);
+    Buffer<Placed> spare(n);
     for (int64_t i = 0; i < n;) {
         int64_t beam = events[i].ray / rays_per_beam;
         placed.clear();
@@ -233,14 +233,14 @@ inline int64_t extract_echoes(Array<const Event> events, Array<const double> wei
             double strength = returns[row].strength;
             if (has_incidence) strength *= hit ? incidence[ray] : LEAF_BACKSCATTER;
             // Rounding can add up to a little more than the whole power.
-            strength = least(weights[ray] * strength, 1.0);
+            strength = minimum(weights[ray] * strength, 1.0);
             echoes[total++] = {beam, ray, range, t, part, power - (hit ? absorbed : 0.0), strength, uint8_t(kind),
                                hit || kind == Kind::SPENT};
         }
     }
     return total;
 }
-DOOR(extract_echoes, "e r i p p e")
+BIND(extract_echoes, "e r i p p e")
 
 // Whether one echo rather than another gives a merged echo its kind.
 inline bool represents(const Echo& one, const Echo& other) {
@@ -272,11 +272,11 @@ inline int64_t merge_echoes(Array<const Echo> echoes, double resolution, Array<E
         Echo& echo = merged[left++] = echoes[best];
         echo.t = total > 0.0 ? nearest + mean / total : nearest;
         if (Kind(echo.kind) != Kind::ENTER) echo.front = echo.t;
-        echo.strength = least(total, 1.0);
+        echo.strength = minimum(total, 1.0);
     }
     return left;
 }
-DOOR(merge_echoes, "e e")
+BIND(merge_echoes, "e e")
 
 enum Mode { LAST, FIRST, STRONGEST };
 
@@ -303,7 +303,7 @@ inline int64_t select_echoes(Array<const Echo> echoes, int64_t mode, double thre
         }
     return count;
 }
-DOOR(select_echoes, "e b b b")
+BIND(select_echoes, "e b b b")
 
 constexpr double MOST_CELLS = 1e7; // between two events; a search farther on would not end
 
@@ -317,7 +317,7 @@ struct Search {
 inline Search search_rain(Search from, double end, double cell, double contrast) {
     auto [t, budget] = from;
     // Where it does not rain, skip the cells, but stay at multiples of their depth.
-    if (contrast <= 0.0) return {t + cell * most(ceil((end - t) / cell), 0.0), budget};
+    if (contrast <= 0.0) return {t + cell * maximum(ceil((end - t) / cell), 0.0), budget};
     for (; t < end; t += cell) {
         // log1p stays exact where the probability of a detection is tiny.
         budget += log1p(-exp(-t * t / contrast));
@@ -332,7 +332,7 @@ inline int64_t find_rain(Array<const Event> events, Array<const int64_t> rays, A
                          int64_t air_part, Array<const double> contrasts, double cell, double margin_db,
                          double nearest, double full_power, Array<Echo> found) {
     int64_t i = 0, count = 0, parts = contrasts.size();
-    Room<bool> enclosing(parts);
+    Buffer<bool> enclosing(parts);
     for (int64_t beam = 0; beam < rays.size(); beam++) {
         for (int64_t part = 0; part < parts; part++) enclosing[part] = part == air_part; // as at the start
         Search search = {nearest, random(0, beam)};
@@ -356,7 +356,7 @@ inline int64_t find_rain(Array<const Event> events, Array<const int64_t> rays, A
                 double level = 10.0 * log10(1.0 + contrast / (t * t) * random(1, beam));
                 bool is_limited = 0.0 < full_power && full_power < INFINITE;
                 double share = is_limited ? (power - lost) / full_power : 1.0;
-                double above = least(level, margin_db) - margin_db * (1.0 - share);
+                double above = minimum(level, margin_db) - margin_db * (1.0 - share);
                 if (above > 0.0)
                     found[count++] = {beam, rays[beam], t, t, raining, power - lost,
                                       pow(10.0, (above - margin_db) / 10.0), uint8_t(Kind::RAIN), false};
@@ -368,6 +368,6 @@ inline int64_t find_rain(Array<const Event> events, Array<const int64_t> rays, A
     }
     return count;
 }
-DOOR(find_rain, "e b 2b p b")
+BIND(find_rain, "e b 2b p b")
 
 } // namespace radarsim

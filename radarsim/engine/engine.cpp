@@ -18,8 +18,8 @@
 
 // A description of all functions and structures, as library.py reads it.
 EXPORT const char* radarsim_describe() {
-    static radarsim::door::Text text;
-    if (!text.memory()[0]) radarsim::door::describe_all(text);
+    static radarsim::bindings::Text text;
+    if (!text.memory()[0]) radarsim::bindings::describe_all(text);
     return text.memory();
 }
 

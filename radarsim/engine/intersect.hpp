@@ -1,7 +1,7 @@
 // Where a line crosses triangles (see crossings.py), and queries to Embree: what a ray intersects, what is near a
 // point (see embree.py).
 #pragma once
-#include "door.hpp"
+#include "bindings.hpp"
 
 namespace radarsim {
 
@@ -64,7 +64,7 @@ inline int cross_triangle(const Line& line, const Triangle& corners, double& t) 
     double cy = p[j + 6] - line.origin[1] - line.shear_second * cz;
     double a = edge_side(bx, by, cx, cy), b = edge_side(cx, cy, ax, ay), c = edge_side(ax, ay, bx, by);
     double area = a + b + c; // of one sign if the line passes all edges on the same side
-    if (area == 0.0 || (least(a, b, c) < 0.0 && most(a, b, c) > 0.0)) return 0;
+    if (area == 0.0 || (minimum(a, b, c) < 0.0 && maximum(a, b, c) > 0.0)) return 0;
     t = line.scale * ((a * az + b * bz + c * cz) / area);
     return (area > 0.0) == (line.scale > 0.0) ? -1 : 1;
 }
@@ -221,7 +221,7 @@ inline void on_primitive(embree::IntersectCall* call) {
     }
     case COLLECT:
         // The window begins at the nearest surface, which need not be found first.
-        far = least(far, t + query.window);
+        far = minimum(far, t + query.window);
         if (query.count < query.crossings.size()) query.crossings[query.count] = {t, int32_t(part), sign};
         query.count++; // also what does not fit: the caller allocates a longer list
         break;
@@ -246,8 +246,8 @@ inline void on_bounds(embree::BoundsCall* call) {
     const auto& [triangles, margin] = *static_cast<const BoundedTriangles*>(call->user_data);
     const double* p = triangles[call->prim];
     for (int axis = 0; axis < 3; axis++) {
-        call->bounds->lower[axis] = float(least(p[axis], p[axis + 3], p[axis + 6]) - margin);
-        call->bounds->upper[axis] = float(most(p[axis], p[axis + 3], p[axis + 6]) + margin);
+        call->bounds->lower[axis] = float(minimum(p[axis], p[axis + 3], p[axis + 6]) - margin);
+        call->bounds->upper[axis] = float(maximum(p[axis], p[axis + 3], p[axis + 6]) + margin);
     }
 }
 
@@ -256,7 +256,7 @@ inline void get_callbacks(Array<int64_t> addresses) {
     addresses[0] = reinterpret_cast<int64_t>(&on_bounds);
     addresses[1] = reinterpret_cast<int64_t>(&on_primitive);
 }
-DOOR(get_callbacks, "2")
+BIND(get_callbacks, "2")
 
 inline void select_hierarchy(const SceneHandle& handle, Query& query, int64_t row) {
     query.hierarchy = row;
@@ -313,14 +313,14 @@ inline void run_query(const SceneHandle& handle, Query& query, uint32_t parts, c
     // A start far away would be rounded to float32 too coarsely: skip to the sphere around the scene.
     double ahead = 0.0;
     for (int axis = 0; axis < 3; axis++) ahead -= origin[axis] * direction[axis] * orientation;
-    double skipped = most(ahead - handle.radius, 0.0);
+    double skipped = maximum(ahead - handle.radius, 0.0);
     if (skipped > far) return;
     embree::Ray& ray = query.hit.ray;
     for (int axis = 0; axis < 3; axis++) {
         ray.org[axis] = float(origin[axis] + skipped * orientation * direction[axis]);
         ray.dir[axis] = float(orientation * direction[axis]);
     }
-    ray.tnear = float(most(near - skipped - handle.margin, 0.0));
+    ray.tnear = float(maximum(near - skipped - handle.margin, 0.0));
     ray.time = 0.0f;
     ray.tfar = float(far - skipped + handle.margin);
     ray.mask = embree::INVALID, ray.id = 0, ray.flags = 0;

@@ -4,7 +4,7 @@
 // Numbers below 2^31 with up to six decimals are below 2^52 when they are scaled to whole numbers, so that their
 // halves are exact: the digits are those of NumberFormat.
 #pragma once
-#include "door.hpp"
+#include "bindings.hpp"
 
 namespace radarsim {
 
@@ -122,18 +122,18 @@ inline int64_t write_lines(Array<const uint8_t> templates, Array<const double> n
     }
     return number == first && entry == numbers.end() ? at - out.begin() : MISFIT;
 }
-DOOR(write_lines, "t n o")
+BIND(write_lines, "t n o")
 
 struct WrittenEcho {
     double beam, range, power, strength; // m; shares from 0 to 1
 };
-LAYOUT(WrittenEcho, "", beam, range, power, strength)
+ROW(WrittenEcho, beam, range, power, strength)
 
 struct EchoRows {
     int64_t part, start, end; // of a line: the echoes of a part from a row to that before the end
     int64_t before;           // of a row: where the echo was before
 };
-LAYOUT(EchoRows, "", part, start, end, before)
+ROW(EchoRows, part, start, end, before)
 
 struct PartEchoes { // the echoes of a part
     int64_t part, beam;   // the beam of the first
@@ -143,11 +143,11 @@ struct PartEchoes { // the echoes of a part
 
 // Group echoes by part, in the order of the first of each.
 inline void group_echoes(Array<const int64_t> parts, Array<const int64_t> beams, List<PartEchoes>& groups,
-                         Room<int64_t>& group_of) {
+                         Buffer<int64_t>& group_of) {
     // A power of two, so that a mask replaces the division; at most half full, so that probes stay short.
     int64_t size = 16;
     while (size < 2 * parts.size()) size *= 2;
-    Room<int64_t> table(size); // groups by the hash of their part, from 1
+    Buffer<int64_t> table(size); // groups by the hash of their part, from 1
     for (int64_t row = 0; row < parts.size(); row++) {
         uint64_t slot = (uint64_t(parts[row]) * 2654435761 >> 8) & (size - 1); // the upper bits are spread
         while (table[slot] && groups[table[slot] - 1].part != parts[row]) slot = (slot + 1) & (size - 1);
@@ -162,7 +162,7 @@ inline void group_echoes(Array<const int64_t> parts, Array<const int64_t> beams,
 
 // Write the lines of groups by their first beam, and for the same beam by their part; returns how many.
 inline int64_t share_lines(List<PartEchoes>& groups, int64_t echoes_a_line, Array<EchoRows> rows) {
-    Room<int64_t> ranks(groups.size());
+    Buffer<int64_t> ranks(groups.size());
     for (int64_t group = 0; group < groups.size(); group++) { // by beam they are sorted already
         const auto& [part, beam, count, start, place] = groups[group];
         int64_t at = group;
@@ -181,7 +181,7 @@ inline int64_t share_lines(List<PartEchoes>& groups, int64_t echoes_a_line, Arra
 }
 
 // A share without rounding errors, and zero without a sign.
-inline double clip_to_unit(double share) { return share <= 0.0 ? 0.0 : least(share, 1.0); }
+inline double clip_to_unit(double share) { return share <= 0.0 ? 0.0 : minimum(share, 1.0); }
 
 inline double power_share(double power, double full_power) {
     if (isinf(full_power)) return 1.0;
@@ -195,7 +195,7 @@ inline int64_t sort_echoes(Array<const int64_t> parts, Array<const int64_t> beam
                            int64_t echoes_a_line, Array<WrittenEcho> echoes, Array<EchoRows> rows) {
     if (echoes_a_line < 1) return 0;
     List<PartEchoes> groups(parts.size());
-    Room<int64_t> group_of(parts.size());
+    Buffer<int64_t> group_of(parts.size());
     group_echoes(parts, beams, groups, group_of);
     int64_t count = share_lines(groups, echoes_a_line, rows);
     for (int64_t row = 0; row < parts.size(); row++) {
@@ -212,6 +212,6 @@ inline int64_t sort_echoes(Array<const int64_t> parts, Array<const int64_t> beam
     }
     return count;
 }
-DOOR(sort_echoes, "n n n n n n n")
+BIND(sort_echoes, "n n n n n n n")
 
 } // namespace radarsim

@@ -47,7 +47,7 @@ LAYOUT(Surroundings, "t r o l", robots, order, odometry, walls, lines, margin, w
 
 // The number of a cell on an axis; that of the farthest one beyond it.
 inline int64_t cell_at(double place, double cell) {
-    return int64_t(floor(least(most(-FARTHEST_CELL, place / cell), FARTHEST_CELL)));
+    return int64_t(floor(minimum(maximum(-FARTHEST_CELL, place / cell), FARTHEST_CELL)));
 }
 
 // Some of the robots, by cells.
@@ -62,11 +62,11 @@ class RobotGrid {
     void enter(double dt) {
         double radius = 0.0, speed = 0.0;
         for (int64_t slot : order_) {
-            radius = most(radius, robots_[slot].radius);
-            speed = most(speed, robots_[slot].top_speed);
+            radius = maximum(radius, robots_[slot].radius);
+            speed = maximum(speed, robots_[slot].top_speed);
         }
         reach_ = ROBOT_RANGE + radius + speed * dt; // they move before they are searched
-        cell_ = most(MIN_CELL, reach_ / CELLS_IN_REACH);
+        cell_ = maximum(MIN_CELL, reach_ / CELLS_IN_REACH);
         max_speed_ = speed;
         memset(heads_.data(), 0, sizeof(int64_t) * buckets_);
         for (int64_t i = 0; i < order_.size(); i++) {
@@ -108,8 +108,8 @@ class RobotGrid {
     Array<Robot> robots_;
     Array<const int64_t> order_;
     int64_t buckets_; // a power of two
-    Room<Place> places_;
-    Room<int64_t> heads_; // of each bucket, as Place::next
+    Buffer<Place> places_;
+    Buffer<int64_t> heads_; // of each bucket, as Place::next
     double cell_ = MIN_CELL, reach_ = 0.0, max_speed_ = 0.0;
 };
 
@@ -144,7 +144,7 @@ class Mover {
 
     // Whether something solid is as close as after a contact.
     bool is_touching() {
-        if (least(robot_.wall_gap, robot_.robot_gap) > TOUCH_RANGE) return false;
+        if (minimum(robot_.wall_gap, robot_.robot_gap) > TOUCH_RANGE) return false;
         find_lines(robot_.pose());
         double gap = contact(robot_.pose()).gap;
         note_gaps(gap, 0.0);
@@ -158,8 +158,8 @@ class Mover {
 
     // Update the known gaps by that to lines found offset m away.
     void note_gaps(double gap, double offset) {
-        robot_.wall_gap = least(gap, around_.wall_range - offset);
-        if (lines_.size() > walls_) robot_.robot_gap = least(gap, robot_.robot_gap);
+        robot_.wall_gap = minimum(gap, around_.wall_range - offset);
+        if (lines_.size() > walls_) robot_.robot_gap = minimum(gap, robot_.robot_gap);
     }
 
     // Find the lines near a pose, walls first; robots farther away set the gap to robots.
@@ -174,7 +174,7 @@ class Mover {
             // One may fly over the other, and come down beside it later.
             bool is_level = other.bottom < robot_.top && robot_.bottom < other.top;
             if (gap < OUTLINE_RANGE && is_level) add_outline(other, double(walls.lines.size()) + 4 * other.number);
-            else nearest = least(nearest, gap);
+            else nearest = minimum(nearest, gap);
         });
         robot_.robot_gap = nearest;
     }
@@ -199,7 +199,7 @@ class Mover {
         Pose2 start = robot_.pose();
         double start_gap = contact(start).gap;
         // A robot nearer than CONTACT_GAP slides on; it is not pushed back first.
-        double clearance = most(2 * around_.margin, least(CONTACT_GAP, start_gap));
+        double clearance = maximum(2 * around_.margin, minimum(CONTACT_GAP, start_gap));
         // Without the turn second: beside a wall it may be the turn that is blocked.
         const double yaws[2] = {wanted.yaw, start.yaw};
         for (double yaw : yaws) {
@@ -279,7 +279,7 @@ inline double sweep_rate(double left, double right, double track, double radius,
     if (sideslip != 0.0) speed /= cos(sideslip);
     return speed + turn * radius;
 }
-DOOR(sweep_rate, "")
+BIND(sweep_rate, "")
 
 inline bool is_rejected(const Robot& robot, const Pose2& wanted) {
     const double* move = robot.rejected;
@@ -384,7 +384,7 @@ inline bool drive_robots(const Surroundings& around, double dt) {
     drive_once(around, grid, around.order, dt);
     return true;
 }
-DOOR(drive_robots, "")
+BIND(drive_robots, "")
 
 // Find which robots of some slots were blocked in their last move, or touch something.
 inline bool find_touched(const Surroundings& around, Array<const int64_t> slots) {
@@ -393,7 +393,7 @@ inline bool find_touched(const Surroundings& around, Array<const int64_t> slots)
     find_touched_in(around, grid, slots);
     return true;
 }
-DOOR(find_touched, "s")
+BIND(find_touched, "s")
 
 // Drive some robots for several time steps as if there were no others, and note which are touched after any step.
 inline bool drive_on(const Surroundings& around, Array<const int64_t> order, double dt, int64_t steps,
@@ -407,7 +407,7 @@ inline bool drive_on(const Surroundings& around, Array<const int64_t> order, dou
     }
     return true;
 }
-DOOR(drive_on, "r r")
+BIND(drive_on, "r r")
 
 // The same as if none of them met any other.
 inline bool drive_each_alone(const Surroundings& around, Array<const int64_t> order, double dt, int64_t steps,
@@ -416,6 +416,6 @@ inline bool drive_each_alone(const Surroundings& around, Array<const int64_t> or
         if (!drive_on(around, {order.data + i, {1}}, dt, steps, {touched.data + i, {1}})) return false;
     return true;
 }
-DOOR(drive_each_alone, "r r")
+BIND(drive_each_alone, "r r")
 
 } // namespace radarsim::robots

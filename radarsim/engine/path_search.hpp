@@ -1,45 +1,40 @@
 // Searches for cheapest paths: of a point over all 8 neighbours of cells, and of a rectangle (see
 // footprint_planning.py).
 #pragma once
-#include "door.hpp"
+#include "bindings.hpp"
 
 namespace radarsim {
 
 // A queue from which the least value comes first; values that compare equal are equal.
-template <typename T> class Heap {
+template <typename T> class Heap : Memory {
   public:
-    Heap() = default;
-    ~Heap() { free(values_); }
-    Heap(const Heap&) = delete;
-    Heap& operator=(const Heap&) = delete;
     bool is_empty() const { return !size_; }
 
     void push(T value) {
         if (size_ == capacity_) {
             capacity_ = 2 * capacity_ + 64;
-            values_ = static_cast<T*>(realloc(values_, capacity_ * sizeof(T)));
-            if (!values_) abort();
+            hold(realloc(data_, capacity_ * sizeof(T)));
         }
+        T* values = static_cast<T*>(data_);
         int64_t i = size_++;
-        for (; i > 0 && value < values_[(i - 1) / 2]; i = (i - 1) / 2) values_[i] = values_[(i - 1) / 2];
-        values_[i] = value;
+        for (; i > 0 && value < values[(i - 1) / 2]; i = (i - 1) / 2) values[i] = values[(i - 1) / 2];
+        values[i] = value;
     }
 
     T pop() {
-        T least = values_[0], last = values_[--size_];
+        T *values = static_cast<T*>(data_), first = values[0], last = values[--size_];
         int64_t i = 0;
         for (int64_t child = 1; child < size_; child = 2 * i + 1) {
-            child += child + 1 < size_ && values_[child + 1] < values_[child];
-            if (!(values_[child] < last)) break;
-            values_[i] = values_[child];
+            child += child + 1 < size_ && values[child + 1] < values[child];
+            if (!(values[child] < last)) break;
+            values[i] = values[child];
             i = child;
         }
-        values_[i] = last;
-        return least;
+        values[i] = last;
+        return first;
     }
 
   private:
-    T* values_ = nullptr;
     int64_t size_ = 0, capacity_ = 0;
 };
 
@@ -79,7 +74,7 @@ inline int64_t search_grid(Array<const double, 2> cost, int64_t row, int64_t col
     }
     return -1;
 }
-DOOR(search_grid, "rc rc rc rc")
+BIND(search_grid, "rc rc rc rc")
 
 constexpr int HEADINGS = 16;
 using CellStep = int64_t[2];      // columns and rows
@@ -131,7 +126,7 @@ inline int64_t search_states(Array<const int64_t, 2> masks, Array<const CellStep
     PoseLattice lattice = {masks, steps};
     if (!lattice.has_cell(start) || parents.shape[0] < lattice.cells()) return -1;
     // Only what is written of it takes memory. Zero for states without a parent, to which no way is known.
-    Room<double> best(lattice.cells() * HEADINGS);
+    Buffer<double> best(lattice.cells() * HEADINGS);
     int64_t first = start * HEADINGS;
     Heap<QueuedState> queue;
     queue.push({guide.data[start], 0.0, first});
@@ -153,7 +148,7 @@ inline int64_t search_states(Array<const int64_t, 2> masks, Array<const CellStep
     }
     return -1;
 }
-DOOR(search_states, "rc h h rc sh")
+BIND(search_states, "rc h h rc sh")
 
 // Whether motions lead from heading 0 in a cell to another cell. Motions can be undone. So states are visited from both
 // cells in turn until they meet, or none is left on one side: that is far less than a search visits that fails.
@@ -162,7 +157,7 @@ inline int64_t are_joined(Array<const int64_t, 2> masks, Array<const CellStep> s
     if (!lattice.has_cell(start) || !lattice.has_cell(goal)) return false;
     if (start == goal) return true;
     List<int32_t> queues[2] = {List<int32_t>(lattice.cells() * HEADINGS), List<int32_t>(lattice.cells() * HEADINGS)};
-    Room<int8_t> sides(lattice.cells() * HEADINGS); // from which each state was visited
+    Buffer<int8_t> sides(lattice.cells() * HEADINGS); // from which each state was visited
     auto visit = [&](int side, int64_t state) {
         sides[state] = int8_t(side + 1);
         queues[side].append(int32_t(state));
@@ -182,6 +177,6 @@ inline int64_t are_joined(Array<const int64_t, 2> masks, Array<const CellStep> s
             }
         }
 }
-DOOR(are_joined, "rc h")
+BIND(are_joined, "rc h")
 
 } // namespace radarsim

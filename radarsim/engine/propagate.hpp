@@ -38,10 +38,10 @@ LAYOUT(MaterialTable, "cp cp cp cp cp c c c c cp cp v w w", density, sheet_loss,
 struct Scene {
     const SceneHandle* handle;
     const MaterialTable* materials;
-    Vector centre; // m, the origin of all other coordinates
+    Array<const double> centre; // m, the origin of all other coordinates
     Array<const Triangle> triangles;
 };
-LAYOUT(Scene, "t", handle, materials, centre, triangles)
+LAYOUT(Scene, "3 t", handle, materials, centre, triangles)
 
 struct Traces { // one row for each ray
     Array<double> ranges;
@@ -177,7 +177,7 @@ class RayTracer {
         if (reflections_ <= 0 || end.part < 0 || end.part >= materials.parts()) return;
         if (!of_class(materials.mirror)[end.part]) return;
         // Along a slanted ray the offset from the mirror's plane is longer.
-        double near = end.t - MIRROR_OFFSET / most(fabs(along(opaque_normal())), MIRROR_OFFSET);
+        double near = end.t - MIRROR_OFFSET / maximum(fabs(along(opaque_normal())), MIRROR_OFFSET);
         while (end.crossed > 0 && state.crossings[end.crossed - 1].t >= near) end.crossed--;
     }
 
@@ -205,7 +205,7 @@ class RayTracer {
         if (end.part >= materials.parts()) // a robot
             return box_incidence(box_grid.boxes, end.part - materials.parts(), origin, direction,
                                  end.t - state.segment.before);
-        return least(fabs(along(opaque_normal())), 1.0);
+        return minimum(fabs(along(opaque_normal())), 1.0);
     }
 
     bool is_in_bounds(int64_t volume, double margin) const {
@@ -222,7 +222,7 @@ class RayTracer {
         if (!is_in_bounds(materials.volume.size(), margin)) return false;
         // A forest has thousands of volumes, but few around a sensor.
         double distance = 0.0;
-        for (int axis = 0; axis < 3; axis++) distance = most(distance, fabs(origin[axis] - near_place_[axis]));
+        for (int axis = 0; axis < 3; axis++) distance = maximum(distance, fabs(origin[axis] - near_place_[axis]));
         if (distance > NEAR_REACH) {
             near_volumes_.clear();
             for (int64_t k = 0; k < materials.volume.size(); k++)
@@ -260,7 +260,7 @@ class RayTracer {
         // Either the window ended the search, or the interval did.
         if (part < 0) part = t < interval.far ? UNKNOWN : limit.part;
         // An opaque surface may be found up to RANGE_TOLERANCE beyond the limit.
-        double last = least(t, limit.t);
+        double last = minimum(t, limit.t);
         sort_crossings(state.crossings.data, count);
         while (count > 0 && state.crossings[count - 1].t > last) count--;
         return {count, last, part};

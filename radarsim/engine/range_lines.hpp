@@ -20,7 +20,7 @@ struct PartScattering { // a row of scattering.py
     double edges[4];     // m, where level ground ends: least x, y and greatest ones
     bool constant_gamma; // at all angles, as that of open ground; else it follows Lambert's law
 };
-LAYOUT(PartScattering, "", gamma, glint, narrowness, area, volume, albedo, sway, edges, constant_gamma)
+ROW(PartScattering, gamma, glint, narrowness, area, volume, albedo, sway, edges, constant_gamma)
 
 struct Scattering {
     Array<const PartScattering> parts; // the last row is that of robots
@@ -59,7 +59,7 @@ inline double gamma_at(double cosine, double gamma, bool constant_gamma, double 
     double lobe = exp(-narrowness * (1.0 - square) / square);
     return rough + glint * lobe / (square * square * cosine);
 }
-DOOR(gamma_at, "")
+BIND(gamma_at, "")
 
 inline double surface_gamma(const PartScattering& part, double cosine) {
     return gamma_at(cosine, part.gamma, part.constant_gamma, part.glint, part.narrowness);
@@ -68,7 +68,7 @@ inline double surface_gamma(const PartScattering& part, double cosine) {
 // The gamma of patched ground at a distance along a ray, m.
 inline double patch_gamma(const Scattering& scattering, const Grazing& grazing, double distance) {
     const auto& patches = scattering.patches;
-    double along = sqrt(most(distance * distance - grazing.depth * grazing.depth, 0.0));
+    double along = sqrt(maximum(distance * distance - grazing.depth * grazing.depth, 0.0));
     double x = grazing.x + along * grazing.ahead - scattering.corner[0];
     double y = grazing.y + along * grazing.left - scattering.corner[1];
     int64_t i = floor_of(x / scattering.cell), j = floor_of(y / scattering.cell);
@@ -82,7 +82,7 @@ inline bool is_level(const Vector& direction, double cosine) { return fabs(cosin
 // A ray of length t from a place over level ground.
 inline Grazing over_ground(double x, double y, const Vector& direction, double t, double angle, double near,
                            double far) {
-    double level = most(hypot(direction[0], direction[1]), 1e-9);
+    double level = maximum(hypot(direction[0], direction[1]), 1e-9);
     return {x, y, direction[0] / level, direction[1] / level, t, -t * direction[2], angle, near, far};
 }
 
@@ -93,12 +93,12 @@ inline Grazing grazing_at(const PartScattering& part, const Event& event, const 
     auto cut = [&](double step, double place, double low, double high) {
         if (fabs(step) <= 1e-9) return;
         double first = (low - place) / step, second = (high - place) / step;
-        back = least(back, -least(first, second));
-        ahead = least(ahead, most(first, second));
+        back = minimum(back, -minimum(first, second));
+        ahead = minimum(ahead, maximum(first, second));
     };
     cut(direction[0], event.x, part.edges[0], part.edges[2]);
     cut(direction[1], event.y, part.edges[1], part.edges[3]);
-    double t = event.t, near = t - most(back, 0.0), far = least(t + most(ahead, 0.0), end);
+    double t = event.t, near = t - maximum(back, 0.0), far = minimum(t + maximum(ahead, 0.0), end);
     return over_ground(event.x - t * direction[0], event.y - t * direction[1], direction, t, angle, near, far);
 }
 
@@ -145,7 +145,7 @@ struct Span { // of ranges, in bins, and which bins it touches; none if high is 
         if (high > count - 1) high = count - 1;
     }
     // Which part of a bin it covers.
-    double share(int64_t bin) const { return least(end, bin + 1.0) - most(start, double(bin)); }
+    double share(int64_t bin) const { return minimum(end, bin + 1.0) - maximum(start, double(bin)); }
 };
 
 inline void add_to_bin(const RangeLines& lines, const Place& place, int64_t bin, double power) {
@@ -165,7 +165,7 @@ inline void add_to_bin(const RangeLines& lines, const Place& place, int64_t bin,
 // power would jump from one to the next as the radar moves. Gamma is less the losses on the way.
 inline void add_surface(const RangeLines& lines, const Place& place, double t, double gamma, double length) {
     if (gamma <= 0.0 || t < NEAREST) return;
-    double power = place.weight * gamma / (t * t), half = 0.5 * most(length, lines.bin_size);
+    double power = place.weight * gamma / (t * t), half = 0.5 * maximum(length, lines.bin_size);
     double middle = t + place.shift;
     Span span(lines.bin_at(middle - half), lines.bin_at(middle + half), lines.count());
     if (span.high < span.low) return;
@@ -176,7 +176,7 @@ inline void add_surface(const RangeLines& lines, const Place& place, double t, d
 
 // What level ground returns into a bin of 1 / R^2.
 inline double ground_at(double per_square, double depth, double scale) {
-    double steep = least(depth * depth * per_square, STEEPEST);
+    double steep = minimum(depth * depth * per_square, STEEPEST);
     return scale * per_square * per_square / sqrt(1.0 - steep);
 }
 
@@ -202,14 +202,14 @@ inline void add_ground(const RangeLines& lines, const Place& place, const Grazin
     bool is_patched = constant_gamma && scattering.has_patches();
     double t = grazing.t, depth = grazing.depth, size = lines.bin_size, shift = place.shift;
     // The ray stands for elevations of half the angle to either side of its own.
-    double here = asin(least(depth / t, 1.0)), half = 0.5 * grazing.angle;
+    double here = asin(minimum(depth / t, 1.0)), half = 0.5 * grazing.angle;
     // Beyond straight down, 1.57 rad, ranges would grow again.
-    double start = most(depth / sin(least(here + half, 1.5)), grazing.near, NEAREST), end = grazing.far;
+    double start = maximum(depth / sin(minimum(here + half, 1.5)), grazing.near, NEAREST), end = grazing.far;
     // Rays nearer the horizon than that stand for directions that meet no ground.
-    if (here > half) end = least(end, depth / sin(here - half));
+    if (here > half) end = minimum(end, depth / sin(here - half));
     // The share of the ray's power in a radian; what lies beyond the last bin is lost.
-    double angle = asin(least(depth / start, 1.0)) - asin(least(depth / end, 1.0));
-    double last = least(lines.bin_at(end + shift), double(lines.count()));
+    double angle = asin(minimum(depth / start, 1.0)) - asin(minimum(depth / end, 1.0));
+    double last = minimum(lines.bin_at(end + shift), double(lines.count()));
     Span span(lines.bin_at(start + shift), last, lines.count());
     if (span.high < span.low || angle <= 0.0) return;
     double scale = place.weight * gamma * depth * size / angle;
@@ -246,11 +246,11 @@ inline void add_volume(const RangeLines& lines, const Place& place, double near,
     Span span(lines.bin_at(near + place.shift), lines.bin_at(far + place.shift), lines.count());
     if (span.high < span.low) return;
     // Most bins are passed as a whole: their share is computed once.
-    double fade = exp(-rate * size), whole = mean_depth(rate, size), begin = most(span.start, double(span.low));
+    double fade = exp(-rate * size), whole = mean_depth(rate, size), begin = maximum(span.start, double(span.low));
     double left = place.weight * volume * pow(10.0, -0.2 * loss);
     left *= exp(-rate * (begin - span.start) * size);
     for (int64_t bin = span.low; bin <= span.high; bin++) {
-        double depth = (least(span.end, bin + 1.0) - begin) * size, returned = left * whole;
+        double depth = (minimum(span.end, bin + 1.0) - begin) * size, returned = left * whole;
         if (depth < 0.999999 * size) {
             returned = left * mean_depth(rate, depth);
             left *= exp(-rate * depth);

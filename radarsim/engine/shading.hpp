@@ -46,6 +46,6 @@ inline void shade(Array<const Event> events, Array<const double> incidence, Arra
         }
     }
 }
-DOOR(shade, "e n c n n")
+BIND(shade, "e n c n n")
 
 } // namespace radarsim

@@ -12,7 +12,7 @@ struct HashLevel { // what one of the levels of a hash stands for
     float real, imaginary; // of a unit vector
     float speed;           // standard normal
 };
-LAYOUT(HashLevel, "", amplitude, real, imaginary, speed)
+ROW(HashLevel, amplitude, real, imaginary, speed)
 
 struct Scatterers { // those of a column of the fan, as an antenna sees them
     uint64_t key;   // of the hash
@@ -20,7 +20,7 @@ struct Scatterers { // those of a column of the fan, as an antenna sees them
     uint64_t phase; // in levels
     double drift;   // by how many levels the phase turns of a scatterer of 1 m/s
 };
-LAYOUT(Scatterers, "", key, start, phase, drift)
+ROW(Scatterers, key, start, phase, drift)
 
 // A hash of a word, by the generator SplitMix64 (Steele, Lea and Flood, 2014).
 constexpr uint64_t HASH_STEP = 0x9E3779B97F4A7C15;
@@ -59,7 +59,7 @@ inline bool add_amplitudes(Array<const Scatterers> scatterers, Array<const HashL
                            Array<float[2], 2> field) {
     if (levels.size() != HASH_LEVELS) return false;
     int64_t count = power.size();
-    Room<float> amplitudes(2 * count);
+    Buffer<float> amplitudes(2 * count);
     for (int64_t row = 0; row < scatterers.size(); row++) {
         fill_amplitudes(scatterers[row], levels, 0, count, power.data, nullptr, nullptr, amplitudes.data());
         float* own = field.data[row * count];
@@ -67,7 +67,7 @@ inline bool add_amplitudes(Array<const Scatterers> scatterers, Array<const HashL
     }
     return true;
 }
-DOOR(add_amplitudes, "n l b nb")
+BIND(add_amplitudes, "n l b nb")
 
 struct Beams { // where the power of a turn is added up
     // Of the directions; the first row is that of the one that is half of the pattern before the first.
@@ -129,6 +129,6 @@ inline bool add_rays(const Beams& beams, const RangeLines& lines, const FanRays&
     if (closes) spread_line(beams, lines, scatterers[columns], levels, first + columns);
     return true;
 }
-DOOR(add_rays, "e s l")
+BIND(add_rays, "e s l")
 
 } // namespace radarsim::fmcw

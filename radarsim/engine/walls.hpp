@@ -8,7 +8,7 @@ struct WallEntry { // a wall that crosses a cell
     int64_t cell;  // number of the cell, ascending on each floor
     int64_t wall;  // number of the wall on its floor
 };
-LAYOUT(WallEntry, "", cell, wall)
+ROW(WallEntry, cell, wall)
 
 struct WallGrid { // of a floor
     double left, bottom; // corner of the first cell, m
@@ -17,7 +17,7 @@ struct WallGrid { // of a floor
     int64_t first, end; // its entries
     int64_t first_line;
 };
-LAYOUT(WallGrid, "", left, bottom, cell, columns, rows, first, end, first_line)
+ROW(WallGrid, left, bottom, cell, columns, rows, first, end, first_line)
 
 struct Walls {
     Array<const LineSegment> lines;
@@ -38,7 +38,7 @@ inline void fill_lines(Array<const Ends> segments, Array<LineSegment> lines) {
                     (second[1] - first[1]) / 2, double(i)};
     }
 }
-DOOR(fill_lines, "s s")
+BIND(fill_lines, "s s")
 
 constexpr double CELL_TOLERANCE = 1e-6;  // cells; a wall this close to a cell crosses it
 constexpr double FARTHEST_CROSSED = 1e7; // cells; more would not fit in memory
@@ -61,12 +61,12 @@ template <typename F> void visit_cells(const Ends& segment, const WallGrid& grid
         // The part of the segment within the row, as shares of its length.
         double begin = 0.0, end = 1.0;
         if (rise != 0.0) {
-            begin = least(most((double(row) - CELL_TOLERANCE - y[low]) / rise, 0.0), 1.0);
-            end = least(most((double(row + 1) + CELL_TOLERANCE - y[low]) / rise, 0.0), 1.0);
+            begin = minimum(maximum((double(row) - CELL_TOLERANCE - y[low]) / rise, 0.0), 1.0);
+            end = minimum(maximum((double(row + 1) + CELL_TOLERANCE - y[low]) / rise, 0.0), 1.0);
         }
         begin = x[low] + begin * run, end = x[low] + end * run;
-        int64_t last = last_cell(most(begin, end));
-        for (int64_t column = first_cell(least(begin, end)); column <= last; column++) visit(row, column);
+        int64_t last = last_cell(maximum(begin, end));
+        for (int64_t column = first_cell(minimum(begin, end)); column <= last; column++) visit(row, column);
     }
 }
 
@@ -81,7 +81,7 @@ inline int64_t count_crossings(Array<const Ends> segments, Array<WallGrid> grid)
         });
     return count;
 }
-DOOR(count_crossings, "s 1")
+BIND(count_crossings, "s 1")
 
 // Write an entry for each of these, wall by wall.
 inline void enter_crossings(Array<const Ends> segments, Array<const WallGrid> grid, Array<WallEntry> entries) {
@@ -91,7 +91,7 @@ inline void enter_crossings(Array<const Ends> segments, Array<const WallGrid> gr
             if (count < entries.size()) entries[count++] = {row * grid[0].columns + column, wall};
         });
 }
-DOOR(enter_crossings, "s 1 e")
+BIND(enter_crossings, "s 1 e")
 
 struct CellRange {
     int64_t first, last;
@@ -100,8 +100,8 @@ struct CellRange {
 // The cells within reach on an axis, of a number of cells.
 inline CellRange cells_within(double place, double reach, double cell, int64_t count) {
     // Limited before they become whole numbers: the place may be far off the grid.
-    double first = least(most(0.0, (place - reach) / cell), double(count));
-    double last = least(most(-1.0, (place + reach) / cell), double(count) - 1.0);
+    double first = minimum(maximum(0.0, (place - reach) / cell), double(count));
+    double last = minimum(maximum(-1.0, (place + reach) / cell), double(count) - 1.0);
     return {int64_t(floor(first)), int64_t(floor(last))};
 }
 
@@ -119,7 +119,7 @@ inline int64_t first_entry(Array<const WallEntry> entries, const WallGrid& grid,
 inline bool is_near(const LineSegment& line, double x, double y, double reach) {
     double dx = x - line.middle_x, dy = y - line.middle_y;
     double share = (dx * line.half_x + dy * line.half_y) / (line.half_x * line.half_x + line.half_y * line.half_y);
-    share = least(most(share, -1.0), 1.0);
+    share = minimum(maximum(share, -1.0), 1.0);
     dx -= share * line.half_x;
     dy -= share * line.half_y;
     return dx * dx + dy * dy <= reach * reach;
@@ -147,7 +147,7 @@ inline int64_t find_walls(const Walls& walls, double floor, double x, double y, 
     }
     return count;
 }
-DOOR(find_walls, "l")
+BIND(find_walls, "l")
 
 // The gap of a rectangle, within a circle of a radius, to the walls of the only floor; infinite if none is near.
 inline double find_gap(const Walls& walls, double x, double y, double yaw, double half_length, double half_width,
@@ -155,7 +155,7 @@ inline double find_gap(const Walls& walls, double x, double y, double yaw, doubl
     int64_t count = find_walls(walls, 0.0, x, y, radius, lines);
     return find_contact({lines.data, {count}}, {x, y, yaw}, half_length, half_width).gap;
 }
-DOOR(find_gap, "l")
+BIND(find_gap, "l")
 
 using Corners = int32_t[3];
 
@@ -192,7 +192,7 @@ inline int64_t slice_faces(Array<const Vector> vertices, Array<const Corners> fa
     }
     return count;
 }
-DOOR(slice_faces, "v f f")
+BIND(slice_faces, "v f f")
 
 struct SolidMesh { // triangles sorted by cells of space, and the bounds of blocks of them
     Array<const Vector> vertices;
@@ -245,12 +245,12 @@ inline int64_t slice_area(const SolidMesh& mesh, double x_min, double x_max, dou
         Ends& cut = segments[count];
         cut_sides(mesh.vertices, mesh.faces[numbers[i]], height, cut);
         const auto& [one, other] = cut;
-        count += area.meets(least(one[0], other[0]), most(one[0], other[0]), least(one[1], other[1]),
-                            most(one[1], other[1]));
+        count += area.meets(minimum(one[0], other[0]), maximum(one[0], other[0]), minimum(one[1], other[1]),
+                            maximum(one[1], other[1]));
     }
     return count;
 }
-DOOR(slice_area, "s s")
+BIND(slice_area, "s s")
 
 // Write the numbers of the triangles that reach into a slab between two heights; returns how many they are.
 inline int64_t find_in_slab(Array<const Triangle> triangles, double low, double high, Array<int64_t> numbers) {
@@ -261,7 +261,7 @@ inline int64_t find_in_slab(Array<const Triangle> triangles, double low, double 
     }
     return count;
 }
-DOOR(find_in_slab, "t t")
+BIND(find_in_slab, "t t")
 
 // Extend a box, three numbers of its lower corner and three of its upper one, to a point.
 inline void extend(double* box, const Vector& point) {
@@ -290,6 +290,6 @@ inline void clip_to_slab(Array<const Triangle> triangles, double low, double hig
         memcpy(box + 6, box, 3 * sizeof(double));
     }
 }
-DOOR(clip_to_slab, "t t")
+BIND(clip_to_slab, "t t")
 
 } // namespace radarsim::robots
