@@ -112,10 +112,10 @@ inline void record_event(RayState& state, int64_t ray, double t, Kind kind, int6
     state.event_count++;
 }
 
-inline Progress start_ray(int64_t ray, double power, RayState& state) {
-    for (int32_t part : state.enclosing) record_event(state, ray, 0.0, Kind::START_INSIDE, part, power, 0.0);
+inline void start_ray(int64_t ray, Progress& progress, RayState& state) {
+    for (int32_t part : state.enclosing) record_event(state, ray, 0.0, Kind::START_INSIDE, part, progress.power, 0.0);
     // A share of an infinite power is infinite: the ray would be spent at once.
-    return {0.0, power, isfinite(power) ? power * ROUNDING : 0.0, -1};
+    progress.min_power = isfinite(progress.power) ? progress.power * ROUNDING : 0.0;
 }
 
 // The density is summed anew after each crossing: a ray that has left all volumes loses exactly nothing.
@@ -126,9 +126,13 @@ inline double density_around(const RayState& state, const RayCosts& costs) {
 }
 
 // Go from crossing to crossing as far as the power lasts.
-inline Progress advance_ray(int64_t ray, const Progress& progress, const SegmentEnd& limit, const RayCosts& costs,
-                            RayState& state) {
+inline void advance_ray(int64_t ray, const SegmentEnd& limit, const RayCosts& costs, RayState& state,
+                        Progress& progress) {
     double at = progress.t, power = progress.power, min_power = progress.min_power;
+    // Fields one by one, here and elsewhere: a structure that was just written to is slow to copy.
+    auto note = [&](double left, int64_t spent_in) {
+        progress.t = at, progress.power = left, progress.spent_in = spent_in;
+    };
     double density = density_around(state, costs);
     // There is one stretch more than surfaces: the last one ends at the limit.
     for (int64_t i = 0; i <= limit.crossed; i++) {
@@ -139,7 +143,7 @@ inline Progress advance_ray(int64_t ray, const Progress& progress, const Segment
                 // Rounding must not carry the end past the next surface.
                 at = minimum(at + power / density, t);
                 int64_t innermost = state.enclosing.size() ? state.enclosing.end()[-1] : costs.air_part;
-                return {at, 0.0, min_power, innermost};
+                return note(0.0, innermost);
             }
             power = left;
         }
@@ -158,10 +162,10 @@ inline Progress advance_ray(int64_t ray, const Progress& progress, const Segment
         if (kind == Kind::NONE) continue;
         // An infinite power minus itself would be NaN.
         record_event(state, ray, at, kind, crossing.part, arriving, power < arriving ? arriving - power : 0.0);
-        if (kind == Kind::SHEET && power <= min_power) return {at, 0.0, min_power, crossing.part};
+        if (kind == Kind::SHEET && power <= min_power) return note(0.0, crossing.part);
         density = density_around(state, costs);
     }
-    return {at, power, min_power, -1};
+    note(power, -1);
 }
 
 // Whether a surface absorbs all the power of a ray.

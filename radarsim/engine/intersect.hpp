@@ -178,11 +178,6 @@ struct SceneHandle {
 };
 LAYOUT(SceneHandle, "h h s", intersect, point_query, addresses, heights, sliced, radius, margin)
 
-// The part of a line to be searched, m; the window begins at the first collected surface.
-struct Interval {
-    double near, far, window;
-};
-
 // One query. Embree hands its context to the callback, which finds the rest behind it.
 struct Query {
     embree::RayHit hit;
@@ -299,17 +294,19 @@ inline int64_t opaque_triangle(const SceneHandle& handle, const Query& query) {
     return handle.sliced[handle[query.hierarchy].first_sliced + query.stop_triangle];
 }
 
-// Let Embree traverse the scene along the direction or, with -1, against it.
+// Let Embree traverse the scene along the direction or, with -1, against it, from near to far, m; no farther behind the
+// first collected surface than the window.
 inline void run_query(const SceneHandle& handle, Query& query, uint32_t parts, const uint8_t* roles,
-                      const Vector& origin, const Vector& direction, double orientation, Interval interval) {
+                      const Vector& origin, const Vector& direction, double orientation, double near, double far,
+                      double window) {
     query.roles = roles;
     query.count = 0;
     query.stop_part = parts; // no part has this number
-    query.near = interval.near, query.far = interval.far, query.window = interval.window;
+    query.near = near, query.far = far, query.window = window;
     query.stop_t = INFINITE;
     query.line = project_line(origin, direction);
     // Embree counts distances from the start and forwards.
-    double near = orientation > 0.0 ? interval.near : 0.0, far = orientation > 0.0 ? interval.far : INFINITE;
+    if (orientation < 0.0) near = 0.0, far = INFINITE;
     // A start far away would be rounded to float32 too coarsely: skip to the sphere around the scene.
     double ahead = 0.0;
     for (int axis = 0; axis < 3; axis++) ahead -= origin[axis] * direction[axis] * orientation;

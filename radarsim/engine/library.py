@@ -120,9 +120,8 @@ class Function:
                 for place in arrays:
                     words[place] = id(words[place])  # which the library checks
                 for place, structure in references:
-                    if words[place].structure is not structure:
-                        raise TypeError
-                    words[place] = words[place].address
+                    value = words[place]
+                    words[place] = value.address if value.structure is structure else ""
                 block = pack(table, *words)
             except (AttributeError, IndexError, TypeError, struct.error):
                 raise self._unexpected(arguments) from None
