@@ -23,4 +23,4 @@ grazing line is given a crossing outside the triangle.
 
 from typing import Final
 
-TINY: Final = 1e-30  # m; smaller coordinates are set to zero, see ``crossings.hpp``
+TINY: Final = 1e-30  # m; smaller coordinates are set to zero, see ``intersect.hpp``
