@@ -107,7 +107,7 @@ def test_line_that_cannot_be_written_ends_that_robot_alone(
 
     whole = line_writer.encode_blocks
     _, (undisturbed, _) = play(empty_room)
-    monkeypatch.setattr(line_writer, "encode_blocks", encode)
+    monkeypatch.setattr("radarsim.server.host.host.encode_blocks", encode)
     host, (good, _) = play(empty_room)
     assert good == undisturbed
     assert [host.fault(number) is None for number in (1, 2)] == [True, False]
