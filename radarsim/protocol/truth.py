@@ -11,8 +11,8 @@ from typing import Final
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Pose3
 from radarsim.protocol.dialect import Dialect
-from radarsim.protocol.line_template import printable_name
-from radarsim.protocol.message import Message, parse_segments, wrapped_pose_on_wire
+from radarsim.protocol.line_template import WRAPPED, printable_name
+from radarsim.protocol.message import Message, parse_segments
 
 VICTIM: Final = "Victim"
 # Classes of the original without their packages: of all, and of the robots.
@@ -38,16 +38,16 @@ def answer_truth(
     except MalformedMessage:
         return END
     wanted = (message.get("Class") or "").rpartition(".")[2].lower()
-    join, text = dialect.ins.join, ""
+    join, text = dialect.ins.join_flipped, ""
     for name, class_name, pose in actors:
         is_robot = wanted in _ROBOTS and class_name != VICTIM
         is_of_class = wanted in _ALL or is_robot or wanted == class_name.lower()
         if is_of_class and message.name in ("", name):
-            numbers = wrapped_pose_on_wire(pose)
+            numbers = pose.numbers()
             text += (
                 f"{{Name {printable_name(name)}}} {{Class {class_name}}}"
                 f" {{Time {dialect.time.format(time)}}}"
                 f" {{Location {join(numbers[:3])}}}"
-                f" {{Rotation {join(numbers[3:])}}}\r\n"
+                f" {{Rotation {join(numbers[3:], WRAPPED)}}}\r\n"
             )
     return text.encode("ascii") + END

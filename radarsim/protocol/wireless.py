@@ -21,7 +21,6 @@ from radarsim.protocol.message import (
     Message,
     Triple,
     decode_message,
-    flip_axes,
     parse_flipped,
 )
 
@@ -56,11 +55,11 @@ def answer_wireless(
     try:
         message = decode_message(line)
         if message.verb.upper() == "GETPOS":
-            join = dialect.ins.join
+            join = dialect.ins.join_flipped
             text = f"POSITIONS {{Robots {len(robots)}}}"
             for name, place, is_spent in robots:
                 text += f" {{Name {printable_name(name)} Location"
-                text += f" {join(flip_axes(place))} BatteryEmpty {is_spent}}}"
+                text += f" {join(place)} BatteryEmpty {is_spent}}}"
         elif message.verb.upper() == "GETOBS":
             places = {name: place for name, place, _ in robots}
             text = _count_between(message, places, count_obstacles)

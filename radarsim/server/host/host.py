@@ -40,7 +40,7 @@ from itertools import islice
 from typing import TYPE_CHECKING
 
 from radarsim.protocol.commands import Init
-from radarsim.protocol.line_writer import ReportBlock, encode_blocks
+from radarsim.protocol.line_template import encode_blocks
 from radarsim.protocol.reports import Greeting, to_bytes
 from radarsim.protocol.watch import CommandError
 from radarsim.scene.scene import Scene
@@ -434,7 +434,7 @@ class Host:
         robots = self._spawner.clients_by_robot  # others may have been spawned
         heard = [(robots[n], output) for n, output in outputs.items() if n in robots]
         blocks = [
-            ReportBlock(
+            (
                 [*output.cast, *output.scans],
                 output.group.dialect,
                 output.group,
@@ -490,4 +490,4 @@ class Host:
         if isinstance(scan, ScanEchoes):
             time = self.simulation.time
             return self._echo_writer.write(time, scan.scanner, scan.echoes, dialect)
-        return encode_blocks([ReportBlock(scan.reports, dialect)])[0]
+        return encode_blocks([(scan.reports, dialect, None, ())])[0]
