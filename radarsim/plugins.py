@@ -37,6 +37,7 @@ OWN: Final[dict[str, dict[str, str]]] = {
     },
     # Options of 'radarsim serve', and what they start beside the server.
     "radarsim.serve": {
+        "core": "radarsim.cli.side_ports:SidePorts",
         "navtech": "radarsim.addons.fmcw.navtech.options:NavtechOptions",
         "record": "radarsim.addons.recording.run_recording:RecordOptions",
         "web": "radarsim.addons.web.commands:WebOptions",

@@ -100,7 +100,7 @@ def _verify(bag: BagReader, map_: str | None) -> int:
     config = SimulationConfig(
         get_dialect(info.dialect), info.drive_unit, info.settings, info.robots
     )
-    host = Host(load_map(name), config=config, seed=info.seed, begins=False)
+    host = Host(load_map(name), config=config, seed=info.seed)
     result = repeat_run(host, bag.calls())
     if result.difference is not None:
         print_message(f"{bag.folder}: differs at {result.difference}")

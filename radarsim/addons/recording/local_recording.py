@@ -43,7 +43,6 @@ def record_host(
     create_folder(folder)
     process = RecordingProcess(folder, info, is_patient=True)
     recorder = HostRecorder(process.add, spectra=spectra)
-    recorder.begin(host.simulation)
     host.add_observer(recorder)
 
     def complete() -> None:

@@ -264,8 +264,6 @@ class RunRecording:
             self._wire = WireRecorder(self._process.add)
         else:
             self._recorder = HostRecorder(self._process.add)
-            # Its simulation has begun before anybody could listen, and nothing else.
-            self._recorder.begin(host.simulation)
             host.add_observer(self._recorder)
         return self
 

@@ -45,8 +45,7 @@ def events(foliage_room: Scene) -> list[RunEvent]:
     """A run with one turn."""
     events: list[RunEvent] = []
     recorder = HostRecorder(events.append, spectra=True)
-    host = Host(foliage_room, begins=False, observers=[recorder])
-    host.begin(host.make_simulation())
+    host = Host(foliage_room, observers=[recorder])
     client = host.connect()
     host.receive(client, INIT)
     for _ in range(TICKS):
@@ -95,7 +94,7 @@ def test_recorded_spectra_change_nothing_else(
 ) -> None:
     (turn,) = [event.data for event in events if event.type is EventType.TURN]
     assert RecordedTurn.from_bytes(turn).scanner == "Navtech"
-    host = Host(foliage_room, begins=False)
+    host = Host(foliage_room)
     assert repeat_run(host, recorded_runs.calls_in(events)).difference is None
 
 

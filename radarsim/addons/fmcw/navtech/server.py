@@ -61,7 +61,7 @@ class NavtechServer(PeerServer, HostObserver):
         self._robot = robot
         self._clients: set[RadarClient] = set()
         self._refusals = RefusalLog("radar clients")
-        self._simulation: Simulation | None = None
+        self._simulation: Simulation
         self._antenna: Antenna | None = None
         self._configuration = b""
 
@@ -80,8 +80,6 @@ class NavtechServer(PeerServer, HostObserver):
 
     def step(self, *, passes: bool) -> None:  # noqa: ARG002 - in a pause as well
         """Follow the robot, which can come or leave, and listen while clients do."""
-        if self._simulation is None:
-            return
         antennas = antennas_of(self._simulation)
         wanted = None if self._robot is None else self._robot.casefold()
         carried = (
