@@ -17,8 +17,7 @@ from radarsim.autonomy.exploration.path_follower import (
 from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
 from radarsim.autonomy.exploration.second_look import SecondLook
 from radarsim.autonomy.exploration.strategies import create_strategy, find_unexplored
-from radarsim.autonomy.mapping.mapper import Mapper, MapperSettings
-from radarsim.autonomy.mapping.slam import SlamSettings
+from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import (
     ControlLoop,
@@ -157,13 +156,11 @@ class Exploration:
         radius = min(info.length, info.width) / 2
         self.mapper = Mapper(
             scanner,
-            MapperSettings(
-                slam=SlamSettings(motion_source=plan.motion_source),
-                resolution=plan.resolution,
-                map_range=plan.map_range,
-                echo_wait=1.0 if plan.echoes else 0.0,
-                robot_radius=radius,
-            ),
+            motion_source=plan.motion_source,
+            resolution=plan.resolution,
+            map_range=plan.map_range,
+            echo_wait=1.0 if plan.echoes else 0.0,
+            robot_radius=radius,
             clock=client.transport.time,
         )
         loop = ControlLoop(client, info, self.mapper, timeout=plan.timeout)
