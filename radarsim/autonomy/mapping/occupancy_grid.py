@@ -22,7 +22,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.autonomy.mapping.scan import Layer, Mask, PlanarScan
+from radarsim.autonomy.mapping.scan import Layer, PlanarScan
 from radarsim.engine import engine
 from radarsim.errors import MappingError
 from radarsim.geometry import Floats, Pose2
@@ -47,6 +47,7 @@ def distance_field(cells: NDArray[np.bool_], max_distance: float) -> Floats:
 
 
 T = TypeVar("T", bound=np.generic)
+Mask = NDArray[np.bool_]
 
 RESOLUTION: Final = 0.05  # m
 SHORT_RANGE: Final = 3.0  # m, within which UsarCommander calls free space safe

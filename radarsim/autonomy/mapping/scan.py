@@ -26,7 +26,6 @@ from radarsim.geometry import Floats, Pose2
 from radarsim.protocol.reports import RangeScan, TargetEchoes
 
 Number = TypeVar("Number", bound=np.generic)
-Mask = NDArray[np.bool_]
 
 
 class BeamEnd(IntEnum):
@@ -76,9 +75,11 @@ class BeamHits(NamedTuple):
     far: Floats
     layer: NDArray[np.int8]
 
-    def chosen(self, rows: Mask) -> "BeamHits":
+    def chosen(self, rows: NDArray[np.bool_]) -> "BeamHits":
         """Return some of the rows."""
-        return BeamHits(*(column[rows] for column in self))
+        return BeamHits(
+            self.beams[rows], self.near[rows], self.far[rows], self.layer[rows]
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -197,7 +198,9 @@ def scan_of(
 
 def _sorted_echoes(
     echoes: Sequence[TargetEchoes], beams: int, max_range: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats, NDArray[np.int8], Mask]:
+) -> tuple[
+    NDArray[np.int64], NDArray[np.int64], Floats, NDArray[np.int8], NDArray[np.bool_]
+]:
     """Join the echoes of all lines; an object may have several lines.
 
     Echoes of no beam, beyond the maximum range or of an unknown kind are left out.
