@@ -226,10 +226,8 @@ class Waiting:
         """Return whether something moved lately where the nearest thing is now."""
         while self._motions and observation.time - self._motions[0][0] >= RECENT:
             self._motions.popleft()
-        nearest, pose = int(observation.ranges.argmin()), observation.pose
-        angle = observation.bearings[nearest] + pose.yaw
-        away = observation.ranges[nearest] * np.exp(1j * angle)
-        point = complex(pose.x, pose.y) + complex(away)
+        (away,) = observation.offsets(observation.ranges.argmin(keepdims=True))
+        point = complex(observation.pose.x, observation.pose.y) + complex(away)
         return any(abs(place - point) < MOVED_NEAR for _, place in self._motions)
 
     def _follow(self, observation: Observation, beams: NDArray[np.bool_]) -> None:
@@ -237,9 +235,7 @@ class Waiting:
         if np.count_nonzero(beams) < LEAST_BEAMS:
             return
         pose, now = observation.pose, observation.time
-        angles = observation.bearings[beams] + pose.yaw
-        ends = observation.ranges[beams] * np.exp(1j * angles)
-        ends += complex(pose.x, pose.y)
+        ends = observation.offsets(beams) + complex(pose.x, pose.y)
         centre = complex(ends.mean())
         self._track.append((now, centre))
         while now - self._track[0][0] > INTERVAL:
@@ -264,8 +260,7 @@ class Waiting:
             return False
         self.has_seen_motion = True
         pose, now = observation.pose, observation.time
-        angles = observation.bearings[beams] + pose.yaw
-        ends = observation.ranges[beams] * np.exp(1j * angles)
+        ends = observation.offsets(beams)
         centre = complex(ends.mean())
         place = centre + complex(pose.x, pose.y)
         self._seen.append((now, place))

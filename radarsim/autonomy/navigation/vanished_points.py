@@ -58,10 +58,9 @@ class VanishedPoints:
 
 def _vanished(last: Observation, now: Observation) -> list[Points]:
     """Return boxes, (4,) corners each, map frame, of what a scan no longer shows."""
-    near = last.ranges < REACH
-    angles = last.bearings[near] + last.pose.yaw
-    points = last.pose.x + 1j * last.pose.y + last.ranges[near] * np.exp(1j * angles)
-    there = points - (now.pose.x + 1j * now.pose.y)
+    near = last.offsets(last.ranges < REACH)
+    points = complex(last.pose.x, last.pose.y) + near
+    there = points - complex(now.pose.x, now.pose.y)
     bearings = np.angle(there) - now.pose.yaw
     offsets = np.abs(wrap_angles(bearings[:, None] - now.bearings))
     spread = np.maximum(np.arctan2(_BESIDE, np.abs(there)), _LEAST_SPREAD)
