@@ -1,4 +1,4 @@
-"""What one scan shows near the robot and the next one does not, such as a plate's end.
+"""Transient obstacles: near ones that the next scan misses, such as the end of a plate.
 
 Theory of operation
 ===================
@@ -31,7 +31,7 @@ _SAME: Final = 0.1  # m within which it is the same
 _HALF: Final = 0.05  # m; half the side of the box that is kept
 
 
-class VanishedPoints:
+class TransientObstacles:
     """Keeps what has vanished from one scan to the next."""
 
     def __init__(self) -> None:
