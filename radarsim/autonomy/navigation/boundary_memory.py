@@ -64,9 +64,8 @@ class BoundaryMemory:
     """Keeps points of a boundary, to look at them again."""
 
     def __init__(self) -> None:
-        self._points: list[Point] = []
-        self._stations: list[float] = []  # m along the path where each was seen
-        self._turned_at: list[float] = []  # rad turned when each point was seen
+        # points, m; where along the path each was seen, m, and the rad turned by then
+        self._points: list[tuple[Point, float, float]] = []
         self._turned = 0.0  # rad
         self._yaw: float | None = None  # rad; of the last pose
 
@@ -79,10 +78,8 @@ class BoundaryMemory:
             station: Length of the path along the boundary until there, m.
         """
         self._turned, self._yaw = self._turned_until(yaw), yaw
-        if not self._points or math.dist(point, self._points[-1]) >= SPACING:
-            self._points.append(point)
-            self._turned_at.append(self._turned)
-            self._stations.append(station)
+        if not self._points or math.dist(point, self._points[-1][0]) >= SPACING:
+            self._points.append((point, station, self._turned))
 
     def _turned_until(self, yaw: float) -> float:
         if self._yaw is None:
@@ -91,7 +88,7 @@ class BoundaryMemory:
 
     def begins_at(self, point: Point) -> bool:
         """Return whether most of its first points are near a point, m, map frame."""
-        first = [math.dist(each, point) <= NEAR for each in self._points[:FIRST]]
+        first = [math.dist(each, point) <= NEAR for each, *_ in self._points[:FIRST]]
         return 2 * sum(first) >= len(first)
 
     def passes(self, point: Point, station: float) -> bool:
@@ -100,9 +97,8 @@ class BoundaryMemory:
         If it has no points, that is not known, and counts as passed.
         """
         return not self._points or any(
-            math.dist(each, point) <= NEAR
-            for each, at in zip(self._points, self._stations, strict=True)
-            if at >= station
+            at >= station and math.dist(each, point) <= NEAR
+            for each, at, _ in self._points
         )
 
     def has_gone(self, observation: Observation) -> bool:
@@ -111,14 +107,15 @@ class BoundaryMemory:
         A boundary of which no point is in sight has gone as well: who follows a
         boundary that stands sees some of it.
         """
-        points = np.array(self._points).reshape(-1, 2)
+        points = np.array([each for each, *_ in self._points]).reshape(-1, 2)
         pose = observation.pose
         x, y = (points - (pose.x, pose.y)).T
         distances = np.hypot(x, y)
         bearings = np.arctan2(y, x) - pose.yaw
         # The yaw walks at random as the robot turns: it is off by the root of the turn
         # since a point was seen. So all beams count on which the point may be by now.
-        turned = self._turned_until(pose.yaw) - np.array(self._turned_at)
+        turned_at = np.array([at for *_, at in self._points])
+        turned = self._turned_until(pose.yaw) - turned_at
         spread = np.maximum(_BESIDE / np.maximum(distances, _BESIDE), math.radians(2))
         spread += DRIFT * np.sqrt(turned)
         is_near = distances < MAX_DISTANCE

@@ -54,7 +54,7 @@ from radarsim.autonomy.navigation.open_directions import (
     HORIZON,
     OpenDirections,
     leads_too_near,
-    open_lengths,
+    open_length,
 )
 from radarsim.autonomy.navigation.wall_following import (
     ALIGNED,
@@ -253,19 +253,17 @@ class TangentBug(Controller):
         """
         pose = observation.pose
         away = distance(pose, *edge)
-        bearing = np.array([bearing_of(pose, *edge)])
         radius = self._settings.bumpers.safety_distance - NOISE / 2
-        (length,) = open_lengths(observation, bearing, radius)
-        return away > ARRIVED and bool(length >= min(away, HORIZON))
+        length = open_length(observation, bearing_of(pose, *edge), radius)
+        return away > ARRIVED and length >= min(away, HORIZON)
 
     def _sees_goal(self, observation: Observation) -> bool:
         left = self._goal_distance(observation.pose)
-        bearing = self._goal_bearing(observation.pose)
         # a goal may be as near to something as the safety distance
         is_last = left < self._settings.bumpers.pressed_below
         radius = self._radius - (GRAZE + NOISE / 2) * is_last
-        (length,) = open_lengths(observation, np.array([bearing]), radius)
-        return bool(length >= min(left, HORIZON))
+        length = open_length(observation, self._goal_bearing(observation.pose), radius)
+        return length >= min(left, HORIZON)
 
     def _is_held(self, observation: Observation, point: Point) -> bool:
         """Return whether the robot faces a point and cannot go there."""
@@ -329,7 +327,7 @@ class TangentBug(Controller):
     def _approach(self, observation: Observation) -> Twist:
         """Drive towards what hides the goal until that is in reach of the bumpers."""
         bearing = self._goal_bearing(observation.pose)
-        (length,) = open_lengths(observation, np.array([bearing]), self._radius)
+        length = open_length(observation, bearing, self._radius)
         ahead = self._settings.bumpers.towards(observation, bearing)
         is_held = self._is_held(observation, self.goals[0])
         if ahead.blocked or length < GRAZE or is_held:
