@@ -152,6 +152,7 @@ class FollowedBoundary:
         self.goal_distance = -math.inf  # so that it is not left before it is reached
         self._follower = follower
         self._nearest: Point | None = None  # point of it, map frame
+        self._seen: Point | None = None  # nearest point of what is looked at, likewise
         self._trail: Trail | None = None
 
     @property
@@ -191,26 +192,28 @@ class FollowedBoundary:
         part = replace(observation, ranges=np.where(ends, observation.ranges, np.inf))
         own = self._follower.boundary(part, self.mode)
         nearest = self._follower.boundary(observation, self.mode)
+        self._seen = None if nearest is None else nearest[0]
         if nearest is None:
             return observation
         self._nearest, _ = own or nearest
         if own is None or nearest[1] < own[1] - NEARER:
             return observation
+        self._seen = own[0]
         distances = np.hypot(*(part.points() - goal).T)
         nearest_to_goal = float(distances.min(initial=math.inf))
         self.goal_distance = min(self.goal_distance, nearest_to_goal)
         return part
 
-    def remember(self, part: Observation, step: float) -> None:
-        """Remember its nearest point.
+    def remember(self, yaw: float, step: float) -> None:
+        """Remember its nearest point, after a look.
 
         Args:
-            part: The part of the newest scan that shows it.
+            yaw: The robot's, rad.
             step: m that the robot has driven along it since the last scan.
         """
         self.travelled += step
-        if nearest := self._follower.boundary(part, self.mode):
-            self.memory.add(nearest[0], part.pose.yaw, self.travelled)
+        if self._seen is not None:
+            self.memory.add(self._seen, yaw, self.travelled)
 
     def has_gone(self, observation: Observation, gone: list[Point]) -> bool:
         """Return whether it has driven away since it was followed.

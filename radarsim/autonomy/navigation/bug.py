@@ -157,7 +157,7 @@ class Bug(Controller):
         # By the part of the scan that shows it: where another obstacle is as near, the
         # robot would change to that.
         part = boundary.look(observation, self.goals[0])
-        boundary.remember(part, step)
+        boundary.remember(part.pose.yaw, step)
         direction = self._follower.tangent(part, mode)
         circuits_before = policy.circuits
         free = not self._is_hidden(observation, part, mode)

@@ -318,7 +318,7 @@ class TangentBug(Controller):
             done = done or observation.time > boundary.reached_at + MOST_ALIGNING
             self.activity = Activity.FOLLOWING if done else Activity.ALIGNING
             return twist
-        boundary.remember(part, step)
+        boundary.remember(part.pose.yaw, step)
         began = boundary.extend_trail(part)
         if began is not None:
             return self._conclude(observation, began)

@@ -1,9 +1,9 @@
 import math
-from typing import Any, Protocol
 
 import pytest
 import shapely
 import shapely.affinity
+from flatland import World
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -13,13 +13,6 @@ from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits
 from radarsim.autonomy.navigation.controller import Activity, ControllerSettings
 from radarsim.geometry import Pose2
-
-
-class World(Protocol):
-    """Makes a flat world of polygons, with the robot at a pose."""
-
-    def __call__(self, *shapes: shapely.Polygon, at: Pose2) -> Any: ...
-
 
 S = 0.5
 FAST = SpeedLimits(0.6, 1.5)  # exact worlds allow it, and tests are over sooner

@@ -1,12 +1,11 @@
 """Who sees something come into its way stops and waits, then goes on."""
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
 import shapely
+from flatland import World
 
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.bug import Bug
@@ -16,7 +15,6 @@ from radarsim.autonomy.navigation.controller import ControllerSettings
 from radarsim.autonomy.navigation.moving_things import PATIENCE, MotionDetector, Waiting
 from radarsim.geometry import Pose2
 
-World = Callable[..., Any]
 BUMPERS = Bumpers(safety_distance=0.5)
 
 
@@ -112,6 +110,7 @@ def test_robot_does_not_back_off_from_what_stands_or_into_something(
 def test_robot_does_not_back_off_from_its_image(flatland: World) -> None:
     """It drives along a mirror, and its image comes along on the other side."""
     world, waiting = flatland(at=Pose2(0.0, 0.0)), Waiting(BUMPERS, 0.37)
+    world.bearings = np.radians(np.arange(-180.0, 180.0))
     seen = 0
     for _ in range(80):
         image = shapely.box(-0.2, 0.34, 0.2, 0.6)
