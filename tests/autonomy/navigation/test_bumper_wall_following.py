@@ -81,9 +81,9 @@ def test_turn_that_no_bumper_ends_ends_after_a_circle(flatland: World) -> None:
 def test_bug_gets_around_a_box_by_bumpers_alone(
     flatland: World, algorithm: Algorithm
 ) -> None:
-    world = flatland(shapely.box(-1.5, -2, 1.5, 2.5), at=Pose2(-6.0, 0.0))
+    world = flatland(shapely.box(-1.5, -2, 1.5, 2.5), at=Pose2(-4.0, 0.0))
     bumpers = Bumpers(safety_distance=S, rule=Rule.THESIS)
-    bug = Bug([(6.0, 0.2)], ControllerSettings(algorithm=algorithm, bumpers=bumpers))
+    bug = Bug([(4.0, 0.2)], ControllerSettings(algorithm=algorithm, bumpers=bumpers))
     world.run(bug)
     assert bug.activity is Activity.REACHED
     assert world.nearest > 0.4

@@ -52,7 +52,7 @@ def test_nothing_moves_where_only_the_robot_does(flatland: World) -> None:
     poles = [shapely.Point(x, y).buffer(0.1) for x in (0, 2, 4) for y in (-0.8, 0.9)]
     world = flatland(*poles, shapely.box(5, -2, 5.1, 2), at=Pose2(-1.0, 0.0))
     detector = MotionDetector()
-    for k in range(180):
+    for k in range(120):
         assert not detector.moving_beams(world.scan(), 3.0).any()
         world.move(Twist(0.3, 0.3 * math.cos(0.1 * k)))
 
