@@ -54,7 +54,7 @@ def _linked_beams(
     beams = np.zeros(len(observation.ranges), np.bool_)
     linked = np.abs(ends - complex(*point)) <= _REACH
     links = np.abs(ends[:, None] - ends) <= gap
-    while not np.array_equal(grown := links[linked].any(axis=0), linked):
+    while not np.array_equal(grown := np.any(links[linked], axis=0), linked):
         linked = grown
     beams[near[linked]] = True
     return beams

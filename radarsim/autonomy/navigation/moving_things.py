@@ -222,7 +222,7 @@ class Waiting:
         """Return whether something moved lately where the nearest thing is now."""
         while self._motions and observation.time - self._motions[0][0] >= RECENT:
             self._motions.popleft()
-        (away,) = observation.offsets(observation.ranges.argmin(keepdims=True))
+        (away,) = observation.offsets(observation.ranges.argmin(axis=0, keepdims=True))
         point = complex(observation.pose.x, observation.pose.y) + complex(away)
         return any(abs(place - point) < MOVED_NEAR for _, place in self._motions)
 
