@@ -1,4 +1,4 @@
-"""Second look: waits where something came that closes floor off, and explores on.
+"""Revisit: waits where something came that closes floor off, and explores on.
 
 Theory of operation
 ===================
@@ -36,7 +36,7 @@ from radarsim.autonomy.exploration.traversability import FREE_RADIUS, Traversabi
 from radarsim.autonomy.mapping.occupancy_grid import Mask, OccupancyGrid, distance_field
 from radarsim.autonomy.navigation.control import STOP, Twist, distance
 from radarsim.autonomy.navigation.observation import Observation
-from radarsim.geometry import Point, Pose2
+from radarsim.geometry import Point
 
 ROOM: Final = 1.5  # m that are left between the robot and what closes its way
 NEAR: Final = 0.4  # m from the place to look from, where the robot has arrived
@@ -47,14 +47,15 @@ GAP: Final = 0.1  # m between pieces of a thing, half of it
 MARGIN: Final = 0.13  # m by which the safety distance may be kept less, in whole tiles
 
 
-class SecondLook:
-    """Strategy that looks again at what has closed floor off to another strategy.
+class Revisit(Strategy):
+    """Looks again at what has closed floor off to another strategy.
 
     Attributes:
-        is_done: Whether the other strategy is done, and nothing is left to look at.
         unseen: A place in each piece of floor that borders on the unknown, and was
             closed off until the end, m.
     """
+
+    min_scans = 0
 
     def __init__(
         self, settings: ExplorationSettings, strategy: Strategy, *, fills: bool
@@ -66,31 +67,26 @@ class SecondLook:
             strategy: The other strategy.
             fills: Whether the robot explores on to floor not seen at short range, too.
         """
-        self.is_done = False
+        super().__init__(settings)
         self.unseen: tuple[Point, ...] = ()
-        self._settings = settings
         self._strategy = strategy
         self._create = coverage_strategy if fills else frontier_strategy
-        self._path_follower = PathFollower(settings)
         self._grid: OccupancyGrid | None = None
-        self._floor: TraversabilityMap | None = None
+        self._floor: TraversabilityMap
         self._was_open: Mask = np.zeros((0, 0), np.bool_)
         self._may_open: Mask = self._was_open  # without that where it waited in vain
         self._was_free: Mask = self._was_open
-        self._start: Pose2 | None = None
         self._since: float | None = None  # when it began to look; None while exploring
         self._left: list[Point] = []  # what strategies have left alone
         self._looks = 0
         self._has_looked = False
 
-    @property
-    def activity(self) -> str:
-        """What the robot is doing."""
-        return self._strategy.activity if self._since is None else WAITING
+    def _decide(self, observation: Observation, grid: OccupancyGrid) -> Twist:
+        twist = self._explore_or_look(observation, grid)
+        self.activity = self._strategy.activity if self._since is None else WAITING
+        return twist
 
-    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
-        """Return the twist until the next scan."""
-        self._start = self._start or observation.pose
+    def _explore_or_look(self, observation: Observation, grid: OccupancyGrid) -> Twist:
         is_new = self._path_follower.update_map(observation, grid)
         if is_new:
             self._remember(grid)
@@ -118,7 +114,7 @@ class SecondLook:
         Nothing if the robot has never looked again: then nothing has closed floor off,
         and what little there is of such cells are errors of poses and beams.
         """
-        if self._floor is None or not self._has_looked:
+        if not self._has_looked:
             return
         floor = self._settings.traversability(grid)
         was_open = floor.cells_of(floor.tiles_of(self._floor, self._was_open))
@@ -129,10 +125,9 @@ class SecondLook:
     def _remember(self, grid: OccupancyGrid) -> None:
         """Remember the floor where the robot may be."""
         floor = self._path_follower.floor
-        assert floor is not None
         was_open, may_open, was_free = floor.open, floor.open, floor.free
         # A map that was built anew has other places for all that was seen.
-        if self._floor is not None and grid is self._grid:
+        if grid is self._grid:
             was_open = floor.open | floor.tiles_of(self._floor, self._was_open)
             may_open = floor.open | floor.tiles_of(self._floor, self._may_open)
             was_free = floor.free | floor.tiles_of(self._floor, self._was_free)
@@ -141,7 +136,6 @@ class SecondLook:
 
     def _begin_to_look(self, observation: Observation) -> None:
         floor = self._floor
-        assert floor is not None
         reachable = floor.reachable(observation.pose)
         targets = self._targets(observation, self._was_open)
         if not (targets & ~reachable).any():
@@ -154,7 +148,6 @@ class SecondLook:
     def _look(self, observation: Observation) -> None:
         """Choose where to look from, explore on, or be done."""
         floor, pose = self._floor, observation.pose
-        assert floor is not None
         assert self._since is not None
         beyond = self._reopened(self._may_open)
         targets = self._targets(observation, self._may_open)
@@ -196,7 +189,6 @@ class SecondLook:
     def _reopened(self, tiles: Mask) -> TraversabilityMap:
         """Return the map without what came, where it stands on some tiles."""
         floor = self._floor
-        assert floor is not None
         labels, _ = ndimage.label(tiles & ~floor.open, np.ones((3, 3)))
         came = labels[self._was_free & floor.nearer_than(FREE_RADIUS - MARGIN)]
         return floor.reopened((labels > 0) & np.isin(labels, came))

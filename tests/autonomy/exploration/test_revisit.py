@@ -1,7 +1,6 @@
 """What comes and goes while a robot explores, and what is told of floor behind it."""
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +11,13 @@ from office_map import office_map
 from traffic import Mover, Traffic
 
 from radarsim.autonomy.evaluation.mapping_run import MappingRun
-from radarsim.autonomy.exploration.path_follower import WAITING, ExplorationSettings
+from radarsim.autonomy.exploration.path_follower import (
+    WAITING,
+    ExplorationSettings,
+    Strategy,
+)
 from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
-from radarsim.autonomy.exploration.second_look import LOOK_TIME, SecondLook
+from radarsim.autonomy.exploration.revisit import LOOK_TIME, Revisit
 from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import STOP, Twist
@@ -38,14 +41,12 @@ WALLS: Floats = np.concatenate(
 CRATE = box(4.0, 0.0, 0.5, 0.8)
 
 
-@dataclass
-class UntilDone:
-    """Strategy that stands until it is told that it is done."""
+class UntilDone(Strategy):
+    """Stands until it is told that it is done."""
 
-    activity: str = "standing"
-    is_done: bool = False
+    activity = "standing"
 
-    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
+    def _decide(self, observation: Observation, grid: OccupancyGrid) -> Twist:
         del observation, grid
         return STOP
 
@@ -55,8 +56,8 @@ class Stand:
 
     def __init__(self, look: Look) -> None:
         self._look = look
-        self.grid, self.other = OccupancyGrid(), UntilDone()
-        self.strategy = SecondLook(SETTINGS, self.other, fills=False)
+        self.grid, self.other = OccupancyGrid(), UntilDone(SETTINGS)
+        self.strategy = Revisit(SETTINGS, self.other, fills=False)
         self.time = 0.0
 
     def watch(self, walls: Floats, duration: float) -> None:

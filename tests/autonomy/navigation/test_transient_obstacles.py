@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from radarsim.autonomy.navigation.observation import Observation
-from radarsim.autonomy.navigation.vanished_points import KEPT_FOR, VanishedPoints
+from radarsim.autonomy.navigation.transient_obstacles import (
+    KEPT_FOR,
+    TransientObstacles,
+)
 from radarsim.geometry import Pose2
 
 POSE = Pose2(1.0, -1.0, 0.5)
@@ -21,7 +24,7 @@ def scan(
 
 
 def test_what_a_scan_shows_near_and_the_next_looks_through_stays_for_a_while() -> None:
-    vanished = VanishedPoints()
+    vanished = TransientObstacles()
     shown = scan(0.0, 30, 0.5)
     assert vanished.add_to(shown) is shown
     seen = vanished.add_to(scan(0.1))
@@ -43,13 +46,13 @@ def test_what_a_scan_shows_near_and_the_next_looks_through_stays_for_a_while() -
     ],
 )
 def test_what_moves_or_is_far_away_is_not_kept(range_: float, now: Observation) -> None:
-    vanished = VanishedPoints()
+    vanished = TransientObstacles()
     vanished.add_to(scan(0.0, 30, range_))
     assert vanished.add_to(now).ranges.tolist() == now.ranges.tolist()
 
 
 def test_nothing_has_vanished_where_no_beam_looks() -> None:
-    vanished = VanishedPoints()
+    vanished = TransientObstacles()
     vanished.add_to(scan(0.0, 30, 0.5))
     now = Observation(0.1, POSE, BEARINGS[:150], np.full(150, 5.0))
     assert vanished.add_to(now).ranges.tolist() == now.ranges.tolist()

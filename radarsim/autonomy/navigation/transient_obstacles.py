@@ -1,4 +1,4 @@
-"""What one scan shows near the robot and the next one does not, such as a plate's end.
+"""Transient obstacles: near ones that the next scan misses, such as the end of a plate.
 
 Theory of operation
 ===================
@@ -31,7 +31,7 @@ _SAME: Final = 0.1  # m within which it is the same
 _HALF: Final = 0.05  # m; half the side of the box that is kept
 
 
-class VanishedPoints:
+class TransientObstacles:
     """Keeps what has vanished from one scan to the next."""
 
     def __init__(self) -> None:
@@ -58,10 +58,9 @@ class VanishedPoints:
 
 def _vanished(last: Observation, now: Observation) -> list[Points]:
     """Return boxes, (4,) corners each, map frame, of what a scan no longer shows."""
-    near = last.ranges < REACH
-    angles = last.bearings[near] + last.pose.yaw
-    points = last.pose.x + 1j * last.pose.y + last.ranges[near] * np.exp(1j * angles)
-    there = points - (now.pose.x + 1j * now.pose.y)
+    near = last.offsets(last.ranges < REACH)
+    points = complex(last.pose.x, last.pose.y) + near
+    there = points - complex(now.pose.x, now.pose.y)
     bearings = np.angle(there) - now.pose.yaw
     offsets = np.abs(wrap_angles(bearings[:, None] - now.bearings))
     spread = np.maximum(np.arctan2(_BESIDE, np.abs(there)), _LEAST_SPREAD)
