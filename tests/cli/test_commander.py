@@ -12,7 +12,7 @@ import pytest
 from commands import Run, run_in_process
 from processes import start_radarsim
 
-from radarsim.addons.web.commands import announce_commander, read_token
+from radarsim.addons.web.cli import announce_commander, read_token
 from radarsim.cli.server_options import ServerOptions
 
 RunCommand = Callable[..., Run]

@@ -10,7 +10,7 @@ from typing import Final
 
 import click
 
-from radarsim.autonomy.commands.map_view import view_of
+from radarsim.autonomy.cli.map_view import view_of
 from radarsim.autonomy.evaluation.mapping_run import MappingResult
 from radarsim.autonomy.mapping.export import (
     HEAD,

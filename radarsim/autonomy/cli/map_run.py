@@ -14,9 +14,9 @@ import click
 import numpy as np
 
 from radarsim.addons.recording.run_recording import RunRecording
-from radarsim.autonomy.commands.film import check_film, filmed
-from radarsim.autonomy.commands.map_files import MapFiles
-from radarsim.autonomy.commands.map_view import MapCamera
+from radarsim.autonomy.cli.film import check_film, filmed
+from radarsim.autonomy.cli.map_files import MapFiles
+from radarsim.autonomy.cli.map_view import MapCamera
 from radarsim.autonomy.evaluation.mapping_run import MappingResult, MappingRun
 from radarsim.autonomy.exploration.exploration import (
     Exploration,

@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar, Literal
 import click
 from annotated_types import Interval
 
-from radarsim.autonomy.commands.film import check_start
+from radarsim.autonomy.cli.film import check_start
 from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
 from radarsim.cli.fields import (
     LOCAL_SERVER,
@@ -85,8 +85,8 @@ def map_(
 
     # Late, so that wrong options are told at once: numpy and plots take long.
     from radarsim.addons.recording.run_recording import RunRecording
-    from radarsim.autonomy.commands.map_files import MapFiles
-    from radarsim.autonomy.commands.map_run import MapOutput, explore, follow
+    from radarsim.autonomy.cli.map_files import MapFiles
+    from radarsim.autonomy.cli.map_run import MapOutput, explore, follow
     from radarsim.autonomy.evaluation.mapping_run import MappingRun
 
     recording = RunRecording(files.record, plan.drive_unit, robots_map=True)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from radarsim.autonomy.commands.film import check_film, check_start, filmed
+from radarsim.autonomy.cli.film import check_film, check_start, filmed
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.cli.fields import (
     LOCAL_SERVER,
@@ -63,7 +63,7 @@ class NavigationFiles(RunFiles):
     @contextmanager
     def written(self, run: NavigationRun) -> Iterator[None]:
         """Write trace and plot after a run, however it ends."""
-        from radarsim.autonomy.commands.navigate_output import view_of
+        from radarsim.autonomy.cli.navigate_output import view_of
         from radarsim.autonomy.plotting.runs import draw_run
 
         try:
@@ -157,7 +157,7 @@ def complete_mission(mission: Mission, scene: Scene | None) -> Mission:
 @contextmanager
 def _shown(run: NavigationRun, files: RunFiles) -> Iterator[Callable[[Row], None]]:
     """Show the progress of a run, and film it if a file is given."""
-    from radarsim.autonomy.commands.navigate_output import RunCamera, run_progress
+    from radarsim.autonomy.cli.navigate_output import RunCamera, run_progress
 
     with (
         filmed(files.film, RunCamera(run).draw, files.film_speed) as update_film,
@@ -174,8 +174,8 @@ def _shown(run: NavigationRun, files: RunFiles) -> Iterator[Callable[[Row], None
 @contextmanager
 def _print_result(run: NavigationRun, *, as_json: bool) -> Iterator[None]:
     """Print the result of a run, also of an interrupted one; else failures as JSON."""
-    from radarsim.autonomy.commands.navigate_output import as_json as result_as_json
-    from radarsim.autonomy.commands.navigate_output import as_text
+    from radarsim.autonomy.cli.navigate_output import as_json as result_as_json
+    from radarsim.autonomy.cli.navigate_output import as_text
     from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED
 
     try:

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from radarsim.autonomy.commands.film import drawn_robot
+from radarsim.autonomy.cli.film import drawn_robot
 from radarsim.autonomy.evaluation.map_score import FloorPart
 from radarsim.autonomy.evaluation.mapping_run import MappingResult
 from radarsim.autonomy.exploration.exploration import Exploration
