@@ -105,7 +105,9 @@ COMMANDS: Final = own_entries(
     {
         SERVING: {
             "cli.serve:serve": "Serve a map to USARSim clients until interrupted.",
-            "cli.drive:drive": "Drive a robot from the keyboard, and see what it senses.",
+            "cli.drive:drive": (
+                "Drive a robot from the keyboard, and see what it senses."
+            ),
         },
         MAPS: {
             "cli.first_steps:demo": (
