@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal, TypeAlias
 
 import click
 from annotated_types import Ge, Gt
@@ -36,7 +36,9 @@ if TYPE_CHECKING:
     from radarsim.server.image_server import ImageServer
     from radarsim.server.question_server import QuestionServer
     from radarsim.server.radio_server import RadioServer
-    from radarsim.server.tcp_server import Companion
+    from radarsim.server.tcp_server import Companion, Server
+
+    OwnServer: TypeAlias = ImageServer | QuestionServer | RadioServer
 
 log = logging.getLogger("radarsim.server")
 
@@ -112,60 +114,75 @@ def serve(
     Returns:
         The exit code.
     """
-    host, port = listener.addresses, listener.port
+    own_ports = {
+        "image": image_port,
+        "truth": truth_port,
+        "wireless": wireless_port,
+        "wss": wss_port,
+    }
     served = ServedMap(map_, options, seed)
     planned = [each.extension(served) for each in extensions]
     beside = [each for each in planned if each is not None]
-    own_ports = {
-        "--port": port,
-        "--image-port": image_port or 0,
-        "--truth-port": truth_port or 0,
-        "--wireless-port": wireless_port or 0,
-        "--wss-port": wss_port or 0,
-    }
-    _check_ports(host, own_ports, beside)  # before imports that take long
-    with ExitStack() as until_end:
+    ports = {f"--{name}-port": port or 0 for name, port in own_ports.items()}
+    ports = {"--port": listener.port, **ports}
+    _check_ports(listener.addresses, ports, beside)  # before imports that take long
+    for each in beside:
+        ports |= each.ports
+    with ExitStack() as until_end, cure_of_port(ports):
         for each in beside:
             # Before it opens, so that what it began is ended even if opening fails
             # half-way.
             until_end.callback(each.close)
             each.open()
         log_options.start()
-        simulated = load_host(map_, options.config(), seed=seed, begins=False)
+        host = load_host(map_, options.config(), seed=seed, begins=False)
         for each in beside:
-            each.attach(simulated)
-        from radarsim.server.tcp_server import Server
-        from radarsim.server.tcp_server import serve as serve_until_signal
-
-        own = _own_servers(simulated, image_port, truth_port, wireless_port)
-        if wss_port is not None:
-            from radarsim.server.radio_server import RadioServer
-
-            own["wss"] = RadioServer(port=wss_port)
-        most = _permitted_clients(max_clients)
-        server = Server(simulated, speed=speed, max_clients=most)
+            each.attach(host)
+        own = {
+            name: make_own_server(name, host, port)
+            for name, port in own_ports.items()
+            if port is not None
+        }
+        server = make_server(host, speed, max_clients)
         for each in beside:
             each.follow_pace(server.pace)
-
-        def announce_all(address: tuple[str, int]) -> None:
-            announce(address)
-            for other in listener.host[1:]:
-                print_now(f"radarsim: listening on {join_address(other, address[1])}")
-            for name, each in own.items():
-                first, own_port = each.address
-                for at in (first, *listener.host[1:]):
-                    print_now(f"radarsim: {name} on {join_address(at, own_port)}")
-            for extension in beside:
-                extension.announce(address)
-
-        companions: list[Companion] = [*own.values(), *beside]
-        serving = serve_until_signal(server, host, port, announce_all, companions)
-        ports = own_ports | {k: v for each in beside for k, v in each.ports.items()}
-        with cure_of_port(ports):
-            code = asyncio.run(serving)
+        code = _serve(server, listener, own, beside)
     if server.is_loading:  # Python would crash while it shuts down around the thread
         exit_immediately(code)
     return code
+
+
+def _serve(
+    server: Server,
+    listener: Listener,
+    own: Mapping[str, OwnServer],
+    beside: Sequence[ServeExtension],
+) -> int:
+    """Serve until a signal comes; return the exit code.
+
+    Args:
+        server: The server.
+        listener: Where to listen.
+        own: Servers of other protocols, by their names.
+        beside: What else is to run.
+    """
+    from radarsim.server.tcp_server import serve as serve_until_signal
+
+    def announce_all(address: tuple[str, int]) -> None:
+        announce(address)
+        for other in listener.host[1:]:
+            print_now(f"radarsim: listening on {join_address(other, address[1])}")
+        for name, each in own.items():
+            first, port = each.address
+            word = "images" if name == "image" else name
+            for at in (first, *listener.host[1:]):
+                print_now(f"radarsim: {word} on {join_address(at, port)}")
+        for extension in beside:
+            extension.announce(address)
+
+    companions: list[Companion] = [*own.values(), *beside]
+    places = listener.addresses, listener.port
+    return asyncio.run(serve_until_signal(server, *places, announce_all, companions))
 
 
 def _check_ports(
@@ -198,69 +215,55 @@ def _check_ports(
             check_port(address, port)
 
 
-def _permitted_clients(wanted: int) -> int:
-    """Return the number of clients for which the system permits enough sockets."""
+def make_server(host: Host, speed: float, max_clients: int) -> Server:
+    """Create the server of robots.
+
+    Args:
+        host: Its host.
+        speed: Simulated seconds per second of real time.
+        max_clients: The most clients; fewer if the system does not permit so many
+            sockets.
+    """
     from radarsim.listening import raise_file_limit
+    from radarsim.server.tcp_server import Server
 
-    expected = wanted + OTHER_FILES
+    expected = max_clients + OTHER_FILES
     files = raise_file_limit(expected)
-    if files == expected:
-        return wanted
-    most = max(min(files // 2, FEWEST_CLIENTS), files - OTHER_FILES)
-    log.warning(
-        "at most %d clients: the system permits %d open files, expected %d for"
-        " --max-clients %d; 'ulimit -n' tells the limit",
-        most,
-        files,
-        expected,
-        wanted,
-    )
-    return most
+    most = max_clients
+    if files < expected:
+        most = max(min(files // 2, FEWEST_CLIENTS), files - OTHER_FILES)
+        log.warning(
+            "at most %d clients: the system permits %d open files, expected %d for"
+            " --max-clients %d; 'ulimit -n' tells the limit",
+            most,
+            files,
+            expected,
+            max_clients,
+        )
+    return Server(host, speed=speed, max_clients=most)
 
 
-def make_image_server(host: Host, port: int | None) -> ImageServer | None:
-    """Create the server of pictures.
-
-    Args:
-        host: The host whose simulation is seen.
-        port: Port to listen on; 0 for a free one, None for no pictures.
-    """
-    if port is None:
-        return None
-    from radarsim.server.image_server import ImageServer, PictureProcess
-
-    pictures = PictureProcess(host.scene, host.config.dialect.image_type)
-    return ImageServer(pictures, port=port)
-
-
-def _own_servers(
-    host: Host,
-    image_port: int | None,
-    truth_port: int | None,
-    wireless_port: int | None,
-) -> dict[str, ImageServer | QuestionServer | RadioServer]:
-    """Create the servers of pictures and of questions, by what they serve.
+def make_own_server(name: str, host: Host, port: int) -> OwnServer:
+    """Create a server of another protocol.
 
     Args:
-        host: The host whose simulation they show.
-        image_port: Port of the pictures; 0 for a free one, None for no pictures.
-        truth_port: Port of true poses, likewise.
-        wireless_port: Port for a wireless server, likewise.
+        name: ``image`` for pictures, ``truth`` for true poses, ``wireless`` for
+            questions to a wireless server, or ``wss`` for one through which robots
+            talk.
+        host: The host whose simulation it shows.
+        port: Port to listen on; 0 for a free one.
     """
-    servers: dict[str, ImageServer | QuestionServer | RadioServer] = {}
-    images = make_image_server(host, image_port)
-    if images is not None:
-        servers["images"] = images
-    if truth_port is None and wireless_port is None:
-        return servers
+    dialect = host.config.dialect
+    if name == "image":
+        from radarsim.server.image_server import ImageServer, PictureProcess
+
+        return ImageServer(PictureProcess(host.scene, dialect.image_type), port=port)
+    if name == "wss":
+        from radarsim.server.radio_server import RadioServer
+
+        return RadioServer(port=port)
     from radarsim.server.question_server import QuestionServer
     from radarsim.server.questions import truth_answer, wireless_answer
 
-    dialect = host.config.dialect
-    if truth_port is not None:
-        answer = truth_answer(dialect)
-        servers["truth"] = QuestionServer(answer, port=truth_port)
-    if wireless_port is not None:
-        answer = wireless_answer(dialect)
-        servers["wireless"] = QuestionServer(answer, port=wireless_port)
-    return servers
+    answer = truth_answer if name == "truth" else wireless_answer
+    return QuestionServer(answer(dialect), port=port)

@@ -5,12 +5,12 @@ import sys
 
 LOADED = """
 import sys
-from radarsim.cli.serve import make_image_server
+from radarsim.cli.serve import make_own_server
 from radarsim.cli.server_options import load_host
 from radarsim.server.tcp_server import Server
 from radarsim.simulation.config import SimulationConfig
 host = load_host(sys.argv[1], SimulationConfig(), seed=0, begins=False)
-Server(host), make_image_server(host, 0), host.connect()
+Server(host), make_own_server("image", host, 0), host.connect()
 print(*{"scipy", "shapely", "matplotlib", "embreex"} & set(sys.modules))
 host.begin(host.make_simulation())
 print(*{"scipy.signal", "matplotlib"} & set(sys.modules))
