@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from radarsim.errors import expected_one_of
 from radarsim.files import write_atomically
 from radarsim.geometry import Pose2
-from radarsim.local.history import Moment
+from radarsim.local.simulation import Moment
 from radarsim.plotting.film import FILM_FORMATS, Film, FrameCanvas, Pixels
 from radarsim.plotting.palette import TRUTH, sensor_colour
 from radarsim.plotting.plan import (
@@ -75,7 +75,7 @@ class RunPicture:
             legend = Legend()
             legend.add_heading("Robots")
             legend.add_line("true path", color=TRUTH, linewidth=1.5)
-            for medium in sorted({s.medium for m in moments for s in m.seen}):
+            for medium in sorted({medium for m in moments for medium, _ in m.seen}):
                 colour = sensor_colour(medium)
                 text = f"what the {medium} reads"
                 legend.add_marker(text, "o", color=colour, markersize=3)

@@ -29,10 +29,10 @@ from radarsim.autonomy.navigation.algorithms import ROBOT
 from radarsim.errors import ClientError, NavigationError
 from radarsim.geometry import Point
 from radarsim.local import LocalRobot, LocalSimulation
-from radarsim.local.arguments import check_number
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene
 from radarsim.server.host import HostObserver
+from radarsim.validation import check_number
 
 OwnController: TypeAlias = Callable[[LocalRobot, Point], object]
 
