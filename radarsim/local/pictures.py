@@ -64,9 +64,9 @@ class RunPicture:
                     self._paths[row, column] = pose.x, pose.y
         self._moving: list[Artist] = []
         height = scene.floor_at(0.0, 0.0) + HEIGHT
-        plan = draw_plan(axes, scene, height)
+        materials, corners = draw_plan(axes, scene, height)
         places = self._paths[np.isfinite(self._paths)].reshape(-1, 2)
-        show_extent(axes, np.concatenate([plan.corners, places]))
+        show_extent(axes, np.concatenate([corners, places]))
         name_objects(axes, scene.parts, height, _NAMES)
         robots = f"{len(names)} robot{'s' * (len(names) != 1)}"
         write_title(axes, f"{scene.name}, {robots}")
@@ -80,7 +80,7 @@ class RunPicture:
                 text = f"what the {medium} reads"
                 legend.add_marker(text, "o", color=colour, markersize=3)
             legend.add_heading("Materials")
-            legend.add_materials(plan.materials)
+            legend.add_materials(materials)
             legend.draw(figure)
 
     def show(self, number: int) -> None:

@@ -5,7 +5,6 @@ Robots in it are drawn as seen from above.
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -88,26 +87,17 @@ def draw_robot(
     return drawn
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Plan:
-    """What a section of a scene shows.
-
-    Attributes:
-        materials: Its materials, in the order of the map.
-        corners: Corners of its outlines, (N, 2) m, map frame.
-    """
-
-    materials: tuple[Material, ...]
-    corners: Floats
-
-
-def draw_plan(axes: Axes, scene: Scene, height: float) -> Plan:
+def draw_plan(axes: Axes, scene: Scene, height: float) -> tuple[list[Material], Floats]:
     """Draw the section of a scene at a height, filled in the colours of its materials.
 
     Args:
         axes: Axes in m, map frame.
         scene: The map.
         height: Height of the section, m, map frame.
+
+    Returns:
+        Its materials, in the order of the map, and the corners of its outlines, (N, 2)
+        m, map frame.
     """
     drawn: dict[str, Material] = {}
     corners = [np.zeros((0, 2))]
@@ -118,7 +108,7 @@ def draw_plan(axes: Axes, scene: Scene, height: float) -> Plan:
             corners.append(lines.reshape(-1, 2))
             _draw_part(axes, part, lines)
     axes.set_aspect("equal")
-    return Plan(tuple(drawn.values()), np.concatenate(corners))
+    return [*drawn.values()], np.concatenate(corners)
 
 
 def _draw_part(axes: Axes, part: Part, lines: Floats) -> None:
@@ -195,9 +185,9 @@ def plot_scene(scene: Scene, axes: Axes | None = None) -> Axes:
         figure = Figure(dpi=DPI)
         axes = figure.add_subplot()
     height = scene.floor_at(0.0, 0.0) + HEIGHT
-    plan = draw_plan(axes, scene, height)
+    materials, corners = draw_plan(axes, scene, height)
     places = np.array([(start.pose.x, start.pose.y) for start in scene.starts])
-    shown = [plan.corners, places.reshape(-1, 2)]
+    shown = [corners, places.reshape(-1, 2)]
     labels = [_draw_start(axes, start) for start in scene.starts]
     if scene.trial is not None:
         x, y = scene.trial.goal
@@ -220,7 +210,7 @@ def plot_scene(scene: Scene, axes: Axes | None = None) -> Axes:
     if figure is not None:
         legend = Legend()
         legend.add_heading("Materials")
-        legend.add_materials(plan.materials)
+        legend.add_materials(materials)
         legend.add_heading("Names")
         legend.add_numbers(numbers)
         legend.draw(figure)

@@ -245,7 +245,7 @@ def draw_scan(
         robot: Pose of the P3AT that carries the sensor; None for the sensor alone.
     """
     legend = legend or Legend()
-    plan = draw_plan(axes, scene, scans[0].pose.z)
+    materials, corners = draw_plan(axes, scene, scans[0].pose.z)
     sights = [find_sight(scene, scan) for scan in scans]
     if len(scans) == 1:
         (scan,), (sight,) = scans, sights
@@ -260,10 +260,10 @@ def draw_scan(
     else:
         draw_many(axes, scans, sights, legend)
     legend.add_heading("Materials")
-    legend.add_materials(plan.materials)
+    legend.add_materials(materials)
     _draw_sensor(axes, scans[0], robot)
     place = np.array([[scans[0].pose.x, scans[0].pose.y]])
-    show_extent(axes, np.concatenate([plan.corners, place]))
+    show_extent(axes, np.concatenate([corners, place]))
     words = describe_beams(scene.name, scans)
     write_title(axes, title_scans(scans, sights), words)
 
