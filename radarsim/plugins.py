@@ -19,8 +19,8 @@ OWN: Final[dict[str, dict[str, str]]] = {
     # Tables of commands, in the order of 'radarsim --help'.
     "radarsim.commands": {
         "core": "radarsim.cli.entries:COMMANDS",
-        "autonomy": "radarsim.autonomy.commands:COMMANDS",
-        "addons": "radarsim.addons.commands:COMMANDS",
+        "autonomy": "radarsim.autonomy.cli:COMMANDS",
+        "addons": "radarsim.addons.entries:COMMANDS",
         "sweep": "radarsim.sweep:COMMANDS",
     },
     # Radars, by the section of a sensor preset that describes them.
@@ -40,7 +40,7 @@ OWN: Final[dict[str, dict[str, str]]] = {
         "core": "radarsim.cli.side_ports:SidePorts",
         "navtech": "radarsim.addons.fmcw.navtech.options:NavtechOptions",
         "record": "radarsim.addons.recording.run_recording:RecordOptions",
-        "web": "radarsim.addons.web.commands:WebOptions",
+        "web": "radarsim.addons.web.cli:WebOptions",
     },
 }
 

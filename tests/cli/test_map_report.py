@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarsim.autonomy.commands.map_run import as_text
-from radarsim.autonomy.commands.map_view import view_of
+from radarsim.autonomy.cli.map_files import view_of
+from radarsim.autonomy.cli.map_run import as_text
 from radarsim.autonomy.evaluation.map_score import MapScore
 from radarsim.autonomy.evaluation.mapping_run import MappingResult
 from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor

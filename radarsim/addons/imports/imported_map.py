@@ -9,7 +9,7 @@ from typing import Final
 
 import yaml
 
-from radarsim.addons.imports.commands import ImportOptions
+from radarsim.addons.imports.cli import ImportOptions
 from radarsim.addons.imports.source_file import rounded
 from radarsim.addons.imports.xml_reader import place
 from radarsim.errors import ForeignFileError, MapError

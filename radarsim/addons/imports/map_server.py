@@ -10,7 +10,7 @@ import numpy as np
 from annotated_types import Gt
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
-from radarsim.addons.imports.commands import ImportOptions
+from radarsim.addons.imports.cli import ImportOptions
 from radarsim.addons.imports.imported_map import ImportedMap
 from radarsim.addons.imports.plan_picture import (
     Plan,

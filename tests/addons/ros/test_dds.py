@@ -18,7 +18,7 @@ import pytest
 from PIL import Image
 from processes import start_radarsim
 
-from radarsim.addons.ros.commands import BridgeOptions, ros
+from radarsim.addons.ros.cli import BridgeOptions, ros
 from radarsim.addons.ros.pictures import as_jpeg
 from radarsim.addons.ros.topic_options import TopicOptions
 from radarsim.addons.testing import UsarsimServer

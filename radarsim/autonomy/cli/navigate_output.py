@@ -6,17 +6,22 @@ import json
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from typing import Final
 
-from radarsim.autonomy.commands.film import drawn_robot
+from radarsim.autonomy.cli.film import drawn_robot
 from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED, NavigationRun
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.controller import Activity
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.run_log import Row, RunLog
-from radarsim.autonomy.plotting.frames import RunFrames, first_run_extent
 from radarsim.autonomy.plotting.outlines import Outline, outlines_of
-from radarsim.autonomy.plotting.runs import NO_PATH, RunView, SteeringSensor
+from radarsim.autonomy.plotting.runs import (
+    NO_PATH,
+    RunFrames,
+    RunView,
+    first_run_extent,
+)
 from radarsim.cli.progress import live_status
 from radarsim.errors import PresetError
 from radarsim.geometry import Floats, Point
@@ -156,7 +161,7 @@ def view_of(run: NavigationRun) -> RunView:
         run_log,
         headline(run),
         drawn_robot(run.mission.robot_class).name,
-        _sensor_of(run),
+        _medium_of(run),
         outlines=_true_outlines(run),
         subtitle=subtitle,
         true_path=_true_path(run),
@@ -177,17 +182,16 @@ def _title(run: NavigationRun, what: str = "") -> str:
     return " ".join(word for word in (name, what, where) if word)
 
 
-def _sensor_of(run: NavigationRun) -> SteeringSensor | None:
-    """Return the sensor that a robot steers by; None if the class is unknown."""
+def _medium_of(run: NavigationRun) -> str:
+    """Return the medium of the sensor that a robot steers by; empty if unknown."""
     try:
         items = load_robot(run.mission.robot_class).items_of("RangeScanner")
     except PresetError:
-        return None
+        return ""
     wanted = (run.mission.scanner or items[0].name).casefold()
-    for item in items:
-        if item.name.casefold() == wanted and item.sensor is not None:
-            return SteeringSensor(item.sensor, load_settings(item.sensor).medium)
-    return None
+    sensors = (each.sensor for each in items if each.name.casefold() == wanted)
+    sensor = next(sensors, None)
+    return "" if sensor is None else load_settings(sensor).medium
 
 
 def _true_outlines(run: NavigationRun) -> tuple[Outline, ...]:
@@ -199,29 +203,27 @@ def _true_path(run: NavigationRun) -> Floats:
     return NO_PATH if run.monitor is None else run.monitor.positions
 
 
-class RunCamera:
-    """Draws frames of a navigation run."""
+def run_camera(run: NavigationRun) -> Callable[[], Pixels]:
+    """Return a function that draws a run as it is; at least one row."""
 
-    def __init__(self, run: NavigationRun) -> None:
-        self._run = run
-        self._frames: RunFrames | None = None
+    @cache  # not before: where the robot starts is known by its first row
+    def frames() -> RunFrames:
+        first, outlines = run.run_log.rows[0], _true_outlines(run)
+        return RunFrames(
+            first_run_extent(outlines, (first.x, first.y), run.mission.goals),
+            _title(run, _DRIVES),
+            drawn_robot(run.mission.robot_class).name,
+            _medium_of(run),
+            outlines,
+            returns=run.mission.algorithm is Algorithm.BUG1,
+        )
 
-    def draw(self) -> Pixels:
-        """Draw the run as it is; at least one row."""
-        run, run_log = self._run, self._run.run_log
-        if self._frames is None:
-            # not before: where the robot starts is known by its first row
-            first, outlines = run_log.rows[0], _true_outlines(run)
-            self._frames = RunFrames(
-                first_run_extent(outlines, (first.x, first.y), run.mission.goals),
-                _title(run, _DRIVES),
-                drawn_robot(run.mission.robot_class).name,
-                _sensor_of(run),
-                outlines,
-                returns=run.mission.algorithm is Algorithm.BUG1,
-            )
+    def draw() -> Pixels:
+        run_log = run.run_log
         activity = run_log.rows[-1].activity
         path = f"{run_log.time:.1f} s, {run_log.path_length:.1f} m"
-        status = f"{path}, {ACTIVITIES[activity]}"
         title = _title(run, TITLES.get(activity.value, _DRIVES))
-        return self._frames.draw(run_log, _true_path(run), status, title)
+        status = f"{path}, {ACTIVITIES[activity]}"
+        return frames().draw(run_log, _true_path(run), status, title)
+
+    return draw

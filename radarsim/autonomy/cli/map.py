@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar, Literal
 import click
 from annotated_types import Interval
 
-from radarsim.autonomy.commands.film import check_start
+from radarsim.autonomy.cli.film import check_start
 from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
 from radarsim.cli.fields import (
     LOCAL_SERVER,
@@ -85,27 +85,19 @@ def map_(
 
     # Late, so that wrong options are told at once: numpy and plots take long.
     from radarsim.addons.recording.run_recording import RunRecording
-    from radarsim.autonomy.commands.map_files import MapFiles
-    from radarsim.autonomy.commands.map_run import MapOutput, explore, follow
+    from radarsim.autonomy.cli.map_files import MapFiles
+    from radarsim.autonomy.cli.map_run import explore, follow
     from radarsim.autonomy.evaluation.mapping_run import MappingRun
 
     recording = RunRecording(files.record, plan.drive_unit, robots_map=True)
     # Without the variant of a map, which follows an ``@``.
-    out = files.output or Path((where.map or "map").partition("@")[0]).stem
-    map_files = MapFiles(out, files.mode)
-    output = MapOutput(
-        map_files,
-        recording,
-        files.film,
-        files.film_speed,
-        as_json=as_json,
-        plot=files.plot,
-    )
+    written = MapFiles(files, Path((where.map or "map").partition("@")[0]).stem)
     address = where.connect or LOCAL_SERVER
-    with without_empty_folder(map_files.stem.parent):
+    with without_empty_folder(written.stem.parent):
         if where.watch is not None:
-            return follow(plan, output, address, where.watch)
-        output.check(served=where.map)
+            robot = where.watch
+            return follow(plan, written, recording, address, robot, as_json=as_json)
+        written.check(served=where.map)
         settings = where.item_settings()
         served = recording.load_host(where.map, seed=where.seed, settings=settings)
         check_start(None if served is None else served.simulation.scene, plan.start)
@@ -113,7 +105,7 @@ def map_(
         start_log(logging.WARNING, MESSAGE_FORM)
         run = MappingRun(plan, served, seed=where.seed)
         run.connect = recording.connect
-        explore(run, output, address)
+        explore(run, written, recording, address, as_json=as_json)
         return int(bool(run.result.error))
 
 

@@ -319,6 +319,10 @@ class CommanderExtension(ServeExtension):
         """Note in which event loop the server runs."""
         self._loop = asyncio.get_running_loop()
 
+    async def stop(self) -> None:
+        """End it before the server, which it would look for."""
+        await asyncio.to_thread(self.close)
+
     def announce(self, address: tuple[str, int]) -> None:
         """Tell it where the server listens."""
         host, port = address

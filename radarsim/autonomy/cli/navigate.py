@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from radarsim.autonomy.commands.film import check_film, check_start, filmed
+from radarsim.autonomy.cli.film import check_film, check_start, filmed
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.cli.fields import (
     LOCAL_SERVER,
@@ -20,7 +20,12 @@ from radarsim.cli.fields import (
     Simulation,
     check_robot,
 )
-from radarsim.cli.files import PICTURE_FORMS, check_ending, check_writable, write_file
+from radarsim.cli.files import (
+    check_picture,
+    check_writable,
+    write_file,
+    write_picture,
+)
 from radarsim.cli.output import MESSAGE_FORM, print_lines, print_message, start_log
 from radarsim.processes import raise_on_signals
 
@@ -50,20 +55,18 @@ class NavigationFiles(RunFiles):
         Raises:
             click.BadParameter: If one cannot.
         """
-        for hint, path in (("--trace", self.trace), ("--plot", self.plot)):
-            if path is not None:
-                check_writable(path, hint)
-        if self.trace is not None and self.trace.exists() and not _is_trace(self.trace):
-            text = f"{self.trace} is not a trace by radarsim, expected another file"
-            raise click.BadParameter(text, param_hint="--trace")
-        if self.plot is not None:
-            check_ending(self.plot, PICTURE_FORMS, "--plot")
+        if self.trace is not None:
+            check_writable(self.trace, "--trace")
+            if self.trace.exists() and not _is_trace(self.trace):
+                text = f"{self.trace} is not a trace by radarsim, expected another file"
+                raise click.BadParameter(text, param_hint="--trace")
+        check_picture(self.plot)
         check_film(self.film)
 
     @contextmanager
     def written(self, run: NavigationRun) -> Iterator[None]:
         """Write trace and plot after a run, however it ends."""
-        from radarsim.autonomy.commands.navigate_output import view_of
+        from radarsim.autonomy.cli.navigate_output import view_of
         from radarsim.autonomy.plotting.runs import draw_run
 
         try:
@@ -73,9 +76,8 @@ class NavigationFiles(RunFiles):
                 write_file(self.trace, run.run_log.as_csv().encode(), "--trace")
                 print_message(f"wrote {self.trace}")
             if self.plot is not None and run.run_log.rows:
-                form = check_ending(self.plot, PICTURE_FORMS, "--plot")
-                write_file(self.plot, draw_run(view_of(run), form=form), "--plot")
-                print_message(f"wrote {self.plot}")
+                form = check_picture(self.plot)
+                write_picture(self.plot, draw_run(view_of(run), form=form))
 
 
 def navigate(
@@ -157,10 +159,10 @@ def complete_mission(mission: Mission, scene: Scene | None) -> Mission:
 @contextmanager
 def _shown(run: NavigationRun, files: RunFiles) -> Iterator[Callable[[Row], None]]:
     """Show the progress of a run, and film it if a file is given."""
-    from radarsim.autonomy.commands.navigate_output import RunCamera, run_progress
+    from radarsim.autonomy.cli.navigate_output import run_camera, run_progress
 
     with (
-        filmed(files.film, RunCamera(run).draw, files.film_speed) as update_film,
+        filmed(files.film, run_camera(run), files.film_speed) as update_film,
         run_progress(run.run_log) as update,
     ):
 
@@ -174,8 +176,8 @@ def _shown(run: NavigationRun, files: RunFiles) -> Iterator[Callable[[Row], None
 @contextmanager
 def _print_result(run: NavigationRun, *, as_json: bool) -> Iterator[None]:
     """Print the result of a run, also of an interrupted one; else failures as JSON."""
-    from radarsim.autonomy.commands.navigate_output import as_json as result_as_json
-    from radarsim.autonomy.commands.navigate_output import as_text
+    from radarsim.autonomy.cli.navigate_output import as_json as result_as_json
+    from radarsim.autonomy.cli.navigate_output import as_text
     from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED
 
     try:

@@ -5,8 +5,7 @@ It shows the progress, writes the files and prints the result.
 
 import logging
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
@@ -14,23 +13,15 @@ import click
 import numpy as np
 
 from radarsim.addons.recording.run_recording import RunRecording
-from radarsim.autonomy.commands.film import check_film, filmed
-from radarsim.autonomy.commands.map_files import MapFiles
-from radarsim.autonomy.commands.map_view import MapCamera
+from radarsim.autonomy.cli.film import filmed
+from radarsim.autonomy.cli.map_files import MapFiles, map_camera
 from radarsim.autonomy.evaluation.mapping_run import MappingResult, MappingRun
-from radarsim.autonomy.exploration.exploration import (
-    Exploration,
-    ExplorationStep,
-)
+from radarsim.autonomy.exploration.exploration import Exploration
 from radarsim.autonomy.exploration.plans import ExplorationPlan
-from radarsim.autonomy.plotting.area import draw_area_curves
 from radarsim.autonomy.watching import RobotWatcher, WatchMapper
-from radarsim.cli.files import PICTURE_FORMS, check_ending, check_writable, write_file
 from radarsim.cli.output import print_lines, print_message, start_log
 from radarsim.cli.progress import live_status
-from radarsim.errors import describe_os_error
-from radarsim.plotting.style import as_words
-from radarsim.processes import raise_on_signals
+from radarsim.processes import raise_on_signals, set_exit_code_of_sigterm
 
 CLASSES: Final = ("free", "obstacle", "foliage", "smoke")
 ENDINGS: Final = {
@@ -40,57 +31,6 @@ ENDINGS: Final = {
     "watched": "mapped what was watched",
 }
 Source: TypeAlias = Exploration | WatchMapper
-
-
-@dataclass(frozen=True, slots=True)
-class MapOutput:
-    """What is made of a run.
-
-    Attributes:
-        files: Files of the map.
-        recording: Records what passes, and the map.
-        film: File to film the growing map into, or None.
-        film_speed: Seconds of the run in a second of its film.
-        as_json: Whether to print JSON.
-        plot: File to draw the known area over time into, or None.
-    """
-
-    files: MapFiles
-    recording: RunRecording
-    film: Path | None
-    film_speed: float
-    as_json: bool
-    plot: Path | None = None
-
-    def check(self, served: str | None = None) -> None:
-        """Check before a run on a map, or on none, that all can be written after it."""
-        self.files.check(served=served)
-        check_film(self.film)
-        if self.plot is not None:
-            check_writable(self.plot, "--plot")
-            check_ending(self.plot, PICTURE_FORMS, "--plot")
-
-    def write_plot(self, result: MappingResult) -> None:
-        """Draw the known area over time, if a file is given, and there was a scan."""
-        if self.plot is None or not result.area_curve.samples:
-            return
-        name = "" if result.scene is None else f" in {as_words(result.scene.name)}"
-        curves = {result.strategy or "": result.area_curve}
-        form = check_ending(self.plot, PICTURE_FORMS, "--plot")
-        picture = draw_area_curves(curves, f"Known area{name}", form=form)
-        write_file(self.plot, picture, "--plot")
-        print_message(f"wrote {self.plot}")
-
-
-def save_map(result: MappingResult, files: MapFiles) -> None:
-    """Write a map; note in the result, and on stderr, why it cannot be written."""
-    try:
-        result.files = files.write(result)
-    except OSError as error:
-        name = "the map" if error.filename is None else error.filename
-        text = f"cannot write {name}: {describe_os_error(error)}"
-        print_message(text)
-        result.error = f"{result.error}; {text}" if result.error else text
 
 
 @contextmanager
@@ -183,51 +123,55 @@ def _judge_text(judge: dict[str, Any]) -> str:
     return ", ".join(texts)
 
 
-def explore(run: MappingRun, output: MapOutput, address: tuple[str, int]) -> None:
+def explore(
+    run: MappingRun,
+    files: MapFiles,
+    recording: RunRecording,
+    address: tuple[str, int],
+    *,
+    as_json: bool,
+) -> None:
     """Let a run explore; write, judge and describe its map however it ends.
 
     Args:
         run: The run.
-        output: What is made of it.
+        files: What is written.
+        recording: Records what passes, and the map.
         address: Host and port of the server, unless it is in this process.
+        as_json: Whether to print JSON.
     """
-    result, exploration, recording = run.result, run.exploration, output.recording
-    camera = MapCamera(result, exploration)
-    with (
-        raise_on_signals(),
-        recording,
-        filmed(output.film, camera.draw, output.film_speed) as update_film,
-    ):
+    result, source = run.result, run.exploration
+    with _making(result, source, files, recording) as making:
         try:
-            with map_progress(exploration) as update:
-
-                def observe(step: ExplorationStep) -> None:
-                    update(step.activity)
-                    update_film(step.observation.time)
-                    recording.add_map(exploration.mapper)
-
-                run.run(address, observe)
+            with making as note:
+                run.run(address, lambda step: note(step.activity))
         finally:
-            recording.add_map(exploration.mapper, last=True)
             # an interrupt of the judge, which takes seconds, must not cost the map
             try:
                 run.judge()
             finally:
-                save_map(result, output.files)
-                output.write_plot(result)
-            print_result(result, as_json=output.as_json)
+                files.write(result)
+            print_result(result, as_json=as_json)
 
 
 def follow(
-    plan: ExplorationPlan, output: MapOutput, server: tuple[str, int], robot: str
+    plan: ExplorationPlan,
+    files: MapFiles,
+    recording: RunRecording,
+    server: tuple[str, int],
+    robot: str,
+    *,
+    as_json: bool,
 ) -> int:
     """Map what a robot of another client reports, until it leaves or a signal comes.
 
     Args:
         plan: The scanner, the source of its motion, and the map's cells.
-        output: What is made of the map.
+        files: What is written.
+        recording: Records what passes, and the map.
         server: Host and port of the server, which is one of radarsim.
         robot: Name of the robot.
+        as_json: Whether to print JSON.
 
     Returns:
         The exit code.
@@ -246,33 +190,60 @@ def follow(
         map_range=plan.map_range,
         scanner=plan.scanner,
     )
-    recording = output.recording
-    output.check()
+    files.check()
     start_log(logging.WARNING, "%(message)s")
+    set_exit_code_of_sigterm(0)  # it has no end of its own
     result = MappingResult(
         None, follower.motion_source, trip=follower.trip, outcome="watched"
     )
-    camera = MapCamera(result, follower)
-    with (
-        raise_on_signals(),
-        recording,
-        filmed(output.film, camera.draw, output.film_speed) as update_film,
-    ):
+    with _making(result, follower, files, recording) as making:
         follower.on_data = recording.follow(robot)
-        with map_progress(follower) as update:
-
-            def note_scan() -> None:
-                update("listening")
-                update_film(follower.trip.time)
-                recording.add_map(follower.mapper)
-
-            follower.on_scan = note_scan
+        with making as note:
+            follower.on_scan = lambda: note("listening")
             code = follower.watch(watcher, echoes=plan.echoes)
-        recording.add_map(follower.mapper, last=True)
         result.mapper = follower.mapper
-        save_map(result, output.files)
+        files.write(result)
         if follower.error and not result.error:
             result.error = follower.error
             print_message(follower.error)
-        print_result(result, as_json=output.as_json)
+        print_result(result, as_json=as_json)
     return 1 if result.error else code
+
+
+@contextmanager
+def _making(
+    result: MappingResult, source: Source, files: MapFiles, recording: RunRecording
+) -> Iterator[AbstractContextManager[Callable[[str], None]]]:
+    """Record and film the making of a map.
+
+    Args:
+        result: The result.
+        source: Holds the map and the distance so far.
+        files: What is written.
+        recording: Records what passes, and the map.
+
+    Yields:
+        A context that shows the progress on stderr. It is a function to be called after
+        each scan with what the robot is doing.
+    """
+    options, draw = files.options, map_camera(result, source)
+
+    @contextmanager
+    def progress() -> Iterator[Callable[[str], None]]:
+        def note(activity: str) -> None:
+            update(activity)
+            update_film(source.trip.time)
+            recording.add_map(source.mapper)
+
+        try:
+            with map_progress(source) as update:
+                yield note
+        finally:
+            recording.add_map(source.mapper, last=True)
+
+    with (
+        raise_on_signals(),
+        recording,
+        filmed(options.film, draw, options.film_speed) as update_film,
+    ):
+        yield progress()
