@@ -32,7 +32,7 @@ OWN: Final[dict[str, dict[str, str]]] = {
     # What simulations in Python can do besides.
     "radarsim.local": {
         "evaluate": "radarsim.autonomy.evaluation.own_controllers:evaluate",
-        "record": "radarsim.addons.recording.local_recording:record_host",
+        "record": "radarsim.addons.recording.recording_process:record_host",
         "spectra": "radarsim.addons.fmcw.turn_collection:collect_turns",
     },
     # Options of 'radarsim serve', and what they start beside the server.

@@ -200,15 +200,12 @@ def conditions_of(
     Raises:
         RecordingError: If there is none.
     """
-    from radarsim.addons.recording.bag_folder import check_installed, digest_of
-
-    check_installed()
-    from radarsim.addons.recording.bag import BagReader
+    from radarsim.addons.recording.bag_folder import digest_of, open_bag
     from radarsim.protocol.dialect import get_dialect
     from radarsim.scene.map_file import find_map
     from radarsim.simulation.config import SimulationConfig
 
-    info = BagReader(folder).info
+    info = open_bag(folder).info
     config = SimulationConfig(
         get_dialect(info.dialect), info.drive_unit, info.settings, info.robots
     )
