@@ -13,14 +13,13 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.addons.fmcw.radar import FmcwRadar
-from radarsim.addons.fmcw.radar_equation import (
-    dbm_of,
+from radarsim.addons.fmcw.antenna import (
     directivity,
     elevation_limits,
     elevation_pattern,
-    noise_power,
 )
+from radarsim.addons.fmcw.radar import FmcwRadar
+from radarsim.addons.fmcw.radar_equation import dbm_of, noise_power
 from radarsim.addons.fmcw.scattering import (
     GRAZING,
     scene_scattering,

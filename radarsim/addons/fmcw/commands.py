@@ -1,4 +1,4 @@
-"""``radarsim spectrum``: turns of an FMCW radar as pictures, images or numbers."""
+"""``radarsim spectrum``, and ``radarsim serve --navtech``, which serves a radar."""
 
 from __future__ import annotations
 
@@ -14,18 +14,23 @@ from annotated_types import Ge, Gt, Interval, Unit
 
 from radarsim.cli.fields import MapName
 from radarsim.cli.files import check_ending, check_writable, write_file
+from radarsim.cli.output import print_now
 from radarsim.cli.scan import PlacedSensor
-from radarsim.errors import PresetError, describe_os_error
+from radarsim.cli.server_options import ServedMap, ServeExtension
+from radarsim.errors import PresetError, describe_os_error, join_address
 from radarsim.plans import RARE, Option
 
 if TYPE_CHECKING:
     from radarsim.addons.fmcw.detection import Detections
+    from radarsim.addons.fmcw.navtech_server import NavtechServer
     from radarsim.addons.fmcw.sequences import DrivenPath, DrivenTurn
     from radarsim.addons.fmcw.spectrum import Spectrum
     from radarsim.scene.scene import Scene
     from radarsim.sensors.range_scanner import RangeScanner
+    from radarsim.server.host import Host
 
 _ENDINGS: Final = ("png", "svg", "pdf", "npz", "csv")
+_NAVTECH: Final = "--navtech"
 ALIKE: Final = 1e-3  # by which sizes of bins may differ without a warning
 
 
@@ -346,3 +351,64 @@ def _warn_of_bins(layout: str, bin_size: float, time_us: int) -> None:
     if abs(bin_size / assumed - 1) > ALIKE:
         text = f"readers of {layout} assume bins of {assumed:g} m, not {bin_size:g} m"
         click.echo(f"warning: {text}: set that in them", err=True)
+
+
+@dataclass(frozen=True, slots=True)
+class NavtechOptions:
+    """The option ``--navtech`` of ``radarsim serve``.
+
+    Attributes:
+        navtech: Serve a robot's FMCW radar, such as that of a P3AT_Navtech, on this
+            port as well, in its maker's protocol; the real one's is 6317. Without a
+            name, the first robot that carries one.
+    """
+
+    option_group: ClassVar = "Beside the server"
+
+    navtech: Annotated[str | None, Option(metavar="PORT[:ROBOT]", is_rare=True)] = None
+
+    def extension(self, _: ServedMap) -> NavtechExtension | None:
+        """See ``ExtensionOptions.extension``."""
+        if self.navtech is None:
+            return None
+        port, colon, robot = self.navtech.partition(":")
+        problem = ""
+        # Other digits of Unicode are digits to isdigit() as well, and some of them none
+        # to int().
+        if not (port.isascii() and port.isdigit() and int(port) <= 65535):
+            problem = "a port from 0 to 65535, and a robot after a colon"
+        elif colon and not robot:
+            problem = "the name of a robot after the colon"
+        if problem:
+            text = f"{self.navtech!r}, expected {problem}"
+            raise click.BadParameter(text, param_hint=_NAVTECH)
+        return NavtechExtension(int(port), robot or None)
+
+
+class NavtechExtension(ServeExtension):
+    """A server of a radar beside the server of its robot."""
+
+    def __init__(self, port: int, robot: str | None) -> None:
+        """Plan a server; arguments are those of ``NavtechServer``."""
+        self.ports = {_NAVTECH: port}
+        self._robot = robot
+        self._server: NavtechServer
+
+    def attach(self, host: Host) -> None:
+        """See ``ServeExtension.attach``."""
+        from radarsim.addons.fmcw.navtech_server import NavtechServer
+
+        self._server = NavtechServer(port=self.ports[_NAVTECH], robot=self._robot)
+        host.add_observer(self._server)
+
+    async def start(self, address: str) -> None:
+        """See ``ServeExtension.start``."""
+        await self._server.start(address)
+
+    def announce(self, _: tuple[str, int]) -> None:
+        """Tell on stdout that clients of a radar can connect."""
+        print_now(f"radarsim: radar on {join_address(*self._server.address)}")
+
+    async def stop(self) -> None:
+        """See ``ServeExtension.stop``."""
+        await self._server.stop()

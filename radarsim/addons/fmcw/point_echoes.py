@@ -29,15 +29,13 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from radarsim.addons.fmcw.antenna import Viewpoints, elevation_pattern, gaussian
 from radarsim.addons.fmcw.beat_signal import NO_TONES, Tones
 from radarsim.addons.fmcw.radar_equation import (
     doppler_shift,
-    elevation_pattern,
-    gaussian,
     noise_power,
     radar_constant,
 )
-from radarsim.addons.fmcw.viewpoints import Viewpoints
 from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.raycast.attenuation import Outcome

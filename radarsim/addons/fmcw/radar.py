@@ -2,11 +2,17 @@
 
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from radarsim.addons.fmcw.antenna import (
+    STANDING,
+    Velocity,
+    Viewpoints,
+    fixed_viewpoints,
+)
 from radarsim.addons.fmcw.beat_signal import (
     Tones,
     beat_rows,
@@ -26,31 +32,20 @@ from radarsim.addons.fmcw.radar_equation import (
     noise_shape,
     radar_constant,
 )
-from radarsim.addons.fmcw.ray_fan import (
-    RayFan,
-    extents_from,
-    refined_fan,
-    turned_directions,
-)
+from radarsim.addons.fmcw.ray_fan import RayFan, refined_fan
 from radarsim.addons.fmcw.scattering import scene_scattering
 from radarsim.addons.fmcw.smooth_corners import corner_points
 from radarsim.addons.fmcw.speckle import Scatterers, Speckle, add_amplitudes
 from radarsim.addons.fmcw.spectrum import Spectrum
 from radarsim.addons.fmcw.targets import find_targets, scan_of
 from radarsim.addons.fmcw.turn_echoes import Echoes, TurnEchoes
-from radarsim.addons.fmcw.viewpoints import (
-    STANDING,
-    Velocity,
-    Viewpoints,
-    fixed_viewpoints,
-)
 from radarsim.engine import engine
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
-from radarsim.raycast.rays import RADAR, RayClass, Rays, Traces
+from radarsim.raycast.rays import RADAR, RayClass, Rays
 from radarsim.raycast.robot_boxes import Boxes
-from radarsim.raycast.tracer import Tracer, tracer_of
+from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import NumberedStreams
 from radarsim.scene.scene import Scene
 from radarsim.sensors.scan import Scan
@@ -62,26 +57,6 @@ MAX_LOSS_DB: Final = 75.0  # one way, at which a ray ends: 150 dB, far below the
 # Sets of scatterers of the speckle.
 _IN_BEAMS: Final = 0
 _IN_SIDELOBES: Final = 1
-
-
-class TracedTurn(NamedTuple):
-    """The rays of a turn, or of a part of it, traced.
-
-    Attributes:
-        rows: The directions of the radar whose rays they are.
-        view: From where the antenna looked into these.
-        fan: The rays.
-        directions: (M, 3) unit vectors, map frame.
-        traces: How they ended, with events and incidence.
-        approach: (M,) m/s, how fast the antenna and what ends each ray come nearer.
-    """
-
-    rows: range
-    view: Viewpoints
-    fan: RayFan
-    directions: Floats
-    traces: Traces
-    approach: Floats
 
 
 class FmcwRadar:
@@ -171,10 +146,8 @@ class FmcwRadar:
         """
         rows = range(self.settings.azimuths)
         view = fixed_viewpoints(pose, self.times(_count_children(rng)), velocity)
-        turn = self.trace(scene, view, rows, boxes, carrier_id)
-        speckle, tracer = Speckle(self.settings, rng), tracer_of(scene)
-        echoes = TurnEchoes(self.settings, sways=self.sways(tracer))
-        self.add_echoes(echoes, tracer, turn, speckle)
+        speckle, echoes = Speckle(self.settings, rng), self.new_turn(scene)
+        self.add_echoes(echoes, scene, view, rows, speckle, boxes, carrier_id)
         whole = echoes.rows(0, rows.stop, echoes, echoes)
         self.add_sidelobes(whole, echoes, rows, view, speckle)
         tones = self.tones(scene, view, rows, boxes, carrier_id)
@@ -186,9 +159,10 @@ class FmcwRadar:
         rows = np.arange(self.settings.azimuths) + turn * self.settings.azimuths
         return np.asarray(self.settings.sweep_time * rows)
 
-    def sways(self, tracer: Tracer) -> bool:
-        """Return whether the wind moves anything in a scene."""
-        return bool(scene_scattering(tracer, self.ray_class).parts["sway"].any())
+    def new_turn(self, scene: Scene) -> TurnEchoes:
+        """Return the echoes of a turn in a scene, none so far."""
+        parts = scene_scattering(tracer_of(scene), self.ray_class).parts
+        return TurnEchoes(self.settings, sways=bool(parts["sway"].any()))
 
     def receive(
         self,
@@ -230,47 +204,24 @@ class FmcwRadar:
             noise_floor=noise_shape(settings) * noise,
         )
 
-    def trace(
-        self,
-        scene: Scene,
-        view: Viewpoints,
-        rows: range,
-        boxes: Boxes | None = None,
-        carrier_id: int = -1,
-    ) -> TracedTurn:
-        """Trace the rays of directions.
-
-        Args:
-            scene: The map.
-            view: From where the antenna looks into each direction.
-            rows: The directions.
-            boxes: The robots.
-            carrier_id: The robot that carries the radar; -1 for none.
-        """
-        fan, rays = self.aim(scene, view, carrier_id, rows)
-        tracer, ahead = tracer_of(scene), rays.directions
-        traces = tracer.trace(rays, boxes, events=True, incidence=True)
-        row = fan.column // self.settings.rays_across - rows.start
-        approach = np.einsum("mi,mi->m", ahead, view.velocities[row])
-        if boxes is not None and boxes.velocities is not None:
-            met, which = boxes.find(traces.parts - len(tracer.parts))
-            away = np.einsum("mi,mi->m", ahead[met, :2], boxes.velocities[which])
-            approach[met] -= away
-        return TracedTurn(rows, view, fan, ahead, traces, approach)
-
     def aim(
         self, scene: Scene, view: Viewpoints, carrier_id: int, rows: range
     ) -> tuple[RayFan, Rays]:
-        """Return the rays of directions, as a fan and in the map; see ``trace``."""
+        """Return the rays of directions, as a fan and in the map.
+
+        Arguments as of ``add_echoes``.
+        """
         bounds = _bounds.get(scene)
         if bounds is None:
             boxes = [part.bounds for part in scene.parts if part.faces.size]
             bounds = _bounds[scene] = np.array(boxes, np.float64).reshape(-1, 2, 3)
-        extents = extents_from(view.positions[0], view.rotations[0], bounds)
+        extents = np.zeros((5, len(bounds)))
+        engine.measure_extents(bounds, view.positions[0], view.rotations[0], extents)
         fan = refined_fan(self.settings, extents, rows)
         row = fan.column // self.settings.rays_across - rows.start
-        directions = turned_directions(fan.directions, view.rotations, row)
-        count = len(directions)
+        count, directions = len(row), np.empty_like(fan.directions)
+        # Not a product of matrices, which rounds by how many rows there are.
+        engine.turn_directions(fan.directions, view.rotations, row, directions)
         rays = Rays(
             view.positions[row],
             directions,
@@ -285,27 +236,42 @@ class FmcwRadar:
     def add_echoes(
         self,
         echoes: TurnEchoes,
-        tracer: Tracer,
-        turn: TracedTurn,
+        scene: Scene,
+        view: Viewpoints,
+        rows: range,
         speckle: Speckle,
+        boxes: Boxes | None = None,
+        carrier_id: int = -1,
     ) -> None:
-        """Add what comes back to rays.
+        """Trace the rays of directions, and add what comes back to them.
 
         Args:
             echoes: Added to.
-            tracer: Tracer of the scene.
-            turn: The traced rays.
+            scene: The map.
+            view: From where the antenna looks into each direction.
+            rows: The directions.
             speckle: Amplitudes of what is rough.
+            boxes: The robots.
+            carrier_id: The robot that carries the radar; -1 for none.
         """
-        settings, fan, traces = self.settings, turn.fan, turn.traces
+        settings, tracer = self.settings, tracer_of(scene)
+        fan, rays = self.aim(scene, view, carrier_id, rows)
+        traces = tracer.trace(rays, boxes, events=True, incidence=True)
+        row = fan.column // settings.rays_across - rows.start
+        # m/s, how fast the antenna and what ends each ray come nearer.
+        approach = np.einsum("mi,mi->m", rays.directions, view.velocities[row])
+        if boxes is not None and boxes.velocities is not None:
+            met, which = boxes.find(traces.parts - len(tracer.parts))
+            ahead = rays.directions[met, :2]
+            approach[met] -= np.einsum("mi,mi->m", ahead, boxes.velocities[which])
         constant = radar_constant(settings) / noise_power(settings)
-        rays = engine.structures["FanRays"].pack(
+        packed = engine.structures["FanRays"].pack(
             column=fan.column,
             across=fan.across,
             weights=fan.weights * constant,
             spread=fan.spread,
-            directions=turn.directions,
-            shift=doppler_shift(settings, turn.approach),
+            directions=rays.directions,
+            shift=doppler_shift(settings, approach),
             ranges=traces.ranges,
             incidence=traces.incidence,
             full=self.full_power,
@@ -313,17 +279,18 @@ class FmcwRadar:
             wavelength=settings.wavelength,
         )
         scattering = scene_scattering(tracer, self.ray_class)
-        scatterers = self._scatterers(turn, speckle)
-        echoes.add(turn.rows, rays, traces.events, scattering, scatterers)
+        scatterers = self._scatterers(rows, view, speckle)
+        echoes.add(rows, packed, traces.events, scattering, scatterers)
 
-    def _scatterers(self, turn: TracedTurn, speckle: Speckle) -> Scatterers:
+    def _scatterers(
+        self, rows: range, view: Viewpoints, speckle: Speckle
+    ) -> Scatterers:
         """Return the scatterers of columns, and of the one after the last."""
-        settings, rows = self.settings, turn.rows
-        parts = settings.rays_across
+        parts = self.settings.rays_across
         columns = np.arange(rows.start * parts, rows.stop * parts + 1)
-        azimuths = np.asarray(columns * (settings.step / parts), np.float64)
+        azimuths = np.asarray(columns * (self.settings.step / parts), np.float64)
         row = np.minimum(columns // parts - rows.start, len(rows) - 1)
-        found = speckle.scatterers(azimuths, turn.view.of(row), _IN_BEAMS)
+        found = speckle.scatterers(azimuths, view.of(row), _IN_BEAMS)
         # After the last column of a turn the first one follows. What both add is power,
         # so that the scatterers are others.
         found["key"][-1] ^= ~np.uint64(0)
@@ -360,7 +327,7 @@ class FmcwRadar:
         boxes: Boxes | None = None,
         carrier_id: int = -1,
     ) -> Tones:
-        """Return the echoes of points; arguments as of ``trace``."""
+        """Return the echoes of points; arguments as of ``add_echoes``."""
         settings, tracer = self.settings, tracer_of(scene)
         wavelength, origin = settings.wavelength, view.positions[0]
         sight = Sight(

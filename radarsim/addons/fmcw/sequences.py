@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation as Orientation
 from scipy.spatial.transform import Slerp
 
 from radarsim.addons.fmcw.radar import FmcwRadar
-from radarsim.addons.fmcw.rotation import Rotation
+from radarsim.addons.fmcw.rotation import Rotation, join_sectors
 from radarsim.addons.fmcw.spectrum import Spectrum
 from radarsim.geometry import Floats, Pose3
 from radarsim.scene.scene import Scene
@@ -143,15 +143,7 @@ def turns_along(
         if any(each.turn == done and each.ends_turn for each in sectors):
             began = float(path.times[0] + done * period)
             (middle,) = path.poses_at(np.array([began + period / 2]))
-            parts = [each.spectrum for each in sectors if each.turn == done]
-            whole = replace(
-                parts[0],
-                pose=middle,
-                scene=scene,
-                angles=np.concatenate([part.angles for part in parts]),
-                power=np.concatenate([part.power for part in parts]),
-                echo_power=np.concatenate([part.echo_power for part in parts]),
-            )
-            yield DrivenTurn(began, whole)
+            whole = join_sectors(each for each in sectors if each.turn == done)
+            yield DrivenTurn(began, replace(whole, pose=middle, scene=scene))
             sectors = [each for each in sectors if each.turn > done]
             done += 1

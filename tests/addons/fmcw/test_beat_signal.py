@@ -8,6 +8,7 @@ import pytest
 from fmcw_scenes import beat_spectrum, db, dbm, no_echoes, radar, received_power
 from scipy.signal import get_window
 
+from radarsim.addons.fmcw.antenna import fixed_viewpoints
 from radarsim.addons.fmcw.beat_signal import (
     NO_TONES,
     Power,
@@ -20,7 +21,6 @@ from radarsim.addons.fmcw.radar_equation import (
     sample_count,
     window_of,
 )
-from radarsim.addons.fmcw.viewpoints import fixed_viewpoints
 from radarsim.geometry import Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.rng import generator_for

@@ -15,8 +15,8 @@ from fmcw_scenes import EYE, block, correlation, echoes_of, radar, scene_of
 from numpy.typing import NDArray
 
 import radarsim
+from radarsim.addons.fmcw.antenna import fixed_viewpoints
 from radarsim.addons.fmcw.radar import FmcwRadar
-from radarsim.addons.fmcw.viewpoints import fixed_viewpoints
 from radarsim.geometry import Pose3
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Scene
