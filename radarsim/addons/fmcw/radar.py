@@ -6,6 +6,7 @@ from typing import Any, Final
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from radarsim.addons.fmcw.antenna import (
     STANDING,
@@ -13,16 +14,12 @@ from radarsim.addons.fmcw.antenna import (
     Viewpoints,
     fixed_viewpoints,
 )
-from radarsim.addons.fmcw.beat_signal import (
-    Tones,
-    beat_rows,
-)
-from radarsim.addons.fmcw.plate_edges import edge_points
+from radarsim.addons.fmcw.beat_signal import Tones, beat_rows, join_tones
+from radarsim.addons.fmcw.corners_and_edges import corner_points, edge_points
 from radarsim.addons.fmcw.point_echoes import (
     Points,
     Sight,
     find_ways,
-    join_tones,
     point_tones,
     straight_ways,
 )
@@ -34,7 +31,6 @@ from radarsim.addons.fmcw.radar_equation import (
 )
 from radarsim.addons.fmcw.ray_fan import RayFan, refined_fan
 from radarsim.addons.fmcw.scattering import scene_scattering
-from radarsim.addons.fmcw.smooth_corners import corner_points
 from radarsim.addons.fmcw.speckle import Scatterers, Speckle, add_amplitudes
 from radarsim.addons.fmcw.spectrum import Spectrum
 from radarsim.addons.fmcw.targets import find_targets, scan_of
@@ -219,19 +215,29 @@ class FmcwRadar:
         engine.measure_extents(bounds, view.positions[0], view.rotations[0], extents)
         fan = refined_fan(self.settings, extents, rows)
         row = fan.column // self.settings.rays_across - rows.start
-        count, directions = len(row), np.empty_like(fan.directions)
+        directions = np.empty_like(fan.directions)
         # Not a product of matrices, which rounds by how many rows there are.
         engine.turn_directions(fan.directions, view.rotations, row, directions)
-        rays = Rays(
-            view.positions[row],
+        return fan, self.rays(view.positions[row], directions, carrier_id=carrier_id)
+
+    def rays(
+        self,
+        origins: Floats,
+        directions: Floats,
+        *,
+        max_range: ArrayLike | None = None,
+        carrier_id: int = -1,
+    ) -> Rays:
+        """Return rays of this radar, as far as it sees by default, map frame."""
+        return Rays.uniform(
+            origins,
             directions,
-            np.full(count, self.settings.max_range),
-            np.full(count, self.full_power),
-            np.zeros(count, np.uint8),
-            np.full(count, carrier_id, np.int64),
-            (self.ray_class,),
+            max_range=self.settings.max_range if max_range is None else max_range,
+            power=self.full_power,
+            medium=0,
+            carrier_id=carrier_id,
+            ray_classes=(self.ray_class,),
         )
-        return fan, rays
 
     def add_echoes(
         self,
@@ -330,9 +336,7 @@ class FmcwRadar:
         """Return the echoes of points; arguments as of ``add_echoes``."""
         settings, tracer = self.settings, tracer_of(scene)
         wavelength, origin = settings.wavelength, view.positions[0]
-        sight = Sight(
-            tracer, origin, self.ray_class, self.full_power, boxes, carrier_id
-        )
+        sight = Sight(self, tracer, origin, boxes, carrier_id)
         reflectors = Points(
             np.array([it.position for it in scene.reflectors]).reshape(-1, 3),
             np.array([it.rcs(wavelength) for it in scene.reflectors], np.float64),

@@ -32,7 +32,7 @@ from radarsim.addons.fmcw.antenna import (
     moving_viewpoints,
     rows_in_beam,
 )
-from radarsim.addons.fmcw.beat_signal import Tones
+from radarsim.addons.fmcw.beat_signal import Tones, join_tones
 from radarsim.addons.fmcw.radar import FmcwRadar
 from radarsim.addons.fmcw.speckle import Speckle
 from radarsim.addons.fmcw.spectrum import Spectrum
@@ -203,10 +203,7 @@ class Rotation:
         view = join_viewpoints(look.view for look in looks)
         view = view.of(slice(offset, offset + len(rows)))
         self.radar.add_sidelobes(echoes, before, rows, view, self._speckle)
-        tones = Tones._make(
-            np.concatenate(column)
-            for column in zip(*(look.tones for look in looks), strict=True)
-        )
+        tones = join_tones(look.tones for look in looks)
         return self.radar.receive(looks[0].pose, rows, echoes, tones, self._streams)
 
 

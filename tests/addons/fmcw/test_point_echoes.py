@@ -8,7 +8,7 @@ from fmcw_scenes import EYE, block, db, radar, received_power
 
 import radarsim
 from radarsim.addons.fmcw.antenna import fixed_viewpoints
-from radarsim.addons.fmcw.plate_edges import edge_points
+from radarsim.addons.fmcw.corners_and_edges import edge_points
 from radarsim.addons.fmcw.point_echoes import fresnel_reflections
 from radarsim.addons.fmcw.radar import FmcwRadar
 from radarsim.geometry import Floats, rotation_matrix
