@@ -301,6 +301,7 @@ def _write_sequence(folder: Path, layout: str, turns: Iterable[DrivenTurn]) -> i
     """
     from radarsim.addons.fmcw.image_files import (
         LAYOUTS,
+        assumed_bin,
         cartesian_image,
         epoch_of,
         file_name,
@@ -324,7 +325,11 @@ def _write_sequence(folder: Path, layout: str, turns: Iterable[DrivenTurn]) -> i
         if number == 1:
             epoch_us = epoch_of(layout, settings.bin_size, time_us)
             start_us = time_us + epoch_us
-            _warn_of_bins(layout, settings.bin_size, start_us)
+            size, assumed = settings.bin_size, assumed_bin(layout, start_us)
+            if abs(size / assumed - 1) > ALIKE:
+                text = f"readers of {layout} assume bins of {assumed:g} m"
+                text += f", not {size:g} m: set that in them"
+                click.echo(f"warning: {text}", err=True)
             notes = sequence_notes(layout, turn.spectrum, start_us, epoch_us)
         time_us += epoch_us
         name = file_name(turn.spectrum, layout, time_us=time_us, number=number)
@@ -341,16 +346,6 @@ def _write_sequence(folder: Path, layout: str, turns: Iterable[DrivenTurn]) -> i
     write_file(folder / "poses.tum", "".join(poses).encode())
     write_file(folder / "README.md", notes.encode())
     return len(lines)
-
-
-def _warn_of_bins(layout: str, bin_size: float, time_us: int) -> None:
-    """Tell on the terminal if readers of a data set assume bins of another size."""
-    from radarsim.addons.fmcw.image_files import assumed_bin
-
-    assumed = assumed_bin(layout, time_us)
-    if abs(bin_size / assumed - 1) > ALIKE:
-        text = f"readers of {layout} assume bins of {assumed:g} m, not {bin_size:g} m"
-        click.echo(f"warning: {text}: set that in them", err=True)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,6 @@
 """A turning FMCW radar in a scene."""
 
+import math
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, Final
@@ -33,7 +34,7 @@ from radarsim.addons.fmcw.ray_fan import RayFan, refined_fan
 from radarsim.addons.fmcw.scattering import scene_scattering
 from radarsim.addons.fmcw.speckle import Scatterers, Speckle, add_amplitudes
 from radarsim.addons.fmcw.spectrum import Spectrum
-from radarsim.addons.fmcw.targets import find_targets, scan_of
+from radarsim.addons.fmcw.targets import find_targets, read_ranges
 from radarsim.addons.fmcw.turn_echoes import Echoes, TurnEchoes
 from radarsim.engine import engine
 from radarsim.geometry import Floats, Pose3
@@ -44,6 +45,7 @@ from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import NumberedStreams
 from radarsim.scene.scene import Scene
+from radarsim.sensors.scan import Echoes as ScanEchoes
 from radarsim.sensors.scan import Scan
 
 # The bounding boxes of the parts of each scene, (P, 2, 3) m.
@@ -110,13 +112,53 @@ class FmcwRadar:
     def scan(self, scene: Scene, pose: Pose3, rng: np.random.Generator) -> Scan:
         """Scan a scene: the targets that the detector finds in a turn.
 
+        Its rays are the middles of its beams. It lists no echoes: a spectrum does not
+        tell the objects that targets are.
+
         Args:
             scene: The map.
             pose: Pose of the antenna, map frame.
             rng: As for ``spectrum``.
         """
-        targets = find_targets(self.spectrum(scene, pose, rng), self.sensor)
-        return scan_of(self, pose, targets, scene)
+        settings = self.sensor
+        targets = find_targets(self.spectrum(scene, pose, rng), settings)
+        steps = np.arange(settings.beams) * settings.resolution_deg
+        angles: Floats = np.radians(steps - settings.fov_deg / 2)
+        level = np.zeros_like(angles)
+        ahead = np.stack([np.cos(angles), np.sin(angles), level], axis=1)
+        directions = ahead @ pose.rotation().T
+        rays = self.rays(
+            np.broadcast_to(pose.position(), directions.shape),
+            directions / np.linalg.norm(directions, axis=1)[:, None],
+            max_range=settings.max_range,
+        )
+        none, nowhere = np.zeros(0), np.zeros(0, np.int64)
+        echoes = ScanEchoes(
+            beams=nowhere,
+            sides=np.zeros(0, np.int8),
+            ranges=none,
+            fronts=none,
+            kinds=np.zeros(0, np.uint8),
+            power=none,
+            strength=none,
+            parts=nowhere,
+            scene_parts=scene.parts,
+            settings=settings,
+        )
+        return Scan(
+            sensor=self.name,
+            pose=pose,
+            angles=angles,
+            ranges=read_ranges(targets, settings),
+            rays=level.astype(np.int8) if settings.has_side_rays else None,
+            range_min=settings.min_range,
+            range_max=settings.max_range,
+            resolution=math.radians(settings.resolution_deg),
+            find_cast=lambda: rays,
+            find_echoes=lambda: echoes,
+            scene=scene,
+            targets=targets,
+        )
 
     def spectrum(
         self,

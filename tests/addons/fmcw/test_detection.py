@@ -36,7 +36,7 @@ EDGE = 40  # bins that have fewer than all training bins
 )
 def test_factor_of_ca(count: int, pfa: float, factor: float) -> None:
     assert ca_factor(count, pfa) == pytest.approx(factor, abs=1e-3)
-    independent = np.eye(1, 200)[0]
+    independent = (1.0,) + 199 * (0.0,)
     found = correlated_factor(Training(count, 2, 3), 2, pfa, independent)
     assert found == pytest.approx(factor, abs=1e-3)
 
