@@ -212,20 +212,30 @@ def find_hindrance(robot: RobotInfo) -> str | None:
 
 
 class RobotClient(Client):
-    """A client for a thread, whose robot is spawned, and which can be cancelled.
+    """A client for the thread of a task, whose robot is spawned; it can be cancelled.
 
     Only the methods that algorithms use exist.
+
+    Attributes:
+        robot: The robot.
+        kind: Of the task: ``goto`` or ``explore``.
+        number: Of the task.
     """
 
-    def __init__(self, robot: OwnRobot, clock: TaskClock) -> None:
+    def __init__(
+        self, robot: OwnRobot, kind: str, number: int, clock: TaskClock
+    ) -> None:
         """Listen to a robot; to be called in the event loop.
 
         Args:
             robot: The robot.
+            kind: As above.
+            number: As above.
             clock: By which it waits.
         """
-        super().__init__(_Clock(clock))
-        self._robot = robot
+        # Of a connection, only its clock is used.
+        super().__init__(clock)  # type: ignore[arg-type]
+        self.robot, self.kind, self.number = robot, kind, number
         self._loop = asyncio.get_running_loop()
         self._reports: queue.Queue[Sequence[Report]] = queue.Queue()
         self._is_cancelled = False
@@ -235,18 +245,18 @@ class RobotClient(Client):
         """Let every call raise, also one that waits; in the event loop."""
         self._is_cancelled = True
         self._reports.put(())  # wakes up the thread
-        self._robot.read_no_more(self._take)
+        self.robot.read_no_more(self._take)
 
     def spawn(self, *_: object, **__: object) -> None:
         """Take the robot that is there, where it is."""
 
     def robot_info(self, *, drive_unit: DriveUnit = "rad_per_s") -> RobotInfo:  # noqa: ARG002
         """Return the properties of the robot."""
-        return self._robot.info
+        return self.robot.info
 
     def echoes(self, scanner: str, on: bool = True) -> None:
         """See ``Client.echoes``."""
-        self._call(self._robot.switch_echoes, scanner, on)
+        self._call(self.robot.switch_echoes, scanner, on)
 
     def drive(self, left: float, right: float) -> None:
         """See ``Client.drive``."""
@@ -281,7 +291,7 @@ class RobotClient(Client):
         """Set speeds in the event loop, unless it was cancelled meanwhile."""
         if not self._is_cancelled:
             # It is checked here as well: the call has waited while a viewer took over.
-            self._robot.set_wheels(left, right)
+            self.robot.set_wheels(left, right)
 
     def _check(self) -> None:
         if self._is_cancelled:
@@ -289,22 +299,6 @@ class RobotClient(Client):
 
     def _call(self, function: Callable[..., None], *arguments: Any) -> None:
         self._loop.call_soon_threadsafe(function, *arguments)
-
-
-class _Clock:
-    """A transport that has nothing but a clock."""
-
-    def __init__(self, clock: TaskClock) -> None:
-        self.time = clock.time
-
-    def send(self, data: bytes) -> NoReturn:
-        raise ConnectionError(f"{data[:80]!r} cannot be sent here")
-
-    def receive(self, timeout: float) -> NoReturn:
-        raise ConnectionError(f"nothing comes here, nor within {timeout:g} s")
-
-    def close(self) -> None:
-        pass
 
 
 Tell: TypeAlias = Callable[[dict[str, Any]], None]  # browsers, with a message

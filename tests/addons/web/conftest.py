@@ -85,7 +85,7 @@ def server(
 
 @pytest.fixture(scope="session")
 def scene_messages(foliage_room: Scene) -> SceneMessages:
-    return SceneMessages.of(foliage_room)
+    return SceneMessages(foliage_room)
 
 
 @pytest.fixture
