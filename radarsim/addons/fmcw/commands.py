@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
@@ -23,7 +22,7 @@ from radarsim.plans import RARE, Option
 if TYPE_CHECKING:
     from radarsim.addons.fmcw.detection import Detections
     from radarsim.addons.fmcw.navtech_server import NavtechServer
-    from radarsim.addons.fmcw.sequences import DrivenPath, DrivenTurn
+    from radarsim.addons.fmcw.sequences import DrivenPath
     from radarsim.addons.fmcw.spectrum import Spectrum
     from radarsim.scene.scene import Scene
     from radarsim.sensors.range_scanner import RangeScanner
@@ -243,21 +242,16 @@ def _as_npz(turns: list[Spectrum]) -> bytes:
 
 def _as_csv(turns: list[Spectrum], detector: Detector) -> bytes:
     """Return a row for each detection, by default of ``ca``."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["turn", "azimuth", "angle", "range", "dbm"])
+    import numpy as np
+
+    text = io.StringIO("turn,azimuth,angle,range,dbm\n")
+    text.seek(0, io.SEEK_END)
     for number, turn in enumerate(turns):
         found = detector.detect(turn)
-        for row, angle, range_, dbm in zip(
-            found.rows.tolist(),
-            found.angles.tolist(),
-            found.ranges.tolist(),
-            found.dbm.tolist(),
-            strict=True,
-        ):
-            writer.writerow(
-                [number, row, f"{angle:.6f}", f"{range_:.4f}", f"{dbm:.2f}"]
-            )
+        turns_of = np.full(len(found.rows), number)
+        columns = (turns_of, found.rows, found.angles, found.ranges, found.dbm)
+        form = "%d,%d,%.6f,%.4f,%.2f"
+        np.savetxt(text, np.column_stack(columns), fmt=form)
     return text.getvalue().encode()
 
 
@@ -288,7 +282,9 @@ def _load_path(path: Path, scene: Scene) -> DrivenPath:
     return replace(way, positions=np.column_stack([way.positions[:, :2], heights]))
 
 
-def _write_sequence(folder: Path, layout: str, turns: Iterable[DrivenTurn]) -> int:
+def _write_sequence(
+    folder: Path, layout: str, turns: Iterable[tuple[float, Spectrum]]
+) -> int:
     """Write turns as a data set has them, with their poses; return their number.
 
     Args:
@@ -309,6 +305,7 @@ def _write_sequence(folder: Path, layout: str, turns: Iterable[DrivenTurn]) -> i
         list_line,
         sequence_notes,
     )
+    from radarsim.addons.fmcw.sequences import tum_line
 
     images = folder / LAYOUTS[layout][0]
     try:
@@ -320,8 +317,8 @@ def _write_sequence(folder: Path, layout: str, turns: Iterable[DrivenTurn]) -> i
         raise click.BadParameter(text, param_hint="-o") from None
     lines, poses = [], ["# time x y z qx qy qz qw, of the antenna in the middle\n"]
     epoch_us, notes = 0, ""
-    for number, turn in enumerate(turns, 1):
-        settings, time_us = turn.spectrum.settings, round(turn.time * 1e6)
+    for number, (time, turn) in enumerate(turns, 1):
+        settings, time_us = turn.settings, round(time * 1e6)
         if number == 1:
             epoch_us = epoch_of(layout, settings.bin_size, time_us)
             start_us = time_us + epoch_us
@@ -330,15 +327,15 @@ def _write_sequence(folder: Path, layout: str, turns: Iterable[DrivenTurn]) -> i
                 text = f"readers of {layout} assume bins of {assumed:g} m"
                 text += f", not {size:g} m: set that in them"
                 click.echo(f"warning: {text}", err=True)
-            notes = sequence_notes(layout, turn.spectrum, start_us, epoch_us)
+            notes = sequence_notes(layout, turn, start_us, epoch_us)
         time_us += epoch_us
-        name = file_name(turn.spectrum, layout, time_us=time_us, number=number)
-        write_file(images / name, image_of(turn.spectrum, layout, time_us=time_us))
+        name = file_name(turn, layout, time_us=time_us, number=number)
+        write_file(images / name, image_of(turn, layout, time_us=time_us))
         if layout == "radiate":
-            seen = cartesian_image(turn.spectrum)
-            write_file(folder / "Navtech_Cartesian" / name, seen)
+            write_file(folder / "Navtech_Cartesian" / name, cartesian_image(turn))
         lines.append(list_line(layout, name, time_us))
-        poses.append(turn.tum_line(epoch_us / 1e6))
+        middle = epoch_us / 1e6 + time + settings.azimuths * settings.sweep_time / 2
+        poses.append(tum_line(middle, turn.pose))
     # After the images, so that the list of a sequence that was interrupted names no
     # missing one.
     for list_name in LAYOUTS[layout][1:]:

@@ -10,8 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radarsim.addons.fmcw.antenna import (
-    STANDING,
-    Velocity,
     Viewpoints,
     fixed_viewpoints,
 )
@@ -165,12 +163,8 @@ class FmcwRadar:
         scene: Scene,
         pose: Pose3,
         rng: np.random.Generator,
-        *,
-        boxes: Boxes | None = None,
-        carrier_id: int = -1,
-        velocity: Velocity = STANDING,
     ) -> Spectrum:
-        """Record a turn.
+        """Record a turn of a radar that stands still.
 
         Args:
             scene: The map.
@@ -178,19 +172,15 @@ class FmcwRadar:
             rng: Source of speckle and noise. It is not drawn from, but has a child for
                 each turn that is: what others draw from it stays the same. Speckle is
                 that of its seed, the same in all turns.
-            boxes: The robots.
-            carrier_id: The robot that carries the radar; -1 for none.
-            velocity: Of the antenna, m/s, map frame.
         """
         rows = range(self.settings.azimuths)
-        view = fixed_viewpoints(pose, self.times(_count_children(rng)), velocity)
+        view = fixed_viewpoints(pose, self.times(_count_children(rng)))
         speckle, echoes = Speckle(self.settings, rng), self.new_turn(scene)
-        self.add_echoes(echoes, scene, view, rows, speckle, boxes, carrier_id)
+        self.add_echoes(echoes, scene, view, rows, speckle)
         whole = echoes.rows(0, rows.stop, echoes, echoes)
         self.add_sidelobes(whole, echoes, rows, view, speckle)
-        tones = self.tones(scene, view, rows, boxes, carrier_id)
-        spectrum = self.receive(pose, rows, whole, tones, NumberedStreams(rng))
-        return spectrum if boxes is not None else replace(spectrum, scene=scene)
+        tones, streams = self.tones(scene, view, rows), NumberedStreams(rng)
+        return replace(self.receive(pose, rows, whole, tones, streams), scene=scene)
 
     def times(self, turn: int) -> Floats:
         """Return when a turn looks into its directions, (A,) s; turns count from 0."""

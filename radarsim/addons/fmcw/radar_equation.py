@@ -117,16 +117,15 @@ def noise_shape(settings: FmcwSettings) -> NDArray[np.float32]:
     return shape
 
 
-def doppler_shift(
-    settings: FmcwSettings, speed: ArrayLike, *, up: bool = True
-) -> Floats:
+def doppler_shift(settings: FmcwSettings, speed: ArrayLike) -> Floats:
     """Return by how much a point seems farther away as the radar approaches it, m.
+
+    The frequency rises during a sweep.
 
     Args:
         settings: The radar.
         speed: Speed towards the point, m/s.
-        up: Whether the frequency rises during a sweep.
     """
     hertz, sweep = settings.carrier_ghz * 1e9, settings.bandwidth_mhz * 1e6
     per_speed = hertz * settings.sweep_time / sweep
-    return np.asarray((-1.0 if up else 1.0) * per_speed * np.asarray(speed))
+    return np.asarray(-per_speed * np.asarray(speed))

@@ -83,37 +83,20 @@ def read_tum(text: str) -> DrivenPath:
     return DrivenPath(numbers[:, 0], numbers[:, 1:4], numbers[:, 4:])
 
 
-@dataclass(frozen=True, eq=False)
-class DrivenTurn:
-    """A turn of a sequence.
-
-    Attributes:
-        time: At which it began, s, as of the path.
-        spectrum: The turn; its pose is that in its middle.
-    """
-
-    time: float
-    spectrum: Spectrum
-
-    def tum_line(self, epoch: float = 0.0) -> str:
-        """Return its pose as a line of a path in the format of TUM's tools.
-
-        Args:
-            epoch: Added to its time, s.
-        """
-        pose, settings = self.spectrum.pose, self.spectrum.settings
-        middle = epoch + self.time + settings.azimuths * settings.sweep_time / 2
-        turned = Orientation.from_euler("ZYX", [pose.yaw, pose.pitch, pose.roll])
-        numbers = [pose.x, pose.y, pose.z, *turned.as_quat()]
-        return " ".join([f"{middle:.6f}", *(f"{each:.6f}" for each in numbers)]) + "\n"
+def tum_line(time: float, pose: Pose3) -> str:
+    """Return a pose at a time, s, as a line of a path in the format of TUM's tools."""
+    turned = Orientation.from_euler("ZYX", [pose.yaw, pose.pitch, pose.roll])
+    numbers = [pose.x, pose.y, pose.z, *turned.as_quat()]
+    return " ".join(f"{each:.6f}" for each in (time, *numbers)) + "\n"
 
 
 def turns_along(
     radar: FmcwRadar, scene: Scene, path: DrivenPath, rng: np.random.Generator
-) -> Iterator[DrivenTurn]:
-    """Record all turns that end before a path does.
+) -> Iterator[tuple[float, Spectrum]]:
+    """Record all turns that end before a path does, each with the time when it began.
 
-    Before the path begins the radar stands at its first pose for a turn.
+    The pose of a turn is that in its middle. Before the path the radar stands at its
+    first pose for a turn.
 
     Args:
         radar: The radar.
@@ -144,6 +127,6 @@ def turns_along(
             began = float(path.times[0] + done * period)
             (middle,) = path.poses_at(np.array([began + period / 2]))
             whole = join_sectors(each for each in sectors if each.turn == done)
-            yield DrivenTurn(began, replace(whole, pose=middle, scene=scene))
+            yield began, replace(whole, pose=middle, scene=scene)
             sectors = [each for each in sectors if each.turn > done]
             done += 1
