@@ -32,6 +32,10 @@ class RunningCommander:
     server: tuple[str, int]
     token: str = TOKEN
 
+    @property
+    def url(self) -> str:
+        return f"http://{self.web}/#token={self.token}"
+
 
 Starter = Callable[..., AbstractContextManager[RunningCommander]]
 
