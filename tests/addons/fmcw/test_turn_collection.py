@@ -21,7 +21,7 @@ def test_spectrum_joins_what_the_antenna_receives(foliage_room: Scene) -> None:
         antenna.observers.append(lambda sector, _: rows.extend(sector.spectrum.power))
 
     sim.call(listen)
-    sim.step(1.0)
+    sim.step(0.6)
     spectrum = robot.spectrum()
     settings = radarsim.load_sensor("navtech_cts350x").fmcw.settings
     assert spectrum.power.shape == (settings.azimuths, settings.bins)
