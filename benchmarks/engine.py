@@ -20,8 +20,8 @@ from scipy import fft
 from benchmarks import scenes
 from benchmarks.scenes import SENSOR
 from benchmarks.timing import Row, compare, measure, ratio_row
+from radarsim.addons.fmcw.antenna import fixed_viewpoints
 from radarsim.addons.fmcw.radar_equation import fft_length
-from radarsim.addons.fmcw.viewpoints import fixed_viewpoints
 from radarsim.geometry import Floats
 from radarsim.raycast import embree
 from radarsim.raycast.embree import FirstHits

@@ -6,7 +6,7 @@ from itertools import accumulate, pairwise
 from typing import Final, NamedTuple, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
@@ -88,12 +88,13 @@ class Rays:
         origins: Floats,
         directions: Floats,
         *,
-        max_range: float,
+        max_range: ArrayLike,
         power: float = np.inf,
         medium: int = RADAR,
         carrier_id: int = -1,
+        ray_classes: tuple[RayClass, ...] = DEFAULT_CLASSES,
     ) -> "Rays":
-        """Create rays that differ only in origin and direction."""
+        """Create rays that differ only in origin, direction and range."""
         n = len(origins)
         return cls(
             np.ascontiguousarray(origins, np.float64),
@@ -102,6 +103,7 @@ class Rays:
             np.full(n, power, np.float64),
             np.full(n, medium, np.uint8),
             np.full(n, carrier_id, np.int64),
+            ray_classes,
         )
 
     @classmethod

@@ -10,8 +10,8 @@ import recorded_runs
 from commands import run_in_process
 
 import radarsim
-from radarsim.addons.fmcw.antennas import LATENCY, SeenSector, antennas_of
 from radarsim.addons.fmcw.rotation import Sector
+from radarsim.addons.fmcw.rotation_schedule import LATENCY, antennas_of
 from radarsim.addons.fmcw.spectrum import Spectrum
 from radarsim.addons.recording.bag_folder import (
     RecordingInfo,
@@ -141,9 +141,9 @@ def test_the_rest_of_a_turn_that_had_begun_before_is_no_turn(
     rest = replace(spectrum, angles=spectrum.angles[half:], power=spectrum.power[half:])
     turns: list[bytes] = []
     collector = TurnCollector("Navtech", turns.append)
-    collector.take(SeenSector(Sector(0, half, rest), 1.0))
+    collector.take(Sector(0, half, rest), 1.0)
     assert not turns
-    collector.take(SeenSector(Sector(1, 0, spectrum), 1.25))
+    collector.take(Sector(1, 0, spectrum), 1.25)
     _, time, _, rows = pickle.loads(*turns)
     assert (time, len(rows)) == (1.25, 400)
 
@@ -156,7 +156,7 @@ def test_turn_that_the_antenna_did_not_end_is_no_part_of_the_next(
     begun = replace(spectrum, angles=spectrum.angles[:9], power=spectrum.power[:9])
     turns: list[bytes] = []
     collector = TurnCollector("Navtech", turns.append)
-    collector.take(SeenSector(Sector(4, 0, begun), 1.0))
-    collector.take(SeenSector(Sector(0, 0, spectrum), 7.0))
+    collector.take(Sector(4, 0, begun), 1.0)
+    collector.take(Sector(0, 0, spectrum), 7.0)
     _, time, _, rows = pickle.loads(*turns)
     assert (time, len(rows)) == (7.0, 400)

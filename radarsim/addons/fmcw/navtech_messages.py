@@ -1,4 +1,4 @@
-"""Messages between a turning radar and its clients.
+"""Messages between a turning radar of Navtech and its clients: Colossus, without I/O.
 
 A message is a head of 22 bytes and its payload: a signature of 16 bytes, the version of
 the protocol, the type, and the length of the payload, with the highest byte first.
@@ -10,7 +10,7 @@ byte first, as these clients read them.
 
 import struct
 from enum import IntEnum
-from typing import Final, NamedTuple
+from typing import Final
 
 SIGNATURE: Final = bytes.fromhex("0001030307070f0f1f1f3f3f7f7ffefe")
 VERSION: Final = 1
@@ -33,21 +33,9 @@ class MessageType(IntEnum):
     DIRECTION = 30  # with counts of 8 bits
 
 
-class Message(NamedTuple):
-    """One message.
-
-    Attributes:
-        type: Number of its type.
-        payload: What follows its head.
-    """
-
-    type: int
-    payload: bytes = b""
-
-    def encode(self) -> bytes:
-        """Return the bytes of the message."""
-        head = _HEAD.pack(SIGNATURE, VERSION, self.type, len(self.payload))
-        return head + self.payload
+def encode_message(kind: int, payload: bytes = b"") -> bytes:
+    """Return the bytes of a message of a type."""
+    return _HEAD.pack(SIGNATURE, VERSION, kind, len(payload)) + payload
 
 
 def configuration_message(
@@ -74,7 +62,7 @@ def configuration_message(
     limited = (min(round(number), 0xFFFF) for number in numbers)
     gain, offset = 1.0, 0.0  # of ranges: clients are to take them as they are
     payload = _CONFIGURATION.pack(*limited, gain, offset)
-    return Message(MessageType.CONFIGURATION, payload).encode()
+    return encode_message(MessageType.CONFIGURATION, payload)
 
 
 def direction_message(sweep: int, encoder: int, time: int, counts: bytes) -> bytes:
@@ -88,7 +76,7 @@ def direction_message(sweep: int, encoder: int, time: int, counts: bytes) -> byt
     """
     place = _PLACE.pack(_PLACE.size + _TIME.size, sweep, encoder)
     payload = place + _TIME.pack(*divmod(time, NANOSECONDS)) + counts
-    return Message(MessageType.DIRECTION, payload).encode()
+    return encode_message(MessageType.DIRECTION, payload)
 
 
 class MessageBuffer:
@@ -103,8 +91,8 @@ class MessageBuffer:
         self.problem = ""
         self._received = bytearray()
 
-    def feed(self, data: bytes) -> list[Message]:
-        """Add received bytes, and return the messages that they complete."""
+    def feed(self, data: bytes) -> list[tuple[int, bytes]]:
+        """Add received bytes; return types and payloads of complete messages."""
         received, messages = self._received, []
         received += data
         while received and not self.problem:
@@ -124,7 +112,7 @@ class MessageBuffer:
             elif len(received) < end:
                 break
             else:
-                messages.append(Message(kind, bytes(received[_HEAD.size : end])))
+                messages.append((kind, bytes(received[_HEAD.size : end])))
                 del received[:end]
         if self.problem:
             received.clear()

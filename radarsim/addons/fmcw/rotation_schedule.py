@@ -17,12 +17,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 
 from radarsim.addons.fmcw.targets import read_ranges
+from radarsim.errors import ClientError, expected_one_of
 from radarsim.geometry import Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.processes import BackgroundThread
@@ -35,13 +37,10 @@ from radarsim.simulation.tick_output import DueScan, ScanDetails, report_scan
 from radarsim.simulation.vehicle import MountedScanner, Vehicle
 
 if TYPE_CHECKING:
-    from radarsim.addons.fmcw.rotation import (
-        FoundTurn,
-        Look,
-        Received,
-        Sector,
-        TurnReceiver,
-    )
+    from radarsim.addons.fmcw.rotation import Received, Sector, TurnReceiver
+    from radarsim.addons.fmcw.spectrum import Spectrum
+    from radarsim.presets.sensor_settings import SensorSettings
+    from radarsim.sensors.scan import Targets
     from radarsim.simulation.simulation import Simulation
 
 # In a tick no more antennas turn: each takes a good part of a processor.
@@ -51,41 +50,9 @@ RECEPTION_TICKS: Final = 2  # of which all is received at once, which takes less
 ROUNDING: Final = 1e-9  # of directions
 
 
-class SeenSector(NamedTuple):
-    """What the radar of a robot has received.
-
-    Attributes:
-        sector: Neighbouring directions of a turn.
-        time: When the antenna began to look into the first of them, s.
-    """
-
-    sector: Sector
-    time: float
-
-
-Listener = Callable[[SeenSector], None]
-
-
-class Result(Protocol):
-    """What a worker computes."""
-
-    def result(self) -> Received:
-        """Wait for it, and return it."""
-
-
-class Worker(Protocol):
-    """Computes what antennas receive, in the order in which it is asked for."""
-
-    def submit(self, function: Callable[[Look], Received], look: Look, /) -> Result:
-        """Return what the function will return."""
-
-
-class _Computed(NamedTuple):
-    """What is computed of a tick, and since when the antenna has turned by then."""
-
-    tick: int
-    since: int
-    result: Result
+# Called with neighbouring directions of a turn, and when the antenna began to look into
+# the first of them, s.
+Listener: TypeAlias = Callable[["Sector", float], None]
 
 
 @dataclass(slots=True, eq=False)
@@ -101,7 +68,8 @@ class Antenna:
         since: Tick in which it began to turn.
         turned: Tick in which it last turned.
         pose: Where it was then; None at first.
-        computed: What is computed, or waits until its tick has come.
+        computed: What is computed, or waits until its tick has come: the tick, since
+            when the antenna has turned by then, and the result.
     """
 
     vehicle: Vehicle
@@ -112,7 +80,7 @@ class Antenna:
     since: int = 0
     turned: int = 0
     pose: Pose3 | None = None
-    computed: deque[_Computed] = field(default_factory=deque)
+    computed: deque[tuple[int, int, Future[Received]]] = field(default_factory=deque)
 
     @property
     def turns(self) -> bool:
@@ -120,7 +88,9 @@ class Antenna:
         needed = self.mounted.scanner.settings.has_detector or bool(self.listeners)
         return needed and self.vehicle.alive
 
-    def advance(self, scene: Scene, ticks: int, boxes: Boxes, worker: Worker) -> None:
+    def advance(
+        self, scene: Scene, ticks: int, boxes: Boxes, worker: BackgroundThread
+    ) -> None:
         """Turn for a tick; begin anew if it did not turn in the tick before.
 
         Args:
@@ -136,35 +106,35 @@ class Antenna:
             radar, rng = self.mounted.scanner.fmcw, self.mounted.rng
             self.receiver = rotation.TurnReceiver(radar, scene, rng)
             self.since, self.pose = ticks, None
-        settings, age = self.receiver.radar.settings, ticks - self.since
-        rate = TICK * settings.rotation_hz * settings.azimuths
+        it, age = self.receiver.radar.settings, ticks - self.since
+        rate = TICK * it.rotation_hz * it.azimuths
         passed = int((age + 1) * rate + ROUNDING) - int(age * rate + ROUNDING)
         pose = self.vehicle.sensor_pose(self.mounted.item)
         before = self.pose or pose
         vx, vy, vz = ((pose.position() - before.position()) / TICK).tolist()
-        look = rotation.Look(
-            passed,
-            before,
-            pose,
-            (vx, vy, vz),
-            boxes,
-            self.vehicle.number,
+        # These are all that it needs of this tick: the thread reads no simulation.
+        result = worker.submit(
+            self.receiver.receive,
             self.mounted.scanner.settings,
+            bool(self.listeners or self.observers),
+            pose,
+            passed,
+            start=before,
+            boxes=boxes,
+            carrier_id=self.vehicle.number,
+            velocity=(vx, vy, vz),
             receives=(ticks + 1 - self.since) % RECEPTION_TICKS == 0,
-            is_recorded=bool(self.listeners or self.observers),
         )
-        # A look holds all that it needs of this tick: the thread reads no simulation.
-        result = worker.submit(self.receiver.advance, look)
-        self.computed.append(_Computed(ticks, self.since, result))
+        self.computed.append((ticks, self.since, result))
         self.turned, self.pose = ticks, pose
 
     def receive(self, ticks: int) -> list[DueScan]:
         """Tell listeners what is received, and return the scans of whole turns."""
         scans = []
-        while self.computed and self.computed[0].tick + LATENCY <= ticks:
+        while self.computed and self.computed[0][0] + LATENCY <= ticks:
             _, since, result = self.computed.popleft()
             try:
-                received = result.result()
+                sectors, turn = result.result()
             except Exception as error:
                 name, robot = self.mounted.item.name, self.vehicle.robot.name
                 error.add_note(
@@ -174,29 +144,30 @@ class Antenna:
             # The robot has left while the thread computed.
             if not self.vehicle.alive:
                 continue
-            for sector in received.sectors:
-                settings = sector.spectrum.settings
-                turns = sector.turn + sector.first / settings.azimuths
-                seen = SeenSector(sector, _time_after(turns, settings, since))
+            for sector in sectors:
+                it = sector.spectrum.settings
+                time = _time_after(sector.turn + sector.first / it.azimuths, it, since)
                 for listener in (*self.listeners, *self.observers):
-                    listener(seen)
-            if received.turn and self.mounted.scanner.settings.has_detector:
-                scans.append(self._read(received.turn, since))
+                    listener(sector, time)
+            if turn and self.mounted.scanner.settings.has_detector:
+                scans.append(self._read(*turn, since))
         return scans
 
-    def _read(self, turn: FoundTurn, since: int) -> DueScan:
+    def _read(
+        self, number: int, targets: Targets, settings: SensorSettings, since: int
+    ) -> DueScan:
         """Return the scan that reads what was found in a turn."""
         assert self.receiver is not None
         vehicle, item = self.vehicle, self.mounted.item
-        time = _time_after(turn.number + 1, self.receiver.radar.settings, since)
-        ranges = read_ranges(turn.targets, turn.settings)
-        ranges[np.isinf(ranges)] = turn.settings.max_range
+        time = _time_after(number + 1, self.receiver.radar.settings, since)
+        ranges = read_ranges(targets, settings)
+        ranges[np.isinf(ranges)] = settings.max_range
         details = None
         is_requested = self.mounted.sends_targets
         if is_requested or vehicle.shows_echoes:
-            lines = target_lines(time, item.name, *turn.targets)
+            lines = target_lines(time, item.name, *targets)
             details = ScanDetails(lines, is_requested)
-        scan = report_scan(time, item.name, turn.settings, ranges)
+        scan = report_scan(time, item.name, settings, ranges)
         return DueScan(vehicle, scan, details)
 
 
@@ -219,7 +190,7 @@ class Antennas:
             scene: The map.
             clock: Simulated time.
         """
-        self.worker: Worker = BackgroundThread()
+        self.worker = BackgroundThread()
         self._scene, self._clock = scene, clock
         self._antennas: dict[int, list[Antenna]] = {}
         self._before = -1, Boxes(np.zeros((0, 8)))  # the last tick with boxes
@@ -294,3 +265,53 @@ def antennas_of(simulation: Simulation) -> Antennas:
     antennas = simulation.scanner_items["fmcw"]
     assert isinstance(antennas, Antennas)
     return antennas
+
+
+class TurnCollection:
+    """Joins what an antenna receives to whole turns.
+
+    Attributes:
+        newest: The last whole turn, from the pose at which it began; None before it.
+    """
+
+    def __init__(self) -> None:
+        self.newest: Spectrum | None = None
+        self._sectors: list[Sector] = []
+
+    def take(self, sector: Sector, _: float) -> None:
+        """Add what is received from neighbouring directions."""
+        if sector.first == 0:
+            self._sectors.clear()  # of a turn that the antenna did not end
+        elif not self._sectors:  # the turn began before anybody listened
+            return
+        self._sectors.append(sector)
+        if sector.ends_turn:
+            from radarsim.addons.fmcw.rotation import join_sectors  # noqa: PLC0415
+
+            self.newest = join_sectors(self._sectors)
+
+
+def collect_turns(
+    simulation: Simulation, vehicle: Vehicle, scanner: str | None
+) -> TurnCollection:
+    """Let the FMCW radar of a robot turn, and collect what it receives.
+
+    Args:
+        simulation: The simulation.
+        vehicle: The robot.
+        scanner: Name of the radar, in any case; None for the robot's first.
+
+    Raises:
+        ClientError: If the robot has no such FMCW radar.
+    """
+    antennas = antennas_of(simulation).of(vehicle)
+    names = [each.mounted.item.name for each in antennas]
+    for name, antenna in zip(names, antennas, strict=True):
+        if scanner is None or name.casefold() == scanner.casefold():
+            collection = TurnCollection()
+            antenna.listeners.append(collection.take)
+            return collection
+    if scanner is None:
+        text = f"robot {vehicle.robot.name!r} has no FMCW radar"
+        raise ClientError(f"{text}, expected such as a P3AT_Navtech")
+    raise ClientError(f"FMCW radar {expected_one_of(scanner, names)}")

@@ -12,13 +12,17 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-from radarsim.generators.town.buildings import WALLS, add_boundary, add_house, add_shed
-from radarsim.generators.town.site import Frame, Site
-from radarsim.generators.town.street_furniture import (
+from radarsim.generators.town_objects import (
+    WALLS,
+    Frame,
+    Site,
+    add_boundary,
     add_bush,
     add_car,
     add_furniture,
+    add_house,
     add_lamp,
+    add_shed,
     add_tree,
 )
 from radarsim.rng import generator_for

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import radarsim
-from radarsim.generators.town.town import GROUND, PAVEMENT, ROADWAY, SIDE, town_yaml
+from radarsim.generators.town import GROUND, PAVEMENT, ROADWAY, SIDE, town_yaml
 from radarsim.scene.scene import Scene
 
 

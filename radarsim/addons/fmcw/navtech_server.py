@@ -21,19 +21,20 @@ import logging
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
-from radarsim.addons.fmcw.antennas import antennas_of
 from radarsim.addons.fmcw.image_files import ENCODER_COUNTS
-from radarsim.addons.fmcw.navtech.messages import (
+from radarsim.addons.fmcw.navtech_messages import (
     MessageBuffer,
     MessageType,
     configuration_message,
     direction_message,
 )
+from radarsim.addons.fmcw.rotation_schedule import antennas_of
 from radarsim.server.host import HostObserver
 from radarsim.server.peer_connections import PeerConnection, PeerServer, RefusalLog
 
 if TYPE_CHECKING:
-    from radarsim.addons.fmcw.antennas import Antenna, SeenSector
+    from radarsim.addons.fmcw.rotation import Sector
+    from radarsim.addons.fmcw.rotation_schedule import Antenna
     from radarsim.presets.fmcw_settings import FmcwSettings
     from radarsim.simulation.simulation import Simulation
 
@@ -121,14 +122,14 @@ class NavtechServer(PeerServer, HostObserver):
         """Send the configuration, if there is a radar."""
         client.send(self._configuration)
 
-    def _hear(self, seen: SeenSector) -> None:
-        """Send directions to all who want them."""
-        sector, settings = seen.sector, seen.sector.spectrum.settings
+    def _hear(self, sector: Sector, time: float) -> None:
+        """Send directions, received from a time on, s, to all who want them."""
+        settings = sector.spectrum.settings
         data = b"".join(
             direction_message(
                 (sector.turn * settings.azimuths + row) % 2**16,
                 row * ENCODER_COUNTS // settings.azimuths,
-                round((seen.time + k * settings.sweep_time) * 1e9),
+                round((time + k * settings.sweep_time) * 1e9),
                 sector.spectrum.counts[k].tobytes(),
             )
             for k, row in enumerate(sector.rows)
@@ -174,7 +175,7 @@ class RadarClient(PeerConnection):
     def buffer_updated(self, nbytes: int) -> None:
         """Act on received messages, and read no more for a while."""
         messages = self._messages.feed(bytes(self._buffer[:nbytes]))
-        types = [message.type for message in messages]
+        types = [kind for kind, _ in messages]
         if MessageType.CONFIGURATION_REQUEST in types:
             self._tell(self)
         for kind in types:
