@@ -3,14 +3,18 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise
-from typing import Final, NamedTuple, NoReturn
+from typing import Final, NamedTuple, NoReturn, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from radarsim.engine import Packed, engine
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.raycast.attenuation import EventKind
+
+Sides: TypeAlias = NDArray[np.int8]  # of its beam that each ray is on
+Nodes: TypeAlias = NDArray[np.int16]  # of its beam that each ray is
 
 RADAR: Final = 0
 LASER: Final = 1
@@ -47,15 +51,15 @@ class RayClass(NamedTuple):
 DEFAULT_CLASSES: Final = (RayClass(RADAR), RayClass(LASER))
 
 
-class RayColumns(NamedTuple):
-    """The columns of ``Rays``, as the engine takes them."""
-
-    origins: Floats
-    directions: Floats
-    max_range: Floats
-    power: Floats
-    class_index: NDArray[np.uint8]
-    carrier_id: NDArray[np.int64]
+_NO_NODES: Final = engine.structures["NodeTable"].pack(
+    directions=np.zeros((0, 0, 3)),
+    starts=np.zeros((0, 0, 3)),
+    edges=np.zeros(0),
+    sides=np.zeros(0, np.int8),
+)
+_COLUMNS: Final = (
+    "origins", "directions", "max_range", "power", "class_index", "carrier_id"
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,12 +92,13 @@ class Rays:
         origins: Floats,
         directions: Floats,
         *,
-        max_range: float,
+        max_range: float | Floats,
         power: float = np.inf,
         medium: int = RADAR,
-        carrier_id: int = -1,
+        carrier_id: int | NDArray[np.int64] = -1,
+        ray_classes: tuple[RayClass, ...] = DEFAULT_CLASSES,
     ) -> "Rays":
-        """Create rays that differ only in origin and direction."""
+        """Create rays of one medium, or of the first of other classes."""
         n = len(origins)
         return cls(
             np.ascontiguousarray(origins, np.float64),
@@ -102,6 +107,7 @@ class Rays:
             np.full(n, power, np.float64),
             np.full(n, medium, np.uint8),
             np.full(n, carrier_id, np.int64),
+            ray_classes,
         )
 
     @classmethod
@@ -116,7 +122,7 @@ class Rays:
             batches = [batch.with_classes(classes) for batch in batches]
         columns = {
             name: np.concatenate([getattr(batch, name) for batch in batches])
-            for name in RayColumns._fields
+            for name in _COLUMNS
         }
         return cls(**columns, ray_classes=classes)
 
@@ -126,22 +132,27 @@ class Rays:
         class_index = np.array(indices, np.uint8)[self.class_index]
         return replace(self, class_index=class_index, ray_classes=ray_classes)
 
-    def rows(self, start: int, end: int) -> "Rays":
-        """Return views of consecutive rays."""
-        return Rays(
-            self.origins[start:end],
-            self.directions[start:end],
-            self.max_range[start:end],
-            self.power[start:end],
-            self.class_index[start:end],
-            self.carrier_id[start:end],
-            self.ray_classes,
-        )
-
     def take(self, rows: NDArray[np.int64]) -> "Rays":
         """Return the rays in the given rows."""
-        columns = {name: getattr(self, name)[rows] for name in RayColumns._fields}
+        columns = {name: getattr(self, name)[rows] for name in _COLUMNS}
         return Rays(**columns, ray_classes=self.ray_classes)
+
+    def pack(self) -> Packed:
+        """Pack the rays for the engine.
+
+        Raises:
+            EngineError: If the shape or dtype of a column is not as above.
+        """
+        return engine.structures["RaySource"].pack(
+            origins=np.ascontiguousarray(self.origins),
+            directions=np.ascontiguousarray(self.directions),
+            max_range=np.ascontiguousarray(self.max_range),
+            power=np.ascontiguousarray(self.power),
+            class_index=np.ascontiguousarray(self.class_index),
+            carrier=np.ascontiguousarray(self.carrier_id),
+            table=_NO_NODES,
+            radius=0.0,
+        )
 
 
 class Traces(NamedTuple):
@@ -218,36 +229,6 @@ class Event:
     power: float
     absorbed: float = 0.0
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-
-def columns_of(rays: Rays) -> RayColumns:
-    """Return the columns, checked, as their errors name the column.
-
-    Raises:
-        EngineError: If the shape or dtype of a column is not that of ``Rays``.
-    """
-    n = len(rays.origins)
-    for name, dtype in _DTYPES.items():
-        array = getattr(rays, name)
-        shape = (n, 3) if name in ("origins", "directions") else (n,)
-        if array.shape != shape:
-            raise EngineError(f"{name} of shape {array.shape}, expected {shape}")
-        if array.dtype != dtype:
-            raise EngineError(f"{name} of {array.dtype}, expected {dtype}")
-    return RayColumns(
-        rays.origins,
-        rays.directions,
-        rays.max_range,
-        rays.power,
-        rays.class_index,
-        rays.carrier_id,
-    )
-
-
-_DTYPES: Final = {name: np.dtype("f8") for name in RayColumns._fields} | {
-    "class_index": np.dtype("u1"),
-    "carrier_id": np.dtype("i8"),
-}
 
 
 def reject_ray(rays: Rays, row: int) -> NoReturn:

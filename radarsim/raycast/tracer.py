@@ -17,7 +17,7 @@ Rule 3: coordinates are relative to the centre of the scene, so that they are sm
 
 import functools
 from collections.abc import Sequence
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -27,21 +27,15 @@ from radarsim.engine import Packed, engine
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.processes import thread_count
-from radarsim.raycast.aimed_rays import (
-    NO_TABLE,
-    Nodes,
-    Sides,
-    UnaimedScans,
-    pack_source,
-)
 from radarsim.raycast.attenuation import EVENT, EventKind
 from radarsim.raycast.embree import EmbreeScene, Mesh
 from radarsim.raycast.rays import (
     Event,
+    Nodes,
     RayClass,
     Rays,
+    Sides,
     Traces,
-    columns_of,
     reject_ray,
 )
 from radarsim.raycast.robot_boxes import NO_BOXES, Boxes
@@ -60,34 +54,13 @@ INITIAL_CAPACITY: Final = 512  # crossings of a segment; events of a call
 INCONSISTENT: Final = -(2**63)  # a result of ``trace_rays``
 EMPTY: Final = np.zeros(0)
 NO_EVENTS: Final = np.zeros(0, EVENT)
-# The columns of scans in a call that traces given rays.
+# Places, random numbers, nodes, and sides of scans in a call that traces given rays.
 NO_SCANS: Final = (
     np.zeros((0, 7)),
     np.zeros((0, 0)),
     np.zeros(0, np.int16),
     np.zeros(0, np.int8),
-    np.zeros(0, np.bool_),
 )
-
-
-class TracedScans(NamedTuple):
-    """J scans of M rays each.
-
-    Attributes:
-        traces: How the rays ended; nothing is known of rays of scans that are not
-            ``clear``.
-        nodes: (J * M,) node of its beam that each ray is.
-        sides: (J * M,) side of its beam: -1 right, 0 centre, 1 left.
-        clear: (J,) which scans were traced. The others have something opaque so near
-            their sensor that rays may start behind it.
-        crowded: The number of these others.
-    """
-
-    traces: Traces
-    nodes: Nodes
-    sides: Sides
-    clear: NDArray[np.bool_]
-    crowded: int
 
 
 class Tracer:
@@ -176,47 +149,60 @@ class Tracer:
         Raises:
             EngineError: If a ray or a column of the rays is invalid.
         """
-        source = pack_source(columns_of(rays), NO_TABLE)
         size, classes = len(rays.origins), rays.ray_classes
-        traces, code = self._run(
-            source, classes, size, NO_SCANS, boxes, events, incidence
-        )
+        options = boxes, events, incidence, self._threads_for(size)
+        traces, code = self._run(rays.pack(), classes, size, NO_SCANS, *options)
         if code < 0:
             reject_ray(rays, -1 - code)
         return traces
 
     def trace_scans(
         self,
-        scans: UnaimedScans,
+        source: Packed,
+        ray_classes: tuple[RayClass, RayClass],
+        scans: tuple[Floats, Floats, Nodes, Sides],
         boxes: Boxes | None = None,
         *,
         events: bool = False,
         incidence: bool = False,
-    ) -> TracedScans:
+        threads: int | None = None,
+    ) -> Traces:
         """Aim the rays of scans and trace them, in one call of the engine.
 
+        The middle ray of three takes the place of a ray that starts where its sensor
+        cannot see, behind something opaque.
+
         Args:
-            scans: The scans.
+            source: The packed ``RaySource`` of the sensor.
+            ray_classes: The class of its rays, and that for which something may hide
+                where they start.
+            scans: Of J scans of M rays each: (J, 7) x, y, z, roll, pitch, yaw of the
+                sensor, map frame, and the id of the box that carries it, -1 for none;
+                (J, N) random numbers from 0 to 1, which select a node of each beam, or
+                (J, 0) if all are aimed; and two columns to write to, (J * M,) the node
+                of its beam that each ray is, and its side.
             boxes: The robots.
             events: As in ``trace``.
             incidence: As in ``trace``.
+            threads: On how many threads; None for as many as pay off.
 
         Raises:
-            EngineError: If a ray is invalid, as one from a pose that is not finite.
+            EngineError: If a pose is not finite.
         """
-        sensor, chances, places = scans
-        count = len(places)
-        n = count * sensor.rays_per_scan
-        nodes, sides = np.zeros(n, np.int16), np.zeros(n, np.int8)
-        clear = np.zeros(count, np.bool_)
-        columns = places, chances, nodes, sides, clear
-        traces, code = self._run(
-            sensor.source, sensor.ray_classes, n, columns, boxes, events, incidence
-        )
+        size = len(scans[2])
+        threads = threads or self._threads_for(size)
+        options = boxes, events, incidence, threads
+        traces, code = self._run(source, ray_classes, size, scans, *options)
         if code < 0:
-            reject_ray(scans.aim(), -1 - code)
-        crowded = 0 if clear.all() else count - int(clear.sum())
-        return TracedScans(traces, nodes, sides, clear, crowded)
+            scan = (-1 - code) * len(scans[0]) // size
+            raise EngineError(
+                f"pose {scans[0][scan, :6].tolist()}, expected finite numbers"
+            )
+        return traces
+
+    @staticmethod
+    def _threads_for(size: int) -> int:
+        return 1 if size < THREAD_RAYS else thread_count()
 
     def explain(self, rays: Rays, boxes: Boxes | None = None) -> list[list[Event]]:
         """Trace rays and return the events of each, in order.
@@ -267,6 +253,7 @@ class Tracer:
         boxes: Boxes | None,
         events: bool,
         incidence: bool,
+        threads: int,
     ) -> tuple[Traces, int]:
         """Trace rays; all of them again with more memory if it was too little.
 
@@ -279,6 +266,7 @@ class Tracer:
             boxes: The robots.
             events: As in ``trace``.
             incidence: As in ``trace``.
+            threads: Their number.
 
         Returns:
             The traces; and 0, or -1 minus the index of an invalid ray.
@@ -287,7 +275,6 @@ class Tracer:
         # so that calls seldom trace twice.
         room = max(self._events_per_ray * size, INITIAL_CAPACITY) if events else 0
         scene, summary = self._packed_for(ray_classes), np.zeros(3)
-        threads = 1 if size < THREAD_RAYS else thread_count()
         table = NO_BOXES if boxes is None else boxes.table(self._centre)
         while True:
             columns = (

@@ -185,7 +185,7 @@ class Arena:
         ranges = self._blank(self.scanner.settings.max_range)
         scanning = chosen & self._present
         requests = self._requests(rngs, scanning)
-        ranges[scanning] = scan_ranges(self._tracer, requests, self._seen()).ranges
+        ranges[scanning] = scan_ranges(self._tracer, requests, self._seen())[0]
         return ranges
 
     def read_beams(
