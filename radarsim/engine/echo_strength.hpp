@@ -1,10 +1,10 @@
-// What comes back of each event along rays; see echo_strength.py for the theory.
+// What comes back of each event along rays; see echo_extraction.py for the theory.
 #pragma once
 #include "event.hpp"
 
 namespace radarsim {
 
-constexpr double NOTHING_LEFT = 1e-12; // share of a ray's power; as in echo_strength.py
+constexpr double NOTHING_LEFT = 1e-12; // share of a ray's power; as in echo_extraction.py
 
 struct Densities {
     Array<const double> parts; // power lost per metre in each

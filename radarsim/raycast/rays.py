@@ -1,9 +1,9 @@
 """Input and output of the ray tracer: arrays with one row per ray."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import accumulate, pairwise
-from typing import Final, NamedTuple, NoReturn, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,27 +115,34 @@ class Rays:
         """Join one or more batches in order."""
         if len(batches) == 1:
             return batches[0]
-        classes = batches[0].ray_classes
-        if any(batch.ray_classes != classes for batch in batches):
-            every = (each for batch in batches for each in batch.ray_classes)
-            classes = tuple(dict.fromkeys(every))
-            batches = [batch.with_classes(classes) for batch in batches]
         columns = {
             name: np.concatenate([getattr(batch, name) for batch in batches])
             for name in _COLUMNS
         }
+        every = (each for batch in batches for each in batch.ray_classes)
+        classes = tuple(dict.fromkeys(every))
+        if len(classes) > 1:  # batches may count them otherwise
+            indices = []
+            for batch in batches:
+                index = [classes.index(each) for each in batch.ray_classes]
+                indices.append(np.array(index, np.uint8)[batch.class_index])
+            columns["class_index"] = np.concatenate(indices)
         return cls(**columns, ray_classes=classes)
-
-    def with_classes(self, ray_classes: tuple[RayClass, ...]) -> "Rays":
-        """Return the same rays indexing another tuple, which contains their classes."""
-        indices = [ray_classes.index(each) for each in self.ray_classes]
-        class_index = np.array(indices, np.uint8)[self.class_index]
-        return replace(self, class_index=class_index, ray_classes=ray_classes)
 
     def take(self, rows: NDArray[np.int64]) -> "Rays":
         """Return the rays in the given rows."""
         columns = {name: getattr(self, name)[rows] for name in _COLUMNS}
         return Rays(**columns, ray_classes=self.ray_classes)
+
+    def invalid(self, row: int) -> EngineError:
+        """Return the error for a ray that the engine does not trace."""
+        place, way = self.origins[row].tolist(), self.directions[row].tolist()
+        return EngineError(
+            f"ray {row} from {place} along {way}, max_range {self.max_range[row]},"
+            f" power {self.power[row]}, class {self.class_index[row]} of"
+            f" {len(self.ray_classes)}: expected finite numbers, a direction of length"
+            " 1, a power of at least 0, and an existing class"
+        )
 
     def pack(self) -> Packed:
         """Pack the rays for the engine.
@@ -229,28 +236,3 @@ class Event:
     power: float
     absorbed: float = 0.0
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-
-def reject_ray(rays: Rays, row: int) -> NoReturn:
-    """Raise the error that describes what is invalid about a ray.
-
-    Raises:
-        EngineError: Always.
-    """
-    for name in ("origins", "directions"):
-        numbers = getattr(rays, name)[row]
-        if not np.isfinite(numbers).all():
-            text = f"{name}[{row}] is {numbers.tolist()}, expected finite numbers"
-            raise EngineError(text)
-    for name in ("max_range", "power"):
-        number = float(getattr(rays, name)[row])
-        if not number >= 0.0:
-            raise EngineError(f"{name}[{row}] is {number}, expected at least 0")
-    if not np.isfinite(rays.max_range[row]):
-        raise EngineError(f"max_range[{row}] is inf, expected a finite range")
-    most = len(rays.ray_classes) - 1
-    if rays.class_index[row] > most:
-        text = f"class_index[{row}] is {rays.class_index[row]}, expected 0 to {most}"
-        raise EngineError(text)
-    length = float(np.linalg.norm(rays.directions[row]))
-    raise EngineError(f"directions[{row}] has length {length:.9g}, expected 1")

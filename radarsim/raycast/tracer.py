@@ -16,7 +16,7 @@ Rule 3: coordinates are relative to the centre of the scene, so that they are sm
 """
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 from weakref import WeakKeyDictionary
 
@@ -36,7 +36,6 @@ from radarsim.raycast.rays import (
     Rays,
     Sides,
     Traces,
-    reject_ray,
 )
 from radarsim.raycast.robot_boxes import NO_BOXES, Boxes
 from radarsim.raycast.traced_scene import (
@@ -102,7 +101,7 @@ class Tracer:
         self._volumes = find_volumes(parts, self._centre)
         self._air = air
         self._tables: dict[tuple[RayClass, ...], Packed] = {}
-        self._scattering: dict[RayClass, Floats] = {}
+        self._losses: dict[RayClass, tuple[Floats, float, Floats]] = {}
         # The scene for the engine: it is packed again after a slice was added.
         self._packed: dict[tuple[RayClass, ...], Packed] = {}
         self._scene = EmbreeScene(
@@ -111,18 +110,19 @@ class Tracer:
         self._max_crossings = INITIAL_CAPACITY
         self._events_per_ray = 4  # the highest average of any call
 
-    def densities(self, ray_class: RayClass) -> tuple[Floats, float]:
-        """Return the power lost per metre in each part, (P,), and in the air."""
-        table = self._table_for((ray_class,))
-        density: Floats = table.density[0]
-        return density, float(table.air[0])
+    def losses(self, ray_class: RayClass) -> tuple[Floats, float, Floats]:
+        """Return what rays lose, and what of it comes back.
 
-    def scattering(self, ray_class: RayClass) -> Floats:
-        """Return what each part scatters of a ray's loss, relative to foliage, (P,)."""
-        found = self._scattering.get(ray_class)
+        Returns:
+            The power lost per metre in each part, (P,), and in the air; and what each
+            part scatters of a loss, relative to foliage, (P,).
+        """
+        found = self._losses.get(ray_class)
         if found is None:
+            table = self._table_for((ray_class,))
             each = [scattering_of(part.material, ray_class) for part in self.parts]
-            found = self._scattering[ray_class] = np.array(each, np.float64)
+            found = table.density[0], float(table.air[0]), np.array(each, np.float64)
+            self._losses[ray_class] = found
         return found
 
     @property
@@ -151,10 +151,7 @@ class Tracer:
         """
         size, classes = len(rays.origins), rays.ray_classes
         options = boxes, events, incidence, self._threads_for(size)
-        traces, code = self._run(rays.pack(), classes, size, NO_SCANS, *options)
-        if code < 0:
-            reject_ray(rays, -1 - code)
-        return traces
+        return self._run(rays.pack(), classes, size, NO_SCANS, rays.invalid, *options)
 
     def trace_scans(
         self,
@@ -189,16 +186,14 @@ class Tracer:
         Raises:
             EngineError: If a pose is not finite.
         """
-        size = len(scans[2])
-        threads = threads or self._threads_for(size)
-        options = boxes, events, incidence, threads
-        traces, code = self._run(source, ray_classes, size, scans, *options)
-        if code < 0:
-            scan = (-1 - code) * len(scans[0]) // size
-            raise EngineError(
-                f"pose {scans[0][scan, :6].tolist()}, expected finite numbers"
-            )
-        return traces
+        places, size = scans[0], len(scans[2])
+
+        def invalid(ray: int) -> EngineError:
+            pose = places[ray * len(places) // size, :6].tolist()
+            return EngineError(f"pose {pose}, expected finite numbers")
+
+        options = boxes, events, incidence, threads or self._threads_for(size)
+        return self._run(source, ray_classes, size, scans, invalid, *options)
 
     @staticmethod
     def _threads_for(size: int) -> int:
@@ -250,26 +245,24 @@ class Tracer:
         ray_classes: tuple[RayClass, ...],
         size: int,
         scans: tuple[NDArray[Any], ...],
+        invalid: Callable[[int], EngineError],
         boxes: Boxes | None,
         events: bool,
         incidence: bool,
         threads: int,
-    ) -> tuple[Traces, int]:
+    ) -> Traces:
         """Trace rays; all of them again with more memory if it was too little.
 
         Args:
             source: The packed ``RaySource``.
             ray_classes: The classes of its rays.
             size: The number of rays.
-            scans: The columns of the scans, as ``trace_rays`` takes them; ``NO_SCANS``
-                for given rays.
+            scans: As in ``trace_scans``; ``NO_SCANS`` for given rays.
+            invalid: Returns the error for a ray that is invalid, by its number.
             boxes: The robots.
             events: As in ``trace``.
             incidence: As in ``trace``.
             threads: Their number.
-
-        Returns:
-            The traces; and 0, or -1 minus the index of an invalid ray.
         """
         # Too little room only means a second pass; after it the highest need is known,
         # so that calls seldom trace twice.
@@ -302,7 +295,7 @@ class Tracer:
                     "rays or scans of lengths that do not belong together"
                 )
             if needed < 0:
-                return Traces(*columns, NO_EVENTS), needed
+                raise invalid(-1 - needed)
             if needed == 0 and count <= room:
                 # Level rays at a height that many have get a slice of the scene:
                 # counted here, as the engine cannot build one (``embree``).
@@ -311,7 +304,7 @@ class Tracer:
                 if room:
                     most = int(count) // max(size, 1) + 1
                     self._events_per_ray = max(self._events_per_ray, most)
-                return Traces(*columns, rows[: int(count)]), 0
+                return Traces(*columns, rows[: int(count)])
             self._max_crossings = max(self._max_crossings, 2 * needed)
             room = max(room, int(count))
             self._events_per_ray = max(self._events_per_ray, room // max(size, 1) + 1)

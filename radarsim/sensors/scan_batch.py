@@ -295,15 +295,14 @@ class ScanBatch:
         if pattern.selects_ray:
             shares = np.zeros(len(self.nodes))
             shares[rows] = 1.0
-        density, air = tracer.densities(ray_class)
-        losses = density, air, tracer.scattering(ray_class)
+        losses = tracer.losses(ray_class)
         echoes = extract_echoes(traces, shares, pattern.rays, losses, settings)
         if "rain" in self.drawn:
             random = np.concatenate(self.drawn["rain"], axis=1)
             rain = find_rain(tracer, traces.events, rows, random, settings)
             echoes = add_rain(echoes, rain)
         if "cloud" in self.drawn:
-            clouds = np.where(tracer.clouds, density, 0.0)
+            clouds = np.where(tracer.clouds, losses[0], 0.0)
             depths = self.drawn["cloud"]
             echoes = answer_in_clouds(echoes, traces.events, clouds, depths, settings)
         echoes = merge_echoes(echoes, settings.range_resolution)

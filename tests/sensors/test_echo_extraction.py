@@ -57,8 +57,7 @@ def returned(left: float) -> float:
 
 
 def losses_of(tracer: Tracer) -> tuple[Floats, float, Floats]:
-    radar = DEFAULT_CLASSES[0]
-    return *tracer.densities(radar), tracer.scattering(radar)
+    return tracer.losses(DEFAULT_CLASSES[0])
 
 
 def trace_ahead(
