@@ -184,36 +184,18 @@ class Traces(NamedTuple):
     incidence: Floats
     events: NDArray[np.void]
 
-    def rows(self, start: int, end: int) -> "Traces":
-        """Return views of consecutive traces, without their events."""
-        return Traces(
-            self.ranges[start:end],
-            self.outcomes[start:end],
-            self.parts[start:end],
-            self.power[start:end],
-            self.incidence[start:end],
-            self.events[:0],
-        )
-
     def split(self, sizes: Sequence[int]) -> "list[Traces]":
         """Split the traces of concatenated batches, given the batches' sizes."""
-        if len(sizes) == 1:
-            return [self]
         edges = [0, *accumulate(sizes)]
-        return [
-            self.rows(start, end)._replace(events=events)
-            for (start, end), events in zip(
-                pairwise(edges), self._split_events(edges), strict=True
-            )
-        ]
-
-    def _split_events(self, edges: list[int]) -> list[NDArray[np.void]]:
-        if not len(self.events):
-            return [self.events] * (len(edges) - 1)
         cuts = np.searchsorted(self.events["ray"], edges).tolist()
-        pieces = [self.events[start:end].copy() for start, end in pairwise(cuts)]
-        for first, piece in zip(edges[:-1], pieces, strict=True):
-            piece["ray"] -= first
+        pieces = []
+        for (start, end), (first, last) in zip(
+            pairwise(edges), pairwise(cuts), strict=True
+        ):
+            columns = [column[start:end] for column in self[:-1]]
+            events = self.events[first:last].copy()
+            events["ray"] -= start
+            pieces.append(Traces(*columns, events))
         return pieces
 
 

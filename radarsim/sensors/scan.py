@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -76,14 +76,8 @@ class Target:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the target as JSON types; a density of None is opaque."""
-        return {
-            "object": self.object,
-            "material": self.material,
-            "density": self.density if math.isfinite(self.density) else None,
-            "transparency": self.transparency,
-            "laser_passes": self.laser_passes,
-            "robot_passes": self.robot_passes,
-        }
+        density = self.density if math.isfinite(self.density) else None
+        return asdict(self) | {"density": density}
 
 
 def _share_left(loss: float, power: float) -> float:

@@ -96,10 +96,11 @@ class ScanBatch:
     """J scans of sensors of equal settings: drawn, then traced and read together.
 
     Attributes:
+        pattern: The beams.
         drawn: The random numbers of each kind, J rows.
         ranges: (J, N) m, as of ``ScanArrays``; and so the next.
         rays: (J, N), or None.
-        nodes: (J * M,) node of its beam that each ray is.
+        nodes: (J, M) node of its beam that each ray is.
     """
 
     ranges: Floats
@@ -116,7 +117,7 @@ class ScanBatch:
             tracer: Tracer of the scene.
             places: (J, 7) of the sensors, as of ``BeamPattern.aim``.
         """
-        self._pattern, self._tracer, self._places = pattern, tracer, places
+        self.pattern, self._tracer, self._places = pattern, tracer, places
         self.kinds, self.needs_events = pattern.kinds, pattern.needs_events
         settings, beams = pattern.settings, len(pattern.angles)
         if tracer.has_rain and settings.medium == "radar":
@@ -126,7 +127,7 @@ class ScanBatch:
             self.kinds = [*self.kinds, ("cloud", EXPONENTIAL, (beams,))]
         count = len(places)
         self.drawn = {kind: np.zeros((count, *shape)) for kind, _, shape in self.kinds}
-        self._echoes: EchoTable | None = None  # of all beams; None where ends are read
+        self._echoes: EchoTable | None = None  # of all beams; None until it is needed
         self._rows: Rows | None = None  # the ray of each beam; None where it has one
 
     def draw(
@@ -155,7 +156,7 @@ class ScanBatch:
             boxes: Boxes of the robots.
             threads: As of ``Tracer.trace_scans``.
         """
-        pattern, random = self._pattern, self._random_rays(0)
+        pattern, random = self.pattern, self._random_rays(0)
         size = len(self._places) * len(pattern.shares)
         nodes, sides = np.zeros(size, np.int16), np.zeros(size, np.int8)
         chances = self.drawn.get("nodes", ALL_NODES)
@@ -168,7 +169,7 @@ class ScanBatch:
             incidence=pattern.settings.incidence_weights,
             threads=threads,
         )
-        self.nodes = nodes
+        self.nodes = nodes.reshape(len(self._places), -1)
         self._sides = sides if random is None else pattern.sides_of(random)
         if pattern.selects_ray:
             self._rows = self._select_rays()
@@ -190,12 +191,12 @@ class ScanBatch:
             pose: Pose of the sensor.
             scene: The scene, if the scan shall know it.
         """
-        settings = self._pattern.settings
+        settings = self.pattern.settings
         # in the order of its attributes: names would take longer
         return Scan(
             sensor,
             pose,
-            self._pattern.angles,
+            self.pattern.angles,
             self.ranges[row],
             None if self.rays is None else self.rays[row],
             settings.min_range,
@@ -206,38 +207,25 @@ class ScanBatch:
             scene,
         )
 
-    def limited_ranges(self) -> Floats:
-        """Return the ranges, the maximum range where nothing was detected."""
-        return np.minimum(self.ranges, self._pattern.settings.max_range)
-
     def all_rays(self, row: int) -> Rays:
         """Return the M rays of a scan."""
-        own = self._own(row, len(self._pattern.shares))
-        places = self._places[row : row + 1]
-        return self._pattern.aim(places, self.nodes[own], self._random_rays(row))
+        places, nodes = self._places[row : row + 1], self.nodes[row]
+        return self.pattern.aim(places, nodes, self._random_rays(row))
 
     def _random_rays(self, row: int) -> Floats | None:
-        return self.drawn["rays"][row] if self._pattern.has_random_rays else None
-
-    @staticmethod
-    def _own(row: int, count: int) -> slice:
-        """Return where the beams or rays of a scan are, of so many each."""
-        return slice(row * count, (row + 1) * count)
-
-    def _rows_of(self, row: int) -> Rows:
-        """Return which of its rays give the ranges of a scan, (N,)."""
-        beams, rays = len(self._pattern.angles), len(self._pattern.shares)
-        if self._rows is None:
-            return np.arange(beams)
-        return self._rows[self._own(row, beams)] - row * rays
+        return self.drawn["rays"][row] if self.pattern.has_random_rays else None
 
     def _cast(self, row: int) -> Rays:
         """Return the rays that gave the ranges of a scan."""
-        return self.all_rays(row).take(self._rows_of(row))
+        rays = self.all_rays(row)
+        if self._rows is None:
+            return rays
+        rows = self._rows.reshape(self.ranges.shape)[row]
+        return rays.take(rows - row * len(self.pattern.shares))
 
     def _select_rays(self) -> Rows:
         """Select one ray of each beam at random; return their indices, (J * N,)."""
-        per_beam = self._pattern.rays
+        per_beam = self.pattern.rays
         weights = self._all_shares().reshape(-1, per_beam)
         chances = weights * backscatter(self._traces).reshape(-1, per_beam)
         empty = ~(chances.sum(axis=1) > 0)  # no ray of the beam met anything
@@ -250,12 +238,12 @@ class ScanBatch:
         return np.asarray(np.arange(len(node)) * per_beam + node)
 
     def _all_shares(self) -> Floats:
-        shares, count = self._pattern.shares, len(self._places)
+        shares, count = self.pattern.shares, len(self._places)
         return shares if count == 1 else np.tile(shares, count)
 
     def _read_ends(self) -> Floats:
         """Return the ranges, (J * N,), of beams that read where their rays end."""
-        traces, rows, settings = self._traces, self._rows, self._pattern.settings
+        traces, rows, settings = self._traces, self._rows, self.pattern.settings
         # The echoes, which few ask for, follow from exact ranges.
         ranges = traces.ranges.copy() if rows is None else traces.ranges[rows]
         self._add_errors(ranges, self.drawn.get("errors"))
@@ -267,10 +255,10 @@ class ScanBatch:
 
     def _read_echoes(self) -> Floats:
         """Return the ranges, (J * N,), of beams that read one of their echoes."""
-        pattern, settings = self._pattern, self._pattern.settings
+        pattern, settings = self.pattern, self.pattern.settings
         per_beam = pattern.rays
         # The ray that stands for a beam where none was selected is the middle one.
-        rows = np.arange(per_beam // 2, len(self.nodes), per_beam)
+        rows = np.arange(per_beam // 2, self.nodes.size, per_beam)
         if self._rows is not None:
             rows = self._rows
         echoes = self._all_echoes(rows)
@@ -289,11 +277,11 @@ class ScanBatch:
         Args:
             rows: (J * N,) the ray that stands for each beam.
         """
-        pattern, tracer, traces = self._pattern, self._tracer, self._traces
+        pattern, tracer, traces = self.pattern, self._tracer, self._traces
         settings, ray_class = pattern.settings, pattern.ray_classes[0]
         shares = self._all_shares()
         if pattern.selects_ray:
-            shares = np.zeros(len(self.nodes))
+            shares = np.zeros(self.nodes.size)
             shares[rows] = 1.0
         losses = tracer.losses(ray_class)
         echoes = extract_echoes(traces, shares, pattern.rays, losses, settings)
@@ -306,11 +294,22 @@ class ScanBatch:
             depths = self.drawn["cloud"]
             echoes = answer_in_clouds(echoes, traces.events, clouds, depths, settings)
         echoes = merge_echoes(echoes, settings.range_resolution)
-        self._move_echoes(echoes, self.drawn.get("errors"))
+        self._move_echoes(echoes)
         return echoes
 
-    def _move_echoes(self, echoes: EchoTable, errors: Floats | None) -> None:
+    def _end_echoes(self) -> EchoTable:
+        """Return the echoes at the ends of the rays, with range errors."""
+        settings, rows = self.pattern.settings, self._rows
+        rows = np.arange(self.nodes.size) if rows is None else rows
+        echoes = extract_ray_ends(self._traces, rows, settings)
+        if settings.spent_reads == "nothing":
+            echoes = echoes.take(np.flatnonzero(echoes["kind"] != EventKind.SPENT))
+        self._move_echoes(echoes)
+        return echoes
+
+    def _move_echoes(self, echoes: EchoTable) -> None:
         """Add the random errors of beams to their echoes, in place."""
+        errors = self.drawn.get("errors")
         if errors is not None:
             errors = errors.ravel()[echoes["beam"]]
         self._add_errors(echoes["t"], errors)
@@ -323,7 +322,7 @@ class ScanBatch:
             ranges: m.
             errors: In standard deviations; None for a sensor without noise.
         """
-        settings = self._pattern.settings
+        settings = self.pattern.settings
         if errors is None and not settings.range_quantum:
             return
         # A beam that met nothing has no range that could be wrong.
@@ -342,40 +341,22 @@ class ScanBatch:
 
     def _echoes_of(self, row: int) -> Echoes:
         """Return the echoes of a scan."""
-        beams, rays = len(self._pattern.angles), len(self._pattern.shares)
         if self._echoes is None:
-            table = self._end_echoes(row)
-        else:
-            ends = np.searchsorted(
-                self._echoes["beam"], [row * beams, (row + 1) * beams]
-            )
-            table = self._echoes[slice(*ends.tolist())].copy()
-            table["beam"] -= row * beams
-            table["row"] -= row * rays
+            self._echoes = self._end_echoes()
+        beams = len(self.pattern.angles)
+        ends = np.searchsorted(self._echoes["beam"], [row * beams, (row + 1) * beams])
+        table = self._echoes[slice(*ends.tolist())].copy()
+        table["beam"] -= row * beams
         columns = {
             name: np.ascontiguousarray(table[field])
             for name, field in ECHO_FIELDS.items()
         }
         return Echoes(
             **columns,
-            sides=self._sides[self._own(row, rays)][table["row"]],
+            sides=self._sides[table["row"]],
             scene_parts=self._tracer.parts,
-            settings=self._pattern.settings,
+            settings=self.pattern.settings,
         )
-
-    def _end_echoes(self, row: int) -> EchoTable:
-        """Return the echoes of a scan at the ends of its rays."""
-        settings, own = (
-            self._pattern.settings,
-            self._own(row, len(self._pattern.shares)),
-        )
-        traces = self._traces.rows(own.start, own.stop)
-        echoes = extract_ray_ends(traces, self._rows_of(row), settings)
-        if settings.spent_reads == "nothing":
-            echoes = echoes.take(np.flatnonzero(echoes["kind"] != EventKind.SPENT))
-        errors = self.drawn.get("errors")
-        self._move_echoes(echoes, None if errors is None else errors[row])
-        return echoes
 
 
 def scan_batch(
@@ -421,7 +402,10 @@ def scan_ranges(
         ValueError: If an rng is needed and missing.
     """
     taken, scans = _trace_all(tracer, requests, boxes), {}
-    limited = {batch: batch.limited_ranges() for batch, _ in taken}
+    limited = {
+        batch: np.minimum(batch.ranges, batch.pattern.settings.max_range)
+        for batch, _ in taken
+    }
     for i, (batch, row) in enumerate(taken):
         if batch.needs_events:
             scans[i] = batch.scan(row, requests[i].scanner.name, requests[i].pose)
