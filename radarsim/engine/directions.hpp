@@ -8,6 +8,10 @@ struct Place { // of a sensor: map frame, and the id of the box that carries it
     double x, y, z, roll, pitch, yaw, carrier;
 };
 
+inline const Place& place_of(Array<const double[7]> places, int64_t scan) {
+    return *reinterpret_cast<const Place*>(places[scan]);
+}
+
 struct NodeTable {
     Array<const Vector, 2> directions, starts; // of each node and beam; one row of starts if all nodes share them
     Array<const double> edges;                 // random numbers from which on the next node is drawn
@@ -64,36 +68,25 @@ inline void aim_ray(const NodeTable& table, const Frame& frame, int64_t beam, in
     }
 }
 
-enum Choice : int64_t { DRAWN, ALL, GIVEN };
-
-// Select the rays of scans, and transform them to the map frame; see aimed_rays.py. Returns whether the lengths of the
-// arrays, and nodes that are given, belong together.
-inline bool aim_scans(const NodeTable& table, Array<const double[6]> poses, Choice choice, Array<const double, 2> chances,
-                      Array<int16_t> nodes, Array<int8_t> sides, Array<Vector> origins, Array<Vector> directions) {
-    int64_t beams = poses.size() * table.beams(), all = table.nodes(), i = 0;
+// Aim nodes of scans: transform them to the map frame. Returns whether the lengths of the arrays, and the nodes, belong
+// together.
+inline bool aim_scans(const NodeTable& table, Array<const double[7]> places, Array<const int16_t> nodes,
+                      Array<Vector> origins, Array<Vector> directions) {
+    int64_t beams = places.size() * table.beams(), i = 0;
     if (!beams || !table.is_valid()) return !nodes.size();
     int64_t rays_per_beam = nodes.size() / beams;
-    if (nodes.size() % beams || (choice == ALL && rays_per_beam > all)) return false;
-    bool is_drawn = chances.shape[0] == poses.size() && chances.shape[1] == table.beams() && table.edges.size() < all;
-    if (choice == DRAWN && !(is_drawn && rays_per_beam == 1)) return false;
+    if (nodes.size() % beams) return false;
     for (int16_t node : nodes)
-        if (choice == GIVEN && (node < 0 || node >= all)) return false;
-    for (int64_t scan = 0; scan < poses.size(); scan++) {
-        const double* p = poses[scan];
-        Frame frame = frame_of({p[0], p[1], p[2], p[3], p[4], p[5], -1.0});
+        if (node < 0 || node >= table.nodes()) return false;
+    for (int64_t scan = 0; scan < places.size(); scan++) {
+        Frame frame = frame_of(place_of(places, scan));
         for (int64_t beam = 0; beam < table.beams(); beam++)
-            for (int64_t ray = 0; ray < rays_per_beam; ray++, i++) {
-                if (choice == DRAWN)
-                    nodes[i] = int16_t(node_of(table.edges, chances(scan, beam)));
-                else if (choice == ALL)
-                    nodes[i] = int16_t(ray);
-                sides[i] = table.sides[nodes[i]];
+            for (int64_t ray = 0; ray < rays_per_beam; ray++, i++)
                 aim_ray(table, frame, beam, nodes[i], origins[i], directions[i]);
-            }
     }
     return true;
 }
-BIND(aim_scans, "j hn r r r r")
+BIND(aim_scans, "j r r r")
 
 // Offsets are angles to the left and up, rad, of each node of each beam.
 inline void node_directions(Array<const double> angles, Array<const double[2], 2> offsets,

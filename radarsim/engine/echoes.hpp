@@ -1,11 +1,11 @@
-// The echoes of the events along rays, and those of rain; see echo_strength.py, echo_extraction.py and rain.py for the
+// The echoes of the events along rays, and those of rain; see echo_extraction.py and rain.py for the
 // theory.
 #pragma once
 #include "attenuation.hpp"
 
 namespace radarsim {
 
-constexpr double NOTHING_LEFT = 1e-12; // share of a ray's power; as in echo_strength.py
+constexpr double NOTHING_LEFT = 1e-12; // share of a ray's power; as in echo_extraction.py
 
 struct Densities {
     Array<const double> parts; // power lost per metre in each

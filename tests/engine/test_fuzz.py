@@ -135,7 +135,7 @@ def scan() -> None:
         for scanner in (sensor, sensor.with_all_echoes):
             scanner.scan(SCENE, EYE, 1)
             scanner.scan_many(SCENE, [EYE, Pose3(1, 1, 1)], 1)
-            scanner.plan(tracer_of(SCENE), EYE, generator_for(1))
+            scanner.draw_rays(tracer_of(SCENE), EYE, generator_for(1))
 
 
 def turn() -> None:

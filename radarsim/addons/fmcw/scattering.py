@@ -136,7 +136,7 @@ def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Packed:
     if ray_class in known:
         return known[ray_class]
     materials = [part.material for part in tracer.parts]
-    density, air_density = tracer.densities(ray_class)
+    density, air_density, _ = tracer.losses(ray_class)
     per_db = ray_class.power_per_db
     loss = np.where(np.isfinite(density), density, 0.0) / (per_db * NEPER_DB)
     sheet = np.array([each.sheet_loss is not None for each in materials], np.bool_)
