@@ -6,7 +6,7 @@ from itertools import accumulate, pairwise
 from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from radarsim.engine import Packed, engine
 from radarsim.errors import EngineError

@@ -34,8 +34,6 @@ from radarsim.autonomy.mapping.export import (
 )
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
-from radarsim.autonomy.mapping.slam import SlamSettings
-from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.mission import run_mission
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.run_log import RunLog
