@@ -9,7 +9,7 @@ from typing import Any
 
 from radarsim.addons.ros.board import Board
 from radarsim.addons.ros.bridge import run_bridge
-from radarsim.addons.ros.commands import TopicOptions
+from radarsim.addons.ros.cli import TopicOptions
 from radarsim.addons.ros.websocket_side import WebSocketSide
 from radarsim.addons.testing import UsarsimServer
 

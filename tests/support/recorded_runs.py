@@ -51,14 +51,13 @@ def run_two_clients(
     config = config or SimulationConfig()
     events: list[RunEvent] = []
     recorder = HostRecorder(events.append, camera_interval=camera_interval)
-    host = Host(scene, config=config, seed=1, begins=False, observers=[recorder])
+    host = Host(scene, config=config, seed=1, observers=[recorder])
     first = host.connect()
     sent = {first: host.take(first)}
     for _ in range(3):
-        host.step()
+        host.step(passes=False)
     host.receive(first, first_spawn)
-    host.step()
-    host.begin(host.make_simulation())
+    host.step(passes=False)
     second = host.connect()
     sent[second] = b""
     for tick in range(ticks):
@@ -90,7 +89,7 @@ def write_run(run: RecordedRun, folder: Path) -> None:
 def host_of(run: RecordedRun, scene: Scene, *, seed: int = 1) -> Host:
     """Create a host of the conditions of a run."""
     config = SimulationConfig(get_dialect(run.info.dialect))
-    return Host(scene, config=config, seed=seed, begins=False)
+    return Host(scene, config=config, seed=seed)
 
 
 def calls_in(events: Sequence[RunEvent]) -> list[RunEvent]:

@@ -9,7 +9,7 @@ from typing import Final
 
 import yaml
 
-from radarsim.addons.imports.commands import ImportOptions
+from radarsim.addons.imports.cli import ImportOptions
 from radarsim.addons.imports.source_file import place, rounded
 from radarsim.errors import ForeignFileError, MapError
 from radarsim.geometry import Pose3

@@ -13,7 +13,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from radarsim.addons.imports.commands import ImportOptions
+from radarsim.addons.imports.cli import ImportOptions
 from radarsim.addons.imports.imported_map import ImportedMap
 from radarsim.addons.imports.mesh_copies import MeshCopies
 from radarsim.addons.imports.sdf_frames import ORIGIN, Frames, LeftOut, parse_pose

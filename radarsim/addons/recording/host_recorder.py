@@ -17,15 +17,15 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.addons.fmcw.antennas import antennas_of
 from radarsim.addons.fmcw.image_files import encoder_counts, put_metadata
+from radarsim.addons.fmcw.rotation_schedule import antennas_of
 from radarsim.protocol.reports import to_bytes
 from radarsim.server.host import HostObserver
 from radarsim.server.host.replies import configuration, geometry
 from radarsim.server.views import View
 
 if TYPE_CHECKING:
-    from radarsim.addons.fmcw.antennas import SeenSector
+    from radarsim.addons.fmcw.rotation import Sector
     from radarsim.simulation.config import SimulationConfig
     from radarsim.simulation.simulation import Simulation
     from radarsim.simulation.vehicle import Vehicle
@@ -92,16 +92,16 @@ class TurnCollector:
         self._began = 0.0  # s
         self._rows: list[NDArray[np.uint8]] = []
 
-    def take(self, seen: SeenSector) -> None:
-        """Add what is received from neighbouring directions."""
-        sector, settings = seen.sector, seen.sector.spectrum.settings
+    def take(self, sector: Sector, time: float) -> None:
+        """Add what is received from neighbouring directions, from a time on, s."""
+        settings = sector.spectrum.settings
         if sector.first == 0:
-            self._began = seen.time
+            self._began = time
             self._rows.clear()  # of one that the antenna did not end
         elif not self._rows:  # the turn began before anybody listened
             return
         rows = np.arange(len(sector.spectrum.counts))
-        times = np.rint(1e6 * (seen.time + rows * settings.sweep_time))
+        times = np.rint(1e6 * (time + rows * settings.sweep_time))
         encoder = encoder_counts(settings.azimuths)[sector.first + rows]
         packed = put_metadata(sector.spectrum.counts, times.astype(np.int64), encoder)
         self._rows.append(packed)

@@ -98,8 +98,6 @@ class RecordingProcess:
         self._recorder = HostRecorder(
             self.add, spectra=spectra, camera_interval=camera_interval
         )
-        if host.has_begun:  # before anybody could listen
-            self._recorder.begin(host.simulation)
         host.add_observer(self._recorder)
 
     @property

@@ -39,7 +39,7 @@ def repeat_run(host: Host, calls: Iterable[RunEvent]) -> Repetition:
     """Repeat a run up to the first difference.
 
     Args:
-        host: A host of the recorded conditions whose simulation has not begun.
+        host: A host of the recorded conditions, which has had no clients.
         calls: The recorded calls, in order.
     """
     tick = clients = equal = 0
@@ -75,9 +75,6 @@ def _repeat(host: Host, call: RunEvent) -> bytes | None:
             host.connect()
         case EventType.DISCONNECT:
             host.disconnect(call.client)
-        case EventType.BEGIN:
-            # In the same tick as recorded: what clients sent before waits for it.
-            host.begin(host.make_simulation())
         case EventType.WAIT:
             for _ in range(call.client):  # ticks, no number of a client
                 host.step(passes=False)

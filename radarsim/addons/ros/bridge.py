@@ -28,7 +28,7 @@ from radarsim.addons.recording.host_recorder import DESCRIBED, EventType, RunEve
 from radarsim.addons.recording.messages import TopicMessage, clock
 from radarsim.addons.recording.robot_topics import below, sensed_map, topic_name
 from radarsim.addons.recording.wire_recorder import WireRecorder
-from radarsim.addons.ros.commands import TopicOptions
+from radarsim.addons.ros.cli import TopicOptions
 from radarsim.autonomy.watching import RobotWatcher, WatchMapper
 from radarsim.client import AsyncClient, ClientTimeout, RobotInfo
 from radarsim.client import session as questions

@@ -10,8 +10,8 @@ import recorded_runs
 from commands import run_in_process
 
 import radarsim
-from radarsim.addons.fmcw.antennas import LATENCY, SeenSector, antennas_of
 from radarsim.addons.fmcw.rotation import Sector
+from radarsim.addons.fmcw.rotation_schedule import LATENCY, antennas_of
 from radarsim.addons.fmcw.spectrum import Spectrum
 from radarsim.addons.recording.bag_folder import (
     RecordingInfo,
@@ -45,8 +45,7 @@ def events(foliage_room: Scene) -> list[RunEvent]:
     """A run with one turn."""
     events: list[RunEvent] = []
     recorder = HostRecorder(events.append, spectra=True)
-    host = Host(foliage_room, begins=False, observers=[recorder])
-    host.begin(host.make_simulation())
+    host = Host(foliage_room, observers=[recorder])
     client = host.connect()
     host.receive(client, INIT)
     for _ in range(TICKS):
@@ -95,7 +94,7 @@ def test_recorded_spectra_change_nothing_else(
 ) -> None:
     (turn,) = [event.data for event in events if event.type is EventType.TURN]
     assert pickle.loads(turn)[0] == "Navtech"
-    host = Host(foliage_room, begins=False)
+    host = Host(foliage_room)
     assert not repeat_run(host, recorded_runs.calls_in(events)).difference
 
 
@@ -142,9 +141,9 @@ def test_the_rest_of_a_turn_that_had_begun_before_is_no_turn(
     rest = replace(spectrum, angles=spectrum.angles[half:], power=spectrum.power[half:])
     turns: list[bytes] = []
     collector = TurnCollector("Navtech", turns.append)
-    collector.take(SeenSector(Sector(0, half, rest), 1.0))
+    collector.take(Sector(0, half, rest), 1.0)
     assert not turns
-    collector.take(SeenSector(Sector(1, 0, spectrum), 1.25))
+    collector.take(Sector(1, 0, spectrum), 1.25)
     _, time, _, rows = pickle.loads(*turns)
     assert (time, len(rows)) == (1.25, 400)
 
@@ -157,7 +156,7 @@ def test_turn_that_the_antenna_did_not_end_is_no_part_of_the_next(
     begun = replace(spectrum, angles=spectrum.angles[:9], power=spectrum.power[:9])
     turns: list[bytes] = []
     collector = TurnCollector("Navtech", turns.append)
-    collector.take(SeenSector(Sector(4, 0, begun), 1.0))
-    collector.take(SeenSector(Sector(0, 0, spectrum), 7.0))
+    collector.take(Sector(4, 0, begun), 1.0)
+    collector.take(Sector(0, 0, spectrum), 7.0)
     _, time, _, rows = pickle.loads(*turns)
     assert (time, len(rows)) == (7.0, 400)

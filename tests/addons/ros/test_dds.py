@@ -20,7 +20,7 @@ from PIL import Image
 from processes import start_radarsim
 
 from radarsim.addons.ros.bridge import as_jpeg, run_bridge
-from radarsim.addons.ros.commands import BridgeOptions, TopicOptions, ros
+from radarsim.addons.ros.cli import BridgeOptions, TopicOptions, ros
 from radarsim.addons.testing import UsarsimServer
 from radarsim.cli.fields import Server
 from radarsim.client import Client
