@@ -18,15 +18,15 @@ TIMEOUT = 240  # s that a busy machine may need
 
 @contextmanager
 def running(work: Coroutine[Any, Any, None]) -> Iterator[None]:
-    """Run a coroutine in a thread of its own, and cancel it at the end."""
+    """Run a coroutine in a thread of its own, and cancel it at the end.
+
+    Raises:
+        Exception: That of the coroutine, if it has failed before.
+    """
     loop = asyncio.new_event_loop()
     task = loop.create_task(work)
-
-    def run() -> None:
-        with suppress(asyncio.CancelledError):
-            loop.run_until_complete(task)
-
-    thread = threading.Thread(target=run)
+    waiting = asyncio.wait({task})
+    thread = threading.Thread(target=loop.run_until_complete, args=[waiting])
     thread.start()
     try:
         yield
@@ -34,6 +34,8 @@ def running(work: Coroutine[Any, Any, None]) -> Iterator[None]:
         loop.call_soon_threadsafe(task.cancel)
         thread.join(TIMEOUT)
         loop.close()
+        with suppress(asyncio.CancelledError):
+            task.result()
 
 
 @contextmanager

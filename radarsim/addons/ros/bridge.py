@@ -34,6 +34,7 @@ from radarsim.client import AsyncClient, ClientTimeout, RobotInfo
 from radarsim.client import session as questions
 from radarsim.client.robot_info import same_name
 from radarsim.errors import ClientError, describe_os_error
+from radarsim.listening import in_daemon_thread
 from radarsim.protocol.dialect import DriveUnit
 from radarsim.protocol.images import ImageType
 from radarsim.protocol.line_template import printable_name
@@ -190,7 +191,9 @@ async def publish_map(
 
         follower.on_scan = publish_now
         watcher = RobotWatcher(server, robot, echoes=echoes)
-        await follower.follow(watcher, echoes=echoes)
+        # Whatever is mapped when the bridge ends, its end does not wait for the thread.
+        if await in_daemon_thread(follower.watch, watcher, echoes=echoes):
+            raise ClientError(follower.error)
 
 
 class Driver:
