@@ -31,6 +31,7 @@ _EXPECTED: Final = {
     "less_than": "less than {lt:g}",
     "less_than_equal": "at most {le:g}",
     "list_type": "a list",
+    "enum": "{expected}",
     "literal_error": "{expected}",
     "model_type": "keys with values",
     "string_too_long": "at most {max_length} characters",
@@ -65,7 +66,7 @@ def describe_invalid(details: ErrorDetails) -> str:
     if error_type == "value_error":
         return str(context["error"])
     expected, meant = _expected(details, context), ""
-    if error_type == "literal_error" and isinstance(details["input"], str):
+    if error_type in ("literal_error", "enum") and isinstance(details["input"], str):
         meant = did_you_mean(details["input"], re.findall("'(.*?)'", expected))
     return f"{short_repr(details['input'])}{meant}, {expected}"
 

@@ -13,8 +13,7 @@ from contextlib import closing
 from typing import Final, Literal, TypeAlias
 
 from radarsim.autonomy.exploration.exploration import NOISE
-from radarsim.autonomy.mapping.mapper import Mapper, MapperSettings
-from radarsim.autonomy.mapping.slam import SlamSettings
+from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.navigation.plans import MotionSource
 from radarsim.autonomy.navigation.runner import TripMeter
 from radarsim.client import ScannerInfo
@@ -242,14 +241,15 @@ class WatchMapper:
         info = self._scanner_info()
         if info is None:
             return
-        settings = MapperSettings(
-            slam=SlamSettings(motion_source=self.motion_source),
+        self.mapper = Mapper(
+            info,
+            motion_source=self.motion_source,
             resolution=self._resolution,
             map_range=self._map_range,
             echo_wait=self._echo_wait,
+            # for servers whose time stamps are missing or stand still
+            clock=time.monotonic,
         )
-        # The clock is for servers whose time stamps are missing or stand still.
-        self.mapper = Mapper(info, settings, clock=time.monotonic)
         for each in self._early:
             self._map(self.mapper, each)
 

@@ -110,7 +110,7 @@ def new(
 
         data = make_random_map(random).as_yaml().encode()
     elif town is not None:
-        from radarsim.generators.town.town import town_yaml
+        from radarsim.generators.town import town_yaml
 
         data = town_yaml(town).encode()
     else:

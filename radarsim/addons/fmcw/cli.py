@@ -1,8 +1,7 @@
-"""``radarsim spectrum``: turns of an FMCW radar as pictures, images or numbers."""
+"""``radarsim spectrum``, and ``radarsim serve --navtech``, which serves a radar."""
 
 from __future__ import annotations
 
-import csv
 import io
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
@@ -14,18 +13,23 @@ from annotated_types import Ge, Gt, Interval, Unit
 
 from radarsim.cli.fields import MapName
 from radarsim.cli.files import check_ending, check_writable, write_file
+from radarsim.cli.output import print_now
 from radarsim.cli.scan import PlacedSensor
-from radarsim.errors import PresetError, describe_os_error
+from radarsim.cli.server_options import ServedMap, ServeExtension
+from radarsim.errors import PresetError, describe_os_error, join_address
 from radarsim.plans import RARE, Option
 
 if TYPE_CHECKING:
     from radarsim.addons.fmcw.detection import Detections
-    from radarsim.addons.fmcw.sequences import DrivenPath, DrivenTurn
+    from radarsim.addons.fmcw.navtech_server import NavtechServer
+    from radarsim.addons.fmcw.sequences import DrivenPath
     from radarsim.addons.fmcw.spectrum import Spectrum
     from radarsim.scene.scene import Scene
     from radarsim.sensors.range_scanner import RangeScanner
+    from radarsim.server.host import Host
 
 _ENDINGS: Final = ("png", "svg", "pdf", "npz", "csv")
+_NAVTECH: Final = "--navtech"
 ALIKE: Final = 1e-3  # by which sizes of bins may differ without a warning
 
 
@@ -238,21 +242,16 @@ def _as_npz(turns: list[Spectrum]) -> bytes:
 
 def _as_csv(turns: list[Spectrum], detector: Detector) -> bytes:
     """Return a row for each detection, by default of ``ca``."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["turn", "azimuth", "angle", "range", "dbm"])
+    import numpy as np
+
+    text = io.StringIO("turn,azimuth,angle,range,dbm\n")
+    text.seek(0, io.SEEK_END)
     for number, turn in enumerate(turns):
         found = detector.detect(turn)
-        for row, angle, range_, dbm in zip(
-            found.rows.tolist(),
-            found.angles.tolist(),
-            found.ranges.tolist(),
-            found.dbm.tolist(),
-            strict=True,
-        ):
-            writer.writerow(
-                [number, row, f"{angle:.6f}", f"{range_:.4f}", f"{dbm:.2f}"]
-            )
+        turns_of = np.full(len(found.rows), number)
+        columns = (turns_of, found.rows, found.angles, found.ranges, found.dbm)
+        form = "%d,%d,%.6f,%.4f,%.2f"
+        np.savetxt(text, np.column_stack(columns), fmt=form)
     return text.getvalue().encode()
 
 
@@ -283,7 +282,9 @@ def _load_path(path: Path, scene: Scene) -> DrivenPath:
     return replace(way, positions=np.column_stack([way.positions[:, :2], heights]))
 
 
-def _write_sequence(folder: Path, layout: str, turns: Iterable[DrivenTurn]) -> int:
+def _write_sequence(
+    folder: Path, layout: str, turns: Iterable[tuple[float, Spectrum]]
+) -> int:
     """Write turns as a data set has them, with their poses; return their number.
 
     Args:
@@ -296,6 +297,7 @@ def _write_sequence(folder: Path, layout: str, turns: Iterable[DrivenTurn]) -> i
     """
     from radarsim.addons.fmcw.image_files import (
         LAYOUTS,
+        assumed_bin,
         cartesian_image,
         epoch_of,
         file_name,
@@ -303,6 +305,7 @@ def _write_sequence(folder: Path, layout: str, turns: Iterable[DrivenTurn]) -> i
         list_line,
         sequence_notes,
     )
+    from radarsim.addons.fmcw.sequences import tum_line
 
     images = folder / LAYOUTS[layout][0]
     try:
@@ -314,21 +317,25 @@ def _write_sequence(folder: Path, layout: str, turns: Iterable[DrivenTurn]) -> i
         raise click.BadParameter(text, param_hint="-o") from None
     lines, poses = [], ["# time x y z qx qy qz qw, of the antenna in the middle\n"]
     epoch_us, notes = 0, ""
-    for number, turn in enumerate(turns, 1):
-        settings, time_us = turn.spectrum.settings, round(turn.time * 1e6)
+    for number, (time, turn) in enumerate(turns, 1):
+        settings, time_us = turn.settings, round(time * 1e6)
         if number == 1:
             epoch_us = epoch_of(layout, settings.bin_size, time_us)
             start_us = time_us + epoch_us
-            _warn_of_bins(layout, settings.bin_size, start_us)
-            notes = sequence_notes(layout, turn.spectrum, start_us, epoch_us)
+            size, assumed = settings.bin_size, assumed_bin(layout, start_us)
+            if abs(size / assumed - 1) > ALIKE:
+                text = f"readers of {layout} assume bins of {assumed:g} m"
+                text += f", not {size:g} m: set that in them"
+                click.echo(f"warning: {text}", err=True)
+            notes = sequence_notes(layout, turn, start_us, epoch_us)
         time_us += epoch_us
-        name = file_name(turn.spectrum, layout, time_us=time_us, number=number)
-        write_file(images / name, image_of(turn.spectrum, layout, time_us=time_us))
+        name = file_name(turn, layout, time_us=time_us, number=number)
+        write_file(images / name, image_of(turn, layout, time_us=time_us))
         if layout == "radiate":
-            seen = cartesian_image(turn.spectrum)
-            write_file(folder / "Navtech_Cartesian" / name, seen)
+            write_file(folder / "Navtech_Cartesian" / name, cartesian_image(turn))
         lines.append(list_line(layout, name, time_us))
-        poses.append(turn.tum_line(epoch_us / 1e6))
+        middle = epoch_us / 1e6 + time + settings.azimuths * settings.sweep_time / 2
+        poses.append(tum_line(middle, turn.pose))
     # After the images, so that the list of a sequence that was interrupted names no
     # missing one.
     for list_name in LAYOUTS[layout][1:]:
@@ -338,11 +345,62 @@ def _write_sequence(folder: Path, layout: str, turns: Iterable[DrivenTurn]) -> i
     return len(lines)
 
 
-def _warn_of_bins(layout: str, bin_size: float, time_us: int) -> None:
-    """Tell on the terminal if readers of a data set assume bins of another size."""
-    from radarsim.addons.fmcw.image_files import assumed_bin
+@dataclass(frozen=True, slots=True)
+class NavtechOptions:
+    """The option ``--navtech`` of ``radarsim serve``.
 
-    assumed = assumed_bin(layout, time_us)
-    if abs(bin_size / assumed - 1) > ALIKE:
-        text = f"readers of {layout} assume bins of {assumed:g} m, not {bin_size:g} m"
-        click.echo(f"warning: {text}: set that in them", err=True)
+    Attributes:
+        navtech: Serve a robot's FMCW radar, such as that of a P3AT_Navtech, on this
+            port as well, in its maker's protocol; the real one's is 6317. Without a
+            name, the first robot that carries one.
+    """
+
+    option_group: ClassVar = "Beside the server"
+
+    navtech: Annotated[str | None, Option(metavar="PORT[:ROBOT]", is_rare=True)] = None
+
+    def extension(self, _: ServedMap) -> NavtechExtension | None:
+        """See ``ExtensionOptions.extension``."""
+        if self.navtech is None:
+            return None
+        port, colon, robot = self.navtech.partition(":")
+        problem = ""
+        # Other digits of Unicode are digits to isdigit() as well, and some of them none
+        # to int().
+        if not (port.isascii() and port.isdigit() and int(port) <= 65535):
+            problem = "a port from 0 to 65535, and a robot after a colon"
+        elif colon and not robot:
+            problem = "the name of a robot after the colon"
+        if problem:
+            text = f"{self.navtech!r}, expected {problem}"
+            raise click.BadParameter(text, param_hint=_NAVTECH)
+        return NavtechExtension(int(port), robot or None)
+
+
+class NavtechExtension(ServeExtension):
+    """A server of a radar beside the server of its robot."""
+
+    def __init__(self, port: int, robot: str | None) -> None:
+        """Plan a server; arguments are those of ``NavtechServer``."""
+        self.ports = {_NAVTECH: port}
+        self._robot = robot
+        self._server: NavtechServer
+
+    def attach(self, host: Host) -> None:
+        """See ``ServeExtension.attach``."""
+        from radarsim.addons.fmcw.navtech_server import NavtechServer
+
+        self._server = NavtechServer(port=self.ports[_NAVTECH], robot=self._robot)
+        host.add_observer(self._server)
+
+    async def start(self, address: str) -> None:
+        """See ``ServeExtension.start``."""
+        await self._server.start(address)
+
+    def announce(self, _: tuple[str, int]) -> None:
+        """Tell on stdout that clients of a radar can connect."""
+        print_now(f"radarsim: radar on {join_address(*self._server.address)}")
+
+    async def stop(self) -> None:
+        """See ``ServeExtension.stop``."""
+        await self._server.stop()

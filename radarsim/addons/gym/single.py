@@ -11,8 +11,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from radarsim.addons.gym.environment import GoToTask, as_actions
-from radarsim.addons.gym.settings import GoToSettings, Transition
+from radarsim.addons.gym.environment import (
+    GoToSettings,
+    GoToTask,
+    Transition,
+    as_actions,
+)
 from radarsim.geometry import Pose2
 from radarsim.plotting.palette import TARGET
 from radarsim.plotting.plan import HEIGHT, draw_plan, draw_robot, show_extent

@@ -53,21 +53,18 @@ def replay(
     Returns:
         The exit code.
     """
-    from radarsim.addons.recording.bag_folder import check_installed
+    from radarsim.addons.recording.bag_folder import open_bag
+    from radarsim.addons.recording.replay import serve_replay, writes_of
 
-    check_installed()
-    from radarsim.addons.recording.bag import BagReader
-    from radarsim.addons.recording.replay import ReplayServer, writes_of
-
-    bag = BagReader(folder)
+    bag = open_bag(folder)
     if verify:
         return _verify(bag, map_)
     start_log(logging.WARNING, "%(asctime)s %(levelname)s %(message)s")
     writes = writes_of(bag.calls(), client)
     if not bag.is_complete:
         print_message(f"{bag.folder}: {end_text(bag)}")
-    server = ReplayServer(writes, speed=speed)
-    return asyncio.run(server.serve(listener.addresses, listener.port, announce))
+    address, port = listener.addresses, listener.port
+    return asyncio.run(serve_replay(writes, address, port, announce, speed=speed))
 
 
 def _verify(bag: BagReader, map_: str | None) -> int:
@@ -100,9 +97,9 @@ def _verify(bag: BagReader, map_: str | None) -> int:
     config = SimulationConfig(
         get_dialect(info.dialect), info.drive_unit, info.settings, info.robots
     )
-    host = Host(load_map(name), config=config, seed=info.seed, begins=False)
+    host = Host(load_map(name), config=config, seed=info.seed)
     result = repeat_run(host, bag.calls())
-    if result.difference is not None:
+    if result.difference:
         print_message(f"{bag.folder}: differs at {result.difference}")
         if info.radar_model != RADAR_MODEL:
             print_message(
@@ -132,16 +129,13 @@ def info(folder: Folder) -> None:
     Args:
         folder: Folder of the recording.
     """
-    from radarsim.addons.recording.bag_folder import check_installed
+    from radarsim.addons.recording.bag_folder import open_bag
 
-    check_installed()
-    from radarsim.addons.recording.bag import BagReader
-
-    bag = BagReader(folder)
+    bag = open_bag(folder)
     counts: Counter[tuple[str, str]] = Counter()
     last = 0
     for message in bag.messages():
-        counts[message.topic, message.message.type] += 1
+        counts[message.topic, message.type] += 1
         last = max(last, message.time)
     conditions = bag.info
     click.echo(f"{folder}: {last / 1e9:.2f} s, radarsim {conditions.version}")

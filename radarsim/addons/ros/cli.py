@@ -9,17 +9,16 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
 
 from annotated_types import Interval
 
-from radarsim.addons.ros.topic_options import TopicOptions
 from radarsim.cli.fields import Port, RobotName, Server
 from radarsim.cli.output import print_message, print_now, start_log
 from radarsim.cli.server_options import cure_of_port
 from radarsim.errors import import_optional, join_address
-from radarsim.plans import RARE, Option
+from radarsim.plans import RARE, Option, Sets
 from radarsim.protocol.dialect import DriveUnit
 
 if TYPE_CHECKING:
+    from radarsim.addons.ros.board import Board
     from radarsim.addons.ros.bridge import RosSide
-    from radarsim.addons.ros.websocket_side import Board
 
 
 PORTS: Final = {"rosbridge": 9090, "foxglove": 8765}  # as their programs expect them
@@ -50,6 +49,39 @@ class BridgeOptions:
     origin: Annotated[tuple[str, ...], Option(metavar="URL", is_rare=True)] = ()
     domain: Annotated[int, Interval(ge=0, le=232), RARE] = 0
     interface: Annotated[str, RARE] = "lo"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TopicOptions:
+    """Which topics there are, and how they are named.
+
+    Attributes:
+        map: Map this robot, and publish the map each second.
+        draw: Publish the surfaces of this map, which the server serves, on /scene.
+        true_map: Publish on /map where robots cannot drive in that map.
+        no_namespace: Leave the name of this robot out of its topics and frames, as in
+            /odom and base_link.
+        own_localization: Leave the transform from map to odom to a program of yours,
+            such as AMCL or slam_toolbox; otherwise it is the truth.
+        echoes: Publish the echoes and targets of all scanners as well.
+        image_port: Publish pictures of the first robot's camera, which 'radarsim serve
+            --image-port' draws on this port.
+        image_rate: Pictures in a second.
+    """
+
+    option_group: ClassVar = "Topics"
+    at_most_one: ClassVar[Sets] = (("map", "true_map"),)
+
+    map: Annotated[str | None, Option(metavar="ROBOT")] = None
+    draw: Annotated[str | None, Option(metavar="MAP", words="maps")] = None
+    true_map: Annotated[bool, Option(needs=("draw",))] = False
+    no_namespace: Annotated[str | None, Option(metavar="ROBOT")] = None
+    own_localization: bool = False
+    echoes: Annotated[bool, RARE] = False
+    image_port: Annotated[Port | None, RARE] = None
+    image_rate: Annotated[
+        float, Interval(gt=0, le=5), Option(metavar="HZ", is_rare=True)
+    ] = 2.0
 
 
 def ros(

@@ -133,12 +133,9 @@ def commander(
     if server.map is not None and not child:
         from radarsim.cli.serve import LogOptions, serve
 
+        log = LogOptions()
         return serve(
-            server.map,
-            Listener(port=0),
-            server,
-            log_options=LogOptions(),
-            extensions=(page,),
+            server.map, Listener(port=0), server, log_options=log, extensions=(page,)
         )
     from radarsim.listening import check_port
 
@@ -148,26 +145,14 @@ def commander(
     with cure_of_port({OPTION: page.web}):  # before imports that take long
         check_port(page.web_host, page.web)
     from radarsim.addons.web.program import CommanderSettings, run_commander
-    from radarsim.server.web_server import make_token
 
-    address: tuple[str, int] | None = server.connect
     config, drawn = server.config(), server.map or server.draw
     if server.recording is not None:
         config, drawn = conditions_of(server.recording, drawn)
-    elif address is None:  # the parent writes it when it listens
-        host, _, port = sys.stdin.readline().strip().rpartition(" ")
-        if not host:  # it has ended instead, and said why
-            raise click.exceptions.Exit(1)
-        address = host, int(port)
+    address = _read_address() if child else server.connect
     if not child:  # else the parent says what is wrong with them, and ends
         check_item_settings(config)
-    token = make_token()
-    if page.web_token_file is not None:
-        token = read_token(page.web_token_file)
-    if page.web_host not in ("127.0.0.1", "localhost", "::1"):
-        print_message(
-            f"whoever reaches {page.web_host} and knows the token can drive the robots"
-        )
+    token = _find_token(page)
     settings = CommanderSettings(
         server=address,
         web_host=page.web_host,
@@ -188,6 +173,24 @@ def commander(
     return exit_immediately(code)  # threads may still import or compute
 
 
+def _read_address() -> tuple[str, int]:
+    """Return where the server listens; its process writes that when it does."""
+    host, _, port = sys.stdin.readline().strip().rpartition(" ")
+    if not host:  # it has ended instead, and said why
+        raise click.exceptions.Exit(1)
+    return host, int(port)
+
+
+def _find_token(page: PageOptions) -> str:
+    from radarsim.server.web_server import make_token
+
+    if page.web_host not in ("127.0.0.1", "localhost", "::1"):
+        print_message(
+            f"whoever reaches {page.web_host} and knows the token can drive the robots"
+        )
+    return read_token(page.web_token_file) if page.web_token_file else make_token()
+
+
 def conditions_of(
     folder: Path, drawn: str | None
 ) -> tuple[SimulationConfig, str | None]:
@@ -200,15 +203,12 @@ def conditions_of(
     Raises:
         RecordingError: If there is none.
     """
-    from radarsim.addons.recording.bag_folder import check_installed, digest_of
-
-    check_installed()
-    from radarsim.addons.recording.bag import BagReader
+    from radarsim.addons.recording.bag_folder import digest_of, open_bag
     from radarsim.protocol.dialect import get_dialect
     from radarsim.scene.map_file import find_map
     from radarsim.simulation.config import SimulationConfig
 
-    info = BagReader(folder).info
+    info = open_bag(folder).info
     config = SimulationConfig(
         get_dialect(info.dialect), info.drive_unit, info.settings, info.robots
     )
