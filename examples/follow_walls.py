@@ -55,7 +55,7 @@ with radarsim.simulate("foliage_room", seed=1) as sim:
     laser = sim.spawn("P3AT_SICK", name="laser", start="RobotStart3")
     followers = [WallFollower(radar), WallFollower(laser)]
     sim.step(PERIOD)
-    while sim.time < 40:
+    while sim.time < 20:
         for follower in followers:
             follower.step()
         sim.step(PERIOD)

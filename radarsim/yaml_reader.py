@@ -39,6 +39,8 @@ from radarsim.validation import describe_invalid, describe_unknown_key, short_re
 
 KeyPath: TypeAlias = tuple[str | int, ...]
 Position: TypeAlias = tuple[int, int]  # line and column, from 1
+# Of the text, which does not keep the rest from being read: where, and a message.
+YamlProblem: TypeAlias = tuple[Position, KeyPath, str]
 _ValueEvent: TypeAlias = (
     AliasEvent | ScalarEvent | SequenceStartEvent | MappingStartEvent
 )
@@ -88,15 +90,6 @@ class Node:
         if isinstance(self.value, list):
             return [node.to_plain() for node in self.value]
         return self.value
-
-
-@dataclass(frozen=True)
-class YamlProblem:
-    """A problem with the text that does not keep the rest from being read."""
-
-    position: Position
-    keys: KeyPath
-    message: str
 
 
 class UnreadableYaml(Exception):
@@ -210,8 +203,8 @@ def parse_yaml(path: Path, text: str) -> YamlFile:
     except UnreadableYaml as error:
         return _unreadable(path, error.position, error.message)
     problems = (
-        _format_problem(_place(path, problem.position), problem.keys, problem.message)
-        for problem in sorted(found, key=lambda problem: problem.position)
+        _format_problem(_place(path, position), keys, message)
+        for position, keys, message in sorted(found, key=lambda problem: problem[0])
     )
     return YamlFile(path, root.to_plain(), tuple(problems), root)
 
@@ -227,7 +220,7 @@ def parse_plain(text: str) -> object:
     except UnreadableYaml as error:
         raise ValueError(error.message) from error
     if problems:
-        raise ValueError(problems[0].message)
+        raise ValueError(problems[0][2])
     return root.to_plain()
 
 
@@ -378,8 +371,7 @@ class _Composer:
             raise UnreadableYaml(_position(event), f"more than {MAX_DEPTH} levels")
 
     def _report(self, event: Event, message: str) -> None:
-        problem = YamlProblem(_position(event), tuple(self._keys), message)
-        self.problems.append(problem)
+        self.problems.append((_position(event), tuple(self._keys), message))
 
 
 def _size_and_depth(nodes: Collection[Node]) -> tuple[int, int]:

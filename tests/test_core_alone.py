@@ -63,7 +63,7 @@ FOLDERS = (
 def core(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder that has the core, its maps and nothing else."""
     folder = tmp_path_factory.mktemp("core")
-    unwanted = shutil.ignore_patterns("__pycache__", *OTHERS)
+    unwanted = shutil.ignore_patterns(*OTHERS)
     shutil.copytree(PACKAGE, folder / "radarsim", ignore=unwanted)
     maps = PACKAGE.parent / "maps"
     if maps.is_dir():  # not where the package is installed: it has its own

@@ -22,7 +22,7 @@ def test_every_example_is_run() -> None:
     assert {path.name for path in EXAMPLES.glob("*.py")} == EXPECTED.keys()
 
 
-@pytest.mark.usarsim(map="foliage_room")
+@pytest.mark.usarsim(map="foliage_room", speed=4)
 @pytest.mark.parametrize("name", EXPECTED)
 def test_example_runs(name: str, usarsim_server: UsarsimServer) -> None:
     command = [sys.executable, str(EXAMPLES / name), str(usarsim_server.port)]

@@ -2,6 +2,8 @@
 
 import runpy
 import sys
+from collections.abc import Iterator
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -36,6 +38,14 @@ from radarsim.sensors.beams import LEFT, RIGHT
 
 ROOM = common.load_scene(common.ROOM)
 AHEAD = ((-2.0, 0.0),)  # a shorter way, up to the bushes
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _drawn_once() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (bushes, dust, maps, noise, scatter, side_rays):
+            patch.setattr(module, "draw", cache(module.draw))
+        yield
 
 
 def title_of(drawn: common.Drawn, file: str) -> str:

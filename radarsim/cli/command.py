@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, is_dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Annotated, Any, Final, NamedTuple
+from typing import Annotated, Any, Final
 
 import click
 from annotated_types import Unit
@@ -55,13 +55,6 @@ class PlansOf:
     """
 
     group: str
-
-
-class _Plan(NamedTuple):
-    parameter: str  # of the function
-    type: type
-    keys: dict[str, str]  # of click's parameters, by fields
-    is_one_of_many: bool
 
 
 class FieldType(click.ParamType[Any]):
@@ -174,7 +167,9 @@ class PlanCommand(click.Command):
         """
         self.fields: dict[str, PlanField] = {}
         self._function = function
-        self._plans: list[_Plan] = []
+        # Parameters with their plans, click's keys by fields, and whether others share
+        # the parameter.
+        self._plans: list[tuple[str, type, dict[str, str], bool]] = []
         self._values: dict[str, str] = {}  # parameters by the keys of their own options
         params: list[click.Parameter] = []
 
@@ -199,7 +194,7 @@ class PlanCommand(click.Command):
                 continue
             for plan in plans:
                 keys = {each.name: add(each) for each in plan_fields(plan)}
-                self._plans.append(_Plan(parameter.name, plan, keys, group is not None))
+                self._plans.append((parameter.name, plan, keys, group is not None))
         has_rare = any(field.option.is_rare for field in self.fields.values())
         params.append(help_all_option(is_listed=has_rare))
         text = inspect.getdoc(function) or ""
@@ -308,10 +303,10 @@ class PlanCommand(click.Command):
 
     def _sets(self, *names: str) -> Iterator[tuple[str, ...]]:
         """Yield the sets of fields that exclude each other, as keys."""
-        for plan in self._plans:
+        for _, plan, keys, _ in self._plans:
             for name in names:
-                for each in getattr(plan.type, name, ()):
-                    yield tuple(plan.keys[field] for field in each)
+                for each in getattr(plan, name, ()):
+                    yield tuple(keys[field] for field in each)
 
     def _listed(self, keys: Iterable[str], word: str = " and ") -> str:
         return word.join(map(self._shown, keys))

@@ -10,13 +10,13 @@ import re
 import shlex
 import signal
 import sys
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Final
+from typing import Annotated, Final
 
 import click
 from annotated_types import Ge
 
+from radarsim.cli.fields import OutputFile
 from radarsim.cli.files import (
     check_ending,
     check_picture,
@@ -26,7 +26,7 @@ from radarsim.cli.files import (
 from radarsim.cli.output import print_lines, program_name
 from radarsim.errors import expected_one_of
 from radarsim.files import is_by_radarsim
-from radarsim.plans import Option, Sets
+from radarsim.plans import Option
 from radarsim.processes import signal_handlers
 
 MAP: Final = "foliage_room"
@@ -46,29 +46,21 @@ _LINK_TO_PAGE = re.compile(r"\[([^\]]+)\]\((\w+)\.md(?:#[\w-]+)?\)")
 _LINK_TO_FILE = re.compile(r"\[([^\]]+)\]\((?!https:)(?:[\w./]+\.\w+)?(?:#[\w-]+)?\)")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DemoPicture:
-    """The picture of the demo.
-
-    Attributes:
-        out: The picture, a .png, .svg or .pdf; by default radarsim_demo.png.
-        output: The same, as other commands take it.
-    """
-
-    at_most_one: ClassVar[Sets] = (("out", "output"),)
-
-    out: Annotated[Path | None, Option(is_argument=True)] = None
-    output: Annotated[Path | None, Option(names=("-o", "--output"))] = None
-
-
-def demo(picture: DemoPicture) -> None:
+def demo(
+    out: Annotated[Path | None, Option(is_argument=True)] = None,
+    *,
+    output: OutputFile = None,
+) -> None:
     """Draw what radar and laser see of a room behind bushes, in one picture.
 
     Args:
-        picture: The file to write.
+        out: The picture, a .png, .svg or .pdf; by default radarsim_demo.png.
+        output: The same, as other commands take it.
     """
-    hint = "OUT" if picture.output is None else "-o"
-    out = picture.output or picture.out or Path("radarsim_demo.png")
+    if out is not None and output is not None:
+        raise click.BadParameter("expected only one of OUT and --output")
+    hint = "OUT" if output is None else "-o"
+    out = output or out or Path("radarsim_demo.png")
     form = check_picture(out, hint)
     # It has a default, so that a file of somebody's own could be replaced unawares.
     if out.exists() and not is_by_radarsim(out):

@@ -1,7 +1,6 @@
 """A simulation in the process of the program that drives its robots."""
 
-from radarsim.local.robot import LocalRobot
-from radarsim.local.scan import Frame, LocalScan
+from radarsim.local.robot import Frame, LocalRobot, LocalScan
 from radarsim.local.simulation import LocalSimulation, simulate
 
 __all__ = ["Frame", "LocalRobot", "LocalScan", "LocalSimulation", "simulate"]

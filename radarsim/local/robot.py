@@ -6,7 +6,18 @@ and its readings are read from the lines that it is sent. So both have the same 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeVar, cast
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    Final,
+    Literal,
+    NoReturn,
+    TypeAlias,
+    TypeVar,
+    cast,
+)
 
 import numpy as np
 
@@ -14,12 +25,11 @@ from radarsim import plugins
 from radarsim.client import Client, RobotInfo
 from radarsim.client import session as requests
 from radarsim.client.requests import check_kind
-from radarsim.client.robot_info import ScannerDescriptions
+from radarsim.client.robot_info import ScannerDescriptions, no_return
 from radarsim.client.robot_state import EchoCollector
 from radarsim.client.session import RANGE_SCANNER, ROBOT, Session
-from radarsim.errors import ClientError
-from radarsim.geometry import Pose2
-from radarsim.local.scan import CENTRE, LocalScan
+from radarsim.errors import ClientError, expected_one_of
+from radarsim.geometry import Floats, Pose2
 from radarsim.protocol.reports import (
     EchoLine,
     GroundTruth,
@@ -30,6 +40,7 @@ from radarsim.protocol.reports import (
     Report,
     RobotConf,
     RobotGeo,
+    TargetEchoes,
     Touch,
     decode_report,
 )
@@ -49,6 +60,57 @@ AnyReport = TypeVar("AnyReport", bound=Report)
 
 GROUP: Final = "radarsim.local"  # of plugins
 MOST_REPORTS: Final = 10_000
+
+
+Frame: TypeAlias = Literal["scanner", "robot", "map", "ins", "odometry"]
+
+CENTRE: Final = Pose2(0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocalScan(RangeScan):
+    """A scan as clients read it, and where it was taken.
+
+    Attributes:
+        medium: ``radar`` or ``laser``.
+        max_range: Range of a beam without return, m.
+        mount: Pose of the scanner on the robot.
+        poses: Poses of the robot when it scanned, by the frame that they are in.
+        echoes: What its beams met, an entry for each object; None if the robot was not
+            asked for echoes.
+        targets: What its detector found; None for a scanner without a detector, or if
+            the robot was not asked for targets.
+    """
+
+    medium: str
+    max_range: float
+    mount: Pose2
+    poses: Mapping[str, Pose2]
+    echoes: Sequence[TargetEchoes] | None
+    targets: Sequence[RadarTargets] | None
+
+    def points(self, frame: Frame = "robot") -> Floats:
+        """Return where something came back, (N, 2) m, from right to left.
+
+        Args:
+            frame: ``scanner``, ``robot``, or ``map`` by the true pose of the robot;
+                ``ins`` and ``odometry`` by the pose that these sensors last reported,
+                in the map and relative to the spawn pose.
+
+        Raises:
+            ValueError: If there is no such frame, or the robot has no such sensor.
+        """
+        if frame == "scanner":
+            pose = CENTRE
+        elif frame in self.poses:
+            pose = self.poses[frame].compose(self.mount)
+        else:
+            known = ["scanner", *self.poses]
+            raise ValueError(f"frame {expected_one_of(frame, known)}")
+        returned = self.ranges < no_return(self.max_range)
+        angles, ranges = self.angles[returned] + pose.yaw, self.ranges[returned]
+        ahead, aside = ranges * np.cos(angles), ranges * np.sin(angles)
+        return np.column_stack([pose.x + ahead, pose.y + aside])
 
 
 class LocalTransport:

@@ -79,7 +79,6 @@ FOLLOWING: Final = "#ffc800"  # path along a boundary, and the hit point it begi
 RETURNING: Final = "#0b6b57"  # path back to the leave point
 TARGET: Final = "#e11dbb"  # goals
 UNKNOWN_SENSOR: Final = LASER
-ROBOT_PATHS: Final = (GOING, RETURNING, FOLLOWING)  # of runs that a plot compares
 # Of robots that are seen together: hulls, and what their sensors read.
 ROBOTS: Final = (
     *("#44aabb", "#cc4455", "#eecc00", "#8833aa", "#22bb99"),

@@ -136,15 +136,12 @@ def test_strict_check_passes_a_map_without_doubts(radarsim: Command) -> None:
     assert radarsim("check", "foliage_room", "--strict").code == 0
 
 
-@pytest.mark.parametrize(
-    ("ending", "head"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")]
-)
 def test_plan_is_drawn_into_a_file_beside_the_summary(
-    radarsim: Command, tmp_path: Path, ending: str, head: bytes
+    radarsim: Command, tmp_path: Path
 ) -> None:
-    path = tmp_path / f"plan.{ending}"
+    path = tmp_path / "plan.pdf"
     run = radarsim("check", "empty_room", "--plot", str(path))
     assert run.code == 0
     assert f"wrote {path}" in run.err
     assert run.text == radarsim("check", "empty_room").text
-    assert path.read_bytes().startswith(head)
+    assert path.read_bytes().startswith(b"%PDF")

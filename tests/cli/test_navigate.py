@@ -205,11 +205,18 @@ def test_same_seed_gives_the_same_run_and_another_seed_another(
     assert first == again != other
 
 
-def test_each_goal_is_told_of_and_the_last_is_the_start(radarsim: Command) -> None:
-    way = (*BOX, "--goal", "-2.5,-0.4", "--goal", "4,-0.4", "--return-to-start")
-    told = json.loads(radarsim(*way, "--json").text)
-    assert told["goals"][:2] == [[-2.5, -0.4], [4.0, -0.4]]
-    assert math.dist(told["goals"][2], (-4, -0.4)) < 0.1
+def test_each_goal_is_told_of_and_the_last_is_the_start(
+    radarsim: Command, tmp_path: Path
+) -> None:
+    file = tmp_path / "post.yaml"
+    file.write_text(
+        "version: 1\nobjects: [{name: post, box: [0.4, 0.4, 1], material: metal}]\n"
+        "starts: [{name: RobotStart1, position: [-2, -0.1, 0]}]\n"
+    )
+    way = ("--goal=-1.3,-0.1", "--goal=1.2,-0.1", "--return-to-start", "--speed", "0.6")
+    told = json.loads(radarsim(*BUG2, str(file), *way, "--json").text)
+    assert told["goals"][:2] == [[-1.3, -0.1], [1.2, -0.1]]
+    assert math.dist(told["goals"][2], (-2, -0.1)) < 0.1
     assert [leg["goal"] for leg in told["legs"]] == told["goals"]
     assert [leg["outcome"] for leg in told["legs"]] == ["reached"] * 3
     assert [len(leg["hit_points"]) for leg in told["legs"]] == [0, 1, 1]

@@ -55,12 +55,6 @@ def test_single_items_are_in_the_singular() -> None:
     ]
 
 
-def test_empty_map_can_be_summarised() -> None:
-    lines = summarise(Scene("room", "DM-Room"))
-    assert lines[1] == "0 objects, 0 triangles"
-    assert "0 starts, x y z in m, yaw in degrees" in lines
-
-
 @pytest.mark.parametrize(
     ("material", "text"),
     [

@@ -43,12 +43,19 @@ def test_table_has_a_row_for_each_kind_of_trial_and_a_line_for_each_failure(
     assert max(map(len, (head, one, two, last))) <= 80
 
 
-def test_json_is_a_list_of_scores(radarsim: Command) -> None:
-    options = ("--algorithms", "bug2", "--sensors", "laser", "--json")
-    (told,) = json.loads(radarsim(*QUICK, *options).text)
-    expected = {"map": "bug_box", "algorithm": "bug2", "sensor": "laser", "seed": 0}
+def test_json_is_a_list_of_scores(radarsim: Command, tmp_path: Path) -> None:
+    yard = tmp_path / "yard.yaml"
+    yard.write_text(
+        "version: 1\nobjects: [{name: pole, box: [0.2, 0.2, 1], material: metal}]\n"
+        "starts: [{name: RobotStart1, position: [-2.5, 2, 0]}]\n"
+        "trial: {start: RobotStart1, goal: [-1.5, 2], safety_distance: 0.5}\n"
+    )
+    options = ("--algorithms", "bug2", "--sensors", "laser", "--seeds", "1", "--json")
+    (told,) = json.loads(radarsim("trials", str(yard), *options).text)
+    expected = {"map": str(yard), "algorithm": "bug2", "sensor": "laser", "seed": 0}
     assert told.items() >= (expected | {"outcome": "reached", "collisions": 0}).items()
-    assert told["shortest_path"] < told["path_length"] < told["time"]
+    assert told["shortest_path"] == 1.0
+    assert 0.8 < told["path_length"] < told["time"]
 
 
 def test_errors_of_a_map_are_printed(radarsim: Command, tmp_path: Path) -> None:

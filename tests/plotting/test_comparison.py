@@ -11,7 +11,9 @@ from matplotlib.figure import Figure
 import radarsim
 from radarsim import Material, Scene
 from radarsim.geometry import Pose3
-from radarsim.plotting.style import render
+from radarsim.plotting.marks import add_ray_rows
+from radarsim.plotting.sight import BeamEnd, Sight
+from radarsim.plotting.style import QUIET, Legend, render
 from radarsim.raycast.tracer import tracer_of
 from radarsim.sensors.scan_batch import ScanRequest, scan_batch
 
@@ -71,15 +73,20 @@ def test_panels_leave_no_empty_bands(
         assert title.x1 <= inches[0] * figure.dpi
 
 
-def test_each_mark_has_one_row_in_the_legend_of_all_panels() -> None:
+def test_each_mark_has_one_row_in_the_legend_of_all_panels(empty_room: Scene) -> None:
     """Beams of the two touch other materials."""
-    figure = radarsim.compare("orchard", "physical", "navtech_cir204h")
-    (legend,) = figure.legends
-    marks = [line.get_marker() for line in legend.get_lines()]
-    assert len(marks) == len({*marks}) == 4
-    touching = "read what stands in or at smoke and leaves"
-    texts = [text.get_text().replace("\n", " ") for text in legend.get_texts()]
-    assert touching in texts
+    scan = radarsim.load_sensor("laser", fov_deg=2).scan(empty_room, (0, 0, 0))
+    ends, meeting = np.full(3, BeamEnd.TOUCHING, np.uint8), np.zeros(3, np.bool_)
+    sights = [
+        Sight(ends, meeting, {BeamEnd.TOUCHING: (Material(name),)})
+        for name in ("smoke", "leaves")
+    ]
+    figure, legend = Figure(), Legend(QUIET)
+    figure.add_subplot()
+    add_ray_rows(legend, [scan, scan], sights)
+    legend.draw(figure)
+    texts = [each.get_text().replace("\n", " ") for each in figure.legends[0].texts]
+    assert texts == ["Rays", "read what stands in or at smoke and leaves"]
 
 
 def test_panels_of_one_sensor_have_the_settings_that_differ() -> None:

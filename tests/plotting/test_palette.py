@@ -22,7 +22,7 @@ from radarsim.plotting.palette import (
     sensor_colours,
 )
 from radarsim.plotting.style import area_style
-from radarsim.scene.material import Material, library_material
+from radarsim.scene.material import Material
 
 # Machado, Oliveira and Fernandes 2009, severity 1, for linear RGB.
 SIGHTS = {
@@ -94,25 +94,6 @@ def test_family_follows_from_name_and_properties(
     material: Material, family: Family
 ) -> None:
     assert family_of(material) == family
-
-
-@pytest.mark.parametrize(
-    ("name", "family"),
-    [
-        ("hedge", Family.FOLIAGE),
-        ("tall_grass", Family.FOLIAGE),
-        ("woodland", Family.FOLIAGE),
-        ("chipboard", Family.WOOD),
-        ("brick", Family.STONE),
-        ("metal", Family.METAL),
-        ("glass", Family.GLASS),
-        ("fog", Family.SMOKE),
-        ("atmosphere", Family.SMOKE),
-        ("rain", Family.SMOKE),
-    ],
-)
-def test_library_materials_have_the_expected_family(name: str, family: Family) -> None:
-    assert family_of(library_material(name)) == family
 
 
 @pytest.mark.parametrize("sight", SIGHTS)

