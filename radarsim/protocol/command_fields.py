@@ -15,6 +15,7 @@ from typing import Any, ClassVar, Final, Self, TypeAlias
 
 import numpy as np
 
+from radarsim.errors import MalformedMessage, expected_one_of
 from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.fields import fields_of
 from radarsim.protocol.message import (
@@ -41,6 +42,7 @@ class Key:
         read: Read = str,
         write: Write = lambda text: text or None,
         *,
+        words: Sequence[str] = (),
         is_required: bool = False,
     ) -> None:
         """Describe the field.
@@ -49,10 +51,32 @@ class Key:
             key: Its key.
             read: Reads its text, which is not empty.
             write: Returns its text for a value that is not None.
+            words: Its values, which are written in any case; empty for any value.
             is_required: Whether a command without it is malformed.
         """
         self.key, self.read, self.write = key, read, write
-        self.is_required = is_required
+        self.words, self.is_required = words, is_required
+
+    def decode(self, message: Message) -> Any:
+        """Read the attribute; None if the field is missing.
+
+        Raises:
+            MalformedMessage: If it is required, or not readable.
+        """
+        parse = message.parse if self.is_required else message.parse_optional
+        value = parse(self.key, self.read)
+        if value is None or not self.words:
+            return value
+        for word in self.words:
+            if word.lower() == value.lower():
+                return word
+        expected = expected_one_of(value, list(map(str, self.words)))
+        raise MalformedMessage(f"{self.key} {expected}")
+
+
+def _keys_of(command: type) -> Sequence[tuple[str, Key]]:
+    found: Any = fields_of(command)
+    return found
 
 
 class KeyedCommand:
@@ -72,9 +96,8 @@ class KeyedCommand:
             MalformedMessage: If a field is missing or not readable.
         """
         values = {}
-        for name, key in fields_of(cls):
-            parse = message.parse if key.is_required else message.parse_optional
-            value = parse(key.key, key.read)
+        for name, key in _keys_of(cls):
+            value = key.decode(message)
             if value is not None:
                 values[name] = value
         create: Callable[..., Self] = cls
@@ -83,12 +106,12 @@ class KeyedCommand:
     @property
     def keys(self) -> Sequence[str]:
         """The keys of its fields."""
-        return [key.key for _, key in fields_of(type(self))]
+        return [key.key for _, key in _keys_of(type(self))]
 
     def values(self) -> Values:
         """Return the text for each of ``keys``."""
-        texts = []
-        for name, key in fields_of(type(self)):
+        texts: list[str | None] = []
+        for name, key in _keys_of(type(self)):
             value = getattr(self, name)
             texts.append(None if value is None else key.write(value))
         return texts

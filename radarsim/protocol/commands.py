@@ -278,7 +278,7 @@ class Drive(KeyedCommand):
         """Read the command, with the units and truth values of a dialect."""
         command = super().decode(message, dialect)
         if not dialect.accepts_any_case_true:
-            flags = {
+            flags: Any = {
                 name: message.get(name) == "true"
                 for name in ("normalized", "light", "flip")
                 if message.get(name)
@@ -337,6 +337,7 @@ class SetItem(KeyedCommand):
         opcode: ``SCAN``, ``RESET``, ``POSE``, ``ECHOES``, ``TARGETS``, ``SETTING``,
             ``ZOOM`` or ``FOV`` in the client's spelling.
         params: Parameters of the opcode; empty if there are none.
+        fov: Always None: a field of view is read as an opcode.
     """
 
     verb: ClassVar[str] = "SET"
@@ -345,6 +346,7 @@ class SetItem(KeyedCommand):
     name: Annotated[str | None, Key("Name")] = None
     opcode: Annotated[str, Key("Opcode", is_required=True)] = ""
     params: Annotated[str, Key("Params")] = ""
+    fov: Annotated[None, Key(FOV, lambda _: None)] = None
 
     @classmethod
     def decode(cls, message: Message, dialect: Dialect) -> Self:
@@ -413,13 +415,6 @@ class SetViewports:
         return ("Viewports", config, *self.cameras)
 
 
-def _parse_colour(text: str) -> str:
-    colour = text.capitalize()
-    if colour not in TRACE_COLOURS:
-        raise MalformedMessage(expected_one_of(text, TRACE_COLOURS))
-    return colour
-
-
 @dataclass(frozen=True)
 class Trace(KeyedCommand):
     """Leave a trail that cameras see, as servers for UT2004 draw one.
@@ -434,7 +429,7 @@ class Trace(KeyedCommand):
 
     is_on: Annotated[bool, Key("On", *FLAG)] = False
     interval: Annotated[float, Key("Interval", *NUMBER)] = 1.0
-    colour: Annotated[str, Key("Color", _parse_colour)] = "Red"
+    colour: Annotated[str, Key("Color", words=tuple(TRACE_COLOURS))] = "Red"
 
 
 @dataclass(frozen=True, slots=True)
@@ -496,7 +491,6 @@ COMMANDS: Final = {
 # Angles of a pan-tilt, as a driver of Player and older servers have them; of crates
 # their looks and a text that only logs tell.
 _NEEDLESS_KEYS: Final = {
-    SetItem.verb: [FOV],
     MovePackage.verb: ["Type", "Rotation"],
     Control.verb: ["Material", "Memory"],
 }

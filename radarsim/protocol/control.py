@@ -13,7 +13,7 @@ from typing import Annotated, ClassVar, Final, Self
 
 import numpy as np
 
-from radarsim.errors import MalformedMessage, expected_one_of
+from radarsim.errors import MalformedMessage
 from radarsim.geometry import Pose3
 from radarsim.protocol.command_fields import (
     SWITCH,
@@ -54,13 +54,6 @@ class Action(StrEnum):
     GET_STATE = "GetSTA"
 
 
-def _parse_action(text: str) -> Action:
-    for action in Action:
-        if action.lower() == text.lower():
-            return action
-    raise MalformedMessage(expected_one_of(text, [each.value for each in Action]))
-
-
 def _parse_scale(text: str) -> Triple:
     scale = parse_triple(text)
     return scale if any(scale) else CUBE  # as the original
@@ -86,7 +79,7 @@ class Control(KeyedCommand):
 
     verb: ClassVar[str] = "CONTROL"
 
-    action: Annotated[Action, Key("Type", _parse_action, is_required=True)]
+    action: Annotated[Action, Key("Type", words=tuple(Action), is_required=True)]
     name: Annotated[str | None, Key("Name")] = None
     class_name: Annotated[
         str | None, Key("ClassName", lambda text: text.rpartition(".")[2])

@@ -347,8 +347,8 @@ class RangeScan(SensorReport):
         if key not in _KEPT:
             if len(_KEPT) >= MOST_KEPT:
                 _KEPT.clear()
-            template, (_, *fan), _ = SensorReport.split(self, dialect)
-            _KEPT[key] = template, fan
+            template, numbers, _ = SensorReport.split(self, dialect)
+            _KEPT[key] = template, numbers[1:]
         template, fan = _KEPT[key]
         return template, (self.time, *fan), self.ranges
 
