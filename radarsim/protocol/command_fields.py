@@ -75,7 +75,7 @@ class Key:
 
 
 def _keys_of(command: type) -> Sequence[tuple[str, Key]]:
-    found: Any = fields_of(command)
+    found: Sequence[tuple[str, Any]] = fields_of(command)
     return found
 
 
