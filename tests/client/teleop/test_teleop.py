@@ -225,7 +225,7 @@ async def test_server_without_start_poses_chooses_the_start(start: str | None) -
 
     async with await asyncio.start_server(behave, "127.0.0.1", 0) as server:
         port = server.sockets[0].getsockname()[1]
-        async with await AsyncClient.connect(port=port, timeout=2) as client:
+        async with await AsyncClient.connect(port=port, timeout=0.4) as client:
             with pytest.raises(ClientTimeout, match="reading of the robot"):
                 await prepare(client, replace(SETTINGS, start=start))
         await done.wait()
