@@ -14,8 +14,8 @@ from prompt_toolkit.output import DummyOutput
 
 from radarsim.addons.testing import UsarsimServer
 from radarsim.client import AsyncClient, ClientError, ClientTimeout
-from radarsim.client.teleop.teleop import Teleop, TeleopSettings, prepare
-from radarsim.client.teleop.view import DrivenRobot
+from radarsim.client.teleop import Teleop, TeleopSettings, prepare
+from radarsim.client.teleop_view import DrivenRobot
 from radarsim.errors import RadarsimError
 from radarsim.geometry import Pose2
 from radarsim.protocol.reports import GroundTruth

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.client import RobotInfo
-from radarsim.client.teleop.view import (
+from radarsim.client.teleop_view import (
     RADII,
     Canvas,
     Fragments,
