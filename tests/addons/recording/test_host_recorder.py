@@ -92,5 +92,5 @@ def test_a_run_that_was_paused_is_repeated_to_the_byte(foliage_room: Scene) -> N
     calls = recorded_runs.calls_in(events)
     repeated = Host(foliage_room)
     result = repeat_run(repeated, calls)
-    assert result.difference is None
+    assert not result.difference
     assert repeated.simulation.ticks == host.simulation.ticks
