@@ -148,9 +148,9 @@ def _import(folder: Path, path: Path) -> str:
     options = ImportOptions(model_path=(folder / "models",))
     try:
         if path.suffix == ".gltf":
-            imported = import_gltf(path, options, folder)
+            imported = import_gltf(path, options, folder / "meshes")
         else:
-            imported = import_sdf(path, options, "meshes")
+            imported = import_sdf(path, options, folder / "meshes")
             (folder / "meshes").mkdir(exist_ok=True)
             for name, content in imported.meshes.items():
                 (folder / "meshes" / name).write_bytes(content)

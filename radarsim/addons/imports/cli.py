@@ -6,6 +6,7 @@ import shutil
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
 
 import click
@@ -30,6 +31,13 @@ _ENDINGS: Final[dict[str, Kind]] = {
     ".glb": "gltf",
     ".gltf": "gltf",
     ".ini": "ini",
+}
+
+
+_IMPORTERS: Final[dict[Kind, str]] = {
+    "map_server": "radarsim.addons.imports.map_server:import_map_server",
+    "sdf": "radarsim.addons.imports.sdf:import_sdf",
+    "gltf": "radarsim.addons.imports.gltf:import_gltf",
 }
 
 
@@ -121,7 +129,7 @@ def import_(
             print_message(f"wrote {output}")
         return int(bool(notes and strict))
     folder = output.with_name(f"{output.stem}_meshes")
-    imported = _import(kind, file, options, folder)
+    imported: ImportedMap = resolve_name(_IMPORTERS[kind])(file, options, folder)
     _check_materials(options, imported)
     if imported.notes:
         print_lines(imported.notes)
@@ -152,26 +160,6 @@ def _write_map(imported: ImportedMap, output: Path, folder: Path) -> None:
         # It is checked with its meshes, which have to be there.
         write_file(output, imported.to_text(output).encode(), "-o")
         undo.pop_all()
-
-
-def _import(
-    kind: Kind, file: Path, options: ImportOptions, meshes: Path
-) -> ImportedMap:
-    match kind:
-        case "map_server":
-            from radarsim.addons.imports.map_server import import_map_server
-
-            return import_map_server(file, options)
-        case "sdf":
-            from radarsim.addons.imports.sdf import import_sdf
-
-            return import_sdf(file, options, meshes.name)
-        case "gltf":
-            from radarsim.addons.imports.gltf import import_gltf
-
-            return import_gltf(file, options, meshes.parent)
-        case "ini":
-            raise AssertionError("it has no map")
 
 
 def _check_materials(options: ImportOptions, imported: ImportedMap) -> None:

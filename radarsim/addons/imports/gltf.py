@@ -35,19 +35,20 @@ class _File(BaseModel):
     materials: list[_Material] = []
 
 
-def import_gltf(path: Path, options: ImportOptions, folder: Path) -> ImportedMap:
+def import_gltf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap:
     """Import a file; its materials are those of its own extras, or of the library.
 
     Args:
         path: The file, GLB or glTF.
         options: What it does not tell.
-        folder: Folder of the map, which has to contain the file.
+        meshes: A folder beside the map, whose own folder has to contain the file.
 
     Raises:
         ForeignFileError: If it cannot be read, is not below the folder, or describes a
             material that is none.
     """
     content = read_bytes(path, MAX_FILE_BYTES)
+    folder = meshes.parent
     file, inside = path.resolve(), folder.resolve()
     if not file.is_relative_to(inside):
         raise wrong(path, 1, f"expected a file below the map's folder, {str(folder)!r}")

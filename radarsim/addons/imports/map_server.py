@@ -52,7 +52,7 @@ class MapServerKeys(BaseModel):
     mode: Literal["trinary", "scale", "raw"] = "trinary"
 
 
-def import_map_server(path: Path, options: ImportOptions) -> ImportedMap:
+def import_map_server(path: Path, options: ImportOptions, _: Path) -> ImportedMap:
     """Import a map; occupied cells become boxes that cover them exactly.
 
     Args:

@@ -38,13 +38,13 @@ _FUEL: Final = re.compile(
 
 
 @np.errstate(all="ignore")  # what is not finite is refused
-def import_sdf(path: Path, options: ImportOptions, meshes: str) -> ImportedMap:
+def import_sdf(path: Path, options: ImportOptions, meshes: Path) -> ImportedMap:
     """Import a world.
 
     Args:
         path: The file.
         options: What it does not tell.
-        meshes: Name of the folder beside the map that its meshes are copied into.
+        meshes: Folder beside the map that its meshes are copied into.
 
     Raises:
         ForeignFileError: If it cannot be read, or is no SDF.
@@ -54,7 +54,7 @@ def import_sdf(path: Path, options: ImportOptions, meshes: str) -> ImportedMap:
     if root.tag != "sdf":
         text = f"<{short_repr(root.tag)[1:-1]}>, expected <sdf>"
         raise root.wrong(text)
-    importer = _Importer(imported, MeshCopies(imported, meshes))
+    importer = _Importer(imported, MeshCopies(imported, meshes.name))
     # By resolved paths: two links to one file are the same file.
     for scope in (*root.all("world"), root):
         state = scope.first("state")

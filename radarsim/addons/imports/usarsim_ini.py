@@ -24,29 +24,21 @@ from radarsim.protocol.message import pose_from_wire
 from radarsim.validation import describe_invalid, short_repr
 
 BASE: Final = "P3AT"  # has the body of classes that are not shipped
+# Types of items that are named as the classes of parts are, in any case.
+_TYPES: Final = (
+    *("GroundTruth", "INS", "Odometry", "Tachometer", "Encoder", "Touch", "Sonar"),
+    *("GPS", "IMU", "AcceleroMeter", "AltitudeSensor", "MagneticCompass"),
+    *("MissionTime", "Battery"),
+)
 # Types of items, and presets of scanners, by the classes of parts.
-ITEMS: Final = {
+ITEMS: Final = {each.casefold(): (each, None) for each in _TYPES} | {
+    "acceleration": ("Accel", None),
+    "gpssensor": ("GPS", None),
+    "sonarsensor": ("Sonar", None),
+    "touchsensor": ("Touch", None),
     "sick": ("RangeScanner", "usarsim_sick"),
     "hokuyourg04lx": ("RangeScanner", "usarsim_hokuyo"),
     "rangescanner": ("RangeScanner", "usarsim_rangescanner"),
-    "groundtruth": ("GroundTruth", None),
-    "ins": ("INS", None),
-    "odometry": ("Odometry", None),
-    "tachometer": ("Tachometer", None),
-    "encoder": ("Encoder", None),
-    "touch": ("Touch", None),
-    "touchsensor": ("Touch", None),
-    "sonar": ("Sonar", None),
-    "sonarsensor": ("Sonar", None),
-    "gps": ("GPS", None),
-    "gpssensor": ("GPS", None),
-    "imu": ("IMU", None),
-    "acceleration": ("Accel", None),
-    "accelerometer": ("AcceleroMeter", None),
-    "altitudesensor": ("AltitudeSensor", None),
-    "magneticcompass": ("MagneticCompass", None),
-    "missiontime": ("MissionTime", None),
-    "battery": ("Battery", None),
 }
 _UNCOMMENTED: Final = re.compile(r'(?:[^;"]|"[^"]*(?:"|$))*')
 _SECTION: Final = re.compile(r"\[(?:\w+\.)?(\w+)\]")

@@ -28,7 +28,6 @@ from radarsim.addons.recording.bag_folder import (
     RecordingInfo,
     file_name,
     find_file,
-    is_being_written,
     lock,
 )
 from radarsim.addons.recording.call_converter import TO_CLIENT, TO_SERVER
@@ -272,7 +271,8 @@ class BagReader:
     @property
     def is_being_written(self) -> bool:
         """Whether a process still records to the file."""
-        return is_being_written(self.path)
+        with self._open() as file:
+            return not lock(file, shared=True)
 
     def messages(self) -> Iterator[BagMessage]:
         """Yield all messages, as far as the file can be read.

@@ -23,7 +23,7 @@ from radarsim.errors import (
 )
 from radarsim.presets.fmcw_settings import RADAR_MODEL
 from radarsim.presets.robots import RobotModel
-from radarsim.protocol.dialect import DriveUnit
+from radarsim.protocol.dialect import DriveUnit, get_dialect
 
 if TYPE_CHECKING:
     from radarsim.addons.recording.bag import BagReader
@@ -113,6 +113,13 @@ class RecordingInfo(BaseModel):
         }
         return cls.model_validate(known | others)
 
+    def config(self) -> "SimulationConfig":
+        """Return the configuration of the run."""
+        from radarsim.simulation.config import SimulationConfig  # noqa: PLC0415
+
+        dialect = get_dialect(self.dialect)
+        return SimulationConfig(dialect, self.drive_unit, self.settings, self.robots)
+
     def to_text(self) -> dict[str, str]:
         """Return the conditions as a record of metadata."""
         return {
@@ -192,8 +199,10 @@ def create_folder(folder: Path) -> None:
     """Create the folder of a bag.
 
     Raises:
-        RecordingError: If it is there already, or cannot be created.
+        RecordingError: If a package is missing, or the folder exists or cannot be
+            created.
     """
+    check_installed()
     try:
         folder.mkdir(parents=True)
     except FileExistsError as error:
@@ -245,29 +254,25 @@ def _recordings_in(folder: Path) -> list[str]:
     return []
 
 
-def lock(file: IO[bytes]) -> None:
-    """Mark a file as being written, until it is closed or its process ends.
+def lock(file: IO[bytes], *, shared: bool = False) -> bool:
+    """Lock a file until it is closed or its process ends.
 
-    Systems that lock no files, as Windows and some network drives, mark nothing.
+    Args:
+        file: The file.
+        shared: Whether others may lock it in the same way.
+
+    Returns:
+        Whether no other process has locked it; always true on systems that lock no
+        files, as Windows and some network drives.
     """
     try:
         import fcntl  # noqa: PLC0415 - Windows has none
 
         # A lock ends with its process, however that ends; a file that marks would stay.
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except (ImportError, OSError):
-        return
-
-
-def is_being_written(path: Path) -> bool:
-    """Return whether a process writes to a file that it has locked."""
-    try:
-        import fcntl  # noqa: PLC0415 - Windows has none
-
-        with path.open("rb") as file:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        kind = fcntl.LOCK_SH if shared else fcntl.LOCK_EX
+        fcntl.flock(file, kind | fcntl.LOCK_NB)
     except BlockingIOError:
-        return True
-    except (ImportError, OSError):
         return False
-    return False
+    except (ImportError, OSError):
+        return True
+    return True

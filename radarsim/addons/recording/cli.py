@@ -76,10 +76,8 @@ def _verify(bag: BagReader, map_: str | None) -> int:
     from radarsim.addons.recording.bag_folder import digest_of
     from radarsim.addons.recording.replay import repeat_run
     from radarsim.presets.fmcw_settings import RADAR_MODEL
-    from radarsim.protocol.dialect import get_dialect
     from radarsim.scene.map_file import find_map, load_map
     from radarsim.server.host import Host
-    from radarsim.simulation.config import SimulationConfig
 
     info = bag.info
     if info.version != __version__:
@@ -94,10 +92,7 @@ def _verify(bag: BagReader, map_: str | None) -> int:
     # program.
     if digest_of(path) != info.map_digest:
         raise RecordingError(f"{path} is not as it was, expected the map recorded")
-    config = SimulationConfig(
-        get_dialect(info.dialect), info.drive_unit, info.settings, info.robots
-    )
-    host = Host(load_map(name), config=config, seed=info.seed)
+    host = Host(load_map(name), config=info.config(), seed=info.seed)
     result = repeat_run(host, bag.calls())
     if result.difference:
         print_message(f"{bag.folder}: differs at {result.difference}")

@@ -4,7 +4,7 @@ Times are simulated seconds, frames are those of REP-103 and REP-105, units SI.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Final, NamedTuple, TypeAlias
 
@@ -283,27 +283,6 @@ def octets(label: str, data: bytes) -> RosMessage:
             data=np.frombuffer(data, np.uint8),
         ),
     )
-
-
-def make_points(
-    dtype: np.dtype[np.void],
-    angles: Floats,
-    ranges: Floats,
-    columns: Mapping[str, NDArray[np.generic]],
-) -> Points:
-    """Return rows of a type in the frame of a scanner.
-
-    Args:
-        dtype: ``ECHO`` or ``TARGET``.
-        angles: (P,) rad, of the beam of each point.
-        ranges: (P,) m.
-        columns: The other columns by name, (P,) each.
-    """
-    points = np.zeros(len(ranges), dtype)
-    points["x"], points["y"] = ranges * np.cos(angles), ranges * np.sin(angles)
-    for name, column in columns.items():
-        points[name] = column
-    return points
 
 
 def header_of(time: float, frame: str) -> Fields:

@@ -8,10 +8,9 @@ pipe it completes the recording.
 
 from __future__ import annotations
 
-import json
 import logging
 import os
-import struct
+import pickle
 import subprocess
 import sys
 import threading
@@ -24,11 +23,10 @@ from typing import IO, TYPE_CHECKING, BinaryIO, Final
 
 from radarsim.addons.recording.bag_folder import (
     RecordingInfo,
-    check_installed,
     create_folder,
     recorded_scene,
 )
-from radarsim.addons.recording.host_recorder import EventType, HostRecorder, RunEvent
+from radarsim.addons.recording.host_recorder import HostRecorder, RunEvent
 from radarsim.errors import RecordingError, describe_os_error
 
 if TYPE_CHECKING:
@@ -43,7 +41,6 @@ MAX_WAITING: Final = 256 * 2**20  # bytes that the process may be behind
 WRITE_INTERVAL: Final = 0.05  # s between writes to the pipe
 PAUSE: Final = 0.01  # s between looks at a process that is behind
 END_TIMEOUT: Final = 60.0  # s that it has to write what is left
-FRAME: Final = struct.Struct("<BIII")  # type, tick, client, bytes that follow
 # The modules are found where this process has found them.
 PROGRAM: Final = (
     "import sys; sys.path[:] = sys.argv[1:];"
@@ -90,7 +87,7 @@ class RecordingProcess:
         except OSError as error:
             text = f"cannot start recording: {describe_os_error(error)}"
             raise RecordingError(text) from error
-        self._frames.append(opening_of(folder, info))
+        self._frames.append(pickle.dumps((folder.resolve(), info)))
         self._thread = threading.Thread(target=self._pass_on, daemon=True)
         self._thread.start()
 
@@ -112,7 +109,7 @@ class RecordingProcess:
         """Record an event; never raises, and waits only if that was asked for."""
         if self._has_ended:
             return
-        frame = frame_of(event)
+        frame = pickle.dumps(event)
         # Appending to a deque needs no lock, so that no tick waits for the thread. Two
         # counters, as one that both change would need a lock.
         self._frames.append(frame)
@@ -184,7 +181,6 @@ def record_host(
     Raises:
         RecordingError: If the folder exists, or a package is missing.
     """
-    check_installed()
     info = RecordingInfo.of_host(map_, host, seed)
     create_folder(folder)
     process = RecordingProcess(folder, info, is_patient=True)
@@ -197,26 +193,12 @@ def record_host(
     return complete
 
 
-def opening_of(folder: Path, info: RecordingInfo) -> bytes:
-    """Return what the process is told first."""
-    first = json.dumps({"folder": str(folder.resolve()), "info": info.to_text()})
-    return first.encode() + b"\n"
-
-
-def frame_of(event: RunEvent) -> bytes:
-    """Return what the process is told of an event."""
-    return FRAME.pack(*event[:3], len(event.data)) + event.data
-
-
 def _read_events(pipe: BinaryIO) -> Iterator[RunEvent]:
     """Yield events up to the end of the pipe, or to one that is not whole."""
-    while len(head := pipe.read(FRAME.size)) == FRAME.size:
-        number, tick, client, size = FRAME.unpack(head)
-        data = pipe.read(size)
-        # The server was killed while it wrote: the event before was the last.
-        if len(data) < size:
-            return
-        yield RunEvent(EventType(number), tick, client, data)
+    # The server was killed while it wrote: the event before was the last.
+    with suppress(EOFError, pickle.UnpicklingError):
+        while True:
+            yield pickle.load(pipe)
 
 
 def write_recording(
@@ -268,12 +250,11 @@ def write_run() -> None:
     if sys.platform != "win32":  # which has no such call
         os.nice(NICENESS)
     pipe = sys.stdin.buffer
-    conditions = json.loads(pipe.readline() or "{}")
-    if not conditions:
-        return
-    folder = Path(conditions["folder"])
     try:
-        info = RecordingInfo.from_text(conditions["info"])
+        folder, info = pickle.load(pipe)
+    except (EOFError, pickle.UnpicklingError):  # the server was killed before
+        return
+    try:
         write_recording(folder, info, _read_events(pipe), recorded_scene(info))
     except OSError as error:
         text = f"recording to {folder} ends: {describe_os_error(error)}"

@@ -1,14 +1,16 @@
 """From what one robot and its client say to each other to topics of ROS 2.
 
 Points of echoes have numbers for the names of what they come from, which a ``Legend``
-lists.
+lists. Frames are those of REP-105: the parent of a robot's ``base_link`` is its
+``odom``, in which it moves without jumps; the parent of that is ``map``, which corrects
+what odometry has lost.
 """
 
 import io
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Final, Literal, TypeVar
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,26 +21,26 @@ from radarsim.addons.recording.messages import (
     ECHO,
     TARGET,
     Fields,
-    RosMessage,
+    Points,
     TopicMessage,
     camera_info,
     compressed_image,
     grey_image,
     laser_scan,
-    make_points,
     occupancy_grid,
+    odometry,
     point_cloud,
     pose_stamped,
     string,
     transform,
+    transforms,
     twist_stamped,
 )
-from radarsim.addons.recording.robot_frames import MAP, RobotFrames, below
 from radarsim.addons.recording.robot_model import robot_description
 from radarsim.autonomy.mapping.export import sensed_window
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.client.robot_info import RobotInfo, ScannerInfo, same_name
-from radarsim.geometry import Floats, Pose3
+from radarsim.geometry import Pose3, wrap_angle
 from radarsim.presets.robots import RobotModel
 from radarsim.protocol.commands import Drive
 from radarsim.protocol.echoes import EchoLine, RadarTargets
@@ -51,46 +53,92 @@ from radarsim.protocol.reports import (
 )
 from radarsim.server.views import MOUNT
 
+MAP = "map"
+SOURCES = (Odometry, Ins, GroundTruth)  # of the pose in ``odom``, best first
+REFERENCES = (GroundTruth, Ins)  # of the pose in ``map``, best first
+# Times the top speed: who is faster has been put there, as by a reset of odometry.
+JUMP = 2.0
 OPTICAL_FRAME: Final = "camera_optical"
 # Its z axis looks ahead, x to the right and y down (REP-103).
 OPTICAL_MOUNT: Final = MOUNT.compose(Pose3(0, 0, 0, -math.pi / 2, 0, -math.pi / 2))
 
 
 class Legend:
-    """Numbers names in the order in which they occur, from 0.
-
-    Attributes:
-        has_changed: Whether there are names that ``message`` has not told yet.
-    """
+    """Numbers names in the order in which they occur, from 0."""
 
     def __init__(self) -> None:
-        self.has_changed = True
         self._names: dict[str, dict[str, int]] = {
             "kind": {},
             "object": {},
             "material": {},
         }
+        self._published = -1  # number of names
 
     def number(self, field: Literal["kind", "object", "material"], name: str) -> int:
         """Return the number of a name in a field of points."""
         names = self._names[field]
-        if name not in names:
-            if len(names) > _LARGEST:
-                return _LARGEST
-            names[name] = len(names)
-            self.has_changed = True
-        return names[name]
+        return names.setdefault(name, len(names))
 
-    def message(self) -> RosMessage:
-        """Return all names as JSON: a list for each of the fields of points."""
-        self.has_changed = False
-        names = {key: list(each) for key, each in self._names.items()}
-        return string(json.dumps(names))
+    def news(self) -> Iterator[TopicMessage]:
+        """Yield all names as JSON, a list for each field of points, if some are new."""
+        count = sum(map(len, self._names.values()))
+        if count != self._published:
+            self._published = count
+            names = {key: list(each) for key, each in self._names.items()}
+            text = string(json.dumps(names))
+            yield TopicMessage("/radarsim/legend", text, latched=True)
 
 
-_LARGEST = 65535  # of 16 bits; it stands for all names after the first 65535
+class RobotFrames:
+    """The odometry and the frames of one robot."""
 
-Line = TypeVar("Line", EchoLine, RadarTargets)
+    def __init__(self, name: str, *, own_localization: bool) -> None:
+        """Begin with a robot that has sensed nothing.
+
+        Args:
+            name: Name of the robot, which its frames and topics begin with; empty for
+                none.
+            own_localization: Whether the pose of ``odom`` in ``map`` is left out.
+        """
+        odom = below(name, "odom")
+        self._topic = f"/{odom}"
+        self._odom, self._base = odom, below(name, "base_link")
+        self._own_localization = own_localization
+        self._readings: dict[type, tuple[float, Pose3]] = {}
+        self._knows_all = False
+
+    def observe(
+        self, kind: type, time: float, pose: Pose3, robot: RobotInfo | None
+    ) -> Iterator[TopicMessage]:
+        """Yield the odometry and the frames that a reading leads to.
+
+        Args:
+            kind: Which sensor has read it: one of ``SOURCES``.
+            time: Simulated time, s.
+            pose: Pose of the robot: in ``odom`` if by odometry, else in ``map``.
+            robot: The robot, if it is known.
+        """
+        before = self._readings.get(kind)
+        self._readings[kind] = time, pose
+        # A sensor that has nothing better than it must not be taken for the only one.
+        self._knows_all |= before is not None and time > before[0]
+        source = next(each for each in SOURCES if each in self._readings)
+        if kind is not source or not self._knows_all:
+            return
+        speed, turn = (0.0, 0.0) if before is None else _motion(before, time, pose)
+        if robot is not None:
+            fastest = abs(speed) + abs(turn) * robot.wheel_separation / 2
+            if fastest > JUMP * robot.top_speed:
+                speed = turn = 0.0
+        frames = [transform(time, self._odom, self._base, pose)]
+        message = odometry(time, self._odom, self._base, pose, speed, turn)
+        yield TopicMessage(self._topic, message)
+        reference = next((r for r in REFERENCES if r in self._readings), None)
+        if reference is not None and not self._own_localization:
+            # Of the same tick: odometry comes after INS, and that after the truth.
+            place = self._readings[reference][1].compose(pose.inverse())
+            frames.append(transform(time, MAP, self._odom, place))
+        yield TopicMessage("/tf", transforms(frames))
 
 
 class RobotTopics:
@@ -147,10 +195,8 @@ class RobotTopics:
         match report:
             case RangeScan():
                 yield self._scan(report)
-            case EchoLine():
-                yield from self._echo_cloud(report)
-            case RadarTargets():
-                yield from self._target_cloud(report)
+            case EchoLine() | RadarTargets():
+                yield from self._cloud(report)
             case Odometry(time, _, pose):
                 placed = Pose3(pose.x, pose.y, 0.0, yaw=pose.yaw)
                 yield from self._frames.observe(Odometry, time, placed, self._robot)
@@ -248,49 +294,44 @@ class RobotTopics:
         )
         return TopicMessage(self._topic(topic_name(scan.name), "scan"), message)
 
-    def _echo_cloud(self, line: EchoLine) -> Iterator[TopicMessage]:
-        """Yield the echoes of a scan once its last line has come."""
+    def _cloud(self, line: EchoLine | RadarTargets) -> Iterator[TopicMessage]:
+        """Yield the points of a scan once its last line has come."""
         lines, scanner = self._lines_until(line), self._scanner(line.name)
         if not lines or scanner is None:
             return
-        points = []
-        for echoes in (each.echoes for each in lines if each.echoes is not None):
-            kinds = [self._legend.number("kind", kind) for kind in echoes.kinds]
-            object_ = self._legend.number("object", echoes.object)
-            material = self._legend.number("material", echoes.material)
-            columns: dict[str, NDArray[np.generic]] = {
-                "intensity": echoes.strength,
-                "power": echoes.power,
-                "beam": echoes.beams,
-                "kind": np.array(kinds),
-                "object": np.full(len(kinds), object_),
-                "material": np.full(len(kinds), material),
-            }
-            angles = _angles(scanner, echoes.beams)
-            points.append(make_points(ECHO, angles, echoes.ranges, columns))
-        # First the names, then the points that have their numbers.
-        if self._legend.has_changed:
-            yield TopicMessage("/radarsim/legend", self._legend.message(), latched=True)
         # A scan without echoes is a message too: it tells that there were none.
-        cloud = np.concatenate([np.zeros(0, ECHO), *points])
+        cloud = np.concatenate([self._points(each, scanner) for each in lines])
+        name = "targets"
+        if isinstance(line, EchoLine):
+            name = "echoes"
+            yield from self._legend.news()  # before the points that have its numbers
         message = point_cloud(line.time, self._frame(line.name), cloud)
-        yield TopicMessage(self._topic(topic_name(line.name), "echoes"), message)
+        yield TopicMessage(self._topic(topic_name(line.name), name), message)
 
-    def _target_cloud(self, line: RadarTargets) -> Iterator[TopicMessage]:
-        """Yield the targets of a turn once its last line has come."""
-        lines, scanner = self._lines_until(line), self._scanner(line.name)
-        if not lines or scanner is None:
-            return
-        beams, ranges, dbm = (
-            np.concatenate([getattr(each, name) for each in lines])
-            for name in ("beams", "ranges", "dbm")
-        )
-        columns = {"dbm": dbm, "beam": beams}
-        cloud = make_points(TARGET, _angles(scanner, beams), ranges, columns)
-        message = point_cloud(line.time, self._frame(line.name), cloud)
-        yield TopicMessage(self._topic(topic_name(line.name), "targets"), message)
+    def _points(self, line: EchoLine | RadarTargets, scanner: ScannerInfo) -> Points:
+        """Return the points of a line in the frame of its scanner."""
+        if isinstance(line, RadarTargets):
+            beams, ranges = line.beams, line.ranges
+            points = np.zeros(len(beams), TARGET)
+            points["dbm"] = line.dbm
+        elif line.echoes is None:
+            return np.zeros(0, ECHO)
+        else:
+            echoes, number = line.echoes, self._legend.number
+            beams, ranges = echoes.beams, echoes.ranges
+            points = np.zeros(len(beams), ECHO)
+            points["intensity"], points["power"] = echoes.strength, echoes.power
+            points["kind"] = [number("kind", kind) for kind in echoes.kinds]
+            points["object"] = number("object", echoes.object)
+            points["material"] = number("material", echoes.material)
+        gaps = scanner.beams - 1
+        step = scanner.fov / gaps if gaps else 0.0
+        angles = beams * step - scanner.fov / 2  # from straight ahead
+        points["beam"] = beams
+        points["x"], points["y"] = ranges * np.cos(angles), ranges * np.sin(angles)
+        return points
 
-    def _lines_until(self, line: Line) -> list[Line]:
+    def _lines_until(self, line: EchoLine | RadarTargets) -> list[Any]:
         """Return all lines of a scan with its last one; nothing before that."""
         key = type(line), line.name.casefold()
         if line.line <= 1:  # the end of the scan before was dropped on its way
@@ -310,11 +351,28 @@ class RobotTopics:
         return below(self._name, name)
 
 
-def _angles(scanner: ScannerInfo, beams: NDArray[np.int64]) -> Floats:
-    """Return the directions of beams, rad, counter-clockwise from straight ahead."""
-    gaps = scanner.beams - 1
-    step = scanner.fov / gaps if gaps else 0.0
-    return np.asarray(beams * step - scanner.fov / 2)
+def below(robot: str, *names: str) -> str:
+    """Return a frame, or a topic without its first slash, of a robot.
+
+    >>> below("R1", "lms200", "scan"), below("", "odom")
+    ('R1/lms200/scan', 'odom')
+    """
+    return "/".join((robot, *names) if robot else names)
+
+
+def _motion(
+    before: tuple[float, Pose3], time: float, pose: Pose3
+) -> tuple[float, float]:
+    """Return speed ahead, m/s, and turn rate, rad/s, of an arc between two poses."""
+    began, start = before
+    turned = wrap_angle(pose.yaw - start.yaw)
+    heading = start.yaw + turned / 2
+    dx, dy = pose.x - start.x, pose.y - start.y
+    chord = dx * math.cos(heading) + dy * math.sin(heading)
+    if not time > began:
+        return 0.0, 0.0
+    arc = chord / float(np.sinc(turned / (2 * math.pi)))
+    return arc / (time - began), turned / (time - began)
 
 
 def topic_name(name: str) -> str:

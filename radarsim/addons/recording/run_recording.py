@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self, TypeAlias
 
 from annotated_types import Interval
@@ -21,7 +20,6 @@ from radarsim.plans import Option
 from radarsim.protocol.dialect import DriveUnit
 
 if TYPE_CHECKING:
-    from radarsim.addons.recording.bag_folder import RecordingInfo
     from radarsim.addons.recording.recording_process import RecordingProcess
     from radarsim.addons.recording.wire_recorder import WireRecorder
     from radarsim.autonomy.mapping.mapper import Mapper
@@ -86,9 +84,8 @@ class ServeRecording(ServeExtension):
 
     def open(self) -> None:
         """Create the folder."""
-        from radarsim.addons.recording.bag_folder import check_installed, create_folder
+        from radarsim.addons.recording.bag_folder import create_folder
 
-        check_installed()
         create_folder(self._folder)
         self._has_folder = True
 
@@ -150,7 +147,8 @@ class RunRecording:
         self._drive_unit = drive_unit
         self._robots_map = robots_map
         self._host: Host | None = None
-        self._info: RecordingInfo | None = None
+        self._map = ""
+        self._seed = 0
         self._process: RecordingProcess | None = None
         self._wire: WireRecorder | None = None  # of a server that is another program
         self._map_due = -math.inf
@@ -176,16 +174,10 @@ class RunRecording:
 
         if map_ is None:
             return None
+        self._map, self._seed = map_, seed or 0
         config = SimulationConfig(drive_unit=self._drive_unit, item_settings=settings)
-        host = load_host(map_, config, seed=seed or 0)
-        if self.folder is not None:
-            from radarsim.addons.recording.bag_folder import RecordingInfo
-
-            self._host = host
-            self._info = RecordingInfo.of_host(
-                map_, host, seed or 0, robots_map=self._robots_map
-            )
-        return host
+        self._host = load_host(map_, config, seed=self._seed)
+        return self._host
 
     def connect(self, host: str, port: int) -> Client:
         """Connect to a server over TCP, and record what passes.
@@ -247,23 +239,21 @@ class RunRecording:
         from radarsim.addons.recording.recording_process import RecordingProcess
         from radarsim.addons.recording.wire_recorder import WireRecorder
 
-        unit, host = self._drive_unit, self._host
-        info = self._info or RecordingInfo(version=__version__, drive_unit=unit)
         create_folder(self.folder)
-        is_patient = host is not None  # simulated time waits as well
-        self._process = RecordingProcess(self.folder, info, is_patient=is_patient)
-        if host is None:
+        if self._host is None:
+            info = RecordingInfo(version=__version__, drive_unit=self._drive_unit)
+            self._process = RecordingProcess(self.folder, info)
             self._wire = WireRecorder(self._process.add)
         else:
-            self._process.record(host)
+            info = RecordingInfo.of_host(
+                self._map, self._host, self._seed, robots_map=self._robots_map
+            )
+            # Simulated time waits for it as well.
+            self._process = RecordingProcess(self.folder, info, is_patient=True)
+            self._process.record(self._host)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Complete the recording."""
         if self._process is None:
             return

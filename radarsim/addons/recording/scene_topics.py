@@ -20,8 +20,7 @@ from radarsim.addons.recording.messages import (
     pose_fields,
     vector,
 )
-from radarsim.addons.recording.robot_frames import MAP
-from radarsim.addons.recording.robot_topics import FREE, OCCUPIED, map_topic
+from radarsim.addons.recording.robot_topics import FREE, MAP, OCCUPIED, map_topic
 from radarsim.autonomy.evaluation.map_score import Truth
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, GridFrame
 from radarsim.geometry import Floats, Pose3

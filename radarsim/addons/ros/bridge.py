@@ -26,8 +26,7 @@ from radarsim.addons.recording.call_converter import (
 )
 from radarsim.addons.recording.host_recorder import DESCRIBED, EventType, RunEvent
 from radarsim.addons.recording.messages import TopicMessage, clock
-from radarsim.addons.recording.robot_frames import below
-from radarsim.addons.recording.robot_topics import sensed_map, topic_name
+from radarsim.addons.recording.robot_topics import below, sensed_map, topic_name
 from radarsim.addons.recording.wire_recorder import WireRecorder
 from radarsim.addons.ros.cli import TopicOptions
 from radarsim.autonomy.watching import RobotWatcher, WatchMapper

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
 
@@ -127,15 +128,10 @@ def ros(
                 drive_unit=drive_unit,
             )
             running = asyncio.ensure_future(bridge)
-            pending: set[asyncio.Future[object]] = {running, exit_code}  # type: ignore[arg-type]
-            await asyncio.wait(pending, return_when=asyncio.FIRST_COMPLETED)
-            # A bridge ends by itself only when something is lost: that is told even if
-            # a signal came as well.
-            if running.done():
-                running.result()  # raises what ended it
+            exit_code.add_done_callback(lambda _: running.cancel())
+            with suppress(asyncio.CancelledError):
+                await running  # raises what ended it
                 return 1
-            running.cancel()
-            await asyncio.wait({running})
             return exit_code.result()
 
     port = PORTS.get(options.bridge) if options.web is None else options.web

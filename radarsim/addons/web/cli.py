@@ -204,14 +204,9 @@ def conditions_of(
         RecordingError: If there is none.
     """
     from radarsim.addons.recording.bag_folder import digest_of, open_bag
-    from radarsim.protocol.dialect import get_dialect
     from radarsim.scene.map_file import find_map
-    from radarsim.simulation.config import SimulationConfig
 
     info = open_bag(folder).info
-    config = SimulationConfig(
-        get_dialect(info.dialect), info.drive_unit, info.settings, info.robots
-    )
     name = info.map or info.drawn_map
     if drawn is None and name:
         try:
@@ -224,7 +219,7 @@ def conditions_of(
             print_message(f"no map is drawn: {problem}; --draw names one")
         else:
             drawn = name
-    return config, drawn
+    return info.config(), drawn
 
 
 def read_token(path: Path) -> str:

@@ -3,6 +3,7 @@
 import asyncio
 import logging
 import os
+import pickle
 import re
 import resource
 import signal
@@ -23,8 +24,6 @@ from radarsim.addons.recording.host_recorder import EventType, RunEvent
 from radarsim.addons.recording.recording_process import (
     PROGRAM,
     RecordingProcess,
-    frame_of,
-    opening_of,
 )
 from radarsim.addons.recording.replay import serve_replay, writes_of
 from radarsim.client import Client
@@ -163,8 +162,9 @@ def feed(folder: Path, events: list[RunEvent], limit: int | None) -> str:
         env=env,
         preexec_fn=restrict,  # noqa: PLW1509 - it changes limits only
     )
-    told = [opening_of(folder, RecordingInfo(version="1")), *map(frame_of, events)]
-    _, errors = process.communicate(b"".join(told), timeout=TIMEOUT)
+    told = [(folder, RecordingInfo(version="1")), *events]
+    data = b"".join(map(pickle.dumps, told))
+    _, errors = process.communicate(data, timeout=TIMEOUT)
     return errors.decode()
 
 
