@@ -35,6 +35,10 @@ OWN: Final[dict[str, dict[str, str]]] = {
         "record": "radarsim.addons.recording.recording_process:record_host",
         "spectra": "radarsim.addons.fmcw.rotation_schedule:collect_turns",
     },
+    # What records runs of 'radarsim navigate' and 'radarsim map'.
+    "radarsim.runs": {
+        "record": "radarsim.addons.recording.run_recording:RunRecording",
+    },
     # Options of 'radarsim serve', and what they start beside the server.
     "radarsim.serve": {
         "core": "radarsim.cli.side_ports:SidePorts",

@@ -38,8 +38,8 @@ def drive(
     Returns:
         The exit code.
     """
-    from radarsim.client.teleop.teleop import TeleopSettings
-    from radarsim.client.teleop.teleop import drive as drive_robot
+    from radarsim.client.teleop import TeleopSettings
+    from radarsim.client.teleop import drive as drive_robot
 
     # Keys come from stdin and the view goes to stdout, so either alone is no use.
     problem = ""

@@ -5,13 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Final, NamedTuple, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, NamedTuple, Self
 
 import click
 from annotated_types import Ge, Gt, Interval
 
 from radarsim.errors import PresetError, did_you_mean, expected_one_of, join_address
 from radarsim.plans import RARE, Form, Option, Sets
+
+if TYPE_CHECKING:
+    from radarsim.protocol.dialect import DriveUnit
+    from radarsim.server.host import Host
 
 DEFAULT_PORT: Final = 3000  # of USARSim
 
@@ -126,9 +130,22 @@ class Simulation:
         tuple[ItemSetting, ...], Option(names=("--set",), needs=("map",))
     ] = ()
 
-    def item_settings(self) -> dict[str, dict[str, Any]]:
-        """Return the settings by items."""
-        return group_settings(self.settings)
+    def load_host(self, drive_unit: DriveUnit) -> Host | None:
+        """Create the host of the map, if one is given, whose robots take such speeds.
+
+        Raises:
+            MapError: If the map is wrong.
+            click.BadParameter: If a setting of an item is wrong.
+        """
+        from radarsim.cli.server_options import load_host
+        from radarsim.simulation.config import SimulationConfig
+
+        if self.map is None:
+            return None
+        config = SimulationConfig(
+            drive_unit=drive_unit, item_settings=group_settings(self.settings)
+        )
+        return load_host(self.map, config, seed=self.seed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,22 +2,29 @@
 
 Positions and angles are in REP-103 frames; the axes of the wire are converted here. A
 command is parsed completely or refused, so that a bad number in one field never leaves
-half of the command. Fields come in any order, and an empty field is a missing one.
-
-Written numbers have all their digits and no exponent, vectors have commas, and truth
-values are lower case: servers of all generations read that.
+half of the command.
 """
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from functools import partial
-from typing import Any, ClassVar, Final, Self, TypeAlias
-
-import numpy as np
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, ClassVar, Final, Self, TypeAlias
 
 from radarsim.errors import MalformedMessage, expected_one_of
 from radarsim.geometry import Pose3, wrap_angle
+from radarsim.protocol.command_fields import (
+    ANGLE,
+    FLAG,
+    NUMBER,
+    SWITCH,
+    Key,
+    KeyedCommand,
+    Values,
+    format_number,
+    format_place,
+    parse_commanded,
+    parse_place,
+)
 from radarsim.protocol.control import UNSUPPORTED_ACTIONS, Control
 from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.message import (
@@ -26,9 +33,7 @@ from radarsim.protocol.message import (
     Triple,
     decode_message,
     flip_axes,
-    parse_flag,
     parse_flipped,
-    parse_number,
     parse_numbers,
     wrapped_pose,
 )
@@ -37,16 +42,9 @@ from radarsim.protocol.watch import Watch
 
 PACKAGE: Final = "USARBot."  # of robot classes
 
-_parse_number = partial(parse_number, largest=LARGEST_COMMANDED)
-_parse_flipped = partial(parse_flipped, largest=LARGEST_COMMANDED)
-
-
-def _parse_angle(text: str) -> float:
-    return 0.0 - _parse_number(text)
-
 
 def _parse_attitude(text: str) -> Triple:
-    roll, pitch, yaw = _parse_flipped(text)
+    roll, pitch, yaw = parse_flipped(text, largest=LARGEST_COMMANDED)
     return wrap_angle(roll), wrap_angle(pitch), wrap_angle(yaw)
 
 
@@ -63,11 +61,14 @@ TRACE_COLOURS: Final = {
     "Blue": (0.0, 0.0, 1.0),
     "Purple": (0.5, 0.0, 0.5),
 }
-Values: TypeAlias = tuple[str | None, ...]  # one for each key; None leaves it out
 
 
-@dataclass(frozen=True, slots=True)
-class Init:
+def _write_class(name: str) -> str:
+    return name if "." in _checked(name) else PACKAGE + name
+
+
+@dataclass(frozen=True)
+class Init(KeyedCommand):
     """Spawn a robot.
 
     Attributes:
@@ -81,51 +82,35 @@ class Init:
     """
 
     verb: ClassVar[str] = "INIT"
-    keys: ClassVar[Sequence[str]] = [
-        "ClassName",
-        "Name",
-        "Start",
-        "Location",
-        "Rotation",
-        "FreeStart",
-    ]
 
-    class_name: str
-    name: str | None = None
-    start: str | None = None
-    position: Triple | None = None
-    rotation: Triple | None = None
-    takes_free: bool = False
+    class_name: Annotated[
+        str,
+        Key(
+            "ClassName",
+            lambda text: text.rpartition(".")[2],
+            _write_class,
+            is_required=True,
+        ),
+    ]
+    name: Annotated[str | None, Key("Name")] = None
+    start: Annotated[str | None, Key("Start")] = None
+    position: Annotated[
+        Triple | None,
+        Key("Location", parse_place, format_place),
+    ] = None
+    rotation: Annotated[
+        Triple | None, Key("Rotation", _parse_attitude, format_place)
+    ] = None
+    takes_free: Annotated[bool, Key("FreeStart", *SWITCH)] = False
 
     @classmethod
-    def decode(cls, message: Message, _: Dialect) -> Self:
-        """Read the command from its message."""
-        class_name = message.require("ClassName").rpartition(".")[2]
-        name = message.get("Name") or None
-        start = message.get("Start") or None
-        takes_free = bool(message.parse_optional("FreeStart", parse_flag))
-        # The original ignores Location and Rotation beside a Start, too.
-        if start is not None:
-            return cls(class_name, name, start, takes_free=takes_free)
-        return cls(
-            class_name,
-            name,
-            position=message.parse_optional("Location", _parse_flipped),
-            rotation=message.parse_optional("Rotation", _parse_attitude),
-            takes_free=takes_free,
-        )
-
-    def values(self) -> Values:
-        """Return the text for each of ``keys``."""
-        class_name = _checked(self.class_name)
-        return (
-            class_name if "." in class_name else PACKAGE + class_name,
-            self.name,
-            self.start,
-            None if self.position is None else _format_vector(flip_axes(self.position)),
-            None if self.rotation is None else _format_vector(flip_axes(self.rotation)),
-            "true" if self.takes_free else None,
-        )
+    def decode(cls, message: Message, dialect: Dialect) -> Self:
+        """Read the command; the original ignores a pose beside a Start, too."""
+        if message.get("Start"):
+            pose = ("location", "rotation")
+            kept = [each for each in message.segments if each[0].lower() not in pose]
+            message = Message(message.verb, tuple(kept))
+        return super().decode(message, dialect)
 
 
 MOST_LINKS: Final = 32  # in a command, so that none takes long
@@ -173,14 +158,14 @@ class MovePackage:
                 # On the wire the right is positive; the first link turns to the left.
                 orders = [LinkOrder(name, 1, 0.0 - pan), LinkOrder(name, 2, tilt)]
             elif key.lower() == "order" and message.get("Rotation"):
-                kind = int(_parse_number(text))
+                kind = int(parse_commanded(text))
                 orders = [each._replace(order=kind) for each in orders]
             elif key.lower() == "link":
-                orders.append(LinkOrder(name, int(_parse_number(text)), 0.0))
+                orders.append(LinkOrder(name, int(parse_commanded(text)), 0.0))
             elif key.lower() in ("value", "order"):
                 if not orders:
                     raise MalformedMessage(f"{key} before a Link, expected it after")
-                number, last = _parse_number(text), orders.pop()
+                number, last = parse_commanded(text), orders.pop()
                 if key.lower() == "value":
                     orders.append(last._replace(value=number))
                 else:
@@ -196,7 +181,7 @@ class MovePackage:
         """Return the text for each of ``keys``."""
         texts = [self.name]
         for order in self.orders:
-            texts += [str(order.link), _format_number(order.value), str(order.order)]
+            texts += [str(order.link), format_number(order.value), str(order.order)]
         return tuple(texts)
 
 
@@ -225,7 +210,7 @@ class MultiDrive:
         return cls(
             _few(
                 [
-                    LinkOrder(key, None, _parse_number(text))
+                    LinkOrder(key, None, parse_commanded(text))
                     for key, text in message.segments
                 ]
             )
@@ -238,11 +223,15 @@ class MultiDrive:
 
     def values(self) -> Values:
         """Return the text for each of ``keys``."""
-        return tuple(_format_number(order.value) for order in self.orders)
+        return tuple(format_number(order.value) for order in self.orders)
 
 
-@dataclass(frozen=True, slots=True)
-class Drive:
+def _write_order(order: int) -> str | None:
+    return str(order) if order else None
+
+
+@dataclass(frozen=True)
+class Drive(KeyedCommand):
     """Set wheel speeds and lamps; None leaves them as they are.
 
     Attributes:
@@ -265,96 +254,51 @@ class Drive:
     """
 
     verb: ClassVar[str] = "DRIVE"
-    keys: ClassVar[Sequence[str]] = [
-        *("Left", "Right", "Normalized", "Light", "Flip"),
-        *("Speed", "FrontSteer", "RearSteer", "Name", "Value", "Order"),
-        *("AltitudeVelocity", "LinearVelocity", "LateralVelocity"),
-        "RotationalVelocity",
-    ]
 
-    left: float | None = None
-    right: float | None = None
-    normalized: bool | None = None
-    light: bool | None = None
-    flip: bool | None = None
-    speed: float | None = None
-    front_steer: float | None = None
-    rear_steer: float | None = None
-    joint: str | None = None
-    value: float | None = None
-    order: int = ABSOLUTE
-    altitude: float | None = None
-    linear: float | None = None
-    lateral: float | None = None
-    rotational: float | None = None
+    left: Annotated[float | None, Key("Left", *NUMBER)] = None
+    right: Annotated[float | None, Key("Right", *NUMBER)] = None
+    normalized: Annotated[bool | None, Key("Normalized", *FLAG)] = None
+    light: Annotated[bool | None, Key("Light", *FLAG)] = None
+    flip: Annotated[bool | None, Key("Flip", *FLAG)] = None
+    speed: Annotated[float | None, Key("Speed", *NUMBER)] = None
+    front_steer: Annotated[float | None, Key("FrontSteer", *ANGLE)] = None
+    rear_steer: Annotated[float | None, Key("RearSteer", *ANGLE)] = None
+    joint: Annotated[str | None, Key("Name")] = None
+    value: Annotated[float | None, Key("Value", *NUMBER)] = None
+    order: Annotated[
+        int, Key("Order", lambda text: int(parse_commanded(text)), _write_order)
+    ] = ABSOLUTE
+    altitude: Annotated[float | None, Key("AltitudeVelocity", *NUMBER)] = None
+    linear: Annotated[float | None, Key("LinearVelocity", *NUMBER)] = None
+    lateral: Annotated[float | None, Key("LateralVelocity", *ANGLE)] = None
+    rotational: Annotated[float | None, Key("RotationalVelocity", *ANGLE)] = None
 
     @classmethod
     def decode(cls, message: Message, dialect: Dialect) -> Self:
-        """Read the command from its message."""
-        flag = partial(parse_flag, any_case=dialect.accepts_any_case_true)
-        normalized = message.parse_optional("Normalized", flag)
-        turn = message.parse_optional("RotationalVelocity", _parse_angle)
-        if turn is not None and dialect.turns_in_degrees and not normalized:
-            turn = math.radians(turn)
-        return cls(
-            altitude=message.parse_optional("AltitudeVelocity", _parse_number),
-            linear=message.parse_optional("LinearVelocity", _parse_number),
-            lateral=message.parse_optional("LateralVelocity", _parse_angle),
-            rotational=turn,
-            left=message.parse_optional("Left", _parse_number),
-            right=message.parse_optional("Right", _parse_number),
-            speed=message.parse_optional("Speed", _parse_number),
-            front_steer=message.parse_optional("FrontSteer", _parse_angle),
-            rear_steer=message.parse_optional("RearSteer", _parse_angle),
-            joint=message.get("Name") or None,
-            value=message.parse_optional("Value", _parse_number),
-            order=int(message.parse_optional("Order", _parse_number) or ABSOLUTE),
-            normalized=normalized,
-            light=message.parse_optional("Light", flag),
-            flip=message.parse_optional("Flip", flag),
-        )
-
-    def values(self) -> Values:
-        """Return the text for each of ``keys``."""
-        flags = (self.normalized, self.light, self.flip)
-        # On the wire the right is positive.
-        steers = (self.front_steer, self.rear_steer, self.lateral, self.rotational)
-        front, rear, right, clockwise = (
-            None if each is None else -each for each in steers
-        )
-        return (
-            _number_text(self.left),
-            _number_text(self.right),
-            *(None if flag is None else str(flag).lower() for flag in flags),
-            _number_text(self.speed),
-            _number_text(front),
-            _number_text(rear),
-            self.joint,
-            _number_text(self.value),
-            str(self.order) if self.order else None,
-            *map(_number_text, (self.altitude, self.linear, right, clockwise)),
-        )
+        """Read the command, with the units and truth values of a dialect."""
+        command = super().decode(message, dialect)
+        if not dialect.accepts_any_case_true:
+            flags: Any = {
+                name: message.get(name) == "true"
+                for name in ("normalized", "light", "flip")
+                if message.get(name)
+            }
+            command = replace(command, **flags)
+        turn = command.rotational
+        if turn is not None and dialect.turns_in_degrees and not command.normalized:
+            command = replace(command, rotational=math.radians(turn))
+        return command
 
 
-@dataclass(frozen=True, slots=True)
-class GetStartPoses:
+@dataclass(frozen=True)
+class GetStartPoses(KeyedCommand):
     """Ask for the start poses of the map."""
 
     verb: ClassVar[str] = "GETSTARTPOSES"
-    keys: ClassVar[Sequence[str]] = ()
-
-    @classmethod
-    def decode(cls, _message: Message, _dialect: Dialect) -> Self:
-        """Return the command; it has no fields."""
-        return cls()
-
-    def values(self) -> Values:
-        """Return nothing; the command has no fields."""
-        return ()
 
 
-@dataclass(frozen=True, slots=True)
-class _ItemQuery:
+@dataclass(frozen=True)
+class _ItemQuery(KeyedCommand):
     """A question about the robot or its items.
 
     Attributes:
@@ -364,39 +308,27 @@ class _ItemQuery:
         robot: Name of the robot, in any case; None for the client's own.
     """
 
-    keys: ClassVar[Sequence[str]] = ("Type", "Name", "Robot")
-
-    type: str
-    name: str | None = None
-    robot: str | None = None
-
-    @classmethod
-    def decode(cls, message: Message, _: Dialect) -> Self:
-        """Read the command from its message."""
-        name, robot = message.get("Name"), message.get("Robot")
-        return cls(message.require("Type"), name or None, robot or None)
-
-    def values(self) -> Values:
-        """Return the text for each of ``keys``."""
-        return (self.type, self.name, self.robot)
+    type: Annotated[str, Key("Type", is_required=True)]
+    name: Annotated[str | None, Key("Name")] = None
+    robot: Annotated[str | None, Key("Robot")] = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class GetGeo(_ItemQuery):
     """Ask where items are mounted, or for the dimensions of the robot."""
 
     verb: ClassVar[str] = "GETGEO"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class GetConf(_ItemQuery):
     """Ask for the settings of items or of the robot."""
 
     verb: ClassVar[str] = "GETCONF"
 
 
-@dataclass(frozen=True, slots=True)
-class SetItem:
+@dataclass(frozen=True)
+class SetItem(KeyedCommand):
     """Send an opcode to items of one type.
 
     Attributes:
@@ -405,61 +337,44 @@ class SetItem:
         opcode: ``SCAN``, ``RESET``, ``POSE``, ``ECHOES``, ``TARGETS``, ``SETTING``,
             ``ZOOM`` or ``FOV`` in the client's spelling.
         params: Parameters of the opcode; empty if there are none.
+        fov: Always None: a field of view is read as an opcode.
     """
 
     verb: ClassVar[str] = "SET"
-    keys: ClassVar[Sequence[str]] = ("Type", "Name", "Opcode", "Params", FOV)
 
-    type: str
-    name: str | None
-    opcode: str
-    params: str = ""
+    type: Annotated[str, Key("Type", is_required=True)]
+    name: Annotated[str | None, Key("Name")] = None
+    opcode: Annotated[str, Key("Opcode", is_required=True)] = ""
+    params: Annotated[str, Key("Params")] = ""
+    fov: Annotated[None, Key(FOV, lambda _: None)] = None
 
     @classmethod
-    def decode(cls, message: Message, _: Dialect) -> Self:
-        """Read the command from its message."""
-        params = message.get("Params")
-        opcode = message.get("Opcode")
-        if opcode is None and message.get(FOV):  # as students' clients write it
-            opcode, params = FOV, message.get(FOV)
-        return cls(
-            message.require("Type"),
-            message.get("Name") or None,
-            message.require("Opcode") if opcode is None else opcode,
-            params or "",
-        )
-
-    def values(self) -> Values:
-        """Return the text for each of ``keys``."""
-        return (self.type, self.name, self.opcode, self.params or None, None)
+    def decode(cls, message: Message, dialect: Dialect) -> Self:
+        """Read the command; students' clients write a field of view as a field."""
+        angle = message.get(FOV)
+        if angle and message.get("Opcode") is None:
+            opcode = ("Opcode", FOV), ("Params", angle)
+            message = Message(message.verb, (*opcode, *message.segments))
+        return super().decode(message, dialect)
 
 
-@dataclass(frozen=True, slots=True)
-class ShowCamera:
+@dataclass(frozen=True)
+class ShowCamera(KeyedCommand):
     """Choose whose camera the viewers of pictures on a machine see.
 
     Attributes:
         client: Address of the machine.
         robot: Name of the robot, in any case; None to choose none.
         name: Name of its camera; None for what its viewports show.
+        type: Type of the items.
     """
 
     verb: ClassVar[str] = "SET"
-    keys: ClassVar[Sequence[str]] = ("Type", "Robot", "Name", "Client")
 
-    client: str
-    robot: str | None = None
-    name: str | None = None
-
-    @classmethod
-    def decode(cls, message: Message, _: Dialect) -> Self:
-        """Read the command from its message."""
-        robot, name = message.get("Robot"), message.get("Name")
-        return cls(message.require("Client"), robot or None, name or None)
-
-    def values(self) -> Values:
-        """Return the text for each of ``keys``."""
-        return ("Camera", self.robot, self.name, self.client)
+    client: Annotated[str, Key("Client", is_required=True)]
+    robot: Annotated[str | None, Key("Robot")] = None
+    name: Annotated[str | None, Key("Name")] = None
+    type: Annotated[str, Key("Type", str.capitalize)] = "Camera"
 
 
 @dataclass(frozen=True, slots=True)
@@ -500,8 +415,8 @@ class SetViewports:
         return ("Viewports", config, *self.cameras)
 
 
-@dataclass(frozen=True, slots=True)
-class Trace:
+@dataclass(frozen=True)
+class Trace(KeyedCommand):
     """Leave a trail that cameras see, as servers for UT2004 draw one.
 
     Attributes:
@@ -511,30 +426,10 @@ class Trace:
     """
 
     verb: ClassVar[str] = "TRACE"
-    keys: ClassVar[Sequence[str]] = ("On", "Interval", "Color")
 
-    is_on: bool
-    interval: float = 1.0
-    colour: str = "Red"
-
-    @classmethod
-    def decode(cls, message: Message, _: Dialect) -> Self:
-        """Read the command from its message.
-
-        Raises:
-            MalformedMessage: If the interval is no number, or there is no such colour.
-        """
-        interval = message.parse_optional("Interval", _parse_number)
-        wanted = message.get("Color") or "Red"
-        colour = wanted.capitalize()
-        if colour not in TRACE_COLOURS:
-            raise MalformedMessage(f"Color {expected_one_of(wanted, TRACE_COLOURS)}")
-        is_on = parse_flag(message.get("On") or "")
-        return cls(is_on, 1.0 if interval is None else interval, colour)
-
-    def values(self) -> Values:
-        """Return the text for each of ``keys``."""
-        return (str(self.is_on).lower(), _format_number(self.interval), self.colour)
+    is_on: Annotated[bool, Key("On", *FLAG)] = False
+    interval: Annotated[float, Key("Interval", *NUMBER)] = 1.0
+    colour: Annotated[str, Key("Color", words=tuple(TRACE_COLOURS))] = "Red"
 
 
 @dataclass(frozen=True, slots=True)
@@ -736,19 +631,3 @@ def _checked(text: object) -> str:
             return text
         text = text[:80]
     raise ValueError(f"text {text!r}, expected printable ASCII without braces")
-
-
-def _format_vector(values: Iterable[float]) -> str:
-    return ",".join([_format_number(value) for value in values])
-
-
-def _number_text(value: float | None) -> str | None:
-    return None if value is None else _format_number(value)
-
-
-def _format_number(value: float) -> str:
-    if not math.isfinite(value) or abs(value) > LARGEST_COMMANDED:
-        limit = f"at most {LARGEST_COMMANDED:g} in size"
-        raise ValueError(f"number {value!r}, expected {limit}")
-    # The sum makes 0.0 of -0.0, whose sign no server needs.
-    return np.format_float_positional(value + 0.0, trim="0")

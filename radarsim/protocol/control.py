@@ -6,23 +6,27 @@ Source of the lines: USARSim for UDK (repository hrnr/robocup-usarsim),
 ``USARBotAPI/classes/WorldController.uc`` and ``BotConnection.uc``.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
-from typing import ClassVar, Final, Self
+from typing import Annotated, ClassVar, Final, Self
 
 import numpy as np
 
-from radarsim.errors import MalformedMessage, expected_one_of
+from radarsim.errors import MalformedMessage
 from radarsim.geometry import Pose3
+from radarsim.protocol.command_fields import (
+    SWITCH,
+    Key,
+    KeyedCommand,
+    format_place,
+    format_vector,
+)
 from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.line_template import WRAPPED, printable_name
 from radarsim.protocol.message import (
     Message,
     Triple,
-    flip_axes,
-    parse_flag,
     parse_flipped,
     parse_triple,
     wrapped_pose,
@@ -31,7 +35,8 @@ from radarsim.protocol.message import (
 CONTROLLER: Final = "WorldController"  # class of robots; it has no body
 CRATE: Final = "WCCrate"  # class of objects
 UNSUPPORTED_ACTIONS: Final = ("Conveyor", "Rotate", "SetWP", "AddWP", "ClearWP")
-NOWHERE: Final = (0.0, 0.0, 0.0)
+NOWHERE: Final = (0.0, 0.0, 0.0)  # as the original, in which what is missing is 0
+CUBE: Final = (1.0, 1.0, 1.0)
 LARGEST_PLACE: Final = 1e4  # m; rad
 _FALLING: Final = ("rigidbody", "falling", "ground")
 
@@ -49,8 +54,13 @@ class Action(StrEnum):
     GET_STATE = "GetSTA"
 
 
-@dataclass(frozen=True, slots=True)
-class Control:
+def _parse_scale(text: str) -> Triple:
+    scale = parse_triple(text)
+    return scale if any(scale) else CUBE  # as the original
+
+
+@dataclass(frozen=True)
+class Control(KeyedCommand):
     """Create, move, remove or list crates.
 
     Attributes:
@@ -63,91 +73,43 @@ class Control:
         start: Start of the map at which it is created instead.
         falls: Whether what is created falls to the floor.
         stays: Whether it is still there when its client has left.
-        corners: Lowest and highest x, y, z of the space in which all are removed; None
-            for everywhere.
+        low: A corner of the space in which all are removed; None for everywhere.
+        high: The opposite corner, likewise.
     """
 
     verb: ClassVar[str] = "CONTROL"
-    keys: ClassVar[Sequence[str]] = (
-        "Type",
-        "Name",
-        "ClassName",
-        "Location",
-        "Rotation",
-        "Scale",
-        "Start",
-        "Physics",
-        "Permanent",
-        "MinPos",
-        "MaxPos",
-    )
 
-    action: Action
-    name: str | None = None
-    class_name: str | None = None
-    position: Triple = NOWHERE
-    rotation: Triple = NOWHERE
-    scale: Triple = (1.0, 1.0, 1.0)
-    start: str | None = None
-    falls: bool = False
-    stays: bool = False
-    corners: tuple[Triple, Triple] | None = None
+    action: Annotated[Action, Key("Type", words=tuple(Action), is_required=True)]
+    name: Annotated[str | None, Key("Name")] = None
+    class_name: Annotated[
+        str | None, Key("ClassName", lambda text: text.rpartition(".")[2])
+    ] = None
+    position: Annotated[Triple, Key("Location", _parse_place, format_place)] = NOWHERE
+    rotation: Annotated[Triple, Key("Rotation", _parse_place, format_place)] = NOWHERE
+    scale: Annotated[Triple, Key("Scale", _parse_scale, format_vector)] = CUBE
+    start: Annotated[str | None, Key("Start")] = None
+    falls: Annotated[
+        bool,
+        Key(
+            "Physics",
+            lambda text: text.lower() in _FALLING,
+            lambda falls: "RigidBody" if falls else None,
+        ),
+    ] = False
+    stays: Annotated[bool, Key("Permanent", *SWITCH)] = False
+    low: Annotated[Triple | None, Key("MinPos", _parse_place, format_place)] = None
+    high: Annotated[Triple | None, Key("MaxPos", _parse_place, format_place)] = None
 
-    @classmethod
-    def decode(cls, message: Message, _: Dialect) -> Self:
-        """Read the command from its message.
+    @property
+    def corners(self) -> tuple[Triple, Triple] | None:
+        """Lowest and highest x, y, z of the space in which all are removed.
 
-        Raises:
-            MalformedMessage: If there is no such action, or a number is not readable.
+        None for everywhere.
         """
-        wanted = message.require("Type")
-        action = next((a for a in Action if a.lower() == wanted.lower()), None)
-        if action is None:
-            raise MalformedMessage(
-                f"Type {expected_one_of(wanted, [each.value for each in Action])}"
-            )
-        class_name = (message.get("ClassName") or "").rpartition(".")[2]
-        scale = message.parse_optional("Scale", parse_triple)
-        low, high = (
-            message.parse_optional(key, _parse_place) for key in ("MinPos", "MaxPos")
-        )
-        corners = None
-        if low is not None and high is not None and low != high:
-            ends = np.sort([low, high], axis=0).tolist()
-            corners = tuple(ends[0]), tuple(ends[1])
-        return cls(
-            action,
-            message.get("Name") or None,
-            class_name or None,
-            # As the original, in which what is missing is 0.
-            message.parse_optional("Location", _parse_place) or NOWHERE,
-            message.parse_optional("Rotation", _parse_place) or NOWHERE,
-            scale if scale is not None and any(scale) else (1.0, 1.0, 1.0),
-            message.get("Start") or None,
-            (message.get("Physics") or "").lower() in _FALLING,
-            parse_flag(message.get("Permanent") or ""),
-            corners,
-        )
-
-    def values(self) -> tuple[str | None, ...]:
-        """Return the text for each of ``keys``."""
-        low, high = self.corners or (None, None)
-        return (
-            self.action,
-            self.name,
-            self.class_name,
-            *(_vector(flip_axes(each)) for each in (self.position, self.rotation)),
-            _vector(self.scale),
-            self.start,
-            "RigidBody" if self.falls else None,
-            "true" if self.stays else None,
-            *(each and _vector(flip_axes(each)) for each in (low, high)),
-        )
-
-
-def _vector(triple: Triple) -> str:
-    numbers = [np.format_float_positional(each + 0.0, trim="0") for each in triple]
-    return ",".join(numbers)
+        if self.low is None or self.high is None or self.low == self.high:
+            return None
+        low, high = np.sort([self.low, self.high], axis=0).tolist()
+        return tuple(low), tuple(high)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Annotated, Any, ClassVar, Final, NamedTuple
+from typing import Annotated, Any, ClassVar, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,14 +154,9 @@ class EchoLine(SensorReport):
     echoes: Annotated[TargetEchoes | None, SeenEchoes("Echoes")]
 
 
-class LineHead(NamedTuple):
-    """The template of an echo line up to its first echo, and its numbers after three.
-
-    The first three are the time, the number of the line, and that of lines.
-    """
-
-    template: bytes
-    numbers: Sequence[float]
+# The template of an echo line up to its first echo, and its numbers after three: the
+# time, the number of the line, and that of lines.
+LineHead: TypeAlias = tuple[bytes, Sequence[float]]
 
 
 def build_head(dialect: Dialect, scanner: str, target: TargetEchoes) -> LineHead:
@@ -174,7 +169,7 @@ def build_head(dialect: Dialect, scanner: str, target: TargetEchoes) -> LineHead
     """
     line, numbers, _ = EchoLine(0.0, scanner, 0, 0, target).split(dialect)
     head, key, _ = line.rpartition(b"{Echoes")
-    return LineHead(head + key + b" ", numbers[3:])
+    return head + key + b" ", numbers[3:]
 
 
 @lru_cache(100)  # kinds may be those of another server
@@ -185,9 +180,9 @@ def find_mark(dialect: Dialect, kind: str) -> bytes:
     return f"{before},{reduce_text(kind.capitalize())},{after}".encode("latin-1")
 
 
-def join_echoes(head: LineHead, echoes: Sequence[bytes]) -> bytes:
+def join_echoes(head: bytes, echoes: Sequence[bytes]) -> bytes:
     """Return the template of a line of one or more echoes from ``find_mark``."""
-    return head.template + b" ".join(echoes) + _END
+    return head + b" ".join(echoes) + _END
 
 
 @dataclass(frozen=True, slots=True, eq=False)

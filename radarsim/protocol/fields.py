@@ -10,7 +10,7 @@ and keys in any case.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from math import isnan, nan
@@ -328,8 +328,6 @@ def join_items(segments: Iterable[Segment]) -> list[Segment]:
     return joined
 
 
-MOST_KEPT: Final = 4096  # templates; a robot has about ten
-_KEPT: Final[dict[Hashable, tuple[bytes, Sequence[float]]]] = {}
 _FIELDS: Final[dict[type, Sequence[tuple[str, Field[Any]]]]] = {}
 
 
@@ -469,22 +467,6 @@ class SensorReport(LineReport):
             return (sensor_type, *segments)
         time = Segment("Time", marks(dialect.time), (self.time,))
         return (time, sensor_type, *segments)
-
-    def split_alike(
-        self, key: Hashable, dialect: Dialect
-    ) -> tuple[bytes, Sequence[float]]:
-        """Return template and numbers of the first reading that had a key.
-
-        Row j of the benchmarks need it: readings of robots are hundreds of
-        lines in a second, and differ in hardly more than their numbers.
-        """
-        key = (type(self), dialect, key)
-        found = _KEPT.get(key)
-        if found is None:
-            if len(_KEPT) >= MOST_KEPT:
-                _KEPT.clear()
-            found = _KEPT[key] = LineReport.split(self, dialect)[:2]
-        return found
 
     def sources(self, dialect: Dialect) -> list[str]:
         time = ["time"] if self.has_time(dialect) else []

@@ -15,24 +15,10 @@ _PART_BYTES: Final = 17  # of a request for a part
 
 
 class ImageType(IntEnum):
-    """Types of pictures on the wire."""
+    """Types of pictures on the wire, of those that the original has."""
 
     RAW = 0
-    JPEG_SUPERB = 1
     JPEG_GOOD = 2
-    JPEG_NORMAL = 3
-    JPEG_AVERAGE = 4
-    JPEG_BAD = 5
-
-
-# The share of JPEG's quality, in percent, that the original's library has for a type.
-JPEG_QUALITY: Final = {
-    ImageType.JPEG_SUPERB: 100,
-    ImageType.JPEG_GOOD: 75,
-    ImageType.JPEG_NORMAL: 50,
-    ImageType.JPEG_AVERAGE: 25,
-    ImageType.JPEG_BAD: 10,
-}
 
 
 class Region(NamedTuple):

@@ -7,7 +7,7 @@ line is ASCII and never contains an exponent, NaN or an infinity.
 server leaves out is NaN, in both directions.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 from math import isnan, nan
@@ -62,7 +62,6 @@ from radarsim.protocol.geo_conf import (
 )
 from radarsim.protocol.line_template import (
     FLIPPED,
-    NO_SERIES,
     WHOLE,
     WRAPPED,
     NumberFormat,
@@ -154,6 +153,8 @@ __all__ = [
     "to_bytes",
 ]
 
+MOST_KEPT: Final = 4096  # templates of scans; a robot has a few
+_KEPT: Final[dict[Hashable, tuple[bytes, Sequence[float]]]] = {}
 _SIGNS: Final = {"N": 1, "E": 1, "S": -1, "W": -1}
 LONGEST_LINE: Final = 4095  # bytes with its end; clients read into buffers of 4096
 
@@ -340,10 +341,15 @@ class RangeScan(SensorReport):
     def split(self, dialect: Dialect) -> Split:
         if isnan(self.time):
             return SensorReport.split(self, dialect)
-        key = (self.name, self.resolution, self.fov, len(self.ranges))
+        key = (dialect, self.name, self.resolution, self.fov, len(self.ranges))
         # A scan is most of what a server sends: only time and ranges differ from one to
         # the next, so that the rest of the line is built once.
-        template, (_, *fan) = self.split_alike(key, dialect)
+        if key not in _KEPT:
+            if len(_KEPT) >= MOST_KEPT:
+                _KEPT.clear()
+            template, numbers, _ = SensorReport.split(self, dialect)
+            _KEPT[key] = template, numbers[1:]
+        template, fan = _KEPT[key]
         return template, (self.time, *fan), self.ranges
 
 
@@ -528,13 +534,6 @@ class Sonar(SensorReport):
         tuple[tuple[str, float], ...], Rows(Text("Name"), Number("Range", "robot"))
     ]
 
-    def split(self, dialect: Dialect) -> Split:
-        if isnan(self.time):
-            return SensorReport.split(self, dialect)
-        names = tuple([name for name, _ in self.ranges])
-        template, _ = self.split_alike(names, dialect)
-        return template, (self.time, *[range_ for _, range_ in self.ranges]), NO_SERIES
-
     @staticmethod
     def joins_items(dialect: Dialect) -> bool:
         return dialect.joins_sonars
@@ -580,17 +579,6 @@ class Gps(SensorReport):
     name: Annotated[str, Text("Name")]
     position: Annotated[tuple[float, float] | None, GlobePosition("Latitude")]
     satellites: Annotated[int, Whole("Satellites")]
-
-    def split(self, dialect: Dialect) -> Split:
-        if isnan(self.time) or self.position is None:
-            return SensorReport.split(self, dialect)
-        latitude, longitude = self.position
-        north, *of_latitude = _split_degrees(latitude, "NS", dialect.robot)
-        east, *of_longitude = _split_degrees(longitude, "EW", dialect.robot)
-        key = (self.name, north, east, self.satellites)
-        template, (_, *rest) = self.split_alike(key, dialect)
-        angles = (*of_latitude, *of_longitude)
-        return template, (self.time, *angles, *rest[len(angles) :]), NO_SERIES
 
 
 @dataclass(frozen=True, slots=True)

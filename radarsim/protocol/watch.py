@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import Annotated, ClassVar, Final, Self
 
 from radarsim.errors import MalformedMessage
+from radarsim.protocol.command_fields import SWITCH, Key, KeyedCommand
 from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.fields import (
     Field,
@@ -20,7 +21,7 @@ from radarsim.protocol.fields import (
     Segment,
 )
 from radarsim.protocol.line_template import printable_name, reduce_text
-from radarsim.protocol.message import Message, parse_flag
+from radarsim.protocol.message import Message
 
 MOST_NAMES: Final = 1000  # in a command; reading them takes time
 LONGEST_ERROR: Final = 1000  # characters of the text of an error
@@ -91,8 +92,17 @@ class RobotChoice:
         return frozenset(name.casefold() for name in self.names or ())
 
 
-@dataclass(frozen=True, slots=True)
-class Watch:
+def _parse_echoes(text: str) -> RobotChoice:
+    """Parse a choice of robots, or whether all of them are meant."""
+    return RobotChoice.parse(_ECHO_WORDS.get(text.strip().casefold(), text))
+
+
+def _write_echoes(echoes: RobotChoice) -> str | None:
+    return None if echoes == RobotChoice() else str(echoes)
+
+
+@dataclass(frozen=True)
+class Watch(KeyedCommand):
     """Watch robots from now on, instead of those watched before.
 
     Attributes:
@@ -102,23 +112,14 @@ class Watch:
     """
 
     verb: ClassVar[str] = "WATCH"
-    keys: ClassVar[Sequence[str]] = ("Robots", "Echoes", "Clock")
 
-    robots: RobotChoice
-    echoes: RobotChoice = RobotChoice()
-    clock: bool = False
-
-    @classmethod
-    def decode(cls, message: Message, _: Dialect) -> Self:
-        robots = message.parse("Robots", RobotChoice.parse)
-        echoes = message.parse_optional("Echoes", _parse_echoes)
-        clock = bool(message.parse_optional("Clock", parse_flag))
-        return cls(robots, echoes or RobotChoice(), clock)
-
-    def values(self) -> tuple[str, str | None, str | None]:
-        """Return the text for each of ``keys``."""
-        echoes = None if self.echoes == RobotChoice() else str(self.echoes)
-        return str(self.robots), echoes, "true" if self.clock else None
+    robots: Annotated[
+        RobotChoice, Key("Robots", RobotChoice.parse, str, is_required=True)
+    ]
+    echoes: Annotated[RobotChoice, Key("Echoes", _parse_echoes, _write_echoes)] = (
+        RobotChoice()
+    )
+    clock: Annotated[bool, Key("Clock", *SWITCH)] = False
 
 
 class Choice(Field[RobotChoice]):
@@ -225,8 +226,3 @@ def split_seen(line: str) -> tuple[str, str]:
 def is_seen(line: str) -> bool:
     """Return whether a line is meant to be a copy of a robot's line."""
     return line[:3].upper() == SEE and not line[3:4].isalnum()
-
-
-def _parse_echoes(text: str) -> RobotChoice:
-    """Parse a choice of robots, or whether all of them are meant."""
-    return RobotChoice.parse(_ECHO_WORDS.get(text.strip().casefold(), text))

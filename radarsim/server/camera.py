@@ -26,7 +26,6 @@ from radarsim.geometry import Floats
 from radarsim.plotting.palette import FAMILY_COLOURS, Family, family_of
 from radarsim.protocol.images import (
     HEIGHT,
-    JPEG_QUALITY,
     WIDTH,
     ImageType,
     Region,
@@ -52,6 +51,7 @@ MARK_RADIUS: Final = 0.04  # m; of a disc for each mark of a trail
 MOST_ANGLES: Final = 8  # fields of view whose pixels are kept
 ZENITH: Final = "#8fb8de"
 HORIZON: Final = "#e4eef5"
+GOOD_QUALITY: Final = 75  # percent, as the original's library has it
 
 
 class Renderer:
@@ -224,11 +224,7 @@ def encode(pixels: Pixels, region: Region, image_type: ImageType) -> bytes:
     if image_type is ImageType.RAW:
         data = encode_raw(width, height, [row[:, ::-1].tobytes() for row in part])
     else:
-        data = _as_jpeg(part, JPEG_QUALITY[image_type])
+        file = io.BytesIO()
+        Image.fromarray(part).save(file, "JPEG", quality=GOOD_QUALITY)
+        data = file.getvalue()
     return encode_image(image_type, data)
-
-
-def _as_jpeg(pixels: Pixels, quality: int) -> bytes:
-    file = io.BytesIO()
-    Image.fromarray(pixels).save(file, "JPEG", quality=quality)
-    return file.getvalue()

@@ -57,7 +57,6 @@ class RefusalLog:
         self._untold, self._next_line = 0, now + LOG_INTERVAL
 
 
-READ_BYTES: Final = 4096  # read from one peer at a time
 # Of which a peer is one: where the system permits few, clients with robots need them.
 FILES_EACH: Final = 16
 
@@ -115,10 +114,12 @@ class PeerConnection(asyncio.BufferedProtocol, ABC):
         peer: Address and port of the peer, for the log.
         KIND: What the peer is, for the log.
         MOST: How many such peers may be connected at a time.
+        READ_BYTES: How many bytes are read at a time.
     """
 
     KIND = "peer"
     MOST = 1
+    READ_BYTES = 4096
 
     def __init__(self, peers: set[Any], refusals: RefusalLog) -> None:
         """Create the protocol of a connection.
@@ -129,14 +130,14 @@ class PeerConnection(asyncio.BufferedProtocol, ABC):
         """
         self.peer = "?"
         self._peers, self._refusals = peers, refusals
-        self._buffer = bytearray(READ_BYTES)
+        self._buffer = bytearray(self.READ_BYTES)
         self._transport: asyncio.Transport | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Begin, or refuse the peer if there are too many."""
         assert isinstance(transport, asyncio.Transport)
         self.peer = peer_name(transport)
-        most = raise_file_limit(FILES_EACH * self.MOST) // FILES_EACH
+        most = self._most()
         if len(self._peers) >= most:
             self._refusals.add(self.peer, most)
             transport.abort()
@@ -154,8 +155,12 @@ class PeerConnection(asyncio.BufferedProtocol, ABC):
     def connection_lost(self, error: Exception | None) -> None:
         """Forget the peer."""
         if self._transport is not None:
-            self._forget()
-            log.info("%s: %s disconnected: %s", self.peer, self.KIND, error or "closed")
+            self._end(str(error or "closed"))
+
+    def _end(self, reason: str) -> None:
+        """Forget the peer, and log why."""
+        self._forget()
+        log.info("%s: %s disconnected: %s", self.peer, self.KIND, reason)
 
     def close(self) -> None:
         """Close the connection at once."""
@@ -163,6 +168,10 @@ class PeerConnection(asyncio.BufferedProtocol, ABC):
         if transport is not None:
             self._forget()
             transport.abort()
+
+    def _most(self) -> int:
+        """Return how many such peers the system permits."""
+        return raise_file_limit(FILES_EACH * self.MOST) // FILES_EACH
 
     @abstractmethod
     def _begin(self, transport: asyncio.Transport) -> None:

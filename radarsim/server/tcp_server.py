@@ -7,29 +7,30 @@ import gc
 import logging
 import select
 import sys
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Sequence
 from typing import Any, Protocol
 
 from radarsim.listening import (
-    configure_socket,
     exit_code_of_signal,
     has_hung_up,
-    listen,
     log_refused_accepts,
-    peer_name,
     waiting_bytes,
 )
 from radarsim.server.host import Diagnostic, Host
 from radarsim.server.pace import Pace
-from radarsim.server.peer_connections import ReadAllowance, ReadTurns, RefusalLog
+from radarsim.server.peer_connections import (
+    PeerConnection,
+    PeerServer,
+    ReadAllowance,
+    ReadTurns,
+    RefusalLog,
+)
 
 log = logging.getLogger("radarsim.server")
 
 MAX_CLIENTS = 1024
 MAX_LAG = 0.1  # s; a server that is later than this drops the lost time
 LAG_LOG_INTERVAL = 10.0  # s between two log lines about lost time
-READ_BYTES = 2048  # read from one client before others are served
 WATCHER_TICKS = 3  # between two writes to a client that only watches: each costs time
 CLOSE_GRACE = 0.8  # s from when a client has closed its side until it is closed
 # A client without a robot whose socket holds so much for so long sends more than is
@@ -41,11 +42,10 @@ LOOK_TICKS = 10  # between two looks
 MAX_LOGGED_KINDS = 50  # per client, as a client may send random verbs
 
 
-class Server:
+class Server(PeerServer):
     """Serves a host to TCP clients.
 
     Attributes:
-        address: Host and port that it listens on, once started.
         pace: How simulated time follows the wall clock; may be changed at any time.
     """
 
@@ -65,14 +65,18 @@ class Server:
             max_clients: Number of clients beyond which others are refused.
             after_tick: Called after each tick, when its clients are sent what is due.
         """
-        self.address = ("", 0)
-        self._host = host
+        super().__init__(0)
+        self.host = host
         self.pace = Pace(speed)
-        self._max_clients = max_clients
+        self.max_clients = max_clients
+        self.connections: set[Connection] = set()
+        self.by_number: dict[int, Connection] = {}
+        # Those that are not read at present, or that end. In a tick only these are
+        # looked at, and those for which bytes wait.
+        self.held: set[Connection] = set()
+        self.refusals = RefusalLog("clients")
+        self.turns = ReadTurns()
         self._after_tick = after_tick
-        self._connections = ConnectionTable()
-        self._turns = ReadTurns()
-        self._listener: asyncio.Server | None = None
         self._ticking: asyncio.Task[None] | None = None
         self._ticks = 0
 
@@ -87,22 +91,20 @@ class Server:
             ServerError: If the port is taken, or the address is not one of this
                 machine.
         """
-        args = self._host, self._connections, self._max_clients, self._turns
-        self._listener, self.address = await listen(
-            lambda: Connection(*args), address, port
-        )
+        self._port = port
+        await super().start(address)
         self._ticking = asyncio.create_task(self._tick_forever())
 
     async def stop(self) -> None:
         """Close the port and all connections at once; never raises."""
-        if self._listener is not None:
-            self._listener.close()
-        for connection in list(self._connections.by_number.values()):
-            connection.close()
+        self._close(self.connections)
         if self._ticking is not None:
             self._ticking.cancel()
             await asyncio.wait({self._ticking})
         await asyncio.sleep(0)  # sockets are closed in the next round of the loop
+
+    def _accept(self) -> Connection:
+        return Connection(self)
 
     async def wait_failed(self) -> None:
         """Wait until a tick fails, which only a bug can cause.
@@ -134,90 +136,62 @@ class Server:
             try:
                 self.tick()
             except Exception as error:
-                time = self._host.simulation.time
+                time = self.host.simulation.time
                 error.add_note(f"at {time:.2f} s of simulated time")
                 raise
 
     def tick(self) -> None:
         """Advance simulated time by 10 ms, if it passes, and send what is due."""
-        connections = self._connections.by_number
-        for connection, is_gone in self._connections.hung_up():
+        connections = self.by_number
+        for connection, is_gone in _hung_up(self.held):
             connection.hang_up(is_gone=is_gone)
-        for number, diagnostic in self._host.step(passes=self.pace.take_tick()):
+        for number, diagnostic in self.host.step(passes=self.pace.take_tick()):
             if number in connections:  # the host can have other clients
                 connections[number].log_diagnostics([diagnostic])
-        self._turns.advance()
+        self.turns.advance()
         self._ticks += 1
         watchers_rest = self._ticks % WATCHER_TICKS
-        for number in self._host.clients_to_send():
+        for number in self.host.clients_to_send():
             # A third of the writes is enough to watch with, and each one
             # costs time.
-            if watchers_rest and self._host.only_watches(number):
+            if watchers_rest and self.host.only_watches(number):
                 continue
             if number in connections:
                 connections[number].flush()
         # Those that are not read get no callback: they are looked at in each tick.
-        for connection in list(self._connections.held):
+        for connection in list(self.held):
             connection.flush()
         if self._ticks % LOOK_TICKS == 0:
-            for connection in list(self._connections.held):
+            for connection in list(self.held):
                 connection.look()
         self._after_tick()
 
 
-@dataclass(slots=True)
-class ConnectionTable:
-    """The open connections of a server.
+def _hung_up(held: Collection[Connection]) -> list[tuple[Connection, bool]]:
+    """Return those whose peers send no more, and whether they are gone.
 
-    Attributes:
-        by_number: All of them, by number of the client.
-        held: Those that are not read at present, or that end. In a tick only these are
-            looked at, and those for which bytes wait.
-        refusals: The log of those that are refused.
+    A transport that is not read does not tell. Empty where the system cannot say.
     """
-
-    by_number: dict[int, Connection] = field(default_factory=dict)
-    held: set[Connection] = field(default_factory=set)
-    refusals: RefusalLog = field(default_factory=lambda: RefusalLog("clients"))
-
-    def hung_up(self) -> list[tuple[Connection, bool]]:
-        """Return those of ``held`` whose peers send no more, and whether they are gone.
-
-        A transport that is not read does not tell. Empty where the system cannot say.
-        """
-        if sys.platform != "linux" or not self.held:
-            return []
-        poller = select.poll()
-        by_file = {connection.file_number: connection for connection in self.held}
-        for number in by_file:
-            poller.register(number, select.POLLRDHUP)
-        gone = select.POLLHUP | select.POLLERR  # which poll reports without being asked
-        return [
-            (by_file[number], bool(event & gone)) for number, event in poller.poll(0)
-        ]
+    if sys.platform != "linux" or not held:
+        return []
+    poller = select.poll()
+    by_file = {connection.file_number: connection for connection in held}
+    for number in by_file:
+        poller.register(number, select.POLLRDHUP)
+    gone = select.POLLHUP | select.POLLERR  # which poll reports without being asked
+    return [(by_file[number], bool(event & gone)) for number, event in poller.poll(0)]
 
 
-class Connection(asyncio.BufferedProtocol):
-    """One TCP connection: passes bytes between a client and the host.
+class Connection(PeerConnection):
+    """One TCP connection: passes bytes between a client and the host."""
 
-    Attributes:
-        peer: Address and port of the client, for the log.
-    """
+    KIND = "client"
+    READ_BYTES = 2048  # before others are served
 
-    def __init__(
-        self,
-        host: Host,
-        connections: ConnectionTable,
-        max_clients: int,
-        turns: ReadTurns,
-    ) -> None:
-        self.peer = "?"
-        self._host = host
-        self._connections = connections
-        self._max_clients = max_clients
-        self._buffer = bytearray(READ_BYTES)
-        self._allowance = ReadAllowance(turns)
-        self._transport: asyncio.Transport | None = None
+    def __init__(self, server: Server) -> None:
+        super().__init__(server.connections, server.refusals)
+        self._server, self._host = server, server.host
+        self._allowance = ReadAllowance(server.turns)
         self._number = 0
         self._sends_no_more = False
         self._grace: asyncio.TimerHandle | None = None  # aborts after eof
@@ -231,24 +205,13 @@ class Connection(asyncio.BufferedProtocol):
         number: int = self._transport.get_extra_info("socket").fileno()
         return number
 
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Greet the client, or refuse it if there are too many."""
-        assert isinstance(transport, asyncio.Transport)
-        self.peer = peer_name(transport)
-        if len(self._connections.by_number) >= self._max_clients:
-            self._connections.refusals.add(self.peer, self._max_clients)
-            transport.abort()
-            return
-        configure_socket(transport)
-        self._transport = transport
-        self._number = self._host.connect(self.peer.rpartition(":")[0])
-        self._connections.by_number[self._number] = self
-        log.info("%s: connected", self.peer)
-        self.flush()
+    def _most(self) -> int:
+        return self._server.max_clients
 
-    def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002 - asyncio's name
-        """Return the buffer that received bytes are written to."""
-        return self._buffer
+    def _begin(self, transport: asyncio.Transport) -> None:  # noqa: ARG002 - not needed
+        self._number = self._host.connect(self.peer.rpartition(":")[0])
+        self._server.by_number[self._number] = self
+        self.flush()
 
     def buffer_updated(self, nbytes: int) -> None:
         """Pass received bytes to the host."""
@@ -266,7 +229,7 @@ class Connection(asyncio.BufferedProtocol):
         if self._transport is None:
             return False
         self._sends_no_more = True
-        self._connections.held.add(self)
+        self._server.held.add(self)
         self._end_in_time()
         self.flush(only_replies=True)
         return True  # the transport stays open for the replies
@@ -307,8 +270,7 @@ class Connection(asyncio.BufferedProtocol):
         """Despawn the client's robot."""
         if self._grace is not None:
             self._grace.cancel()  # a transport that is lost fails to abort
-        if self._transport is not None:
-            self._disconnect(str(error or "closed"))
+        super().connection_lost(error)
 
     def log_diagnostics(self, diagnostics: list[Diagnostic]) -> None:
         """Log commands without effect, once for each kind."""
@@ -344,10 +306,10 @@ class Connection(asyncio.BufferedProtocol):
         elif self._host.is_busy(self._number) or self._allowance.exhausted:
             # What is not read waits in the client's socket: no queue here grows.
             transport.pause_reading()
-            self._connections.held.add(self)
+            self._server.held.add(self)
         else:
             transport.resume_reading()
-            self._connections.held.discard(self)
+            self._server.held.discard(self)
         if only_replies and self._host.has_robot(self._number):
             return
         # What a slow client has not taken stays in the host's queue, which can drop old
@@ -362,27 +324,19 @@ class Connection(asyncio.BufferedProtocol):
         transport = self._transport
         assert transport is not None
         transport.write(self._host.finish(self._number))
-        self._disconnect("it closed its side" if self._sends_no_more else "no robot")
+        self._end("it closed its side" if self._sends_no_more else "no robot")
         transport.close()  # when everything is sent
 
-    def close(self) -> None:
-        """Close the connection at once, and drop what still waits."""
-        transport = self._transport
-        if transport is not None:
-            self._forget()
-            transport.abort()
-
-    def _disconnect(self, reason: str) -> None:
+    def _end(self, reason: str) -> None:
         dropped = self._host.dropped_readings(self._number)
-        self._forget()
         lost = f", {dropped} readings it did not read were dropped" if dropped else ""
-        log.info("%s: disconnected: %s%s", self.peer, reason, lost)
+        super()._end(f"{reason}{lost}")
 
     def _forget(self) -> None:
-        self._transport = None
+        super()._forget()
         self._allowance.closed = True
-        self._connections.held.discard(self)
-        del self._connections.by_number[self._number]
+        self._server.held.discard(self)
+        del self._server.by_number[self._number]
         self._host.disconnect(self._number)
 
 

@@ -170,7 +170,7 @@ def test_endless_unknown_lines_do_not_prevent_the_timeout(
             peer.sendall(b"SEN {Type Victim}\r\n" * 10)
             time.sleep(0.001)
 
-    client = connect(serve(rave), timeout=3)
+    client = connect(serve(rave), timeout=0.5)
     began = time.monotonic()
     with pytest.raises(
         ClientTimeout, match=r"'SEN {Type Victim}'; .* of no known kind"
@@ -223,7 +223,7 @@ def test_close_stops_the_robot(connect: Connect, serve: Serve) -> None:
 def test_robot_name_cannot_inject_a_command(
     connect: Connect, serve: Serve, text: str
 ) -> None:
-    client = connect(serve(_be_silent))
+    client = connect(serve(_be_silent), timeout=0.2)
     with pytest.raises(ValueError, match=re.escape(repr(text))):
         client.spawn("P3AT", name=text)
     with pytest.raises(ValueError, match="expected only one of them"):

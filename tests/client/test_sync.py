@@ -5,7 +5,7 @@ import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
-from math import degrees, dist, pi
+from math import dist, pi
 
 import numpy as np
 import pytest
@@ -16,7 +16,6 @@ from radarsim.geometry import Pose2
 from radarsim.presets.robots import load_robot, robot_names
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.reports import (
-    EchoLine,
     GroundTruth,
     ItemGeo,
     Odometry,
@@ -80,32 +79,6 @@ def test_robot_moves_at_the_commanded_speeds(
         later = client.wait_for(GroundTruth).pose
         assert (later.x, later.y, later.yaw) == (still.x, still.y, still.yaw)
     assert not host.simulation.collect_reports()
-
-
-def test_long_scans_arrive_complete(empty_room: Scene) -> None:
-    settings = {"lms200": {"fov_deg": 270, "resolution_deg": 0.25}}
-    host = Host(empty_room, config=SimulationConfig(item_settings=settings))
-    with Client(InProcessTransport(host)) as client:
-        client.spawn("P3AT")
-        angles = client.robot_info().scanner().angles
-        scan = client.wait_for(RangeScan)
-    assert scan.ranges.shape == angles.shape == (1081,)
-    assert degrees(angles[0]) == pytest.approx(-135, abs=1e-4)
-
-
-def test_echoes_precede_their_scan_until_they_are_switched_off(
-    foliage_room: Scene,
-) -> None:
-    with Client(InProcessTransport(Host(foliage_room))) as client:
-        client.spawn("P3AT", start="RobotStart1")
-        client.echoes("lms200")
-        first = client.wait_for(EchoLine)
-        scan = client.wait_for(RangeScan)
-        assert scan.time == first.time
-        client.echoes("lms200", on=False)
-        client.wait_for(RangeScan)
-        with pytest.raises(ClientTimeout, match=r"no EchoLine within 0\.5 s"):
-            client.wait_for(EchoLine, timeout=0.5)
 
 
 @pytest.mark.usarsim(speed=5)

@@ -128,11 +128,11 @@ class UsPtz:
         return float(field.split("}")[0])
 
 
-def test_player_pans_tilts_and_reads_the_camera_for_a_minute(empty_room: Scene) -> None:
+def test_player_pans_tilts_and_reads_the_camera_for_a_while(empty_room: Scene) -> None:
     wire, ptz = Wire(empty_room), UsPtz()
     wire.send("INIT {ClassName USARBot.P2AT} {Name p2} {Location 0 0 0}")
     zooms = []
-    for second in range(60):
+    for second in range(20):
         pan, tilt = 0.5 * math.sin(second / 10), 0.1
         wire.send(*ptz.command(pan, tilt, 0.7))
         answers = wire.send(*ptz.asked())
@@ -144,9 +144,9 @@ def test_player_pans_tilts_and_reads_the_camera_for_a_minute(empty_room: Scene) 
             assert seen.yaw == pytest.approx(pan, abs=0.01)
             assert -seen.pitch == pytest.approx(tilt, abs=0.01)
             assert seen.roll == pytest.approx(0.0, abs=1e-9)
-    assert zooms == [pytest.approx(math.radians(80), abs=1e-4)] * 60
+    assert zooms == [pytest.approx(math.radians(80), abs=1e-4)] * 20
     known = "['Type', 'Name', 'Opcode', 'Params', 'FOV']"
-    assert wire.news == [f"SET field '0.700000', expected one of {known}"] * 60
+    assert wire.news == [f"SET field '0.700000', expected one of {known}"] * 20
 
 
 @pytest.mark.parametrize("class_name", ["Kenaf", "Talon", "TeleMax", "Rugbot", "P2AT"])

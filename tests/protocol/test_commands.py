@@ -137,7 +137,7 @@ def test_links_are_moved_by_number_or_by_name(
         pytest.param(
             "set {type camera} {robot R1} {Client 10.0.0.2}",
             ShowCamera("10.0.0.2", "R1"),
-            "SET {Type Camera} {Robot R1} {Client 10.0.0.2}",
+            "SET {Client 10.0.0.2} {Robot R1} {Type Camera}",
             id="a robot",
         ),
         pytest.param(
@@ -205,13 +205,13 @@ def test_cameras_are_chosen_and_zoomed(line: str, command: Command, again: str) 
         ),
         pytest.param(
             "CONTROL {Type KillAll} {MinPos 1,2,3} {MaxPos 0,0,0}",
-            Control(Action.KILL_ALL, corners=((0, -2, -3), (1, 0, 0))),
+            Control(Action.KILL_ALL, low=(1, -2, -3), high=(0, 0, 0)),
             "CONTROL {Type KillAll}",
             id="space",
         ),
         pytest.param(
             "CONTROL {Type KillAll} {MinPos 0,0,0} {MaxPos 0,0,0}",
-            Control(Action.KILL_ALL),
+            Control(Action.KILL_ALL, low=(0, 0, 0), high=(0, 0, 0)),
             "CONTROL {Type KillAll}",
             id="no space",
         ),

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from radarsim.errors import EngineError
 from radarsim.geometry import Pose2, Pose3, wrap_angle
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
-from radarsim.protocol.fields import MOST_KEPT, LineReport, ReportGroup
+from radarsim.protocol.fields import LineReport, ReportGroup
 from radarsim.protocol.line_template import (
     Block,
     NumberFormat,
@@ -18,6 +18,7 @@ from radarsim.protocol.line_template import (
     encode_blocks,
 )
 from radarsim.protocol.reports import (
+    MOST_KEPT,
     Encoder,
     GroundTruth,
     Ins,

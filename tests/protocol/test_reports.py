@@ -303,7 +303,7 @@ def test_decoded_report_equals_the_sent_one_up_to_rounding(
     assert _is_close(_numbers_and_texts(read), _numbers_and_texts(sent))
 
 
-@settings(suppress_health_check=[HealthCheck.filter_too_much])
+@settings(max_examples=25, suppress_health_check=[HealthCheck.filter_too_much])
 @given(report=REPORTS, dialect=st.sampled_from(DIALECTS), data=st.data())
 def test_field_order_does_not_matter_in_reports_of_one_item(
     report: Report, dialect: Dialect, data: st.DataObject

@@ -23,6 +23,7 @@ NEAR, FAR = Pose2(-4, 0), Pose2(8, 3)  # of R1, the far one behind eight walls
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(wireless_server, "LOOK_INTERVAL", 0.01)
+    monkeypatch.setattr(wireless_server, "REST", 0.001)
 
 
 Streams: TypeAlias = tuple[asyncio.StreamReader, asyncio.StreamWriter]

@@ -92,8 +92,7 @@ def _verify(bag: BagReader, map_: str | None) -> int:
     # program.
     if digest_of(path) != info.map_digest:
         raise RecordingError(f"{path} is not as it was, expected the map recorded")
-    scene = load_map(name)
-    host = Host(scene, config=info.config(), seed=info.seed)
+    host = Host(load_map(name), config=info.config(), seed=info.seed)
     result = repeat_run(host, bag.calls())
     if result.difference:
         print_message(f"{bag.folder}: differs at {result.difference}")

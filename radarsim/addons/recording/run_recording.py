@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 import pickle
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self, TypeAlias
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
 from annotated_types import Interval
 
 from radarsim import __version__
+from radarsim.autonomy.cli.recording import Recording
 from radarsim.cli.output import print_message
 from radarsim.cli.server_options import ServedMap, ServeExtension
 from radarsim.errors import RecordingError
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from radarsim.autonomy.watching import DataCallback, Side
     from radarsim.client import Client
     from radarsim.server.host import Host
-
-ItemSettings: TypeAlias = Mapping[str, Mapping[str, Any]]  # by items and keys
 
 MAP_INTERVAL: Final = 1.0  # s between messages of a map
 
@@ -122,87 +120,49 @@ class ServeRecording(ServeExtension):
                 self._folder.rmdir()
 
 
-class RunRecording:
-    """The recording of one run; without a folder nothing is recorded.
+class RunRecording(Recording):
+    """The recording of one run.
 
     The run is that of a host in this process, whose recording can be verified, or what
-    passes between clients and a server that is another program. It is a context: the
-    folder is created when it is entered, and the recording is complete when it is left.
+    passes between clients and a server that is another program. The folder is created
+    when the recording is entered.
     """
 
     def __init__(
-        self, folder: Path | None, drive_unit: DriveUnit, *, robots_map: bool = False
+        self, folder: Path, drive_unit: DriveUnit, *, robots_map: bool
     ) -> None:
-        """Check that it can be recorded.
+        """Check that it can be recorded; see ``make_recording``."""
+        from radarsim.addons.recording.bag_folder import check_installed
 
-        Args:
-            folder: Folder to create; None for no recording.
-            drive_unit: Unit of the commands to drive.
-            robots_map: Whether robots make a map, which ``add_map`` records.
-
-        Raises:
-            RecordingError: If the folder exists, or a package is missing.
-        """
-        self.folder = folder
-        self._drive_unit = drive_unit
+        self._folder, self._drive_unit = folder, drive_unit
         self._robots_map = robots_map
-        self._host: Host | None = None
-        self._map = ""
-        self._seed = 0
-        self._process: RecordingProcess | None = None
+        self._hosted: tuple[str, Host, int] | None = None  # map, host and seed
+        self._process: RecordingProcess
         self._wire: WireRecorder | None = None  # of a server that is another program
         self._map_due = -math.inf
-        if folder is not None:
-            from radarsim.addons.recording.bag_folder import check_installed
+        check_installed()
+        if folder.exists():
+            text = f"{folder} exists, expected a new folder for the recording"
+            raise RecordingError(text)
 
-            check_installed()
-            if folder.exists():
-                text = f"{folder} exists, expected a new folder for the recording"
-                raise RecordingError(text)
-
-    def load_host(
-        self, map_: str | None, *, seed: int | None, settings: ItemSettings
-    ) -> Host | None:
-        """Create the host of the map that is given, if one is.
-
-        Raises:
-            MapError: If the map is wrong.
-            click.BadParameter: If a setting of an item is wrong.
-        """
-        from radarsim.cli.server_options import load_host
-        from radarsim.simulation.config import SimulationConfig
-
-        if map_ is None:
-            return None
-        self._map, self._seed = map_, seed or 0
-        config = SimulationConfig(drive_unit=self._drive_unit, item_settings=settings)
-        self._host = load_host(map_, config, seed=self._seed)
-        return self._host
+    def attach(self, host: Host, map_: str) -> None:
+        """See ``Recording.attach``."""
+        self._hosted = map_, host, host.simulation.seed
 
     def connect(self, host: str, port: int) -> Client:
-        """Connect to a server over TCP, and record what passes.
-
-        Raises:
-            ClientError: If the connection cannot be opened.
-        """
+        """See ``Recording.connect``."""
         from radarsim.addons.recording.wire_recorder import RecordedTransport
         from radarsim.client import Client
 
-        if self._wire is None:
-            return Client.connect(host, port)
+        assert self._wire is not None  # nobody connects to a host in this process
         return Client(RecordedTransport(host, port, self._wire))
 
     def follow(self, robot: str) -> DataCallback:
-        """Return what records the reports of a robot of another client.
-
-        Args:
-            robot: Name of the robot.
-        """
+        """See ``Recording.follow``."""
         from radarsim.addons.recording.wire_recorder import FIRST
 
         wire = self._wire
-        if wire is None:
-            return lambda *_: None
+        assert wire is not None
         wire.begin(FIRST, robot)
 
         def record(side: Side, data: bytes) -> None:
@@ -211,13 +171,8 @@ class RunRecording:
         return record
 
     def add_map(self, mapper: Mapper | None, *, last: bool = False) -> None:
-        """Record a map, at most once a second.
-
-        Args:
-            mapper: Holds the map; None if there is none.
-            last: Whether it is complete, and recorded in any case.
-        """
-        if self._process is None or mapper is None or not mapper.scans:
+        """See ``Recording.add_map``."""
+        if mapper is None or not mapper.scans:
             return
         time = mapper.trajectory.times[-1]
         # A map at each scan would be most of a recording; the last one counts in any
@@ -233,31 +188,25 @@ class RunRecording:
 
     def __enter__(self) -> Self:
         """Create the folder, and begin to record."""
-        if self.folder is None:
-            return self
         from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder
         from radarsim.addons.recording.recording_process import RecordingProcess
         from radarsim.addons.recording.wire_recorder import WireRecorder
 
-        create_folder(self.folder)
-        if self._host is None:
+        create_folder(self._folder)
+        if self._hosted is None:
             info = RecordingInfo(version=__version__, drive_unit=self._drive_unit)
-            self._process = RecordingProcess(self.folder, info)
+            self._process = RecordingProcess(self._folder, info)
             self._wire = WireRecorder(self._process.add)
         else:
-            info = RecordingInfo.of_host(
-                self._map, self._host, self._seed, robots_map=self._robots_map
-            )
+            info = RecordingInfo.of_host(*self._hosted, robots_map=self._robots_map)
             # Simulated time waits for it as well.
-            self._process = RecordingProcess(self.folder, info, is_patient=True)
-            self._process.record(self._host)
+            self._process = RecordingProcess(self._folder, info, is_patient=True)
+            self._process.record(self._hosted[1])
         return self
 
     def __exit__(self, *_: object) -> None:
         """Complete the recording."""
-        if self._process is None:
-            return
         if self._wire is not None:
             self._wire.end()
         if self._process.close():
-            print_message(f"recorded in {self.folder}")
+            print_message(f"recorded in {self._folder}")

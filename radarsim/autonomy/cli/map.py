@@ -84,12 +84,12 @@ def map_(
     _check_combination(where, plan, files)
 
     # Late, so that wrong options are told at once: numpy and plots take long.
-    from radarsim.addons.recording.run_recording import RunRecording
     from radarsim.autonomy.cli.map_files import MapFiles
     from radarsim.autonomy.cli.map_run import explore, follow
+    from radarsim.autonomy.cli.recording import make_recording
     from radarsim.autonomy.evaluation.mapping_run import MappingRun
 
-    recording = RunRecording(files.record, plan.drive_unit, robots_map=True)
+    recording = make_recording(files.record, plan.drive_unit, robots_map=True)
     # Without the variant of a map, which follows an ``@``.
     written = MapFiles(files, Path((where.map or "map").partition("@")[0]).stem)
     address = where.connect or LOCAL_SERVER
@@ -98,8 +98,9 @@ def map_(
             robot = where.watch
             return follow(plan, written, recording, address, robot, as_json=as_json)
         written.check(served=where.map)
-        settings = where.item_settings()
-        served = recording.load_host(where.map, seed=where.seed, settings=settings)
+        served = where.load_host(plan.drive_unit)
+        if served is not None and where.map is not None:
+            recording.attach(served, where.map)
         check_start(None if served is None else served.simulation.scene, plan.start)
         check_robot(plan.robot_class, served)
         start_log(logging.WARNING, MESSAGE_FORM)

@@ -12,9 +12,9 @@ from typing import Any, Final, TypeAlias
 import click
 import numpy as np
 
-from radarsim.addons.recording.run_recording import RunRecording
 from radarsim.autonomy.cli.film import filmed
 from radarsim.autonomy.cli.map_files import MapFiles, map_camera
+from radarsim.autonomy.cli.recording import Recording
 from radarsim.autonomy.evaluation.mapping_run import MappingResult, MappingRun
 from radarsim.autonomy.exploration.exploration import Exploration
 from radarsim.autonomy.exploration.plans import ExplorationPlan
@@ -126,7 +126,7 @@ def _judge_text(judge: dict[str, Any]) -> str:
 def explore(
     run: MappingRun,
     files: MapFiles,
-    recording: RunRecording,
+    recording: Recording,
     address: tuple[str, int],
     *,
     as_json: bool,
@@ -157,7 +157,7 @@ def explore(
 def follow(
     plan: ExplorationPlan,
     files: MapFiles,
-    recording: RunRecording,
+    recording: Recording,
     server: tuple[str, int],
     robot: str,
     *,
@@ -212,7 +212,7 @@ def follow(
 
 @contextmanager
 def _making(
-    result: MappingResult, source: Source, files: MapFiles, recording: RunRecording
+    result: MappingResult, source: Source, files: MapFiles, recording: Recording
 ) -> Iterator[AbstractContextManager[Callable[[str], None]]]:
     """Record and film the making of a map.
 

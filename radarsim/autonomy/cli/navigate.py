@@ -100,13 +100,14 @@ def navigate(
     Returns:
         The exit code.
     """
-    from radarsim.addons.recording.run_recording import RunRecording
+    from radarsim.autonomy.cli.recording import make_recording
     from radarsim.autonomy.evaluation.navigation_run import NavigationRun
 
     files.check()
-    recording = RunRecording(files.record, mission.drive_unit)
-    settings = where.item_settings()
-    served = recording.load_host(where.map, seed=where.seed, settings=settings)
+    recording = make_recording(files.record, mission.drive_unit)
+    served = where.load_host(mission.drive_unit)
+    if served is not None and where.map is not None:
+        recording.attach(served, where.map)
     check_robot(mission.robot_class, served)
     scene = None if served is None else served.simulation.scene
     run = NavigationRun(complete_mission(mission, scene), served)

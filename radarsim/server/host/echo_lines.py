@@ -111,9 +111,9 @@ class EchoWriter:
             if part not in heads:
                 target = describe_target(echoes, part, self._robot_names())
                 heads[part] = build_head(dialect, scanner, target)
-            head = heads[part]
+            head, its_numbers = heads[part]
             templates.append(join_echoes(head, texts[start:end]))
-            numbers += (time, line, count, *head.numbers)
+            numbers += (time, line, count, *its_numbers)
         return fill_lines(templates, numbers, written.view(np.float64))
 
     def _heads_of(

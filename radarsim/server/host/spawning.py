@@ -147,11 +147,9 @@ class Spawner:
             client.next_spawn = now + FAILED_SPAWN_COOLDOWN
             self._next_spawn = now + FAILED_SEARCH_COOLDOWN
             in_way = self.simulation.hindrances(model, requested)
-            where = _place(requested)
-            if in_way:
-                where += f" in {list_names(in_way)}"
-            text = f"INIT at {where}, expected a free place within 1 m"
-            text += ", or another start"
+            where = f" in {list_names(in_way)}" if in_way else ""
+            text = f"INIT at {_place(requested)}{where}, expected a free place"
+            text += " within 1 m, or another start"
             return join_diagnostics(diagnostic, Diagnostic("no place", text))
         vehicle.address = client.address
         self.clients_by_robot[vehicle.number] = client

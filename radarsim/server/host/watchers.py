@@ -7,7 +7,6 @@ answers, nor the news of which robots there are.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 from radarsim.protocol.line_template import printable_name
@@ -29,21 +28,6 @@ if TYPE_CHECKING:
 MAX_WATCHERS: Final = 32  # as all lines are copied for each
 
 
-@dataclass(slots=True)
-class Audience:
-    """The watchers of one robot.
-
-    Attributes:
-        head: What precedes each line.
-        plain: Watchers that get what the robot's client gets, by number of the client.
-        with_echoes: Watchers for whom all scanners list their echoes.
-    """
-
-    head: bytes
-    plain: dict[int, Client] = field(default_factory=dict)
-    with_echoes: dict[int, Client] = field(default_factory=dict)
-
-
 class Watchers:
     """All watchers, and which robots each of them watches."""
 
@@ -58,7 +42,8 @@ class Watchers:
         self._unsent = unsent
         self._watches: dict[int, tuple[Client, Watch]] = {}
         self._robots: dict[int, Vehicle] = {}  # that have a client
-        self._audiences: dict[int, Audience] = {}  # of robots that are watched
+        # The watchers of each robot, and whether its scanners list echoes for them.
+        self._audiences: dict[int, dict[int, tuple[Client, bool]]] = {}
 
     def __contains__(self, vehicle: Vehicle) -> bool:
         return vehicle.number in self._audiences
@@ -83,10 +68,10 @@ class Watchers:
         if self._watches.pop(client.number, None) is None:
             return
         for number, audience in list(self._audiences.items()):
-            audience.plain.pop(client.number, None)
-            audience.with_echoes.pop(client.number, None)
-            self._robots[number].shows_echoes = bool(audience.with_echoes)
-            if not audience.plain and not audience.with_echoes:
+            audience.pop(client.number, None)
+            shows_echoes = any(hears for _, hears in audience.values())
+            self._robots[number].shows_echoes = shows_echoes
+            if not audience:
                 del self._audiences[number]
 
     def add_robot(self, vehicle: Vehicle) -> None:
@@ -132,18 +117,17 @@ class Watchers:
             with_echoes: The same with the echoes of all scanners; None where nothing
                 differs.
         """
-        audience = self._audiences[vehicle.number]
-        self._put(audience.head, lines, audience.plain)
-        self._put(audience.head, with_echoes or lines, audience.with_echoes)
-
-    def _put(self, head: bytes, lines: bytes, clients: dict[int, Client]) -> None:
-        if clients and lines:
-            # The head stands in front of each line, as watchers may lose the lines
-            # before it.
-            copies = head + head.join(lines.splitlines(keepends=True))
-            for client in clients.values():
-                client.watch_queue.put(copies, keep=False)
-            self._unsent.update(clients)
+        # The head stands in front of each line, as watchers may lose the lines before
+        # it.
+        head = see_head(vehicle.robot.name)
+        copies = [
+            head + head.join(each.splitlines(keepends=True)) if each else b""
+            for each in (lines, with_echoes or lines)
+        ]
+        for client, hears_echoes in self._audiences[vehicle.number].values():
+            if copies[hears_echoes]:
+                client.watch_queue.put(copies[hears_echoes], keep=False)
+                self._unsent.add(client.number)
 
     def _join(self, client: Client, watch: Watch, vehicle: Vehicle) -> None:
         """Let a client watch a robot that is there, if it asked for it."""
@@ -152,9 +136,7 @@ class Watchers:
             self.tell(client, RobotJoined(name, vehicle.model.name))
         elif not watch.robots.includes(name):
             return
-        audience = self._audiences.setdefault(vehicle.number, Audience(see_head(name)))
-        if watch.echoes.includes(name):
-            audience.with_echoes[client.number] = client
-            vehicle.shows_echoes = True
-        else:
-            audience.plain[client.number] = client
+        hears_echoes = watch.echoes.includes(name)
+        audience = self._audiences.setdefault(vehicle.number, {})
+        audience[client.number] = client, hears_echoes
+        vehicle.shows_echoes |= hears_echoes

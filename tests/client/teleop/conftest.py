@@ -3,7 +3,7 @@
 import pytest
 
 from radarsim.client import RobotInfo, ScannerInfo
-from radarsim.client.teleop.view import DrivenRobot
+from radarsim.client.teleop_view import DrivenRobot
 from radarsim.geometry import Pose3
 
 SCANNER = ScannerInfo(

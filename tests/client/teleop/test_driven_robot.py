@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from radarsim.client.robot_state import MOTION_WINDOW
-from radarsim.client.teleop.view import DrivenRobot
+from radarsim.client.teleop_view import DrivenRobot
 from radarsim.geometry import Pose2, Pose3
 from radarsim.protocol.reports import (
     GroundTruth,

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radarsim.client.teleop.teleop import (
+from radarsim.client.teleop import (
     FIRST_HOLD,
     REPEAT_HOLD,
     SPEED_STEP,

@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from radarsim.client.teleop.teleop import MIN_COLUMNS
-from radarsim.client.teleop.view import (
+from radarsim.client.teleop import MIN_COLUMNS
+from radarsim.client.teleop_view import (
     HELP,
     WIDTH,
     DrivenRobot,

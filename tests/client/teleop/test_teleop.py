@@ -14,8 +14,8 @@ from prompt_toolkit.output import DummyOutput
 
 from radarsim.addons.testing import UsarsimServer
 from radarsim.client import AsyncClient, ClientError, ClientTimeout
-from radarsim.client.teleop.teleop import Teleop, TeleopSettings, prepare
-from radarsim.client.teleop.view import DrivenRobot
+from radarsim.client.teleop import Teleop, TeleopSettings, prepare
+from radarsim.client.teleop_view import DrivenRobot
 from radarsim.errors import RadarsimError
 from radarsim.geometry import Pose2
 from radarsim.protocol.reports import GroundTruth
@@ -225,7 +225,7 @@ async def test_server_without_start_poses_chooses_the_start(start: str | None) -
 
     async with await asyncio.start_server(behave, "127.0.0.1", 0) as server:
         port = server.sockets[0].getsockname()[1]
-        async with await AsyncClient.connect(port=port, timeout=2) as client:
+        async with await AsyncClient.connect(port=port, timeout=0.4) as client:
             with pytest.raises(ClientTimeout, match="reading of the robot"):
                 await prepare(client, replace(SETTINGS, start=start))
         await done.wait()

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.client import RobotInfo
-from radarsim.client.teleop.view import (
+from radarsim.client.teleop_view import (
     RADII,
     Canvas,
     Fragments,
@@ -136,22 +136,12 @@ def test_dots_are_the_unicode_braille_dots() -> None:
         assert texts(canvas) == [letter]
 
 
-def test_empty_canvas_is_blank_rather_than_braille() -> None:
-    assert texts(Canvas(3, 2, STYLES)) == ["   ", "   "]
-
-
 @pytest.mark.parametrize("order", [STYLES, STYLES[::-1]], ids=["up", "down"])
 def test_cell_takes_the_style_of_highest_priority(order: tuple[str, str]) -> None:
     canvas = Canvas(1, 1, STYLES)
     for style, across in zip(order, (0.0, 1.0), strict=True):
         canvas.plot(np.array([across]), np.array([0.0]), style)
     assert canvas.lines() == [[("high", "⠉")]]
-
-
-def test_neighbours_of_one_style_are_one_fragment() -> None:
-    canvas = Canvas(4, 1, STYLES)
-    canvas.plot(np.array([2.0, 4.0]), np.array([0.0, 0.0]), "low")
-    assert canvas.lines() == [[("", " "), ("low", "⠁⠁"), ("", " ")]]
 
 
 def test_text_covers_dots_and_is_cut_at_the_edge() -> None:

@@ -45,19 +45,11 @@ def test_part_of_a_raw_picture_has_the_pixels_of_that_part() -> None:
     assert data[12:18] == bytes([250, 0, 0, 0, 0, 0])
 
 
-@pytest.mark.parametrize("image_type", [1, 2, 3, 4, 5])
-def test_jpeg_looks_like_the_picture(image_type: int) -> None:
+def test_jpeg_looks_like_the_picture() -> None:
     large = PIXELS.repeat(8, axis=0).repeat(8, axis=1)
-    data = data_of(encode(large, WHOLE, ImageType(image_type)), image_type)
+    data = data_of(encode(large, WHOLE, ImageType.JPEG_GOOD), 2)
     with Image.open(io.BytesIO(data)) as image:
         assert image.format == "JPEG"
         assert image.size == (144, 96)
         decoded = np.asarray(image, float)
     assert np.abs(decoded - large).mean() < 12
-
-
-def test_better_types_of_jpeg_are_larger() -> None:
-    noise = np.random.Generator(np.random.PCG64(1)).integers(0, 255, (60, 80, 3))
-    pixels = noise.astype(np.uint8)
-    sizes = [len(encode(pixels, WHOLE, ImageType(type_))) for type_ in (1, 2, 3, 4, 5)]
-    assert sizes == sorted(sizes, reverse=True)

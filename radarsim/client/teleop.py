@@ -1,4 +1,7 @@
-"""The teleoperation loop: what keys mean, the screen, and a robot that is driven.
+"""Teleoperation: drive a robot by keyboard over TCP, with its scan in the terminal.
+
+What keys mean, the screen, and the loop are here; what a driver sees is drawn, without
+a terminal, by ``teleop_view``.
 
 prompt_toolkit handles the terminal itself: raw keys, the alternate screen, changes of
 size, incremental drawing, and restoring everything at the end.
@@ -41,7 +44,7 @@ from prompt_toolkit.output import Output
 from prompt_toolkit.styles import Style
 
 from radarsim.client import AsyncClient, DriveUnit
-from radarsim.client.teleop.view import (
+from radarsim.client.teleop_view import (
     RADII,
     WIDTH,
     DrivenRobot,
