@@ -107,7 +107,7 @@ class Echoes:
         power: (E,) penetration power left on arrival, for a hit without what the
             surface absorbs; inf if it is unlimited.
         strength: (E,) power of the echo as a share of what comes back from a rough
-            wall that the whole beam meets head-on, 0 to 1; see ``echo_strength``.
+            wall that the whole beam meets head-on, 0 to 1; see ``echo_extraction``.
         parts: (E,) int64, index of the part in the scene; for a robot, the number of
             parts + the id of the robot.
         scene_parts: The parts of the scene.

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from parts import brick
 
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats, rotation_matrix
@@ -35,12 +36,6 @@ def foliage(density: float) -> Material:
 
 def solid(material: Material, shape: Solid, at: tuple[float, float, float]) -> Part:
     return Part(material.name, material, shape[0] + np.array(at), shape[1])
-
-
-def brick(
-    material: Material, size: tuple[float, float, float], at: tuple[float, float, float]
-) -> Part:
-    return solid(material, shapes.box(*size), at)
 
 
 def rays(

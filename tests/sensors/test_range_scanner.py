@@ -2,27 +2,18 @@ import math
 
 import numpy as np
 import pytest
+from parts import block
 
 import radarsim
 from radarsim import Material, Part, Pose3, Scene, StartPose
 from radarsim.geometry import Floats
 from radarsim.rng import generator_for
-from radarsim.scene.shapes import box, sphere
+from radarsim.scene.shapes import sphere
 from radarsim.sensors.range_scanner import sensor_pose
 
 WALL = Material("wall")
 LEAF = Material("leaf", density=0.5)
 SMOKE = Material("smoke", density=0.0, laser_density=0.5, solid=False)
-
-
-def block(
-    name: str,
-    material: Material,
-    size: tuple[float, float, float],
-    place: tuple[float, float, float],
-) -> Part:
-    vertices, faces = box(*size)
-    return Part(name, material, vertices + np.array(place), faces)
 
 
 def room(*parts: Part) -> Scene:
