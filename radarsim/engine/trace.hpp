@@ -1,12 +1,47 @@
-// Trace all rays of a call: given ones, or those of scans, each aimed right before it is traced.
+// Trace all rays of a call on several threads: given ones, or those of scans, each aimed right before it is traced.
 #pragma once
-#include "aimed_rays.hpp"
+#include "directions.hpp"
 #include "propagate.hpp"
-#include "threads.hpp"
+#include <pthread.h>
+#include <signal.h>
 
 namespace radarsim {
 
-constexpr int64_t INCONSISTENT = INT64_MIN; // arrays that do not belong together
+// Calls work(part) for each part from 0, on some threads that take the next part when they are ready. What a part
+// does must not depend on which thread does it: then the results are the same for any number of threads.
+template <typename Work> class ParallelWork {
+  public:
+    ParallelWork(int64_t threads, int64_t parts, Work& work) : parts_(parts), work_(work) {
+        Buffer<pthread_t> others(threads);
+        int64_t started = 0;
+        sigset_t all, before;
+        sigfillset(&all);
+        pthread_sigmask(SIG_BLOCK, &all, &before); // signals are for the threads of the program
+        for (; started < least_of(threads, parts) - 1; started++)
+            if (pthread_create(&others[started], nullptr, run, this)) break; // then those that there are do it all
+        pthread_sigmask(SIG_SETMASK, &before, nullptr);
+        run(this);
+        for (int64_t i = 0; i < started; i++) pthread_join(others[i], nullptr);
+        if (failed_) Attempt::fail();
+    }
+
+  private:
+    static int64_t least_of(int64_t a, int64_t b) { return a < b ? a : b; }
+    static void* run(void* self) {
+        auto& [parts, next, failed, work] = *static_cast<ParallelWork*>(self);
+        Attempt attempt([&] {
+            for (int64_t part; (part = __atomic_fetch_add(&next, 1, __ATOMIC_RELAXED)) < parts;) work(part);
+        });
+        if (!attempt.succeeds) __atomic_store_n(&failed, true, __ATOMIC_RELAXED);
+        return nullptr;
+    }
+
+    int64_t parts_, next_ = 0;
+    bool failed_ = false;
+    Work& work_;
+};
+
+constexpr int64_t INCONSISTENT = bindings::REFUSED; // arrays that do not belong together
 constexpr int64_t PARTS_PER_THREAD = 4;
 constexpr int64_t MOST_CROSSINGS = 1 << 26, MOST_THREADS = 1024; // for which there is memory
 constexpr int CLEARANCE_CLASS = 1; // the class for which something may hide a ray
@@ -167,7 +202,7 @@ inline int64_t trace_rays(const Scene& scene, const RaySource& source, Array<con
     if (events.size() && events.size() < count) count = 1; // each needs room for some
     int64_t rows = places.size() ? places.size() * source.table->beams() : ranges.size();
     int64_t share = events.size() / count; // of the room for events
-    Room<TracePart> found(count);
+    Buffer<TracePart> found(count);
     auto trace_part = [&](int64_t i) {
         int64_t first = rows * i / count, last = rows * (i + 1) / count;
         TracePart& part = found[i];
@@ -180,6 +215,6 @@ inline int64_t trace_rays(const Scene& scene, const RaySource& source, Array<con
     ParallelWork(threads, count, trace_part);
     return join_parts({found.data(), {count}}, events, summary);
 }
-DOOR(trace_rays, "b e r r r r i j hc s s 3")
+BIND(trace_rays, "b e r r r r i j hc s s 3")
 
 } // namespace radarsim

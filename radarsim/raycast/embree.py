@@ -11,7 +11,7 @@ foliage's edge: a grazing ray would gain or lose a chord of centimetres. So Embr
 proposes the triangles that a ray may cross: Embree knows them as user geometry, boxes
 that are wider than the triangles by more than the error of float32. For each box that
 the ray meets, a callback intersects the triangle itself in float64, see
-``crossings.hpp``.
+``intersect.hpp``.
 Penetrable surfaces are collected in a list; an opaque one shortens the ray. So one
 traversal from one origin yields *all* surfaces up to the first opaque one, and no ray
 is restarted behind a hit. Restarts with an offset would lose thin parts, restarts at
@@ -82,7 +82,7 @@ SIGNATURES: Final[dict[str, tuple[type | None, list[type]]]] = {
 # Each rounding to float32 costs up to 6e-8 of a coordinate; Embree rounds some eight
 # times before it compares.
 RELATIVE_MARGIN: Final = 2e-6
-TINY: Final = 1e-30  # m; smaller coordinates are set to zero, see ``crossings.hpp``
+TINY: Final = 1e-30  # m; smaller coordinates are set to zero, see ``intersect.hpp``
 GEOMETRY_USER: Final = 120  # one of RTCGeometryType
 _BLOCK: Final = 100_000  # triangles of which intermediate results fit into memory
 MAX_SLICES: Final = 32

@@ -50,7 +50,6 @@ from radarsim.scene.shapes import box
 
 THREAD_RAYS: Final = 2_000  # from as many on, all processors trace the rays of a call
 INITIAL_CAPACITY: Final = 512  # crossings of a segment; events of a call
-INCONSISTENT: Final = -(2**63)  # a result of ``trace_rays``
 EMPTY: Final = np.zeros(0)
 NO_EVENTS: Final = np.zeros(0, EVENT)
 # Places, random numbers, nodes, and sides of scans in a call that traces given rays.
@@ -234,7 +233,7 @@ class Tracer:
             found = self._packed[ray_classes] = engine.structures["Scene"].pack(
                 handle=handle,
                 materials=self._table_for(ray_classes),
-                centre=self._centre.tolist(),
+                centre=self._centre,
                 triangles=self._scene.triangles,
             )
         return found
@@ -290,10 +289,6 @@ class Tracer:
                 summary,
             )
             count, height, unsliced = summary.tolist()
-            if needed == INCONSISTENT:
-                raise EngineError(
-                    "rays or scans of lengths that do not belong together"
-                )
             if needed < 0:
                 raise invalid(-1 - needed)
             if needed == 0 and count <= room:

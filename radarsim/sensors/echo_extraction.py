@@ -57,7 +57,7 @@ NOTHING_LEFT: Final = 1e-12  # share of a ray's power
 LEAF_BACKSCATTER: Final = 2 / 3  # mean cosine of leaves that rays meet
 _MODES: Final = {"last": 0, "all": 0, "first": 1, "strongest": 2}  # of the engine
 
-ECHO: Final = engine.structures["Echo"].dtype
+ECHO: Final = engine.rows["Echo"]
 EchoTable: TypeAlias = NDArray[np.void]  # of ECHO, a row for each, beam by beam
 
 

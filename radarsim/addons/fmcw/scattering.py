@@ -157,7 +157,7 @@ def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Scattering:
     lobes = np.array([lobe_of(each) for each in materials]).reshape(-1, 2)
     # Of opaque surfaces at normal incidence.
     surface_db = [MIRROR_DB if m.radar_mirror else m.backscatter_db for m in materials]
-    rows = np.zeros(len(materials) + 1, engine.structures["PartScattering"].dtype)
+    rows = np.zeros(len(materials) + 1, engine.rows["PartScattering"])
     rows[-1]["gamma"] = 10 ** (ROBOT_DB / 10)
     parts = rows[:-1]
     parts["gamma"] = [10 ** (db / 10) for db in surface_db]

@@ -1,8 +1,40 @@
-// Detectors of targets in a spectrum; see detection.py for the theory.
+// Sweeps, their spectra, and detectors of targets in these; see beat_signal.py and detection.py for the theory.
 #pragma once
-#include "door.hpp"
+#include "bindings.hpp"
 
 namespace radarsim::fmcw {
+
+// Fill the power of spectra by the shape of the noise.
+inline bool square_spectra(Array<const float[2], 2> spectra, Array<const float> shape, Array<float, 2> power) {
+    if (spectra.shape[1] < shape.size()) return false;
+    for (int64_t row = 0; row < power.shape[0]; row++)
+        for (int64_t bin = 0; bin < shape.size(); bin++) {
+            const auto& [real, imaginary] = spectra(row, bin);
+            power(row, bin) = shape[bin] * (real * real + imaginary * imaginary);
+        }
+    return true;
+}
+BIND(square_spectra, "rs b rb")
+
+// Add cosines to the first samples of rows of sweeps; turns are in rad a sample.
+inline bool add_cosines(Array<float, 2> sweeps, int64_t samples, Array<const int64_t> rows, Array<const double> turns,
+                        Array<const double> phases, Array<const double> amplitudes) {
+    // cos(a + b) = 2 cos(a) cos(b) - cos(a - b), with b of so many samples, which a processor computes at once. Over
+    // the samples of a sweep the error stays below that of 32-bit numbers.
+    constexpr int64_t LANES = 16;
+    if (samples < 0 || samples > sweeps.shape[1]) return false;
+    Buffer<double> tone(samples);
+    for (int64_t k = 0; k < rows.size(); k++) {
+        if (rows[k] < 0 || rows[k] >= sweeps.shape[0]) return false;
+        for (int64_t n = 0; n < 2 * LANES && n < samples; n++) tone[n] = amplitudes[k] * cos(turns[k] * n + phases[k]);
+        double factor = 2.0 * cos(LANES * turns[k]), *values = tone.data();
+        for (int64_t n = 2 * LANES; n < samples; n++) values[n] = factor * values[n - LANES] - values[n - 2 * LANES];
+        float* sweep = &sweeps(rows[k], 0);
+        for (int64_t n = 0; n < samples; n++) sweep[n] += float(values[n]);
+    }
+    return true;
+}
+BIND(add_cosines, "rs k k k k")
 
 // Find the strongest bin of each run of bins that are set: a strong echo sets all bins of its main lobe.
 inline void find_peaks(Array<const bool, 2> mask, Array<const float, 2> power, Array<bool, 2> peaks) {
@@ -19,7 +51,7 @@ inline void find_peaks(Array<const bool, 2> mask, Array<const float, 2> power, A
         }
     }
 }
-DOOR(find_peaks, "rb rb rb")
+BIND(find_peaks, "rb rb rb")
 
 struct Neighbours { // the training bins on each side of a bin, half of all
     int64_t nearest, step, half;
@@ -43,7 +75,7 @@ inline int64_t find_ca(Array<const float, 2> power, int64_t nearest, int64_t ste
     int64_t ahead = nearest + farthest;
     int64_t start = farthest < count ? farthest : count, end = count > farthest ? count - farthest : 0;
     int64_t low = start < end ? start : end, high = start + end - low;
-    Room<double> sums(length);
+    Buffer<double> sums(length);
     for (int64_t row = 0; row < power.shape[0]; row++) {
         const float* line = &power(row, 0);
         bool* is_found = &found(row, 0);
@@ -61,7 +93,7 @@ inline int64_t find_ca(Array<const float, 2> power, int64_t nearest, int64_t ste
     }
     return true;
 }
-DOOR(find_ca, "rb rb")
+BIND(find_ca, "rb rb")
 
 // A histogram of levels, and how many are below the one that is current.
 class LevelHistogram {
@@ -115,6 +147,6 @@ inline int64_t find_os(Array<const float, 2> levels, int64_t nearest, int64_t st
     }
     return true;
 }
-DOOR(find_os, "rb rb")
+BIND(find_os, "rb rb")
 
 } // namespace radarsim::fmcw

@@ -1,8 +1,80 @@
-// Searches for paths of a rectangle; see footprint_planning.py for the theory.
+// Searches for cheapest paths: of a point over all 8 neighbours of cells, and of a rectangle (see
+// footprint_planning.py).
 #pragma once
-#include "grid_search.hpp"
+#include "bindings.hpp"
 
 namespace radarsim {
+
+// A queue from which the least value comes first; values that compare equal are equal.
+template <typename T> class Heap : Memory {
+  public:
+    bool is_empty() const { return !size_; }
+
+    void push(T value) {
+        if (size_ == capacity_) {
+            capacity_ = 2 * capacity_ + 64;
+            hold(realloc(data_, capacity_ * sizeof(T)));
+        }
+        T* values = static_cast<T*>(data_);
+        int64_t i = size_++;
+        for (; i > 0 && value < values[(i - 1) / 2]; i = (i - 1) / 2) values[i] = values[(i - 1) / 2];
+        values[i] = value;
+    }
+
+    T pop() {
+        T *values = static_cast<T*>(data_), first = values[0], last = values[--size_];
+        int64_t i = 0;
+        for (int64_t child = 1; child < size_; child = 2 * i + 1) {
+            child += child + 1 < size_ && values[child + 1] < values[child];
+            if (!(values[child] < last)) break;
+            values[i] = values[child];
+            i = child;
+        }
+        values[i] = last;
+        return first;
+    }
+
+  private:
+    int64_t size_ = 0, capacity_ = 0;
+};
+
+struct QueuedCell {
+    double cost;
+    int64_t cell;
+    // Equal costs are sorted by cells, so that of several cheapest paths it is always the same.
+    bool operator<(const QueuedCell& other) const {
+        return cost < other.cost || (cost == other.cost && cell < other.cell);
+    }
+};
+
+// Visit cells by cost until one is a target (Dijkstra); return it, or -1. The costs are those of a step of one cell
+// into each. Sets the cost of the cheapest way to each cell, which has to be infinite before, and the cell before it.
+inline int64_t search_grid(Array<const double, 2> cost, int64_t row, int64_t column, Array<const bool, 2> targets,
+                           Array<int64_t, 2> parents, Array<double, 2> best) {
+    int64_t rows = cost.shape[0], columns = cost.shape[1];
+    if (row < 0 || row >= rows || column < 0 || column >= columns) return -1;
+    Heap<QueuedCell> queue;
+    best(row, column) = 0.0;
+    queue.push({0.0, row * columns + column});
+    while (!queue.is_empty()) {
+        auto [so_far, cell] = queue.pop();
+        if (so_far > best.data[cell]) continue; // a cheaper way here has been found since this was queued
+        if (targets.data[cell]) return cell;
+        int64_t i = cell / columns, j = cell % columns;
+        for (int64_t k = i - 1; k <= i + 1; k++)
+            for (int64_t n = j - 1; n <= j + 1; n++) {
+                if (k < 0 || k >= rows || n < 0 || n >= columns || (k == i && n == j)) continue;
+                double total = so_far + cost(k, n) * (k == i || n == j ? 1.0 : sqrt(2.0));
+                // Less, and not as much, for the same reason as above. No step costs less than nothing.
+                if (!(so_far <= total && total < best(k, n))) continue;
+                best(k, n) = total;
+                parents(k, n) = cell;
+                queue.push({total, k * columns + n});
+            }
+    }
+    return -1;
+}
+BIND(search_grid, "rc rc rc rc")
 
 constexpr int HEADINGS = 16;
 using CellStep = int64_t[2];      // columns and rows
@@ -54,7 +126,7 @@ inline int64_t search_states(Array<const int64_t, 2> masks, Array<const CellStep
     PoseLattice lattice = {masks, steps};
     if (!lattice.has_cell(start) || parents.shape[0] < lattice.cells()) return -1;
     // Only what is written of it takes memory. Zero for states without a parent, to which no way is known.
-    Room<double> best(lattice.cells() * HEADINGS);
+    Buffer<double> best(lattice.cells() * HEADINGS);
     int64_t first = start * HEADINGS;
     Heap<QueuedState> queue;
     queue.push({guide.data[start], 0.0, first});
@@ -76,7 +148,7 @@ inline int64_t search_states(Array<const int64_t, 2> masks, Array<const CellStep
     }
     return -1;
 }
-DOOR(search_states, "rc h h rc sh")
+BIND(search_states, "rc h h rc sh")
 
 // Whether motions lead from heading 0 in a cell to another cell. Motions can be undone. So states are visited from both
 // cells in turn until they meet, or none is left on one side: that is far less than a search visits that fails.
@@ -85,7 +157,7 @@ inline int64_t are_joined(Array<const int64_t, 2> masks, Array<const CellStep> s
     if (!lattice.has_cell(start) || !lattice.has_cell(goal)) return false;
     if (start == goal) return true;
     List<int32_t> queues[2] = {List<int32_t>(lattice.cells() * HEADINGS), List<int32_t>(lattice.cells() * HEADINGS)};
-    Room<int8_t> sides(lattice.cells() * HEADINGS); // from which each state was visited
+    Buffer<int8_t> sides(lattice.cells() * HEADINGS); // from which each state was visited
     auto visit = [&](int side, int64_t state) {
         sides[state] = int8_t(side + 1);
         queues[side].append(int32_t(state));
@@ -105,6 +177,6 @@ inline int64_t are_joined(Array<const int64_t, 2> masks, Array<const CellStep> s
             }
         }
 }
-DOOR(are_joined, "rc h")
+BIND(are_joined, "rc h")
 
 } // namespace radarsim
