@@ -97,6 +97,8 @@ class ScanBatch:
 
     Attributes:
         pattern: The beams.
+        kinds: The kinds of random numbers, as of the pattern; and of the scene.
+        needs_events: Whether the events along the rays are traced.
         drawn: The random numbers of each kind, J rows.
         ranges: (J, N) m, as of ``ScanArrays``; and so the next.
         rays: (J, N), or None.

@@ -189,20 +189,6 @@ def test_side_by_side_volumes_leave_no_gap_between_them() -> None:
     assert one(bushes)[3] == pytest.approx(1 - 0.2)
 
 
-def test_first_of_coincident_walls_is_hit() -> None:
-    walls = [brick(CONCRETE, (1, 2, 2), (5, 0, 0)) for _ in range(3)]
-    assert one(walls) == (4.5, Outcome.HIT, 0, 1.0)
-
-
-def test_ray_from_far_away_hits_the_same_point() -> None:
-    bush = brick(foliage(0.1), (2, 2, 2), (0, 0, 0))
-    wall = brick(CONCRETE, (1, 2, 2), (5, 0, 0))
-    t, outcome, part, power = one([bush, wall], (-1e6, 0.3, 0.2), max_range=1e7)
-    assert (outcome, part) == (Outcome.HIT, 1)
-    assert t == pytest.approx(1e6 + 4.5)
-    assert power == pytest.approx(0.8)
-
-
 def test_robots_stop_all_rays_but_their_own() -> None:
     tracer = Tracer([brick(CONCRETE, (1, 9, 9), (9.5, 0, 0))])
     cast = Rays.uniform(np.zeros((2, 3)), np.tile(AHEAD, (2, 1)), max_range=80.0)

@@ -14,7 +14,12 @@ from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene
 from radarsim.sensors import scan_batch as scan_batch_module
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor
-from radarsim.sensors.scan_batch import ScanRequest, scan_batch, scan_ranges
+from radarsim.sensors.scan_batch import (
+    ScanBatch,
+    ScanRequest,
+    scan_batch,
+    scan_ranges,
+)
 
 SENSORS: dict[str, tuple[str, dict[str, Any]]] = {
     "radar": ("radar", {}),
@@ -74,6 +79,24 @@ def test_number_of_threads_does_not_matter(
     monkeypatch.setattr(scan_batch_module, "thread_count", lambda: threads)
     many = sensor.scan_many(scene, poses, generator_for(4))
     assert many.ranges.tobytes() == expected
+
+
+@pytest.mark.parametrize("name", ["radar", "physical", "hss94_marulan"])
+def test_many_scans_are_taken_in_a_few_batches(
+    name: str, foliage_room: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sensor, batches = load_sensor(name), []
+
+    class Counted(ScanBatch):
+        def trace(self, *args: Any, **options: Any) -> None:
+            batches.append(self)
+            super().trace(*args, **options)
+
+    monkeypatch.setattr(scan_batch_module, "ScanBatch", Counted)
+    monkeypatch.setattr(scan_batch_module, "Scan", None)  # none is built
+    sensor.scan_many(foliage_room, drive(60), generator_for(3))
+    rays = 60 * len(sensor.pattern.shares)
+    assert len(batches) <= 1 + rays // scan_batch_module.CHUNK_RAYS * 2
 
 
 def test_poses_are_returned_in_space(empty_room: Scene) -> None:
