@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Floats
@@ -59,7 +59,6 @@ def test_longitude_goes_on_beyond_the_date_line() -> None:
     assert read.position[1] == pytest.approx(-179.9991)
 
 
-@settings(max_examples=25)
 @given(latitude=st.floats(-89, 89), longitude=st.floats(-180, 180))
 def test_there_is_a_fix_in_the_open_everywhere(
     latitude: float, longitude: float

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Floats, Pose3
@@ -52,7 +52,6 @@ def ranges(
     return measured
 
 
-@settings(max_examples=25)
 @given(distance=st.floats(0.2, 4.9), angle=st.floats(-0.6, 0.6))
 def test_wall_is_as_far_as_its_nearest_point_in_the_cone(
     distance: float, angle: float
@@ -64,7 +63,6 @@ def test_wall_is_as_far_as_its_nearest_point_in_the_cone(
     assert nearest - 1e-6 <= measured <= min(farthest, 5) + 1e-6
 
 
-@settings(max_examples=25)
 @given(
     distance=st.floats(0.5, 4.8),
     radius=st.floats(0.045, 0.4),
