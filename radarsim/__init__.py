@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from radarsim.plotting.scans import as_svg as as_svg
     from radarsim.plotting.scans import compare
     from radarsim.plotting.scans import plot_scan as plot_scan
-    from radarsim.raycast.rays import EventKind
+    from radarsim.raycast.attenuation import EventKind
     from radarsim.rng import generator_for
     from radarsim.scene.map_file import load_map, shipped_maps
     from radarsim.scene.material import Material
@@ -41,7 +41,7 @@ __version__ = "0.1.0"
 # values such as scenes and scans can be drawn by what lies above them.
 _MODULES = {
     "Echoes": "radarsim.sensors.scan",
-    "EventKind": "radarsim.raycast.rays",
+    "EventKind": "radarsim.raycast.attenuation",
     "Host": "radarsim.server.host",
     "LocalRobot": "radarsim.local",
     "LocalScan": "radarsim.local",

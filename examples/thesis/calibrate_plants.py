@@ -28,7 +28,8 @@ from radarsim.generators.plants.plant import SEED, Plant, make_shrubs, plant_fil
 from radarsim.generators.plants.species import SHRUB, PlantParameters
 from radarsim.geometry import Floats
 from radarsim.plotting.palette import FAMILY_COLOURS, MARKER, RADAR, Family
-from radarsim.raycast.rays import Outcome, Rays
+from radarsim.raycast.attenuation import Outcome
+from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.robots.obstacles import slice_mesh

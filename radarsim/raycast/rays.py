@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 from itertools import accumulate, pairwise
 from typing import Final, NamedTuple, TypeAlias
 
@@ -12,38 +11,10 @@ from numpy.typing import NDArray
 from radarsim.engine import Packed, engine
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
+from radarsim.raycast.attenuation import EventKind
 
 Sides: TypeAlias = NDArray[np.int8]  # of its beam that each ray is on
 Nodes: TypeAlias = NDArray[np.int16]  # of its beam that each ray is
-
-# One row for each event; the fields are those of ``Event``.
-EVENT: Final = engine.rows["Event"]
-Events: TypeAlias = NDArray[np.void]  # of EVENT
-
-
-class Outcome(IntEnum):
-    """How a ray ends; ``attenuation.hpp`` has the theory."""
-
-    NOTHING = 0
-    HIT = 1
-    SPENT = 2
-    ABSORBED = 3
-
-
-class EventKind(IntEnum):
-    """What happens to a ray at one point of its path."""
-
-    START_INSIDE = 0
-    ENTER = 1
-    LEAVE = 2
-    SHEET = 3
-    HIT = 4
-    SPENT = 5
-    OUT_OF_RANGE = 6
-    MIRRORED = 7
-    ABSORBED = 8
-    RAIN = 9  # added by sensors: rain has no surfaces
-
 
 RADAR: Final = 0
 LASER: Final = 1

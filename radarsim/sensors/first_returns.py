@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.presets.sensor_settings import SensorSettings
-from radarsim.raycast.rays import EventKind, Events
+from radarsim.raycast.attenuation import EventKind, Events
 from radarsim.sensors.echo_extraction import (
     ECHO,
     EchoTable,

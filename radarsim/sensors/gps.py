@@ -23,7 +23,8 @@ import numpy as np
 
 from radarsim.geometry import Floats
 from radarsim.presets.sensor_settings import GpsSettings
-from radarsim.raycast.rays import Outcome, Rays, Traces
+from radarsim.raycast.attenuation import Outcome
+from radarsim.raycast.rays import Rays, Traces
 from radarsim.sensors.sonar import SONAR_CLASS
 
 METRES_PER_DEGREE: Final = (111_200.0, 71_670.0)  # of latitude, of longitude

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from radarsim.engine import engine
 from radarsim.geometry import Floats
 from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
-from radarsim.raycast.rays import Events
+from radarsim.raycast.attenuation import Events
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import rain_reflectivity
 from radarsim.sensors.echo_extraction import ECHO, EchoTable, insert_echoes

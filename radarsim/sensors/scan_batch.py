@@ -28,7 +28,8 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose3
 from radarsim.processes import thread_count
-from radarsim.raycast.rays import EventKind, Outcome, Rays, Sides
+from radarsim.raycast.attenuation import EventKind, Outcome
+from radarsim.raycast.rays import Rays, Sides
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.scene import Scene

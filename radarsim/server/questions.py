@@ -17,7 +17,8 @@ from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.message import Triple
 from radarsim.protocol.truth import END, VICTIM, ActorTruth, TruthRequest
 from radarsim.protocol.wireless import Station, WirelessRequest
-from radarsim.raycast.rays import EventKind, Rays
+from radarsim.raycast.attenuation import EventKind
+from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import tracer_of
 from radarsim.scene.scene import Scene
 from radarsim.simulation.simulation import Simulation

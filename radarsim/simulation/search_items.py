@@ -24,7 +24,8 @@ from radarsim.presets.robots import Item
 from radarsim.protocol import rescue
 from radarsim.protocol.fields import SensorReport
 from radarsim.protocol.rescue import Sighting
-from radarsim.raycast.rays import Outcome, Rays, Traces
+from radarsim.raycast.attenuation import Outcome
+from radarsim.raycast.rays import Rays, Traces
 from radarsim.scene.scene import Scene
 from radarsim.scene.victims import Place, Victim
 from radarsim.sensors.sonar import SONAR_CLASS

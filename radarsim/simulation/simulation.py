@@ -19,7 +19,8 @@ from radarsim.presets.robots import RobotModel
 from radarsim.presets.sensors import item_presets, sensor_presets
 from radarsim.protocol.fields import SensorReport
 from radarsim.protocol.reports import RangeScan
-from radarsim.raycast.rays import EventKind, Rays
+from radarsim.raycast.attenuation import EventKind
+from radarsim.raycast.rays import Rays
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import tracer_of
 from radarsim.robots.fleet import Fleet

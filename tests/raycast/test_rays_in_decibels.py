@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from parts import layer
 
-from radarsim.raycast.rays import LASER, RADAR, Outcome, RayClass, Rays, Traces
+from radarsim.raycast.attenuation import Outcome
+from radarsim.raycast.rays import LASER, RADAR, RayClass, Rays, Traces
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part

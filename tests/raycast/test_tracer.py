@@ -12,7 +12,8 @@ from parts import brick
 
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats, rotation_matrix
-from radarsim.raycast.rays import EVENT, LASER, RADAR, EventKind, Outcome, Rays, Traces
+from radarsim.raycast.attenuation import EVENT, EventKind, Outcome
+from radarsim.raycast.rays import LASER, RADAR, Rays, Traces
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import (
     INITIAL_CAPACITY,

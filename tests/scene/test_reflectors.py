@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 import radarsim
 from radarsim import MapError, Scene
 from radarsim.presets.sensor_settings import BANDS_GHZ
-from radarsim.raycast.rays import LASER, RADAR, Outcome, RayClass, Rays
+from radarsim.raycast.attenuation import Outcome
+from radarsim.raycast.rays import LASER, RADAR, RayClass, Rays
 from radarsim.raycast.tracer import tracer_of
 from radarsim.scene.reflectors import Reflector, plate_rcs, sphere_rcs, trihedral_rcs
 

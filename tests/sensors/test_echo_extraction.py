@@ -13,15 +13,8 @@ from parts import layer
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.presets.sensors import load_settings
-from radarsim.raycast.rays import (
-    DEFAULT_CLASSES,
-    EVENT,
-    RADAR,
-    EventKind,
-    RayClass,
-    Rays,
-    Traces,
-)
+from radarsim.raycast.attenuation import EVENT, EventKind
+from radarsim.raycast.rays import DEFAULT_CLASSES, RADAR, RayClass, Rays, Traces
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part

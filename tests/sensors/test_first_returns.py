@@ -8,7 +8,7 @@ import yaml
 
 import radarsim
 from radarsim.geometry import Floats, Pose3
-from radarsim.raycast.rays import EventKind
+from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for

@@ -40,7 +40,8 @@ from radarsim.addons.fmcw.radar_equation import (
 from radarsim.addons.fmcw.viewpoints import Viewpoints
 from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings
-from radarsim.raycast.rays import Outcome, RayClass, Rays
+from radarsim.raycast.attenuation import Outcome
+from radarsim.raycast.rays import RayClass, Rays
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import OPAQUE, Material

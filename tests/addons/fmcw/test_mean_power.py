@@ -27,7 +27,8 @@ from radarsim.addons.fmcw.radar_equation import (
 )
 from radarsim.addons.fmcw.viewpoints import fixed_viewpoints
 from radarsim.geometry import Pose3
-from radarsim.raycast.rays import EventKind, Rays
+from radarsim.raycast.attenuation import EventKind
+from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import tracer_of
 from radarsim.scene.scene import Scene
 

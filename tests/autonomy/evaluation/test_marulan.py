@@ -11,7 +11,7 @@ import radarsim
 from radarsim import Pose2, Scan, Scene
 from radarsim.geometry import Floats
 from radarsim.presets.robots import load_robot
-from radarsim.raycast.rays import EventKind
+from radarsim.raycast.attenuation import EventKind
 from radarsim.rng import generator_for
 from radarsim.simulation.simulation import Simulation
 
