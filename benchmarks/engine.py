@@ -21,8 +21,8 @@ from benchmarks import scenes
 from benchmarks.first_hits import FirstHits
 from benchmarks.scenes import SENSOR
 from benchmarks.timing import Row, compare, measure, ratio_row
+from radarsim.addons.fmcw.antenna import fixed_viewpoints
 from radarsim.addons.fmcw.radar_equation import fft_length
-from radarsim.addons.fmcw.viewpoints import fixed_viewpoints
 from radarsim.geometry import Floats
 from radarsim.raycast import embree
 from radarsim.raycast.rays import Rays

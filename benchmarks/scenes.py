@@ -7,11 +7,11 @@ from typing import Any, Final
 import numpy as np
 import trimesh
 
-from radarsim.generators.plants.plant import Plant, make_shrubs
-from radarsim.generators.plants.species import SHRUB
+from radarsim import shipped_maps
 from radarsim.geometry import rotation_matrix
 from radarsim.rng import generator_for
 from radarsim.scene.material import Material
+from radarsim.scene.meshes import read_surfaces
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import Mesh, box, sphere
 
@@ -19,7 +19,7 @@ SENSOR = (-6.0, 0.0, 0.0)  # x, y, yaw in all scenes but the hall
 WALL = Material("wall")
 FOLIAGE = Material("foliage", density=1.0)
 LEAF = Material("leaf", density=0.0, sheet_loss=0.4)
-LEAF_SPACING: Final = 2.2 * SHRUB.crown_radius  # m between neighbours
+LEAF_SPACING: Final = 2.2  # m between shrubs, which have a radius of 1 m
 MESH_MAP: Final = """\
 version: 1
 objects: [{{name: ball, mesh: {}, material: foliage}}]
@@ -92,8 +92,9 @@ def leafy_shrubs(triangles: int) -> Scene:
 
     Each shrub has a random yaw. No two of them touch, and there is space for a sensor.
     """
-    shrub = make_shrubs(0)["leaves"]
-    count = max(1, round(triangles / shrub.triangles))
+    folder = shipped_maps()["forest_edge"].parent / "meshes"
+    shrub = read_surfaces(folder / "shrub_leaves.glb", folder)
+    count = max(1, round(triangles / sum(len(piece.faces) for piece in shrub)))
     rng = generator_for(0, "plants", "leaf scene")
     side = math.ceil(math.sqrt(count))
     length, width, height = 4.0 + LEAF_SPACING * side, LEAF_SPACING * (side + 2), 6.0
@@ -102,13 +103,12 @@ def leafy_shrubs(triangles: int) -> Scene:
     for number in range(count):
         row, column = divmod(number, side)
         y = LEAF_SPACING * (column - (side - 1) / 2)
-        place = np.array([-4.0 + LEAF_SPACING * row, y, 0.0])
         rotation = rotation_matrix(0.0, 0.0, rng.uniform(0, 2 * math.pi)).T
-        rotated = Plant(
-            (shrub.wood[0] @ rotation, shrub.wood[1]),
-            (shrub.foliage[0] @ rotation, shrub.foliage[1]),
-        )
-        parts += rotated.parts(f"shrub_{number + 1}", Material("wood"), LEAF, place)
+        for piece in shrub:
+            material = LEAF if piece.material == "Leaves" else Material("wood")
+            mesh = piece.vertices @ rotation, piece.faces
+            place = (-4.0 + LEAF_SPACING * row, y, 0.0)
+            parts.append(_placed(f"shrub_{number + 1}", material, mesh, place))
     return Scene("leaves", "Leaves", tuple(parts))
 
 

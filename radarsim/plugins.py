@@ -19,27 +19,28 @@ OWN: Final[dict[str, dict[str, str]]] = {
     # Tables of commands, in the order of 'radarsim --help'.
     "radarsim.commands": {
         "core": "radarsim.cli.entries:COMMANDS",
-        "autonomy": "radarsim.autonomy.commands:COMMANDS",
-        "addons": "radarsim.addons.commands:COMMANDS",
+        "autonomy": "radarsim.autonomy.cli:COMMANDS",
+        "addons": "radarsim.addons.entries:COMMANDS",
         "sweep": "radarsim.sweep:COMMANDS",
     },
     # Radars, by the section of a sensor preset that describes them.
     "radarsim.sensors": {"fmcw": "radarsim.addons.fmcw.radar:FmcwRadar"},
     # Scanners of robots that are read beside the simulation, at times of their own.
-    "radarsim.items": {"fmcw": "radarsim.addons.fmcw.antennas:Antennas"},
+    "radarsim.items": {"fmcw": "radarsim.addons.fmcw.rotation_schedule:Antennas"},
     # What 'radarsim explain' can print instead of what a beam meets.
     "radarsim.explanations": {"budget": "radarsim.addons.fmcw.budget:print_budget"},
     # What simulations in Python can do besides.
     "radarsim.local": {
         "evaluate": "radarsim.autonomy.evaluation.own_controllers:evaluate",
-        "record": "radarsim.addons.recording.local_recording:record_host",
-        "spectra": "radarsim.addons.fmcw.turn_collection:collect_turns",
+        "record": "radarsim.addons.recording.recording_process:record_host",
+        "spectra": "radarsim.addons.fmcw.rotation_schedule:collect_turns",
     },
     # Options of 'radarsim serve', and what they start beside the server.
     "radarsim.serve": {
-        "navtech": "radarsim.addons.fmcw.navtech.options:NavtechOptions",
+        "core": "radarsim.cli.side_ports:SidePorts",
+        "navtech": "radarsim.addons.fmcw.cli:NavtechOptions",
         "record": "radarsim.addons.recording.run_recording:RecordOptions",
-        "web": "radarsim.addons.web.commands:WebOptions",
+        "web": "radarsim.addons.web.cli:WebOptions",
     },
 }
 

@@ -1,11 +1,13 @@
-"""The words for what is wrong: in maps and other YAML files, settings and requests.
+"""The words for what is wrong: in YAML files, settings, requests and arguments.
 
 Models of pydantic find most of it. `yaml_reader` adds the place in the file; checks of
 maps that concern several keys have their own words, in `scene.map_checks`.
 """
 
+import math
 import re
 from collections.abc import Callable
+from numbers import Real
 from typing import Any, Final
 
 from pydantic import BaseModel, ValidationError
@@ -29,6 +31,7 @@ _EXPECTED: Final = {
     "less_than": "less than {lt:g}",
     "less_than_equal": "at most {le:g}",
     "list_type": "a list",
+    "enum": "{expected}",
     "literal_error": "{expected}",
     "model_type": "keys with values",
     "string_too_long": "at most {max_length} characters",
@@ -63,7 +66,7 @@ def describe_invalid(details: ErrorDetails) -> str:
     if error_type == "value_error":
         return str(context["error"])
     expected, meant = _expected(details, context), ""
-    if error_type == "literal_error" and isinstance(details["input"], str):
+    if error_type in ("literal_error", "enum") and isinstance(details["input"], str):
         meant = did_you_mean(details["input"], re.findall("'(.*?)'", expected))
     return f"{short_repr(details['input'])}{meant}, {expected}"
 
@@ -124,3 +127,33 @@ def _expected(details: ErrorDetails, context: dict[str, Any]) -> str:
     if details["type"] in {"float_parsing", "float_type"}:
         text += point_hint(details["input"])
     return text
+
+
+def check_number(what: str, value: float, *, above: float = -math.inf) -> None:
+    """Check a number.
+
+    Args:
+        what: What it is, with its unit.
+        value: The number.
+        above: What it has to exceed.
+
+    Raises:
+        TypeError: If it is no number.
+        ValueError: If it is not finite, or too small.
+    """
+    expected = "a finite number" if above == -math.inf else f"more than {above:g}"
+    text = f"{what} {value!r}, expected {expected}"
+    if not isinstance(value, Real):
+        raise TypeError(text)
+    if not above < value < math.inf:
+        raise ValueError(text)
+
+
+def check_port(port: object) -> None:
+    """Check the number of a TCP port.
+
+    Raises:
+        ValueError: If it is none.
+    """
+    if not isinstance(port, int) or not 0 <= port <= 65535:
+        raise ValueError(f"port {port!r}, expected a whole number from 0 to 65535")

@@ -11,7 +11,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "thesis"))
 
 import bugs
 import bushes
-import calibrate_plants as plants
+import calibrate_plants as calibration
 import common
 import dust
 import mapped
@@ -20,12 +20,11 @@ import noise
 import numpy as np
 import scatter
 import side_rays
+from plants import SEED, SHAPES, SHRUB, plant_files
 
 import maps
 import radarsim
 from radarsim.autonomy.navigation.algorithms import Algorithm
-from radarsim.generators.plants.plant import SEED, SHAPES, plant_files
-from radarsim.generators.plants.species import SHRUB
 from radarsim.geometry import Floats
 from radarsim.plotting.sight import BeamEnd, find_sight
 from radarsim.raycast.rays import Rays
@@ -204,7 +203,9 @@ CENTRE = np.array([3.0, -2.0, 1.0])
 
 
 def rays_through_ball() -> Rays:
-    return plants.bundle(CENTRE, 1.0, generator_for(0, "rays"), azimuths=24, rays=400)
+    return calibration.bundle(
+        CENTRE, 1.0, generator_for(0, "rays"), azimuths=24, rays=400
+    )
 
 
 def ball_of(density: float) -> list[Part]:
@@ -215,36 +216,36 @@ def ball_of(density: float) -> list[Part]:
 
 @pytest.mark.parametrize("density", [0.1, 0.5, 1.5])
 def test_transmission_of_a_ball_agrees_with_its_closed_form(density: float) -> None:
-    measured = plants.transmission(ball_of(density), rays_through_ball()).mean()
-    wanted = plants.transmission_of_ball(2 * density)
+    measured = calibration.transmission(ball_of(density), rays_through_ball()).mean()
+    wanted = calibration.transmission_of_ball(2 * density)
     assert measured == pytest.approx(wanted, abs=0.012)  # faces lie inside the sphere
 
 
 def test_calibration_finds_a_known_density() -> None:
     rays = rays_through_ball()
-    wanted = float(plants.transmission(ball_of(0.42), rays).mean())
-    found = plants.calibrate(ball_of, wanted, rays, 5.0)
+    wanted = float(calibration.transmission(ball_of(0.42), rays).mean())
+    found = calibration.calibrate(ball_of, wanted, rays, 5.0)
     assert found == pytest.approx(0.42, rel=2e-3)
     with pytest.raises(ValueError, match=r"expected 0\.2000 between"):
-        plants.calibrate(ball_of, 0.2, rays, 0.1)
+        calibration.calibrate(ball_of, 0.2, rays, 0.1)
 
 
 def test_range_ends_where_the_power_is_spent() -> None:
     vertices, faces = cylinder(0.8, 4.0)
     parts = [Part("column", Material("foliage", density=1.0), vertices, faces)]
-    measured = plants.measure_plant(SHRUB, parts, offsets=101, azimuths=12)
+    measured = calibration.measure_plant(SHRUB, parts, offsets=101, azimuths=12)
     chords = 2 * np.sqrt(np.maximum(0.64 - measured.offsets**2, 0))
-    spent = plants.BEFORE - chords / 2 + 1
-    wanted = np.where(chords > 1, spent, plants.WALL)
+    spent = calibration.BEFORE - chords / 2 + 1
+    wanted = np.where(chords > 1, spent, calibration.WALL)
     sure = np.abs(chords - 1) > 0.02  # the column has 64 sides
     assert np.abs(measured.ranges - wanted)[:, sure].max() < 5e-3
 
 
 def test_finer_shapes_of_equal_transmission_scatter_more() -> None:
-    shapes = list(plants.compare_shapes(2, rays=400, azimuths=48))
+    shapes = list(calibration.compare_shapes(2, rays=400, azimuths=48))
     assert [each.shape for each in shapes] == list(SHAPES)
     for each in shapes:
-        target = plants.target_transmission()
+        target = calibration.target_transmission()
         assert each.transmission == pytest.approx(target, rel=0.03)
     spreads = [each.ranges.ranges[each.ranges.spent].std() for each in shapes]
     for coarse, fine in pairwise(spreads):
@@ -265,8 +266,8 @@ def test_shapes_of_the_hedge_have_the_same_transmission() -> None:
     for shape in SHAPES:
         parts, centre = shrub_of(shape)
         rng = generator_for(99, "other", shape)
-        rays = plants.bundle(centre, SHRUB.crown_radius, rng)
-        means.append(float(plants.transmission(parts, rays).mean()))
+        rays = calibration.bundle(centre, SHRUB.crown_radius, rng)
+        means.append(float(calibration.transmission(parts, rays).mean()))
     assert max(means) < 1.03 * min(means)
     assert means == pytest.approx([1 / (3 * 1.4**2)] * 3, rel=0.03)
 
@@ -275,7 +276,7 @@ def test_shipped_map_has_the_calibrated_losses(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["calibrate_plants.py", str(tmp_path), "100"])
-    plants.main()
+    calibration.main()
     for name, content in plant_files(SEED).items():
         assert (tmp_path / name).read_bytes() == content
     assert (tmp_path / "shrub_shapes.png").read_bytes().startswith(b"\x89PNG")

@@ -22,10 +22,17 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from plants import (
+    LEAVES,
+    SEED,
+    SHRUB,
+    WOOD,
+    Plant,
+    Species,
+    make_shrubs,
+    plant_files,
+)
 
-from radarsim.generators.plants.growth import LEAVES, WOOD
-from radarsim.generators.plants.plant import SEED, Plant, make_shrubs, plant_files
-from radarsim.generators.plants.species import SHRUB, PlantParameters
 from radarsim.geometry import Floats
 from radarsim.plotting.palette import FAMILY_COLOURS, MARKER, RADAR, Family
 from radarsim.raycast.attenuation import Outcome
@@ -73,15 +80,15 @@ class PlantRanges:
 
 
 def measure_plant(
-    parameters: PlantParameters,
+    species: Species,
     parts: Sequence[Part],
     *,
     offsets: int = 101,
     azimuths: int = 120,
 ) -> PlantRanges:
     """Measure ranges of parallel rays from all sides over the width of a crown."""
-    height = (HEIGHT - parameters.crown_centre) / parameters.crown_half_height
-    width = parameters.crown_radius * math.sqrt(max(1 - height**2, 0.0))
+    height = (HEIGHT - species.crown_centre) / species.crown_half_height
+    width = species.crown_radius * math.sqrt(max(1 - height**2, 0.0))
     across = np.linspace(-width, width, offsets + 2)[1:-1]
     directions = 2 * math.pi * np.arange(azimuths) / azimuths
     azimuth = np.repeat(directions, offsets)
@@ -184,38 +191,42 @@ def foliage_material(shape: str, loss: float) -> Material:
 
 def compare_shapes(
     seed: int,
-    parameters: PlantParameters = SHRUB,
+    species: Species = SHRUB,
     *,
     rays: int = RAYS,
     azimuths: int = 72,
 ) -> Iterator[Comparison]:
     """Calibrate the three shapes of a shrub, and measure their ranges."""
-    target = target_transmission(parameters)
-    crown = (parameters.centre, parameters.crown_radius)
+    target = target_transmission(species)
+    crown = (species.centre, species.crown_radius)
     # Other rays than those of the calibration, which fits its own too well.
     first, second = (
         bundle(*crown, generator_for(seed, name), azimuths=azimuths, rays=rays)
         for name in ("calibration", "measurement")
     )
-    for shape, plant in make_shrubs(seed, parameters).items():
+    for shape, plant in make_shrubs(seed, species).items():
         highest = POWER if shape == "leaves" else MAX_DENSITY
 
         # Bound as defaults: a closure would see the shape of the next round.
         def parts(
             loss: float, shape: str = shape, plant: Plant = plant
         ) -> tuple[Part, Part]:
-            return plant.parts("shrub", WOODEN, foliage_material(shape, loss))
+            leaves = foliage_material(shape, loss)
+            return (
+                Part("shrub", WOODEN, *plant[WOOD]),
+                Part("shrub", leaves, *plant[LEAVES]),
+            )
 
         # Rounded as map files have it, so that what is measured is what they hold.
         loss = float(f"{calibrate(parts, target, first, highest):.{DIGITS}g}")
         measured = float(transmission(parts(loss), second).mean())
-        ranges = measure_plant(parameters, parts(loss))
+        ranges = measure_plant(species, parts(loss))
         yield Comparison(shape, plant, foliage_material(shape, loss), measured, ranges)
 
 
-def target_transmission(parameters: PlantParameters = SHRUB) -> float:
+def target_transmission(species: Species = SHRUB) -> float:
     """Return the mean transmission of a ball of ``DENSITY`` as large as a crown."""
-    return transmission_of_ball(2 * parameters.crown_radius * DENSITY / POWER)
+    return transmission_of_ball(2 * species.crown_radius * DENSITY / POWER)
 
 
 def plot_shapes(shapes: Sequence[Comparison]) -> Figure:
@@ -240,7 +251,7 @@ def plot_shapes(shapes: Sequence[Comparison]) -> Figure:
 def draw_plant(axes: Axes, plant: Plant) -> None:
     """Draw a plant in sunlight as seen from the side, from -y."""
     polygons, colours, depths = [], [], []
-    for name, (vertices, faces) in plant.pieces.items():
+    for name, (vertices, faces) in plant.items():
         corners = vertices[faces]
         light = brightness(corners, SUN, both_sides=True)
         polygons.append(corners[:, :, [0, 2]])
@@ -261,7 +272,7 @@ def draw_plant(axes: Axes, plant: Plant) -> None:
 
 def draw_plan(axes: Axes, shape: Comparison) -> None:
     """Draw the cross-section at the scanner's height, and the rays from one side."""
-    for name, (vertices, faces) in shape.plant.pieces.items():
+    for name, (vertices, faces) in shape.plant.items():
         lines = list(slice_mesh(vertices, faces, HEIGHT))
         axes.add_collection(
             LineCollection(lines, colors=COLOURS[name], linewidths=1.1, zorder=2)

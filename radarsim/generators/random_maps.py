@@ -21,6 +21,7 @@ WALL: Final = 0.12  # m thick
 HEIGHT: Final = 1.4  # m
 _FREE: Final = 1.0  # m from start and goal to what is scattered
 _FENCED: Final = 0.2  # share of maps whose goal is fenced in
+_CLOSED: Final = ("mazes", "offices")  # whose own walls and doors close goals off
 STUFF: Final = "stuff"  # the material of a map; others are of the library
 
 
@@ -133,7 +134,6 @@ class MapMaker:
         density: As of ``RandomMap``.
         start: m.
         goal: m.
-        has_fence: Whether the goal is closed off in another way than by a fence.
     """
 
     def __init__(self, number: int, family: str, rng: np.random.Generator) -> None:
@@ -143,7 +143,6 @@ class MapMaker:
         side = HALF_WIDTH - 1.0
         self.start = (-HALF_LENGTH - 0.5, self.between(-side, side))
         self.goal = (HALF_LENGTH - 1.0, self.between(-side, side))
-        self.has_fence = False
 
     # Each map is the sequence of its draws: a draw more, less or elsewhere gives other
     # maps for all numbers, and results of trials no longer compare.
@@ -155,16 +154,10 @@ class MapMaker:
     def make(self, draw: "Drawer") -> RandomMap:
         """Draw the map by the drawer of its family."""
         solids = list(draw(self))
-        if not self.has_fence and self.between(0, 1) < _FENCED:
+        if self.family not in _CLOSED and self.between(0, 1) < _FENCED:
             solids += self.fence()
-        return RandomMap(
-            self.number,
-            self.family,
-            tuple(solids),
-            self.density,
-            self.start,
-            self.goal,
-        )
+        places = self.start, self.goal
+        return RandomMap(self.number, self.family, tuple(solids), self.density, *places)
 
     def scattered(self, count: int, draw: Callable[[Point], Solid]) -> Iterator[Solid]:
         """Yield solids at random positions, none too near to start or goal."""
@@ -239,7 +232,6 @@ def _traps(maker: MapMaker) -> Iterator[Solid]:
 
 def _mazes(maker: MapMaker) -> Iterator[Solid]:
     """Yield the walls of a maze of 5 x 4 cells, with a few openings more or less."""
-    maker.has_fence = True  # its own walls close goals off
     columns, rows, side = 5, 4, 2.2
     rng = maker.rng
     parents = list(range(columns * rows))
@@ -276,7 +268,6 @@ def _mazes(maker: MapMaker) -> Iterator[Solid]:
 
 def _offices(maker: MapMaker) -> Iterator[Solid]:
     """Yield six rooms on both sides of a corridor, with doors of all widths."""
-    maker.has_fence = True  # its doors, likewise
     side, corridor = 4.0, 2.4
     narrowest = 1.0 if maker.between(0, 1) < 0.3 else 1.85
     for sign in (-1, 1):

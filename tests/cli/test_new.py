@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from radarsim.generators.town.town import town_yaml
+from radarsim.generators.town import town_yaml
 
 Command = Callable[..., Any]
 

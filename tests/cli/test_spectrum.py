@@ -87,10 +87,9 @@ def test_pictures_are_drawn(
 
 def test_image_of_a_data_set_has_its_size(radarsim: Command, tmp_path: Path) -> None:
     path = tmp_path / "turn.png"
-    assert record(radarsim, path, "--layout", "oxford").code == 0
-    assert size_of(path) == (511, 100)
-    assert record(radarsim, path, "--layout", "radiate").code == 0
-    assert size_of(path) == (100, 500)
+    for layout, size in (("oxford", (511, 100)), ("radiate", (100, 500))):
+        assert record(radarsim, path, "--layout", layout).code == 0
+        assert size_of(path) == size
 
 
 def test_budget_adds_up(radarsim: Command) -> None:

@@ -15,7 +15,7 @@ from flat_world import ROOM, look_around
 from host_client import HostClient
 
 import radarsim
-from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid
+from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid, distance_field
 from radarsim.autonomy.mapping.point_map import PointMap, inward_normals
 from radarsim.autonomy.mapping.scan_matching import ScanPoints, best_start, fit
 from radarsim.autonomy.navigation.footprint_planning import Hull, plan_footprint
@@ -190,7 +190,7 @@ def match() -> None:
     ranges, known_range = np.array([1.0, 2, 3, 4]), np.array([5.0, 6, 7])
     is_hit = np.zeros(4, np.bool_)
     engine.pair_echoes(beams, beams, ranges, kinds, known_range, near, far, is_hit)
-    grid.drivable_cells(0.4)
+    distance_field(grid.blocked_cells(), 8.0)
 
 
 def plan() -> None:

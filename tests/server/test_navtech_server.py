@@ -22,7 +22,7 @@ from colossus_client import (
 from processes import start_radarsim
 
 import radarsim
-from radarsim.addons.fmcw.navtech.server import MAX_CLIENTS, NavtechServer
+from radarsim.addons.fmcw.navtech_server import MAX_CLIENTS, NavtechServer
 from radarsim.geometry import Pose3
 from radarsim.presets.robots import load_robot
 from radarsim.scene.scene import Scene

@@ -11,15 +11,12 @@ import numpy as np
 import pytest
 
 import radarsim
-from radarsim.addons.fmcw.antennas import (
+from radarsim.addons.fmcw.rotation import Sector, TurnReceiver
+from radarsim.addons.fmcw.rotation_schedule import (
     LATENCY,
     RECEPTION_TICKS,
-    Result,
-    SeenSector,
-    Worker,
     antennas_of,
 )
-from radarsim.addons.fmcw.rotation import Look, Received, TurnReceiver
 from radarsim.addons.fmcw.targets import beams_of, read_ranges
 from radarsim.geometry import Pose3
 from radarsim.presets.robots import load_robot
@@ -28,6 +25,7 @@ from radarsim.protocol.reports import (
     RangeScan,
     decode_report,
 )
+from radarsim.raycast.robot_boxes import Boxes
 from radarsim.scene.scene import Scene
 from radarsim.sensors.scan import Targets
 from radarsim.server.host import Host
@@ -46,9 +44,9 @@ WITHOUT_DETECTOR = SimulationConfig(
 class AtOnce:
     """Computes when it is asked to."""
 
-    def submit(self, function: Callable[[Look], Received], look: Look, /) -> Result:
-        result: Future[Received] = Future()
-        result.set_result(function(look))
+    def submit(self, function: Callable[..., Any], *args: Any, **look: Any) -> Any:
+        result: Future[Any] = Future()
+        result.set_result(function(*args, **look))
         return result
 
 
@@ -58,11 +56,11 @@ class AtLast:
 
     waiting: list[Callable[[], None]] = field(default_factory=list)
 
-    def submit(self, function: Callable[[Look], Received], look: Look, /) -> Result:
-        computed: list[Received] = []
-        self.waiting.append(lambda: computed.append(function(look)))
+    def submit(self, function: Callable[..., Any], *args: Any, **look: Any) -> Any:
+        computed: list[Any] = []
+        self.waiting.append(lambda: computed.append(function(*args, **look)))
 
-        def result() -> Received:
+        def result() -> Any:
             while not computed:
                 self.waiting.pop(0)()
             return computed[0]
@@ -75,7 +73,7 @@ def play(
     ticks: int,
     *commands: bytes,
     watch: bytes = b"",
-    worker: Worker | None = None,
+    worker: Any = None,
 ) -> list[bytes]:
     """Return what the client of a robot, or else a watcher of it, is sent."""
     host = Host(scene)
@@ -129,7 +127,7 @@ def test_turn_has_the_time_at_which_it_ended_and_comes_later(
 
 @pytest.mark.parametrize("worker", [AtOnce(), AtLast()])
 def test_how_fast_turns_are_computed_changes_nothing(
-    foliage_room: Scene, worker: Worker
+    foliage_room: Scene, worker: Any
 ) -> None:
     drive = b"DRIVE {Left 3} {Right 2}\r\n"
     expected = play(foliage_room, 3 * TURN, TARGETS_ON, drive)
@@ -140,10 +138,10 @@ def test_how_fast_turns_are_computed_changes_nothing(
 def test_failure_of_a_turn_ends_the_robot(
     foliage_room: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fail(*_: object) -> Received:
+    def fail(*_: object, **__: object) -> None:
         raise ArithmeticError("no turn")
 
-    monkeypatch.setattr(TurnReceiver, "advance", fail)
+    monkeypatch.setattr(TurnReceiver, "receive", fail)
     host = Host(foliage_room)
     host.receive(host.connect(), INIT)
     with pytest.raises(ArithmeticError, match="no turn") as caught:  # noqa: PT012
@@ -160,8 +158,12 @@ def test_radar_that_is_heard_again_starts_anew(foliage_room: Scene) -> None:
     host.receive(host.connect(), INIT + b"DRIVE {Left 3} {Right 3}\r\n")
     (carrier,) = antennas_of(host.simulation).carriers()
     (antenna,) = antennas_of(host.simulation).of(carrier)
-    heard: list[SeenSector] = []
-    antenna.listeners.append(heard.append)
+    heard: list[tuple[Sector, float]] = []
+
+    def hear(*seen: Any) -> None:
+        heard.append(seen)
+
+    antenna.listeners.append(hear)
     for _ in range(TURN + 12):
         host.step()
     antenna.listeners.clear()
@@ -169,13 +171,14 @@ def test_radar_that_is_heard_again_starts_anew(foliage_room: Scene) -> None:
     for _ in range(40):
         host.step()
     assert len(heard) == before > 0
-    antenna.listeners.append(heard.append)
+    antenna.listeners.append(hear)
     began = host.simulation.time
     for _ in range(TURN + 12):
         host.step()
     assert len(heard) == 2 * before
-    assert (heard[before].sector.turn, heard[before].sector.first) == (0, 0)
-    assert heard[before].time == pytest.approx(began + 0.25)
+    sector, time = heard[before]
+    assert (sector.turn, sector.first) == (0, 0)
+    assert time == pytest.approx(began + 0.25)
 
 
 def test_turn_keeps_the_settings_with_which_it_began(foliage_room: Scene) -> None:
@@ -303,15 +306,15 @@ def test_client_cannot_make_a_scanner_an_antenna_that_its_class_has_not(
 
 
 def test_antenna_knows_how_fast_others_drive(foliage_room: Scene) -> None:
-    looks: list[Look] = []
+    looks: list[Boxes] = []
 
     class Noted(AtOnce):
-        def submit(self, function: Callable[[Look], Received], look: Look, /) -> Result:
-            looks.append(look)
-            return super().submit(function, look)
+        def submit(self, *args: Any, **look: Any) -> Any:
+            looks.append(look["boxes"])
+            return super().submit(*args, **look)
 
     host = Host(foliage_room)
-    antennas_of(host.simulation).worker = Noted()
+    antennas_of(host.simulation).worker = Noted()  # type: ignore[assignment]
     first, second = host.connect(), host.connect()
     host.receive(first, INIT)
     host.receive(
@@ -319,18 +322,18 @@ def test_antenna_knows_how_fast_others_drive(foliage_room: Scene) -> None:
         b"INIT {ClassName P3AT} {Name R2} {Location -6,4,0} {Rotation 0,0,0.5}\r\n"
         b"DRIVE {Left 4} {Right 4}\r\n",
     )
-    for _ in range(200):
+    for _ in range(80):
         host.step()
     other = next(each for each in host.simulation.vehicles if each.robot.name == "R2")
-    found, rows = looks[-1].boxes.find(np.array([other.number]))
+    found, rows = looks[-1].find(np.array([other.number]))
     assert found.tolist() == [0]
-    velocities = looks[-1].boxes.velocities
+    velocities = looks[-1].velocities
     assert velocities is not None
     velocity = velocities[rows[0]]
-    yaw = looks[-1].boxes.rows[rows[0], 2]
+    yaw = looks[-1].rows[rows[0], 2]
     speed = float(np.hypot(*velocity))
     assert speed > 0.3
     assert np.arctan2(velocity[1], velocity[0]) == pytest.approx(yaw, abs=0.02)
-    then = looks[-11].boxes.rows[rows[0], :2]
-    moved = looks[-1].boxes.rows[rows[0], :2] - then
+    then = looks[-11].rows[rows[0], :2]
+    moved = looks[-1].rows[rows[0], :2] - then
     assert speed == pytest.approx(float(np.hypot(*moved)) / 0.1, rel=0.1)

@@ -6,16 +6,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radarsim.addons.fmcw.antenna import Viewpoints, fixed_viewpoints
 from radarsim.addons.fmcw.beat_signal import Power, Tones, beat_rows
 from radarsim.addons.fmcw.radar import FmcwRadar
 from radarsim.addons.fmcw.radar_equation import noise_power, radar_constant
 from radarsim.addons.fmcw.speckle import Speckle
-from radarsim.addons.fmcw.turn_echoes import Echoes, TurnEchoes
-from radarsim.addons.fmcw.viewpoints import Viewpoints, fixed_viewpoints
+from radarsim.addons.fmcw.turn_echoes import Echoes
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.presets.sensors import load_settings
-from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import NumberedStreams, generator_for
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
@@ -84,10 +83,9 @@ def echoes_of(
     which: FmcwRadar, scene: Scene, view: Viewpoints, seed: int = 0
 ) -> Echoes:
     """Return the echoes of all directions, in units of the noise."""
-    rows, tracer = range(which.settings.azimuths), tracer_of(scene)
+    rows, turn = range(which.settings.azimuths), which.new_turn(scene)
     speckle = Speckle(which.settings, generator_for(seed))
-    turn = TurnEchoes(which.settings, sways=which.sways(tracer))
-    which.add_echoes(turn, tracer, which.trace(scene, view, rows), speckle)
+    which.add_echoes(turn, scene, view, rows, speckle)
     found = turn.rows(0, rows.stop, turn, turn)
     which.add_sidelobes(found, turn, rows, view, speckle)
     return found

@@ -22,6 +22,7 @@ Amplitudes are in units of the noise in a bin.
 """
 
 import math
+from collections.abc import Iterable
 from functools import lru_cache
 from typing import Final, NamedTuple
 
@@ -70,6 +71,11 @@ class Tones(NamedTuple):
 
 
 NO_TONES = Tones(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
+
+
+def join_tones(parts: Iterable[Tones]) -> Tones:
+    """Return all tones of several."""
+    return Tones._make(map(np.concatenate, zip(NO_TONES, *parts, strict=True)))
 
 
 def beat_rows(

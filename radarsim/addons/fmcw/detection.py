@@ -154,11 +154,13 @@ def training_of(settings: FmcwSettings) -> Training:
 
 
 @lru_cache(maxsize=16)
-def training_correlation(settings: FmcwSettings, training: Training) -> Floats:
-    """Return the correlation of the noise's field by the distance of bins, (L,)."""
+def training_correlation(
+    settings: FmcwSettings, training: Training
+) -> tuple[float, ...]:
+    """Return the correlation of the noise's field by the distance of bins."""
     half = training.bins // 2
     farthest = training.guard + 1 + (half - 1) * training.step
-    return noise_correlation(settings, np.arange(2.0 * farthest + 1))
+    return (*noise_correlation(settings, np.arange(2.0 * farthest + 1)).tolist(),)
 
 
 def ca_factor(count: int, pfa: float) -> float:
@@ -175,8 +177,9 @@ def ca_factor(count: int, pfa: float) -> float:
     return float(count * (pfa ** (-1 / count) - 1))
 
 
+@lru_cache(maxsize=64)
 def correlated_factor(
-    training: Training, sides: int, pfa: float, correlation: Floats
+    training: Training, sides: int, pfa: float, correlation: tuple[float, ...]
 ) -> float:
     """Return alpha of CA for bins that are not independent.
 
@@ -184,16 +187,9 @@ def correlated_factor(
         training: The training bins.
         sides: On how many sides of a bin they are, 1 or 2.
         pfa: Probability of a false alarm.
-        correlation: (L,) of the field of the noise, by the distance of bins.
+        correlation: Of the field of the noise, by the distance of bins.
     """
     _check_pfa(pfa)
-    return _correlated_factor(training, sides, pfa, tuple(correlation.tolist()))
-
-
-@lru_cache(maxsize=64)
-def _correlated_factor(
-    training: Training, sides: int, pfa: float, correlation: tuple[float, ...]
-) -> float:
     one = training.guard + 1 + np.arange(training.bins // 2) * training.step
     places = np.concatenate([np.zeros(1, np.int64), one, -one][: 1 + sides])
     covariance = np.array(correlation)[np.abs(np.subtract.outer(places, places))]
@@ -245,7 +241,7 @@ def ca_mask(
     power: NDArray[np.float32],
     training: Training,
     pfa: float,
-    correlation: Floats | None = None,
+    correlation: tuple[float, ...] | None = None,
 ) -> Mask:
     """Return which bins exceed the mean of their training bins, (A, B).
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from radarsim.addons.fmcw.spectrum import Spectrum
     from radarsim.scene.scene import Scene
 
-VIEWS: Final = ("cartesian", "polar", "ascope")
+SIZES: Final = {"cartesian": (9.2, 8.0), "polar": (11.0, 5.2), "ascope": (10.0, 4.2)}
 PIXELS: Final = 1000  # along a side of the picture from above
 DARKEST: Final = 10  # dB of the grey scale under the median of the noise
 BRIGHTEST: Final = 50  # and over it
@@ -72,31 +72,30 @@ def plot_spectrum(
     Raises:
         ValueError: If there is no such view or azimuth.
     """
-    if view not in VIEWS:
-        raise ValueError(f"view {view!r}, expected one of {VIEWS}")
+    if view not in SIZES:
+        raise ValueError(f"view {view!r}, expected one of {tuple(SIZES)}")
     last = len(spectrum.angles) - 1
     if not 0 <= azimuth <= last:
         raise ValueError(f"azimuth {azimuth}, expected 0 to {last}")
     if ax is None:
-        sizes = {"cartesian": (9.2, 8.0), "polar": (11.0, 5.2), "ascope": (10.0, 4.2)}
-        ax = Figure(figsize=sizes[view], layout="constrained").add_subplot()
+        ax = Figure(figsize=SIZES[view], layout="constrained").add_subplot()
     reach = min(reach or echo_reach(spectrum), float(spectrum.ranges[-1]))
     title = f"x {spectrum.pose.x:.1f} m, y {spectrum.pose.y:.1f} m"
+    pieces = None if scene is None else outline_pieces(spectrum, scene)
     if view == "ascope":
+        angle = float(spectrum.angles[azimuth])
         _draw_ascope(ax, spectrum, azimuth, reach, detections)
-        if scene is not None:
-            _mark_surfaces(ax, spectrum, azimuth, reach, scene)
+        if pieces is not None:
+            _mark_surfaces(ax, pieces, angle, reach)
         ax.legend(loc="upper right", fontsize="small")
-        angle = math.degrees(-spectrum.angles[azimuth])
-        title = f"azimuth {azimuth}, {angle:.1f}° clockwise, {title}"
+        title = f"azimuth {azimuth}, {math.degrees(-angle):.1f}° clockwise, {title}"
     elif view == "polar":
         _draw_polar(ax, spectrum, reach, detections)
-        if scene is not None:
-            _draw_outlines(ax, _polar_lines(outline_pieces(spectrum, scene)))
+        if pieces is not None:
+            _draw_outlines(ax, _polar_lines(pieces))
     else:
         _draw_cartesian(ax, spectrum, reach, detections)
-        if scene is not None:
-            pieces = outline_pieces(spectrum, scene)
+        if pieces is not None:
             seen = pieces[np.hypot(*pieces.T).max(axis=0) < reach]
             _draw_outlines(ax, seen @ [[0, 1], [-1, 0]])
     # The legend of outlines is beside it.
@@ -163,13 +162,10 @@ def _draw_outlines(axes: Axes, lines: Floats) -> None:
     axes.legend(**place, borderaxespad=0.2, frameon=False, fontsize="small")
 
 
-def _mark_surfaces(
-    axes: Axes, spectrum: "Spectrum", azimuth: int, reach: float, scene: "Scene"
-) -> None:
+def _mark_surfaces(axes: Axes, pieces: Floats, angle: float, reach: float) -> None:
     """Draw a line at each range at which a direction crosses an outline."""
-    angle = float(spectrum.angles[azimuth])
     cos, sin = math.cos(angle), math.sin(angle)
-    pieces = outline_pieces(spectrum, scene) @ np.array([[cos, -sin], [sin, cos]])
+    pieces = pieces @ np.array([[cos, -sin], [sin, cos]])
     # Pieces that meet share an end, so that one of them is crossed.
     (x0, y0), (x1, y1) = pieces[:, 0].T, pieces[:, 1].T
     share = np.divide(y0, y0 - y1, out=np.full(len(y0), np.inf), where=y0 != y1)
@@ -190,7 +186,7 @@ def _add_scale(axes: Axes, image: AxesImage) -> None:
 def _draw_cartesian(
     axes: Axes, spectrum: "Spectrum", reach: float, detections: "Detections | None"
 ) -> None:
-    image = cartesian_image(spectrum, _grey(spectrum), reach, PIXELS)
+    image = _from_above(spectrum, reach)
     _add_scale(axes, axes.imshow(image, extent=(-reach, reach, -reach, reach), **_GREY))
     axes.set_xlabel("to the right, m")
     axes.set_ylabel("ahead, m")
@@ -203,20 +199,9 @@ def _draw_cartesian(
     axes.set_ylim(-reach, reach)
 
 
-def cartesian_image(
-    spectrum: "Spectrum", values: NDArray[np.float32], reach: float, pixels: int
-) -> NDArray[np.float32]:
-    """Return a turn as seen from above, straight ahead upwards; nan beyond its range.
-
-    Args:
-        spectrum: The turn.
-        values: (A, B) what to show of each bin.
-        reach: Distance from the middle to the sides, m.
-        pixels: P, along each side.
-
-    Returns:
-        (P, P), by linear interpolation between directions and bins.
-    """
+def _from_above(spectrum: "Spectrum", reach: float) -> NDArray[np.float32]:
+    """Return the grey of a turn as seen from above; nan beyond its range."""
+    values, pixels = _grey(spectrum), PIXELS
     places: Floats = ((np.arange(pixels) + 0.5) / pixels * 2 - 1) * reach
     right, ahead = places[None, :], -places[:, None]
     count, bins = values.shape

@@ -22,29 +22,31 @@ Surfaces.
 """
 
 import math
-from collections.abc import Iterator, Sequence
-from typing import Final, NamedTuple
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.addons.fmcw.beat_signal import NO_TONES, Tones
+from radarsim.addons.fmcw.antenna import Viewpoints, elevation_pattern, gaussian
+from radarsim.addons.fmcw.beat_signal import Tones
 from radarsim.addons.fmcw.radar_equation import (
     doppler_shift,
-    elevation_pattern,
-    gaussian,
     noise_power,
     radar_constant,
 )
-from radarsim.addons.fmcw.viewpoints import Viewpoints
 from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.raycast.attenuation import Outcome
-from radarsim.raycast.rays import RayClass, Rays
+from radarsim.raycast.rays import Traces
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.material import OPAQUE, Material
+
+if TYPE_CHECKING:
+    from radarsim.addons.fmcw.radar import FmcwRadar
 
 CLEARANCE: Final = 1e-3  # m; a surface this near a point does not hide it
 FAINT: Final = 0.01  # in units of the noise; a tone of less is left out
@@ -65,24 +67,18 @@ class Points(NamedTuple):
     rcs: Floats
 
 
-class Planes(NamedTuple):
-    """Flat surfaces that reflect; M of them.
-
-    Attributes:
-        normals: (M, 3) unit vectors, map frame.
-        offsets: (M,) m, along the normals.
-        parts: (M,) int64.
-        reflected: (M,) share of the power that they reflect head-on.
-        is_mirror: (M,) whether they reflect that at all angles.
-        absorbed_db: (M,) what the tracer takes at them.
-    """
-
-    normals: Floats
-    offsets: Floats
-    parts: NDArray[np.int64]
-    reflected: Floats
-    is_mirror: NDArray[np.bool_]
-    absorbed_db: Floats
+# Flat surfaces that reflect.
+_PLANE: Final = np.dtype(
+    [
+        ("area", np.float64),  # m^2
+        ("normal", np.float64, 3),  # unit vector, map frame
+        ("offset", np.float64),  # m, along the normal
+        ("part", np.int64),
+        ("reflected", np.float64),  # share of the power that it reflects head-on
+        ("is_mirror", np.bool_),  # whether it reflects that at all angles
+        ("absorbed_db", np.float64),  # what the tracer takes at it
+    ]
+)
 
 
 class Ways(NamedTuple):
@@ -104,34 +100,28 @@ class Sight(NamedTuple):
     """What decides whether a point is seen.
 
     Attributes:
+        radar: The radar.
         tracer: Tracer of the scene.
         origin: (3,) m, place of the antenna, map frame.
-        ray_class: Class of the radar's rays.
-        power: The power with which they start.
         boxes: The robots.
         carrier_id: The robot that carries the radar; -1 for none.
     """
 
+    radar: "FmcwRadar"
     tracer: Tracer
     origin: Floats
-    ray_class: RayClass
-    power: float
-    boxes: Boxes | None = None
-    carrier_id: int = -1
+    boxes: Boxes | None
+    carrier_id: int
 
     def losses(self, starts: Floats, ends: Floats) -> Floats:
         """Return the loss between places, (N,) dB; inf if something is between them."""
-        distance = np.linalg.norm(ends - starts, axis=1)
-        loss = np.full(len(distance), np.inf)
-        rows = np.flatnonzero(distance > 2 * CLEARANCE)
+        loss = np.full(len(ends), np.inf)
+        rows = np.flatnonzero(np.linalg.norm(ends - starts, axis=1) > 2 * CLEARANCE)
         if len(rows):
             # A mirror on the way hides the point, as any other surface.
-            traces = self.tracer.trace(
-                self._rays(starts[rows], ends[rows], -CLEARANCE), self.boxes
-            )
+            traces, _ = self._trace(starts[rows], ends[rows], -CLEARANCE)
             passed = traces.outcomes == Outcome.NOTHING
-            spent = self.power - traces.power[passed]
-            loss[rows[passed]] = spent / self.ray_class.power_per_db
+            loss[rows[passed]] = self._decibels(traces.power[passed])
         return loss
 
     def losses_to_parts(
@@ -139,56 +129,46 @@ class Sight(NamedTuple):
     ) -> Floats:
         """Return the loss to places on parts, (N,) dB; inf if they are not seen."""
         starts = np.broadcast_to(self.origin, ends.shape)
-        rays = self._rays(starts, ends, CLEARANCE)
-        traces = self.tracer.trace(rays, self.boxes)
+        traces, reach = self._trace(starts, ends, CLEARANCE)
         met = (traces.outcomes == Outcome.HIT) & (traces.parts == parts)
-        met &= np.abs(traces.ranges - rays.max_range) < 3 * CLEARANCE
-        loss = (self.power - traces.power) / self.ray_class.power_per_db - absorbed_db
-        return np.where(met, loss, np.inf)
+        met &= np.abs(traces.ranges - reach) < 3 * CLEARANCE
+        return np.where(met, self._decibels(traces.power) - absorbed_db, np.inf)
 
-    def _rays(self, starts: Floats, ends: Floats, longer: float) -> Rays:
+    def _trace(
+        self, starts: Floats, ends: Floats, longer: float
+    ) -> tuple[Traces, Floats]:
+        """Trace rays between places, and as far beyond; return how far as well."""
         offsets = ends - starts
         distance = np.linalg.norm(offsets, axis=1)
-        count = len(distance)
-        return Rays(
-            np.ascontiguousarray(starts),
-            offsets / distance[:, None],
-            distance + longer,
-            np.full(count, self.power),
-            np.zeros(count, np.uint8),
-            np.full(count, self.carrier_id, np.int64),
-            (self.ray_class._replace(max_reflections=0),),
+        reach, directions = distance + longer, offsets / distance[:, None]
+        rays = self.radar.rays(
+            starts, directions, max_range=reach, carrier_id=self.carrier_id
         )
+        straight = (self.radar.ray_class._replace(max_reflections=0),)
+        traces = self.tracer.trace(replace(rays, ray_classes=straight), self.boxes)
+        return traces, reach
+
+    def _decibels(self, power: Floats) -> Floats:
+        lost = self.radar.full_power - power
+        return np.asarray(lost / self.radar.ray_class.power_per_db)
 
 
-_known: WeakKeyDictionary[Tracer, Planes] = WeakKeyDictionary()
+_known: WeakKeyDictionary[Tracer, NDArray[np.void]] = WeakKeyDictionary()
 
 
-def reflecting_planes(tracer: Tracer) -> Planes:
-    """Return the largest flat surfaces of a scene that reflect."""
+def reflecting_planes(tracer: Tracer) -> NDArray[np.void]:
+    """Return the largest flat surfaces of a scene that reflect, rows of ``_PLANE``."""
     if tracer not in _known:
-        rows = sorted(_find_planes(tracer), key=lambda row: -row[0])[:MOST_PLANES]
-        columns = [np.array(column) for column in zip(*rows, strict=True)][1:]
-        _known[tracer] = Planes(*columns) if rows else _NO_PLANES
+        planes = np.array(list(_find_planes(tracer)), _PLANE)
+        largest = np.argsort(-planes["area"], kind="stable")[:MOST_PLANES]
+        _known[tracer] = planes[largest]
     return _known[tracer]
 
 
-_NO_PLANES: Final = Planes(
-    np.zeros((0, 3)),
-    np.zeros(0),
-    np.zeros(0, np.int64),
-    np.zeros(0),
-    np.zeros(0, np.bool_),
-    np.zeros(0),
-)
-
-
-def _find_planes(
-    tracer: Tracer,
-) -> Iterator[tuple[float, Floats, float, int, float, bool, float]]:
-    """Yield the area of each plane of each part, m^2, and the columns of ``Planes``."""
+def _find_planes(tracer: Tracer) -> Iterator[tuple[object, ...]]:
+    """Yield a row for each plane of each part."""
     for number, part in enumerate(tracer.parts):
-        reflected = head_on_reflection(part.material)
+        reflected, material = head_on_reflection(part.material), part.material
         if reflected <= 0 or not part.faces.size:
             continue
         a, b, c = part.vertices[part.faces].transpose(1, 0, 2)
@@ -198,19 +178,12 @@ def _find_planes(
         planes = np.column_stack([normals, np.einsum("fi,fi->f", normals, a[area > 0])])
         found, which = np.unique(np.round(planes, _DIGITS), axis=0, return_inverse=True)
         areas = np.bincount(which.ravel(), area[area > 0] / 2)
-        it = part.material
+        absorbed = material.absorption_db if material.radar_mirror else 0.0
+        kind = (number, reflected, material.radar_mirror, absorbed)
         for size, plane in zip(areas.tolist(), found, strict=True):
             # The exact normal: a rounded one would shift far images.
             exact = planes[(np.abs(planes - plane) < 10**-_DIGITS).all(axis=1)][0]
-            yield (
-                size,
-                exact[:3],
-                float(exact[3]),
-                number,
-                reflected,
-                it.radar_mirror,
-                it.absorption_db if it.radar_mirror else 0.0,
-            )
+            yield (size, exact[:3], exact[3], *kind)
 
 
 def head_on_reflection(material: Material) -> float:
@@ -260,38 +233,40 @@ def find_ways(sight: Sight, points: Points, wavelength: float) -> Ways:
     origin, places = sight.origin, points.positions
     found = [straight_ways(sight, points, wavelength)]
     planes = reflecting_planes(sight.tracer)
-    height = planes.normals @ origin - planes.offsets
-    heights = places @ planes.normals.T - planes.offsets  # (N, M)
+    # A copy, whose products are rounded as those of any matrix.
+    directions = planes["normal"].copy()
+    height = directions @ origin - planes["offset"]
+    heights = places @ directions.T - planes["offset"]  # (N, M)
     point, plane = np.nonzero((heights > CLEARANCE) & (height > CLEARANCE))
     if len(point):
-        normals, above = planes.normals[plane], heights[point, plane]
+        normals, above = directions[plane], heights[point, plane]
         images = places[point] - 2 * above[:, None] * normals
         share = height[plane] / (height[plane] + above)
         middle = origin + share[:, None] * (images - origin)
-        parts, absorbed = planes.parts[plane], planes.absorbed_db[plane]
-        loss = sight.losses_to_parts(middle, parts, absorbed)
+        own = planes[plane]
+        loss = sight.losses_to_parts(middle, own["part"], own["absorbed_db"])
         lit = np.flatnonzero(np.isfinite(loss))
         loss[lit] += sight.losses(places[point[lit]], middle[lit])
         lit = np.flatnonzero(np.isfinite(loss))
         way = images[lit] - origin
         cosine = np.abs(np.einsum("ki,ki->k", way, normals[lit]))
         cosine /= np.linalg.norm(way, axis=1)
-        share = reflected_share(planes, plane[lit], cosine, wavelength)
+        share = reflected_share(own[lit], cosine, wavelength)
         fields = -np.sqrt(share) * 10 ** (-loss[lit] / 20)
         found.append(Ways(point[lit], images[lit], fields))
     return Ways._make(np.concatenate(column) for column in zip(*found, strict=True))
 
 
 def reflected_share(
-    planes: Planes, which: NDArray[np.int64], cosine: Floats, wavelength: float
+    planes: NDArray[np.void], cosine: Floats, wavelength: float
 ) -> Floats:
     """Return the share of the power that planes reflect as mirrors do."""
-    head_on, is_mirror = planes.reflected[which], planes.is_mirror[which]
+    head_on = planes["reflected"]
     # Heights of the surface turn the phase by as much out as back.
     turn = 4 * math.pi * ROUGHNESS * cosine / wavelength
     across, along = fresnel_reflections(head_on, cosine)
     smooth = (across + along) / 2 * np.exp(-(turn**2))
-    return np.where(is_mirror, head_on, smooth)
+    return np.where(planes["is_mirror"], head_on, smooth)
 
 
 def point_tones(
@@ -332,13 +307,6 @@ def point_tones(
     phases += np.where(both[row, pair] < 0, math.pi, 0.0)
     shifted = length + doppler_shift(settings, approach)
     return Tones(row + rows.start, shifted, phases, power[row, pair])
-
-
-def join_tones(parts: Sequence[Tones]) -> Tones:
-    """Return all tones of several."""
-    return Tones._make(
-        np.concatenate(each) for each in zip(NO_TONES, *parts, strict=True)
-    )
 
 
 def _pairs(points: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -1,22 +1,24 @@
 """A turning FMCW radar in a scene."""
 
+import math
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from radarsim.addons.fmcw.beat_signal import (
-    Tones,
-    beat_rows,
+from radarsim.addons.fmcw.antenna import (
+    Viewpoints,
+    fixed_viewpoints,
 )
-from radarsim.addons.fmcw.plate_edges import edge_points
+from radarsim.addons.fmcw.beat_signal import Tones, beat_rows, join_tones
+from radarsim.addons.fmcw.corners_and_edges import corner_points, edge_points
 from radarsim.addons.fmcw.point_echoes import (
     Points,
     Sight,
     find_ways,
-    join_tones,
     point_tones,
     straight_ways,
 )
@@ -26,33 +28,22 @@ from radarsim.addons.fmcw.radar_equation import (
     noise_shape,
     radar_constant,
 )
-from radarsim.addons.fmcw.ray_fan import (
-    RayFan,
-    extents_from,
-    refined_fan,
-    turned_directions,
-)
+from radarsim.addons.fmcw.ray_fan import RayFan, refined_fan
 from radarsim.addons.fmcw.scattering import scene_scattering
-from radarsim.addons.fmcw.smooth_corners import corner_points
 from radarsim.addons.fmcw.speckle import Scatterers, Speckle, add_amplitudes
 from radarsim.addons.fmcw.spectrum import Spectrum
-from radarsim.addons.fmcw.targets import find_targets, scan_of
+from radarsim.addons.fmcw.targets import find_targets, read_ranges
 from radarsim.addons.fmcw.turn_echoes import Echoes, TurnEchoes
-from radarsim.addons.fmcw.viewpoints import (
-    STANDING,
-    Velocity,
-    Viewpoints,
-    fixed_viewpoints,
-)
 from radarsim.engine import engine
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.presets.sensor_settings import BANDS_GHZ, SensorSettings
-from radarsim.raycast.rays import RADAR, RayClass, Rays, Traces
+from radarsim.raycast.rays import RADAR, RayClass, Rays
 from radarsim.raycast.robot_boxes import Boxes
-from radarsim.raycast.tracer import Tracer, tracer_of
+from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import NumberedStreams
 from radarsim.scene.scene import Scene
+from radarsim.sensors.scan import Echoes as ScanEchoes
 from radarsim.sensors.scan import Scan
 
 # The bounding boxes of the parts of each scene, (P, 2, 3) m.
@@ -62,26 +53,6 @@ MAX_LOSS_DB: Final = 75.0  # one way, at which a ray ends: 150 dB, far below the
 # Sets of scatterers of the speckle.
 _IN_BEAMS: Final = 0
 _IN_SIDELOBES: Final = 1
-
-
-class TracedTurn(NamedTuple):
-    """The rays of a turn, or of a part of it, traced.
-
-    Attributes:
-        rows: The directions of the radar whose rays they are.
-        view: From where the antenna looked into these.
-        fan: The rays.
-        directions: (M, 3) unit vectors, map frame.
-        traces: How they ended, with events and incidence.
-        approach: (M,) m/s, how fast the antenna and what ends each ray come nearer.
-    """
-
-    rows: range
-    view: Viewpoints
-    fan: RayFan
-    directions: Floats
-    traces: Traces
-    approach: Floats
 
 
 class FmcwRadar:
@@ -139,25 +110,61 @@ class FmcwRadar:
     def scan(self, scene: Scene, pose: Pose3, rng: np.random.Generator) -> Scan:
         """Scan a scene: the targets that the detector finds in a turn.
 
+        Its rays are the middles of its beams. It lists no echoes: a spectrum does not
+        tell the objects that targets are.
+
         Args:
             scene: The map.
             pose: Pose of the antenna, map frame.
             rng: As for ``spectrum``.
         """
-        targets = find_targets(self.spectrum(scene, pose, rng), self.sensor)
-        return scan_of(self, pose, targets, scene)
+        settings = self.sensor
+        targets = find_targets(self.spectrum(scene, pose, rng), settings)
+        steps = np.arange(settings.beams) * settings.resolution_deg
+        angles: Floats = np.radians(steps - settings.fov_deg / 2)
+        level = np.zeros_like(angles)
+        ahead = np.stack([np.cos(angles), np.sin(angles), level], axis=1)
+        directions = ahead @ pose.rotation().T
+        rays = self.rays(
+            np.broadcast_to(pose.position(), directions.shape),
+            directions / np.linalg.norm(directions, axis=1)[:, None],
+            max_range=settings.max_range,
+        )
+        none, nowhere = np.zeros(0), np.zeros(0, np.int64)
+        echoes = ScanEchoes(
+            beams=nowhere,
+            sides=np.zeros(0, np.int8),
+            ranges=none,
+            fronts=none,
+            kinds=np.zeros(0, np.uint8),
+            power=none,
+            strength=none,
+            parts=nowhere,
+            scene_parts=scene.parts,
+            settings=settings,
+        )
+        return Scan(
+            sensor=self.name,
+            pose=pose,
+            angles=angles,
+            ranges=read_ranges(targets, settings),
+            rays=level.astype(np.int8) if settings.has_side_rays else None,
+            range_min=settings.min_range,
+            range_max=settings.max_range,
+            resolution=math.radians(settings.resolution_deg),
+            find_cast=lambda: rays,
+            find_echoes=lambda: echoes,
+            scene=scene,
+            targets=targets,
+        )
 
     def spectrum(
         self,
         scene: Scene,
         pose: Pose3,
         rng: np.random.Generator,
-        *,
-        boxes: Boxes | None = None,
-        carrier_id: int = -1,
-        velocity: Velocity = STANDING,
     ) -> Spectrum:
-        """Record a turn.
+        """Record a turn of a radar that stands still.
 
         Args:
             scene: The map.
@@ -165,30 +172,25 @@ class FmcwRadar:
             rng: Source of speckle and noise. It is not drawn from, but has a child for
                 each turn that is: what others draw from it stays the same. Speckle is
                 that of its seed, the same in all turns.
-            boxes: The robots.
-            carrier_id: The robot that carries the radar; -1 for none.
-            velocity: Of the antenna, m/s, map frame.
         """
         rows = range(self.settings.azimuths)
-        view = fixed_viewpoints(pose, self.times(_count_children(rng)), velocity)
-        turn = self.trace(scene, view, rows, boxes, carrier_id)
-        speckle, tracer = Speckle(self.settings, rng), tracer_of(scene)
-        echoes = TurnEchoes(self.settings, sways=self.sways(tracer))
-        self.add_echoes(echoes, tracer, turn, speckle)
+        view = fixed_viewpoints(pose, self.times(_count_children(rng)))
+        speckle, echoes = Speckle(self.settings, rng), self.new_turn(scene)
+        self.add_echoes(echoes, scene, view, rows, speckle)
         whole = echoes.rows(0, rows.stop, echoes, echoes)
         self.add_sidelobes(whole, echoes, rows, view, speckle)
-        tones = self.tones(scene, view, rows, boxes, carrier_id)
-        spectrum = self.receive(pose, rows, whole, tones, NumberedStreams(rng))
-        return spectrum if boxes is not None else replace(spectrum, scene=scene)
+        tones, streams = self.tones(scene, view, rows), NumberedStreams(rng)
+        return replace(self.receive(pose, rows, whole, tones, streams), scene=scene)
 
     def times(self, turn: int) -> Floats:
         """Return when a turn looks into its directions, (A,) s; turns count from 0."""
         rows = np.arange(self.settings.azimuths) + turn * self.settings.azimuths
         return np.asarray(self.settings.sweep_time * rows)
 
-    def sways(self, tracer: Tracer) -> bool:
-        """Return whether the wind moves anything in a scene."""
-        return bool(scene_scattering(tracer, self.ray_class).parts["sway"].any())
+    def new_turn(self, scene: Scene) -> TurnEchoes:
+        """Return the echoes of a turn in a scene, none so far."""
+        parts = scene_scattering(tracer_of(scene), self.ray_class).parts
+        return TurnEchoes(self.settings, sways=bool(parts["sway"].any()))
 
     def receive(
         self,
@@ -230,82 +232,84 @@ class FmcwRadar:
             noise_floor=noise_shape(settings) * noise,
         )
 
-    def trace(
-        self,
-        scene: Scene,
-        view: Viewpoints,
-        rows: range,
-        boxes: Boxes | None = None,
-        carrier_id: int = -1,
-    ) -> TracedTurn:
-        """Trace the rays of directions.
-
-        Args:
-            scene: The map.
-            view: From where the antenna looks into each direction.
-            rows: The directions.
-            boxes: The robots.
-            carrier_id: The robot that carries the radar; -1 for none.
-        """
-        fan, rays = self.aim(scene, view, carrier_id, rows)
-        tracer, ahead = tracer_of(scene), rays.directions
-        traces = tracer.trace(rays, boxes, events=True, incidence=True)
-        row = fan.column // self.settings.rays_across - rows.start
-        approach = np.einsum("mi,mi->m", ahead, view.velocities[row])
-        if boxes is not None and boxes.velocities is not None:
-            met, which = boxes.find(traces.parts - len(tracer.parts))
-            away = np.einsum("mi,mi->m", ahead[met, :2], boxes.velocities[which])
-            approach[met] -= away
-        return TracedTurn(rows, view, fan, ahead, traces, approach)
-
     def aim(
         self, scene: Scene, view: Viewpoints, carrier_id: int, rows: range
     ) -> tuple[RayFan, Rays]:
-        """Return the rays of directions, as a fan and in the map; see ``trace``."""
+        """Return the rays of directions, as a fan and in the map.
+
+        Arguments as of ``add_echoes``.
+        """
         bounds = _bounds.get(scene)
         if bounds is None:
             boxes = [part.bounds for part in scene.parts if part.faces.size]
             bounds = _bounds[scene] = np.array(boxes, np.float64).reshape(-1, 2, 3)
-        extents = extents_from(view.positions[0], view.rotations[0], bounds)
+        extents = np.zeros((5, len(bounds)))
+        engine.measure_extents(bounds, view.positions[0], view.rotations[0], extents)
         fan = refined_fan(self.settings, extents, rows)
         row = fan.column // self.settings.rays_across - rows.start
-        directions = turned_directions(fan.directions, view.rotations, row)
-        count = len(directions)
-        rays = Rays(
-            view.positions[row],
+        directions = np.empty_like(fan.directions)
+        # Not a product of matrices, which rounds by how many rows there are.
+        engine.turn_directions(fan.directions, view.rotations, row, directions)
+        return fan, self.rays(view.positions[row], directions, carrier_id=carrier_id)
+
+    def rays(
+        self,
+        origins: Floats,
+        directions: Floats,
+        *,
+        max_range: ArrayLike | None = None,
+        carrier_id: int = -1,
+    ) -> Rays:
+        """Return rays of this radar, as far as it sees by default, map frame."""
+        return Rays.uniform(
+            origins,
             directions,
-            np.full(count, self.settings.max_range),
-            np.full(count, self.full_power),
-            np.zeros(count, np.uint8),
-            np.full(count, carrier_id, np.int64),
-            (self.ray_class,),
+            max_range=self.settings.max_range if max_range is None else max_range,
+            power=self.full_power,
+            medium=0,
+            carrier_id=carrier_id,
+            ray_classes=(self.ray_class,),
         )
-        return fan, rays
 
     def add_echoes(
         self,
         echoes: TurnEchoes,
-        tracer: Tracer,
-        turn: TracedTurn,
+        scene: Scene,
+        view: Viewpoints,
+        rows: range,
         speckle: Speckle,
+        boxes: Boxes | None = None,
+        carrier_id: int = -1,
     ) -> None:
-        """Add what comes back to rays.
+        """Trace the rays of directions, and add what comes back to them.
 
         Args:
             echoes: Added to.
-            tracer: Tracer of the scene.
-            turn: The traced rays.
+            scene: The map.
+            view: From where the antenna looks into each direction.
+            rows: The directions.
             speckle: Amplitudes of what is rough.
+            boxes: The robots.
+            carrier_id: The robot that carries the radar; -1 for none.
         """
-        settings, fan, traces = self.settings, turn.fan, turn.traces
+        settings, tracer = self.settings, tracer_of(scene)
+        fan, rays = self.aim(scene, view, carrier_id, rows)
+        traces = tracer.trace(rays, boxes, events=True, incidence=True)
+        row = fan.column // settings.rays_across - rows.start
+        # m/s, how fast the antenna and what ends each ray come nearer.
+        approach = np.einsum("mi,mi->m", rays.directions, view.velocities[row])
+        if boxes is not None and boxes.velocities is not None:
+            met, which = boxes.find(traces.parts - len(tracer.parts))
+            ahead = rays.directions[met, :2]
+            approach[met] -= np.einsum("mi,mi->m", ahead, boxes.velocities[which])
         constant = radar_constant(settings) / noise_power(settings)
-        rays = engine.structures["FanRays"].pack(
+        packed = engine.structures["FanRays"].pack(
             column=fan.column,
             across=fan.across,
             weights=fan.weights * constant,
             spread=fan.spread,
-            directions=turn.directions,
-            shift=doppler_shift(settings, turn.approach),
+            directions=rays.directions,
+            shift=doppler_shift(settings, approach),
             ranges=traces.ranges,
             incidence=traces.incidence,
             full=self.full_power,
@@ -313,17 +317,18 @@ class FmcwRadar:
             wavelength=settings.wavelength,
         )
         scattering = scene_scattering(tracer, self.ray_class)
-        scatterers = self._scatterers(turn, speckle)
-        echoes.add(turn.rows, rays, traces.events, scattering, scatterers)
+        scatterers = self._scatterers(rows, view, speckle)
+        echoes.add(rows, packed, traces.events, scattering, scatterers)
 
-    def _scatterers(self, turn: TracedTurn, speckle: Speckle) -> Scatterers:
+    def _scatterers(
+        self, rows: range, view: Viewpoints, speckle: Speckle
+    ) -> Scatterers:
         """Return the scatterers of columns, and of the one after the last."""
-        settings, rows = self.settings, turn.rows
-        parts = settings.rays_across
+        parts = self.settings.rays_across
         columns = np.arange(rows.start * parts, rows.stop * parts + 1)
-        azimuths = np.asarray(columns * (settings.step / parts), np.float64)
+        azimuths = np.asarray(columns * (self.settings.step / parts), np.float64)
         row = np.minimum(columns // parts - rows.start, len(rows) - 1)
-        found = speckle.scatterers(azimuths, turn.view.of(row), _IN_BEAMS)
+        found = speckle.scatterers(azimuths, view.of(row), _IN_BEAMS)
         # After the last column of a turn the first one follows. What both add is power,
         # so that the scatterers are others.
         found["key"][-1] ^= ~np.uint64(0)
@@ -360,12 +365,10 @@ class FmcwRadar:
         boxes: Boxes | None = None,
         carrier_id: int = -1,
     ) -> Tones:
-        """Return the echoes of points; arguments as of ``trace``."""
+        """Return the echoes of points; arguments as of ``add_echoes``."""
         settings, tracer = self.settings, tracer_of(scene)
         wavelength, origin = settings.wavelength, view.positions[0]
-        sight = Sight(
-            tracer, origin, self.ray_class, self.full_power, boxes, carrier_id
-        )
+        sight = Sight(self, tracer, origin, boxes, carrier_id)
         reflectors = Points(
             np.array([it.position for it in scene.reflectors]).reshape(-1, 3),
             np.array([it.rcs(wavelength) for it in scene.reflectors], np.float64),

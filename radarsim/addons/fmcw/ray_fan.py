@@ -23,58 +23,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.addons.fmcw.radar_equation import elevation_limits, elevation_pattern
-from radarsim.engine import engine
+from radarsim.addons.fmcw.antenna import elevation_limits, elevation_pattern
 from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings
-
-
-class Extents(NamedTuple):
-    """What directions things take up, seen from a sensor; N things.
-
-    Attributes:
-        azimuth: (N,) rad, of the right edge, clockwise from straight ahead.
-        width: (N,) rad.
-        low: (N,) rad, elevation of the lower edge.
-        high: (N,) rad, of the upper edge.
-        distance: (N,) m, to the middle.
-    """
-
-    azimuth: Floats
-    width: Floats
-    low: Floats
-    high: Floats
-    distance: Floats
-
-
-def extents_from(position: Floats, rotation: Floats, bounds: Floats) -> Extents:
-    """Return what directions bounding boxes take up.
-
-    Args:
-        position: (3,) m, of the sensor, map frame.
-        rotation: (3, 3) of the sensor.
-        bounds: (N, 2, 3) m, lower and upper corners, map frame.
-    """
-    extents = np.zeros((5, len(bounds)))
-    engine.measure_extents(bounds, position, rotation, extents)
-    return Extents._make(extents)
-
-
-def turned_directions(
-    directions: Floats, rotations: Floats, which: NDArray[np.int64]
-) -> Floats:
-    """Return the directions of rays in the map frame, (M, 3) unit vectors.
-
-    Args:
-        directions: (M, 3) sensor frame.
-        rotations: (N, 3, 3) of the sensor.
-        which: (M,) which of these rotations each has.
-    """
-    turned = np.empty_like(directions)
-    # Not a product of matrices, which rounds by how many rows there are.
-    engine.turn_directions(directions, rotations, which, turned)
-    return turned
-
 
 # Multiples of these, without their integers, fill a square evenly: powers of the
 # inverse of the plastic number. Source: M. Roberts, "The Unreasonable Effectiveness of
@@ -109,67 +60,45 @@ class RayFan(NamedTuple):
     weights: Floats
     spread: Floats
 
-    def cut(self, first: int, last: int) -> "RayFan":
-        """Return the rays from one up to another."""
-        return RayFan._make(column[first:last] for column in self)
-
-
-class Cells(NamedTuple):
-    """The grid of cells of a radar.
-
-    Attributes:
-        columns: Their number in a turn.
-        edges: (E + 1,) rad, elevations at which the cells begin and end.
-    """
-
-    columns: int
-    edges: Floats
-
-    @property
-    def rows(self) -> int:
-        """The number of cells in a column."""
-        return len(self.edges) - 1
-
 
 @lru_cache(maxsize=16)
-def cells_of(settings: FmcwSettings) -> Cells:
-    """Return the cells of a radar: of even steps in azimuth, and by pattern upwards."""
+def cell_edges(settings: FmcwSettings) -> Floats:
+    """Return the elevations at which the cells of a column begin and end, rad."""
     low, high = elevation_limits(settings)
     elevations = np.linspace(low, high, _EDGE_STEPS)
     # By the square root of the one-way power, so that the weak fan gets some of them.
     density = np.sqrt(elevation_pattern(settings, elevations)) + 0.02
     share = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2)])
     places = np.linspace(0.0, share[-1], settings.rays_up + 1)
-    edges = np.interp(places, share, elevations)
-    return Cells(settings.azimuths * settings.rays_across, edges)
+    return np.interp(places, share, elevations)
 
 
 @lru_cache(maxsize=16)
 def plain_fan(settings: FmcwSettings) -> RayFan:
     """Return the fan of a radar, one ray in each cell."""
-    cells = cells_of(settings)
-    ones = np.ones(cells.columns * cells.rows, np.int64)
+    columns = settings.azimuths * settings.rays_across
+    ones = np.ones(columns * settings.rays_up, np.int64)
     return _fill_cells(settings, np.arange(len(ones)), ones, ones)
 
 
-def refined_fan(
-    settings: FmcwSettings, extents: Extents, rows: range | None = None
-) -> RayFan:
-    """Return the fan with more rays where things are thinner than a few cells.
+def refined_fan(settings: FmcwSettings, extents: Floats, rows: range) -> RayFan:
+    """Return the rays of directions, more where things are thinner than a few cells.
+
+    They are the same rays as those of a whole turn.
 
     Args:
         settings: The radar.
-        extents: What directions things take up.
-        rows: Directions of the radar whose rays are returned; None for a whole turn.
-            They are the same rays as those of the turn.
+        extents: (5, N) what directions things take up, seen from the antenna, as the
+            engine measures them: the azimuth of the right edge, clockwise from straight
+            ahead, the width, and the elevations of the lower and the upper edge, rad;
+            the distance to the middle, m.
+        rows: The directions.
     """
-    cells = cells_of(settings)
-    rows = range(settings.azimuths) if rows is None else rows
     columns = range(rows.start * settings.rays_across, rows.stop * settings.rays_across)
-    first, last = columns.start * cells.rows, columns.stop * cells.rows
+    first, last = columns.start * settings.rays_up, columns.stop * settings.rays_up
     # Most turns meet nothing thin: then the fan is that of all turns, not a copy.
-    fan = plain_fan(settings).cut(first, last)
-    across, up = _divisions(settings, cells, extents, columns)
+    fan = RayFan._make(column[first:last] for column in plain_fan(settings))
+    across, up = _divisions(settings, extents, columns)
     divided = np.flatnonzero((across > 1) | (up > 1))
     if not len(divided):
         return fan
@@ -190,21 +119,21 @@ def _fill_cells(
     up: NDArray[np.int64],
 ) -> RayFan:
     """Return the rays of cells, each divided into ``across`` times ``up`` parts."""
-    cells = cells_of(settings)
+    edges, columns = cell_edges(settings), settings.azimuths * settings.rays_across
     counts = across * up
     owner = np.repeat(np.arange(len(cell)), counts)
     part = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
-    column, row = np.divmod(cell[owner], cells.rows)
+    column, row = np.divmod(cell[owner], settings.rays_up)
     # The sequence goes on along the columns of a row, from another start in each row.
-    number = (column + 1) * 1.0 + 0.5 * row * cells.columns + part * 1.0
+    number = (column + 1) * 1.0 + 0.5 * row * columns + part * 1.0
     beside = (part % across[owner] + _fraction(number * _FILL_ACROSS)) / across[owner]
     inside = _fraction((number // 2) * _FILL_UP)
     # Every other ray is mirrored: a pattern that rises within a cell evens out.
     inside = np.where(number % 2 >= 1, 1.0 - inside, inside)
     above = (part // across[owner] + inside) / up[owner]
-    heights = np.diff(cells.edges)[row]
-    elevation = cells.edges[row] + above * heights
-    width = 2 * math.pi / cells.columns
+    heights = np.diff(edges)[row]
+    elevation = edges[row] + above * heights
+    width = 2 * math.pi / columns
     azimuth = (column + beside) * width
     level = np.cos(elevation)
     directions = np.stack(
@@ -223,27 +152,27 @@ def _fraction(numbers: Floats) -> Floats:
 
 
 def _divisions(
-    settings: FmcwSettings, cells: Cells, extents: Extents, columns: range
+    settings: FmcwSettings, extents: Floats, columns: range
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return into how many parts cells of some columns are divided, across and up.
 
     A thing that few rays would meet divides the rectangle of cells around it, as far
     as ``MOST_RAYS`` permits.
     """
-    width = 2 * math.pi / cells.columns
+    count, height = settings.azimuths * settings.rays_across, settings.rays_up
+    width = 2 * math.pi / count
     in_beam = math.radians(settings.beamwidth_az_deg) / width
-    rows = np.arange(cells.rows + 1)
-    low, high = (
-        np.interp(edge, cells.edges, rows) for edge in (extents.low, extents.high)
-    )
-    wide, tall = extents.width / width, high - low
+    azimuths, widths, lowest, highest, distances = extents
+    edges, rows = cell_edges(settings), np.arange(height + 1)
+    low, high = (np.interp(edge, edges, rows) for edge in (lowest, highest))
+    wide, tall = widths / width, high - low
     # A thing that is wider than the beam has the rays of one beam in each direction.
     few = np.minimum(wide, in_beam) * tall < ENOUGH_RAYS
-    thin = few & (tall > 0) & (extents.width < math.pi) & np.isfinite(wide)
-    some = np.flatnonzero(thin)[np.argsort(extents.distance[thin])]
-    edges = extents.azimuth[some], extents.azimuth[some] + extents.width[some]
+    thin = few & (tall > 0) & (widths < math.pi) & np.isfinite(wide)
+    some = np.flatnonzero(thin)[np.argsort(distances[thin])]
+    sides = azimuths[some], azimuths[some] + widths[some]
     # The first column may lie in the turn before, the last one in the turn after.
-    first, last = (np.floor(each / width).astype(np.int64) for each in edges)
+    first, last = (np.floor(each / width).astype(np.int64) for each in sides)
     bottom, top = low[some].astype(np.int64), np.ceil(high[some]).astype(np.int64)
     across, up = (
         np.minimum(np.ceil(wanted / np.maximum(size[some], 1e-9)), MOST_PARTS).astype(
@@ -253,14 +182,14 @@ def _divisions(
     )
     added = np.cumsum((last - first + 1) * (top - bottom) * across * up)
     within = np.arange(len(some)) < np.searchsorted(added, MOST_RAYS, side="right")
-    divided_across = np.ones((len(columns), cells.rows), np.int64)
+    divided_across = np.ones((len(columns), height), np.int64)
     divided_up = np.ones_like(divided_across)
     # Where each rectangle begins, counted from the first of these columns.
-    begin = (first - columns.start) % cells.columns
+    begin = (first - columns.start) % count
     reach = begin + last - first
-    seen = (begin < len(columns)) | (reach >= cells.columns)
+    seen = (begin < len(columns)) | (reach >= count)
     for i in np.flatnonzero(within & seen).tolist():
-        places = np.arange(begin[i], reach[i] + 1) % cells.columns
+        places = np.arange(begin[i], reach[i] + 1) % count
         places = places[places < len(columns)]
         patch = np.ix_(places, np.arange(bottom[i], top[i]))
         divided_across[patch] = np.maximum(divided_across[patch], across[i])

@@ -14,33 +14,33 @@ to come; so the first turn after the start is not received. A radar that stands 
 records what ``FmcwRadar.spectrum`` does, turn by turn.
 
 A ``TurnReceiver`` adds the detector of a scanner. Nothing here reads the simulation, so
-that a thread can do it while time goes on: what it needs to know of a tick is in a
-``Look``.
+that a thread can do it while time goes on.
 """
 
 from collections import deque
-from typing import NamedTuple
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from radarsim.addons.fmcw.beat_signal import Tones
-from radarsim.addons.fmcw.radar import FmcwRadar
-from radarsim.addons.fmcw.radar_equation import rows_in_beam
-from radarsim.addons.fmcw.speckle import Speckle
-from radarsim.addons.fmcw.spectrum import Spectrum
-from radarsim.addons.fmcw.targets import find_targets, join_targets
-from radarsim.addons.fmcw.turn_echoes import TurnEchoes
-from radarsim.addons.fmcw.viewpoints import (
+from radarsim.addons.fmcw.antenna import (
     STANDING,
     Velocity,
     Viewpoints,
     join_viewpoints,
     moving_viewpoints,
+    rows_in_beam,
 )
+from radarsim.addons.fmcw.beat_signal import Tones, join_tones
+from radarsim.addons.fmcw.radar import FmcwRadar
+from radarsim.addons.fmcw.speckle import Speckle
+from radarsim.addons.fmcw.spectrum import Spectrum
+from radarsim.addons.fmcw.targets import find_targets, join_targets
+from radarsim.addons.fmcw.turn_echoes import TurnEchoes
 from radarsim.geometry import Pose3
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.raycast.robot_boxes import Boxes
-from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import NumberedStreams
 from radarsim.scene.scene import Scene
 from radarsim.sensors.scan import Targets
@@ -69,6 +69,17 @@ class Sector(NamedTuple):
     def ends_turn(self) -> bool:
         """Whether the last direction of the turn is among them."""
         return self.rows.stop == self.spectrum.settings.azimuths
+
+
+def join_sectors(sectors: Iterable[Sector]) -> Spectrum:
+    """Return a turn of its sectors, from the pose at which it began."""
+    parts = [each.spectrum for each in sectors]
+    return replace(
+        parts[0],
+        angles=np.concatenate([part.angles for part in parts]),
+        power=np.concatenate([part.power for part in parts]),
+        echo_power=np.concatenate([part.echo_power for part in parts]),
+    )
 
 
 class _TracedLook(NamedTuple):
@@ -170,13 +181,12 @@ class Rotation:
         carrier_id: int,
     ) -> Tones:
         """Add the echoes of directions to a turn; return those of points."""
-        tracer = tracer_of(self._scene)
+        radar, scene = self.radar, self._scene
         if turn not in self._echoes:
-            sways = self.radar.sways(tracer)
-            self._echoes[turn] = TurnEchoes(self.radar.settings, sways=sways)
-        traced = self.radar.trace(self._scene, view, rows, boxes, carrier_id)
-        self.radar.add_echoes(self._echoes[turn], tracer, traced, self._speckle)
-        return self.radar.tones(self._scene, view, rows, boxes, carrier_id)
+            self._echoes[turn] = radar.new_turn(scene)
+        own = self._echoes[turn]
+        radar.add_echoes(own, scene, view, rows, self._speckle, boxes, carrier_id)
+        return radar.tones(scene, view, rows, boxes, carrier_id)
 
     def _receive(self, turn: int, rows: range) -> Spectrum:
         if rows.start == 0 or self._streams is None:
@@ -193,106 +203,54 @@ class Rotation:
         view = join_viewpoints(look.view for look in looks)
         view = view.of(slice(offset, offset + len(rows)))
         self.radar.add_sidelobes(echoes, before, rows, view, self._speckle)
-        tones = Tones._make(
-            np.concatenate(column)
-            for column in zip(*(look.tones for look in looks), strict=True)
-        )
+        tones = join_tones(look.tones for look in looks)
         return self.radar.receive(looks[0].pose, rows, echoes, tones, self._streams)
 
 
-class Look(NamedTuple):
-    """The directions into which an antenna looks in a tick, and from where.
-
-    Attributes:
-        directions: Their number.
-        start: Pose of the antenna as it looks into the first, map frame.
-        pose: Its pose after the last.
-        velocity: Of the antenna, m/s, map frame.
-        boxes: The robots.
-        carrier_id: The robot that carries it.
-        settings: Settings of its scanner.
-        receives: Whether to receive what was looked into; else a later look does.
-        is_recorded: Whether the counts of the directions are needed.
-    """
-
-    directions: int
-    start: Pose3
-    pose: Pose3
-    velocity: Velocity
-    boxes: Boxes
-    carrier_id: int
-    settings: SensorSettings
-    receives: bool
-    is_recorded: bool
+# The number of a turn, as of its sectors, the targets in it, and the settings that the
+# scanner had when it began.
+FoundTurn: TypeAlias = tuple[int, Targets, SensorSettings]
+Received: TypeAlias = tuple[list[Sector], FoundTurn | None]
 
 
-class FoundTurn(NamedTuple):
-    """What the detector of a scanner found in a turn.
-
-    Attributes:
-        number: Number of the turn, as of its sectors.
-        targets: The targets.
-        settings: Settings of the scanner when the turn began.
-    """
-
-    number: int
-    targets: Targets
-    settings: SensorSettings
-
-
-class Received(NamedTuple):
-    """What has been received when an antenna has looked into directions.
-
-    Attributes:
-        sectors: The directions.
-        turn: What was found in the turn that they complete, if they do, and its scanner
-            has a detector.
-    """
-
-    sectors: list[Sector]
-    turn: FoundTurn | None
-
-
-class TurnReceiver:
-    """The antenna of a radar, and the detector of its scanner.
-
-    Attributes:
-        radar: The radar.
-    """
+class TurnReceiver(Rotation):
+    """The antenna of a radar, and the detector of its scanner."""
 
     def __init__(
         self, radar: FmcwRadar, scene: Scene, rng: np.random.Generator
     ) -> None:
         """Create an antenna that looks straight ahead; arguments as of ``Rotation``."""
-        self.radar = radar
-        self._rotation = Rotation(radar, scene, rng)
+        super().__init__(radar, scene, rng)
         # Of the turn that is received; it has the settings with which it began.
         self._settings: SensorSettings | None = None
         self._targets: list[Targets] = []
 
-    def advance(self, look: Look) -> Received:
-        """Look into more directions, and return what has been received meanwhile."""
+    def receive(
+        self, settings: SensorSettings, is_recorded: bool, /, *args: Any, **kwargs: Any
+    ) -> Received:
+        """Turn the antenna, and detect targets in what has been received meanwhile.
+
+        Args:
+            settings: Settings of the scanner.
+            is_recorded: Whether the counts of the directions are needed.
+            args: As of ``advance``.
+            kwargs: As of ``advance``.
+
+        Returns:
+            The directions, and what was found in the turn that they complete, if they
+            do, and the scanner has a detector.
+        """
         found = None
-        sectors = self._rotation.advance(
-            look.pose,
-            look.directions,
-            start=look.start,
-            boxes=look.boxes,
-            carrier_id=look.carrier_id,
-            velocity=look.velocity,
-            receives=look.receives,
-        )
+        sectors = self.advance(*args, **kwargs)
         for sector in sectors:
-            if look.is_recorded:
+            if is_recorded:
                 _ = sector.spectrum.counts  # computed once, here
             if sector.first == 0:
-                settings = look.settings
                 self._settings = settings if settings.has_detector else None
                 self._targets.clear()
             if self._settings is None:
                 continue
             self._targets.append(find_targets(sector.spectrum, self._settings))
             if sector.ends_turn:
-                targets = join_targets(self._targets)
-                found = FoundTurn(sector.turn, targets, self._settings)
-        return Received(sectors, found)
+                found = sector.turn, join_targets(self._targets), self._settings
+        return sectors, found

@@ -24,11 +24,10 @@ stands for ground over many metres, and so for several patches.
 """
 
 import math
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radarsim.engine import Packed, engine
 from radarsim.geometry import Floats
@@ -112,11 +111,15 @@ ROBOT_DB: Final = -5.0  # gamma of robots; estimate
 MIRROR_SLOPE_DEG: Final = 1.0  # rms, of what mirrors are made of; estimate
 
 
-class Scattering(NamedTuple):
-    """What the parts of a scene scatter; P parts.
+_known: WeakKeyDictionary[Tracer, dict[RayClass, Packed]] = WeakKeyDictionary()
 
-    Attributes:
-        parts: (P + 1,) a row for each part, and a last one for robots:
+
+def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Packed:
+    """Return what a scene of P parts scatters of the waves of a class.
+
+    Returns:
+        The engine's ``Scattering``: the air, the ground, and ``parts``, (P + 1,), a row
+        for each part, and a last one for robots:
             gamma: Of the surfaces, at normal incidence.
             constant_gamma: Whether it is that at all angles; else it follows Lambert's
                 law.
@@ -127,18 +130,7 @@ class Scattering(NamedTuple):
             albedo: Share of what a sheet takes that comes back.
             sway: Rms speed at which the wind moves volumes and sheets, m/s.
             edges: m, where level ground ends: least x, y and greatest ones, map frame.
-        packed: The same, the air and the ground, for the engine.
     """
-
-    parts: NDArray[np.void]
-    packed: Packed
-
-
-_known: WeakKeyDictionary[Tracer, dict[RayClass, Scattering]] = WeakKeyDictionary()
-
-
-def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Scattering:
-    """Return what the parts of a scene scatter of the waves of a class."""
     # Weakly: a tracer that nobody uses any more takes its entry along.
     known = _known.setdefault(tracer, {})
     if ray_class in known:
@@ -167,9 +159,10 @@ def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Scattering:
     parts["volume"], parts["albedo"] = volume, albedo
     parts["sway"] = [each.sway_m_per_s for each in materials]
     ground = _find_ground(tracer, parts["gamma"], parts["edges"])
-    packed = engine.structures["Scattering"].pack(parts=rows, air=float(air), **ground)
-    found = known[ray_class] = Scattering(rows, packed)
-    return found
+    known[ray_class] = engine.structures["Scattering"].pack(
+        parts=rows, air=float(air), **ground
+    )
+    return known[ray_class]
 
 
 def _mirror_area(part: Part) -> float:

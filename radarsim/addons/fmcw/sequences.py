@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation as Orientation
 from scipy.spatial.transform import Slerp
 
 from radarsim.addons.fmcw.radar import FmcwRadar
-from radarsim.addons.fmcw.rotation import Rotation
+from radarsim.addons.fmcw.rotation import Rotation, join_sectors
 from radarsim.addons.fmcw.spectrum import Spectrum
 from radarsim.geometry import Floats, Pose3
 from radarsim.scene.scene import Scene
@@ -83,37 +83,20 @@ def read_tum(text: str) -> DrivenPath:
     return DrivenPath(numbers[:, 0], numbers[:, 1:4], numbers[:, 4:])
 
 
-@dataclass(frozen=True, eq=False)
-class DrivenTurn:
-    """A turn of a sequence.
-
-    Attributes:
-        time: At which it began, s, as of the path.
-        spectrum: The turn; its pose is that in its middle.
-    """
-
-    time: float
-    spectrum: Spectrum
-
-    def tum_line(self, epoch: float = 0.0) -> str:
-        """Return its pose as a line of a path in the format of TUM's tools.
-
-        Args:
-            epoch: Added to its time, s.
-        """
-        pose, settings = self.spectrum.pose, self.spectrum.settings
-        middle = epoch + self.time + settings.azimuths * settings.sweep_time / 2
-        turned = Orientation.from_euler("ZYX", [pose.yaw, pose.pitch, pose.roll])
-        numbers = [pose.x, pose.y, pose.z, *turned.as_quat()]
-        return " ".join([f"{middle:.6f}", *(f"{each:.6f}" for each in numbers)]) + "\n"
+def tum_line(time: float, pose: Pose3) -> str:
+    """Return a pose at a time, s, as a line of a path in the format of TUM's tools."""
+    turned = Orientation.from_euler("ZYX", [pose.yaw, pose.pitch, pose.roll])
+    numbers = [pose.x, pose.y, pose.z, *turned.as_quat()]
+    return " ".join(f"{each:.6f}" for each in (time, *numbers)) + "\n"
 
 
 def turns_along(
     radar: FmcwRadar, scene: Scene, path: DrivenPath, rng: np.random.Generator
-) -> Iterator[DrivenTurn]:
-    """Record all turns that end before a path does.
+) -> Iterator[tuple[float, Spectrum]]:
+    """Record all turns that end before a path does, each with the time when it began.
 
-    Before the path begins the radar stands at its first pose for a turn.
+    The pose of a turn is that in its middle. Before the path the radar stands at its
+    first pose for a turn.
 
     Args:
         radar: The radar.
@@ -143,15 +126,7 @@ def turns_along(
         if any(each.turn == done and each.ends_turn for each in sectors):
             began = float(path.times[0] + done * period)
             (middle,) = path.poses_at(np.array([began + period / 2]))
-            parts = [each.spectrum for each in sectors if each.turn == done]
-            whole = replace(
-                parts[0],
-                pose=middle,
-                scene=scene,
-                angles=np.concatenate([part.angles for part in parts]),
-                power=np.concatenate([part.power for part in parts]),
-                echo_power=np.concatenate([part.echo_power for part in parts]),
-            )
-            yield DrivenTurn(began, whole)
+            whole = join_sectors(each for each in sectors if each.turn == done)
+            yield began, replace(whole, pose=middle, scene=scene)
             sectors = [each for each in sectors if each.turn > done]
             done += 1

@@ -37,12 +37,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from radarsim.addons.fmcw.antenna import Viewpoints
 from radarsim.addons.fmcw.radar_equation import (
     doppler_shift,
     fft_length,
     sample_count,
 )
-from radarsim.addons.fmcw.viewpoints import Viewpoints
 from radarsim.engine import engine
 from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings

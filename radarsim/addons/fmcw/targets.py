@@ -11,20 +11,16 @@ field of view, are left out.
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.geometry import Floats, Pose3
+from radarsim.geometry import Floats
 from radarsim.presets.sensor_settings import SensorSettings
-from radarsim.raycast.rays import Rays
-from radarsim.scene.scene import Scene
-from radarsim.sensors.scan import Echoes, Scan, Targets
+from radarsim.sensors.scan import Targets
 
 if TYPE_CHECKING:
-    from radarsim.addons.fmcw.radar import FmcwRadar
     from radarsim.addons.fmcw.spectrum import Spectrum
 
 
@@ -75,59 +71,3 @@ def read_ranges(targets: Targets, settings: SensorSettings) -> Floats:
     if settings.fov_deg == 360:  # the first and the last beam are the same
         ranges[0] = ranges[-1] = min(ranges[0], ranges[-1])
     return ranges
-
-
-def scan_of(radar: "FmcwRadar", pose: Pose3, targets: Targets, scene: Scene) -> Scan:
-    """Return the scan that reads targets.
-
-    Its rays are the middles of its beams, and lose power as those of the spectrum do.
-    It lists no echoes: a spectrum does not tell the objects that targets are.
-
-    Args:
-        radar: The radar.
-        pose: Its pose, map frame.
-        targets: What its detector found.
-        scene: The map.
-    """
-    settings = radar.sensor
-    steps = np.arange(settings.beams) * settings.resolution_deg
-    angles: Floats = np.radians(steps - settings.fov_deg / 2)
-    ahead = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1)
-    directions = ahead @ pose.rotation().T
-    rays = replace(
-        Rays.uniform(
-            np.broadcast_to(pose.position(), directions.shape),
-            directions / np.linalg.norm(directions, axis=1)[:, None],
-            max_range=settings.max_range,
-            power=radar.full_power,
-            medium=0,
-        ),
-        ray_classes=(radar.ray_class,),
-    )
-    none, nowhere = np.zeros(0), np.zeros(0, np.int64)
-    echoes = Echoes(
-        beams=nowhere,
-        sides=np.zeros(0, np.int8),
-        ranges=none,
-        fronts=none,
-        kinds=np.zeros(0, np.uint8),
-        power=none,
-        strength=none,
-        parts=nowhere,
-        scene_parts=scene.parts,
-        settings=settings,
-    )
-    return Scan(
-        sensor=radar.name,
-        pose=pose,
-        angles=angles,
-        ranges=read_ranges(targets, settings),
-        rays=np.zeros(len(angles), np.int8) if settings.has_side_rays else None,
-        range_min=settings.min_range,
-        range_max=settings.max_range,
-        resolution=math.radians(settings.resolution_deg),
-        find_cast=lambda: rays,
-        find_echoes=lambda: echoes,
-        scene=scene,
-        targets=targets,
-    )

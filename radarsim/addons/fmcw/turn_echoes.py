@@ -22,34 +22,18 @@ directions see all.
 Powers are in units of the noise: in watts many are too small for float32.
 """
 
-import math
 from typing import Final, NamedTuple
 
 import numpy as np
 
+from radarsim.addons.fmcw.antenna import pattern_table, rows_in_beam
 from radarsim.addons.fmcw.beat_signal import Power
-from radarsim.addons.fmcw.radar_equation import gaussian, rows_in_beam
-from radarsim.addons.fmcw.scattering import Scattering
 from radarsim.addons.fmcw.speckle import Scatterers, hash_levels
 from radarsim.engine import Packed, engine
-from radarsim.geometry import Floats
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.raycast.attenuation import Events
 
 NEAREST: Final = 0.3  # m; nearer the far field, and 1 / R^2, do not hold
-
-
-def pattern_table(settings: FmcwSettings) -> Floats:
-    """Return the two-way pattern across the beam, (F, 2 half + 2).
-
-    Row ``f`` is for columns that begin f / F of a step clockwise from a direction of
-    the radar; the entries are for the directions from ``half`` before it to
-    ``half + 1`` after it.
-    """
-    half, parts = rows_in_beam(settings), settings.rays_across
-    steps = np.arange(-half, half + 2)[None, :] - np.arange(parts)[:, None] / parts
-    width = math.radians(settings.beamwidth_az_deg)
-    return gaussian(steps * settings.step, width) ** 2
 
 
 class Echoes(NamedTuple):
@@ -110,7 +94,7 @@ class TurnEchoes:
         rows: range,
         rays: Packed,
         events: Events,
-        scattering: Scattering,
+        scattering: Packed,
         scatterers: Scatterers,
     ) -> None:
         """Add the rays of directions, which follow those that were added before.
@@ -119,7 +103,7 @@ class TurnEchoes:
             rows: The directions.
             rays: Their rays, as the engine's ``FanRays``.
             events: What these met, in order.
-            scattering: What the parts of the scene scatter.
+            scattering: What the scene scatters, as the engine's ``Scattering``.
             scatterers: Those of their columns, and of the first one after these.
         """
         first = rows.start * self._settings.rays_across
@@ -129,7 +113,7 @@ class TurnEchoes:
             self._lines,
             rays,
             events,
-            scattering.packed,
+            scattering,
             scatterers,
             hash_levels(),
             first,

@@ -17,11 +17,7 @@ from radarsim.errors import import_optional
 
 gymnasium = import_optional("gymnasium", extra="gym")
 
-from radarsim.addons.gym.settings import (  # noqa: E402
-    GoToSettings,
-    Transition,
-    progress_reward,
-)
+from radarsim.addons.gym.environment import GoToSettings, Transition, progress_reward  # noqa: E402
 from radarsim.addons.gym.single import GoToEnv  # noqa: E402 - it needs Gymnasium
 from radarsim.addons.gym.vector import VectorEnv  # noqa: E402
 

@@ -6,12 +6,11 @@ reported between two decisions, so that a period takes a few calls of the engine
 
 import math
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.addons.gym.settings import GoToSettings
 from radarsim.geometry import Floats, Pose2
 from radarsim.presets.robots import Item, RobotModel, load_robot
 from radarsim.raycast.robot_boxes import Boxes
@@ -23,27 +22,15 @@ from radarsim.robots.robot import LEFT_SPIN, RIGHT_SPIN, YAW, X
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import RangeScanner
+from radarsim.sensors.scan import Scan
 from radarsim.sensors.scan_batch import ScanRequest, scan_batch, scan_ranges
 from radarsim.simulation.clock import TICK, ticks_of
 from radarsim.simulation.config import SimulationConfig
 
+if TYPE_CHECKING:
+    from radarsim.addons.gym.environment import GoToSettings
+
 MOST_SECONDS: Final = 10_000.0  # of a decision, as nothing interrupts the engine
-
-
-class BeamReadings(NamedTuple):
-    """What the beams of N robots read; (N, beams) each.
-
-    Attributes:
-        ranges: m; the maximum range where nothing is detected.
-        power: Penetration power that was left where a beam reads, as a share of that
-            sent; 0 where nothing is detected, 1 where it is unlimited.
-        rays: Which ray of its beam gave each range: -1 right, 0 centre, 1 left; 0 for a
-            sensor without side rays.
-    """
-
-    ranges: Floats
-    power: Floats
-    rays: Floats
 
 
 class Arena:
@@ -57,7 +44,7 @@ class Arena:
         max_turn_rate: Highest turn rate, rad/s.
     """
 
-    def __init__(self, settings: GoToSettings, count: int, *, meets: bool) -> None:
+    def __init__(self, settings: "GoToSettings", count: int, *, meets: bool) -> None:
         """Load the map; robots are to be placed first.
 
         Args:
@@ -170,67 +157,50 @@ class Arena:
         return touched
 
     def scan(
-        self, rngs: Sequence[np.random.Generator], chosen: NDArray[np.bool_]
-    ) -> Floats:
+        self,
+        rngs: Sequence[np.random.Generator],
+        chosen: NDArray[np.bool_],
+        values: Sequence[str],
+    ) -> dict[str, Floats]:
         """Take a scan of each chosen robot.
 
         Args:
             rngs: Source of randomness of each robot.
             chosen: (N,) whether a robot scans.
+            values: What else of each beam is read, which takes longer: ``power``, the
+                penetration power left where it reads, as a share of that sent, 0 where
+                nothing is detected, 1 where it is unlimited; ``rays``, which ray of it
+                gave the range: -1 right, 0 centre, 1 left.
 
         Returns:
-            (N, beams) ranges, m; the maximum range where nothing is detected, and for
-            robots that do not scan or were taken out.
+            (N, beams) each: ``ranges``, m, the maximum range where nothing is detected,
+            and for robots that do not scan or were taken out; and the other values.
         """
-        ranges = self._blank(self.scanner.settings.max_range)
-        scanning = chosen & self._present
-        requests = self._requests(rngs, scanning)
-        ranges[scanning] = scan_ranges(self._tracer, requests, self._seen())[0]
-        return ranges
-
-    def read_beams(
-        self, rngs: Sequence[np.random.Generator], chosen: NDArray[np.bool_]
-    ) -> BeamReadings:
-        """Take the same scans as ``scan``, and return more of them, which takes longer.
-
-        Args:
-            rngs: Source of randomness of each robot.
-            chosen: (N,) whether a robot scans.
-        """
+        shape = len(self._robots), len(self.scanner.angles)
         most = self.scanner.settings.max_range
-        found = BeamReadings(self._blank(most), self._blank(0.0), self._blank(0.0))
-        scanning = chosen & self._present
-        scans = scan_batch(self._tracer, self._requests(rngs, scanning), self._seen())
-        for row, scan in zip(np.flatnonzero(scanning), scans, strict=True):
-            found.ranges[row] = np.minimum(scan.ranges, most)
-            echoes = scan.echoes
-            # A beam reads one of its echoes: the one whose range is that of the scan.
-            is_read = echoes.ranges == scan.ranges[echoes.beams]
-            left, sent = echoes.power[is_read], echoes.settings.penetration_power
-            shares = np.ones(len(left))
-            limited = np.isfinite(left)
-            # What never loses power has an infinite one: nothing of it is lost.
-            shares[limited] = left[limited] / sent if sent else 0.0
-            found.power[row, echoes.beams[is_read]] = np.clip(shares, 0.0, 1.0)
-            if scan.rays is not None:
-                found.rays[row] = scan.rays
-        return found
-
-    def _blank(self, value: float) -> Floats:
-        return np.full((len(self._robots), len(self.scanner.angles)), value)
-
-    def _requests(
-        self, rngs: Sequence[np.random.Generator], scanning: NDArray[np.bool_]
-    ) -> list[ScanRequest]:
-        return [
+        found = {"ranges": np.full(shape, most)}
+        found |= {name: np.zeros(shape) for name in values}
+        rows = np.flatnonzero(chosen & self._present)
+        requests = [
             ScanRequest(
                 self.scanner,
                 self._robots[row].body.compose(self._mount),
                 rngs[row],
                 self._robots[row].number,
             )
-            for row in np.flatnonzero(scanning).tolist()
+            for row in rows.tolist()
         ]
+        if requests and not values:
+            found["ranges"][rows], _ = scan_ranges(self._tracer, requests, self._seen())
+            return found
+        scans = scan_batch(self._tracer, requests, self._seen())
+        for row, scan in zip(rows, scans, strict=True):
+            found["ranges"][row] = np.minimum(scan.ranges, most)
+            if "rays" in values and scan.rays is not None:
+                found["rays"][row] = scan.rays
+            if "power" in values:
+                found["power"][row] = _power_left(scan)
+        return found
 
     def _seen(self) -> Boxes | None:
         """Return the boxes of the robots, if they see each other."""
@@ -243,6 +213,19 @@ class Arena:
         if floor not in self._obstacles:
             self._obstacles[floor] = Obstacles.from_scene(self.scene, floor=floor)
         return self._obstacles[floor]
+
+
+def _power_left(scan: Scan) -> Floats:
+    """Return the share of its power that each beam has left where it reads."""
+    echoes, shares = scan.echoes, np.zeros(len(scan.ranges))
+    # A beam reads one of its echoes: the one whose range is that of the scan.
+    is_read = echoes.ranges == scan.ranges[echoes.beams]
+    left, sent = echoes.power[is_read], echoes.settings.penetration_power
+    # What never loses power has an infinite one: nothing of it is lost.
+    read, limited = np.ones(len(left)), np.isfinite(left)
+    read[limited] = left[limited] / sent if sent else 0.0
+    shares[echoes.beams[is_read]] = read
+    return np.clip(shares, 0.0, 1.0)
 
 
 def _scanner_item(model: RobotModel, name: str | None) -> Item:

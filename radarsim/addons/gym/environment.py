@@ -5,9 +5,10 @@ same code. Random starts and goals are drawn from the floor that robots can get 
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 import shapely
@@ -17,10 +18,86 @@ from numpy.typing import ArrayLike, NDArray
 from shapely import MultiPolygon, Polygon
 
 from radarsim.addons.gym.arena import Arena
-from radarsim.addons.gym.settings import BEAM_VALUES, GoToSettings, Transition
 from radarsim.geometry import Floats, Pose2
 from radarsim.scene.scene import Scene, Trial
 from radarsim.simulation.map_warnings import Position, component_around, free_space
+
+# What can be observed of each beam besides its range: smallest and largest value.
+BEAM_VALUES: Final[Mapping[str, tuple[float, float]]] = {
+    "power": (0.0, 1.0),
+    "rays": (-1.0, 1.0),
+}
+
+
+class Transition(NamedTuple):
+    """What happened to N robots in one decision period.
+
+    Attributes:
+        actions: (N, 2) wheel speeds that were chosen, left and right, -1 to 1.
+        distances_before: (N,) m to the goal before it.
+        distances: (N,) m to the goal after it.
+        touched: (N,) whether the robot was blocked or touched anything.
+        reached: (N,) whether it is within 0.5 m of its goal.
+    """
+
+    actions: Floats
+    distances_before: Floats
+    distances: Floats
+    touched: NDArray[np.bool_]
+    reached: NDArray[np.bool_]
+
+
+def progress_reward(transition: Transition) -> Floats:
+    """Return the way that was made towards the goal, m, and 10 for reaching it.
+
+    A period in which a robot touches something costs 1.
+    """
+    progress = transition.distances_before - transition.distances
+    reward: Floats = progress + 10.0 * transition.reached - 1.0 * transition.touched
+    return reward
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GoToSettings:
+    """What ``gymnasium.make`` takes for ``radarsim/GoTo-v0``.
+
+    Attributes:
+        map: Name or file of a map, or a scene.
+        robot: Class of the robot.
+        scanner: Name of its scanner item; None for its first.
+        sensor_settings: Settings of the scanner that differ from the class's.
+        start: ``random``; ``map`` for that of the map's trial; the name of a start; or
+            x, y and yaw, m and rad.
+        goal: ``random``, a place that the robot can get to; ``map`` for that of the
+            map's trial; or x and y, m.
+        decision_period: Simulated time between two decisions, s.
+        beam_values: What is observed of each beam besides its range: ``power``, the
+            penetration power left where it reads, and ``rays``, which ray of it reads.
+        max_steps: Decisions after which an episode is truncated.
+        ends_at_collision: Whether an episode terminates when the robot touches
+            something.
+        reward: Computes the (N,) rewards of a ``Transition``.
+    """
+
+    map: str | Scene = "empty_room"
+    robot: str = "P3AT"
+    scanner: str | None = None
+    sensor_settings: Mapping[str, Any] = field(default_factory=dict)
+    start: str | Sequence[float] = "random"
+    goal: str | Sequence[float] = "random"
+    decision_period: float = 0.1
+    beam_values: Sequence[str] = ()
+    max_steps: int = 500
+    ends_at_collision: bool = False
+    reward: Callable[[Transition], Floats] = progress_reward
+
+    def __post_init__(self) -> None:
+        if self.max_steps < 1:
+            raise ValueError(f"max_steps {self.max_steps!r}, expected at least 1")
+        if not {*self.beam_values} <= {*BEAM_VALUES}:
+            text = f"beam_values {self.beam_values!r}, expected some of"
+            raise ValueError(f"{text} {list(BEAM_VALUES)}")
+
 
 _DRAWN_TOGETHER: Final = 16  # places, of which the first that is free is taken
 _MAX_DRAWS: Final = 1000  # of so many places
@@ -61,8 +138,10 @@ class FreePlaces:
     def draw(
         self,
         rng: np.random.Generator,
-        others: Sequence[Position] = (),
-        distance: float = 0.0,
+        others: Sequence[Position],
+        distance: float,
+        *,
+        reached_from: Position | None = None,
     ) -> Position:
         """Draw a place, uniformly distributed over the floor; x and y, m.
 
@@ -70,42 +149,30 @@ class FreePlaces:
             rng: Source of randomness.
             others: Places that it is not to be near, m.
             distance: Least distance from these, m.
+            reached_from: Where a way to it begins, m; None for any place.
 
         Raises:
             ValueError: If there is hardly such a place.
         """
-        return _draw(self._floor, rng, others, distance)
-
-    def draw_goal(
-        self, rng: np.random.Generator, start: Position, distance: float
-    ) -> Position:
-        """Draw a place that can be reached from another; arguments as of ``draw``."""
-        point = shapely.Point(start)
-        piece = next((p for p in self._pieces if p.covers(point)), self._floor)
-        return _draw(piece, rng, [start], distance)
-
-
-def _draw(
-    floor: Polygon | MultiPolygon,
-    rng: np.random.Generator,
-    others: Sequence[Position],
-    distance: float,
-) -> Position:
-    low, high = np.reshape(floor.bounds, (2, 2))
-    near = np.reshape(others, (-1, 1, 2))
-    for _ in range(_MAX_DRAWS):
-        # Drawn from the box around the floor and refused beside it, which is uniform on
-        # the floor; many at once, as each call of shapely has its price.
-        places = rng.uniform(low, high, (_DRAWN_TOGETHER, 2))
-        gaps = np.hypot(*np.moveaxis(places - near, -1, 0))
-        is_free = shapely.contains_xy(floor, *places.T) & (gaps >= distance).all(axis=0)
-        if is_free.any():
-            x, y = places[is_free.argmax()].tolist()
-            return x, y
-    raise ValueError(
-        f"no free place {distance:g} m from {len(others)} others among"
-        f" {_MAX_DRAWS * _DRAWN_TOGETHER} that were drawn"
-    )
+        floor: Polygon | MultiPolygon = self._floor
+        if reached_from is not None:
+            point = shapely.Point(reached_from)
+            floor = next((p for p in self._pieces if p.covers(point)), floor)
+        low, high = np.reshape(floor.bounds, (2, 2))
+        near = np.reshape(others, (-1, 1, 2))
+        for _ in range(_MAX_DRAWS):
+            # Drawn from the box around the floor and refused beside it, which is
+            # uniform on the floor; many at once, as calls of shapely have their price.
+            places = rng.uniform(low, high, (_DRAWN_TOGETHER, 2))
+            gaps = np.hypot(*np.moveaxis(places - near, -1, 0)).min(0, initial=np.inf)
+            is_free = shapely.contains_xy(floor, *places.T) & (gaps >= distance)
+            if is_free.any():
+                x, y = places[is_free.argmax()].tolist()
+                return x, y
+        raise ValueError(
+            f"no free place {distance:g} m from {len(others)} others among"
+            f" {_MAX_DRAWS * _DRAWN_TOGETHER} that were drawn"
+        )
 
 
 GOAL_RADIUS: Final = 0.5  # m around the goal
@@ -217,7 +284,9 @@ class GoToTask:
         self.arena.place(row, pose)
         place = (pose.x, pose.y)
         if goal is None:
-            goal = self._free_places.draw_goal(rng, place, MIN_DISTANCE)
+            goal = self._free_places.draw(
+                rng, [place], MIN_DISTANCE, reached_from=place
+            )
         self.goals[row] = goal
         self.distances[row] = math.dist(goal, place)
         self.steps[row] = 0
@@ -266,14 +335,8 @@ class GoToTask:
             rngs: Source of randomness of each robot.
             chosen: (N,) whether a robot scans; the rows of others mean nothing.
         """
-        values: Observations = {}
-        if self.settings.beam_values:
-            read = self.arena.read_beams(rngs, chosen)
-            ranges = read.ranges
-            for name in self.settings.beam_values:
-                values[name] = getattr(read, name).astype(np.float32)
-        else:
-            ranges = self.arena.scan(rngs, chosen)
+        names = self.settings.beam_values
+        read = self.arena.scan(rngs, chosen, names)
         x, y, yaw = self.arena.poses.T
         bearing = np.arctan2(self.goals[:, 1] - y, self.goals[:, 0] - x) - yaw
         distance = np.minimum(self.distances / GOAL_SCALE, 1.0)
@@ -282,11 +345,11 @@ class GoToTask:
         goal = np.column_stack([distance, np.cos(bearing), np.sin(bearing)])
         return {
             "ranges": np.clip(
-                ranges / self.arena.scanner.settings.max_range, 0.0, 1.0
+                read["ranges"] / self.arena.scanner.settings.max_range, 0.0, 1.0
             ).astype(np.float32),
             "goal": goal.astype(np.float32),
             "speeds": self._speeds.astype(np.float32),
-            **values,
+            **{name: read[name].astype(np.float32) for name in names},
         }
 
     def ended(self, transition: Transition) -> tuple[NDArray[np.bool_], ...]:

@@ -8,8 +8,7 @@ from gymnasium.spaces import Space
 from gymnasium.utils.seeding import np_random
 from numpy.typing import NDArray
 
-from radarsim.addons.gym.environment import GoToTask, as_actions
-from radarsim.addons.gym.settings import GoToSettings
+from radarsim.addons.gym.environment import GoToSettings, GoToTask, as_actions
 from radarsim.addons.gym.single import Observation, Picture
 from radarsim.errors import import_optional
 

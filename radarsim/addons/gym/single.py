@@ -11,8 +11,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from radarsim.addons.gym.environment import GoToTask, as_actions
-from radarsim.addons.gym.settings import GoToSettings, Transition
+from radarsim.addons.gym.environment import (
+    GoToSettings,
+    GoToTask,
+    Transition,
+    as_actions,
+)
 from radarsim.geometry import Pose2
 from radarsim.plotting.palette import TARGET
 from radarsim.plotting.plan import HEIGHT, draw_plan, draw_robot, show_extent
@@ -45,8 +49,8 @@ class Picture:
         self._canvas = FigureCanvasAgg(figure)
         axes = figure.add_subplot()
         axes.set_axis_off()
-        plan = draw_plan(axes, scene, scene.floor_at(0.0, 0.0) + HEIGHT)
-        show_extent(axes, plan.corners)
+        _, corners = draw_plan(axes, scene, scene.floor_at(0.0, 0.0) + HEIGHT)
+        show_extent(axes, corners)
         return axes
 
     def draw(self, rows: Sequence[int]) -> NDArray[np.uint8] | None:

@@ -11,8 +11,12 @@ from gymnasium.vector import VectorEnv as GymnasiumVectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from radarsim.addons.gym.environment import GoToTask, Observations, as_actions
-from radarsim.addons.gym.settings import GoToSettings
+from radarsim.addons.gym.environment import (
+    GoToSettings,
+    GoToTask,
+    Observations,
+    as_actions,
+)
 from radarsim.addons.gym.single import Picture
 from radarsim.geometry import Floats
 

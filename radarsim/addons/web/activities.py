@@ -10,7 +10,6 @@ import logging
 import threading
 from collections.abc import Callable, Set
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from radarsim.addons.web.own_robot import OwnRobot, RobotClient, Tell, Work
@@ -39,39 +38,6 @@ MOST_MAPS: Final = 10  # that are made at a time
 DEFAULT_COLOURS: Final[Colours] = "usarcommander"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Task:
-    """One task.
-
-    Attributes:
-        number: Its number.
-        robot: The robot.
-        kind: ``goto`` or ``explore``.
-        client: Where the task reads and drives.
-    """
-
-    number: int
-    robot: OwnRobot
-    kind: str
-    client: RobotClient
-
-    def describe(self, state: str, text: str = "") -> dict[str, Any]:
-        """Return the message ``task``.
-
-        Args:
-            state: ``running``, ``done``, ``failed`` or ``cancelled``.
-            text: How it ended, or what is done.
-        """
-        return {
-            "op": "task",
-            "id": self.number,
-            "robot": self.robot.name,
-            "kind": self.kind,
-            "state": state,
-            "text": text,
-        }
-
-
 class TaskBoard:
     """The tasks that run, of which a robot has at most one.
 
@@ -86,7 +52,7 @@ class TaskBoard:
         Args:
             tell: Called with messages, in the event loop.
         """
-        self.running: dict[str, Task] = {}
+        self.running: dict[str, RobotClient] = {}
         self.clock = TaskClock()
         self._tell = tell
         self._threads = 0  # also of cancelled tasks, until they notice
@@ -104,30 +70,43 @@ class TaskBoard:
         if self._threads >= MOST_TASKS:
             raise BadRequest(f"{MOST_TASKS} tasks are running, expected no more")
         self._count += 1
-        task = Task(self._count, robot, kind, RobotClient(robot, self.clock))
+        task = RobotClient(robot, kind, self._count, self.clock)
         self.running[robot.name] = task
         self._threads += 1
-        self._tell(task.describe("running"))
+        self._tell_state(task, "running")
         threading.Thread(target=self._run, args=(task, work), daemon=True).start()
 
     def cancel(self, robot: str) -> None:
         """Cancel the task of a robot, if it has one."""
         task = self.running.pop(robot, None)
         if task is not None:
-            task.client.cancel()
+            task.cancel()
             # Servers hold the last speeds, and the thread of the task may notice late.
             task.robot.set_wheels(0.0, 0.0)
-            self._tell(task.describe("cancelled"))
+            self._tell_state(task, "cancelled")
 
     def tell_threadsafe(self, message: dict[str, Any]) -> None:
         """Tell a message from any thread."""
         self._call(self._tell, message)
 
-    def _run(self, task: Task, work: Work) -> None:
+    def _tell_state(self, task: RobotClient, state: str, text: str = "") -> None:
+        """Tell how a task stands; ``text`` says how it ended."""
+        self._tell(
+            {
+                "op": "task",
+                "id": task.number,
+                "robot": task.robot.name,
+                "kind": task.kind,
+                "state": state,
+                "text": text,
+            }
+        )
+
+    def _run(self, task: RobotClient, work: Work) -> None:
         """Do the work, in its thread."""
         state, text = "failed", "an error of the program"
         try:
-            text = work(task.client, self.tell_threadsafe)
+            text = work(task, self.tell_threadsafe)
             state = "done"
         except RadarsimError as error:
             text = str(error)
@@ -135,12 +114,12 @@ class TaskBoard:
             log.exception("the %s of %s failed", task.kind, task.robot.name)
         self._call(self._end, task, state, text)
 
-    def _end(self, task: Task, state: str, text: str) -> None:
+    def _end(self, task: RobotClient, state: str, text: str) -> None:
         self._threads -= 1
         if self.running.get(task.robot.name) is task:  # else it was cancelled
             del self.running[task.robot.name]
-            task.client.cancel()
-            self._tell(task.describe(state, text))
+            task.cancel()
+            self._tell_state(task, state, text)
 
     def _call(self, function: Callable[..., None], *arguments: Any) -> None:
         with suppress(RuntimeError):  # the loop is closed
@@ -279,7 +258,7 @@ class Activities:
         """
         assert self.scene is not None  # it is known
         least = self.safety_distance(robot)
-        distance, name = self.scene.obstacles.nearest(*goal)
+        distance, name = self.scene.nearest_obstacle(*goal)
         if least is not None and distance < least_clearance(least):
             raise BadRequest(
                 f"goal ({goal[0]:g}, {goal[1]:g}) is {distance:.2f} m from {name!r},"

@@ -10,6 +10,7 @@ import math
 import queue
 import threading
 import time
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
@@ -25,16 +26,14 @@ from radarsim.autonomy.exploration.exploration import (
     ExplorationStep,
     Outcome,
 )
-from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
+from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.mapping.export import (
     COMMANDER_CELLS,
     commander_pixels,
     sensed_window,
 )
-from radarsim.autonomy.mapping.mapper import Mapper, MapperSettings
+from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
-from radarsim.autonomy.mapping.slam import SlamSettings
-from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.mission import run_mission
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.run_log import RunLog
@@ -42,7 +41,7 @@ from radarsim.autonomy.navigation.runner import NavigationStep
 from radarsim.autonomy.plotting.maps import CELL_COLOURS, CELL_TEXTS
 from radarsim.client import ScannerInfo
 from radarsim.client.robot_info import same_name
-from radarsim.errors import RadarsimError, expected_one_of
+from radarsim.errors import RadarsimError
 from radarsim.geometry import Floats, Pose2
 from radarsim.protocol.reports import Report
 from radarsim.rng import generator_for
@@ -59,20 +58,19 @@ _SHADES: Final = np.array(
 )
 
 
-class _Timer:
-    """Says when an interval has passed."""
+def _every(interval: float) -> Callable[[], bool]:
+    """Return what says whether an interval, s, has passed since it last said so."""
+    due = -math.inf
 
-    def __init__(self, interval: float) -> None:
-        self._interval = interval
-        self._due = -math.inf
-
-    def is_due(self) -> bool:
-        """Return whether it has passed since this was true before."""
+    def is_due() -> bool:
+        nonlocal due
         now = time.monotonic()
-        is_due = now >= self._due
-        if is_due:
-            self._due = now + self._interval
-        return is_due
+        has_passed = now >= due
+        if has_passed:
+            due = now + interval
+        return has_passed
+
+    return is_due
 
 
 def plan_drive(request: Goto, safety_distance: float | None) -> Work:
@@ -81,15 +79,9 @@ def plan_drive(request: Goto, safety_distance: float | None) -> Work:
     Args:
         request: Algorithm and goal.
         safety_distance: m; None for the least one that suits the robot.
-
-    Raises:
-        BadRequest: If there is no such algorithm.
     """
-    names = [each.value for each in Algorithm]
-    if request.algorithm not in names:
-        raise BadRequest(f"algorithm {expected_one_of(request.algorithm, names)}")
     mission = Mission(
-        algorithm=Algorithm(request.algorithm),
+        algorithm=request.algorithm,
         goals=(request.goal,),
         pose=HERE,
         safety_distance=safety_distance,
@@ -98,7 +90,7 @@ def plan_drive(request: Goto, safety_distance: float | None) -> Work:
 
     def drive(client: RobotClient, tell: Tell) -> str:
         run_log = RunLog()
-        timer = _Timer(PATH_INTERVAL)
+        is_due = _every(PATH_INTERVAL)
 
         def tell_path() -> None:
             path = describe_path(request.robot, run_log.path)
@@ -107,7 +99,7 @@ def plan_drive(request: Goto, safety_distance: float | None) -> Work:
 
         def observe(step: NavigationStep) -> None:
             run_log.add(step)
-            if timer.is_due():
+            if is_due():
                 tell_path()
 
         try:
@@ -129,18 +121,12 @@ def plan_exploration(request: Explore, colours: Colours) -> Work:
     Args:
         request: The strategy.
         colours: Colours of the map.
-
-    Raises:
-        BadRequest: If there is no such strategy.
     """
-    names = [each.value for each in StrategyName]
-    if request.strategy not in names:
-        raise BadRequest(f"strategy {expected_one_of(request.strategy, names)}")
-    plan = ExplorationPlan(strategy=StrategyName(request.strategy), pose=HERE)
+    plan = ExplorationPlan(strategy=request.strategy, pose=HERE)
     exploration = Exploration(plan, generator_for(0, request.robot))
 
     def explore(client: RobotClient, tell: Tell) -> str:
-        paths, maps = _Timer(PATH_INTERVAL), _Timer(MAP_INTERVAL)
+        is_path_due, is_map_due = _every(PATH_INTERVAL), _every(MAP_INTERVAL)
 
         def show(*, path: bool, grid: bool) -> None:
             mapper = exploration.mapper
@@ -152,7 +138,7 @@ def plan_exploration(request: Explore, colours: Colours) -> Work:
                 tell(describe_map(request.robot, mapper.grid, colours))
 
         def observe(_: ExplorationStep) -> None:
-            show(path=paths.is_due(), grid=maps.is_due())
+            show(path=is_path_due(), grid=is_map_due())
 
         try:
             exploration.run(client, observe)
@@ -253,13 +239,12 @@ class MapMaker:
         self.colours = request.colours
         self._robot = robot
         self._tell = tell
-        settings = MapperSettings(
-            slam=SlamSettings(motion_source="ins"),
+        self._mapper = Mapper(
+            _choose_scanner(robot, request.scanner),
             echo_wait=1.0 if has_echoes else 0.0,
             robot_radius=min(robot.size) / 2,
+            clock=time.monotonic,
         )
-        scanner = _choose_scanner(robot, request.scanner)
-        self._mapper = Mapper(scanner, settings, clock=time.monotonic)
         # None ends it. Reports may come faster than a thread maps them.
         self._reports: queue.Queue[Report | None] = queue.Queue()
         robot.listeners.append(self._take)
@@ -276,11 +261,11 @@ class MapMaker:
             self._reports.put(report)
 
     def _run(self) -> None:
-        shown, timer = 0, _Timer(MAP_INTERVAL)
+        shown, is_due = 0, _every(MAP_INTERVAL)
         try:
             while (report := self._reports.get()) is not None:
                 self._mapper.take(report)
-                if self._mapper.scans > shown and timer.is_due():
+                if self._mapper.scans > shown and is_due():
                     shown = self._mapper.scans
                     grid = self._mapper.grid
                     self._tell(describe_map(self._robot.name, grid, self.colours))

@@ -10,29 +10,18 @@ from typing import TYPE_CHECKING, Any, Final
 
 from radarsim import __version__
 from radarsim.addons.web.activities import Activities
-from radarsim.addons.web.frame import Owner, encode_frame
+from radarsim.addons.web.frame import encode_frame
 from radarsim.addons.web.playback import Playback
 from radarsim.addons.web.recording import RecordingSwitch
 from radarsim.addons.web.requests import (
-    Ack,
     BadRequest,
-    Cancel,
     Drive,
     Explain,
-    Explore,
-    Goto,
     Look,
-    Map,
-    Pace,
-    Record,
-    Remove,
     Request,
-    Seek,
     Select,
     Setting,
-    Spawn,
     Stop,
-    Triangles,
     make_offers,
 )
 from radarsim.addons.web.robot_view import explain_beam
@@ -98,24 +87,24 @@ class Commander:
         self._recording = RecordingSwitch(
             address, config, record_to, self._viewers, map_=map_
         )
-        self._handlers: Mapping[type[Request], Callable[[Viewer, Any], None]] = {
-            Ack: lambda viewer, _: self._viewers.acknowledge(viewer),
-            Cancel: lambda _, request: self._activities.cancel(request),
-            Drive: self._drive,
-            Explain: self._explain,
-            Explore: lambda _, request: self._activities.explore(request),
-            Goto: lambda _, request: self._activities.go(request),
-            Look: self._look,
-            Map: lambda _, request: self._activities.switch_map(request),
-            Pace: lambda _, request: self._time.change(request),
-            Record: lambda _, request: self._recording.switch(request.on),
-            Remove: self._robots.remove,
-            Seek: lambda _, request: self._time.seek(request),
-            Select: self._select,
-            Setting: self._set,
-            Spawn: self._robots.spawn,
-            Stop: self._stop,
-            Triangles: self._send_triangles,
+        self._handlers: Mapping[str, Callable[[Viewer, Any], None]] = {
+            "ack": lambda viewer, _: self._viewers.acknowledge(viewer),
+            "cancel": lambda _, request: self._activities.cancel(request),
+            "drive": self._drive,
+            "explain": self._explain,
+            "explore": lambda _, request: self._activities.explore(request),
+            "goto": lambda _, request: self._activities.go(request),
+            "look": self._look,
+            "map": lambda _, request: self._activities.switch_map(request),
+            "pace": lambda _, request: self._time.change(request),
+            "record": lambda _, request: self._recording.switch(request.on),
+            "remove": self._robots.remove,
+            "seek": lambda _, request: self._time.seek(request),
+            "select": self._select,
+            "setting": self._set,
+            "spawn": self._robots.spawn,
+            "stop": self._stop,
+            "triangles": self._send_triangles,
         }
 
     async def run(self) -> None:
@@ -165,10 +154,9 @@ class Commander:
         Raises:
             RadarsimError: If that is not possible; the message is for the browser.
         """
-        handler = self._handlers.get(type(request))
-        if handler is None:
-            raise BadRequest(f"{type(request).__name__.lower()} is not possible here")
-        handler(viewer, request)
+        if request.op not in self._handlers:
+            raise BadRequest(f"{request.op} is not possible here")
+        self._handlers[request.op](viewer, request)
 
     # What browsers ask for
 
@@ -209,7 +197,7 @@ class Commander:
     def _explain(self, viewer: Viewer, request: Explain) -> None:
         viewer.send(explain_beam(self._robots.find(request.robot), request))
 
-    def _send_triangles(self, viewer: Viewer, _: Triangles) -> None:
+    def _send_triangles(self, viewer: Viewer, _: Request) -> None:
         if self._scene is None:
             raise BadRequest("no map is known; start the commander with --draw")
         viewer.send(self._scene.triangles, "triangles")
@@ -300,12 +288,12 @@ class Commander:
         for name, robot in self._robots.own.items():
             work = "task" if self._activities.is_at_work(name) else None
             safety = self._activities.safety_distance(robot)
-            owners[name] = Owner(
-                mine=True,
-                driver=robot.driver or work,
-                hindrance=robot.hindrance,
-                safety=safety,
-                clearance=None if safety is None else least_clearance(safety),
-            )
+            owners[name] = {
+                "mine": True,
+                "driver": robot.driver or work,
+                "hindrance": robot.hindrance,
+                "safety": safety,
+                "clearance": None if safety is None else least_clearance(safety),
+            }
         views = self._robots.views.values()
         return encode_frame(views, owners, selected, self._time.position)

@@ -8,7 +8,7 @@ of two bytes each, likewise; the header tells where those of a scan begin.
 import math
 import struct
 from collections.abc import Iterable, Mapping
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
@@ -23,30 +23,19 @@ from radarsim.scene.material import Material
 NO_RETURN: Final = 65535  # instead of a range in cm
 
 
-class Owner(NamedTuple):
-    """Whose a robot is.
-
-    Attributes:
-        mine: Whether the commander spawned it.
-        driver: Name of the viewer that drives it; ``task``, or None.
-        hindrance: Why it can do nothing by itself; None if it can.
-        safety: Distance that it keeps from obstacles on its way, m; None without one.
-        clearance: Distance of a goal from obstacles below which it is refused, m.
-    """
-
-    mine: bool
-    driver: str | None
-    hindrance: str | None
-    safety: float | None = None
-    clearance: float | None = None
-
-
-NOT_OWN: Final = Owner(mine=False, driver=None, hindrance="it is another program's")
+# Of whom robots are that the commander did not spawn.
+NOT_OWN: Final = {
+    "mine": False,
+    "driver": None,
+    "hindrance": "it is another program's",
+    "safety": None,
+    "clearance": None,
+}
 
 
 def encode_frame(
     robots: Iterable[RobotView],
-    owners: Mapping[str, Owner],
+    owners: Mapping[str, Mapping[str, Any]],
     selected: str | None,
     time: float | None = None,
 ) -> bytes:
@@ -55,6 +44,10 @@ def encode_frame(
     Args:
         robots: The robots.
         owners: Whose they are, by their names; those without are other programs'.
+            Keys as of ``NOT_OWN``: whether the commander spawned it; the name of the
+            viewer that drives it, ``task`` or None; why it can do nothing by itself;
+            the distance that it keeps from obstacles on its way, and that of a goal
+            from obstacles below which it is refused, m.
         selected: Name of the robot whose echoes are told; None for none.
         time: The time that is shown, s; None for that of the newest report.
     """
@@ -70,13 +63,12 @@ def encode_frame(
         times.append(robot.time)
         newest = [scans[-1] for scans in robot.scans.values()]
         speeds = robot.motion() or (0.0, 0.0)
-        owner = owners.get(robot.name, NOT_OWN)
         rows.append(
             {
                 "name": robot.name,
                 "class": robot.class_name,
                 "colour": ROBOTS[robot.number % len(ROBOTS)] if is_many else None,
-                **owner._asdict(),
+                **owners.get(robot.name, NOT_OWN),
                 "x": round(pose.x, 4),
                 "y": round(pose.y, 4),
                 "yaw": round(pose.yaw, 5),

@@ -34,40 +34,36 @@ class OwnRobot:
 
     Attributes:
         name: Name that was asked for.
-        class_name: Name of its class.
         info: Dimensions, limits and scanners.
         hindrance: Why it can do nothing by itself; None if it can.
         driver: Name of the viewer that drives it; None for none.
-        listeners: Called with the reports that arrive, at once; those of sensors may be
-            left out, see ``leave_sensors``.
     """
 
     def __init__(
         self,
         client: AsyncClient,
         name: str,
-        class_name: str,
         info: RobotInfo,
         on_driver: Callable[["OwnRobot"], None],
+        on_reports: Callable[["OwnRobot", Sequence[Report]], None],
     ) -> None:
         """Take a connection whose robot is spawned.
 
         Args:
             client: The connection, which the robot closes.
             name: Name of the robot.
-            class_name: Name of its class.
             info: Its properties.
             on_driver: Called when another viewer drives it than before, or none.
+            on_reports: Called with the reports that arrive, at once; those of sensors
+                may be left out, see ``leave_sensors``.
         """
         self.name = name
-        self.class_name = class_name
         self.info = info
         self.hindrance = find_hindrance(info)
         self.driver: str | None = None
-        self.listeners: list[Callable[[Sequence[Report]], None]] = []
-        self._on_driver = on_driver
+        self._on_driver, self._on_reports = on_driver, on_reports
         self._are_sensors_left = False
-        self._readers: list[Callable[[Sequence[Report]], None]] = []
+        self._reader: Callable[[Sequence[Report]], None] | None = None
         self._client = client
         self._loop = asyncio.get_running_loop()
         self._dead_man: asyncio.TimerHandle | None = None
@@ -100,19 +96,13 @@ class OwnRobot:
         self._are_sensors_left = on
         self._choose_lines()
 
-    def read_by(self, take: Callable[[Sequence[Report]], None]) -> None:
-        """Pass all reports to a function, also those of sensors."""
-        self._readers.append(take)
+    def read_by(self, take: Callable[[Sequence[Report]], None] | None) -> None:
+        """Pass all reports to a function, also those of sensors; None to end that."""
+        self._reader = take
         self._choose_lines()
 
-    def read_no_more(self, take: Callable[[Sequence[Report]], None]) -> None:
-        """Undo ``read_by``, if it was done."""
-        if take in self._readers:
-            self._readers.remove(take)
-            self._choose_lines()
-
     def _choose_lines(self) -> None:
-        leaves = self._are_sensors_left and not self._readers
+        leaves = self._are_sensors_left and self._reader is None
         self._client.session.ignored = SENSORS if leaves else ()
 
     async def close(self) -> None:
@@ -184,8 +174,9 @@ class OwnRobot:
         while True:
             with suppress(ClientTimeout):  # a server may pause
                 reports = await self._client.read(SILENCE)
-                for listener in (*self.listeners, *self._readers):
-                    listener(reports)
+                self._on_reports(self, reports)
+                if self._reader is not None:
+                    self._reader(reports)
 
     async def _send(self) -> NoReturn:
         while True:
@@ -212,20 +203,30 @@ def find_hindrance(robot: RobotInfo) -> str | None:
 
 
 class RobotClient(Client):
-    """A client for a thread, whose robot is spawned, and which can be cancelled.
+    """A client for the thread of a task, whose robot is spawned; it can be cancelled.
 
     Only the methods that algorithms use exist.
+
+    Attributes:
+        robot: The robot.
+        kind: Of the task: ``goto`` or ``explore``.
+        number: Of the task.
     """
 
-    def __init__(self, robot: OwnRobot, clock: TaskClock) -> None:
+    def __init__(
+        self, robot: OwnRobot, kind: str, number: int, clock: TaskClock
+    ) -> None:
         """Listen to a robot; to be called in the event loop.
 
         Args:
             robot: The robot.
+            kind: As above.
+            number: As above.
             clock: By which it waits.
         """
-        super().__init__(_Clock(clock))
-        self._robot = robot
+        # Of a connection, only its clock is used.
+        super().__init__(clock)  # type: ignore[arg-type]
+        self.robot, self.kind, self.number = robot, kind, number
         self._loop = asyncio.get_running_loop()
         self._reports: queue.Queue[Sequence[Report]] = queue.Queue()
         self._is_cancelled = False
@@ -235,18 +236,18 @@ class RobotClient(Client):
         """Let every call raise, also one that waits; in the event loop."""
         self._is_cancelled = True
         self._reports.put(())  # wakes up the thread
-        self._robot.read_no_more(self._take)
+        self.robot.read_by(None)
 
     def spawn(self, *_: object, **__: object) -> None:
         """Take the robot that is there, where it is."""
 
     def robot_info(self, *, drive_unit: DriveUnit = "rad_per_s") -> RobotInfo:  # noqa: ARG002
         """Return the properties of the robot."""
-        return self._robot.info
+        return self.robot.info
 
     def echoes(self, scanner: str, on: bool = True) -> None:
         """See ``Client.echoes``."""
-        self._call(self._robot.switch_echoes, scanner, on)
+        self._call(self.robot.switch_echoes, scanner, on)
 
     def drive(self, left: float, right: float) -> None:
         """See ``Client.drive``."""
@@ -281,7 +282,7 @@ class RobotClient(Client):
         """Set speeds in the event loop, unless it was cancelled meanwhile."""
         if not self._is_cancelled:
             # It is checked here as well: the call has waited while a viewer took over.
-            self._robot.set_wheels(left, right)
+            self.robot.set_wheels(left, right)
 
     def _check(self) -> None:
         if self._is_cancelled:
@@ -289,22 +290,6 @@ class RobotClient(Client):
 
     def _call(self, function: Callable[..., None], *arguments: Any) -> None:
         self._loop.call_soon_threadsafe(function, *arguments)
-
-
-class _Clock:
-    """A transport that has nothing but a clock."""
-
-    def __init__(self, clock: TaskClock) -> None:
-        self.time = clock.time
-
-    def send(self, data: bytes) -> NoReturn:
-        raise ConnectionError(f"{data[:80]!r} cannot be sent here")
-
-    def receive(self, timeout: float) -> NoReturn:
-        raise ConnectionError(f"nothing comes here, nor within {timeout:g} s")
-
-    def close(self) -> None:
-        pass
 
 
 Tell: TypeAlias = Callable[[dict[str, Any]], None]  # browsers, with a message

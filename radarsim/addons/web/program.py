@@ -6,20 +6,23 @@ many messages in a second.
 """
 
 import asyncio
+import mimetypes
 import sys
 import threading
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final
 
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.requests import Request
-from starlette.responses import FileResponse, PlainTextResponse, Response
-from starlette.routing import Route, WebSocketRoute
+from starlette.responses import FileResponse, Response
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from radarsim.addons.web.commander import Commander
@@ -43,20 +46,16 @@ from radarsim.simulation.config import SimulationConfig
 if TYPE_CHECKING:
     from radarsim.addons.web.scene_message import SceneMessages
 
-FIRST_LOOK: Final = 3.0  # s in which nothing takes time from the first browser
 PAGE: Final = Path(__file__).parent / "page"
-PALETTE: Final = "palette.css"  # which is made of the table of colours
+# Files of another version would not understand this program.
+_FRESH: Final = {"Cache-Control": "no-cache"}
 HELLO_TIMEOUT: Final = 5.0  # s
 # Why a WebSocket was closed, beside the codes of the protocol.
 WRONG_TOKEN, NO_HELLO, SLOW, TOO_FAST = 4401, 4408, 4409, 4429
 # Not left to the tables of the system, where scripts may be plain text.
-MEDIA_TYPES: Final[Mapping[str, str]] = {
-    ".css": "text/css",
-    ".html": "text/html",
-    ".js": "text/javascript",
-    ".svg": "image/svg+xml",
-}
-Result = TypeVar("Result")
+mimetypes.add_type("text/css", ".css")
+mimetypes.add_type("text/javascript", ".js")
+mimetypes.add_type("image/svg+xml", ".svg")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,7 +172,7 @@ async def _work(
         scene = await loading
         if scene is not None:
             commander.show_scene(scene)
-        await in_daemon_thread(_import_algorithms)
+        await in_daemon_thread(import_module, "radarsim.addons.web.algorithms")
         await running
     finally:
         running.cancel()
@@ -199,11 +198,7 @@ def _load_scene(map_: str | None) -> "SceneMessages | None":
     from radarsim.addons.web.scene_message import SceneMessages  # noqa: PLC0415
     from radarsim.scene.map_file import load_map  # noqa: PLC0415
 
-    return SceneMessages.of(load_map(map_))
-
-
-def _import_algorithms() -> None:
-    import radarsim.addons.web.algorithms  # noqa: F401, PLC0415
+    return SceneMessages(load_map(map_))
 
 
 def _follow_parent(time: ServerTime, exit_code: asyncio.Future[int]) -> None:
@@ -223,6 +218,16 @@ def _follow_parent(time: ServerTime, exit_code: asyncio.Future[int]) -> None:
     threading.Thread(target=wait, daemon=True).start()
 
 
+class _Files(StaticFiles):
+    """The files of the page."""
+
+    def file_response(self, *args: Any, **kwargs: Any) -> Response:
+        """Return a file that browsers ask for again each time."""
+        response = super().file_response(*args, **kwargs)
+        response.headers.update(_FRESH)
+        return response
+
+
 def create_app(commander: Commander, allowed: AllowedHosts, token: str) -> Starlette:
     """Create the web application.
 
@@ -231,23 +236,12 @@ def create_app(commander: Commander, allowed: AllowedHosts, token: str) -> Starl
         allowed: Who may come in.
         token: What a browser has to know.
     """
-    # What is asked for is looked up here, so that nothing else can be read.
-    files = {
-        path.relative_to(PAGE).as_posix(): path
-        for path in sorted(PAGE.rglob("*"))
-        if path.is_file() and path.suffix in MEDIA_TYPES
-    }
 
-    async def send_file(request: Request) -> Response:
-        name = request.path_params.get("name", "index.html")
-        if name == PALETTE:
-            return Response(palette_style(), media_type=MEDIA_TYPES[".css"])
-        path = files.get(name)
-        if path is None:
-            return PlainTextResponse("no such file\n", 404)
-        # Files of another version would not understand this program.
-        headers = {"Cache-Control": "no-cache"}
-        return FileResponse(path, headers=headers, media_type=MEDIA_TYPES[path.suffix])
+    def send_index(_: Request) -> Response:
+        return FileResponse(PAGE / "index.html", headers=_FRESH)
+
+    def send_palette(_: Request) -> Response:
+        return Response(palette_style(), media_type="text/css")
 
     async def talk(socket: WebSocket) -> None:
         await socket.accept()
@@ -259,8 +253,9 @@ def create_app(commander: Commander, allowed: AllowedHosts, token: str) -> Starl
                 await socket.close(refusal)
 
     routes = [
-        Route("/", send_file),
-        Route("/static/{name:path}", send_file),
+        Route("/", send_index),
+        Route("/static/palette.css", send_palette),
+        Mount("/static", _Files(directory=PAGE)),
         WebSocketRoute("/ws", talk),
     ]
     return Starlette(routes=routes, middleware=[Middleware(HostCheck, allowed=allowed)])
@@ -275,26 +270,6 @@ def palette_style() -> str:
     return (
         f":root{{{light}}}\n@media (prefers-color-scheme: dark) {{:root{{{dark}}}}}\n"
     )
-
-
-class RateLimit:
-    """Counts messages in a window of a second."""
-
-    def __init__(self, most: int) -> None:
-        """Start with an empty window.
-
-        Args:
-            most: Greatest number of messages in any second.
-        """
-        self._times: deque[float] = deque(maxlen=most)
-
-    def allows(self, now: float) -> bool:
-        """Count a message at a time in s, and return whether it is within the limit."""
-        times = self._times
-        is_full = len(times) == times.maxlen
-        within = not is_full or now - times[0] >= 1.0
-        times.append(now)
-        return within
 
 
 async def _await_hello(socket: WebSocket, token: str) -> int | None:
@@ -318,8 +293,10 @@ async def _talk(socket: WebSocket, commander: Commander) -> None:
 
     async def hear() -> None:
         """Act upon messages until there are too many of them."""
-        limit, clock = RateLimit(MESSAGES_PER_SECOND), asyncio.get_running_loop().time
-        while limit.allows(clock()):
+        clock = asyncio.get_running_loop().time
+        newest: deque[float] = deque(maxlen=MESSAGES_PER_SECOND)
+        while len(newest) < MESSAGES_PER_SECOND or clock() - newest[0] >= 1.0:
+            newest.append(clock())
             text = await _receive(socket)
             try:
                 commander.act(viewer, parse_request(text))

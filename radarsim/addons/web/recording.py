@@ -12,7 +12,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from radarsim import __version__
 from radarsim.addons.recording.bag_folder import (
     RecordingInfo,
     check_installed,
@@ -209,17 +208,8 @@ class _Recording:
 
     def _begin(self, kind: "type[RecordingProcess]") -> "RecordingProcess":
         """Create the folder, and start the process that writes into it."""
-        config = self._config
-        info = RecordingInfo.model_validate(
-            {
-                "version": __version__,
-                "level": self._level,
-                "dialect": config.dialect.name,
-                "drive_unit": config.drive_unit or config.dialect.drive_unit,
-                "settings": {i: dict(keys) for i, keys in config.item_settings.items()},
-                "robots": config.robots,
-                "drawn_map": _lasting_name(self._map),
-            }
+        info = RecordingInfo.of_config(
+            self._config, level=self._level, drawn_map=_lasting_name(self._map)
         )
         create_folder(self._folder)
         return kind(self._folder, info)

@@ -12,9 +12,17 @@ import functools
 import operator
 from collections.abc import Iterable, Mapping
 from enum import StrEnum
-from typing import Annotated, Any, Final, Literal, TypeAlias, get_args
+from typing import Annotated, Any, Final, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    TypeAdapter,
+    ValidationError,
+)
 
 from radarsim.autonomy.exploration.plans import StrategyName
 from radarsim.autonomy.navigation.algorithms import Algorithm
@@ -47,30 +55,29 @@ class BadRequest(RadarsimError):
 
 
 class Request(BaseModel):
-    """A message of the page."""
+    """A message of the page, whose ``op`` is the name of its class in small letters."""
 
     # Strict: 1 is no True, and "1" no number.
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    op: str = ""
 
 
 class Hello(Request):
     """The first message; it opens all others."""
 
-    op: Literal["hello"]
     token: Text
 
 
 class Select(Request):
     """Show the echoes of one robot; None for those of none."""
 
-    op: Literal["select"]
     robot: RobotName | None
 
 
 class Look(Request):
     """Send frames while the page is on a screen, and none while it is hidden."""
 
-    op: Literal["look"]
     on: bool
 
 
@@ -80,7 +87,6 @@ class Spawn(Request):
     Without a name the commander chooses one; without a place, the first free start.
     """
 
-    op: Literal["spawn"]
     class_name: Annotated[
         str, Field(alias="class", pattern=r"^[A-Za-z][A-Za-z0-9_.]{0,63}$")
     ]
@@ -92,7 +98,6 @@ class Spawn(Request):
 class Remove(Request):
     """Remove a robot of the commander."""
 
-    op: Literal["remove"]
     robot: RobotName
 
 
@@ -102,24 +107,20 @@ class Drive(Request):
     It holds for ``own_robot.DEAD_MAN`` seconds.
     """
 
-    op: Literal["drive"]
     robot: RobotName
     v: Share
     w: Share
-    seq: int = 0
 
 
 class Stop(Request):
     """Stop a robot and its tasks; None for all robots of the commander."""
 
-    op: Literal["stop"]
     robot: RobotName | None = None
 
 
 class Setting(Request):
     """Change a setting of a scanner; None is unlimited, or the default."""
 
-    op: Literal["setting"]
     robot: RobotName
     scanner: RobotName
     key: Key
@@ -129,24 +130,21 @@ class Setting(Request):
 class Goto(Request):
     """Drive to a goal, m, map frame."""
 
-    op: Literal["goto"]
     robot: RobotName
-    algorithm: Text
+    algorithm: Algorithm
     goal: tuple[Coordinate, Coordinate]
 
 
 class Explore(Request):
     """Explore and map."""
 
-    op: Literal["explore"]
     robot: RobotName
-    strategy: Text
+    strategy: StrategyName
 
 
 class Map(Request):
     """Make a map of what a robot senses, by default with its radar, and show it."""
 
-    op: Literal["map"]
     robot: RobotName
     on: bool
     scanner: RobotName | None = None
@@ -156,14 +154,12 @@ class Map(Request):
 class Cancel(Request):
     """Cancel a task."""
 
-    op: Literal["cancel"]
     task: int
 
 
 class Explain(Request):
     """Explain a beam of a scan: that of a time, or of the newest one."""
 
-    op: Literal["explain"]
     robot: RobotName
     scanner: RobotName
     beam: Annotated[int, Field(ge=0, le=1_000_000)]
@@ -173,7 +169,6 @@ class Explain(Request):
 class Record(Request):
     """Begin to record all robots of the server, or end it."""
 
-    op: Literal["record"]
     on: bool
 
 
@@ -183,7 +178,6 @@ class Pace(Request):
     The speed is in simulated seconds per second.
     """
 
-    op: Literal["pace"] = "pace"
     paused: bool | None = None
     speed: Annotated[float, Field(ge=0.05, le=20, allow_inf_nan=False)] | None = None
     step: Annotated[float, Field(ge=0.01, le=10, allow_inf_nan=False)] | None = None
@@ -192,28 +186,30 @@ class Pace(Request):
 class Seek(Request):
     """Show another time of the recording that is played, s."""
 
-    op: Literal["seek"]
     t: Time
 
 
 class Triangles(Request):
     """Send the triangles of the map."""
 
-    op: Literal["triangles"]
-
 
 class Ack(Request):
     """The frame of a time is shown; the next one may come."""
 
-    op: Literal["ack"]
     t: Time | None = None
 
 
+def _op_of(message: Any) -> str | None:
+    op = message.get("op") if isinstance(message, dict) else None
+    return op if isinstance(op, str) else None
+
+
+_KINDS: Final = {kind.__name__.lower(): kind for kind in Request.__subclasses__()}
 # ``op`` chooses among all kinds, so that errors are those of one kind.
-_KINDS: Final = Request.__subclasses__()
-OPS: Final = [get_args(kind.model_fields["op"].annotation)[0] for kind in _KINDS]
-_ANY: Any = Annotated[functools.reduce(operator.or_, _KINDS), Field(discriminator="op")]
-_ADAPTER: Final[TypeAdapter[Request]] = TypeAdapter(_ANY)
+_TAGGED: Any = [Annotated[kind, Tag(op)] for op, kind in _KINDS.items()]
+_ADAPTER: Final[TypeAdapter[Request]] = TypeAdapter(
+    Annotated[functools.reduce(operator.or_, _TAGGED), Discriminator(_op_of)]
+)
 
 
 def parse_request(text: str) -> Request:
@@ -230,8 +226,10 @@ def parse_request(text: str) -> Request:
     place = ".".join(str(step) for step in problem["loc"])
     text = f"{place or 'message'}: {describe_invalid(problem)}"
     if problem["type"] == "union_tag_invalid":
-        text = f"op {expected_one_of(problem['ctx']['tag'], OPS)}"
-    elif problem["type"] in ("json_invalid", "union_tag_not_found"):
+        text = f"op {expected_one_of(problem['ctx']['tag'], [*_KINDS])}"
+    elif problem["type"] == "union_tag_not_found":
+        text = "message: expected an object whose op is a text"
+    elif problem["type"] == "json_invalid":
         text = problem["msg"]
     raise BadRequest(text)
 

@@ -208,10 +208,9 @@ class Robots:
         finally:
             waiting.cancel()
             self._spawning.discard(name)
-        robot = OwnRobot(client, name, class_name, info, self._tell_driver)
+        robot = OwnRobot(client, name, info, self._tell_driver, self._take_own)
         self._add(name, class_name).describe(info)
         self.own[name] = robot
-        robot.listeners.append(lambda reports: self._take_own(robot, reports))
         robot.leave_sensors(self.is_watching)
         self._begin(viewer, self._run(robot))
         viewer.send({"op": "spawned", "robot": name})

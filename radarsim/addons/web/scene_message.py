@@ -2,8 +2,7 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Any, Final, Self
+from typing import Any, Final
 
 import numpy as np
 import shapely
@@ -19,11 +18,27 @@ _DIGITS: Final = 6  # of rounded ends of lines, so that lines that meet share th
 _SENT_DIGITS: Final = 3  # millimetres
 
 
-class ObstacleOutlines:
-    """Outlines of what blocks robots, at the height of the scanners."""
+class SceneMessages:
+    """A map as it is told to browsers.
 
-    def __init__(self, plan: dict[str, Any]) -> None:
-        """Take them from the message ``scene``."""
+    Attributes:
+        plan: The message ``scene``, as JSON.
+        triangles: The message ``triangles``, as JSON.
+        materials: A legend of its materials.
+        safety_distance: Distance from what a radar sees for which it is designed, m;
+            None if it does not say.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        """Describe a map."""
+        plan = describe_plan(scene)
+        self.plan, self.triangles = (
+            encode_json(plan),
+            encode_json(describe_triangles(scene)),
+        )
+        self.materials = describe_materials(scene)
+        self.safety_distance = scene.trial and scene.trial.safety_distance
+        # Outlines of what blocks robots, at the height of the scanners.
         outlines = [
             (part["name"], line)
             for part in plan["parts"]
@@ -34,8 +49,8 @@ class ObstacleOutlines:
         self._names = [name for name, _ in outlines]
         self._tree = shapely.STRtree([shapely.LineString(line) for _, line in outlines])
 
-    def nearest(self, x: float, y: float) -> tuple[float, str]:
-        """Return the distance of a point from the nearest, m, and whose that is.
+    def nearest_obstacle(self, x: float, y: float) -> tuple[float, str]:
+        """Return how far the nearest obstacle is from a point, m, and its name.
 
         The distance is infinite if there is none.
         """
@@ -45,44 +60,6 @@ class ObstacleOutlines:
             shapely.Point(x, y), return_distance=True, all_matches=False
         )
         return float(distance[0]), self._names[int(place[0])]
-
-
-@dataclass(frozen=True, slots=True)
-class SceneMessages:
-    """A map as it is told to browsers.
-
-    Attributes:
-        plan: The message ``scene``, as JSON.
-        triangles: The message ``triangles``, as JSON.
-        materials: A legend of its materials.
-        bounds: Extent of the map, west, south, east and north, m.
-        safety_distance: Distance from what a radar sees for which it is designed, m;
-            None if it does not say.
-        obstacles: Outlines of what blocks robots.
-    """
-
-    plan: str
-    triangles: str
-    materials: list[dict[str, str]]
-    bounds: tuple[float, float, float, float]
-    safety_distance: float | None
-    obstacles: ObstacleOutlines
-
-    @classmethod
-    def of(cls, scene: Scene) -> Self:
-        """Describe a map."""
-        plan, triangles = describe_plan(scene), describe_triangles(scene)
-        materials = describe_materials(scene)
-        safety = None if scene.trial is None else scene.trial.safety_distance
-        bounds = plan["bounds"]
-        return cls(
-            encode_json(plan),
-            encode_json(triangles),
-            materials,
-            (*bounds,),
-            safety,
-            ObstacleOutlines(plan),
-        )
 
 
 def describe_plan(scene: Scene) -> dict[str, Any]:

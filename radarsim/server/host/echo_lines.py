@@ -22,7 +22,7 @@ from radarsim.protocol.echoes import (
     find_mark,
     join_echoes,
 )
-from radarsim.protocol.line_writer import fill_lines
+from radarsim.protocol.line_template import fill_lines
 from radarsim.protocol.reports import to_bytes
 from radarsim.sensors.scan import KINDS, ROBOT, Echoes, Target
 

@@ -8,6 +8,7 @@ import pytest
 from fmcw_scenes import beat_spectrum, db, dbm, no_echoes, radar, received_power
 from scipy.signal import get_window
 
+from radarsim.addons.fmcw.antenna import fixed_viewpoints
 from radarsim.addons.fmcw.beat_signal import (
     NO_TONES,
     Power,
@@ -20,7 +21,6 @@ from radarsim.addons.fmcw.radar_equation import (
     sample_count,
     window_of,
 )
-from radarsim.addons.fmcw.viewpoints import fixed_viewpoints
 from radarsim.geometry import Pose3
 from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.rng import generator_for
@@ -65,44 +65,32 @@ def test_noise_in_a_bin_is_ktbf_of_the_window() -> None:
 
 
 def test_noise_of_one_look_is_exponential() -> None:
-    power = np.concatenate([noise(radar().settings, seed) for seed in (3, 4, 5)])
-    power = power.astype(np.float64)
+    power = noise(radar().settings).astype(np.float64)
     assert power.std() / power.mean() == pytest.approx(1, rel=0.01)
     assert db(power).std() == pytest.approx(5.57, rel=0.01)
     assert db(power).mean() - db(power.mean()) == pytest.approx(-2.51, rel=0.01)
 
 
 @pytest.mark.parametrize(
-    ("window", "level"),
+    ("window", "level", "width"),
     [
-        pytest.param("rectangular", -13.26, id="rectangular"),
-        pytest.param("hann", -31.48, id="hann"),
-        pytest.param("hamming", -42.68, id="hamming"),
-        pytest.param("blackman", -58.11, id="blackman"),
+        ("rectangular", -13.26, 0.886),
+        ("hann", -31.48, 1.443),
+        ("hamming", -42.68, 1.305),
+        ("blackman", -58.11, 1.646),
     ],
 )
-def test_highest_sidelobe_is_that_of_the_window(window: str, level: float) -> None:
-    _, shape = one_point(window)
+def test_sidelobe_and_half_power_width_are_those_of_the_window(
+    window: str, level: float, width: float
+) -> None:
+    settings, shape = one_point(window)
+    found = (shape > -3.0103).sum() * settings.bin_size / settings.resolution
+    assert found == pytest.approx(width, rel=0.02)
     at = int(shape.argmax())
     while shape[at + 1] < shape[at]:
         at += 1
     # A real signal has the same tone below zero, whose sidelobes reach as far as this.
     assert shape[at : at + 40 * FINE].max() == pytest.approx(level, abs=0.1)
-
-
-@pytest.mark.parametrize(
-    ("window", "width"),
-    [
-        pytest.param("rectangular", 0.886, id="rectangular"),
-        pytest.param("hann", 1.443, id="hann"),
-        pytest.param("hamming", 1.305, id="hamming"),
-        pytest.param("blackman", 1.646, id="blackman"),
-    ],
-)
-def test_half_power_width_is_that_of_the_window(window: str, width: float) -> None:
-    settings, shape = one_point(window)
-    found = (shape > -3.0103).sum() * settings.bin_size / settings.resolution
-    assert found == pytest.approx(width, rel=0.02)
 
 
 def test_radar_equation_of_a_square_metre_at_20_m() -> None:
@@ -222,9 +210,7 @@ def test_clipped_direction_is_lifted_as_a_whole() -> None:
     ("spread", "snr_db", "pfa", "expected"),
     [
         pytest.param(None, 13.0, 1e-8, 0.6287, id="steady"),
-        pytest.param(None, 11.0, 1e-8, 0.1683, id="steady and weaker"),
         pytest.param(1, 16.0, 1e-4, 0.7980, id="Swerling 1"),
-        pytest.param(1, 6.8, 1e-4, 0.2036, id="Swerling 1 and weaker"),
         pytest.param(2, 15.2, 1e-4, 0.8846, id="Swerling 3"),
     ],
 )

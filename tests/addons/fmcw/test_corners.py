@@ -16,10 +16,10 @@ from fmcw_scenes import (
     scene_of,
 )
 
+from radarsim.addons.fmcw.antenna import fixed_viewpoints
 from radarsim.addons.fmcw.beat_signal import Tones
+from radarsim.addons.fmcw.corners_and_edges import corner_points
 from radarsim.addons.fmcw.radar_equation import noise_power
-from radarsim.addons.fmcw.smooth_corners import corner_points
-from radarsim.addons.fmcw.viewpoints import fixed_viewpoints
 from radarsim.geometry import rotation_matrix
 from radarsim.raycast.tracer import tracer_of
 from radarsim.scene.material import Material, library_material

@@ -36,7 +36,7 @@ EDGE = 40  # bins that have fewer than all training bins
 )
 def test_factor_of_ca(count: int, pfa: float, factor: float) -> None:
     assert ca_factor(count, pfa) == pytest.approx(factor, abs=1e-3)
-    independent = np.eye(1, 200)[0]
+    independent = (1.0,) + 199 * (0.0,)
     found = correlated_factor(Training(count, 2, 3), 2, pfa, independent)
     assert found == pytest.approx(factor, abs=1e-3)
 
@@ -80,7 +80,7 @@ def mask(detector: str, power: np.ndarray, pfa: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("detector", ["ca", "os"])
-@pytest.mark.parametrize(("pfa", "turns"), [(1e-2, 1), (1e-3, 2), (1e-4, 8)])
+@pytest.mark.parametrize(("pfa", "turns"), [(1e-2, 1), (1e-3, 2)])
 def test_false_alarms(detector: str, pfa: float, turns: int) -> None:
     shares = [
         mask(detector, exponential(seed), pfa)[:, EDGE:-EDGE].mean()
@@ -103,7 +103,7 @@ def test_false_alarms_in_a_padded_spectrum(window: str, detector: str) -> None:
     settings = radar(window=window).settings
     training = training_of(settings)
     shares = []
-    for seed in range(6):
+    for seed in range(3):
         rng = generator_for(seed)
         power = beat_spectrum(settings, no_echoes(settings), NO_TONES, rng)
         if detector == "ca":

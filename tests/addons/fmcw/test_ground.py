@@ -7,8 +7,9 @@ import pytest
 from fmcw_scenes import block, db, echo_power, scene_of
 
 import radarsim
+from radarsim.addons.fmcw.antenna import elevation_pattern
 from radarsim.addons.fmcw.radar import FmcwRadar
-from radarsim.addons.fmcw.radar_equation import elevation_pattern, radar_constant
+from radarsim.addons.fmcw.radar_equation import radar_constant
 from radarsim.geometry import Floats, Pose3
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Scene

@@ -49,25 +49,22 @@ def test_kit_of_the_data_set_reads_times_angles_and_counts(
 
 def test_image_of_radiate_has_a_column_for_each_direction(turn: Spectrum) -> None:
     assert (pixels(image_of(turn, "radiate")) == turn.counts.T).all()
+    with pytest.raises(ValueError, match="expected one of"):
+        image_of(turn, "kitti")
 
 
 @pytest.mark.parametrize(
     ("layout", "name"),
     [
-        pytest.param("oxford", f"{TIME}.png", id="oxford"),
-        pytest.param("boreas", f"{TIME + 199 * 625}.png", id="boreas"),
-        pytest.param("radiate", "000007.png", id="radiate"),
+        ("oxford", f"{TIME}.png"),
+        ("boreas", f"{TIME + 199 * 625}.png"),
+        ("radiate", "000007.png"),
     ],
 )
 def test_files_have_the_names_of_the_data_set(
     turn: Spectrum, layout: str, name: str
 ) -> None:
     assert file_name(turn, layout, time_us=TIME, number=7) == name
-
-
-def test_unknown_layout_is_an_error(turn: Spectrum) -> None:
-    with pytest.raises(ValueError, match="expected one of"):
-        image_of(turn, "kitti")
 
 
 @pytest.mark.parametrize(

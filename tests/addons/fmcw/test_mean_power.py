@@ -19,13 +19,13 @@ from fmcw_scenes import (
 )
 
 import radarsim
-from radarsim.addons.fmcw.radar import FmcwRadar
-from radarsim.addons.fmcw.radar_equation import (
+from radarsim.addons.fmcw.antenna import (
     directivity,
     elevation_pattern,
-    radar_constant,
+    fixed_viewpoints,
 )
-from radarsim.addons.fmcw.viewpoints import fixed_viewpoints
+from radarsim.addons.fmcw.radar import FmcwRadar
+from radarsim.addons.fmcw.radar_equation import radar_constant
 from radarsim.geometry import Pose3
 from radarsim.raycast.attenuation import EventKind
 from radarsim.raycast.rays import Rays

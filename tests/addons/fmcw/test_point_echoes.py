@@ -7,10 +7,10 @@ import pytest
 from fmcw_scenes import EYE, block, db, radar, received_power
 
 import radarsim
-from radarsim.addons.fmcw.plate_edges import edge_points
+from radarsim.addons.fmcw.antenna import fixed_viewpoints
+from radarsim.addons.fmcw.corners_and_edges import edge_points
 from radarsim.addons.fmcw.point_echoes import fresnel_reflections
 from radarsim.addons.fmcw.radar import FmcwRadar
-from radarsim.addons.fmcw.viewpoints import fixed_viewpoints
 from radarsim.geometry import Floats, rotation_matrix
 from radarsim.raycast.tracer import tracer_of
 from radarsim.scene.material import library_material

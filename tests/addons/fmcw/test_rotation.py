@@ -5,15 +5,13 @@ import pytest
 from fmcw_scenes import block, scene_of
 
 import radarsim
+from radarsim.addons.fmcw.antenna import fixed_viewpoints
 from radarsim.addons.fmcw.radar import FmcwRadar
 from radarsim.addons.fmcw.rotation import Rotation, Sector
 from radarsim.addons.fmcw.speckle import Speckle
 from radarsim.addons.fmcw.spectrum import Spectrum
-from radarsim.addons.fmcw.turn_echoes import TurnEchoes
-from radarsim.addons.fmcw.viewpoints import fixed_viewpoints
 from radarsim.geometry import Pose3
 from radarsim.raycast.robot_boxes import Boxes
-from radarsim.raycast.tracer import tracer_of
 from radarsim.scene.reflectors import Reflector
 from radarsim.scene.scene import Scene
 
@@ -139,10 +137,9 @@ def test_robot_that_drives_seems_nearer_or_farther(heading_deg: float) -> None:
         other = [20.0, 0.0, heading, 0.0, 0.6, 0.3, 0.3, 9.0]
         velocity = speed * np.array([np.cos(heading), np.sin(heading)])
         boxes = Boxes(np.array([other, own]), np.array([velocity, [0, 0]]))
-        echoes = TurnEchoes(radar.settings, sways=False)
-        turn = radar.trace(scene, view, range(1), boxes, carrier_id=4)
+        echoes = radar.new_turn(scene)
         speckle = Speckle(radar.settings, radarsim.generator_for(0))
-        radar.add_echoes(echoes, tracer_of(scene), turn, speckle)
+        radar.add_echoes(echoes, scene, view, range(1), speckle, boxes, carrier_id=4)
         power = echoes.rows(0, 1, echoes, echoes).power[0]
         places.append((power * radar.ranges).sum() / power.sum())
     expected = 0.554 * np.cos(heading)

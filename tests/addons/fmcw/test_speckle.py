@@ -7,6 +7,7 @@ two-way pattern, and the power as the square of that.
 
 import math
 from dataclasses import replace
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,8 @@ from fmcw_scenes import EYE, block, correlation, echoes_of, radar, scene_of
 from numpy.typing import NDArray
 
 import radarsim
+from radarsim.addons.fmcw.antenna import fixed_viewpoints
 from radarsim.addons.fmcw.radar import FmcwRadar
-from radarsim.addons.fmcw.viewpoints import fixed_viewpoints
 from radarsim.geometry import Pose3
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Scene
@@ -31,10 +32,12 @@ def which() -> FmcwRadar:
     return radar(bins=1000)
 
 
+@cache
 def mist(material: Material = MIST) -> Scene:
     return scene_of(block((400, 400, 200), (0, 0, 0), material))
 
 
+@lru_cache(maxsize=4)
 def pattern(
     which: FmcwRadar,
     pose: Pose3 = EYE,
@@ -87,7 +90,7 @@ def test_standing_radar_sees_a_standing_world(foliage_room: Scene) -> None:
     assert abs(correlation(*counts)) < 0.02
 
 
-@pytest.mark.parametrize("distance", [0.01, 0.02, 0.03, 0.05])
+@pytest.mark.parametrize("distance", [0.01, 0.02, 0.05])
 def test_speckle_across_the_way_changes_within_half_the_antenna(
     which: FmcwRadar, distance: float
 ) -> None:
@@ -124,18 +127,17 @@ def test_speckle_turns_with_the_world_as_the_radar_does(which: FmcwRadar) -> Non
 
 
 def test_places_far_apart_have_speckle_of_their_own(which: FmcwRadar) -> None:
-    for moved in (Pose3(0, 0, 1), Pose3(0, 2, 1), Pose3(-9, 5, 1)):
-        field = pattern(which, replace(moved, x=moved.x + 3.0))
-        assert abs(power_correlation(pattern(which), field)) < 0.03
+    for place in (Pose3(3, 0, 1), Pose3(-6, 5, 1)):
+        assert abs(power_correlation(pattern(which), pattern(which, place))) < 0.03
 
 
 def test_seeds_have_speckle_of_their_own(which: FmcwRadar) -> None:
-    fields = [pattern(which, seed=seed) for seed in (1, 1, 2)]
-    assert (fields[0] == fields[1]).all()
-    assert abs(power_correlation(fields[0], fields[2])) < 0.03
+    own, other = pattern(which), pattern(which, seed=2)
+    assert (own == pattern(which, EYE, scene=mist(), seed=0)).all()
+    assert abs(power_correlation(own, other)) < 0.03
 
 
-@pytest.mark.parametrize("time", [0.01, 0.02, 0.04])
+@pytest.mark.parametrize("time", [0.01, 0.04])
 def test_leaves_in_a_wind_lose_their_speckle(which: FmcwRadar, time: float) -> None:
     """The field keeps exp(-(4 pi sigma t / lambda)^2 / 2) of its correlation."""
     speed = 0.01

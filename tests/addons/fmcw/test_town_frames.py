@@ -11,7 +11,7 @@ import pytest
 from frame_statistics import FrameStatistics, statistics_of
 
 import radarsim
-from radarsim.generators.town.town import town_yaml
+from radarsim.generators.town import town_yaml
 from radarsim.geometry import Pose3
 
 ROOF = 1.9  # m, height of an antenna on a car

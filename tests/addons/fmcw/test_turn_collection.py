@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import radarsim
-from radarsim.addons.fmcw.antennas import antennas_of
+from radarsim.addons.fmcw.rotation_schedule import antennas_of
 from radarsim.errors import ClientError
 from radarsim.scene.scene import Scene
 from radarsim.simulation.simulation import Simulation
@@ -18,10 +18,10 @@ def test_spectrum_joins_what_the_antenna_receives(foliage_room: Scene) -> None:
 
     def listen(simulation: Simulation) -> None:
         (antenna,) = antennas_of(simulation).of(simulation.vehicles[0])
-        antenna.observers.append(lambda seen: rows.extend(seen.sector.spectrum.power))
+        antenna.observers.append(lambda sector, _: rows.extend(sector.spectrum.power))
 
     sim.call(listen)
-    sim.step(1.0)
+    sim.step(0.6)
     spectrum = robot.spectrum()
     settings = radarsim.load_sensor("navtech_cts350x").fmcw.settings
     assert spectrum.power.shape == (settings.azimuths, settings.bins)

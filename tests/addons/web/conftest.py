@@ -32,6 +32,10 @@ class RunningCommander:
     server: tuple[str, int]
     token: str = TOKEN
 
+    @property
+    def url(self) -> str:
+        return f"http://{self.web}/#token={self.token}"
+
 
 Starter = Callable[..., AbstractContextManager[RunningCommander]]
 
@@ -85,7 +89,7 @@ def server(
 
 @pytest.fixture(scope="session")
 def scene_messages(foliage_room: Scene) -> SceneMessages:
-    return SceneMessages.of(foliage_room)
+    return SceneMessages(foliage_room)
 
 
 @pytest.fixture

@@ -38,7 +38,7 @@ def test_wrong_host_or_origin_is_refused(commander: Any, path: str) -> None:
 
 
 def test_nothing_else_is_sent(commander: Any) -> None:
-    names = ["../program.py", "%2e%2e/program.py", "/etc/passwd", "", "three.LICENSE"]
+    names = ["../program.py", "%2e%2e/program.py", "/etc/passwd", ""]
     paths = ["/program.py", "/ws", *(f"/static/{name}" for name in names)]
     codes = {path: get(commander.web, path).status_code for path in paths}
     assert codes == dict.fromkeys(paths, 404)

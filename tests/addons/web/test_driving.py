@@ -52,7 +52,7 @@ async def test_robot_drives_and_stops_when_nothing_more_is_heard(
 ) -> None:
     async with open_page(commander.web, commander.token) as page:
         name = await spawn(page)
-        await page.send("drive", robot=name, v=0.5, w=0, seq=1)
+        await page.send("drive", robot=name, v=0.5, w=0)
         told = await page.hear("viewer", robot=name)
         assert told["driver"] == "viewer 1"
         await page.see(lambda frame: frame.robot(name).get("x", -8) > -7.95)

@@ -24,7 +24,7 @@ async def test_cancelled_tasks_count_until_their_threads_have_ended() -> None:
         end.wait(240)
         return "ended"
 
-    ways = dict.fromkeys(("read_by", "read_no_more", "set_wheels"), lambda *_: None)
+    ways = dict.fromkeys(("read_by", "set_wheels"), lambda *_: None)
     robot: Any = SimpleNamespace(name="R1", **ways)
     for _ in range(MOST_TASKS):
         board.begin(robot, "explore", wait)

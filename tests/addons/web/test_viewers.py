@@ -4,7 +4,6 @@ import math
 
 import pytest
 
-from radarsim.addons.web.program import RateLimit
 from radarsim.addons.web.viewers import (
     MOST_TEXTS,
     SlowViewer,
@@ -92,10 +91,3 @@ async def test_frames_are_at_least_a_tenth_of_a_second_apart_on_average() -> Non
         frames.viewer.is_ready = True
         await asyncio.sleep(0.001)
     assert loop.time() - begin >= 0.48
-
-
-def test_rate_limit_counts_in_any_second() -> None:
-    limit = RateLimit(3)
-    assert [limit.allows(t) for t in (0.0, 0.1, 0.2)] == [True] * 3
-    assert not limit.allows(0.9)
-    assert limit.allows(1.2)

@@ -10,7 +10,7 @@ from cfear import Cfear
 from radar_odometry import Estimate, RadarOdometry, Turn, turns_along
 
 import radarsim
-from radarsim.generators.town.town import town_yaml
+from radarsim.generators.town import town_yaml
 from radarsim.geometry import Pose2, Pose3, wrap_angle
 from radarsim.scene.scene import Scene
 

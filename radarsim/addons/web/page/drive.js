@@ -12,7 +12,6 @@ export class Drive {
     Object.assign(this, { link, chosen, halt });
     this.held = new Set();
     this.stick = [0, 0];
-    this.seq = 0;
     this.driven = null; // name of the robot of the last order that was not zero
     addEventListener("keydown", (event) => this.press(event));
     addEventListener("keyup", (event) => this.lift(event));
@@ -44,7 +43,7 @@ export class Drive {
     this.held.clear();
     this.stick = [0, 0];
     if (!this.driven) return;
-    this.link.send("drive", { robot: this.driven, v: 0, w: 0, seq: ++this.seq });
+    this.link.send("drive", { robot: this.driven, v: 0, w: 0 });
     this.driven = null;
   }
 
@@ -64,7 +63,7 @@ export class Drive {
     const robot = this.chosen();
     if (this.driven && this.driven !== robot) this.release();
     if (!robot || (!v && !w && !this.driven)) return;
-    this.link.send("drive", { robot, v, w, seq: ++this.seq });
+    this.link.send("drive", { robot, v, w });
     this.driven = v || w ? robot : null;
   }
 

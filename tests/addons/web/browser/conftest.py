@@ -4,7 +4,7 @@ import os
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from commander_page import CommanderPage
@@ -59,7 +59,7 @@ def open_page(browser: "Browser") -> Iterator[Callable[..., CommanderPage]]:
     """Open pages, each with its own profile; they must not complain of anything."""
     opened: list[CommanderPage] = []
 
-    def open_one(served: Served, **options: object) -> CommanderPage:
+    def open_one(served: Any, **options: object) -> CommanderPage:
         size = {"width": 1280, "height": 800}
         context = browser.new_context(**{"viewport": size, **options})  # type: ignore[arg-type]
         context.set_default_timeout(240_000)

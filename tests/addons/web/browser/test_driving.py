@@ -1,14 +1,11 @@
 """Driving by the page, by what truly happens to the robot."""
 
-import signal
-import subprocess
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 from commander_page import CommanderPage
 from playwright.sync_api import Page
-from served_page import CHROMIUM_OPTIONS, Served
+from served_page import Served
 from truth import Truth
 
 LONGEST = 2.0  # s of the simulation in which a robot stops, on a busy machine
@@ -97,32 +94,6 @@ def test_a_robot_stops_when_its_driver_lets_go(
         page.evaluate(HIDE, False)
 
 
-def test_a_robot_stops_when_its_browser_is_killed(
-    commander: CommanderPage,
-    served: Served,
-    truth: Truth,
-    chromium: str,
-    tmp_path: Path,
-) -> None:
-    commander.add_robot("K1", place=(-8, 0, 0))
-    words = ("--headless=new", "--remote-debugging-port=0", *CHROMIUM_OPTIONS)
-    command = (chromium, *words, f"--user-data-dir={tmp_path}", "about:blank")
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stderr is not None
-        line = next(text for text in process.stderr if "DevTools listening" in text)
-        browser = commander.page.context.browser
-        assert browser is not None
-        other = browser.browser_type.connect_over_cdp(line.split()[-1])
-        page = CommanderPage(other.contexts[0].new_page())
-        page.open(served.url)
-        page.until(lambda: page.text("driven") == "K1", "for the robot")
-        drive(page, truth, "K1")
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-        process.stderr.close()
-    check_rest(commander, truth, "K1")
-
-
 GAMEPAD = """() => {
   window.pad = {connected: true, axes: [0, 0, 0, 0], buttons: []};
   navigator.getGamepads = () => [null, window.pad];
@@ -146,23 +117,7 @@ def test_a_gamepad_drives_and_its_rest_stops_the_robot(
     check_rest(commander, truth, "GP")
 
 
-def test_others_see_who_drives(
-    commander: CommanderPage,
-    served: Served,
-    truth: Truth,
-    open_page: Callable[..., CommanderPage],
-) -> None:
-    commander.add_robot("V1", place=(-8, 0, 0))
-    other = open_page(served)
-    other.until(lambda: "V1" in other.text("robots"), "for the robot")
-    drive(commander, truth, "V1")
-    assert "you drive" in commander.text("robots")
-    other.until(lambda: "drives" in other.text("robots"), "for the driver")
-    commander.page.keyboard.up("w")
-    commander.until(lambda: "idle" in commander.text("robots"), "for nobody")
-
-
-def test_a_robot_that_is_gone_while_it_is_driven_is_told(
+def test_others_see_who_drives_and_the_driver_that_its_robot_is_gone(
     commander: CommanderPage,
     served: Served,
     truth: Truth,
@@ -172,6 +127,8 @@ def test_a_robot_that_is_gone_while_it_is_driven_is_told(
     other = open_page(served)
     other.until(lambda: other.text("driven") == "G1", "for the robot")
     drive(commander, truth, "G1")
+    assert "you drive" in commander.text("robots")
+    other.until(lambda: "drives" in other.text("robots"), "for the driver")
     other.page.click("#remove")
     commander.until(lambda: "G1" in commander.text("error"), "for the news")
     commander.page.keyboard.up("w")

@@ -1,14 +1,18 @@
 """The page in a browser: what it shows, asks for, and lets nobody do."""
 
-import socket
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from commander_page import CommanderPage
 from playwright.sync_api import Browser
-from served_page import CHROMIUM_OPTIONS, Served, serve
+from served_page import Served
+
+from radarsim.scene.map_file import load_map
+from radarsim.server.host import Host
+from radarsim.server.server_thread import ServerThread
 
 NASTY = "<img/src=x/onerror=alert(1)>"  # names of levels have no blanks
 NASTY_MAP = """
@@ -50,16 +54,11 @@ def test_plan_and_scans_are_painted_once_a_robot_is_added(
     assert "foliage" in commander.text("materials")
 
 
-def test_nothing_is_fetched_from_elsewhere(commander: CommanderPage) -> None:
+def test_the_scene_in_3d_is_painted_and_nothing_fetched_from_elsewhere(
+    commander: CommanderPage,
+) -> None:
     commander.add_robot("R1")
-    for view in ("space", "map", "plan"):
-        commander.page.click(f"[data-view={view}]")
-        commander.page.wait_for_timeout(300)
-    assert commander.hosts == {"127.0.0.1"}
-
-
-def test_the_scene_in_3d_is_painted(commander: CommanderPage) -> None:
-    commander.add_robot("R1")
+    commander.page.click("[data-view=map]")
     commander.page.click("[data-view=space]")
     commander.page.wait_for_selector("#space[data-engine]")
 
@@ -68,6 +67,7 @@ def test_the_scene_in_3d_is_painted(commander: CommanderPage) -> None:
         return len(set(picture))  # of a compressed picture: a plain one has few
 
     commander.until(lambda: colours() > 200, "for the scene in 3D")
+    assert commander.hosts == {"127.0.0.1"}
 
 
 def test_the_token_leaves_the_address_bar_and_a_reload_loses_nothing(
@@ -79,70 +79,28 @@ def test_the_token_leaves_the_address_bar_and_a_reload_loses_nothing(
     commander.until(lambda: commander.text("driven") == "R1", "for the robot")
 
 
-def test_a_wrong_token_shows_nothing(served: Served, browser: Browser) -> None:
-    page = CommanderPage(browser.new_page())
-    page.page.goto(served.url.partition("#")[0] + "#token=wrong")
-    page.until(lambda: page.text("link") == "wrong token")
-    assert page.frames == []
-    assert page.text("level") == ""
-    page.page.close()
-
-
-def test_an_address_without_its_token_says_so(served: Served, browser: Browser) -> None:
-    context = browser.new_context()  # no token is left from before
-    page = CommanderPage(context.new_page())
-    page.page.goto(served.url.partition("#")[0])
-    page.until(lambda: page.text("link") == "no token")
-    assert "whole address" in page.text("lost")
-    context.close()
-
-
-def test_the_page_is_refused_under_a_foreign_name(
-    served: Served, browser: Browser, chromium: str
-) -> None:
-    rules = "--host-resolver-rules=MAP evil.example 127.0.0.1"
-    other = browser.browser_type.launch(
-        executable_path=chromium, args=[*CHROMIUM_OPTIONS, rules]
-    )
-    url = served.url.replace("127.0.0.1", "evil.example")
-    response = other.new_page().goto(url)
-    assert response is not None
-    assert response.status == 403
-    other.close()
-
-
-def test_a_page_of_another_site_gets_neither_page_nor_socket(
+def test_addresses_with_a_wrong_token_and_without_one_say_so(
     served: Served, browser: Browser
 ) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as site:
-        page = browser.new_page()
-        page.route("**/evil", lambda route: route.fulfill(body="<p>hello</p>"))
-        page.goto(f"http://127.0.0.1:{site.getsockname()[1]}/evil")
-        own = served.url.partition("#")[0]
-        fetched = page.evaluate(
-            "url => fetch(url).then(() => 'answered', () => 'refused')", own
-        )
-        token = served.url.partition("token=")[2]
-        heard = page.evaluate(
-            """([url, token]) => new Promise((resolve) => {
-                const socket = new WebSocket(url);
-                socket.onopen = () => socket.send(JSON.stringify({op: "hello", token}));
-                socket.onmessage = () => resolve("told");
-                socket.onclose = () => resolve("closed");
-            })""",
-            [own.replace("http", "ws") + "ws", token],
-        )
-        page.close()
-    assert (fetched, heard) == ("refused", "closed")
+    address = served.url.partition("#")[0]
+    for fragment, told in (("#token=wrong", "wrong token"), ("", "no token")):
+        context = browser.new_context()  # no token is left from before
+        page = CommanderPage(context.new_page())
+        page.page.goto(address + fragment)
+        page.until(lambda page=page, told=told: page.text("link") == told)  # type: ignore[misc]
+        assert page.frames == []
+        assert page.text("level") == ""
+        context.close()
 
 
 def test_names_of_robots_and_maps_are_text(
-    open_page: Callable[..., CommanderPage], tmp_path: Path
+    start_commander: Any, open_page: Callable[..., CommanderPage], tmp_path: Path
 ) -> None:
     map_file = tmp_path / "nasty.yaml"
     map_file.write_text(NASTY_MAP.format(name=NASTY))
-    with serve(str(map_file)) as served:
-        commander = open_page(served)
+    server = ServerThread(Host(load_map(map_file)), speed=1.0)
+    with start_commander(server.begin(), map=str(map_file)) as running:
+        commander = open_page(running)
         commander.add_robot(NASTY)
         assert NASTY in commander.text("level")
         assert NASTY in commander.text("robots")
@@ -150,6 +108,7 @@ def test_names_of_robots_and_maps_are_text(
         commander.page.click("[data-view=space]")
         commander.page.wait_for_timeout(300)
         commander.page.context.close()
+    server.finish()
 
 
 # The rows and columns of a canvas that have a colour, px from its corner.
@@ -203,14 +162,6 @@ def test_headlines_cover_no_part_of_plan_and_map(
     is_above = np.array(down) < top  # not the name, which has an outline as well
     assert np.count_nonzero(is_above & (away > 10) & (away < 30)) > 50
     page.remove_robots()
-
-
-def test_numbers_of_goals_fit_into_their_fields(commander: CommanderPage) -> None:
-    commander.add_robot("R1", kind="P3AT_Compare360", place=(-8, 0, 0))
-    for name in ("x", "y"):
-        field = commander.page.locator(f"#goto [name={name}]")
-        field.fill("-123.45")
-        assert field.evaluate("field => field.scrollWidth <= field.clientWidth")
 
 
 def test_legend_names_what_is_drawn(commander: CommanderPage) -> None:

@@ -1,53 +1,55 @@
-"""The page with servers that are lost, speak another dialect, or cannot watch."""
+"""The page with servers that are lost, are foreign, or cannot watch."""
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from commander_page import CommanderPage
 from deaf_to_watch import without_watch
-from served_page import serve_robots, show
+
+from radarsim.scene.scene import Scene
+from radarsim.server.host import Host
+from radarsim.server.server_thread import ServerThread
 
 OpenPage = Callable[..., CommanderPage]
 
 
 def test_a_lost_server_is_told_and_a_new_one_is_found(
-    open_page: OpenPage, tmp_path: Path
+    empty_room: Scene, start_commander: Any, open_page: OpenPage, tmp_path: Path
 ) -> None:
-    words = ("--draw", "empty_room", "--record-to", str(tmp_path))
-    with (
-        serve_robots("empty_room") as (process, address),
-        show(address, *words) as served,
-    ):
-        commander = open_page(served)
+    first, second = (ServerThread(Host(empty_room), speed=1.0) for _ in range(2))
+    address = first.begin()
+    with start_commander(address, record_to=tmp_path, map="empty_room") as running:
+        commander = open_page(running)
         lost = commander.page.locator("#lost")
         commander.add_robot("L1")
         commander.page.click("#record")
         commander.until(lambda: "Records to" in commander.text("notice"))
         assert lost.is_hidden()
-        process.kill()
-        process.wait()
+        first.finish()
         commander.until(lost.is_visible, "for the banner")
-        assert "connect" in commander.text("lost")
         commander.until(lambda: "Recorded in" in commander.text("notice"))
         (folder,) = tmp_path.iterdir()
         assert (folder / "metadata.yaml").exists()
         assert "stale" in (commander.page.locator("body").get_attribute("class") or "")
-        with serve_robots("empty_room", port=address[1]):
-            commander.until(lost.is_hidden, "for the new server")
-            commander.add_robot("L2")
-            assert commander.robot("L1") is None
-            commander.page.context.close()
+        commander.until(lambda: "no server" in commander.text("lost"))
+        second.begin(port=address[1])
+        commander.until(lost.is_hidden, "for the new server")
+        commander.add_robot("L2")
+        assert commander.robot("L1") is None
+        commander.page.context.close()
+    second.finish()
 
 
-def test_a_server_that_cannot_watch_shows_the_pages_own_robots(
-    open_page: OpenPage,
+def test_a_foreign_server_that_cannot_watch_has_its_page(
+    server: tuple[str, int], start_commander: Any, open_page: OpenPage
 ) -> None:
-    with (
-        serve_robots("empty_room") as (_, address),
-        without_watch(address) as other,
-        show(other) as served,
-    ):
-        commander = open_page(served)
+    """It shows robots of its own, and says why time cannot be changed."""
+    with without_watch(server) as other, start_commander(other) as running:
+        commander = open_page(running)
+        for name in ("#pause", "#step", "#speed"):
+            commander.page.wait_for_selector(f"{name}:disabled")
+            assert "--web" in (commander.page.get_attribute(name, "title") or "")
         commander.add_robot("N1", kind="P3AT", echoes=False)
         assert "does not tell what they meet" in commander.text("finding")
         assert commander.page.locator("#settings input:visible").count() == 0

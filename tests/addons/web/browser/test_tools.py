@@ -1,6 +1,7 @@
-"""What one does in the plan: add at a start, pick a goal, measure, save a picture."""
+"""What one does in the plan: add a robot, pick a goal, explain a beam, measure."""
 
 import io
+import json
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -8,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commander_page import CommanderPage
+from commands import run_in_process
 from PIL import Image
 from served_page import Served
 
@@ -104,18 +106,36 @@ def test_ten_robots_have_colours_of_their_own(commander: CommanderPage) -> None:
 
 
 @pytest.mark.parametrize(
-    ("width", "height"), [(1280, 800), (1920, 1080), (1024, 600), (390, 844)]
+    ("touch", "sizes"),
+    [(False, [(1280, 800), (1920, 1080)]), (True, [(1024, 600), (390, 844)])],
 )
 def test_nothing_is_cut_off_and_time_and_stop_are_in_reach(
-    open_page: Callable[..., CommanderPage], served: Served, width: int, height: int
+    open_page: Callable[..., CommanderPage],
+    served: Served,
+    touch: bool,
+    sizes: list[tuple[int, int]],
 ) -> None:
-    touch = width in (390, 1024)
-    page = open_page(
-        served, viewport={"width": width, "height": height}, has_touch=touch
-    )
-    page.add_robot("R1")
-    across = page.page.evaluate("document.documentElement.scrollWidth")
-    assert across <= width
+    page = open_page(served, has_touch=touch)
+    page.add_robot("R1", kind="P3AT_Compare360")
+    for name in ("x", "y"):  # numbers of goals fit into their fields
+        field = page.page.locator(f"#goto [name={name}]")
+        field.fill("-123.45")
+        assert field.evaluate("field => field.scrollWidth <= field.clientWidth")
+    for width, height in sizes:
+        page.page.set_viewport_size({"width": width, "height": height})
+        check_layout(page, width, height)
+        if touch:
+            small = page.page.evaluate(
+                """() => [...document.querySelectorAll("button, select")]
+                    .filter((one) => one.offsetParent && one.offsetHeight < 36)
+                    .map((one) => one.id || one.textContent)"""
+            )
+            assert small == []
+    page.remove_robots()
+
+
+def check_layout(page: CommanderPage, width: int, height: int) -> None:
+    assert page.page.evaluate("document.documentElement.scrollWidth") <= width
     page.page.evaluate("scrollTo(0, 0)")
     for name in ("#stop", "#pause", "#step", "#plan", "#measure", "#picture"):
         box = page.page.locator(name).bounding_box()
@@ -123,11 +143,66 @@ def test_nothing_is_cut_off_and_time_and_stop_are_in_reach(
         assert box["x"] >= 0
         assert box["x"] + box["width"] <= width
         assert box["y"] + min(box["height"], 300) <= height
-    if touch:
-        small = page.page.evaluate(
-            """() => [...document.querySelectorAll("button, select")]
-                .filter((one) => one.offsetParent && one.offsetHeight < 36)
-                .map((one) => one.id || one.textContent)"""
-        )
-        assert small == []
-    page.remove_robots()
+
+
+BUSH = (0.4, 0.3)  # m, within bush_4
+TABLE = "#rows tbody td"
+
+
+def set_slider(commander: CommanderPage, label: str, value: float) -> None:
+    """Set a slider, and wait until the scanner has that value."""
+    slider = commander.page.get_by_label(label)
+    slider.fill(str(value))
+    commander.page.wait_for_timeout(2000)  # it shows what was set by hand till then
+    commander.until(lambda: float(slider.input_value()) == value, f"for {label}")
+
+
+def select_beam(commander: CommanderPage, number: int) -> list[list[str]]:
+    """Select a beam by its number, and return the table of what it meets."""
+    commander.page.locator("#beam [name=beam]").fill(str(number))
+    commander.until(lambda: f"Beam {number} " in commander.text("reading"))
+    commander.page.locator("#beam [name=hold]").check()
+    cells = commander.page.locator(TABLE).all_text_contents()
+    commander.page.locator("#beam [name=hold]").uncheck()
+    return [cells[row : row + 4] for row in range(0, len(cells), 4)]
+
+
+def explain(beam: int) -> dict[str, float]:
+    """Return where a bush begins and where the power ends, by ``radarsim explain``."""
+    words = f"explain foliage_room --sensor radar --start RobotStart1 --beam {beam}"
+    run = run_in_process(*words.split(), "--ray", "centre", "--format", "json")
+    report = json.loads(run.out)
+    return {"enter": report["crossings"][0]["entry"], "end": report["distance"]}
+
+
+def test_a_click_on_a_bush_shows_the_numbers_of_explain(
+    commander: CommanderPage,
+) -> None:
+    commander.add_robot("B1", place=(-8, 0, 0))
+    set_slider(commander, "Side offset", 0)  # all three rays are the centre ray then
+    left, top = commander.point(*BUSH)
+    commander.page.locator("#plan").click(position={"x": left, "y": top})
+    commander.until(lambda: commander.text("reading").startswith("Beam "))
+    number = int(commander.text("reading").split()[1])
+    assert number == 92
+    rows = select_beam(commander, number)
+    expected = explain(number)
+    assert [row[1] for row in rows] == ["enters", "is spent in"]
+    assert [row[2] for row in rows] == ["bush_4 (foliage)"] * 2
+    assert float(rows[0][0]) == pytest.approx(expected["enter"], abs=0.011)
+    assert float(rows[1][0]) == pytest.approx(expected["end"], abs=0.011)
+    assert [float(row[3]) for row in rows] == [1, 0]
+
+
+def test_a_click_in_the_laser_scan_explains_a_beam_of_the_laser(
+    commander: CommanderPage,
+) -> None:
+    commander.add_robot("L1", place=(-3, 0, 0))
+    commander.page.locator("#laser canvas").click()
+    commander.until(lambda: commander.text("reading").startswith("Beam "))
+    assert commander.page.locator("#beam [name=scanner]").input_value() == "Hokuyo"
+    assert "power" not in commander.text("error")
+    assert commander.page.locator("#laser .name").text_content() == "Laser “Hokuyo”"
+    chosen = commander.page.locator("#beam [name=scanner] option:checked")
+    assert chosen.text_content() == "laser “Hokuyo”"
+    assert commander.text("settings-heading") == "Sensor: laser “Hokuyo”"

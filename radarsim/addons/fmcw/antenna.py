@@ -1,0 +1,158 @@
+"""The antenna of an FMCW radar: its pattern, and from where it looks in a turn.
+
+One-way patterns are relative to the middle of the beam. Across it is a Gaussian, up and
+down too; below the horizon, where the Gaussian falls off, a fan may fill it in as a
+squared cosecant. With it a point at a given depth below the antenna returns the same
+power at all ranges. The gain is that of a Gaussian beam, G = 16 ln 2 / (az el).
+
+Source: M. I. Skolnik, Introduction to Radar Systems.
+"""
+
+import math
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radarsim.geometry import Floats, Pose3, wrap_angle
+from radarsim.presets.fmcw_settings import FmcwSettings
+
+# Beamwidths from the middle to where the pattern is cut off; two-way, -38 dB.
+REACH: Final = 1.25
+_STEPS = 20_001  # of the integral over elevation
+
+
+def gaussian(angles: ArrayLike, beamwidth: float) -> Floats:
+    """Return the one-way power of a Gaussian beam.
+
+    Args:
+        angles: Angles from the middle of the beam.
+        beamwidth: Width between the half-power points, in the same unit.
+    """
+    return np.asarray(np.exp(-4 * math.log(2) * (np.asarray(angles) / beamwidth) ** 2))
+
+
+def elevation_pattern(settings: FmcwSettings, elevations: ArrayLike) -> Floats:
+    """Return the one-way power at elevations, rad, up from the horizon."""
+    angles = np.asarray(elevations, np.float64)
+    width = math.radians(settings.beamwidth_el_deg)
+    power = gaussian(angles, width)
+    if settings.fan_deg:
+        edge = width / 2
+        below = np.clip(-angles, edge, math.pi / 2)
+        filled = 0.5 * (math.sin(edge) / np.sin(below)) ** 2
+        is_fan = (angles < -edge) & (angles >= -math.radians(settings.fan_deg))
+        power = np.where(is_fan, np.maximum(power, filled), power)
+    return power
+
+
+def elevation_limits(settings: FmcwSettings) -> tuple[float, float]:
+    """Return the lower and the upper edge of the beam, rad."""
+    upper = REACH * math.radians(settings.beamwidth_el_deg)
+    return -max(upper, math.radians(settings.fan_deg)), upper
+
+
+@lru_cache(maxsize=16)
+def directivity(settings: FmcwSettings) -> float:
+    """Return the gain in the middle of the beam; 16 ln 2 / (az el) without a fan."""
+    low, high = -math.pi / 2, math.pi / 2
+    elevations = np.linspace(low, high, _STEPS)
+    height = float(elevation_pattern(settings, elevations).mean() * (high - low))
+    # The integral of a Gaussian over all angles.
+    across = math.radians(settings.beamwidth_az_deg) * math.sqrt(
+        math.pi / (4 * math.log(2))
+    )
+    return 4 * math.pi / (across * height)
+
+
+def rows_in_beam(settings: FmcwSettings) -> int:
+    """Return how many directions to each side of a point see it in their main lobe."""
+    width = math.radians(settings.beamwidth_az_deg)
+    return max(math.ceil(1.5 * width / settings.step), 1)
+
+
+def pattern_table(settings: FmcwSettings) -> Floats:
+    """Return the two-way pattern across the beam, (F, 2 half + 2).
+
+    Row ``f`` is for columns that begin f / F of a step clockwise from a direction of
+    the radar; the entries are for the directions from ``half`` before it to
+    ``half + 1`` after it.
+    """
+    half, parts = rows_in_beam(settings), settings.rays_across
+    steps = np.arange(-half, half + 2)[None, :] - np.arange(parts)[:, None] / parts
+    width = math.radians(settings.beamwidth_az_deg)
+    return gaussian(steps * settings.step, width) ** 2
+
+
+Velocity = tuple[float, float, float]  # m/s, map frame
+
+STANDING: Velocity = (0.0, 0.0, 0.0)
+
+
+class Viewpoints(NamedTuple):
+    """From where and when the antenna looks into directions; N of them.
+
+    Attributes:
+        positions: (N, 3) m, map frame.
+        rotations: (N, 3, 3) that turn vectors of the antenna to the map frame.
+        velocities: (N, 3) m/s, map frame.
+        times: (N,) s.
+    """
+
+    positions: Floats
+    rotations: Floats
+    velocities: Floats
+    times: Floats
+
+    def of(self, which: NDArray[np.int64] | slice) -> "Viewpoints":
+        """Return those of some of the directions, by number."""
+        return Viewpoints._make(column[which] for column in self)
+
+
+def fixed_viewpoints(
+    pose: Pose3, times: Floats, velocity: Velocity = STANDING
+) -> Viewpoints:
+    """Return the viewpoints of an antenna at one pose."""
+    count = len(times)
+    return Viewpoints(
+        np.tile(pose.position(), (count, 1)),
+        np.tile(pose.rotation(), (count, 1, 1)),
+        np.tile(velocity, (count, 1)),
+        times,
+    )
+
+
+def join_viewpoints(parts: Iterable[Viewpoints]) -> Viewpoints:
+    """Return the viewpoints of directions that follow each other."""
+    return Viewpoints._make(map(np.concatenate, zip(*parts, strict=True)))
+
+
+def moving_viewpoints(
+    start: Pose3, end: Pose3, times: Floats, velocity: Velocity
+) -> Viewpoints:
+    """Return the viewpoints of an antenna that moves evenly.
+
+    Args:
+        start: Its pose as it looks into the first direction.
+        end: Its pose as it would look into the one after the last.
+        times: (N,) s, of the directions.
+        velocity: Of the antenna, m/s, map frame.
+    """
+    if start == end:
+        return fixed_viewpoints(end, times, velocity)
+    angles = [
+        wrap_angle(last - first)
+        for first, last in zip(start.numbers()[3:], end.numbers()[3:], strict=True)
+    ]
+    first = np.array(start.numbers())
+    change = np.concatenate([end.position() - start.position(), angles])
+    shares = np.arange(len(times)) / len(times)
+    poses = [Pose3(*row) for row in (first + shares[:, None] * change).tolist()]
+    return Viewpoints(
+        np.array([pose.position() for pose in poses]),
+        np.array([pose.rotation() for pose in poses]),
+        np.tile(velocity, (len(times), 1)),
+        times,
+    )

@@ -1,0 +1,406 @@
+"""``radarsim spectrum``, and ``radarsim serve --navtech``, which serves a radar."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
+
+import click
+from annotated_types import Ge, Gt, Interval, Unit
+
+from radarsim.cli.fields import MapName
+from radarsim.cli.files import check_ending, check_writable, write_file
+from radarsim.cli.output import print_now
+from radarsim.cli.scan import PlacedSensor
+from radarsim.cli.server_options import ServedMap, ServeExtension
+from radarsim.errors import PresetError, describe_os_error, join_address
+from radarsim.plans import RARE, Option
+
+if TYPE_CHECKING:
+    from radarsim.addons.fmcw.detection import Detections
+    from radarsim.addons.fmcw.navtech_server import NavtechServer
+    from radarsim.addons.fmcw.sequences import DrivenPath
+    from radarsim.addons.fmcw.spectrum import Spectrum
+    from radarsim.scene.scene import Scene
+    from radarsim.sensors.range_scanner import RangeScanner
+    from radarsim.server.host import Host
+
+_ENDINGS: Final = ("png", "svg", "pdf", "npz", "csv")
+_NAVTECH: Final = "--navtech"
+ALIKE: Final = 1e-3  # by which sizes of bins may differ without a warning
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlacedRadar(PlacedSensor):
+    """An FMCW radar at a place in a map, or on a path.
+
+    Attributes:
+        path: Record all turns along a path of the antenna, a .tum file, as in a data
+            set.
+        settings: Change a setting of the sensor; of its FMCW radar: fmcw.KEY=VALUE.
+    """
+
+    one_required: ClassVar[tuple[tuple[str, ...], ...]] = (("start", "pose", "path"),)
+
+    path: Annotated[Path | None, RARE] = None
+
+    def load_scanner(self) -> RangeScanner:
+        """Create the scanner.
+
+        Raises:
+            click.BadParameter: If it is no FMCW radar, or a setting is wrong.
+        """
+        from radarsim.sensors.range_scanner import load_sensor
+
+        values = dict(self.settings)
+        fmcw = {
+            key.removeprefix("fmcw."): values.pop(key)
+            for key in list(values)
+            if key.startswith("fmcw.")
+        }
+        try:
+            scanner = load_sensor(self.sensor, fmcw=fmcw, **values)
+            # Settings of the radar are checked when it is made: errors are told before
+            # the map is read.
+            _ = scanner.fmcw
+        except PresetError as error:
+            raise click.BadParameter(str(error)) from None
+        return scanner
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shown:
+    """What a picture shows.
+
+    Attributes:
+        view: What the picture shows; cartesian by default.
+        azimuth: Direction of the A-scope; 0 by default.
+        max_range: Longest range in the picture; by default what is above the noise.
+    """
+
+    option_group: ClassVar = "Picture"
+
+    view: Literal["cartesian", "polar", "ascope"] | None = None
+    azimuth: Annotated[int | None, Ge(0), RARE] = None
+    max_range: Annotated[float | None, Gt(0), Unit("m"), RARE] = None
+
+    def refuse(self, text: str) -> None:
+        """Refuse all that is given.
+
+        Raises:
+            click.BadParameter: If anything is.
+        """
+        for name, value in asdict(self).items():
+            if value is not None:
+                hint = f"--{name.replace('_', '-')}"
+                raise click.BadParameter(text, param_hint=hint)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Detector:
+    """How targets are detected.
+
+    Attributes:
+        detector: Detector of targets; ca for .csv by default.
+        pfa: False alarms in a bin of noise, for ca and os.
+        strongest: Bins of each direction, for k.
+    """
+
+    option_group: ClassVar = "Detector"
+
+    detector: Annotated[Literal["ca", "os", "k"] | None, RARE] = None
+    pfa: Annotated[float, Interval(gt=0, lt=1), RARE] = 1e-4
+    strongest: Annotated[int, Ge(1), RARE] = 12
+
+    def detect(self, turn: Spectrum) -> Detections:
+        """Return the targets in a turn."""
+        name = self.detector or "ca"
+        return turn.detections(name, pfa=self.pfa, count=self.strongest)
+
+
+def spectrum(
+    map_: MapName,
+    plan: PlacedRadar,
+    shown: Shown,
+    detector: Detector,
+    *,
+    output: Annotated[Path, Option(names=("-o", "--output"))],
+    count: Annotated[int, Ge(1)] = 1,
+    layout: Annotated[Literal["oxford", "boreas", "radiate"] | None, RARE] = None,
+) -> None:
+    """Record turns of an FMCW radar: the power over range in each direction.
+
+    Args:
+        map_: A map file, or the name of a shipped map; @VARIANT may follow.
+        plan: The radar and its place.
+        shown: What a picture shows.
+        detector: How targets are detected.
+        output: File to write: .png, .svg or .pdf, .npz with all numbers, or .csv with
+            the detections. With --path a folder.
+        count: Number of turns, for .npz and .csv.
+        layout: Write an image as in a data set, not a picture; oxford by default with
+            --path.
+    """
+    from radarsim.addons.fmcw.image_files import image_of
+    from radarsim.addons.fmcw.sequences import turns_along
+    from radarsim.rng import generator_for
+    from radarsim.scene.map_file import load_map
+
+    if plan.path is not None:
+        shown.refuse("expected no --path with it")
+        if detector.detector is not None:
+            text = "expected no --path with it"
+            raise click.BadParameter(text, param_hint="--detector")
+        scanner = plan.load_scanner()
+        scene = load_map(map_)
+        way = _load_path(plan.path, scene)
+        rng = generator_for(plan.seed, scanner.name)
+        along = turns_along(scanner.fmcw, scene, way, rng)
+        number = _write_sequence(output, layout or "oxford", along)
+        click.echo(f"{number} turns along {way.duration:.1f} s in {output}", err=True)
+        return
+    ending = check_ending(output, _ENDINGS, "-o")
+    if layout is not None:
+        shown.refuse("expected no --layout with it")
+        if ending != "png":
+            text = f"a .{ending} file, expected .png with --layout"
+            raise click.BadParameter(text, param_hint="-o")
+    elif ending in ("npz", "csv"):
+        shown.refuse(f"expected a picture, not a .{ending} file")
+    if count > 1 and ending not in ("npz", "csv"):
+        text = f"{count}, expected 1 for a .{ending} file"
+        raise click.BadParameter(text, param_hint="--count")
+    if shown.azimuth is not None and shown.view != "ascope":
+        raise click.BadParameter("expected --view ascope", param_hint="--azimuth")
+    check_writable(output, "-o")
+    scanner = plan.load_scanner()
+    scene = load_map(map_)
+    pose = plan.find_pose(scene)
+    # One generator for all turns, so that the first turns are the same whatever their
+    # number.
+    rng = generator_for(plan.seed, plan.sensor)
+    turns = [scanner.spectrum(scene, pose, rng) for _ in range(count)]
+    if layout is not None:
+        data = image_of(turns[0], layout)
+    elif ending == "npz":
+        data = _as_npz(turns)
+    elif ending == "csv":
+        data = _as_csv(turns, detector)
+    else:
+        data = _as_picture(turns[0], scene, ending, shown, detector)
+    write_file(output, data)
+
+
+def _as_picture(
+    turn: Spectrum, scene: Scene, form: str, shown: Shown, detector: Detector
+) -> bytes:
+    """Draw a turn, and the outlines of the map over it.
+
+    Raises:
+        click.BadParameter: If it has no such direction.
+    """
+    from matplotlib.figure import Figure
+
+    from radarsim.addons.fmcw.plots import plot_spectrum
+    from radarsim.plotting.style import render
+
+    last, azimuth = len(turn.angles) - 1, shown.azimuth or 0
+    if azimuth > last:
+        text = f"{azimuth}, expected 0 to {last}"
+        raise click.BadParameter(text, param_hint="--azimuth")
+    axes = plot_spectrum(
+        turn,
+        view=shown.view or "cartesian",
+        azimuth=azimuth,
+        reach=shown.max_range,
+        detections=detector.detect(turn) if detector.detector else None,
+        scene=scene,
+    )
+    assert isinstance(axes.figure, Figure)
+    return render(axes.figure, form)
+
+
+def _as_npz(turns: list[Spectrum]) -> bytes:
+    """Return all numbers of turns as a NumPy archive."""
+    import numpy as np
+
+    data = io.BytesIO()
+    np.savez_compressed(
+        data,
+        angles=turns[0].angles,
+        ranges=turns[0].ranges,
+        noise_floor=turns[0].noise_floor,
+        pose=np.array(turns[0].pose.numbers()),
+        power=np.stack([turn.power for turn in turns]),
+        counts=np.stack([turn.counts for turn in turns]),
+    )
+    return data.getvalue()
+
+
+def _as_csv(turns: list[Spectrum], detector: Detector) -> bytes:
+    """Return a row for each detection, by default of ``ca``."""
+    import numpy as np
+
+    text = io.StringIO("turn,azimuth,angle,range,dbm\n")
+    text.seek(0, io.SEEK_END)
+    for number, turn in enumerate(turns):
+        found = detector.detect(turn)
+        turns_of = np.full(len(found.rows), number)
+        columns = (turns_of, found.rows, found.angles, found.ranges, found.dbm)
+        form = "%d,%d,%.6f,%.4f,%.2f"
+        np.savetxt(text, np.column_stack(columns), fmt=form)
+    return text.getvalue().encode()
+
+
+def _load_path(path: Path, scene: Scene) -> DrivenPath:
+    """Read the path of an antenna; one without heights is at that of a robot's scanner.
+
+    Raises:
+        click.BadParameter: If it cannot be read, or is no path.
+    """
+    import numpy as np
+
+    from radarsim.addons.fmcw.sequences import read_tum
+    from radarsim.sensors.range_scanner import SENSOR_HEIGHT
+
+    try:
+        way = read_tum(path.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        text = f"cannot read {path}: {describe_os_error(error)}"
+        raise click.BadParameter(text, param_hint="--path") from None
+    except ValueError as error:
+        raise click.BadParameter(f"{path}: {error}", param_hint="--path") from None
+    # Paths on the floor have 0 as their height in .tum files, which have no shorter
+    # form.
+    if way.positions[:, 2].any():
+        return way
+    floor = [scene.floor_at(x, y) for x, y, _ in way.positions.tolist()]
+    heights = np.array(floor) + SENSOR_HEIGHT
+    return replace(way, positions=np.column_stack([way.positions[:, :2], heights]))
+
+
+def _write_sequence(
+    folder: Path, layout: str, turns: Iterable[tuple[float, Spectrum]]
+) -> int:
+    """Write turns as a data set has them, with their poses; return their number.
+
+    Args:
+        folder: Created if it is missing.
+        layout: Of which data set.
+        turns: The turns.
+
+    Raises:
+        click.BadParameter: If a file cannot be written.
+    """
+    from radarsim.addons.fmcw.image_files import (
+        LAYOUTS,
+        assumed_bin,
+        cartesian_image,
+        epoch_of,
+        file_name,
+        image_of,
+        list_line,
+        sequence_notes,
+    )
+    from radarsim.addons.fmcw.sequences import tum_line
+
+    images = folder / LAYOUTS[layout][0]
+    try:
+        images.mkdir(parents=True, exist_ok=True)
+        if layout == "radiate":
+            (folder / "Navtech_Cartesian").mkdir(exist_ok=True)
+    except OSError as error:
+        text = f"cannot make {images}: {describe_os_error(error)}"
+        raise click.BadParameter(text, param_hint="-o") from None
+    lines, poses = [], ["# time x y z qx qy qz qw, of the antenna in the middle\n"]
+    epoch_us, notes = 0, ""
+    for number, (time, turn) in enumerate(turns, 1):
+        settings, time_us = turn.settings, round(time * 1e6)
+        if number == 1:
+            epoch_us = epoch_of(layout, settings.bin_size, time_us)
+            start_us = time_us + epoch_us
+            size, assumed = settings.bin_size, assumed_bin(layout, start_us)
+            if abs(size / assumed - 1) > ALIKE:
+                text = f"readers of {layout} assume bins of {assumed:g} m"
+                text += f", not {size:g} m: set that in them"
+                click.echo(f"warning: {text}", err=True)
+            notes = sequence_notes(layout, turn, start_us, epoch_us)
+        time_us += epoch_us
+        name = file_name(turn, layout, time_us=time_us, number=number)
+        write_file(images / name, image_of(turn, layout, time_us=time_us))
+        if layout == "radiate":
+            write_file(folder / "Navtech_Cartesian" / name, cartesian_image(turn))
+        lines.append(list_line(layout, name, time_us))
+        middle = epoch_us / 1e6 + time + settings.azimuths * settings.sweep_time / 2
+        poses.append(tum_line(middle, turn.pose))
+    # After the images, so that the list of a sequence that was interrupted names no
+    # missing one.
+    for list_name in LAYOUTS[layout][1:]:
+        write_file(folder / list_name, "".join(lines).encode())
+    write_file(folder / "poses.tum", "".join(poses).encode())
+    write_file(folder / "README.md", notes.encode())
+    return len(lines)
+
+
+@dataclass(frozen=True, slots=True)
+class NavtechOptions:
+    """The option ``--navtech`` of ``radarsim serve``.
+
+    Attributes:
+        navtech: Serve a robot's FMCW radar, such as that of a P3AT_Navtech, on this
+            port as well, in its maker's protocol; the real one's is 6317. Without a
+            name, the first robot that carries one.
+    """
+
+    option_group: ClassVar = "Beside the server"
+
+    navtech: Annotated[str | None, Option(metavar="PORT[:ROBOT]", is_rare=True)] = None
+
+    def extension(self, _: ServedMap) -> NavtechExtension | None:
+        """See ``ExtensionOptions.extension``."""
+        if self.navtech is None:
+            return None
+        port, colon, robot = self.navtech.partition(":")
+        problem = ""
+        # Other digits of Unicode are digits to isdigit() as well, and some of them none
+        # to int().
+        if not (port.isascii() and port.isdigit() and int(port) <= 65535):
+            problem = "a port from 0 to 65535, and a robot after a colon"
+        elif colon and not robot:
+            problem = "the name of a robot after the colon"
+        if problem:
+            text = f"{self.navtech!r}, expected {problem}"
+            raise click.BadParameter(text, param_hint=_NAVTECH)
+        return NavtechExtension(int(port), robot or None)
+
+
+class NavtechExtension(ServeExtension):
+    """A server of a radar beside the server of its robot."""
+
+    def __init__(self, port: int, robot: str | None) -> None:
+        """Plan a server; arguments are those of ``NavtechServer``."""
+        self.ports = {_NAVTECH: port}
+        self._robot = robot
+        self._server: NavtechServer
+
+    def attach(self, host: Host) -> None:
+        """See ``ServeExtension.attach``."""
+        from radarsim.addons.fmcw.navtech_server import NavtechServer
+
+        self._server = NavtechServer(port=self.ports[_NAVTECH], robot=self._robot)
+        host.add_observer(self._server)
+
+    async def start(self, address: str) -> None:
+        """See ``ServeExtension.start``."""
+        await self._server.start(address)
+
+    def announce(self, _: tuple[str, int]) -> None:
+        """Tell on stdout that clients of a radar can connect."""
+        print_now(f"radarsim: radar on {join_address(*self._server.address)}")
+
+    async def stop(self) -> None:
+        """See ``ServeExtension.stop``."""
+        await self._server.stop()

@@ -1,0 +1,381 @@
+"""Corners of smooth surfaces, and the edges of plates of metal, which return as points.
+
+Theory of operation of corners
+==============================
+Two flat surfaces that meet at a right angle reflect a wave back to where it came from,
+by one after the other. Seen from the antenna they are one mirror: it faces the antenna
+at the line where they meet, and is as wide as what both reflect, at most twice the
+narrower of their projections. A large mirror of a smooth surface returns what a sphere
+of half the distance in radius does, pi R^2. Each bounce takes of it what Fresnel's
+formulas say for its angle of incidence, the mean of both polarisations.
+
+Facets of the surfaces have slopes, which turn that mirror here and there: its glints
+are spread over a normally distributed lobe, of which the corner reflects the part that
+it covers, and the beam sees the part that it lights. What is small is as flat as waves
+are long: it then returns 4 pi A^2 / lambda^2, which is 8 pi a^2 b^2 / lambda^2 of a
+corner of two plates a x b that opens to the antenna.
+
+Corners of two mirrors are the rays' matter, which are reflected by these.
+
+Theory of operation of edges
+============================
+Of a flat upright plate that is turned away from the antenna, only the edges return, by
+physical optics: each upright edge as a line whose cross section is
+
+    F / (4 pi tan^2 theta), F = |integral of e^(2 i k z^2 / 2 R) dz|^2,
+
+theta being the angle on the level between the wave and the normal of the plate. Far
+away F is the square of the edge's length, near the plate half of lambda R at most. The
+two edges of a plate beat with each other, as tones of the spectrum: that makes its
+lobes, whose mean falls with 1 / theta^2. Near the normal its glint takes over, which
+is the rays' matter. Where the map has plates of other directions, they have none.
+
+Source: E. F. Knott, J. F. Shaeffer and M. T. Tuley, Radar Cross Section, chapters 5
+and 6.
+"""
+
+import math
+from typing import Final, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+from scipy.special import erf, fresnel
+
+from radarsim.addons.fmcw.point_echoes import (
+    Points,
+    fresnel_reflections,
+    head_on_reflection,
+)
+from radarsim.addons.fmcw.scattering import DENT_AREA, lobe_of
+from radarsim.geometry import Floats
+from radarsim.presets.fmcw_settings import FmcwSettings
+from radarsim.raycast.tracer import Tracer
+from radarsim.scene.scene import Part
+
+LEAST_CORNER: Final = 1e-4  # m^2, of a corner that counts
+MOST_CORNERS: Final = 64  # of one antenna; the strongest
+MOST_FACETS: Final = 2000  # of a scene; the largest
+MOST_TRIANGLES: Final = 20_000  # of a part: meshes of more are curved, or scanned
+GAP: Final = 0.05  # m between two surfaces that still make a corner, at most
+NARROWEST: Final = 0.05  # m, of a surface beyond the line where it meets another
+SQUARE: Final = 0.01  # cosine between the surfaces of a corner, at most
+OFF: Final = 0.002  # m off a corner or an edge, so that its own surfaces hide it not
+LEAST_EDGE: Final = 1e-6  # m^2, of an edge that counts
+FLAT: Final = 1e-6  # how far a normal is off the level, and an edge off the vertical
+SHARP: Final = 0.5  # cosine between the normals of faces that meet in an edge, at most
+_DIGITS: Final = 4  # of normals and offsets, so that triangles of one plane are one
+
+
+class Facet(NamedTuple):
+    """A flat piece of a smooth surface.
+
+    Attributes:
+        normal: (3,) unit vector, outward.
+        offset: m, along the normal.
+        vertices: (V, 3) m, map frame.
+        reflected: Share of the power that it reflects head-on.
+        is_mirror: Whether it reflects that at all angles.
+        slope: Variance of its slopes, rad^2.
+    """
+
+    normal: Floats
+    offset: float
+    vertices: Floats
+    reflected: float
+    is_mirror: bool
+    slope: float
+
+
+# A line at which two facets meet at a right angle.
+_CORNER: Final = np.dtype(
+    [
+        ("foot", np.float64, 3),  # m, a place on the line, map frame
+        ("along", np.float64, 3),  # unit vector of the line
+        ("ends", np.float64, 2),  # m, from where to where both facets are, along it
+        ("normals", np.float64, (2, 3)),  # unit vectors of the facets
+        ("depths", np.float64, 2),  # m, how far the facets reach from the line
+        ("reflected", np.float64, 2),  # share of the power that they reflect head-on
+        ("is_mirror", np.bool_, 2),  # whether they reflect that at all angles
+        ("slopes", np.float64, 2),  # variances of their slopes, rad^2
+    ]
+)
+_corners: WeakKeyDictionary[Tracer, NDArray[np.void]] = WeakKeyDictionary()
+
+
+def corner_points(tracer: Tracer, origin: Floats, settings: FmcwSettings) -> Points:
+    """Return the points of corners that return to an antenna, the strongest of them.
+
+    Args:
+        tracer: Tracer of the scene.
+        origin: (3,) m, place of the antenna, map frame.
+        settings: The radar.
+    """
+    corners = _corners.get(tracer)
+    if corners is None:
+        corners = _corners[tracer] = _find_corners(tracer)
+    way = origin - corners["foot"]
+    heights = np.einsum("nki,ni->nk", corners["normals"], way)  # over both facets
+    inside = heights.min(axis=1, initial=np.inf) > GAP
+    corners, way, heights = corners[inside], way[inside], heights[inside]
+    place = np.einsum("ni,ni->n", corners["along"], way)
+    distance = np.hypot(*heights.T)
+    rcs = _cross_sections(corners, heights, place, settings)
+    near = np.clip(place, *corners["ends"].T)
+    positions = corners["foot"] + near[:, None] * corners["along"]
+    positions = positions + OFF * corners["normals"].sum(axis=1)
+    order = np.argsort(-rcs / distance**4, kind="stable")[:MOST_CORNERS]
+    strongest = order[rcs[order] > LEAST_CORNER]
+    return Points(positions[strongest], rcs[strongest])
+
+
+def _cross_sections(
+    corners: NDArray[np.void], heights: Floats, place: Floats, settings: FmcwSettings
+) -> Floats:
+    """Return the radar cross sections of corners, (N,) m^2.
+
+    Args:
+        corners: N corners.
+        heights: (N, 2) m, of the antenna over their facets.
+        place: (N,) m, of the antenna along their lines.
+        settings: The radar.
+    """
+    distance = np.hypot(*heights.T)
+    cosines = heights / distance[:, None]
+    across, along = fresnel_reflections(corners["reflected"], cosines)
+    smooth = (across.prod(axis=1) + along.prod(axis=1)) / 2
+    mirrors = np.where(corners["is_mirror"], corners["reflected"], (across + along) / 2)
+    is_mixed = corners["is_mirror"].any(axis=1)
+    share = np.where(is_mixed, mirrors.prod(axis=1), smooth)
+    half = (corners["depths"] * cosines).min(axis=1)
+    length = np.ptp(corners["ends"], axis=1)
+    # A piece that is smaller than its dents is as flat as a part of one.
+    dents = np.minimum(corners["depths"] * length[:, None] / DENT_AREA, 1.0)
+    slopes = corners["slopes"] * dents
+    wavelength = settings.wavelength
+    area = np.minimum(2 * half * length, wavelength * distance / 2)
+    waves = wavelength**2 / (8 * math.pi * area)
+    # Beside the line both facets turn the wave; along it, by what faces the antenna.
+    beside, ahead = slopes.sum(axis=1), (slopes * cosines**2).sum(axis=1)
+    widths = [settings.beamwidth_az_deg, settings.beamwidth_el_deg]
+    azimuth, elevation = (
+        math.radians(each) ** 2 / (16 * math.log(2)) for each in widths
+    )
+    is_upright = np.abs(corners["along"][:, 2]) > math.sqrt(0.5)
+    seen = _share_of_lobe(
+        *(beside, waves),
+        np.where(is_upright, azimuth, elevation),
+        np.column_stack([-half, half]) / distance[:, None],
+    )
+    seen *= _share_of_lobe(
+        *(ahead, waves),
+        np.where(is_upright, elevation, azimuth),
+        (corners["ends"] - place[:, None]) / distance[:, None],
+    )
+    return np.asarray(math.pi * distance**2 * share * seen)
+
+
+def _share_of_lobe(
+    slopes: Floats, waves: Floats, beam: Floats, angles: Floats
+) -> Floats:
+    """Return the share of a lobe that a corner reflects and that a beam sees, (N,).
+
+    Args:
+        slopes: (N,) variance of the angles at which slopes glint, rad^2.
+        waves: (N,) likewise of the zone that reflects as a whole.
+        beam: (N,) variance of the beam, out and back, likewise.
+        angles: (N, 2) between which angles the corner is, rad.
+    """
+    lit = beam / (beam + slopes)
+    within = erf(angles / np.sqrt(2 * (lit * slopes + waves))[:, None])
+    return np.asarray(np.sqrt(lit) * np.ptp(within, axis=1) / 2)
+
+
+def _find_corners(tracer: Tracer) -> NDArray[np.void]:
+    facets = _find_facets(tracer)
+    if not facets:
+        return np.zeros(0, _CORNER)
+    normals = np.array([each.normal for each in facets])
+    low = np.array([each.vertices.min(axis=0) for each in facets]) - GAP
+    high = np.array([each.vertices.max(axis=0) for each in facets]) + GAP
+    meet = np.abs(normals @ normals.T) < SQUARE
+    for axis in range(3):
+        meet &= low[:, None, axis] <= high[None, :, axis]
+        meet &= low[None, :, axis] <= high[:, None, axis]
+    pairs = np.argwhere(np.triu(meet))
+    found = (_corner_of(facets[i], facets[j]) for i, j in pairs.tolist())
+    return np.array([corner for corner in found if corner is not None], _CORNER)
+
+
+def _corner_of(first: Facet, second: Facet) -> tuple[object, ...] | None:
+    """Return the corner of two facets; None if they make none."""
+    if first.is_mirror and second.is_mirror:
+        return None
+    cosine = float(first.normal @ second.normal)
+    along = np.cross(first.normal, second.normal)
+    along /= np.linalg.norm(along)
+    square = 1 - cosine**2
+    foot = (first.offset - cosine * second.offset) / square * first.normal
+    foot = foot + (second.offset - cosine * first.offset) / square * second.normal
+    depths, ends = [], []
+    for facet, other in ((first, second), (second, first)):
+        before = facet.vertices @ other.normal - other.offset
+        if before.min() > GAP or before.max() < NARROWEST:
+            return None
+        depths.append(before.max())
+        places = (facet.vertices - foot) @ along
+        ends.append((places.min(), places.max()))
+    low, high = max(ends[0][0], ends[1][0]), min(ends[0][1], ends[1][1])
+    if high - low < NARROWEST:
+        return None
+    both = (first, second)
+    return (
+        *(foot, along, (low, high), [each.normal for each in both], depths),
+        [each.reflected for each in both],
+        [each.is_mirror for each in both],
+        [each.slope for each in both],
+    )
+
+
+def _find_facets(tracer: Tracer) -> list[Facet]:
+    """Return the largest flat pieces of the smooth surfaces of a scene."""
+    parts = [
+        part
+        for part in tracer.parts
+        if 0 < len(part.faces) <= MOST_TRIANGLES
+        and head_on_reflection(part.material) > 0
+        and lobe_of(part.material)[1] > 0
+    ]
+    if not parts:
+        return []
+    triangles = np.concatenate([part.vertices[part.faces] for part in parts])
+    numbers = np.repeat(np.arange(len(parts)), [len(part.faces) for part in parts])
+    crosses = np.cross(
+        triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    )
+    areas = np.linalg.norm(crosses, axis=1) / 2
+    kept = np.flatnonzero(areas > 0)
+    triangles, numbers, areas = triangles[kept], numbers[kept], areas[kept]
+    normals = crosses[kept] / (2 * areas[:, None])
+    offsets = np.einsum("fi,fi->f", normals, triangles[:, 0])
+    pieces = _pieces(triangles, np.column_stack([numbers, normals, offsets]))
+    totals = np.bincount(pieces, areas)
+    order = np.argsort(pieces, kind="stable")
+    members = np.split(order, np.cumsum(np.bincount(pieces))[:-1])
+    found = []
+    for piece in np.argsort(-totals, kind="stable")[:MOST_FACETS].tolist():
+        own = members[piece]
+        material = parts[numbers[own[0]]].material
+        found.append(
+            Facet(
+                normals[own[0]],
+                float(offsets[own[0]]),
+                triangles[own].reshape(-1, 3),
+                head_on_reflection(material),
+                material.radar_mirror,
+                0.5 / lobe_of(material)[1],
+            )
+        )
+    return found
+
+
+def _pieces(triangles: Floats, planes: Floats) -> NDArray[np.int64]:
+    """Return the number of the flat piece of each triangle, (F,).
+
+    Triangles of a plane that share a vertex are of one piece.
+
+    Args:
+        triangles: (F, 3, 3) m.
+        planes: (F, 5) their part, normal and offset.
+    """
+    count = len(triangles)
+    keys = np.repeat(np.round(planes, _DIGITS), 3, axis=0)
+    places = np.round(triangles.reshape(-1, 3), _DIGITS)
+    corners = np.hstack([keys, places]) + 0.0  # no negative zeros
+    _, vertex = np.unique(corners, axis=0, return_inverse=True)
+    # Links triangles to the vertices that they have in their planes.
+    rows, columns = np.repeat(np.arange(count), 3), vertex.ravel() + count
+    size = int(columns.max()) + 1
+    links = sparse.coo_matrix((np.ones(3 * count), (rows, columns)), (size, size))
+    _, labels = connected_components(links, directed=False)
+    _, pieces = np.unique(labels[:count], return_inverse=True)
+    return np.asarray(pieces, np.int64)
+
+
+_edges: WeakKeyDictionary[Tracer, Floats] = WeakKeyDictionary()
+
+
+def edge_points(tracer: Tracer, origin: Floats, wavelength: float) -> Points:
+    """Return the points of edges that return to an antenna.
+
+    Args:
+        tracer: Tracer of the scene.
+        origin: (3,) m, place of the antenna, map frame.
+        wavelength: m.
+    """
+    edges = _edges.get(tracer)
+    if edges is None:
+        edges = _edges[tracer] = _find_edges(tracer)
+    columns = np.split(edges, [2, 4, 6, 8], axis=1)
+    places, outward, upright, normals, narrowness = columns
+    way = places - origin[:2]
+    distance = np.maximum(np.linalg.norm(way, axis=1), 1e-6)
+    cosine = -np.einsum("ni,ni->n", way, normals) / distance
+    cosine = np.clip(cosine, 0.0, 1 - 1e-12)
+    slant = (1 - cosine**2) / np.maximum(cosine, 1e-6) ** 2  # tan^2
+    # Where the plate glints, its edges are part of that.
+    away = 1 - np.exp(-slant * narrowness.ravel())
+    # The line integral of a spherical wave, by Fresnel's integrals.
+    scale = np.sqrt(4 / (wavelength * distance))
+    ends = (upright - origin[2]) * scale[:, None]
+    sines, cosines = fresnel(ends)
+    square = (np.diff(sines) ** 2 + np.diff(cosines) ** 2).ravel() / scale**2
+    rcs = np.where(cosine > 0, square * away / (4 * math.pi * slant), 0.0)
+    near = np.clip(origin[2], *upright.T)
+    positions = np.column_stack([places + OFF * outward, near])
+    lit = rcs > LEAST_EDGE
+    return Points(positions[lit], rcs[lit])
+
+
+def _find_edges(tracer: Tracer) -> Floats:
+    """Return the upright edges of plates of metal, a row for each face at an edge.
+
+    Its columns are x and y, m; a unit vector to the outside of the plate; z of both
+    ends, m; the normal of the face; and the narrowness of the glint of its material.
+    """
+    rows = [
+        row
+        for part in tracer.parts
+        if part.material.radar_mirror and part.material.transmission_db is None
+        for row in _edges_of(part)
+    ]
+    return np.array(rows, np.float64).reshape(-1, 9)
+
+
+def _edges_of(part: Part) -> list[list[float]]:
+    """Return the upright edges of a part."""
+    corners = part.vertices[part.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-12)[:, None]
+    middle = part.bounds.mean(axis=0)[:2]
+    narrowness = lobe_of(part.material)[1]
+    found: dict[tuple[float, ...], list[Floats]] = {}
+    for triangle, normal in zip(corners, normals, strict=True):
+        if abs(normal[2]) > FLAT:
+            continue
+        for first, second in ((0, 1), (1, 2), (2, 0)):
+            a, b = triangle[first], triangle[second]
+            if np.abs(a[:2] - b[:2]).max() < FLAT and a[2] != b[2]:
+                low, high = sorted((float(a[2]), float(b[2])))
+                key = (round(float(a[0]), 6), round(float(a[1]), 6), low, high)
+                found.setdefault(key, []).append(normal[:2])
+    rows = []
+    for (x, y, low, high), faces in found.items():
+        if len(faces) > 1 and faces[0] @ faces[1] > SHARP:
+            continue  # an edge of a rounded thing, whose faces turn little there
+        out = np.array([x, y]) - middle
+        out /= max(float(np.linalg.norm(out)), 1e-9)
+        rows += [[x, y, *out, low, high, *face, narrowness] for face in faces]
+    return rows

@@ -1,1 +1,0 @@
-"""The protocol that Navtech's radars speak, which is called Colossus; without I/O."""
