@@ -25,7 +25,6 @@ from radarsim.engine.library import Packed
 from radarsim.errors import EngineError
 from radarsim.geometry import Pose2, Pose3
 from radarsim.raycast.robot_boxes import Boxes
-from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.face_passes import weld_vertices
 from radarsim.scene.material import Material
@@ -133,9 +132,8 @@ def scan() -> None:
     for name in ("radar", "laser", "hokuyo", "k2pi"):
         sensor = radarsim.load_sensor(name, resolution_deg=20)
         for scanner in (sensor, sensor.with_all_echoes):
-            scanner.scan(SCENE, EYE, 1)
             scanner.scan_many(SCENE, [EYE, Pose3(1, 1, 1)], 1)
-            scanner.draw_rays(tracer_of(SCENE), EYE, generator_for(1))
+            assert len(scanner.scan(SCENE, EYE, 1).cast.power)
 
 
 def turn() -> None:
