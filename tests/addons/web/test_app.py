@@ -57,11 +57,6 @@ def test_page_has_the_colours_of_the_pictures(commander: Any) -> None:
     assert not [name for name in PAGE_COLOURS if f"--{name}:" in style]
 
 
-def test_no_other_method_is_known(commander: Any) -> None:
-    url = f"http://{commander.web}/"
-    assert httpx.post(url, content="INIT", timeout=240).status_code == 405
-
-
 async def refusal(web: str, token: str, **options: Any) -> int:
     """Return the HTTP status with which a WebSocket is refused."""
     with pytest.raises(websockets.InvalidStatus) as raised:
