@@ -207,9 +207,8 @@ def _op_of(message: Any) -> str | None:
 _KINDS: Final = {kind.__name__.lower(): kind for kind in Request.__subclasses__()}
 # ``op`` chooses among all kinds, so that errors are those of one kind.
 _TAGGED: Any = [Annotated[kind, Tag(op)] for op, kind in _KINDS.items()]
-_ADAPTER: Final[TypeAdapter[Request]] = TypeAdapter(
-    Annotated[functools.reduce(operator.or_, _TAGGED), Discriminator(_op_of)]
-)
+_ANY: Any = Annotated[functools.reduce(operator.or_, _TAGGED), Discriminator(_op_of)]
+_ADAPTER: Final[TypeAdapter[Request]] = TypeAdapter(_ANY)
 
 
 def parse_request(text: str) -> Request:

@@ -37,7 +37,8 @@ class SceneMessages:
             encode_json(describe_triangles(scene)),
         )
         self.materials = describe_materials(scene)
-        self.safety_distance = scene.trial and scene.trial.safety_distance
+        trial = scene.trial
+        self.safety_distance = None if trial is None else trial.safety_distance
         # Outlines of what blocks robots, at the height of the scanners.
         outlines = [
             (part["name"], line)
