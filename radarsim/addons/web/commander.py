@@ -44,7 +44,7 @@ class Commander:
 
     def __init__(
         self,
-        source: "tuple[str, int] | Playback",
+        link: ServerLink | Playback,
         config: SimulationConfig,
         record_to: Path,
         time: TimeControl,
@@ -54,7 +54,7 @@ class Commander:
         """Create a commander that is not connected; to be called in the event loop.
 
         Args:
-            source: Host and port of the server, or the recording that is played.
+            link: To the server, or to the recording that is played.
             config: How the server was started, as far as it is known.
             record_to: Folder in which each recording gets one of its own.
             time: What lets time pass.
@@ -68,24 +68,20 @@ class Commander:
         self._viewers = Viewers(self._frame)
         self._time = time
         time.on_change = self._time_changed
-        address = None if isinstance(source, Playback) else source
+        self._link = link
         self._robots = Robots(
-            address,
+            link.address,
             config,
             self._viewers,
             on_change=self._robots_changed,
             on_left=self._robot_left,
         )
         self._activities = Activities(self._robots, self._viewers, self._robots_changed)
-        self._link: ServerLink | Playback
-        if isinstance(source, Playback):
-            self._link = source
-            source.on_link, source.on_reports = self._server_changed, self._show_reports
-            source.on_damage = self._tell_error
-        else:
-            self._link = ServerLink(source, self._server_changed, self._robots.watch)
+        link.on_link, link.on_reports = self._server_changed, self._show_reports
+        if isinstance(link, Playback):
+            link.on_damage = self._tell_error
         self._recording = RecordingSwitch(
-            address, config, record_to, self._viewers, map_=map_
+            link.address, config, record_to, self._viewers, map_=map_
         )
         self._handlers: Mapping[str, Callable[[Viewer, Any], None]] = {
             "ack": lambda viewer, _: self._viewers.acknowledge(viewer),
@@ -215,7 +211,7 @@ class Commander:
             "dialect": self._config.dialect.name,
             "watch": state.watches,
             "map": scene is not None,
-            "played": isinstance(self._link, Playback),
+            "played": self._link.address is None,
             "starts": [
                 {"name": name, "x": pose.x, "y": pose.y, "yaw": pose.yaw}
                 for name, pose in state.starts.items()
@@ -234,9 +230,9 @@ class Commander:
         self._viewers.broadcast({"op": "error", "text": text})
 
     def _show_reports(self, reports: Sequence[Report]) -> None:
-        """Show what a recording tells, and how far it is, also without any report."""
         self._robots.watch(reports)
-        self._viewers.update()
+        if self._link.address is None:  # its time is shown, also without any report
+            self._viewers.update()
 
     def _robots_changed(self) -> None:
         self._watch()  # echoes of robots that were selected before they came

@@ -112,9 +112,10 @@ class RecordingSwitch:
         name = f"recording_{datetime.now().astimezone():%Y%m%d_%H%M%S}"
         folder = self._folder.resolve() / name
         assert self._server is not None  # ``switch`` has refused
-        recording = _Recording(self._server, folder, self._config, self._map)
+        recording = _Recording(folder, self._info)
+        begun = f"Records to {folder}"
         try:
-            await recording.run(lambda: self._tell(True, f"Records to {folder}"))
+            await recording.run(self._server, lambda: self._tell(True, begun))
         except asyncio.CancelledError:
             self._tell(False, f"Recorded in {folder}")
         except RadarsimError as error:
@@ -126,6 +127,21 @@ class RecordingSwitch:
         finally:
             self._task = None
 
+    def _info(self, level: str) -> RecordingInfo:
+        """Return what a recording of a map says of its run."""
+        config = self._config
+        return RecordingInfo.model_validate(
+            {
+                "version": __version__,
+                "level": level,
+                "dialect": config.dialect.name,
+                "drive_unit": config.drive_unit or config.dialect.drive_unit,
+                "settings": {i: dict(keys) for i, keys in config.item_settings.items()},
+                "robots": config.robots,
+                "drawn_map": _lasting_name(self._map),
+            }
+        )
+
     def _tell(self, on: bool, text: str) -> None:
         self._state = {"op": "recording", "on": on, "text": text}
         self._viewers.broadcast(self._state, "recording")
@@ -134,26 +150,18 @@ class RecordingSwitch:
 class _Recording:
     """One recording; each robot is in it as a client that was sent its lines."""
 
-    def __init__(
-        self,
-        server: tuple[str, int],
-        folder: Path,
-        config: SimulationConfig,
-        map_: str | None,
-    ) -> None:
-        self._server = server
-        self._map = map_
-        self._folder = folder
-        self._config = config
+    def __init__(self, folder: Path, describe: Callable[[str], RecordingInfo]) -> None:
+        self._folder, self._describe = folder, describe
         self._lines = LineBuffer()
         self._level = ""
         self._numbers: dict[str, int] = {}  # of robots that are there
         self._count = 0  # of robots so far
 
-    async def run(self, on_begin: Callable[[], None]) -> None:
+    async def run(self, server: tuple[str, int], on_begin: Callable[[], None]) -> None:
         """Record until the task is cancelled; the recording is complete then as well.
 
         Args:
+            server: Host and port of the server.
             on_begin: Called when recording has begun.
 
         Raises:
@@ -164,9 +172,9 @@ class _Recording:
         # Before the server sends anything, as this takes seconds.
         process_type, recorder_type = await asyncio.to_thread(_import_recorders)
         try:
-            reader, writer = await asyncio.open_connection(*self._server)
+            reader, writer = await asyncio.open_connection(*server)
         except (OSError, UnicodeError) as error:
-            raise no_server(*self._server, error) from None
+            raise no_server(*server, error) from None
         try:
             # All robots with all echoes, whatever the pages look at.
             writer.write(questions.watch(None, echoes=True))
@@ -209,20 +217,8 @@ class _Recording:
 
     def _begin(self, kind: "type[RecordingProcess]") -> "RecordingProcess":
         """Create the folder, and start the process that writes into it."""
-        config = self._config
-        info = RecordingInfo.model_validate(
-            {
-                "version": __version__,
-                "level": self._level,
-                "dialect": config.dialect.name,
-                "drive_unit": config.drive_unit or config.dialect.drive_unit,
-                "settings": {i: dict(keys) for i, keys in config.item_settings.items()},
-                "robots": config.robots,
-                "drawn_map": _lasting_name(self._map),
-            }
-        )
         create_folder(self._folder)
-        return kind(self._folder, info)
+        return kind(self._folder, self._describe(self._level))
 
     async def _read(self, reader: asyncio.StreamReader) -> list[str]:
         """Return the next lines."""
