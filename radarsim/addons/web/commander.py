@@ -16,7 +16,6 @@ from radarsim.addons.web.recording import RecordingSwitch
 from radarsim.addons.web.requests import (
     BadRequest,
     Drive,
-    Explain,
     Look,
     Request,
     Select,
@@ -24,7 +23,6 @@ from radarsim.addons.web.requests import (
     Stop,
     make_offers,
 )
-from radarsim.addons.web.robot_view import explain_beam
 from radarsim.addons.web.robots import Robots
 from radarsim.addons.web.server_link import ServerLink
 from radarsim.addons.web.time_control import TimeControl
@@ -87,7 +85,6 @@ class Commander:
             "ack": lambda viewer, _: self._viewers.acknowledge(viewer),
             "cancel": lambda _, request: self._activities.cancel(request),
             "drive": self._drive,
-            "explain": self._explain,
             "explore": lambda _, request: self._activities.explore(request),
             "goto": lambda _, request: self._activities.go(request),
             "look": self._look,
@@ -189,9 +186,6 @@ class Commander:
         scanner, value = self._robots.find(robot.name).change_setting(request)
         robot.change_setting(scanner, request.key, value)
         self._viewers.update()
-
-    def _explain(self, viewer: Viewer, request: Explain) -> None:
-        viewer.send(explain_beam(self._robots.find(request.robot), request))
 
     def _send_triangles(self, viewer: Viewer, _: Request) -> None:
         if self._scene is None:

@@ -61,7 +61,6 @@ def encode_frame(
         if pose is None:
             continue
         times.append(robot.time)
-        newest = [scans[-1] for scans in robot.scans.values()]
         speeds = robot.motion() or (0.0, 0.0)
         rows.append(
             {
@@ -78,7 +77,7 @@ def encode_frame(
                 "speeds": [round(speed, 3) + 0.0 for speed in speeds],  # no -0.0
                 "scans": [
                     _scan(robot, seen, parts, with_settings=robot.name == selected)
-                    for seen in newest
+                    for seen in robot.scans.values()
                 ],
                 "echoes": [
                     {
@@ -86,7 +85,7 @@ def encode_frame(
                         "t": seen.scan.time,
                         "objects": [_object(each) for each in seen.echoes or ()],
                     }
-                    for seen in newest
+                    for seen in robot.scans.values()
                     if robot.name == selected
                 ],
             }

@@ -110,6 +110,7 @@ class Drive(Request):
     robot: RobotName
     v: Share
     w: Share
+    seq: int = 0  # without effect
 
 
 class Stop(Request):
@@ -155,15 +156,6 @@ class Cancel(Request):
     """Cancel a task."""
 
     task: int
-
-
-class Explain(Request):
-    """Explain a beam of a scan: that of a time, or of the newest one."""
-
-    robot: RobotName
-    scanner: RobotName
-    beam: Annotated[int, Field(ge=0, le=1_000_000)]
-    t: Time | None = None
 
 
 class Record(Request):

@@ -34,11 +34,10 @@ async def test_robot_is_seen_with_its_scans_and_echoes(commander: Any) -> None:
         assert scan["settings"]["side_offset_uu"] == 25
         ranges = frame.scan(name, "lms200")
         assert ranges.min() > 10
-        time = robot["echoes"][0]["t"]
-        await page.send("explain", robot=name, scanner="lms200", beam=0, t=time)
-        explanation = await page.hear("explanation")
-        assert explanation["end"]["kind"] == "hit"
-        assert explanation["rows"][-1]["object"] == "south_wall"
+        objects = {each["name"]: each for each in robot["echoes"][0]["objects"]}
+        beam, reading, kind, *_ = objects["south_wall"]["echoes"][0]
+        assert (beam, kind) == (0, "hit")
+        assert reading == pytest.approx(ranges[0] / 100, abs=0.02)
 
 
 async def test_robot_drives_and_stops_when_nothing_more_is_heard(

@@ -102,5 +102,5 @@ async def test_each_setting_takes_the_value_that_it_has(commander: Any) -> None:
         for offer in page.hello["settings"]:
             if (value := settings[offer["key"]]) is not None:
                 await page.send("setting", **change, key=offer["key"], value=value)
-        await page.send("explain", robot=name, scanner="nothing", beam=0)
+        await page.send("stop", robot="nothing")
         assert "'nothing'" in (await page.hear("error"))["text"]

@@ -43,7 +43,7 @@ async def newest_time(page: Page) -> float:
     assert page.frame is not None
     for _ in range(2):
         await asyncio.sleep(0.1)
-        await page.send("explain", robot="none", scanner="none", beam=0)
+        await page.send("stop", robot="none")
         await page.hear("error")
     time: float = page.frame.header["t"]
     return time
