@@ -28,7 +28,6 @@ from radarsim.addons.fmcw.antenna import (
     STANDING,
     Velocity,
     Viewpoints,
-    join_viewpoints,
     moving_viewpoints,
     rows_in_beam,
 )
@@ -200,8 +199,10 @@ class Rotation:
         start, end = self._received, self._received + len(rows)
         looks = [k for k in self._looks if k.rows.start < end and k.rows.stop > start]
         offset = start - looks[0].rows.start
-        view = join_viewpoints(look.view for look in looks)
-        view = view.of(slice(offset, offset + len(rows)))
+        views = zip(*(look.view for look in looks), strict=True)
+        view = Viewpoints._make(map(np.concatenate, views)).of(
+            slice(offset, offset + len(rows))
+        )
         self.radar.add_sidelobes(echoes, before, rows, view, self._speckle)
         tones = join_tones(look.tones for look in looks)
         return self.radar.receive(looks[0].pose, rows, echoes, tones, self._streams)

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from radarsim.addons.web.robot_view import RobotView, SeenScan
-from radarsim.addons.web.viewers import encode_json, finite
+from radarsim.addons.web.viewers import encode_json
 from radarsim.client.robot_info import no_return
 from radarsim.geometry import Pose2, Pose3
 from radarsim.plotting.palette import ROBOTS, colour_of
@@ -92,8 +92,7 @@ def encode_frame(
         )
     if time is None:
         time = max(times, default=-math.inf)
-    header = {"t": time if math.isfinite(time) else None, "robots": rows}
-    text = encode_json(header).encode()
+    text = encode_json({"t": time, "robots": rows}).encode()
     ranges = b"".join(part.tobytes() for part in parts)
     return struct.pack("<I", len(text)) + text + ranges
 
@@ -127,13 +126,11 @@ def _scan(
         "offset": offset,
         "count": len(scan.ranges),
         # Which are most of a frame, and shown of the selected robot alone.
-        # Without the limits that are infinite, for which all of it would be searched.
-        "settings": finite(scanner.settings) if with_settings else {},
+        "settings": scanner.settings if with_settings else {},
     }
 
 
 def _object(echoes: TargetEchoes) -> dict[str, Any]:
-    density = echoes.density if math.isfinite(echoes.density) else None
     material = Material(echoes.material, echoes.density, solid=not echoes.robot_passes)
     columns = (
         echoes.beams.tolist(),
@@ -145,7 +142,7 @@ def _object(echoes: TargetEchoes) -> dict[str, Any]:
     return {
         "name": echoes.object,
         "material": echoes.material,
-        "density": density,
+        "density": echoes.density,
         "colour": colour_of(material),
         "echoes": sorted(zip(*columns, strict=True), key=lambda row: row[:2]),
     }

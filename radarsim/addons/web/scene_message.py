@@ -114,13 +114,12 @@ def describe_materials(scene: Scene) -> list[dict[str, str]]:
 
 def _head(part: Part) -> dict[str, Any]:
     material = part.material
-    density = material.density
     opaque = not material.penetrable and material.sheet_loss is None
     return {
         "name": part.object_name,
         "material": material.name,
         "opaque": opaque,
-        "density": density if math.isfinite(density) else None,
+        "density": material.density,
         "solid": material.solid,
         "colour": colour_of(material),
     }
