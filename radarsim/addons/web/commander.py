@@ -59,7 +59,6 @@ class Commander:
             map_: The map that is shown, if one is known.
         """
         self._config = config
-        self._scene: SceneMessages | None = None
         self._is_lost = True
         self._loop = asyncio.get_running_loop()
         self._linger: asyncio.TimerHandle | None = None
@@ -67,14 +66,9 @@ class Commander:
         self._time = time
         time.on_change = self._time_changed
         self._link = link
-        self._robots = Robots(
-            link.address,
-            config,
-            self._viewers,
-            on_change=self._robots_changed,
-            on_left=self._robot_left,
-        )
+        self._robots = Robots(link.address, config, self._viewers, self._robots_changed)
         self._activities = Activities(self._robots, self._viewers, self._robots_changed)
+        self._robots.on_left = self._activities.forget
         link.on_link, link.on_reports = self._server_changed, self._show_reports
         if isinstance(link, Playback):
             link.on_damage = self._tell_error
@@ -110,7 +104,6 @@ class Commander:
 
     def show_scene(self, scene: "SceneMessages") -> None:
         """Show the map that the server serves."""
-        self._scene = scene
         self._activities.scene = scene
         for viewer in self._viewers:
             self._greet(viewer)
@@ -121,8 +114,8 @@ class Commander:
         viewer = self._viewers.add()
         self._watch()
         self._greet(viewer)
-        if self._scene is not None:
-            viewer.send(self._scene.plan)
+        if self._activities.scene is not None:
+            viewer.send(self._activities.scene.plan)
         viewer.send(self._recording.message(), "recording")
         viewer.send(self._time.message(), "time")
         self._tell_server(viewer)
@@ -188,15 +181,15 @@ class Commander:
         self._viewers.update()
 
     def _send_triangles(self, viewer: Viewer, _: Request) -> None:
-        if self._scene is None:
+        if self._activities.scene is None:
             raise BadRequest("no map is known; start the commander with --draw")
-        viewer.send(self._scene.triangles, "triangles")
+        viewer.send(self._activities.scene.triangles, "triangles")
 
     # What browsers are told
 
     def _greet(self, viewer: Viewer) -> None:
         """Tell what the server and the program have."""
-        state, scene = self._link.state, self._scene
+        state, scene = self._link.state, self._activities.scene
         greeting = {
             "op": "hello",
             "viewer": viewer.name,
@@ -231,9 +224,6 @@ class Commander:
     def _robots_changed(self) -> None:
         self._watch()  # echoes of robots that were selected before they came
         self._viewers.update()
-
-    def _robot_left(self, name: str) -> None:
-        self._activities.forget(name)
 
     def _watch(self) -> None:
         """Ask the server for what is needed now, and no more for what is not."""

@@ -9,6 +9,7 @@ import asyncio
 from collections.abc import Callable
 from contextlib import suppress
 from datetime import datetime
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -170,7 +171,11 @@ class _Recording:
             RecordingError: If the recording cannot be written.
         """
         # Before the server sends anything, as this takes seconds.
-        process_type, recorder_type = await asyncio.to_thread(_import_recorders)
+        for name in ("recording_process", "wire_recorder"):
+            module = f"radarsim.addons.recording.{name}"
+            await asyncio.to_thread(import_module, module)
+        from radarsim.addons.recording.wire_recorder import WireRecorder  # noqa: PLC0415
+
         try:
             reader, writer = await asyncio.open_connection(*server)
         except (OSError, UnicodeError) as error:
@@ -179,8 +184,8 @@ class _Recording:
             # All robots with all echoes, whatever the pages look at.
             writer.write(questions.watch(None, echoes=True))
             lines = await self._await_permission(reader)
-            process = await asyncio.to_thread(self._begin, process_type)
-            recorder = recorder_type(process.add)
+            process = await asyncio.to_thread(self._begin)
+            recorder = WireRecorder(process.add)
             try:
                 on_begin()
                 while not process.has_ended:
@@ -215,10 +220,14 @@ class _Recording:
             text = "this server does not tell of robots, expected one of radarsim"
             raise ClientError(text) from None
 
-    def _begin(self, kind: "type[RecordingProcess]") -> "RecordingProcess":
+    def _begin(self) -> "RecordingProcess":
         """Create the folder, and start the process that writes into it."""
+        from radarsim.addons.recording.recording_process import (  # noqa: PLC0415
+            RecordingProcess,
+        )
+
         create_folder(self._folder)
-        return kind(self._folder, self._describe(self._level))
+        return RecordingProcess(self._folder, self._describe(self._level))
 
     async def _read(self, reader: asyncio.StreamReader) -> list[str]:
         """Return the next lines."""
@@ -264,15 +273,6 @@ def _lasting_name(map_: str | None) -> str:
     if map_ is None or not Path(map_.partition("@")[0]).exists():
         return map_ or ""
     return str(Path(map_).resolve())
-
-
-def _import_recorders() -> "tuple[type[RecordingProcess], type[WireRecorder]]":
-    from radarsim.addons.recording.recording_process import (  # noqa: PLC0415
-        RecordingProcess,
-    )
-    from radarsim.addons.recording.wire_recorder import WireRecorder  # noqa: PLC0415
-
-    return RecordingProcess, WireRecorder
 
 
 def _decode(line: str) -> Report | None:
