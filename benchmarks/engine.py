@@ -18,13 +18,13 @@ import trimesh
 from scipy import fft
 
 from benchmarks import scenes
+from benchmarks.first_hits import FirstHits
 from benchmarks.scenes import SENSOR
 from benchmarks.timing import Row, compare, measure, ratio_row
 from radarsim.addons.fmcw.antenna import fixed_viewpoints
 from radarsim.addons.fmcw.radar_equation import fft_length
 from radarsim.geometry import Floats
 from radarsim.raycast import embree
-from radarsim.raycast.embree import FirstHits
 from radarsim.raycast.rays import Rays
 from radarsim.raycast.tracer import Tracer, tracer_of
 from radarsim.rng import generator_for
@@ -89,11 +89,11 @@ def _workloads(
     rng = generator_for(0, "bench")
     for beams in (361, 1801):
         radar = radar_with(beams)
-        plans = [radar.plan(tracer, pose, rng) for _ in range(DRAWS)]
-        draws = [(plan.rays.origins, plan.rays.directions) for plan in plans]
+        drawn = [radar.draw_rays(tracer, pose, rng) for _ in range(DRAWS)]
+        draws = [(rays.origins, rays.directions) for rays in drawn]
         yield f"{beams} beams", partial(radar.scan, scene, pose, rng), draws
     radar = radar_with(361)
-    rays = Rays.concatenate([radar.plan(tracer, pose, rng).rays for _ in range(BATCH)])
+    rays = Rays.concatenate([radar.draw_rays(tracer, pose, rng) for _ in range(BATCH)])
     batch = [ScanRequest(radar, pose, rng)] * BATCH
     scan = partial(scan_batch, tracer, batch)
     yield f"{BATCH} scans of 361 beams", scan, [(rays.origins, rays.directions)]
@@ -106,7 +106,7 @@ def throughput(seconds: float) -> Iterator[Row]:
     rng = generator_for(0, "bench")
     one = measure(lambda: radar.scan(scene, pose, rng), seconds=seconds)
     yield Row("c", "scans of 361 beams, one core", 1 / one, "1/s")
-    rays = Rays.concatenate([radar.plan(tracer, pose, rng).rays for _ in range(BATCH)])
+    rays = Rays.concatenate([radar.draw_rays(tracer, pose, rng) for _ in range(BATCH)])
     with ThreadPoolExecutor(2) as pool:
         times = compare(
             lambda: [tracer.trace(rays) for _ in range(2)],
@@ -176,7 +176,7 @@ def mirrors_and_leaves(seconds: float) -> Iterator[Row]:
     yield ratio_row("h", name, times, bounces + 1.0)
     scene, radar = scenes.leafy_shrubs(TRIANGLES), radar_with(361)
     pose = sensor_pose(scene, SENSOR)
-    rays = radar.plan(tracer_of(scene), pose, rng).rays
+    rays = radar.draw_rays(tracer_of(scene), pose, rng)
     first = first_hits(scene, (rays.origins, rays.directions))
     times = compare(partial(radar.scan, scene, pose, rng), first.run, seconds=seconds)
     name = f"leaves of {scene.triangles} triangles, by one raw first-hit call"

@@ -1,4 +1,4 @@
-"""radarsim: a USARSim server without Unreal, and its radar, from Python.
+"""A USARSim server without Unreal, with a radar that sees through foliage and smoke.
 
 >>> import radarsim
 >>> scene = radarsim.load_map("empty_room")
@@ -39,37 +39,25 @@ __version__ = "0.1.0"
 
 # Modules are imported on first use, so that the command line starts fast, and so that
 # values such as scenes and scans can be drawn by what lies above them.
+_NAMES = {
+    "addons.recording.recording": ("Recording", "load_recording"),
+    "errors": ("MapError", "PresetError", "RadarsimError"),
+    "geometry": ("Pose2", "Pose3"),
+    "local": ("LocalRobot", "LocalScan", "LocalSimulation", "simulate"),
+    "plotting.plan": ("plot_scene",),
+    "plotting.scans": ("as_svg", "compare", "plot_scan"),
+    "raycast.attenuation": ("EventKind",),
+    "rng": ("generator_for",),
+    "scene.map_file": ("load_map", "shipped_maps"),
+    "scene.material": ("Material",),
+    "scene.scene": ("Part", "Scene", "StartPose"),
+    "sensors.range_scanner": ("RangeScanner", "load_sensor"),
+    "sensors.scan": ("Echoes", "Scan", "Target"),
+    "server.host": ("Host",),
+    "simulation.config": ("SimulationConfig",),
+}
 _MODULES = {
-    "Echoes": "radarsim.sensors.scan",
-    "EventKind": "radarsim.raycast.attenuation",
-    "Host": "radarsim.server.host",
-    "LocalRobot": "radarsim.local",
-    "LocalScan": "radarsim.local",
-    "LocalSimulation": "radarsim.local",
-    "MapError": "radarsim.errors",
-    "Material": "radarsim.scene.material",
-    "Part": "radarsim.scene.scene",
-    "Pose2": "radarsim.geometry",
-    "Pose3": "radarsim.geometry",
-    "PresetError": "radarsim.errors",
-    "RadarsimError": "radarsim.errors",
-    "Recording": "radarsim.addons.recording.recording",
-    "RangeScanner": "radarsim.sensors.range_scanner",
-    "Scan": "radarsim.sensors.scan",
-    "Scene": "radarsim.scene.scene",
-    "SimulationConfig": "radarsim.simulation.config",
-    "StartPose": "radarsim.scene.scene",
-    "Target": "radarsim.sensors.scan",
-    "as_svg": "radarsim.plotting.scans",
-    "compare": "radarsim.plotting.scans",
-    "generator_for": "radarsim.rng",
-    "load_map": "radarsim.scene.map_file",
-    "load_recording": "radarsim.addons.recording.recording",
-    "load_sensor": "radarsim.sensors.range_scanner",
-    "plot_scan": "radarsim.plotting.scans",
-    "plot_scene": "radarsim.plotting.plan",
-    "shipped_maps": "radarsim.scene.map_file",
-    "simulate": "radarsim.local",
+    name: f"radarsim.{module}" for module, names in _NAMES.items() for name in names
 }
 
 # Of other parts than the core, found through its door.

@@ -50,6 +50,15 @@ class Pose2:
         turn = wrap_angle(self.yaw - other.yaw)
         return Pose2(c * dx + s * dy, c * dy - s * dx, turn)
 
+    def distance(self, other: "Pose2") -> float:
+        """Return the distance from another pose, m."""
+        return math.hypot(self.x - other.x, self.y - other.y)
+
+    def is_apart(self, other: "Pose2", distance: float, turn: float) -> bool:
+        """Return whether another pose is farther than m, or turned by more than rad."""
+        turned = abs(wrap_angle(self.yaw - other.yaw))
+        return self.distance(other) > distance or turned > turn
+
 
 @dataclass(frozen=True, slots=True)
 class Pose3:

@@ -19,8 +19,8 @@ OWN: Final[dict[str, dict[str, str]]] = {
     # Tables of commands, in the order of 'radarsim --help'.
     "radarsim.commands": {
         "core": "radarsim.cli.entries:COMMANDS",
-        "autonomy": "radarsim.autonomy.commands:COMMANDS",
-        "addons": "radarsim.addons.commands:COMMANDS",
+        "autonomy": "radarsim.autonomy.cli:COMMANDS",
+        "addons": "radarsim.addons.entries:COMMANDS",
         "sweep": "radarsim.sweep:COMMANDS",
     },
     # Radars, by the section of a sensor preset that describes them.
@@ -32,14 +32,15 @@ OWN: Final[dict[str, dict[str, str]]] = {
     # What simulations in Python can do besides.
     "radarsim.local": {
         "evaluate": "radarsim.autonomy.evaluation.own_controllers:evaluate",
-        "record": "radarsim.addons.recording.local_recording:record_host",
+        "record": "radarsim.addons.recording.recording_process:record_host",
         "spectra": "radarsim.addons.fmcw.rotation_schedule:collect_turns",
     },
     # Options of 'radarsim serve', and what they start beside the server.
     "radarsim.serve": {
-        "navtech": "radarsim.addons.fmcw.commands:NavtechOptions",
+        "core": "radarsim.cli.side_ports:SidePorts",
+        "navtech": "radarsim.addons.fmcw.cli:NavtechOptions",
         "record": "radarsim.addons.recording.run_recording:RecordOptions",
-        "web": "radarsim.addons.web.commands:WebOptions",
+        "web": "radarsim.addons.web.cli:WebOptions",
     },
 }
 

@@ -1,11 +1,13 @@
-"""The words for what is wrong: in maps and other YAML files, settings and requests.
+"""The words for what is wrong: in YAML files, settings, requests and arguments.
 
 Models of pydantic find most of it. `yaml_reader` adds the place in the file; checks of
 maps that concern several keys have their own words, in `scene.map_checks`.
 """
 
+import math
 import re
 from collections.abc import Callable
+from numbers import Real
 from typing import Any, Final
 
 from pydantic import BaseModel, ValidationError
@@ -125,3 +127,33 @@ def _expected(details: ErrorDetails, context: dict[str, Any]) -> str:
     if details["type"] in {"float_parsing", "float_type"}:
         text += point_hint(details["input"])
     return text
+
+
+def check_number(what: str, value: float, *, above: float = -math.inf) -> None:
+    """Check a number.
+
+    Args:
+        what: What it is, with its unit.
+        value: The number.
+        above: What it has to exceed.
+
+    Raises:
+        TypeError: If it is no number.
+        ValueError: If it is not finite, or too small.
+    """
+    expected = "a finite number" if above == -math.inf else f"more than {above:g}"
+    text = f"{what} {value!r}, expected {expected}"
+    if not isinstance(value, Real):
+        raise TypeError(text)
+    if not above < value < math.inf:
+        raise ValueError(text)
+
+
+def check_port(port: object) -> None:
+    """Check the number of a TCP port.
+
+    Raises:
+        ValueError: If it is none.
+    """
+    if not isinstance(port, int) or not 0 <= port <= 65535:
+        raise ValueError(f"port {port!r}, expected a whole number from 0 to 65535")

@@ -88,7 +88,7 @@ def test_foliage_wall_has_the_size_that_the_limits_hold_for() -> None:
     scene = scenes.foliage_wall()
     tracer = tracer_of(scene)
     pose, rng = sensor_pose(scene, scenes.SENSOR), generator_for(0)
-    rays = engine.radar_with(1801).plan(tracer, pose, rng).rays
+    rays = engine.radar_with(1801).draw_rays(tracer, pose, rng)
     surfaces = (EventKind.ENTER, EventKind.LEAVE)
     crossed = [sum(e.kind in surfaces for e in ray) for ray in tracer.explain(rays)]
     assert scene.triangles == pytest.approx(77_000, rel=0.01)
@@ -105,10 +105,10 @@ def test_number_of_rays_follows_from_the_settings(name: str) -> None:
     settings, rays = engine.MULTI_RAY_SENSORS[name]
     sensor = load_sensor("radar", fov_deg=2, **settings)
     scene = Scene("empty", "Empty", ())
-    plan = sensor.plan(
+    drawn = sensor.draw_rays(
         tracer_of(scene), sensor_pose(scene, (0, 0, 0)), generator_for(0)
     )
-    assert len(plan.rays.max_range) == 3 * rays
+    assert len(drawn.max_range) == 3 * rays
 
 
 @pytest.mark.parametrize("suffix", ["stl", "glb"])

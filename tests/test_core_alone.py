@@ -121,7 +121,7 @@ def test_option_of_an_absent_part_names_the_part(core: Path) -> None:
     done = run(core, "radarsim", "serve", "empty_room", "--web", "0")
     assert done.returncode == 2
     assert done.stderr == (
-        "radarsim: --web: radarsim.addons.web.commands is not installed\n"
+        "radarsim: --web: radarsim.addons.web.cli is not installed\n"
     )
 
 

@@ -4,16 +4,18 @@ python examples/study/figure.py rows.jsonl study.png
 """
 
 import json
+import math
 import sys
 from collections import defaultdict
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from radarsim.autonomy.evaluation.estimates import Estimate, mean, share
+from radarsim.autonomy.evaluation.own_controllers import Estimate, mean, share
 from radarsim.plotting import palette
 
 Row = dict[str, Any]
@@ -52,7 +54,9 @@ def mean_share(key: str) -> Callable[[Sequence[Row]], Estimate | None]:
 
     def of(rows: Sequence[Row]) -> Estimate | None:
         shares = [row[key] for row in rows if row.get(key) is not None]
-        return mean(shares).within(0.0, 1.0) if shares else None
+        found = mean(shares or [math.nan])
+        cut = replace(found, low=max(found.low, 0.0), high=min(found.high, 1.0))
+        return cut if shares else None
 
     return of
 
@@ -83,7 +87,7 @@ def text(estimate: Estimate | None) -> str:
     if estimate is None:
         return ""
     value = f"{estimate.value:.3f}"
-    if estimate.is_exact:
+    if estimate.low == estimate.high:
         return value
     return f"{value} ({estimate.low:.3f} to {estimate.high:.3f})"
 

@@ -22,7 +22,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from radarsim.autonomy.evaluation.shortest_path import shortest_path
-from radarsim.autonomy.evaluation.trials import SCANNER, run_plan
+from radarsim.autonomy.evaluation.trials import config_with_sensor, run_plan
 from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.navigation.algorithms import ROBOT_RADIUS, Algorithm
 from radarsim.autonomy.navigation.plans import Mission
@@ -32,7 +32,6 @@ from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
-from radarsim.simulation.config import SimulationConfig
 
 _FAMILIES: Final = {"thin_bushes": "thin", "forest": "trunks", "office": "offices"}
 _MATERIALS: Final = """\
@@ -216,8 +215,7 @@ def run(kind: str, name: str, method: str, seed: int) -> dict[str, Any]:
     map_ = make_study_map(kind, seed)
     scene = map_.load()
     sensor = SENSORS[name]
-    settings = {"sensor": sensor.preset, **sensor.settings, **BEAMS}
-    config = SimulationConfig(item_settings={SCANNER: settings})
+    config = config_with_sensor(sensor.preset, **sensor.settings, **BEAMS)
     host = Host(scene, config=config, seed=seed)
     task = {"seed": seed, "map": kind, "sensor": name, "method": method}
     if method == MAPPING:

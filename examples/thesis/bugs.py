@@ -10,7 +10,7 @@ from radarsim.autonomy.evaluation.trials import load_trial
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.plotting.outlines import outlines_of
-from radarsim.autonomy.plotting.runs import RunView, SteeringSensor, run_figure
+from radarsim.autonomy.plotting.runs import RunView, run_figure
 from radarsim.server.host import Host
 from radarsim.simulation.map_warnings import plan_height
 
@@ -55,7 +55,7 @@ def draw_bug(algorithm: Algorithm) -> tuple[Figure, str]:
                 run.run_log,
                 f"{name} {ending}",
                 run.mission.robot_class,
-                SteeringSensor("radar", "radar"),
+                "radar",
                 outlines_of(scene, plan_height(scene)),
                 true_path=monitor.positions,
             )

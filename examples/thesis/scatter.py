@@ -65,12 +65,10 @@ def take_beam() -> tuple[Scan, Rays]:
         cone_sampling="random",
         return_mode="all",
     )
-    tracer, builder = tracer_of(scene), scanner.builder
-    plan = scanner.plan(tracer, sensor_pose(scene), generator_for(SEED, "radar"))
-    events, incidence = plan.draws.events, builder.needs_incidence
-    traces = tracer.trace(plan.rays, events=events, incidence=incidence)
-    rays = plan.rays.take(np.arange(BEAM * RAYS, (BEAM + 1) * RAYS))
-    return builder.build(plan, traces), rays
+    pose = sensor_pose(scene)
+    scan = scanner.scan(scene, pose, generator_for(SEED, "radar"))
+    drawn = scanner.draw_rays(tracer_of(scene), pose, generator_for(SEED, "radar"))
+    return scan, drawn.take(np.arange(BEAM * RAYS, (BEAM + 1) * RAYS))
 
 
 def returns_of(scan: Scan) -> list[Return]:

@@ -5,26 +5,23 @@ robot's own client is sent. Where mapping is slower than the robot scans, copies
 left unread, and the server drops the oldest.
 """
 
-import asyncio
 import math
 import time
 from collections import deque
-from collections.abc import AsyncGenerator, Callable
-from contextlib import aclosing
-from typing import Any, Final, Literal, TypeAlias
+from collections.abc import Callable, Generator
+from contextlib import closing
+from typing import Final, Literal, TypeAlias
 
 from radarsim.autonomy.exploration.exploration import NOISE
-from radarsim.autonomy.mapping.mapper import Mapper, MapperSettings
-from radarsim.autonomy.mapping.slam import SlamSettings
+from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.navigation.plans import MotionSource
 from radarsim.autonomy.navigation.runner import TripMeter
 from radarsim.client import ScannerInfo
 from radarsim.client import session as questions
 from radarsim.client.robot_info import ScannerDescriptions, same_name
 from radarsim.client.session import RANGE_SCANNER, ROBOT, Question, Session
-from radarsim.client.transport import CHUNK, lost, no_server
+from radarsim.client.transport import SocketTransport
 from radarsim.errors import ClientError, MappingError
-from radarsim.listening import exit_code_of_signal
 from radarsim.protocol.line_template import printable_name
 from radarsim.protocol.reports import (
     CommandError,
@@ -79,7 +76,7 @@ class RobotWatcher:
         self._session = Session()
         self._is_watching = self._has_seen = self._has_waited = False
 
-    async def copies(self) -> AsyncGenerator[list[WatchedLine]]:
+    def copies(self) -> Generator[list[WatchedLine], None, None]:
         """Watch until the robot leaves, if it has been there.
 
         Yields:
@@ -89,50 +86,33 @@ class RobotWatcher:
             ClientError: If the server is not there, does not let robots be watched, or
                 closes the connection.
         """
-        try:
-            reader, writer = await asyncio.open_connection(*self._server)
-        except (OSError, UnicodeError) as error:
-            raise no_server(*self._server, error) from None
-        try:
-            writer.write(self._command)
-            has_left = False
-            while not has_left:
-                copies: list[WatchedLine] = []
-                reports = await self._reports(reader)
-                has_left = self._has_left(reports, copies, writer)
-                yield copies
-        finally:
-            writer.close()
+        with closing(SocketTransport(*self._server)) as transport:
+            try:
+                transport.send(self._command)
+                has_left = False
+                while not has_left:
+                    copies: list[WatchedLine] = []
+                    has_left = self._has_left(transport, copies)
+                    yield copies
+            except ConnectionError as error:
+                raise ClientError(str(error)) from None
 
-    async def _reports(self, reader: asyncio.StreamReader) -> list[Report] | None:
-        """Return the next reports; None if nothing has come for a while."""
+    def _has_left(self, transport: SocketTransport, copies: list[WatchedLine]) -> bool:
+        """Wait for the next reports; return whether they say that the robot left."""
         try:
-            async with asyncio.timeout(self._patience):
-                data = await reader.read(CHUNK)
+            data = transport.receive(self._patience)
         except TimeoutError:
-            return None
-        except OSError as error:
-            raise ClientError(str(lost(error))) from None
-        if not data:
-            raise ClientError("the server closed the connection")
-        return self._session.receive(data)
-
-    def _has_left(
-        self,
-        reports: list[Report] | None,
-        copies: list[WatchedLine],
-        writer: asyncio.StreamWriter,
-    ) -> bool:
-        if reports is None:
             if not self._is_watching:
-                raise ClientError("no answer to WATCH, expected a server of radarsim")
+                text = "no answer to WATCH, expected a server of radarsim"
+                raise ClientError(text) from None
             # No line tells that a robot leaves: GEO is refused once it has.
-            writer.write(self._question(questions.geometry, ROBOT))
-        for report in reports or ():
+            transport.send(self._question(questions.geometry, ROBOT))
+            return False
+        for report in self._session.receive(data):
             match report:
                 case Watching():
                     self._is_watching = True
-                    writer.write(self._question(questions.geometry, ROBOT))
+                    transport.send(self._question(questions.geometry, ROBOT))
                 case CommandError(text):
                     # GEO of a robot that is not there is refused: it has left, or it
                     # has not come yet.
@@ -140,7 +120,7 @@ class RobotWatcher:
                         return True
                     self._wait(text)
                 case WatchedLine():
-                    self._begin(report, writer)
+                    self._begin(report, transport)
                     if report.robot == self.robot:
                         copies.append(report)
                 case _:
@@ -154,14 +134,14 @@ class RobotWatcher:
             self._has_waited = True
             self.on_wait()
 
-    def _begin(self, copy: WatchedLine, writer: asyncio.StreamWriter) -> None:
+    def _begin(self, copy: WatchedLine, transport: SocketTransport) -> None:
         if self._has_seen:
             return
         self._has_seen = True
         self.robot = copy.robot
         # What its own client may never ask: mount and limits of its scanners.
         for ask in (questions.geometry, questions.configuration):
-            writer.write(self._question(ask, RANGE_SCANNER))
+            transport.send(self._question(ask, RANGE_SCANNER))
 
     def _question(self, ask: Callable[..., Question], kind: str) -> bytes:
         return ask(kind, robot=printable_name(self.robot)).data
@@ -177,7 +157,7 @@ class WatchMapper:
         error: Why there is no map, or only a part of it; empty if there is one.
         on_data: Called with what the robot's client would have sent and was sent, for a
             recording; it must not raise.
-        on_scan: Called after every scan that is on the map, in another thread.
+        on_scan: Called after every scan that is on the map.
     """
 
     def __init__(
@@ -211,67 +191,42 @@ class WatchMapper:
         self._early = deque[Report](maxlen=MOST_EARLY)
         self._echo_wait = 0.0
 
-    async def follow(self, watcher: RobotWatcher, *, echoes: bool) -> None:
-        """Map what a robot reports, until it leaves.
+    def watch(self, watcher: RobotWatcher, *, echoes: bool) -> int:
+        """Map what a robot reports, until it leaves or a signal raises SystemExit.
 
         Args:
             watcher: Watches the robot.
             echoes: Whether its scanners list their echoes, for which scans wait.
 
-        Raises:
-            ClientError: If the connection is lost, or the server lets nobody watch.
+        Returns:
+            The exit code: 0 if the robot has left, that of the signal, or 1 if it
+            cannot be watched. ``error`` tells whether there is a map.
         """
         self._echo_wait = ECHO_WAIT if echoes else 0.0
-        has_begun = False
-        async with aclosing(watcher.copies()) as batches:
-            async for copies in batches:
-                # As if its client had asked, for recordings.
-                if copies and echoes and not has_begun:
-                    self.on_data("client", _ECHOES)
-                    has_begun = True
-                for copy in copies:
-                    self.on_data("server", f"{copy.line}\r\n".encode("latin-1"))
-                # It may take a second, in which the event loop has to go on.
-                await asyncio.to_thread(self._take_all, copies)
-
-    def watch(self, watcher: RobotWatcher, *, echoes: bool) -> int:
-        """Map what a robot reports, until it leaves or a signal comes.
-
-        Args:
-            watcher: Watches the robot.
-            echoes: As in ``follow``.
-
-        Returns:
-            The exit code: 0 if the robot has left, or after a request to terminate; 130
-            after an interrupt; 1 if it cannot be watched. ``error`` tells whether there
-            is a map.
-        """
+        code = 0
         try:
-            code = asyncio.run(self._follow_until_signal(watcher, echoes))
+            self._follow(watcher, echoes)
         except ClientError as error:
             self.error, code = str(error), 1
+        except SystemExit as end:
+            code = int(end.code or 0)
         if self.mapper is not None:
             self.mapper.finish()
         self.error = self.error or self._missing()
         return code
 
-    async def _follow_until_signal(self, watcher: RobotWatcher, echoes: bool) -> int:
-        with exit_code_of_signal() as exit_code:
-            following = asyncio.ensure_future(self.follow(watcher, echoes=echoes))
-            both: set[asyncio.Future[Any]] = {following, exit_code}
-            await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
-            if exit_code.done():
-                following.cancel()
-                # Until its connection is closed.
-                await asyncio.wait({following})
-                return exit_code.result()
-            following.result()  # raises its error
-            return 0
-
-    def _take_all(self, copies: list[WatchedLine]) -> None:
-        for report in (copy.report for copy in copies):
-            if report is not None and not self.error:
-                self._take(report)
+    def _follow(self, watcher: RobotWatcher, echoes: bool) -> None:
+        with closing(watcher.copies()) as batches:
+            for copies in batches:
+                # As if its client had asked, for recordings.
+                if copies and echoes:
+                    self.on_data("client", _ECHOES)
+                    echoes = False
+                for copy in copies:
+                    self.on_data("server", f"{copy.line}\r\n".encode("latin-1"))
+                for report in (copy.report for copy in copies):
+                    if report is not None and not self.error:
+                        self._take(report)
 
     def _take(self, report: Report) -> None:
         if self.mapper is not None:
@@ -286,14 +241,15 @@ class WatchMapper:
         info = self._scanner_info()
         if info is None:
             return
-        settings = MapperSettings(
-            slam=SlamSettings(motion_source=self.motion_source),
+        self.mapper = Mapper(
+            info,
+            motion_source=self.motion_source,
             resolution=self._resolution,
             map_range=self._map_range,
             echo_wait=self._echo_wait,
+            # for servers whose time stamps are missing or stand still
+            clock=time.monotonic,
         )
-        # The clock is for servers whose time stamps are missing or stand still.
-        self.mapper = Mapper(info, settings, clock=time.monotonic)
         for each in self._early:
             self._map(self.mapper, each)
 

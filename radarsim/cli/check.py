@@ -9,13 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from radarsim.cli.fields import MapName
-from radarsim.cli.files import (
-    PICTURE_FORMS,
-    check_ending,
-    check_writable,
-    write_file,
-)
-from radarsim.cli.output import print_lines, print_message
+from radarsim.cli.files import check_picture, write_picture
+from radarsim.cli.output import print_lines
 from radarsim.errors import MapError
 
 if TYPE_CHECKING:
@@ -172,11 +167,9 @@ def check(map_: MapName, *, plot: Path | None = None, strict: bool = False) -> i
     Returns:
         The exit code.
     """
-    if plot is not None:
-        # Before the map is read and drawn, which may take long: a wrong name is told at
-        # once.
-        form = check_ending(plot, PICTURE_FORMS, "--plot")
-        check_writable(plot, "--plot")
+    # Before the map is read and drawn, which may take long: a wrong name is told at
+    # once.
+    form = check_picture(plot)
     from radarsim.scene.map_file import load_variants
     from radarsim.simulation.map_warnings import occupied_starts, trial_warnings
 
@@ -199,6 +192,5 @@ def check(map_: MapName, *, plot: Path | None = None, strict: bool = False) -> i
     if plot is not None:
         from radarsim.plotting.scans import draw_scene
 
-        write_file(plot, draw_scene(scene, form=form), "--plot")
-        print_message(f"wrote {plot}")
+        write_picture(plot, draw_scene(scene, form=form))
     return int(strict and any(doubts.values()))

@@ -5,10 +5,10 @@ A package hands in its commands by an entry point of the group ``radarsim.comman
 which names a list of entries in a module that imports nothing heavy::
 
     [project.entry-points."radarsim.commands"]
-    my_package = "my_package.commands:COMMANDS"
+    my_package = "my_package.entries:COMMANDS"
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -84,71 +84,51 @@ def load_entries() -> Iterator[CommandEntry]:
         yield from plugins.load(GROUP, name)
 
 
-COMMANDS: Final = (
-    CommandEntry(
-        "serve",
-        "radarsim.cli.serve:serve",
-        "Serve a map to USARSim clients until interrupted.",
-        SERVING,
-    ),
-    CommandEntry(
-        "drive",
-        "radarsim.cli.drive:drive",
-        "Drive a robot from the keyboard, and see what it senses.",
-        SERVING,
-    ),
-    CommandEntry(
-        "demo",
-        "radarsim.cli.first_steps:demo",
-        "Draw what radar and laser see of a room behind bushes, in one picture.",
-        MAPS,
-    ),
-    CommandEntry(
-        "check",
-        "radarsim.cli.check:check",
-        "Read a map and print what is in it, or all its errors.",
-        MAPS,
-    ),
-    CommandEntry(
-        "new",
-        "radarsim.cli.first_steps:new",
-        "Write a small map to start your own from, with comments.",
-        MAPS,
-    ),
-    CommandEntry(
-        "scan",
-        "radarsim.cli.scan:scan",
-        "Scan a map without a server.",
-        MAPS,
-    ),
-    CommandEntry(
-        "explain",
-        "radarsim.cli.explain:explain",
-        "Print everything that one beam meets.",
-        MAPS,
-    ),
-    CommandEntry(
-        "sensors",
-        "radarsim.cli.presets:sensors",
-        "List the sensors: their numbers, sources and confidence.",
-        MAPS,
-    ),
-    CommandEntry(
-        "robots",
-        "radarsim.cli.presets:robots",
-        "List the robot classes: their items, sizes and sources.",
-        MAPS,
-    ),
-    CommandEntry(
-        "materials",
-        "radarsim.cli.presets:materials",
-        "List the library of materials: their numbers, sources and confidence.",
-        MAPS,
-    ),
-    CommandEntry(
-        "docs",
-        "radarsim.cli.first_steps:docs",
-        "Show a page of the manual; without a topic, the list of topics.",
-        PROGRAM,
-    ),
+def own_entries(groups: Mapping[str, Mapping[str, str]]) -> tuple[CommandEntry, ...]:
+    """Return entries of commands of this package, which are named as their functions.
+
+    Args:
+        groups: By headings, what the function of each target does. Targets lack the
+            name of the package, ``radarsim``.
+    """
+    return tuple(
+        CommandEntry(
+            target.partition(":")[2].rstrip("_"), f"radarsim.{target}", text, group
+        )
+        for group, commands in groups.items()
+        for target, text in commands.items()
+    )
+
+
+_LISTED: Final = "their numbers, sources and confidence."
+COMMANDS: Final = own_entries(
+    {
+        SERVING: {
+            "cli.serve:serve": "Serve a map to USARSim clients until interrupted.",
+            "cli.drive:drive": (
+                "Drive a robot from the keyboard, and see what it senses."
+            ),
+        },
+        MAPS: {
+            "cli.first_steps:demo": (
+                "Draw what radar and laser see of a room behind bushes, in one picture."
+            ),
+            "cli.check:check": "Read a map and print what is in it, or all its errors.",
+            "cli.first_steps:new": (
+                "Write a small map to start your own from, with comments."
+            ),
+            "cli.scan:scan": "Scan a map without a server.",
+            "cli.explain:explain": "Print everything that one beam meets.",
+            "cli.presets:sensors": f"List the sensors: {_LISTED}",
+            "cli.presets:robots": (
+                "List the robot classes: their items, sizes and sources."
+            ),
+            "cli.presets:materials": f"List the library of materials: {_LISTED}",
+        },
+        PROGRAM: {
+            "cli.first_steps:docs": (
+                "Show a page of the manual; without a topic, the list of topics."
+            ),
+        },
+    }
 )

@@ -150,7 +150,7 @@ def explain_beam(
         "return_mode": settings.return_mode,
         "detector": settings.detector,
         "targets": targets,
-        "air": tracer.densities(scan.cast.ray_classes[0])[1] / one,
+        "air": tracer.losses(scan.cast.ray_classes[0])[1] / one,
     }
 
 

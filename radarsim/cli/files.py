@@ -8,6 +8,7 @@ from typing import Final
 
 import click
 
+from radarsim.cli.output import print_message
 from radarsim.errors import describe_os_error
 from radarsim.files import write_atomically
 from radarsim.processes import raise_on_signals
@@ -56,6 +57,28 @@ def check_writable(path: Path, hint: str) -> None:
     if reason := _obstacle_to_writing(path):
         text = f"cannot write {path}: {reason}"
         raise click.BadParameter(text, param_hint=hint)
+
+
+def check_picture(path: Path | None, hint: str = "--plot") -> str:
+    """Return the format of a picture that is to be written later; empty for None.
+
+    Args:
+        path: The file to be written; None for no picture.
+        hint: Name of the option that asks for it.
+
+    Raises:
+        click.BadParameter: If it is no ``PICTURE_FORMS``, or cannot be written.
+    """
+    if path is None:
+        return ""
+    check_writable(path, hint)
+    return check_ending(path, PICTURE_FORMS, hint)
+
+
+def write_picture(path: Path, data: bytes) -> None:
+    """Write the picture of ``--plot``, and say so on stderr."""
+    write_file(path, data, "--plot")
+    print_message(f"wrote {path}")
 
 
 def write_file(path: Path, data: bytes, hint: str = "-o") -> None:

@@ -18,8 +18,8 @@ import click
 from annotated_types import Ge
 
 from radarsim.cli.files import (
-    PICTURE_FORMS,
     check_ending,
+    check_picture,
     check_writable,
     write_file,
 )
@@ -69,8 +69,7 @@ def demo(picture: DemoPicture) -> None:
     """
     hint = "OUT" if picture.output is None else "-o"
     out = picture.output or picture.out or Path("radarsim_demo.png")
-    form = check_ending(out, PICTURE_FORMS, hint)
-    check_writable(out, hint)
+    form = check_picture(out, hint)
     # It has a default, so that a file of somebody's own could be replaced unawares.
     if out.exists() and not is_by_radarsim(out):
         text = f"{out} is not by radarsim, expected another file"

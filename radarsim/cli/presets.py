@@ -5,10 +5,18 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import (
+    Callable,
+    Collection,
+    Iterable,
+    Iterator,
+    Mapping,
+    Sequence,
+)
 from typing import TYPE_CHECKING, Annotated, Any, Final, TypeVar
 
 import click
+from pydantic import BaseModel
 from rich.console import Console
 from rich.table import Table
 
@@ -22,7 +30,7 @@ if TYPE_CHECKING:
     from radarsim.presets.sensors import SensorPreset
     from radarsim.scene.material import LibraryEntry
 
-_Preset = TypeVar("_Preset")
+_Preset = TypeVar("_Preset", bound=BaseModel)
 _ANY_WIDTH: Final = 10_000  # columns
 _UNITS: Final = {"g_per_m3": "g/m3", "mm_per_h": "mm/h"}
 
@@ -38,23 +46,8 @@ def sensors(names: _Names = (), *, as_json: Json = False) -> None:
     """
     from radarsim.presets.sensors import item_presets, sensor_presets
 
-    chosen = _choose("sensor", names, {**sensor_presets(), **item_presets()})
-    if as_json:
-        plain = {name: preset.model_dump() for name, preset in chosen.items()}
-        for preset in plain.values():
-            for number in preset["settings"].values():
-                if number["value"] == math.inf:  # not allowed in JSON
-                    number["value"] = None
-        click.echo(json.dumps(plain, indent=2, allow_nan=False))
-        return
-    console = _console()
-    if not names:
-        console.print(_sensor_overview(chosen), "")
-    for name, each in chosen.items():
-        console.print(_details(f"{name}: {each.about}", "setting", each.settings))
-        if each.fmcw:
-            title = f"{name}: its FMCW radar, for spectra"
-            console.print(_details(title, "setting", each.fmcw))
+    presets = {**sensor_presets(), **item_presets()}
+    _print("sensor", names, presets, _sensor_overview, _sensor_details, as_json)
 
 
 def robots(names: _Names = (), *, as_json: Json = False) -> None:
@@ -66,16 +59,8 @@ def robots(names: _Names = (), *, as_json: Json = False) -> None:
     """
     from radarsim.presets.robots import load_robot, robot_names
 
-    chosen = _choose("robot class", names, {n: load_robot(n) for n in robot_names()})
-    if as_json:
-        plain = {name: model.model_dump() for name, model in chosen.items()}
-        click.echo(json.dumps(plain, indent=2, allow_nan=False))
-        return
-    console = _console()
-    if not names:
-        console.print(_robot_overview(chosen), "")
-    for name, model in chosen.items():
-        console.print(_robot_details(name, model))
+    models = {name: load_robot(name) for name in robot_names()}
+    _print("robot class", names, models, _robot_overview, _robot_details, as_json)
 
 
 def materials(names: _Names = (), *, as_json: Json = False) -> None:
@@ -87,45 +72,56 @@ def materials(names: _Names = (), *, as_json: Json = False) -> None:
     """
     from radarsim.scene.material import library
 
-    chosen = _choose("material", names, library())
-    if as_json:
-        plain = {name: entry.model_dump() for name, entry in chosen.items()}
-        click.echo(json.dumps(plain, indent=2, allow_nan=False))
-        return
-    console = _console()
-    if not names:
-        console.print(_material_overview(chosen), "")
-    for name, entry in chosen.items():
-        console.print(_details(f"{name}: {entry.about}", "number", entry.numbers))
+    _print("material", names, library(), _material_overview, _material_details, as_json)
 
 
-def _console() -> Console:
-    """Return where tables are printed: a pipe, unless told otherwise, has any width."""
-    console = Console()
-    if console.is_terminal or "COLUMNS" in os.environ:
-        return console
-    return Console(width=_ANY_WIDTH)
+def _print(
+    noun: str,
+    names: Sequence[str],
+    presets: Mapping[str, _Preset],
+    overview: Callable[[Mapping[str, _Preset]], Table],
+    details: Callable[[str, _Preset], Iterable[Table]],
+    as_json: bool,
+) -> None:
+    """Print presets as JSON or as tables, with an overview of all of them.
 
-
-def _choose(
-    noun: str, names: Sequence[str], presets: Mapping[str, _Preset]
-) -> dict[str, _Preset]:
+    Raises:
+        click.BadParameter: If there is no preset of a name.
+    """
     for name in names:
         if name not in presets:
             raise click.BadParameter(f"{noun} {expected_one_of(name, presets)}")
-    return {name: presets[name] for name in names or presets}
+    chosen = {name: presets[name] for name in names or presets}
+    if as_json:  # in which infinite numbers are null
+        plain = {n: json.loads(each.model_dump_json()) for n, each in chosen.items()}
+        click.echo(json.dumps(plain, indent=2, allow_nan=False))
+        return
+    console = Console()
+    if not console.is_terminal and "COLUMNS" not in os.environ:
+        console = Console(width=_ANY_WIDTH)  # for a pipe
+    if not names:
+        console.print(overview(chosen), "")
+    for name, each in chosen.items():
+        for table in details(name, each):
+            console.print(table)
+
+
+def _overview(*columns: str, numbers: Collection[str] = ()) -> Table:
+    """Return an empty table; columns of numbers are on the right."""
+    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    for column in columns:
+        is_short = column in ("name", "amount", "size m")
+        justify: Any = "right" if column in numbers else "left"
+        table.add_column(column, justify=justify, no_wrap=is_short)
+    return table
 
 
 def _sensor_overview(presets: Mapping[str, SensorPreset]) -> Table:
     """Return a row for each sensor, with the first sentence about it."""
     from radarsim.presets.sensors import load_settings, sensor_presets
 
-    table = Table(box=None, pad_edge=False, collapse_padding=True)
-    table.add_column("name", no_wrap=True)
-    table.add_column("medium")
-    for column in ("beams", "fov °", "step °", "range m"):
-        table.add_column(column, justify="right")
-    table.add_column("about")
+    numeric = ("beams", "fov °", "step °", "range m")
+    table = _overview("name", "medium", *numeric, "about", numbers=numeric)
     for name, preset in presets.items():
         sentence = preset.about.partition(". ")[0].rstrip(".")
         if name not in sensor_presets():  # no scanner
@@ -142,12 +138,8 @@ def _material_overview(entries: Mapping[str, LibraryEntry]) -> Table:
     from radarsim.presets.sensor_settings import BANDS_GHZ
     from radarsim.scene.material import library_material
 
-    table = Table(box=None, pad_edge=False, collapse_padding=True)
-    table.add_column("name", no_wrap=True)
-    for column in (*(f"{band} GHz dB/m" for band in BANDS_GHZ), "laser dB/m"):
-        table.add_column(column, justify="right")
-    table.add_column("amount", no_wrap=True)
-    table.add_column("about")
+    losses = (*(f"{band} GHz dB/m" for band in BANDS_GHZ), "laser dB/m")
+    table = _overview("name", *losses, "amount", "about", numbers=losses)
     for name, entry in entries.items():
         it = library_material(name)
         radar = [_loss_text(it.density, db, it.radar_mirror) for db in it.radar_db]
@@ -161,12 +153,7 @@ def _material_overview(entries: Mapping[str, LibraryEntry]) -> Table:
 
 def _robot_overview(models: Mapping[str, RobotModel]) -> Table:
     """Return a row for each robot class, with what it carries."""
-    table = Table(box=None, pad_edge=False, collapse_padding=True)
-    table.add_column("name", no_wrap=True)
-    table.add_column("steering")
-    table.add_column("size m", no_wrap=True)
-    table.add_column("items")
-    table.add_column("about")
+    table = _overview("name", "steering", "size m", "items", "about")
     for name, model in models.items():
         types = list(dict.fromkeys(item.type for item in model.items))
         size = " x ".join(f"{length:g}" for length in model.dimensions)
@@ -177,18 +164,16 @@ def _robot_overview(models: Mapping[str, RobotModel]) -> Table:
     return table
 
 
-def _robot_details(name: str, model: RobotModel) -> Table:
-    """Return a row for each key of a robot class, with its source."""
-    table = Table(title=f"{name}: {model.about}", title_justify="left")
-    for column in ("key", "value", "confidence", "source"):
-        table.add_column(column, overflow="fold")
+def _robot_details(name: str, model: RobotModel) -> Iterator[Table]:
+    """Yield a table with a row for each key of a robot class, with its source."""
+    rows: list[tuple[str, ...]] = []
     sources = {key: source for source in model.sources for key in source.of}
     keys = model.model_dump(exclude_unset=True, exclude={"name", "about", "sources"})
     for key, value in keys.items():
         source = sources.get(key)
         origin = (source.confidence, source.source) if source else ("", "")
-        table.add_row(key, _value_text(value), *origin)
-    return table
+        rows.append((key, _value_text(value), *origin))
+    yield _sourced(f"{name}: {model.about}", "key", rows)
 
 
 def _value_text(value: Any) -> str:
@@ -208,14 +193,32 @@ def _loss_text(density: float, decibels: float, mirror: bool) -> str:
     return f"{decibels:.3g}"
 
 
-def _details(title: str, noun: str, numbers: Mapping[Any, SourcedValue]) -> Table:
+def _sensor_details(name: str, preset: SensorPreset) -> Iterator[Table]:
+    yield _numbers(f"{name}: {preset.about}", "setting", preset.settings)
+    if preset.fmcw:
+        title = f"{name}: its FMCW radar, for spectra"
+        yield _numbers(title, "setting", preset.fmcw)
+
+
+def _material_details(name: str, entry: LibraryEntry) -> Iterator[Table]:
+    yield _numbers(f"{name}: {entry.about}", "number", entry.numbers)
+
+
+def _numbers(title: str, noun: str, numbers: Mapping[Any, SourcedValue]) -> Table:
     """Return a row for each number of a preset, with its source."""
-    table = Table(title=title, title_justify="left")
-    for column in (noun, "value", "confidence", "source"):
-        table.add_column(column, overflow="fold")
+    rows = []
     for name, number in numbers.items():
         value = number.value
         if isinstance(value, dict):
             value = ", ".join(f"{db:g} at {band} GHz" for band, db in value.items())
-        table.add_row(name, str(value), number.confidence, number.source)
+        rows.append((name, str(value), number.confidence, number.source))
+    return _sourced(title, noun, rows)
+
+
+def _sourced(title: str, noun: str, rows: Iterable[Sequence[str]]) -> Table:
+    table = Table(title=title, title_justify="left")
+    for column in (noun, "value", "confidence", "source"):
+        table.add_column(column, overflow="fold")
+    for row in rows:
+        table.add_row(*row)
     return table

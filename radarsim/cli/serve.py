@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 import click
 from annotated_types import Ge, Gt
 
 from radarsim.cli.command import PlansOf
-from radarsim.cli.fields import MapName, Port, Seed
+from radarsim.cli.fields import MapName, Seed
 from radarsim.cli.output import print_now, start_log
 from radarsim.cli.server_options import (
     EXTENSIONS,
@@ -29,14 +29,6 @@ from radarsim.cli.server_options import (
 )
 from radarsim.errors import join_address
 from radarsim.plans import RARE, Option
-from radarsim.processes import exit_immediately
-
-if TYPE_CHECKING:
-    from radarsim.server.host import Host
-    from radarsim.server.image_server import ImageServer
-    from radarsim.server.question_server import QuestionServer
-    from radarsim.server.radio_server import RadioServer
-    from radarsim.server.tcp_server import Companion
 
 log = logging.getLogger("radarsim.server")
 
@@ -79,10 +71,6 @@ def serve(
     *,
     seed: Seed = 0,
     speed: Annotated[float, Gt(0)] = 1.0,
-    image_port: Annotated[Port | None, RARE] = None,
-    truth_port: Annotated[Port | None, RARE] = None,
-    wireless_port: Annotated[Port | None, RARE] = None,
-    wss_port: Annotated[Port | None, RARE] = None,
     max_clients: Annotated[int, Ge(1), RARE] = DEFAULT_MAX_CLIENTS,
     config: Annotated[Path | None, Option(is_config_file=True)] = None,  # noqa: ARG001 - read while words are parsed
     log_options: LogOptions,
@@ -96,14 +84,6 @@ def serve(
         options: How the server speaks.
         seed: Seed of all random numbers.
         speed: Simulated seconds per second of real time.
-        image_port: Serve pictures of the first robot's camera on this port as well; the
-            original's is 5003.
-        truth_port: Tell where all robots are on this port as well (USARTruth); the
-            original's is 3989.
-        wireless_port: Answer a wireless server (WSS) on this port as well; the
-            original's is 7435.
-        wss_port: Be a wireless server (WSS) on this port as well, through which robots
-            talk that hear each other; the original's is 50000.
         max_clients: Refuse clients when this many are connected.
         config: YAML file with values of options that are not given, and the map.
         log_options: The log.
@@ -116,14 +96,7 @@ def serve(
     served = ServedMap(map_, options, seed)
     planned = [each.extension(served) for each in extensions]
     beside = [each for each in planned if each is not None]
-    own_ports = {
-        "--port": port,
-        "--image-port": image_port or 0,
-        "--truth-port": truth_port or 0,
-        "--wireless-port": wireless_port or 0,
-        "--wss-port": wss_port or 0,
-    }
-    _check_ports(host, own_ports, beside)  # before imports that take long
+    _check_ports(host, port, beside)  # before imports that take long
     with ExitStack() as until_end:
         for each in beside:
             # Before it opens, so that what it began is ended even if opening fails
@@ -131,17 +104,12 @@ def serve(
             until_end.callback(each.close)
             each.open()
         log_options.start()
-        simulated = load_host(map_, options.config(), seed=seed, begins=False)
+        simulated = load_host(map_, options.config(), seed=seed)
         for each in beside:
             each.attach(simulated)
         from radarsim.server.tcp_server import Server
         from radarsim.server.tcp_server import serve as serve_until_signal
 
-        own = _own_servers(simulated, image_port, truth_port, wireless_port)
-        if wss_port is not None:
-            from radarsim.server.radio_server import RadioServer
-
-            own["wss"] = RadioServer(port=wss_port)
         most = _permitted_clients(max_clients)
         server = Server(simulated, speed=speed, max_clients=most)
         for each in beside:
@@ -151,31 +119,20 @@ def serve(
             announce(address)
             for other in listener.host[1:]:
                 print_now(f"radarsim: listening on {join_address(other, address[1])}")
-            for name, each in own.items():
-                first, own_port = each.address
-                for at in (first, *listener.host[1:]):
-                    print_now(f"radarsim: {name} on {join_address(at, own_port)}")
             for extension in beside:
                 extension.announce(address)
 
-        companions: list[Companion] = [*own.values(), *beside]
-        serving = serve_until_signal(server, host, port, announce_all, companions)
-        ports = own_ports | {k: v for each in beside for k, v in each.ports.items()}
-        with cure_of_port(ports):
-            code = asyncio.run(serving)
-    if server.is_loading:  # Python would crash while it shuts down around the thread
-        exit_immediately(code)
-    return code
+        serving = serve_until_signal(server, host, port, announce_all, beside)
+        with cure_of_port({k: v for each in beside for k, v in each.ports.items()}):
+            return asyncio.run(serving)
 
 
-def _check_ports(
-    host: str, own: Mapping[str, int], beside: Iterable[ServeExtension]
-) -> None:
+def _check_ports(host: str, port: int, beside: Iterable[ServeExtension]) -> None:
     """Check that all ports differ, and are free.
 
     Args:
         host: Address to listen on.
-        own: Ports there, by their options; 0 where any will do, or none is needed.
+        port: Port of the robots; 0 where any will do.
         beside: What else has ports.
 
     Raises:
@@ -184,18 +141,18 @@ def _check_ports(
     """
     from radarsim.listening import check_port
 
-    places = [(option, host, port) for option, port in own.items()]
+    places = [("--port", host, port)]
     for each in beside:
-        places += [(o, each.address or host, port) for o, port in each.ports.items()]
+        places += [(o, each.address or host, at) for o, at in each.ports.items()]
     taken: dict[int, str] = {}
-    for option, _, port in places:
-        if port and port in taken:
-            text = f"{port} is the port of {taken[port]}, expected another one"
+    for option, _, number in places:
+        if number and number in taken:
+            text = f"{number} is the port of {taken[number]}, expected another one"
             raise click.BadParameter(text, param_hint=option)
-        taken[port] = option
-    with cure_of_port({option: port for option, _, port in places}):
-        for _, address, port in places:
-            check_port(address, port)
+        taken[number] = option
+    with cure_of_port({option: number for option, _, number in places}):
+        for _, address, number in places:
+            check_port(address, number)
 
 
 def _permitted_clients(wanted: int) -> int:
@@ -216,51 +173,3 @@ def _permitted_clients(wanted: int) -> int:
         wanted,
     )
     return most
-
-
-def make_image_server(host: Host, port: int | None) -> ImageServer | None:
-    """Create the server of pictures.
-
-    Args:
-        host: The host whose simulation is seen.
-        port: Port to listen on; 0 for a free one, None for no pictures.
-    """
-    if port is None:
-        return None
-    from radarsim.server.image_server import ImageServer, PictureProcess
-
-    pictures = PictureProcess(host.scene, host.config.dialect.image_type)
-    return ImageServer(pictures, port=port)
-
-
-def _own_servers(
-    host: Host,
-    image_port: int | None,
-    truth_port: int | None,
-    wireless_port: int | None,
-) -> dict[str, ImageServer | QuestionServer | RadioServer]:
-    """Create the servers of pictures and of questions, by what they serve.
-
-    Args:
-        host: The host whose simulation they show.
-        image_port: Port of the pictures; 0 for a free one, None for no pictures.
-        truth_port: Port of true poses, likewise.
-        wireless_port: Port for a wireless server, likewise.
-    """
-    servers: dict[str, ImageServer | QuestionServer | RadioServer] = {}
-    images = make_image_server(host, image_port)
-    if images is not None:
-        servers["images"] = images
-    if truth_port is None and wireless_port is None:
-        return servers
-    from radarsim.server.question_server import QuestionServer
-    from radarsim.server.questions import truth_answer, wireless_answer
-
-    dialect = host.config.dialect
-    if truth_port is not None:
-        answer = truth_answer(dialect)
-        servers["truth"] = QuestionServer(answer, port=truth_port)
-    if wireless_port is not None:
-        answer = wireless_answer(dialect)
-        servers["wireless"] = QuestionServer(answer, port=wireless_port)
-    return servers

@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from radarsim.server.host import Host
     from radarsim.server.pace import Pace
     from radarsim.simulation.config import SimulationConfig
-    from radarsim.simulation.simulation import Simulation
 
 EXTENSIONS: Final = "radarsim.serve"  # group of entries
 
@@ -150,7 +149,7 @@ class ServeExtension:
         """Prepare before the map is read, which may take long."""
 
     def attach(self, host: Host) -> None:
-        """Use the host, whose simulation has not begun."""
+        """Use the host, whose simulated time does not pass yet."""
 
     def follow_pace(self, pace: Pace) -> None:
         """Use what paces simulated time; only in the event loop, once that runs."""
@@ -167,9 +166,6 @@ class ServeExtension:
 
     def announce(self, address: tuple[str, int]) -> None:
         """Tell that clients can connect; to the server, at host and port."""
-
-    async def begin(self, simulation: Simulation) -> None:
-        """Use the simulation, which has begun."""
 
     async def stop(self) -> None:
         """End what ``start`` has begun; never raises."""
@@ -207,16 +203,13 @@ def cure_of_port(options: Mapping[str, int | None]) -> Iterator[None]:
         raise ServerError(f"{error}; {option} 0 takes a free one") from None
 
 
-def load_host(
-    map_: str, config: SimulationConfig, *, seed: int, begins: bool = True
-) -> Host:
+def load_host(map_: str, config: SimulationConfig, *, seed: int) -> Host:
     """Load a map and create the server's host.
 
     Args:
         map_: Name of a map, or path of a map file.
         config: Dialect and settings of items.
         seed: Seed of the simulation.
-        begins: Whether the simulation begins at once.
 
     Raises:
         MapError: If the map is wrong.
@@ -228,7 +221,7 @@ def load_host(
     # Before the map: a large one takes long to read, and settings do not depend on it.
     check_item_settings(config)
     scene = load_map(map_)
-    return Host(scene, config=config, seed=seed, begins=begins)
+    return Host(scene, config=config, seed=seed)
 
 
 def check_item_settings(config: SimulationConfig) -> None:

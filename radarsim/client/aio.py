@@ -8,13 +8,12 @@ from typing import Any, Generic, Self, TypeVar
 from radarsim.client import session as questions
 from radarsim.client.requests import Exchange, Requests
 from radarsim.client.robot_info import RobotInfo
-from radarsim.client.session import SETTING, PoseLike, Session, check_timeout
+from radarsim.client.session import PoseLike, Session, check_timeout
 from radarsim.client.transport import (
     CHUNK,
     CLOSED,
     SHORTEST_WAIT,
     STUCK,
-    log_wait,
     lost,
     no_server,
 )
@@ -75,7 +74,7 @@ class AsyncClient:
         self._reader = reader
         self._writer = writer
         loop = asyncio.get_running_loop()
-        self._requests = Requests(loop.time, timeout=timeout, notify=log_wait)
+        self._requests = Requests(loop.time, timeout=timeout)
         self._reading: asyncio.Event | None = None  # set when a read has ended
 
     @classmethod
@@ -133,15 +132,13 @@ class AsyncClient:
         self, kind: str, name: str | None = None, *, robot: str | None = None
     ) -> Report:
         """See ``Client.geometry``."""
-        question = questions.geometry(kind, name, robot)
-        return await self._run(self._requests.describe(question))
+        return await self._run(self._requests.geometry(kind, name, robot))
 
     async def configuration(
         self, kind: str, name: str | None = None, *, robot: str | None = None
     ) -> Report:
         """See ``Client.configuration``."""
-        question = questions.configuration(kind, name, robot)
-        return await self._run(self._requests.describe(question))
+        return await self._run(self._requests.configuration(kind, name, robot))
 
     async def robot_info(self, *, drive_unit: DriveUnit = "rad_per_s") -> RobotInfo:
         """See ``Client.robot_info``."""
@@ -163,23 +160,19 @@ class AsyncClient:
         clock: bool = False,
     ) -> None:
         """See ``Client.watch``."""
-        await self._run(
-            self._requests.watch(questions.watch(robots, echoes, clock=clock))
-        )
+        await self._run(self._requests.watch(robots, echoes, clock))
 
     async def change_settings(
         self, scanner: str | None = None, /, **settings: Any
     ) -> None:
         """See ``Client.change_settings``."""
-        data = questions.change_settings(scanner, settings)
-        await self._run(self._requests.set_items(SETTING, data))
+        await self._run(self._requests.change_settings(scanner, settings))
 
     async def set_item(
         self, kind: str, name: str | None, opcode: str, params: str = ""
     ) -> None:
         """See ``Client.set_item``."""
-        data = questions.set_item(kind, name, opcode, params)
-        await self._run(self._requests.set_items(opcode, data))
+        await self._run(self._requests.set_item(kind, name, opcode, params))
 
     async def send(self, data: bytes) -> None:
         """See ``Client.send``."""

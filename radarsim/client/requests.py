@@ -17,10 +17,17 @@ is asked for after them shall not be older than the answer.
 """
 
 from collections import deque
-from collections.abc import Callable, Generator, Hashable, Sequence
+from collections.abc import (
+    Callable,
+    Generator,
+    Hashable,
+    Iterable,
+    Mapping,
+    Sequence,
+)
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Final, TypeAlias, TypeVar
+from typing import Any, Final, TypeAlias, TypeVar
 
 from radarsim.client import session as questions
 from radarsim.client.robot_info import RobotInfo, ScannerDescriptions, same_name
@@ -53,9 +60,8 @@ from radarsim.protocol.reports import (
 
 SILENCE_LIMIT: Final = 2.0  # s; many servers do not answer what is optional
 SPAWN_PATIENCE: Final = 2.0  # s until the client asks whether INIT is done
-BUSY_LIMIT: Final = 300.0  # s for which a server may be busy
+BUSY_LIMIT: Final = 60.0  # s for which a server may be busy
 MOST_PASSED: Final = 1000  # reports that are kept while something else is waited for
-BUSY: Final = "waiting up to {:g} s for a {}: the server does not execute INIT yet"
 REFUSED: Final = (
     "the server has no such class, or no free place for it at that start or pose; its"
     " log says which"
@@ -68,29 +74,16 @@ Step: TypeAlias = bytes | float
 Exchange: TypeAlias = Generator[Step, None, Value]
 
 
-@dataclass(frozen=True, slots=True)
-class Wait:
-    """A deadline.
-
-    Attributes:
-        expected: Name of what is waited for.
-        timeout: Length of the wait, s.
-        until: Time of the clock at which it ends, s.
-        hint: Why nothing may have come.
-    """
-
-    expected: str
-    timeout: float
-    until: float
-    hint: str = ""
-
-
 @dataclass(slots=True, eq=False)
 class Waiter:
     """An exchange that waits.
 
     Attributes:
+        expected: Name of what it waits for.
         wanted: Returns whether it waits for a report.
+        timeout: Length of the wait, s.
+        until: Time of the clock at which it ends, s.
+        hint: Why nothing may have come.
         asked: Whether it has sent a question.
         asks_poses: Whether the question, or its end, is one about start poses.
         is_left: Whether it waits no more, though the answer may still come.
@@ -98,7 +91,11 @@ class Waiter:
         report: That report; None before it has come.
     """
 
+    expected: str
     wanted: Callable[[Report], bool]
+    timeout: float
+    until: float
+    hint: str = ""
     asked: bool = False
     asks_poses: bool = False
     is_left: bool = False
@@ -120,7 +117,6 @@ class Requests:
         clock: Callable[[], float],
         *,
         timeout: float,
-        notify: Callable[[str], object] = lambda _: None,
         diagnostics: list[str] | None = None,
     ) -> None:
         """Start a session.
@@ -128,7 +124,6 @@ class Requests:
         Args:
             clock: Returns the time of the transport's clock, s.
             timeout: Default timeout, s.
-            notify: Called with what is waited for, when that takes long.
             diagnostics: Gets a text for each command without effect, where the
                 transport knows of it; emptied before a robot is requested.
 
@@ -141,7 +136,6 @@ class Requests:
         self.has_robot = False
         self._clock = clock
         self._class_name = ""  # of the robot that the client has
-        self._notify = notify
         self._diagnostics = [] if diagnostics is None else diagnostics
         # Unanswered questions about start poses, in order: some servers know none.
         self._poses_asked: deque[Waiter] = deque(maxlen=MOST_PASSED)
@@ -188,16 +182,17 @@ class Requests:
         """Return the greeting; wait for it if it has not come yet."""
         if self.session.greeting is None:
             question = questions.greeting()
-            yield from self._skip(question.accepts, self._wait(question.what, None))
+            yield from self._skip(self._waiter(question.what, question.accepts))
         assert self.session.greeting is not None
         return self.session.greeting
 
     def start_poses(self, timeout: float | None = None) -> Exchange[dict[str, Pose3]]:
         """Request the start poses of the map."""
         question = questions.start_poses()
-        waiter = Waiter(question.accepts, asked=True, asks_poses=True)
-        wait = self._wait(question.what, timeout)
-        answer = yield from self._await(waiter, wait, question.data)
+        waiter = self._waiter(
+            question.what, question.accepts, timeout, asked=True, asks_poses=True
+        )
+        answer = yield from self._await(waiter, question.data)
         assert isinstance(answer, StartPoses)
         self._starts = dict(answer.poses)
         return self._starts.copy()
@@ -236,9 +231,8 @@ class Requests:
         self._pending.clear()
         self.session.scans.clear()  # another robot's
         self.session.newest.clear()
-        first = yield from self._wait_for_robot(
-            question, Wait(question.what, limit, until), may_be_busy=timeout is None
-        )
+        waiter = Waiter(question.what, question.accepts, limit, until)
+        first = yield from self._wait_for_robot(waiter, may_be_busy=timeout is None)
         self._pending.insert(0, first)
         self._class_name = class_name
 
@@ -279,9 +273,7 @@ class Requests:
             raise ClientError(f"start {expected_one_of(wanted, self._starts)}")
         return wanted
 
-    def _wait_for_robot(
-        self, question: Question, wait: Wait, *, may_be_busy: bool
-    ) -> Exchange[Report]:
+    def _wait_for_robot(self, waiter: Waiter, *, may_be_busy: bool) -> Exchange[Report]:
         """Return the first report of a robot, for which INIT has been sent.
 
         A server does not report that it has no place for a robot. But it executes
@@ -289,55 +281,57 @@ class Requests:
         done, which takes a while where the machine is busy.
 
         Args:
-            question: INIT.
-            wait: How long to wait.
+            waiter: Waits for the robot.
             may_be_busy: Whether to wait longer for a busy server: a limit that the
                 caller has set is kept.
         """
         # Of a short timeout, half is left for the question that tells why nothing
         # comes.
         now = self._clock()
-        patience = min(SPAWN_PATIENCE, (wait.until - now) / 2)
+        patience = min(SPAWN_PATIENCE, (waiter.until - now) / 2)
         with suppress(ClientTimeout):
-            early = Wait(question.what, patience, now + patience)
-            return (yield from self._skip(question.accepts, early))
+            early = replace(waiter, timeout=patience, until=now + patience)
+            return (yield from self._skip(early))
         if self._diagnostics:
             reason = "; ".join(self._diagnostics)
-            raise ClientTimeout(f"no {question.what}: {reason}")
+            raise ClientTimeout(f"no {waiter.expected}: {reason}")
 
         def is_news(report: Report) -> bool:
-            return question.accepts(report) or isinstance(report, StartPoses)
+            return waiter.wanted(report) or isinstance(report, StartPoses)
 
-        has_answered = not self._poses_asked
-        waiter = Waiter(is_news, asks_poses=True)
-        data = questions.start_poses().data
-        try:
-            report = yield from self._await(waiter, replace(wait, hint=LATE), data)
-        except ClientTimeout:
-            # One that has greeted, and answered all before INIT, is at work on INIT.
-            answers = self.session.greeting is not None and has_answered
-            if not (may_be_busy and answers and wait.timeout < BUSY_LIMIT):
-                raise
-            self._notify(BUSY.format(BUSY_LIMIT, question.what))
-            until = wait.until + BUSY_LIMIT - wait.timeout
-            longer = Wait(question.what, BUSY_LIMIT, until, LATE)
-            report = yield from self._await(waiter, longer)
-            wait = longer
-        if question.accepts(report):
+        news = replace(waiter, wanted=is_news, hint=LATE, asks_poses=True)
+        # One that has greeted, and answered all before INIT, is at work on INIT.
+        if may_be_busy and self.session.greeting and not self._poses_asked:
+            news = replace(news, timeout=BUSY_LIMIT, until=now + BUSY_LIMIT)
+        report = yield from self._await(news, questions.start_poses().data)
+        if waiter.wanted(report):
             return report
         # INIT is done, and there are still no reports of a robot: if it is there, they
         # come soon, however long the caller would wait for a busy server.
-        last = self._wait(question.what, None)
-        wait = min(wait, last, key=lambda each: each.until)
-        return (yield from self._skip(question.accepts, replace(wait, hint=REFUSED)))
+        last = self._waiter(waiter.expected, waiter.wanted, hint=REFUSED)
+        if self._clock() < waiter.until:
+            in_time = replace(waiter, hint=REFUSED)
+            last = min(last, in_time, key=lambda each: each.until)
+        return (yield from self._skip(last))
 
     def ask(self, question: Question, timeout: float | None = None) -> Exchange[Report]:
         """Send a question and return its answer."""
-        wait = self._wait(question.what, timeout)
-        waiter = Waiter(question.accepts, asked=True)
-        return (yield from self._await(waiter, wait, question.data))
+        waiter = self._waiter(question.what, question.accepts, timeout, asked=True)
+        return (yield from self._await(waiter, question.data))
 
-    def describe(self, question: Question) -> Exchange[Report]:
+    def geometry(
+        self, kind: str, name: str | None, robot: str | None
+    ) -> Exchange[Report]:
+        """Request the robot's dimensions or the mounts of items."""
+        return self._describe(questions.geometry(kind, name, robot))
+
+    def configuration(
+        self, kind: str, name: str | None, robot: str | None
+    ) -> Exchange[Report]:
+        """Request settings."""
+        return self._describe(questions.configuration(kind, name, robot))
+
+    def _describe(self, question: Question) -> Exchange[Report]:
         """Ask about the client's robot or another one; return what is told of it."""
         answer = yield from self.ask(question)
         if isinstance(answer, CommandError):
@@ -365,8 +359,8 @@ class Requests:
 
         if not have_scanned():  # the beams of a scan can be counted
             with suppress(ClientTimeout):
-                wait = self._wait("scans", SILENCE_LIMIT)
-                yield from self._await(Waiter(is_last_scan, asked=True), wait)
+                waiter = self._waiter("scans", is_last_scan, SILENCE_LIMIT, asked=True)
+                yield from self._await(waiter)
         scanners = descriptions.scanners(self.session.scans)
         return RobotInfo.from_reports(geo, conf, scanners, drive_unit)
 
@@ -379,22 +373,37 @@ class Requests:
             text = f"{error}, expected to send {line[:80]!r}"
             raise ClientError(f"{text}, {self._describe_last_line()}") from None
 
-    def watch(self, data: bytes) -> Exchange[None]:
+    def watch(
+        self,
+        robots: str | Iterable[str] | None,
+        echoes: bool | str | Iterable[str],
+        clock: bool,
+    ) -> Exchange[None]:
         """Send ``WATCH`` and wait for its answer, which can still be read."""
 
         def accepts(report: Report) -> bool:
             return isinstance(report, Watching | CommandError)
 
+        data = questions.watch(robots, echoes, clock=clock)
         answer = yield from self.ask(Question(data, "answer to WATCH", accepts))
         if isinstance(answer, CommandError):
             raise ClientError(answer.text)
         self._pending.insert(0, answer)
 
-    def set_items(self, opcode: str, data: bytes) -> Exchange[None]:
+    def set_item(
+        self, kind: str, name: str | None, opcode: str, params: str
+    ) -> Exchange[None]:
         """Send an opcode; raise what the server has against settings."""
-        if opcode.upper() != SETTING:
-            yield from self.send(data)
-            return
+        data = questions.set_item(kind, name, opcode, params)
+        return self._change(data) if opcode.upper() == SETTING else self.send(data)
+
+    def change_settings(
+        self, scanner: str | None, settings: Mapping[str, Any]
+    ) -> Exchange[None]:
+        """Change settings; raise what the server has against them."""
+        return self._change(questions.change_settings(scanner, settings))
+
+    def _change(self, data: bytes) -> Exchange[None]:
         refusals: list[str] = []
 
         def accepts(report: Report) -> bool:
@@ -408,18 +417,20 @@ class Requests:
 
         # Only errors are told. But commands are executed in their order: the answer to
         # a question after them tells that the settings hold.
-        waiter = Waiter(accepts, asked=True, asks_poses=True, ends=ends)
-        wait = self._wait("answer after SET SETTING", None)
-        yield from self._await(waiter, wait, data + questions.start_poses().data)
+        waiter = self._waiter(
+            "answer after SET SETTING", accepts, asked=True, asks_poses=True
+        )
+        waiter.ends = ends
+        yield from self._await(waiter, data + questions.start_poses().data)
         if refusals:
             raise ClientError("; ".join(refusals))
 
     def read(self, timeout: float | None) -> Exchange[list[Report]]:
         """Return the reports that were kept, or else the next ones."""
-        wait = self._wait("report", timeout)
         first = []
         if not self._passed and not self._pending:
-            first = [(yield from self._await(Waiter(lambda _: True), wait))]
+            waiter = self._waiter("report", lambda _: True, timeout)
+            first = [(yield from self._await(waiter))]
         reports = [*first, *self._passed, *self._pending]
         self._passed, self._pending = [], []
         return reports
@@ -442,7 +453,7 @@ class Requests:
             return name is None or getattr(report, "name", None) == name
 
         answer = kind.__name__ if name is None else f"{kind.__name__} of {name!r}"
-        report = yield from self._skip(accepts, self._wait(answer, timeout))
+        report = yield from self._skip(self._waiter(answer, accepts, timeout))
         assert isinstance(report, kind)
         return report
 
@@ -470,15 +481,16 @@ class Requests:
             return not missing
 
         # Both at once: a server that answers neither costs one wait instead of two.
-        waiter = Waiter(accepts, asked=True, ends=complete)
+        waiter = self._waiter(
+            "scanners", accepts, SILENCE_LIMIT, asked=True, ends=complete
+        )
         with suppress(ClientTimeout):
-            wait = self._wait("scanners", SILENCE_LIMIT)
-            yield from self._await(waiter, wait, geometry.data + configuration.data)
+            yield from self._await(waiter, geometry.data + configuration.data)
 
-    def _skip(self, wanted: Callable[[Report], bool], wait: Wait) -> Exchange[Report]:
+    def _skip(self, waiter: Waiter) -> Exchange[Report]:
         """Return the first report that is wanted; keep the others."""
-        passed = list(filter(wanted, self._passed))
-        fresh = list(filter(wanted, self._pending))
+        passed = list(filter(waiter.wanted, self._passed))
+        fresh = list(filter(waiter.wanted, self._pending))
         if current := without_outdated(passed, fresh):
             report = current[0]
             self._passed = [each for each in self._passed if each is not report]
@@ -488,12 +500,12 @@ class Requests:
             self._passed += self._pending[:i]
             del self._pending[: i + 1]
         else:
-            report = yield from self._await(Waiter(wanted), wait)
+            report = yield from self._await(waiter)
         # What was passed over is not returned after what is newer.
         self._passed = [each for each in self._passed if not is_older(each, report)]
         return report
 
-    def _await(self, waiter: Waiter, wait: Wait, data: bytes = b"") -> Exchange[Report]:
+    def _await(self, waiter: Waiter, data: bytes = b"") -> Exchange[Report]:
         """Send data, if any, and return the report that ends the wait."""
         self._passed += self._pending
         self._pending = []
@@ -509,13 +521,13 @@ class Requests:
             is_late = False
             while waiter.report is None:
                 if is_late:  # while other lines keep coming
-                    raise self._timeout(wait)
-                yield wait.until - self._clock()
-                is_late = self._clock() >= wait.until
+                    raise self._timeout(waiter)
+                yield waiter.until - self._clock()
+                is_late = self._clock() >= waiter.until
         except TimeoutError:
-            raise self._timeout(wait) from None
+            raise self._timeout(waiter) from None
         except ConnectionError as error:
-            text = f"{error}, expected {wait.expected}"
+            text = f"{error}, expected {waiter.expected}"
             raise ClientError(f"{text}, {self._describe_last_line()}") from None
         except GeneratorExit:
             # It was cancelled when the report had come, but nobody has got it.
@@ -527,13 +539,19 @@ class Requests:
             waiter.is_left = True
         return waiter.report
 
-    def _wait(self, expected: str, timeout: float | None) -> Wait:
+    def _waiter(
+        self,
+        expected: str,
+        wanted: Callable[[Report], bool],
+        timeout: float | None = None,
+        **more: Any,
+    ) -> Waiter:
         seconds = self.timeout if timeout is None else timeout
-        return Wait(expected, seconds, self._clock() + seconds)
+        return Waiter(expected, wanted, seconds, self._clock() + seconds, **more)
 
-    def _timeout(self, wait: Wait) -> ClientTimeout:
-        text = f"no {wait.expected} within {wait.timeout:g} s"
-        hint = wait.hint and f"; {wait.hint}"
+    def _timeout(self, waiter: Waiter) -> ClientTimeout:
+        text = f"no {waiter.expected} within {waiter.timeout:g} s"
+        hint = waiter.hint and f"; {waiter.hint}"
         return ClientTimeout(f"{text}, {self._describe_last_line()}{hint}")
 
     def _describe_last_line(self) -> str:

@@ -8,13 +8,8 @@ from typing import Any, Self, TypeVar
 from radarsim.client import session as questions
 from radarsim.client.requests import Exchange, Requests
 from radarsim.client.robot_info import RobotInfo
-from radarsim.client.session import SETTING, PoseLike, Session
-from radarsim.client.transport import (
-    DiagnosingTransport,
-    SocketTransport,
-    Transport,
-    log_wait,
-)
+from radarsim.client.session import PoseLike, Session
+from radarsim.client.transport import SocketTransport, Transport
 from radarsim.errors import ClientError
 from radarsim.geometry import Pose3
 from radarsim.protocol.dialect import DriveUnit
@@ -52,14 +47,11 @@ class Client:
             ValueError: If the timeout is not above 0.
         """
         self.transport = transport
-        diagnostics = None
-        if isinstance(transport, DiagnosingTransport):
-            diagnostics = transport.diagnostics
         self._requests = Requests(
             transport.time,
             timeout=timeout,
-            notify=log_wait,
-            diagnostics=diagnostics,
+            # Why commands had no effect, which some transports know.
+            diagnostics=getattr(transport, "diagnostics", None),
         )
         self._condition = threading.Condition()
         self._is_receiving = False
@@ -114,7 +106,7 @@ class Client:
 
         A server does not report a failure: without such a class, or without a free
         place, no report comes. As long as a busy server answers nothing that is sent
-        after the request, the client waits up to 300 s, and logs that it does.
+        after the request, the client waits up to 60 s.
 
         Args:
             class_name: Class of the robot, such as ``P3AT``.
@@ -149,8 +141,7 @@ class Client:
         Returns:
             A ``RobotGeo`` or an ``ItemGeo``.
         """
-        question = questions.geometry(kind, name, robot)
-        return self._run(self._requests.describe(question))
+        return self._run(self._requests.geometry(kind, name, robot))
 
     def configuration(
         self, kind: str, name: str | None = None, *, robot: str | None = None
@@ -160,8 +151,7 @@ class Client:
         Returns:
             A ``RobotConf``, a ``ScannerConf`` or another report named ``...Conf``.
         """
-        question = questions.configuration(kind, name, robot)
-        return self._run(self._requests.describe(question))
+        return self._run(self._requests.configuration(kind, name, robot))
 
     def robot_info(self, *, drive_unit: DriveUnit = "rad_per_s") -> RobotInfo:
         """Request the robot's dimensions and limits and its scanners.
@@ -210,7 +200,7 @@ class Client:
                 not answer.
             ValueError: If a name is empty, or has a comma.
         """
-        self._run(self._requests.watch(questions.watch(robots, echoes, clock=clock)))
+        self._run(self._requests.watch(robots, echoes, clock))
 
     def change_settings(self, scanner: str | None = None, /, **settings: Any) -> None:
         """Change settings of a scanner of the client's robot, from its next scan on.
@@ -225,8 +215,7 @@ class Client:
             ClientError: If there is no such scanner or setting, or a value is refused.
             ValueError: If there are none, or a text cannot be written on a line.
         """
-        data = questions.change_settings(scanner, settings)
-        self._run(self._requests.set_items(SETTING, data))
+        self._run(self._requests.change_settings(scanner, settings))
 
     def set_item(
         self, kind: str, name: str | None, opcode: str, params: str = ""
@@ -235,8 +224,7 @@ class Client:
 
         ``SETTING`` is waited for, as in ``change_settings``.
         """
-        data = questions.set_item(kind, name, opcode, params)
-        self._run(self._requests.set_items(opcode, data))
+        self._run(self._requests.set_item(kind, name, opcode, params))
 
     def send(self, data: bytes) -> None:
         """Send whole lines as they are, and wait for no answer.

@@ -5,13 +5,12 @@ client and server take turns in one process. Timeouts of clients use only this c
 """
 
 import errno
-import logging
 import selectors
 import socket
 import threading
 import time
 from contextlib import suppress
-from typing import Final, Protocol, runtime_checkable
+from typing import Protocol
 
 from radarsim.client.session import check_timeout
 from radarsim.errors import (
@@ -21,8 +20,6 @@ from radarsim.errors import (
     join_address,
 )
 
-logger: Final = logging.getLogger(__name__)
-
 SHORTEST_WAIT = 0.001  # s; with 0 even data that has arrived would not be read
 CHUNK = 65536  # bytes
 CLOSE_GRACE = 0.2  # s in which a server can read what was sent last
@@ -30,11 +27,6 @@ LOCAL_HOSTS = ("", "localhost", "0.0.0.0", "::", "::1")
 DEFAULT_PORT = 3000  # of USARSim
 CLOSED = "the connection is closed"
 STUCK = "the server takes nothing any more"
-
-
-def log_wait(text: str) -> None:
-    """Log that something is waited for, and how long."""
-    logger.warning("%s", text)
 
 
 def no_server(host: str, port: int, error: OSError | UnicodeError) -> ClientError:
@@ -90,17 +82,6 @@ class Transport(Protocol):
 
         Further calls have no effect.
         """
-
-
-@runtime_checkable
-class DiagnosingTransport(Protocol):
-    """A transport that knows why commands had no effect, which servers do not tell.
-
-    Attributes:
-        diagnostics: Newest texts on commands without effect; the client empties it.
-    """
-
-    diagnostics: list[str]
 
 
 class SocketTransport:

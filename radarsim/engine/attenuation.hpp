@@ -1,9 +1,31 @@
-// The penetration model: the power that a ray loses, and where it ends; see attenuation.py.
+// The penetration model: events along rays, the power that a ray loses, and where it ends; see attenuation.py.
 #pragma once
-#include "crossings.hpp"
-#include "event.hpp"
+#include "intersect.hpp"
 
 namespace radarsim {
+
+enum class Kind : int32_t { // an EventKind
+    START_INSIDE,
+    ENTER,
+    LEAVE,
+    SHEET,
+    HIT,
+    SPENT,
+    OUT_OF_RANGE,
+    MIRRORED,
+    ABSORBED,
+    RAIN,
+    NONE = -1
+};
+
+struct Event { // a row of EVENT
+    int64_t ray;
+    double t; // m from the ray's origin
+    int32_t part;
+    Kind kind;
+    double power, absorbed, x, y, z;
+};
+ROW(Event, ray, t, part, kind, power, absorbed, x, y, z)
 
 constexpr double ROUNDING = 1e-12; // share of the initial power that may be left by rounding
 
@@ -23,11 +45,11 @@ struct Segment {
 
 // A ray at one point; one object serves many rays.
 struct RayState {
-    Room<Crossing> room;           // of the crossings
+    Buffer<Crossing> room;           // of the crossings
     Array<Crossing> crossings;     // of the segment
-    Room<int32_t> winding;         // of each part
+    Buffer<int32_t> winding;         // of each part
     List<int32_t> touched;         // parts whose winding number was changed
-    Room<uint8_t> seen;            // whether a part is among them
+    Buffer<uint8_t> seen;            // whether a part is among them
     List<int32_t> enclosing;       // the parts around the point, last entered last
     Segment segment = {};
     Array<Event> events;           // empty if none are wanted
@@ -90,10 +112,10 @@ inline void record_event(RayState& state, int64_t ray, double t, Kind kind, int6
     state.event_count++;
 }
 
-inline Progress start_ray(int64_t ray, double power, RayState& state) {
-    for (int32_t part : state.enclosing) record_event(state, ray, 0.0, Kind::START_INSIDE, part, power, 0.0);
+inline void start_ray(int64_t ray, Progress& progress, RayState& state) {
+    for (int32_t part : state.enclosing) record_event(state, ray, 0.0, Kind::START_INSIDE, part, progress.power, 0.0);
     // A share of an infinite power is infinite: the ray would be spent at once.
-    return {0.0, power, isfinite(power) ? power * ROUNDING : 0.0, -1};
+    progress.min_power = isfinite(progress.power) ? progress.power * ROUNDING : 0.0;
 }
 
 // The density is summed anew after each crossing: a ray that has left all volumes loses exactly nothing.
@@ -104,9 +126,13 @@ inline double density_around(const RayState& state, const RayCosts& costs) {
 }
 
 // Go from crossing to crossing as far as the power lasts.
-inline Progress advance_ray(int64_t ray, const Progress& progress, const SegmentEnd& limit, const RayCosts& costs,
-                            RayState& state) {
+inline void advance_ray(int64_t ray, const SegmentEnd& limit, const RayCosts& costs, RayState& state,
+                        Progress& progress) {
     double at = progress.t, power = progress.power, min_power = progress.min_power;
+    // Fields one by one, here and elsewhere: a structure that was just written to is slow to copy.
+    auto note = [&](double left, int64_t spent_in) {
+        progress.t = at, progress.power = left, progress.spent_in = spent_in;
+    };
     double density = density_around(state, costs);
     // There is one stretch more than surfaces: the last one ends at the limit.
     for (int64_t i = 0; i <= limit.crossed; i++) {
@@ -115,9 +141,9 @@ inline Progress advance_ray(int64_t ray, const Progress& progress, const Segment
             double left = power - density * (t - at);
             if (left <= min_power) {
                 // Rounding must not carry the end past the next surface.
-                at = least(at + power / density, t);
+                at = minimum(at + power / density, t);
                 int64_t innermost = state.enclosing.size() ? state.enclosing.end()[-1] : costs.air_part;
-                return {at, 0.0, min_power, innermost};
+                return note(0.0, innermost);
             }
             power = left;
         }
@@ -128,7 +154,7 @@ inline Progress advance_ray(int64_t ray, const Progress& progress, const Segment
         Kind kind;
         if (!isnan(loss)) {
             kind = Kind::SHEET;
-            power = most(power - loss, 0.0);
+            power = maximum(power - loss, 0.0);
         } else {
             int change = update_winding(state, crossing.part, crossing.sign);
             kind = change > 0 ? Kind::ENTER : change < 0 ? Kind::LEAVE : Kind::NONE;
@@ -136,10 +162,10 @@ inline Progress advance_ray(int64_t ray, const Progress& progress, const Segment
         if (kind == Kind::NONE) continue;
         // An infinite power minus itself would be NaN.
         record_event(state, ray, at, kind, crossing.part, arriving, power < arriving ? arriving - power : 0.0);
-        if (kind == Kind::SHEET && power <= min_power) return {at, 0.0, min_power, crossing.part};
+        if (kind == Kind::SHEET && power <= min_power) return note(0.0, crossing.part);
         density = density_around(state, costs);
     }
-    return {at, power, min_power, -1};
+    note(power, -1);
 }
 
 // Whether a surface absorbs all the power of a ray.
@@ -165,7 +191,7 @@ inline RayEnd end_ray(int64_t ray, const Progress& progress, const SegmentEnd& e
         record_event(state, ray, at, Kind::ABSORBED, end.part, power, absorption);
         return {t, ABSORBED, end.part, 0.0};
     }
-    double absorbed = least(absorption, power); // rounding can make it greater
+    double absorbed = minimum(absorption, power); // rounding can make it greater
     record_event(state, ray, at, Kind::HIT, end.part, power, absorbed);
     return {t, HIT, end.part, power - absorbed};
 }

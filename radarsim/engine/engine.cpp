@@ -1,28 +1,25 @@
 // The engine: all that is too slow in Python. One library, as C headers compile in seconds.
-#include "beams.hpp"
-#include "beat_signal.hpp"
-#include "detection.hpp"
-#include "echo_lines.hpp"
+#include "directions.hpp"
+#include "echoes.hpp"
 #include "face_passes.hpp"
-#include "footprint_planning.hpp"
 #include "lines.hpp"
 #include "motion.hpp"
 #include "occupancy.hpp"
-#include "rain.hpp"
-#include "ray_fan.hpp"
+#include "path_search.hpp"
 #include "readings.hpp"
 #include "scan_matching.hpp"
 #include "shading.hpp"
-#include "slices.hpp"
+#include "spectra.hpp"
 #include "trace.hpp"
 #include "turn_echoes.hpp"
+#include "walls.hpp"
 
 #define EXPORT extern "C" __attribute__((visibility("default")))
 
 // A description of all functions and structures, as library.py reads it.
 EXPORT const char* radarsim_describe() {
-    static radarsim::door::Text text;
-    if (!text.memory()[0]) radarsim::door::describe_all(text);
+    static radarsim::bindings::Text text;
+    if (!text.memory()[0]) radarsim::bindings::describe_all(text);
     return text.memory();
 }
 

@@ -1,6 +1,6 @@
 // Passes over the faces of triangle meshes; see face_passes.py for the theory.
 #pragma once
-#include "door.hpp"
+#include "bindings.hpp"
 
 namespace radarsim {
 
@@ -67,7 +67,7 @@ inline int64_t merge_vertices(Array<const Vector> positions, Array<const Face> f
     count[0] = vertices;
     return rows;
 }
-DOOR(merge_vertices, "v f s v v f 1")
+BIND(merge_vertices, "v f s v v f 1")
 
 struct Forest { // faces that are connected, as trees
     Array<int32_t> parents;
@@ -155,7 +155,7 @@ inline bool unite_faces(Array<const Face> faces, Array<int32_t> sides, Array<int
     counts[0] = open_edges, counts[1] = unpaired_edges, counts[2] = has_one_side, counts[3] = may_coincide;
     return true;
 }
-DOOR(unite_faces, "f s t 3v f f 4")
+BIND(unite_faces, "f s t 3v f f 4")
 
 // Fill labels, and make flips relative to roots; returns how many components there are.
 inline int64_t label_faces(Array<int32_t> parents, Array<bool> flips, Array<int32_t> labels) {
@@ -168,7 +168,7 @@ inline int64_t label_faces(Array<int32_t> parents, Array<bool> flips, Array<int3
     }
     return components;
 }
-DOOR(label_faces, "f f f")
+BIND(label_faces, "f f f")
 
 inline void measure_components(Array<const Vector> vertices, Array<const Face> faces, Array<const int32_t> labels,
                                Array<const Vector> origins, Array<double> volumes, Array<double> areas,
@@ -179,8 +179,8 @@ inline void measure_components(Array<const Vector> vertices, Array<const Face> f
         const Vector &a = vertices[faces[face][0]], &b = vertices[faces[face][1]], &c = vertices[faces[face][2]];
         for (int axis = 0; axis < 3; axis++) {
             double &low = lows[label][axis], &high = highs[label][axis];
-            low = least(least(low, a[axis], b[axis]), c[axis]);
-            high = most(most(high, a[axis], b[axis]), c[axis]);
+            low = minimum(minimum(low, a[axis], b[axis]), c[axis]);
+            high = maximum(maximum(high, a[axis], b[axis]), c[axis]);
         }
         double volume = 0.0, square = 0.0;
         for (int x = 0; x < 3; x++) {
@@ -195,6 +195,6 @@ inline void measure_components(Array<const Vector> vertices, Array<const Face> f
         areas[label] += sqrt(square) / 2.0;
     }
 }
-DOOR(measure_components, "v f f c c c c c")
+BIND(measure_components, "v f f c c c c c")
 
 } // namespace radarsim

@@ -1,7 +1,172 @@
-// Queries to Embree: what a ray intersects, what is near a point; see embree.py for the theory.
+// Where a line crosses triangles, and queries to Embree: what a ray intersects, what is near a
+// point (see embree.py).
+//
+// The triangle is seen along the line: points are sheared so that the line becomes the third axis. The line crosses
+// the triangle if the origin is inside the triangle's projection onto the first two axes, which is so where it is on
+// the same side of all three edges. The depth of the crossing is interpolated from the depths of the corners.
+//
+// Rule 1: each corner is sheared on its own by the same operations, so that it has one projection, whichever triangle
+// it is taken from.
+//
+// Rule 2: the side of an edge is the sign of a difference of two products. Rounding can make this difference zero, but
+// never reverses its sign; computed for the triangle on the other side of the edge, it is the exact opposite.
+//
+// Rule 3: where it is zero, the line goes through the edge. It is treated as passing beside the edge, displaced by an
+// infinitesimal step along the first axis and a still smaller one along the second, the same for all triangles
+// (simulation of simplicity). Hence a line through an edge or a corner crosses exactly one triangle of a surface, and
+// along any line a closed surface is entered as often as it is left.
+//
+// Rule 4: the depth is a mean of the corners' depths with weights of one sign, so that no grazing line is given a
+// crossing outside the triangle.
 #pragma once
-#include "crossings.hpp"
-#include "embree.hpp"
+#include "bindings.hpp"
+
+namespace radarsim {
+
+constexpr double INFINITESIMAL = 1e-290; // by which a line is displaced from an edge
+constexpr double TINY = 1e-30;           // coordinates below are set to zero
+
+// One surface that a ray crosses.
+struct Crossing {
+    double t;     // m
+    int32_t part;
+    int32_t sign; // added to the part's winding number: 1 on entering, -1 on leaving
+};
+
+// The shear that makes a line the third axis.
+struct Line {
+    int first, second, third; // the axes of space in the order of projection
+    double origin[3];         // m, in that order
+    double shear_first, shear_second;
+    double scale;             // of depths
+};
+
+inline double flush_to_zero(double number) { return fabs(number) < TINY ? 0.0 : number; }
+
+inline Line project_line(const Vector& origin, const Vector& direction) {
+    int third = 0; // the line's steepest axis: no factor below is greater than 1
+    if (fabs(direction[1]) > fabs(direction[third])) third = 1;
+    if (fabs(direction[2]) > fabs(direction[third])) third = 2;
+    Line line;
+    line.first = (third + 1) % 3, line.second = (third + 2) % 3, line.third = third;
+    line.origin[0] = flush_to_zero(origin[line.first]);
+    line.origin[1] = flush_to_zero(origin[line.second]);
+    line.origin[2] = flush_to_zero(origin[third]);
+    line.scale = 1.0 / direction[third];
+    line.shear_first = flush_to_zero(direction[line.first] * line.scale);
+    line.shear_second = flush_to_zero(direction[line.second] * line.scale);
+    return line;
+}
+
+// Twice the signed area of the origin and an edge from a to b: its sign is the side of the edge on
+// which the line passes; it is 0 only for an edge that is seen as a point.
+inline double edge_side(double ax, double ay, double bx, double by) {
+    double area = ax * by - ay * bx;
+    if (area != 0.0) return area;
+    double end = ay != by ? ay : bx, start = ay != by ? by : ax;
+    if (end == start) return 0.0;
+    return end > start ? INFINITESIMAL : -INFINITESIMAL;
+}
+
+// Intersect a line with one triangle. Returns 1 if the line enters by the front face, -1 if it
+// leaves by the back face, 0 if it misses; t is the distance along the line.
+inline int cross_triangle(const Line& line, const Triangle& corners, double& t) {
+    const double* p = corners;
+    int i = line.first, j = line.second, k = line.third;
+    double az = p[k] - line.origin[2], bz = p[k + 3] - line.origin[2], cz = p[k + 6] - line.origin[2];
+    double ax = p[i] - line.origin[0] - line.shear_first * az;
+    double bx = p[i + 3] - line.origin[0] - line.shear_first * bz;
+    double cx = p[i + 6] - line.origin[0] - line.shear_first * cz;
+    double ay = p[j] - line.origin[1] - line.shear_second * az;
+    double by = p[j + 3] - line.origin[1] - line.shear_second * bz;
+    double cy = p[j + 6] - line.origin[1] - line.shear_second * cz;
+    double a = edge_side(bx, by, cx, cy), b = edge_side(cx, cy, ax, ay), c = edge_side(ax, ay, bx, by);
+    double area = a + b + c; // of one sign if the line passes all edges on the same side
+    if (area == 0.0 || (minimum(a, b, c) < 0.0 && maximum(a, b, c) > 0.0)) return 0;
+    t = line.scale * ((a * az + b * bz + c * cz) / area);
+    return (area > 0.0) == (line.scale > 0.0) ? -1 : 1;
+}
+
+// Order by distance; at equal distances by part, and entering before leaving.
+inline bool comes_after(const Crossing& one, const Crossing& other) {
+    if (one.t != other.t) return one.t > other.t;
+    if (one.part != other.part) return one.part > other.part;
+    return one.sign < other.sign;
+}
+
+// Shell's sort with gaps of 3k + 1: most rays have a few crossings.
+inline void sort_crossings(Crossing* crossings, int64_t count) {
+    int64_t gap = 1;
+    while (gap < count / 3) gap = 3 * gap + 1;
+    for (; gap > 0; gap /= 3)
+        for (int64_t start = gap; start < count; start++)
+            for (int64_t i = start; i >= gap && comes_after(crossings[i - gap], crossings[i]); i -= gap) {
+                Crossing kept = crossings[i];
+                crossings[i] = crossings[i - gap];
+                crossings[i - gap] = kept;
+            }
+}
+
+} // namespace radarsim
+
+namespace embree {
+
+constexpr uint32_t INVALID = 0xFFFFFFFF; // Embree's number for "none", and its mask of all bits
+
+struct Ray {
+    float org[3], tnear, dir[3], time, tfar;
+    uint32_t mask, id, flags;
+};
+struct Hit {
+    float ng[3], u, v;
+    uint32_t prim, geom, instance, instance_prim;
+};
+struct alignas(16) RayHit {
+    Ray ray;
+    alignas(16) Hit hit;
+};
+struct Context {
+    uint32_t instance = INVALID, instance_prim = INVALID;
+};
+struct Arguments {
+    uint32_t flags = 0, feature_mask = INVALID;
+    Context* context;
+    void *filter = nullptr, *intersect = nullptr, *room[4] = {};
+};
+struct IntersectCall { // RTCIntersectFunctionNArguments
+    int* valid;
+    void* user_data;
+    uint32_t prim;
+    Context* context;
+    RayHit* ray_hit;
+    uint32_t n, geom;
+};
+struct Bounds {
+    float lower[4], upper[4];
+};
+struct BoundsCall { // RTCBoundsFunctionArguments
+    void* user_data;
+    uint32_t prim, time_step;
+    Bounds* bounds;
+};
+struct alignas(16) PointQuery {
+    float point[3], time, radius;
+};
+struct alignas(16) PointQueryContext {
+    float world2inst[16], inst2world[16];
+    uint32_t room[64]; // zeros: no instances
+};
+struct PointQueryCall { // RTCPointQueryFunctionArguments
+    PointQuery* query;
+    void* user_data;
+    uint32_t prim, geom;
+};
+
+using Intersect1 = void (*)(void* scene, RayHit*, Arguments*);
+using PointQueryFunction = bool (*)(PointQueryCall*);
+using RunPointQuery = bool (*)(void* scene, PointQuery*, PointQueryContext*, PointQueryFunction, void*);
+
+} // namespace embree
 
 namespace radarsim {
 
@@ -30,11 +195,6 @@ struct SceneHandle {
     const Hierarchy& operator[](int64_t row) const { return *reinterpret_cast<const Hierarchy*>(addresses[row]); }
 };
 LAYOUT(SceneHandle, "h h s", intersect, point_query, addresses, heights, sliced, radius, margin)
-
-// The part of a line to be searched, m; the window begins at the first collected surface.
-struct Interval {
-    double near, far, window;
-};
 
 // One query. Embree hands its context to the callback, which finds the rest behind it.
 struct Query {
@@ -74,7 +234,7 @@ inline void on_primitive(embree::IntersectCall* call) {
     }
     case COLLECT:
         // The window begins at the nearest surface, which need not be found first.
-        far = least(far, t + query.window);
+        far = minimum(far, t + query.window);
         if (query.count < query.crossings.size()) query.crossings[query.count] = {t, int32_t(part), sign};
         query.count++; // also what does not fit: the caller allocates a longer list
         break;
@@ -99,8 +259,8 @@ inline void on_bounds(embree::BoundsCall* call) {
     const auto& [triangles, margin] = *static_cast<const BoundedTriangles*>(call->user_data);
     const double* p = triangles[call->prim];
     for (int axis = 0; axis < 3; axis++) {
-        call->bounds->lower[axis] = float(least(p[axis], p[axis + 3], p[axis + 6]) - margin);
-        call->bounds->upper[axis] = float(most(p[axis], p[axis + 3], p[axis + 6]) + margin);
+        call->bounds->lower[axis] = float(minimum(p[axis], p[axis + 3], p[axis + 6]) - margin);
+        call->bounds->upper[axis] = float(maximum(p[axis], p[axis + 3], p[axis + 6]) + margin);
     }
 }
 
@@ -109,7 +269,7 @@ inline void get_callbacks(Array<int64_t> addresses) {
     addresses[0] = reinterpret_cast<int64_t>(&on_bounds);
     addresses[1] = reinterpret_cast<int64_t>(&on_primitive);
 }
-DOOR(get_callbacks, "2")
+BIND(get_callbacks, "2")
 
 inline void select_hierarchy(const SceneHandle& handle, Query& query, int64_t row) {
     query.hierarchy = row;
@@ -152,28 +312,30 @@ inline int64_t opaque_triangle(const SceneHandle& handle, const Query& query) {
     return handle.sliced[handle[query.hierarchy].first_sliced + query.stop_triangle];
 }
 
-// Let Embree traverse the scene along the direction or, with -1, against it.
+// Let Embree traverse the scene along the direction or, with -1, against it, from near to far, m; no farther behind the
+// first collected surface than the window.
 inline void run_query(const SceneHandle& handle, Query& query, uint32_t parts, const uint8_t* roles,
-                      const Vector& origin, const Vector& direction, double orientation, Interval interval) {
+                      const Vector& origin, const Vector& direction, double orientation, double near, double far,
+                      double window) {
     query.roles = roles;
     query.count = 0;
     query.stop_part = parts; // no part has this number
-    query.near = interval.near, query.far = interval.far, query.window = interval.window;
+    query.near = near, query.far = far, query.window = window;
     query.stop_t = INFINITE;
     query.line = project_line(origin, direction);
     // Embree counts distances from the start and forwards.
-    double near = orientation > 0.0 ? interval.near : 0.0, far = orientation > 0.0 ? interval.far : INFINITE;
+    if (orientation < 0.0) near = 0.0, far = INFINITE;
     // A start far away would be rounded to float32 too coarsely: skip to the sphere around the scene.
     double ahead = 0.0;
     for (int axis = 0; axis < 3; axis++) ahead -= origin[axis] * direction[axis] * orientation;
-    double skipped = most(ahead - handle.radius, 0.0);
+    double skipped = maximum(ahead - handle.radius, 0.0);
     if (skipped > far) return;
     embree::Ray& ray = query.hit.ray;
     for (int axis = 0; axis < 3; axis++) {
         ray.org[axis] = float(origin[axis] + skipped * orientation * direction[axis]);
         ray.dir[axis] = float(orientation * direction[axis]);
     }
-    ray.tnear = float(most(near - skipped - handle.margin, 0.0));
+    ray.tnear = float(maximum(near - skipped - handle.margin, 0.0));
     ray.time = 0.0f;
     ray.tfar = float(far - skipped + handle.margin);
     ray.mask = embree::INVALID, ray.id = 0, ray.flags = 0;

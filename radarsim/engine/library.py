@@ -1,21 +1,21 @@
 """Calls into the engine, a library in C++, by ctypes.
 
-The library knows neither Python nor numpy, so that one file serves all versions of
-both. It describes its functions and structures itself, see ``door.hpp``. These
-descriptions are read when it is opened, and each call is checked against them: the type
-of each array, its order, its number of axes, and lengths that have to agree. What else
-has to hold, functions check themselves, but for indices that this package has made.
+The library uses neither Python nor numpy, so that one file serves all versions of both;
+it knows how an array is laid out in memory, which no version changes. It describes its
+functions and structures itself, see ``bindings.hpp``. These descriptions are read when
+it is opened, and it checks each call against them: the type of each array, its order,
+its number of axes, and lengths that have to agree. What else has to hold, functions
+check themselves, but for indices that this package has made.
 
 Python's lock is released during calls.
 """
 
 import ctypes
 import functools
-import operator
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Final, NoReturn, TypeAlias
+from typing import Any, Final, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,121 +28,19 @@ _Bytes = ctypes.c_char * 0
 # To ask for it takes up to five times as long.
 _HEAD: Final = object.__basicsize__
 _pointer_at = ctypes.c_size_t.from_address
-# The lengths that have a name: all arrays of a call that share the name share it.
-_Lengths: TypeAlias = dict[str, int]
+# Results of a call that was refused, as in ``bindings.hpp``: plus the number of the
+# argument that is not as described; 0 if lengths do not belong together.
+_REFUSED: Final = -(2**50)
+_NO_MEMORY: Final = _REFUSED + 127
+
+
+def _as_float(bits: int) -> float:
+    return struct.unpack("d", struct.pack("q", bits))[0]  # type: ignore[no-any-return]
 
 
 def address(array: NDArray[Any]) -> int:
     """Return the address of a contiguous array; it is valid as long as the array is."""
     return _pointer_at(id(array) + _HEAD).value
-
-
-class _Number:
-    """A number among the parameters of a function or the fields of a structure."""
-
-    def __init__(self, code: str) -> None:
-        self.form, self.format = None, "d" if code == "f8" else "q"
-        # ``float`` would also read text.
-        as_float = operator.methodcaller("__float__")
-        self._convert: Any = as_float if code == "f8" else operator.index
-
-    def add(self, words: list[Any], value: Any, name: str, _lengths: _Lengths) -> None:
-        try:
-            number = self._convert(value)
-            struct.pack(self.format, number)  # it may have too many digits
-        except (AttributeError, TypeError, struct.error) as error:
-            raise EngineError(f"{name} is {value!r}, expected a number") from error
-        words.append(number)
-
-
-class _Row:
-    """Some numbers within a structure."""
-
-    def __init__(self, code: str) -> None:
-        kind, _, count = code.removesuffix("]").partition("[")
-        self.format = count + ("d" if kind == "f8" else "q")
-        self._count = int(count)
-
-    def add(self, words: list[Any], value: Any, name: str, _lengths: _Lengths) -> None:
-        try:
-            struct.pack(self.format, *value)
-        except (TypeError, struct.error) as error:
-            text = f"{name} is {value!r}, expected {self._count} numbers"
-            raise EngineError(text) from error
-        words.extend(value)
-
-
-class _Array:
-    """An array among the parameters of a function or the fields of a structure."""
-
-    def __init__(self, code: str, structures: "dict[str, Structure]") -> None:
-        self._is_written = code.startswith("=")
-        kind, _, axes = code[1:].removesuffix("]").partition("[")
-        leading, _, row = axes.partition(";")  # of rows the lengths are known in C++
-        names = leading.split(",") + (row.split(",") if row else [])
-        self._axes = [int(name) if name.isdigit() else name for name in names]
-        self._dtype = structures[kind].dtype if kind in structures else np.dtype(kind)
-        self._leading = leading.count(",") + 1
-        self.format = "Q" + "q" * self._leading
-        axes = ",".join(names)
-        self._text = f"an array {kind}[{axes}]" + " to write to" * self._is_written
-        self.lengths, rows = self._axes[: self._leading], self._axes[self._leading :]
-        self.form = self._dtype, self._leading, tuple(rows)
-
-    def add(self, words: list[Any], value: Any, name: str, lengths: _Lengths) -> None:
-        if not isinstance(value, np.ndarray):
-            raise self._unexpected(value, name, lengths)
-        flags, shape, dtype = value.flags, value.shape, value.dtype
-        if dtype is not self._dtype and dtype != self._dtype:
-            raise self._unexpected(value, name, lengths)
-        is_usable = (
-            flags.c_contiguous and flags.aligned and len(shape) == len(self._axes)
-        )
-        if not is_usable or (self._is_written and not flags.writeable):
-            raise self._unexpected(value, name, lengths)
-        for axis, length in zip(self._axes, shape, strict=True):
-            known = lengths.setdefault(axis, length) if isinstance(axis, str) else axis
-            if known != length:
-                raise self._unexpected(value, name, lengths)
-        words.append(address(value))
-        words.extend(shape[: self._leading])
-
-    def _unexpected(self, value: Any, name: str, lengths: _Lengths) -> EngineError:
-        came = repr(value)
-        if isinstance(value, np.ndarray):
-            came = f"an array {value.dtype}{list(value.shape)}"
-            came += "" if value.flags.c_contiguous else ", not contiguous"
-            came += "" if value.flags.writeable else ", read-only"
-        known = ", ".join(f"{a} = {lengths[a]}" for a in self._axes if a in lengths)
-        where = f" where {known}" if known else ""
-        return EngineError(f"{name} is {came}, expected {self._text}{where}")
-
-
-class _Reference:
-    """A packed structure among parameters or fields."""
-
-    format = "Q"
-
-    def __init__(self, code: str) -> None:
-        self._name = self.form = code.removeprefix("&")
-
-    def add(self, words: list[Any], value: Any, name: str, _lengths: _Lengths) -> None:
-        if not isinstance(value, Packed) or value.structure.name != self._name:
-            raise EngineError(f"{name} is {value!r}, expected a packed {self._name}")
-        words.append(value.address)
-
-
-_Parameter: TypeAlias = _Number | _Row | _Array | _Reference
-
-
-def _parameter(code: str, structures: "dict[str, Structure]") -> _Parameter:
-    match code[0]:
-        case "*" | "=":
-            return _Array(code, structures)
-        case "&":
-            return _Reference(code)
-        case _:
-            return _Row(code) if code.endswith("]") else _Number(code)
 
 
 class Packed:
@@ -156,60 +54,168 @@ class Packed:
         address: Where it is.
     """
 
-    def __init__(
-        self, structure: "Structure", memory: bytearray, fields: dict[str, Any]
-    ) -> None:
+    def __init__(self, structure: "Structure", fields: dict[str, Any]) -> None:
         self.structure = structure
         self.fields = fields
-        self._memory = memory
-        self.address = ctypes.addressof(_Bytes.from_buffer(memory))
+        self._memory = bytearray(structure.size)
+        self.address = ctypes.addressof(_Bytes.from_buffer(self._memory))
 
     def __repr__(self) -> str:
         return f"a packed {self.structure.name}"
 
-    def __reduce__(self) -> NoReturn:
-        raise TypeError(f"{self!r} refers to memory of this process")
-
     def __getattr__(self, name: str) -> Any:
-        try:
+        if name in self.fields:
             return self.fields[name]
-        except KeyError:
-            raise AttributeError(f"{self.structure.name} has no {name!r}") from None
+        raise AttributeError(f"{self.structure.name} has no {name!r}")
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError(f"{self!r} refers to memory of its process; it is not copied")
+
+
+class Function:
+    """A function of the engine.
+
+    Attributes:
+        codes: The codes of its parameters: ``f8``, ``&Walls`` for a packed structure,
+            ``*f8[n,3]`` for an array, with ``=`` for one that is written to.
+    """
+
+    def __init__(
+        self, name: str, start: int, codes: Sequence[str], labels: Sequence[str] = ()
+    ) -> None:
+        """Read a description.
+
+        Args:
+            name: Its name in C++.
+            start: Its address.
+            codes: The codes of its parameters, an arrow, and the code of its result.
+            labels: Names of its parameters, in errors.
+        """
+        self._name, self.codes = name, codes[:-2]
+        numbers = range(1, len(codes))
+        self._labels = labels or [f"argument {i} of {name}" for i in numbers]
+        self._call = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_char_p)(start)
+        self._is_float = codes[-1] == "f8"
+
+    @functools.cached_property
+    def call(self) -> Callable[..., Any]:
+        """What calls the function, with arguments in the order of its parameters.
+
+        It raises an EngineError if one is not as the description says, or the function
+        finds that they do not belong together, and a MemoryError if there is too little
+        memory.
+        """
+        # Many calls are short: what each needs is at hand.
+        call, is_float, codes = self._call, self._is_float, list(enumerate(self.codes))
+        arrays = list(self._dtypes)
+        references = [(i, engine.structures[c[1:]]) for i, c in codes if c[0] == "&"]
+        self._table = np.array([_HEAD, id(np.ndarray), *map(id, self._dtypes.values())])
+        table = address(self._table)
+        formats = ["d" if code == "f8" else "q" for code in self.codes]
+        pack = struct.Struct("=q" + "".join(formats)).pack
+
+        def run(*arguments: Any) -> Any:
+            words = [*arguments]
+            try:
+                for place in arrays:
+                    words[place] = id(words[place])  # which the library checks
+                for place, structure in references:
+                    value = words[place]
+                    words[place] = value.address if value.structure is structure else ""
+                block = pack(table, *words)
+            except (AttributeError, IndexError, TypeError, struct.error):
+                raise self._unexpected(arguments) from None
+            result = call(block)
+            if result < 0 and _REFUSED <= result <= _NO_MEMORY:
+                return self._call_again(arguments, result)
+            return _as_float(result) if is_float else result
+
+        return run
+
+    @functools.cached_property
+    def _dtypes(self) -> dict[int, np.dtype[Any]]:
+        """The types of arguments that are arrays, by place."""
+        codes = {i: code for i, code in enumerate(self.codes) if code[0] in "*="}
+        kinds = {i: code[1:].partition("[")[0] for i, code in codes.items()}
+        return {i: engine.rows.get(k) or np.dtype(k) for i, k in kinds.items()}
+
+    def _call_again(self, arguments: Sequence[Any], result: int) -> Any:
+        """Call the function with what it refused, if another view of that is right."""
+        if result == _NO_MEMORY:
+            raise MemoryError(f"there is too little memory for {self._name}")
+        if result == _REFUSED:
+            text = "lengths or indices that do not belong together"
+            raise EngineError(f"{self._name} was called with {text}")
+        place, others = result - _REFUSED - 1, [*arguments]
+        array, dtype = others[place], self._dtypes[place]
+        is_equal = isinstance(array, np.ndarray) and array.dtype == dtype
+        if is_equal and (type(array) is not np.ndarray or array.dtype is not dtype):
+            others[place] = array.view(dtype, np.ndarray)
+            return self.call(*others)
+        raise self._unexpected_array(arguments, place)
+
+    def _unexpected(self, arguments: Sequence[Any]) -> EngineError | TypeError:
+        """Return what is wrong about arguments that are no arrays."""
+        for label, code, value in zip(
+            self._labels, self.codes, arguments, strict=False
+        ):
+            if code[0] == "&":
+                if not (isinstance(value, Packed) and value.structure.name == code[1:]):
+                    text = f"{label} is {value!r}, expected a packed {code[1:]}"
+                    return EngineError(text)
+            elif code[0] not in "*=":
+                try:
+                    struct.pack("d" if code == "f8" else "q", value)
+                except (TypeError, struct.error):
+                    return EngineError(f"{label} is {value!r}, expected a number")
+        return TypeError(f"{len(arguments)} arguments for {self._name}{self.codes}")
+
+    def _unexpected_array(self, arguments: Sequence[Any], place: int) -> EngineError:
+        lengths: dict[str, int] = {}
+        for i in self._dtypes:
+            axes = self.codes[i].removesuffix("]").partition("[")[2].split(",")
+            if i == place:
+                break
+            lengths = dict(zip(axes, arguments[i].shape, strict=True)) | lengths
+        value, code = arguments[place], self.codes[place]
+        came = repr(value)
+        if isinstance(value, np.ndarray):
+            came = f"an array {value.dtype}{list(value.shape)}"
+            came += "" if value.flags.c_contiguous else ", not contiguous"
+            came += "" if value.flags.writeable else ", read-only"
+        written = " to write to" if code[0] == "=" else ""
+        named = [axis for axis in axes if axis in lengths and axis.isalpha()]
+        where = ", ".join(f"{axis} = {lengths[axis]}" for axis in named)
+        where = f" where {where}" if where else ""
+        return EngineError(
+            f"{self._labels[place]} is {came}, expected an array"
+            f" {code[1:]}{written}{where}"
+        )
 
 
 class Structure:
-    """A structure of the engine: a row of an array, or what functions take packed.
+    """A structure that holds arrays.
 
     Attributes:
         name: Its name in C++.
+        size: bytes.
+        codes: The code of each field, by its name.
     """
 
-    def __init__(self, name: str, size: int, fields: Sequence[str]) -> None:
+    def __init__(self, name: str, size: int, start: int, fields: Sequence[str]) -> None:
         """Read a description.
 
         Args:
             name: Its name in C++.
             size: bytes.
+            start: The address of the function that fills one.
             fields: Of each field its name, its offset in bytes, and its code.
         """
-        self.name, self._size = name, size
-        self._names, self._codes = fields[::3], fields[2::3]
-        self._offsets = [int(offset) for offset in fields[1::3]]
-
-    @functools.cached_property
-    def dtype(self) -> np.dtype[np.void]:
-        """The type of a row of an array."""
-        fields = zip(self._names, self._codes, self._offsets, strict=True)
-        types = {name: (_field_type(code), offset) for name, code, offset in fields}
-        names, formats = list(types), [kind for kind, _ in types.values()]
-        return np.dtype(
-            {
-                "names": names,
-                "formats": formats,
-                "offsets": self._offsets,
-                "itemsize": self._size,
-            }
-        )
+        self.name, self.size = name, size
+        self.codes = dict(zip(fields[::3], fields[2::3], strict=True))
+        labels = ["memory", *(f"{name}.{field}" for field in self.codes)]
+        codes = ["u8", *self.codes.values(), "->", "i8"]
+        self._fill = Function(name, start, codes, labels)
 
     def pack(self, **values: Any) -> Packed:
         """Pack a structure; its arrays are not copied.
@@ -220,130 +226,31 @@ class Structure:
         Raises:
             EngineError: If a value is not as the description says, or a field has none.
         """
-        if unknown := values.keys() ^ set(self._names):
+        if unknown := values.keys() ^ self.codes.keys():
             raise EngineError(f"{self.name}: {sorted(unknown)} are missing or unknown")
-        memory, lengths = bytearray(self._size), dict[str, int]()
-        fields = zip(self._names, self._parameters, self._offsets, strict=True)
-        for name, parameter, offset in fields:
-            words: list[Any] = []
-            parameter.add(words, values[name], f"{self.name}.{name}", lengths)
-            struct.pack_into(parameter.format, memory, offset, *words)
-        return Packed(self, memory, values)
-
-    @functools.cached_property
-    def _parameters(self) -> list[_Parameter]:
-        return [_parameter(code, engine.structures) for code in self._codes]
+        packed = Packed(self, values)
+        self._fill.call(packed.address, *[values[name] for name in self.codes])
+        return packed
 
 
-def _field_type(code: str) -> Any:
-    kind, _, count = code.removesuffix("]").partition("[")
-    return (kind, (int(count),)) if count else kind
+def _row_type(size: int, fields: Sequence[str]) -> np.dtype[np.void]:
+    """Return the type of a structure of numbers, as the row of an array.
 
-
-class Function:
-    """A function of the engine."""
-
-    def __init__(self, name: str, start: int, codes: Sequence[str]) -> None:
-        """Read a description.
-
-        Args:
-            name: Its name in C++.
-            start: Its address.
-            codes: The codes of its parameters, an arrow, and the code of its result.
-        """
-        self._name, self._codes = name, codes[:-2]
-        has_none = codes[-1] == "none"
-        result = None if has_none else np.ctypeslib.as_ctypes_type(np.dtype(codes[-1]))
-        self._call = ctypes.CFUNCTYPE(result, ctypes.c_char_p)(start)
-        self._may_refuse = codes[-1] == "?"
-
-    def __call__(self, *arguments: Any) -> Any:
-        """Call the function.
-
-        Args:
-            arguments: In the order of its parameters.
-
-        Raises:
-            EngineError: If one is not as the description says, or the function finds
-                that they do not belong together.
-        """
-        # Many calls are short. Their arguments are checked one by one, which takes
-        # longer, only if something about them is wrong or unusual.
-        try:
-            block = self._pack(*self._words(arguments))
-        except (AttributeError, TypeError, ValueError, struct.error):
-            block = self._pack(*self._checked_words(arguments))
-        result = self._call(block)
-        if self._may_refuse and not result:
-            text = "lengths or indices that do not belong together"
-            raise EngineError(f"{self._name} was called with {text}")
-        return result
-
-    def _words(self, arguments: Sequence[Any]) -> list[Any]:
-        words: list[Any] = []
-        forms, alike, fixed = self._rules
-        for form, value in zip(forms, arguments, strict=True):
-            if form is None:  # a number, which is checked when it is packed
-                words.append(value)
-            elif type(form) is tuple:
-                dtype, axes, rows = form
-                # Contiguous, aligned, and to be written to.
-                if type(value) is not np.ndarray or not value.flags.carray:
-                    raise TypeError
-                shape, is_same = value.shape, value.dtype is dtype
-                if not is_same or len(shape) < axes or shape[axes:] != rows:
-                    raise TypeError
-                words.append(_pointer_at(id(value) + _HEAD).value)
-                words += shape[:axes]
-            elif value.structure.name == form:
-                words.append(value.address)
-            else:
-                raise TypeError
-        if any(words[place] != words[other] for place, other in alike):
-            raise TypeError
-        if any(words[place] != length for place, length in fixed):
-            raise TypeError
-        return words
-
-    @functools.cached_property
-    def _rules(self) -> tuple[list[Any], list[tuple[int, int]], list[tuple[int, int]]]:
-        """Forms of arguments; places of lengths that agree; places of given lengths."""
-        place, first = 0, dict[str | int, int]()
-        alike, fixed = [], []
-        for _, parameter in self._parameters:
-            for at, axis in enumerate(getattr(parameter, "lengths", ()), place + 1):
-                if isinstance(axis, int):
-                    fixed.append((at, axis))
-                elif axis in first:
-                    alike.append((at, first[axis]))
-                else:
-                    first[axis] = at
-            place += len(parameter.format)
-        forms = [getattr(each, "form", None) for _, each in self._parameters]
-        return forms, alike, fixed
-
-    def _checked_words(self, arguments: Sequence[Any]) -> list[Any]:
-        if len(arguments) != len(self._codes):
-            raise TypeError(f"{len(arguments)} arguments for {self._name}{self._codes}")
-        words, lengths = list[Any](), dict[str, int]()
-        for (name, parameter), argument in zip(
-            self._parameters, arguments, strict=True
-        ):
-            parameter.add(words, argument, name, lengths)
-        return words
-
-    @functools.cached_property
-    def _parameters(self) -> list[tuple[str, _Parameter]]:
-        return [
-            (f"argument {i} of {self._name}", _parameter(code, engine.structures))
-            for i, code in enumerate(self._codes, 1)
-        ]
-
-    @functools.cached_property
-    def _pack(self) -> Any:
-        return struct.Struct(
-            "=" + "".join(each.format for _, each in self._parameters)
-        ).pack
+    Args:
+        size: bytes.
+        fields: Of each field its name, its offset in bytes, and its code.
+    """
+    kinds = [code.removesuffix("]").partition("[") for code in fields[2::3]]
+    formats = [(kind, (int(count),)) if count else kind for kind, _, count in kinds]
+    offsets = [int(offset) for offset in fields[1::3]]
+    return np.dtype(
+        {
+            "names": fields[::3],
+            "formats": formats,
+            "offsets": offsets,
+            "itemsize": size,
+        }
+    )
 
 
 class Engine:
@@ -352,7 +259,9 @@ class Engine:
     Its functions are attributes of their names.
 
     Attributes:
-        structures: Its structures, by their names in C++.
+        functions: The descriptions of its functions, by their names in C++.
+        rows: The types of structures that are rows of arrays, by their names in C++.
+        structures: Those that are packed.
     """
 
     def __init__(self, path: Path) -> None:
@@ -378,16 +287,26 @@ class Engine:
                     " 'pip install -e .', or by 'python radarsim/engine/build.py'"
                     " where ziglang is installed"
                 )
+        self.functions: dict[str, Function] = {}
+        self.rows: dict[str, np.dtype[np.void]] = {}
         self.structures: dict[str, Structure] = {}
         for line in library.radarsim_describe().decode().splitlines():
-            name, number, kind, *codes = line.split()
-            if kind == "structure":
-                self.structures[name] = Structure(name, int(number), codes)
-            else:
-                setattr(self, name, Function(name, int(number), codes))
+            name, kind, size, start, *codes = line.split()
+            match kind:
+                case "row":
+                    self.rows[name] = _row_type(int(size), codes)
+                case "structure":
+                    structure = Structure(name, int(size), int(start), codes)
+                    self.structures[name] = structure
+                case _:
+                    self.functions[name] = Function(name, int(start), codes)
 
     def __getattr__(self, name: str) -> Any:
-        raise AttributeError(f"the engine has no function {name!r}")
+        if name not in self.functions:
+            raise AttributeError(f"the engine has no function {name!r}")
+        call = self.functions[name].call
+        setattr(self, name, call)  # next time it is found at once
+        return call
 
 
 engine: Final = Engine(LIBRARY)

@@ -1,4 +1,17 @@
-// Drive all robots for a step: wheels, arcs and collisions.
+// Drive all robots for a step: wheels, arcs, and moves among walls and other robots without collision.
+//
+// A move that is free is made as it is. One that would penetrate something is pushed out along the shortest
+// direction, so that the robot slides; where that fails the robot turns on the spot, and where that is blocked too it
+// stays. Every pose that is taken is free, so a robot can always back out of a contact.
+//
+// Rule 1: no point of the robot travels farther in a move than its sweep. So once the gap to the nearest wall is
+// known, walls need not be checked again before the sweeps add up to it; that makes moves on the open floor cheap.
+// Rule 2: a move displaces the centre by at most max_displacement_ratio sweeps, so the same holds for the gap to the
+// other robots, which move as well.
+//
+// The robots near a place are found by a grid of square cells. Cells are found by a hash of their place, so that the
+// floor may be of any size. Robots are entered once in each step, and cells are searched a little farther than asked
+// for, as robots move within the step.
 //
 // Robots move one after the other, in the order of spawning, so that a robot meets those before it where they have
 // gone and those after it where they still are.
@@ -7,9 +20,218 @@
 // heading and motion that robots with a steering axle have. Wheels reach their set-points at once: the set-point of a
 // tick is the speed during that tick.
 #pragma once
-#include "collision.hpp"
+#include "walls.hpp"
 
 namespace radarsim::robots {
+
+constexpr double ROBOT_RANGE = 4.0; // m between the circles of two robots that find each other
+constexpr double MIN_CELL = 2.0;    // m
+constexpr double CELLS_IN_REACH = 3.0;
+constexpr double FARTHEST_CELL = 1e15;
+constexpr double CONTACT_GAP = 1e-3;   // m left between the robot and what it runs into
+constexpr double TOUCH_RANGE = 2e-3;   // m; anything closer touches the robot
+constexpr double OUTLINE_RANGE = 0.1;  // m between the circles below which outlines matter
+constexpr int MAX_PUSHES = 8;          // out of two walls in turn; more would not get out of a wedge
+
+struct Surroundings { // what robots may run into
+    Array<Robot> robots;
+    Array<const int64_t> order; // slots of all robots, in the order in which they move
+    Array<Odometry> odometry;
+    const Walls* walls;
+    Array<LineSegment> lines;             // room for those near a robot: all walls, and four for each robot
+    double margin;                 // m; a smaller gap counts as contact
+    double wall_range;             // m beyond the robot's circle within which walls are found
+    double max_displacement_ratio; // of a centre, by the sweep of a move
+};
+LAYOUT(Surroundings, "t r o l", robots, order, odometry, walls, lines, margin, wall_range, max_displacement_ratio)
+
+// The number of a cell on an axis; that of the farthest one beyond it.
+inline int64_t cell_at(double place, double cell) {
+    return int64_t(floor(minimum(maximum(-FARTHEST_CELL, place / cell), FARTHEST_CELL)));
+}
+
+// Some of the robots, by cells.
+class RobotGrid {
+  public:
+    RobotGrid(Array<Robot> robots, Array<const int64_t> order)
+        : robots_(robots), order_(order), buckets_(1), places_(order.size()), heads_(2 * order.size() + 1) {
+        while (buckets_ <= order.size()) buckets_ *= 2;
+    }
+
+    // Enter all where they are, for robots that drive up to dt s before they are entered again.
+    void enter(double dt) {
+        double radius = 0.0, speed = 0.0;
+        for (int64_t slot : order_) {
+            radius = maximum(radius, robots_[slot].radius);
+            speed = maximum(speed, robots_[slot].top_speed);
+        }
+        reach_ = ROBOT_RANGE + radius + speed * dt; // they move before they are searched
+        cell_ = maximum(MIN_CELL, reach_ / CELLS_IN_REACH);
+        max_speed_ = speed;
+        memset(heads_.data(), 0, sizeof(int64_t) * buckets_);
+        for (int64_t i = 0; i < order_.size(); i++) {
+            const Robot& robot = robots_[order_[i]];
+            int64_t column = cell_at(robot.x, cell_), row = cell_at(robot.y, cell_);
+            int64_t& head = heads_[bucket_of(column, row)];
+            places_[i] = {column, row, head};
+            head = i + 1;
+        }
+    }
+
+    // Call a function with each robot whose circle may be in range of that around a place.
+    template <typename F> void visit_near(const Pose2& pose, double radius, F visit) const {
+        double reach = radius + reach_;
+        int64_t left = cell_at(pose.x - reach, cell_), right = cell_at(pose.x + reach, cell_);
+        int64_t low = cell_at(pose.y - reach, cell_), high = cell_at(pose.y + reach, cell_);
+        for (int64_t row = low; row <= high; row++)
+            for (int64_t column = left; column <= right; column++)
+                for (int64_t next = heads_[bucket_of(column, row)]; next; next = places_[next - 1].next) {
+                    const Place& place = places_[next - 1];
+                    // Two cells may share a bucket.
+                    if (place.column == column && place.row == row) visit(robots_[order_[next - 1]]);
+                }
+    }
+
+    double max_speed() const { return max_speed_; }
+
+  private:
+    struct Place {
+        int64_t column, row;
+        int64_t next; // number in the order of the next robot in the same bucket, plus 1; 0 for none
+    };
+
+    // Two large primes spread neighbours.
+    int64_t bucket_of(int64_t column, int64_t row) const {
+        return (uint64_t(column) * 73856093 ^ uint64_t(row) * 19349663) & (buckets_ - 1);
+    }
+
+    Array<Robot> robots_;
+    Array<const int64_t> order_;
+    int64_t buckets_; // a power of two
+    Buffer<Place> places_;
+    Buffer<int64_t> heads_; // of each bucket, as Place::next
+    double cell_ = MIN_CELL, reach_ = 0.0, max_speed_ = 0.0;
+};
+
+// A robot among what is near it.
+class Mover {
+  public:
+    Mover(const Surroundings& around, const RobotGrid& grid, Robot& robot)
+        : around_(around), grid_(grid), robot_(robot) {}
+
+    // The pose that the robot reaches when it moves towards another. No point of it travels farther than sweep, which
+    // is at most a fraction of its width, or it could pass through obstacles.
+    Pose2 avoid_collision(const Pose2& wanted, double sweep) {
+        find_lines(wanted);
+        double gap = contact(wanted).gap;
+        note_gaps(gap, 0.0);
+        robot_.blocked = gap <= around_.margin;
+        if (gap > around_.margin) return wanted;
+        Pose2 start = robot_.pose(), reached = avoid(wanted, sweep);
+        if (fabs(reached.x - start.x) + fabs(reached.y - start.y) + fabs(reached.yaw - start.yaw) < 1e-9) {
+            reached = start; // the same but for rounding
+            // Noted only if walls forbade it: a robot in the way may be gone next time.
+            bool by_walls = lines_.size() == walls_;
+            const double moves[6] = {by_walls ? start.x : NOT_A_NUMBER, by_walls ? start.y : NOT_A_NUMBER,
+                                     by_walls ? start.yaw : NOT_A_NUMBER, wanted.x, wanted.y, wanted.yaw};
+            memcpy(robot_.rejected, moves, sizeof(moves));
+        }
+        // Lines were searched around the wanted pose: around the one that was reached, less is known by the distance
+        // between both.
+        note_gaps(contact(reached).gap, hypot(reached.x - wanted.x, reached.y - wanted.y));
+        return reached;
+    }
+
+    // Whether something solid is as close as after a contact.
+    bool is_touching() {
+        if (minimum(robot_.wall_gap, robot_.robot_gap) > TOUCH_RANGE) return false;
+        find_lines(robot_.pose());
+        double gap = contact(robot_.pose()).gap;
+        note_gaps(gap, 0.0);
+        return gap <= TOUCH_RANGE;
+    }
+
+  private:
+    Contact contact(const Pose2& pose) const {
+        return find_contact({lines_.data, {lines_.size()}}, pose, robot_.half_length, robot_.half_width);
+    }
+
+    // Update the known gaps by that to lines found offset m away.
+    void note_gaps(double gap, double offset) {
+        robot_.wall_gap = minimum(gap, around_.wall_range - offset);
+        if (lines_.size() > walls_) robot_.robot_gap = minimum(gap, robot_.robot_gap);
+    }
+
+    // Find the lines near a pose, walls first; robots farther away set the gap to robots.
+    void find_lines(const Pose2& pose) {
+        const Walls& walls = *around_.walls;
+        double radius = robot_.radius, nearest = ROBOT_RANGE;
+        walls_ = find_walls(walls, robot_.floor, pose.x, pose.y, radius + around_.wall_range, around_.lines);
+        lines_ = {around_.lines.data, {walls_}};
+        grid_.visit_near(pose, radius, [&](const Robot& other) {
+            if (&other == &robot_) return;
+            double gap = hypot(other.x - pose.x, other.y - pose.y) - (other.radius + radius);
+            // One may fly over the other, and come down beside it later.
+            bool is_level = other.bottom < robot_.top && robot_.bottom < other.top;
+            if (gap < OUTLINE_RANGE && is_level) add_outline(other, double(walls.lines.size()) + 4 * other.number);
+            else nearest = minimum(nearest, gap);
+        });
+        robot_.robot_gap = nearest;
+    }
+
+    // Add the four sides of another robot, which rank after all walls.
+    void add_outline(const Robot& other, double rank) {
+        // The sides are computed here from the pose, not kept: most robots are near nobody.
+        double length = other.half_length, width = other.half_width, c = cos(other.yaw), s = sin(other.yaw);
+        double x = length * c - width * s + other.x, y = length * s + width * c + other.y;
+        for (int side = 0; side < 4; side++) {
+            if (side % 2 == 0) length = -length;
+            else width = -width;
+            double next_x = length * c - width * s + other.x, next_y = length * s + width * c + other.y;
+            lines_.data[lines_.shape[0]++] = {(x + next_x) / 2, (y + next_y) / 2, (next_x - x) / 2, (next_y - y) / 2,
+                                              rank + side};
+            x = next_x, y = next_y;
+        }
+    }
+
+    // The pose to take instead of a wanted pose that is not free.
+    Pose2 avoid(const Pose2& wanted, double sweep) const {
+        Pose2 start = robot_.pose();
+        double start_gap = contact(start).gap;
+        // A robot nearer than CONTACT_GAP slides on; it is not pushed back first.
+        double clearance = maximum(2 * around_.margin, minimum(CONTACT_GAP, start_gap));
+        // Without the turn second: beside a wall it may be the turn that is blocked.
+        const double yaws[2] = {wanted.yaw, start.yaw};
+        for (double yaw : yaws) {
+            Pose2 freed = {wanted.x, wanted.y, yaw};
+            if (push_out(freed, clearance) &&
+                hypot(freed.x - start.x, freed.y - start.y) <= around_.max_displacement_ratio * sweep)
+                return freed;
+        }
+        Pose2 turned = {start.x, start.y, wanted.yaw};
+        if (contact(turned).gap > around_.margin) return turned;
+        // A robot that was placed inside an obstacle may leave it.
+        return contact(wanted).gap > start_gap ? wanted : start;
+    }
+
+    // Push a pose out of all lines; returns whether that succeeds.
+    bool push_out(Pose2& pose, double clearance) const {
+        for (int i = 0; i < MAX_PUSHES; i++) {
+            Contact found = contact(pose);
+            if (found.gap > around_.margin) return true;
+            double push = clearance - found.gap;
+            pose.x += push * found.away_x;
+            pose.y += push * found.away_y;
+        }
+        return false;
+    }
+
+    const Surroundings& around_;
+    const RobotGrid& grid_;
+    Robot& robot_;
+    Array<LineSegment> lines_ = {}; // those near it; the first are walls
+    int64_t walls_ = 0;      // their number
+};
 
 constexpr double MAX_SWEEP = 0.05;  // m; a longer step is split, not to jump over obstacles
 constexpr double MAX_PARTS = 1e6;  // a robot that would be faster gets anywhere
@@ -57,7 +279,7 @@ inline double sweep_rate(double left, double right, double track, double radius,
     if (sideslip != 0.0) speed /= cos(sideslip);
     return speed + turn * radius;
 }
-DOOR(sweep_rate, "")
+BIND(sweep_rate, "")
 
 inline bool is_rejected(const Robot& robot, const Pose2& wanted) {
     const double* move = robot.rejected;
@@ -162,7 +384,7 @@ inline bool drive_robots(const Surroundings& around, double dt) {
     drive_once(around, grid, around.order, dt);
     return true;
 }
-DOOR(drive_robots, "")
+BIND(drive_robots, "")
 
 // Find which robots of some slots were blocked in their last move, or touch something.
 inline bool find_touched(const Surroundings& around, Array<const int64_t> slots) {
@@ -171,7 +393,7 @@ inline bool find_touched(const Surroundings& around, Array<const int64_t> slots)
     find_touched_in(around, grid, slots);
     return true;
 }
-DOOR(find_touched, "s")
+BIND(find_touched, "s")
 
 // Drive some robots for several time steps as if there were no others, and note which are touched after any step.
 inline bool drive_on(const Surroundings& around, Array<const int64_t> order, double dt, int64_t steps,
@@ -185,7 +407,7 @@ inline bool drive_on(const Surroundings& around, Array<const int64_t> order, dou
     }
     return true;
 }
-DOOR(drive_on, "r r")
+BIND(drive_on, "r r")
 
 // The same as if none of them met any other.
 inline bool drive_each_alone(const Surroundings& around, Array<const int64_t> order, double dt, int64_t steps,
@@ -194,6 +416,6 @@ inline bool drive_each_alone(const Surroundings& around, Array<const int64_t> or
         if (!drive_on(around, {order.data + i, {1}}, dt, steps, {touched.data + i, {1}})) return false;
     return true;
 }
-DOOR(drive_each_alone, "r r")
+BIND(drive_each_alone, "r r")
 
 } // namespace radarsim::robots

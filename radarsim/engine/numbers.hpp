@@ -1,11 +1,14 @@
 // Numbers as Python treats them, and arrays.
 #pragma once
 #include <math.h> // and no header of C++: its library takes minutes to build
+#include <setjmp.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
 
 namespace radarsim {
+
+class Memory;
 
 using Triangle = double[9]; // m, x, y, z of each corner in turn
 using Vector = double[3];
@@ -13,10 +16,10 @@ using Vector = double[3];
 constexpr double INFINITE = __builtin_inf(), NOT_A_NUMBER = __builtin_nan("");
 
 // Python's min and max: of equal numbers, and of numbers that are none, the first.
-inline double least(double a, double b) { return b < a ? b : a; }
-inline double most(double a, double b) { return b > a ? b : a; }
-inline double least(double a, double b, double c) { return least(least(a, b), c); }
-inline double most(double a, double b, double c) { return most(most(a, b), c); }
+inline double minimum(double a, double b) { return b < a ? b : a; }
+inline double maximum(double a, double b) { return b > a ? b : a; }
+inline double minimum(double a, double b, double c) { return minimum(minimum(a, b), c); }
+inline double maximum(double a, double b, double c) { return maximum(maximum(a, b), c); }
 
 // The whole part of a number; the least of all integers where there is none.
 inline int64_t whole_of(double number) { return fabs(number) < 0x1p63 ? int64_t(number) : INT64_MIN; }
@@ -35,20 +38,61 @@ template <typename T, int D = 1> struct Array {
     T* end() const { return data + size(); }
 };
 
-// Zeros, for as long as the object exists.
-template <typename T> class Room {
+// Runs the work of a call, or of one of its threads. If memory ends before it does, its buffers are freed.
+class Attempt {
   public:
-    explicit Room(int64_t size) : data_(static_cast<T*>(calloc(size + 1, sizeof(T)))) {
-        if (!data_) abort(); // without memory for a few kilobytes
+    bool succeeds = true;
+
+    template <typename Work> explicit Attempt(Work work) : outer_(current_) {
+        current_ = this;
+        if (setjmp(start_)) succeeds = false;
+        else work();
+        current_ = outer_;
     }
-    ~Room() { free(data_); }
-    Room(const Room&) = delete;
-    Room& operator=(const Room&) = delete;
-    T* data() const { return data_; }
-    T& operator[](int64_t i) const { return data_[i]; }
+    Attempt(const Attempt&) = delete;
+    Attempt& operator=(const Attempt&) = delete;
+    [[noreturn]] static void fail();
 
   private:
-    T* data_;
+    friend class Memory;
+    jmp_buf start_;
+    Attempt* outer_;
+    Memory* last_ = nullptr;
+    static inline thread_local Attempt* current_ = nullptr;
+};
+
+// Memory of an object; the attempt fails if there is none.
+class Memory {
+  protected:
+    Memory() : before_(Attempt::current_->last_) { Attempt::current_->last_ = this; }
+    ~Memory() {
+        free(data_);
+        Attempt::current_->last_ = before_;
+    }
+    Memory(const Memory&) = delete;
+    Memory& operator=(const Memory&) = delete;
+    void hold(void* data) {
+        if (!data) Attempt::fail();
+        data_ = data;
+    }
+    void* data_ = nullptr;
+
+  private:
+    friend class Attempt;
+    Memory* before_; // that of the objects of an attempt, which end from the last to the first
+};
+
+inline void Attempt::fail() {
+    for (Memory* memory = current_->last_; memory; memory = memory->before_) free(memory->data_);
+    longjmp(current_->start_, 1);
+}
+
+// Zeros, for as long as the object exists.
+template <typename T> class Buffer : Memory {
+  public:
+    explicit Buffer(int64_t size) { hold(calloc(size + 1, sizeof(T))); }
+    T* data() const { return static_cast<T*>(data_); }
+    T& operator[](int64_t i) const { return data()[i]; }
 };
 
 // A list of a limited length.
@@ -71,7 +115,7 @@ template <typename T> class List {
     }
 
   private:
-    Room<T> room_;
+    Buffer<T> room_;
     int64_t size_ = 0;
 };
 

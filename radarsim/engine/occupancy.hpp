@@ -5,7 +5,7 @@
 // beams cross it, and a hit outweighs beams that pass: beams that slide along a wall, beside others that end on it, do
 // not wear it away, and what is near the robot, where beams are dense, does not become surer than what is far.
 #pragma once
-#include "door.hpp"
+#include "bindings.hpp"
 
 namespace radarsim {
 
@@ -159,7 +159,7 @@ inline void add_scan(Array<int8_t, 3> evidence, Array<uint8_t, 2> flags, int64_t
             for (BeamWalk walk(cells, beams, k, 0.0, known_range[k]); walk.left > 0; walk.step())
                 flags(walk.row, walk.column) &= SENSED | NEAR;
 }
-DOOR(add_scan, "4rc rc n n n k k k k")
+BIND(add_scan, "4rc rc n n n k k k k")
 
 constexpr int32_t FARTHEST = 32767; // cells; the sum of two squares fits in 32 bits
 
@@ -167,10 +167,10 @@ constexpr int32_t FARTHEST = 32767; // cells; the sum of two squares fits in 32 
 // beyond the farthest.
 inline void fill_distances(Array<const bool, 2> cells, double limit, Array<double, 2> distances) {
     int64_t rows = cells.shape[0], columns = cells.shape[1];
-    limit = least(limit, FARTHEST);
+    limit = minimum(limit, FARTHEST);
     // Squares of distances are separable: first the nearest true cell within each row, from both sides, then the best
     // of the rows near by.
-    Room<int32_t> in_rows(rows * columns), nearest(columns);
+    Buffer<int32_t> in_rows(rows * columns), nearest(columns);
     for (int64_t i = 0; i < rows; i++) {
         int32_t *squares = &in_rows[i * columns], since = FARTHEST + 1;
         auto count = [&](int64_t j) { since = cells(i, j) ? 0 : since <= FARTHEST ? since + 1 : since; };
@@ -182,7 +182,7 @@ inline void fill_distances(Array<const bool, 2> cells, double limit, Array<doubl
             squares[j] = distance * distance;
         }
     }
-    int64_t reach = int64_t(most(0.0, limit));
+    int64_t reach = int64_t(maximum(0.0, limit));
     for (int64_t i = 0; i < rows; i++) {
         for (int64_t j = 0; j < columns; j++) nearest[j] = INT32_MAX;
         for (int64_t k = i > reach ? i - reach : 0; k <= i + reach && k < rows; k++) {
@@ -199,7 +199,7 @@ inline void fill_distances(Array<const bool, 2> cells, double limit, Array<doubl
         }
     }
 }
-DOOR(fill_distances, "rc rc")
+BIND(fill_distances, "rc rc")
 
 // Join the points where beams enter targets with those where they leave them: the echoes of a scan are sorted by beam,
 // then by target, then by range. A beam that leaves a target which it has not entered began inside it; one that does
@@ -233,10 +233,10 @@ inline void pair_echoes(Array<const int64_t> beams, Array<const int64_t> targets
         }
         if (i + 1 < count && beams[i + 1] == beams[i] && targets[i + 1] == targets[i]) continue;
         if (depth > 0 && beams[i] >= 0 && beams[i] < known_range.size())
-            add(i, begun, most(known_range[beams[i]], range), true);
+            add(i, begun, maximum(known_range[beams[i]], range), true);
         depth = 0, begun = 0.0;
     }
 }
-DOOR(pair_echoes, "e e e e b e e e")
+BIND(pair_echoes, "e e e e b e e e")
 
 } // namespace radarsim

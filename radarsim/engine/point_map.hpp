@@ -1,6 +1,6 @@
 // A map of points that computes their mean and covariance around any point; see point_map.py for the theory.
 #pragma once
-#include "door.hpp"
+#include "bindings.hpp"
 
 namespace radarsim {
 
@@ -71,7 +71,7 @@ inline bool copy_table(const PointTable& table, const PointTable& larger) {
     }
     return true;
 }
-DOOR(copy_table, "")
+BIND(copy_table, "")
 
 // Add points to a table in which some rows are used. Returns how many more are used then; -1 if the table is too short.
 inline int64_t add_points(const PointTable& packed, int64_t used, Array<const Vector2> points,
@@ -101,7 +101,7 @@ inline int64_t add_points(const PointTable& packed, int64_t used, Array<const Ve
     }
     return cells;
 }
-DOOR(add_points, "p p")
+BIND(add_points, "p p")
 
 // The weight of a cell a step away from that of a point, which is t off the center of its own. The weights of the three
 // cells along an axis sum to one, whatever t is.
@@ -165,13 +165,13 @@ struct LocalShape { // the distribution of the map's points around a point
     double dx, dy;     // m, from the point to their mean
     double xx, xy, yy; // m^2, their covariance
 };
-LAYOUT(LocalShape, "", found, dx, dy, xx, xy, yy)
+ROW(LocalShape, found, dx, dy, xx, xy, yy)
 
 // Whether points of a covariance lie along a line.
 inline bool is_line(double xx, double xy, double yy) {
     double half = (xx + yy) / 2, turn = hypot((xx - yy) / 2, xy);
     // Rounding can make the smaller eigenvalue negative.
-    return half + turn >= LINE_RATIO * most(half - turn, 0.0);
+    return half + turn >= LINE_RATIO * maximum(half - turn, 0.0);
 }
 
 // The shape of the map around a point, which is on a surface with a normal; zeros if that is not known. If the first
@@ -199,7 +199,7 @@ inline bool find_shape(const PointTable& table, double x, double y, double nx, d
     shape[0] = shape_around(table, x, y, {nx, ny}, 0);
     return true;
 }
-DOOR(find_shape, "1")
+BIND(find_shape, "1")
 
 constexpr int64_t NEIGHBOURS = 8;     // points of the scan, to each side, that may count
 constexpr double RADIUS = 0.4;        // m, within which they do
@@ -239,6 +239,6 @@ inline void fill_normals(Array<const Vector2> places, Array<const Vector2> along
         normals[i][0] = inward * nx, normals[i][1] = inward * ny;
     }
 }
-DOOR(fill_normals, "k k k")
+BIND(fill_normals, "k k k")
 
 } // namespace radarsim

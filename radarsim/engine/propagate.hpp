@@ -1,7 +1,6 @@
 // Follow one ray segment by segment to its end; see propagate.py.
 #pragma once
 #include "attenuation.hpp"
-#include "intersect.hpp"
 #include "robot_boxes.hpp"
 
 namespace radarsim {
@@ -39,10 +38,10 @@ LAYOUT(MaterialTable, "cp cp cp cp cp c c c c cp cp v w w", density, sheet_loss,
 struct Scene {
     const SceneHandle* handle;
     const MaterialTable* materials;
-    Vector centre; // m, the origin of all other coordinates
+    Array<const double> centre; // m, the origin of all other coordinates
     Array<const Triangle> triangles;
 };
-LAYOUT(Scene, "t", handle, materials, centre, triangles)
+LAYOUT(Scene, "3 t", handle, materials, centre, triangles)
 
 struct Traces { // one row for each ray
     Array<double> ranges;
@@ -178,7 +177,7 @@ class RayTracer {
         if (reflections_ <= 0 || end.part < 0 || end.part >= materials.parts()) return;
         if (!of_class(materials.mirror)[end.part]) return;
         // Along a slanted ray the offset from the mirror's plane is longer.
-        double near = end.t - MIRROR_OFFSET / most(fabs(along(opaque_normal())), MIRROR_OFFSET);
+        double near = end.t - MIRROR_OFFSET / maximum(fabs(along(opaque_normal())), MIRROR_OFFSET);
         while (end.crossed > 0 && state.crossings[end.crossed - 1].t >= near) end.crossed--;
     }
 
@@ -206,7 +205,7 @@ class RayTracer {
         if (end.part >= materials.parts()) // a robot
             return box_incidence(box_grid.boxes, end.part - materials.parts(), origin, direction,
                                  end.t - state.segment.before);
-        return least(fabs(along(opaque_normal())), 1.0);
+        return minimum(fabs(along(opaque_normal())), 1.0);
     }
 
     bool is_in_bounds(int64_t volume, double margin) const {
@@ -223,7 +222,7 @@ class RayTracer {
         if (!is_in_bounds(materials.volume.size(), margin)) return false;
         // A forest has thousands of volumes, but few around a sensor.
         double distance = 0.0;
-        for (int axis = 0; axis < 3; axis++) distance = most(distance, fabs(origin[axis] - near_place_[axis]));
+        for (int axis = 0; axis < 3; axis++) distance = maximum(distance, fabs(origin[axis] - near_place_[axis]));
         if (distance > NEAR_REACH) {
             near_volumes_.clear();
             for (int64_t k = 0; k < materials.volume.size(); k++)
@@ -239,7 +238,7 @@ class RayTracer {
     // there. If there is too little room for them, no number is set.
     int64_t find_enclosing() {
         run_query(handle, query_, materials.parts(), of_class(materials.backward_roles), origin, direction, -1.0,
-                  {-INFINITE, BEHIND, INFINITE});
+                  -INFINITE, BEHIND, INFINITE);
         if (query_.count > state.crossings.size()) return query_.count;
         // From the farthest to the nearest, so that the last entered is listed last.
         sort_crossings(state.crossings.data, query_.count);
@@ -250,21 +249,24 @@ class RayTracer {
 
     // Find what stops the ray in an interval, and the crossings before it. The count exceeds the
     // room if they did not fit; the part is UNKNOWN if the ray may go on from there.
-    SegmentEnd next_opaque(const Interval& interval, const SegmentEnd& limit) {
-        run_query(handle, query_, materials.parts(), of_class(materials.forward_roles), origin,
-                  direction, 1.0, interval);
+    void next_opaque(double near, double far, double window, const SegmentEnd& limit, SegmentEnd& end) {
+        run_query(handle, query_, materials.parts(), of_class(materials.forward_roles), origin, direction, 1.0, near,
+                  far, window);
         int64_t count = query_.count;
         double t = query_.far;
         // A window that began later may end before the opaque surface.
         int64_t part = query_.stop_t <= t ? int64_t(query_.stop_part) : -1;
-        if (count > state.crossings.size()) return {count, t, part};
+        if (count > state.crossings.size()) {
+            end.crossed = count;
+            return;
+        }
         // Either the window ended the search, or the interval did.
-        if (part < 0) part = t < interval.far ? UNKNOWN : limit.part;
+        if (part < 0) part = t < far ? UNKNOWN : limit.part;
         // An opaque surface may be found up to RANGE_TOLERANCE beyond the limit.
-        double last = least(t, limit.t);
+        double last = minimum(t, limit.t);
         sort_crossings(state.crossings.data, count);
         while (count > 0 && state.crossings[count - 1].t > last) count--;
-        return {count, last, part};
+        end.crossed = count, end.t = last, end.part = part;
     }
 
     // Follow a segment window by window to its end; returns the number of crossings if there were too
@@ -274,16 +276,15 @@ class RayTracer {
                           materials.parts() - 1};
         // Where nothing takes power the window is infinite. A surface at the very range counts, also
         // if rounding has put it beyond.
-        double window = FIRST_WINDOW * progress.power / materials.max_density[class_];
-        Interval interval = {0.0, limit.t + RANGE_TOLERANCE, window};
+        double window = FIRST_WINDOW * progress.power / materials.max_density[class_], near = 0.0;
         while (true) {
-            end = next_opaque(interval, limit);
+            next_opaque(near, limit.t + RANGE_TOLERANCE, window, limit, end);
             if (end.crossed > state.crossings.size()) return end.crossed;
             end_before_mirror(end);
-            progress = advance_ray(row_, progress, end, costs, state);
+            advance_ray(row_, end, costs, state, progress);
             if (progress.spent_in >= 0 || end.part != UNKNOWN) return 0;
             // The line continues behind the last float that was searched.
-            interval = {nextafter(end.t, INFINITE), interval.far, interval.window * WINDOW_GROWTH};
+            near = nextafter(end.t, INFINITE), window *= WINDOW_GROWTH;
         }
     }
 
@@ -300,7 +301,7 @@ class RayTracer {
         // Boxes are numbered after the parts.
         SegmentEnd limit = {0, t, box >= 0 ? materials.parts() + box : -1};
         // After a reflection the ray keeps its min_power, and is in nothing anew.
-        if (state.segment.before == 0.0) progress = start_ray(row_, progress.power, state);
+        if (state.segment.before == 0.0) start_ray(row_, progress, state);
         return march(progress, limit, end);
     }
 

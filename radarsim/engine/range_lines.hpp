@@ -1,4 +1,5 @@
-// Power by range: where a ray adds what comes back along it.
+// What the surfaces of a scene scatter back, and the ground that rays graze; see scattering.py for the theory.
+// And power by range: where a ray adds what comes back along it.
 //
 // A surface that is grazed takes up more than one bin, as the next ray of the beam meets it farther off: its power is
 // spread over that distance. From level ground at a depth h below the antenna, which rays meet metres apart,
@@ -8,9 +9,98 @@
 //
 // A volume adds to every bin that the ray passes, less and less as it takes from the wave.
 #pragma once
-#include "scattering.hpp"
+#include "attenuation.hpp"
 
 namespace radarsim::fmcw {
+
+constexpr double LEVEL = 1e-6; // how far the normal of level ground is off the vertical, at most
+
+struct PartScattering { // a row of scattering.py
+    double gamma, glint, narrowness, area, volume, albedo, sway;
+    double edges[4];     // m, where level ground ends: least x, y and greatest ones
+    bool constant_gamma; // at all angles, as that of open ground; else it follows Lambert's law
+};
+ROW(PartScattering, gamma, glint, narrowness, area, volume, albedo, sway, edges, constant_gamma)
+
+struct Scattering {
+    Array<const PartScattering> parts; // the last row is that of robots
+    double air;                        // cross section of a cubic metre of the air, m^2/m^3
+    int64_t open_part;                 // the part that is open ground; -1 for none
+    double open_height, open_gamma;    // m, map frame; and its gamma
+    Array<const double, 2> patches;    // gamma of open ground by place, if it is not that of open_part everywhere
+    Array<const double> corner;        // m, least x and y of these
+    double cell;                       // m, side of a patch
+
+    bool has_patches() const { return patches.shape[0] && patches.shape[1]; }
+    // The row of a part; robots share the last.
+    const PartScattering& of(int64_t part) const {
+        int64_t last = parts.size() - 1;
+        return parts[part < 0 || part > last ? last : part];
+    }
+};
+LAYOUT(Scattering, "p xy 2", parts, air, open_part, open_height, open_gamma, patches, corner, cell)
+
+struct Grazing { // a ray that meets level ground
+    double x, y;         // m, of the place above which it starts
+    double ahead, left;  // parts of its direction along x and y, of a level unit vector
+    double t, depth;     // m, its length; and from the antenna down to the ground
+    double angle;        // rad, of elevations for which it stands
+    double near, far;    // m, ranges at which the ground begins and ends
+};
+
+// The greatest integer up to a number; the least of all integers where there is none.
+inline int64_t floor_of(double number) { return whole_of(floor(number)); }
+
+// The gamma of a surface at an angle of incidence, whose cosine is above 0.
+inline double gamma_at(double cosine, double gamma, bool constant_gamma, double glint, double narrowness) {
+    double rough = constant_gamma ? gamma : gamma * cosine;
+    if (glint <= 0.0) return rough;
+    double square = cosine * cosine;
+    double lobe = exp(-narrowness * (1.0 - square) / square);
+    return rough + glint * lobe / (square * square * cosine);
+}
+BIND(gamma_at, "")
+
+inline double surface_gamma(const PartScattering& part, double cosine) {
+    return gamma_at(cosine, part.gamma, part.constant_gamma, part.glint, part.narrowness);
+}
+
+// The gamma of patched ground at a distance along a ray, m.
+inline double patch_gamma(const Scattering& scattering, const Grazing& grazing, double distance) {
+    const auto& patches = scattering.patches;
+    double along = sqrt(maximum(distance * distance - grazing.depth * grazing.depth, 0.0));
+    double x = grazing.x + along * grazing.ahead - scattering.corner[0];
+    double y = grazing.y + along * grazing.left - scattering.corner[1];
+    int64_t i = floor_of(x / scattering.cell), j = floor_of(y / scattering.cell);
+    bool is_within = 0 <= i && i < patches.shape[0] && 0 <= j && j < patches.shape[1];
+    return is_within ? patches(i, j) : scattering.open_gamma;
+}
+
+// Whether a surface is level that a ray from above meets at an angle of incidence.
+inline bool is_level(const Vector& direction, double cosine) { return fabs(cosine + direction[2]) < LEVEL; }
+
+// A ray of length t from a place over level ground.
+inline Grazing over_ground(double x, double y, const Vector& direction, double t, double angle, double near,
+                           double far) {
+    double level = maximum(hypot(direction[0], direction[1]), 1e-9);
+    return {x, y, direction[0] / level, direction[1] / level, t, -t * direction[2], angle, near, far};
+}
+
+// A ray that meets level ground of a part at an event; the view over the ground ends at a distance.
+inline Grazing grazing_at(const PartScattering& part, const Event& event, const Vector& direction, double angle,
+                          double end) {
+    double back = INFINITE, ahead = INFINITE;
+    auto cut = [&](double step, double place, double low, double high) {
+        if (fabs(step) <= 1e-9) return;
+        double first = (low - place) / step, second = (high - place) / step;
+        back = minimum(back, -minimum(first, second));
+        ahead = minimum(ahead, maximum(first, second));
+    };
+    cut(direction[0], event.x, part.edges[0], part.edges[2]);
+    cut(direction[1], event.y, part.edges[1], part.edges[3]);
+    double t = event.t, near = t - maximum(back, 0.0), far = minimum(t + maximum(ahead, 0.0), end);
+    return over_ground(event.x - t * direction[0], event.y - t * direction[1], direction, t, angle, near, far);
+}
 
 constexpr double NEPER_DB = 4.3429448190325175; // dB of power in a neper of power
 constexpr double STEEPEST = 0.999;             // square of h / R, at which the formula for ground ends
@@ -55,7 +145,7 @@ struct Span { // of ranges, in bins, and which bins it touches; none if high is 
         if (high > count - 1) high = count - 1;
     }
     // Which part of a bin it covers.
-    double share(int64_t bin) const { return least(end, bin + 1.0) - most(start, double(bin)); }
+    double share(int64_t bin) const { return minimum(end, bin + 1.0) - maximum(start, double(bin)); }
 };
 
 inline void add_to_bin(const RangeLines& lines, const Place& place, int64_t bin, double power) {
@@ -75,7 +165,7 @@ inline void add_to_bin(const RangeLines& lines, const Place& place, int64_t bin,
 // power would jump from one to the next as the radar moves. Gamma is less the losses on the way.
 inline void add_surface(const RangeLines& lines, const Place& place, double t, double gamma, double length) {
     if (gamma <= 0.0 || t < NEAREST) return;
-    double power = place.weight * gamma / (t * t), half = 0.5 * most(length, lines.bin_size);
+    double power = place.weight * gamma / (t * t), half = 0.5 * maximum(length, lines.bin_size);
     double middle = t + place.shift;
     Span span(lines.bin_at(middle - half), lines.bin_at(middle + half), lines.count());
     if (span.high < span.low) return;
@@ -86,7 +176,7 @@ inline void add_surface(const RangeLines& lines, const Place& place, double t, d
 
 // What level ground returns into a bin of 1 / R^2.
 inline double ground_at(double per_square, double depth, double scale) {
-    double steep = least(depth * depth * per_square, STEEPEST);
+    double steep = minimum(depth * depth * per_square, STEEPEST);
     return scale * per_square * per_square / sqrt(1.0 - steep);
 }
 
@@ -112,14 +202,14 @@ inline void add_ground(const RangeLines& lines, const Place& place, const Grazin
     bool is_patched = constant_gamma && scattering.has_patches();
     double t = grazing.t, depth = grazing.depth, size = lines.bin_size, shift = place.shift;
     // The ray stands for elevations of half the angle to either side of its own.
-    double here = asin(least(depth / t, 1.0)), half = 0.5 * grazing.angle;
+    double here = asin(minimum(depth / t, 1.0)), half = 0.5 * grazing.angle;
     // Beyond straight down, 1.57 rad, ranges would grow again.
-    double start = most(depth / sin(least(here + half, 1.5)), grazing.near, NEAREST), end = grazing.far;
+    double start = maximum(depth / sin(minimum(here + half, 1.5)), grazing.near, NEAREST), end = grazing.far;
     // Rays nearer the horizon than that stand for directions that meet no ground.
-    if (here > half) end = least(end, depth / sin(here - half));
+    if (here > half) end = minimum(end, depth / sin(here - half));
     // The share of the ray's power in a radian; what lies beyond the last bin is lost.
-    double angle = asin(least(depth / start, 1.0)) - asin(least(depth / end, 1.0));
-    double last = least(lines.bin_at(end + shift), double(lines.count()));
+    double angle = asin(minimum(depth / start, 1.0)) - asin(minimum(depth / end, 1.0));
+    double last = minimum(lines.bin_at(end + shift), double(lines.count()));
     Span span(lines.bin_at(start + shift), last, lines.count());
     if (span.high < span.low || angle <= 0.0) return;
     double scale = place.weight * gamma * depth * size / angle;
@@ -156,11 +246,11 @@ inline void add_volume(const RangeLines& lines, const Place& place, double near,
     Span span(lines.bin_at(near + place.shift), lines.bin_at(far + place.shift), lines.count());
     if (span.high < span.low) return;
     // Most bins are passed as a whole: their share is computed once.
-    double fade = exp(-rate * size), whole = mean_depth(rate, size), begin = most(span.start, double(span.low));
+    double fade = exp(-rate * size), whole = mean_depth(rate, size), begin = maximum(span.start, double(span.low));
     double left = place.weight * volume * pow(10.0, -0.2 * loss);
     left *= exp(-rate * (begin - span.start) * size);
     for (int64_t bin = span.low; bin <= span.high; bin++) {
-        double depth = (least(span.end, bin + 1.0) - begin) * size, returned = left * whole;
+        double depth = (minimum(span.end, bin + 1.0) - begin) * size, returned = left * whole;
         if (depth < 0.999999 * size) {
             returned = left * mean_depth(rate, depth);
             left *= exp(-rate * depth);

@@ -41,7 +41,7 @@ class RayWalk {
         for (; i < events_.size() && events_[i].ray == ray_; i++) {
             const Event& event = events_[i];
             // Power can only fall; rounding must not make a volume return less than nothing.
-            double left = least(event.power, power);
+            double left = minimum(event.power, power);
             add_volumes(t, event.t, power, left);
             switch (event.kind) {
             case Kind::HIT:
@@ -102,7 +102,7 @@ class RayWalk {
         double volume = scattering_.air, sway = 0.0; // the cross section of a cubic metre of all that is there
         for (int64_t part : inside_) {
             volume += scattering_.of(part).volume;
-            sway = most(sway, scattering_.of(part).sway);
+            sway = maximum(sway, scattering_.of(part).sway);
         }
         if (!(volume > 0.0 && far > near)) return;
         double loss = (rays_.full - power) * rays_.db_per_power;
@@ -112,11 +112,11 @@ class RayWalk {
 
     // Add the surface that ends the ray; through is the share of the wave that comes there and back.
     void add_end(const Event& event, double through) {
-        double cosine = most(rays_.incidence[ray_], GRAZING);
+        double cosine = maximum(rays_.incidence[ray_], GRAZING);
         double gamma = surface_gamma(scattering_.of(event.part), cosine);
         // The tangent of the angle of incidence: how much farther the next ray meets it.
         double slant = sqrt(1.0 - cosine * cosine) / cosine;
-        double length = least(rays_.spread[ray_] * event.t * slant, LONGEST_SPREAD);
+        double length = minimum(rays_.spread[ray_] * event.t * slant, LONGEST_SPREAD);
         add_surface(lines_, place_, event.t, gamma * through, length);
     }
 
@@ -127,7 +127,7 @@ class RayWalk {
         double end = INFINITE;
         if (after < rays_.column.size() && rays_.column[after] == rays_.column[ray_] &&
             !is_level(rays_.directions[after], rays_.incidence[after]))
-            end = most(rays_.ranges[after], rays_.ranges[ray_]);
+            end = maximum(rays_.ranges[after], rays_.ranges[ray_]);
         const PartScattering& part = scattering_.of(event.part);
         double angle = OVERLAP * rays_.spread[ray_];
         add_level_ground(part, grazing_at(part, event, rays_.directions[ray_], angle, end), through);
@@ -150,7 +150,7 @@ class RayWalk {
     void add_level_ground(const PartScattering& part, const Grazing& grazing, double through) {
         double gamma = 1.0;
         if (!part.constant_gamma || !scattering_.has_patches())
-            gamma = surface_gamma(part, most(grazing.depth / grazing.t, GRAZING));
+            gamma = surface_gamma(part, maximum(grazing.depth / grazing.t, GRAZING));
         add_ground(lines_, place_, grazing, gamma * through, part.constant_gamma, scattering_);
     }
 
@@ -165,10 +165,10 @@ class RayWalk {
                dz = start.z - start.t * ahead[2] - event.z;
         double straight = sqrt(dx * dx + dy * dy + dz * dz);
         double back = (after.x - event.x) * dx + (after.y - event.y) * dy + (after.z - event.z) * dz;
-        back /= run * most(straight, 1e-9);
+        back /= run * maximum(straight, 1e-9);
         if (back < STRAIGHT_BACK) return;
         // Half the angle by which it misses the antenna is that of a mirror turned so.
-        double square = least(0.5 * (1.0 + back), 1.0), distance = 0.5 * (event.t + straight);
+        double square = minimum(0.5 * (1.0 + back), 1.0), distance = 0.5 * (event.t + straight);
         double share = 1.0, spread = 0.0, area = 0.0;
         for (int64_t i = first_; i <= last; i++) {
             if (events_[i].kind != Kind::MIRRORED) continue;
@@ -176,13 +176,13 @@ class RayWalk {
             if (part.narrowness <= 0.0) return;
             share *= part.glint / part.narrowness;
             // A piece that is smaller than its dents is as flat as a part of one.
-            spread += 0.5 / part.narrowness * least(part.area / DENT_AREA, 1.0);
+            spread += 0.5 / part.narrowness * minimum(part.area / DENT_AREA, 1.0);
             area += part.area * mirror_cosine(i);
         }
         // What is small, or far, sends the wave into a lobe; no more of a large mirror than the zone around the
         // shortest way takes part.
-        area = least(area, 0.5 * rays_.wavelength * distance);
-        spread += rays_.wavelength * rays_.wavelength / (8.0 * M_PI * most(area, 1e-6));
+        area = minimum(area, 0.5 * rays_.wavelength * distance);
+        spread += rays_.wavelength * rays_.wavelength / (8.0 * M_PI * maximum(area, 1e-6));
         double gamma = gamma_at(sqrt(square), 0.0, true, share * 0.5 / spread, 0.5 / spread);
         add_surface(lines_, place_, distance, gamma * through, 0.0);
     }
@@ -199,12 +199,12 @@ class RayWalk {
         double ux = direction[0], uy = direction[1], uz = direction[2];
         if (before >= first_) {
             const Event& last = events_[before];
-            double way = most(here.t - last.t, 1e-9);
+            double way = maximum(here.t - last.t, 1e-9);
             ux = (here.x - last.x) / way, uy = (here.y - last.y) / way, uz = (here.z - last.z) / way;
         }
         double dx = (after.x - here.x) / run - ux, dy = (after.y - here.y) / run - uy,
                dz = (after.z - here.z) / run - uz;
-        return least(most(0.5 * sqrt(dx * dx + dy * dy + dz * dz), GRAZING), 1.0);
+        return minimum(maximum(0.5 * sqrt(dx * dx + dy * dy + dz * dz), GRAZING), 1.0);
     }
 
     const FanRays& rays_;

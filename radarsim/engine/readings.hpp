@@ -71,14 +71,14 @@ struct Accelerometer {
 struct Link { // of a mission package
     double from_angle, from_tick, to_angle, speed; // when it was told to move, rad, and until when; rad/s
 };
-LAYOUT(Job, "", kind, place)
-LAYOUT(DueJobs, "", slot, first, end)
-LAYOUT(Charge, "", life, least, spawn_tick)
-LAYOUT(Ins, "", estimate, bias, body, sigma, used, draws)
-LAYOUT(Tachometer, "", read_at, angles, speeds, zero)
-LAYOUT(Encoder, "", side, zero, sign, noise, used, draws)
-LAYOUT(Accelerometer, "", axes, read_at, velocity, attitude, rates)
-LAYOUT(Link, "", from_angle, from_tick, to_angle, speed)
+ROW(Job, kind, place)
+ROW(DueJobs, slot, first, end)
+ROW(Charge, life, least, spawn_tick)
+ROW(Ins, estimate, bias, body, sigma, used, draws)
+ROW(Tachometer, read_at, angles, speeds, zero)
+ROW(Encoder, side, zero, sign, noise, used, draws)
+ROW(Accelerometer, axes, read_at, velocity, attitude, rates)
+ROW(Link, from_angle, from_tick, to_angle, speed)
 
 // Numbers that are written, and counted where there is no room.
 struct Numbers {
@@ -187,10 +187,10 @@ inline void read_acceleration(Accelerometer& sensor, double time, const Robot& r
 // The angle of a link, rad.
 inline double link_angle(const Link& link, double ticks) {
     double reach = link.speed * (ticks - link.from_tick) / TICKS_A_SECOND;
-    return link.from_angle + most(-reach, least(reach, link.to_angle - link.from_angle));
+    return link.from_angle + maximum(-reach, minimum(reach, link.to_angle - link.from_angle));
 }
 inline double angle_of_link(Array<const Link> link, double ticks) { return link_angle(link[0], ticks); }
-DOOR(angle_of_link, "1")
+BIND(angle_of_link, "1")
 
 struct SensorTables { // of robots by slots, jobs and odometry aside
     Array<const Job> jobs;
@@ -211,7 +211,7 @@ inline bool take_reading(const Job& job, double* row, double ticks, const Robot&
     case Reading::CHARGE: {
         const Charge& charge = *static_cast<Charge*>(place);
         double elapsed = (ticks - charge.spawn_tick) / TICKS_A_SECOND;
-        out.add(most(trunc(most(0.0, charge.life - elapsed)), charge.least)); // as of Battery.seconds_left
+        out.add(maximum(trunc(maximum(0.0, charge.life - elapsed)), charge.least)); // as of Battery.seconds_left
         break;
     }
     case Reading::TOUCHED: out.add(robot.touched); break;
@@ -224,7 +224,7 @@ inline bool take_reading(const Job& job, double* row, double ticks, const Robot&
     case Reading::ALTITUDES: {
         double height = robot.body_z - row[job.place]; // of the spawn
         out.add(height);
-        out.add(most(0.0, height - SEA_LEVEL));
+        out.add(maximum(0.0, height - SEA_LEVEL));
         break;
     }
     case Reading::MINUTES: out.add(floor((ticks - row[job.place]) / TICKS_A_MINUTE)); break; // since the spawn
@@ -305,6 +305,6 @@ inline int64_t take_readings(Array<const DueJobs> due, const SensorTables& table
     }
     return numbers.count == out.size() ? used_up : -1;
 }
-DOOR(take_readings, "d o")
+BIND(take_readings, "d o")
 
 } // namespace radarsim

@@ -1,6 +1,6 @@
 // Upright boxes that stop every ray, in a grid seen from above; see robot_boxes.py for the theory.
 #pragma once
-#include "door.hpp"
+#include "bindings.hpp"
 
 namespace radarsim {
 
@@ -12,7 +12,7 @@ constexpr double MIN_SLOPE = 1e-200;            // along one axis; a ray with le
 struct RobotBox { // a row of Boxes.table
     double x, y, z, cos, sin, length, width, height, footprint_radius, id;
 };
-LAYOUT(RobotBox, "", x, y, z, cos, sin, length, width, height, footprint_radius, id)
+ROW(RobotBox, x, y, z, cos, sin, length, width, height, footprint_radius, id)
 
 struct Span {
     double near, far;
@@ -22,7 +22,7 @@ struct Span {
 inline Span intersect_slab(double start, double slope, double half) {
     if (slope == 0.0) return fabs(start) <= half ? Span{-INFINITE, INFINITE} : Span{INFINITE, -INFINITE};
     double first = (-half - start) / slope, second = (half - start) / slope;
-    return {least(first, second), most(first, second)};
+    return {minimum(first, second), maximum(first, second)};
 }
 
 // The distance at which a ray meets a box, m; -1 if it does not. From within it hits as well.
@@ -34,7 +34,7 @@ inline double intersect_box(const RobotBox& box, const Vector& origin, const Vec
     Span ahead = intersect_slab(c * dx + s * dy, c * ex + s * ey, box.length);
     Span beside = intersect_slab(c * dy - s * dx, c * ey - s * ex, box.width);
     Span above = intersect_slab(origin[2] - box.z, direction[2], box.height);
-    double near = most(ahead.near, beside.near, above.near), far = least(ahead.far, beside.far, above.far);
+    double near = maximum(ahead.near, beside.near, above.near), far = minimum(ahead.far, beside.far, above.far);
     double t = near >= 0.0 ? near : far;
     return near <= far && t >= 0.0 ? t : -1.0;
 }
@@ -64,7 +64,7 @@ inline double box_incidence(Array<const RobotBox> boxes, int64_t id, const Vecto
 }
 
 inline int64_t cell_at(double offset, int64_t cells) {
-    return int64_t(least(most(0.0, offset), double(cells) - 1.0));
+    return int64_t(minimum(maximum(0.0, offset), double(cells) - 1.0));
 }
 
 // Boxes by the cells of a grid over the x-y plane; one cell if more do not pay off.
@@ -99,7 +99,7 @@ class BoxGrid {
         // Without a way through the grid, one step goes through the lists of all cells.
         int64_t cell = 0, column = 0, row = 0, end = layout_.cells();
         Border x_border, y_border;
-        if (end > 1 && most(fabs(origin[0]), fabs(origin[1])) <= MAX_COORDINATE) {
+        if (end > 1 && maximum(fabs(origin[0]), fabs(origin[1])) <= MAX_COORDINATE) {
             double x = (origin[0] - layout_.x) * layout_.per_metre, y = (origin[1] - layout_.y) * layout_.per_metre;
             double ex = direction[0] * layout_.per_metre, ey = direction[1] * layout_.per_metre;
             double enter = enter_grid(x, y, ex, ey);
@@ -116,7 +116,7 @@ class BoxGrid {
                 if (t >= 0.0 && (t < nearest || (t == nearest && i > found))) nearest = t, found = i;
             }
             // The boxes of the cells beyond are farther than where this one ends.
-            if (nearest <= least(x_border.next, y_border.next)) break;
+            if (nearest <= minimum(x_border.next, y_border.next)) break;
             if (x_border.next < y_border.next)
                 column += x_border.step, x_border.next += x_border.apart;
             else
@@ -149,15 +149,15 @@ class BoxGrid {
             const RobotBox& box = boxes[i];
             // Twice the slack: a ray that misses the grid misses its boxes by one.
             double radius = box.footprint_radius + 2.0 * SLACK;
-            left = least(left, box.x - radius), right = most(right, box.x + radius);
-            low = least(low, box.y - radius), high = most(high, box.y + radius);
+            left = minimum(left, box.x - radius), right = maximum(right, box.x + radius);
+            low = minimum(low, box.y - radius), high = maximum(high, box.y + radius);
             squares += radius * radius;
         }
-        if (most(most(-left, right, -low), high) <= MAX_COORDINATE) {
+        if (maximum(maximum(-left, right, -low), high) <= MAX_COORDINATE) {
             // As many cells as boxes, and none shorter than the boxes in the mean.
-            double area = (right - left) * (high - low), longest = most(right - left, high - low);
+            double area = (right - left) * (high - low), longest = maximum(right - left, high - low);
             double count = double(boxes.size());
-            size = most(sqrt(most(area, 4.0 * squares) / count), longest / count);
+            size = maximum(sqrt(maximum(area, 4.0 * squares) / count), longest / count);
         }
         if (boxes.size() < MIN_BOXES || rays < MIN_RAYS || !(left <= right && low <= high && size < INFINITE)) {
             left = right = low = high = 0.0;
@@ -198,8 +198,8 @@ class BoxGrid {
         double half_x = 0.5 * double(layout_.columns), half_y = 0.5 * double(layout_.rows);
         if (fabs(x - half_x) <= half_x && fabs(y - half_y) <= half_y) return 0.0;
         Span ahead = intersect_slab(x - half_x, ex, half_x), beside = intersect_slab(y - half_y, ey, half_y);
-        double enter = most(ahead.near, beside.near, 0.0);
-        return enter <= least(ahead.far, beside.far) ? enter : INFINITE;
+        double enter = maximum(ahead.near, beside.near, 0.0);
+        return enter <= minimum(ahead.far, beside.far) ? enter : INFINITE;
     }
 
     static Border first_border(double start, double slope, int64_t cell) {
@@ -210,7 +210,7 @@ class BoxGrid {
     }
 
     Layout layout_;
-    Room<int32_t> heads_, links_; // where the list of each cell begins, and the lists
+    Buffer<int32_t> heads_, links_; // where the list of each cell begins, and the lists
 };
 
 } // namespace radarsim

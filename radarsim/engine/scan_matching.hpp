@@ -76,7 +76,7 @@ inline Symmetric information_of(const LocalShape& shape, const Vector2& across, 
     double a = shape.xx, b = shape.xy, c = shape.yy;
     double half = (a + c) / 2, turn = hypot((a - c) / 2, b);
     // The eigenvalues; rounding can make the smaller one negative.
-    double small = most(half - turn, 0.0), large = half + turn;
+    double small = maximum(half - turn, 0.0), large = half + turn;
     double noise = RANGE_ERROR * RANGE_ERROR, wide = spread * spread;
     if (large >= LINE_RATIO * small) {
         double angle = atan2(2.0 * b, a - c) / 2, nx = -sin(angle), ny = cos(angle);
@@ -209,11 +209,11 @@ inline bool fit_scan(const PointTable& table, Array<const Vector2> places, Array
         solve(equations);
         for (int k = 0; k < 3; k++) state[k] += gradient[k];
         // Nothing within 10 m of the robot moves by more than about 0.1 mm any more.
-        if (most(fabs(gradient[0]), fabs(gradient[1]), 10.0 * fabs(gradient[2])) < 1e-4) break;
+        if (maximum(fabs(gradient[0]), fabs(gradient[1]), 10.0 * fabs(gradient[2])) < 1e-4) break;
     }
     return true;
 }
-DOOR(fit_scan, "k k k 3 3 3 33 2")
+BIND(fit_scan, "k k k 3 3 3 33 2")
 
 // The row of the pose, of x, y and yaw, at which a sample of points fits best.
 inline int64_t best_start(const PointTable& table, Array<const Vector2> places, Array<const Vector2> along,
@@ -233,6 +233,6 @@ inline int64_t best_start(const PointTable& table, Array<const Vector2> places, 
     }
     return best;
 }
-DOOR(best_start, "k k k s")
+BIND(best_start, "k k k s")
 
 } // namespace radarsim

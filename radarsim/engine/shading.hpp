@@ -1,6 +1,6 @@
 // The colours of a camera's rays; see camera.py for the theory.
 #pragma once
-#include "echo_strength.hpp"
+#include "echoes.hpp"
 
 namespace radarsim {
 
@@ -46,6 +46,6 @@ inline void shade(Array<const Event> events, Array<const double> incidence, Arra
         }
     }
 }
-DOOR(shade, "e n c n n")
+BIND(shade, "e n c n n")
 
 } // namespace radarsim

@@ -1,15 +1,51 @@
-// Trace all rays of a call: given ones, or those of scans, each aimed right before it is traced.
+// Trace all rays of a call on several threads: given ones, or those of scans, each aimed right before it is traced.
 #pragma once
-#include "aimed_rays.hpp"
+#include "directions.hpp"
 #include "propagate.hpp"
-#include "threads.hpp"
+#include <pthread.h>
+#include <signal.h>
 
 namespace radarsim {
 
-constexpr int64_t INCONSISTENT = INT64_MIN; // arrays that do not belong together
+// Calls work(part) for each part from 0, on some threads that take the next part when they are ready. What a part
+// does must not depend on which thread does it: then the results are the same for any number of threads.
+template <typename Work> class ParallelWork {
+  public:
+    ParallelWork(int64_t threads, int64_t parts, Work& work) : parts_(parts), work_(work) {
+        Buffer<pthread_t> others(threads);
+        int64_t started = 0;
+        sigset_t all, before;
+        sigfillset(&all);
+        pthread_sigmask(SIG_BLOCK, &all, &before); // signals are for the threads of the program
+        for (; started < least_of(threads, parts) - 1; started++)
+            if (pthread_create(&others[started], nullptr, run, this)) break; // then those that there are do it all
+        pthread_sigmask(SIG_SETMASK, &before, nullptr);
+        run(this);
+        for (int64_t i = 0; i < started; i++) pthread_join(others[i], nullptr);
+        if (failed_) Attempt::fail();
+    }
+
+  private:
+    static int64_t least_of(int64_t a, int64_t b) { return a < b ? a : b; }
+    static void* run(void* self) {
+        auto& [parts, next, failed, work] = *static_cast<ParallelWork*>(self);
+        Attempt attempt([&] {
+            for (int64_t part; (part = __atomic_fetch_add(&next, 1, __ATOMIC_RELAXED)) < parts;) work(part);
+        });
+        if (!attempt.succeeds) __atomic_store_n(&failed, true, __ATOMIC_RELAXED);
+        return nullptr;
+    }
+
+    int64_t parts_, next_ = 0;
+    bool failed_ = false;
+    Work& work_;
+};
+
+constexpr int64_t INCONSISTENT = bindings::REFUSED; // arrays that do not belong together
 constexpr int64_t PARTS_PER_THREAD = 4;
 constexpr int64_t MOST_CROSSINGS = 1 << 26, MOST_THREADS = 1024; // for which there is memory
 constexpr int CLEARANCE_CLASS = 1; // the class for which something may hide a ray
+constexpr int MIDDLE_NODE = 1;     // of three, which starts at its sensor
 
 struct RaySource { // given rays, or one row of what the rays of a sensor have in common
     Array<const Vector> origins, directions;
@@ -26,9 +62,7 @@ struct Scans {
     Array<const double, 2> chances; // of each scan and beam; no columns if all nodes are aimed
     Array<int16_t> nodes;           // of each ray
     Array<int8_t> sides;            // of each ray
-    Array<bool> clear;              // which scans were traced; others have something opaque near them
 
-    const Place& place(int64_t scan) const { return *reinterpret_cast<const Place*>(places[scan]); }
     int64_t rays_per_scan() const { return nodes.size() / places.size(); }
     // Whether each ray has a node in the table.
     bool fit(const NodeTable& table) const {
@@ -46,20 +80,18 @@ inline bool belong_together(const Scene& scene, const RaySource& source, const S
     if (scene.triangles.size() != (*scene.handle)[0].triangles.size()) return false;
     if (angles && angles != rays) return false;
     if (!scans.places.size()) return source.origins.size() == rays && source.power.size() == rays;
-    if (source.radius && scene.materials->classes() <= CLEARANCE_CLASS) return false;
+    if (source.radius && (materials.classes() <= CLEARANCE_CLASS || source.table->nodes() <= MIDDLE_NODE)) return false;
     return source.power.size() == 1 && scans.nodes.size() == rays && scans.fit(*source.table);
 }
 
-// Find out which scans have certainly nothing opaque around their sensors.
-inline void clear_scans(const Scene& scene, const RaySource& source, const Scans& scans, const BoxGrid& grid) {
+// Whether there is certainly nothing opaque between a sensor and where its rays start.
+inline bool is_clear(const RaySource& source, const Place& place, const RayTracer& tracer) {
+    if (source.radius == 0.0) return true;
+    const Scene& scene = tracer.scene;
     double reach = source.radius + scene.handle->margin;
-    for (int64_t scan = 0; scan < scans.places.size(); scan++) {
-        const Place& place = scans.place(scan);
-        Vector point = {place.x - scene.centre[0], place.y - scene.centre[1], place.z - scene.centre[2]};
-        scans.clear[scan] = source.radius == 0.0 ||
-                            (!grid.is_near(whole_of(place.carrier), point, reach) &&
-                             !is_opaque_nearby(*scene.handle, scene.materials->forward_roles.row(CLEARANCE_CLASS), point, reach));
-    }
+    Vector point = {place.x - scene.centre[0], place.y - scene.centre[1], place.z - scene.centre[2]};
+    return !tracer.box_grid.is_near(whole_of(place.carrier), point, reach) &&
+           !is_opaque_nearby(*scene.handle, scene.materials->forward_roles.row(CLEARANCE_CLASS), point, reach);
 }
 
 // What became of some of the rays of a call.
@@ -84,26 +116,51 @@ inline int64_t trace_given(const RaySource& source, int64_t first, int64_t last,
     return 0;
 }
 
-// Trace the rays of some beams of all scans, which are counted scan by scan.
+// Find out whether something opaque is between a sensor and where its aimed ray starts. Returns a code as trace_rays
+// does; origin and direction are changed.
+inline int64_t find_hidden(int64_t row, const Frame& frame, int64_t carrier, RayTracer& tracer, const Traces& traces,
+                           bool& is_hidden) {
+    Vector way;
+    for (int axis = 0; axis < 3; axis++) way[axis] = tracer.origin[axis] - frame.position[axis];
+    double length = sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]);
+    is_hidden = false;
+    if (!(length > 0.0)) return 0;
+    for (int axis = 0; axis < 3; axis++)
+        tracer.origin[axis] = frame.position[axis], tracer.direction[axis] = way[axis] / length;
+    int64_t event_count = tracer.state.event_count; // the way to the start is no part of the scan
+    int64_t code = tracer.trace(row, length, INFINITE, CLEARANCE_CLASS, carrier, traces);
+    tracer.state.event_count = event_count;
+    is_hidden = traces.outcomes[row] != NOTHING;
+    return code;
+}
+
+// Trace the rays of some beams of all scans, which are counted scan by scan. The middle ray takes the place of rays that
+// start where their sensor cannot see.
 inline int64_t trace_beams(const RaySource& source, const Scans& scans, int64_t first, int64_t last, RayTracer& tracer,
                            const Traces& traces) {
     const NodeTable& table = *source.table;
-    int64_t nodes = scans.rays_per_scan() / table.beams(), scan = -1;
+    int64_t nodes = scans.rays_per_scan() / table.beams(), scan = -1, carrier = -1;
     Frame frame;
+    bool clear = true, is_hidden = false;
     for (int64_t row = first; row < last; row++) {
         int64_t beam = row % table.beams();
         if (scan != row / table.beams()) {
             scan = row / table.beams();
-            frame = frame_of(scans.place(scan));
+            const Place& place = place_of(scans.places, scan);
+            frame = frame_of(place), carrier = whole_of(place.carrier), clear = is_clear(source, place, tracer);
         }
-        if (!scans.clear[scan]) continue;
         for (int64_t node = 0, i = row * nodes; node < nodes; node++, i++) {
             int64_t chosen = scans.chances.shape[1] ? node_of(table.edges, scans.chances(scan, beam)) : node;
+            aim_ray(table, frame, beam, chosen, tracer.origin, tracer.direction);
+            if (!clear) {
+                if (int64_t code = find_hidden(i, frame, carrier, tracer, traces, is_hidden)) return code;
+                if (is_hidden) chosen = MIDDLE_NODE;
+                aim_ray(table, frame, beam, chosen, tracer.origin, tracer.direction);
+            }
             scans.nodes[i] = int16_t(chosen);
             scans.sides[i] = table.sides[chosen];
-            aim_ray(table, frame, beam, chosen, tracer.origin, tracer.direction);
-            if (int64_t code = tracer.trace(i, source.max_range[0], source.power[0], source.class_index[0],
-                                            whole_of(scans.place(scan).carrier), traces))
+            if (int64_t code = tracer.trace(i, source.max_range[0], source.power[0], source.class_index[0], carrier,
+                                            traces))
                 return code;
         }
     }
@@ -134,19 +191,18 @@ inline int64_t trace_rays(const Scene& scene, const RaySource& source, Array<con
                           int64_t max_crossings, Array<Event> events, Array<double> ranges, Array<uint8_t> outcomes,
                           Array<int64_t> parts, Array<double> power, Array<double> incidence,
                           Array<const double[7]> places, Array<const double, 2> chances, Array<int16_t> nodes,
-                          Array<int8_t> sides, Array<bool> clear, int64_t threads, Array<double> summary) {
+                          Array<int8_t> sides, int64_t threads, Array<double> summary) {
     Traces traces = {ranges, outcomes, parts, power, incidence};
-    Scans scans = {places, chances, nodes, sides, clear};
+    Scans scans = {places, chances, nodes, sides};
     if (!belong_together(scene, source, scans, traces)) return INCONSISTENT;
     if (max_crossings < 0 || max_crossings > MOST_CROSSINGS || threads < 1 || threads > MOST_THREADS) return INCONSISTENT;
     BoxGrid grid(boxes, ranges.size());
-    if (places.size()) clear_scans(scene, source, scans, grid);
     // More parts than threads, since some rays take longer than others.
     int64_t count = threads > 1 ? PARTS_PER_THREAD * threads : 1;
     if (events.size() && events.size() < count) count = 1; // each needs room for some
     int64_t rows = places.size() ? places.size() * source.table->beams() : ranges.size();
     int64_t share = events.size() / count; // of the room for events
-    Room<TracePart> found(count);
+    Buffer<TracePart> found(count);
     auto trace_part = [&](int64_t i) {
         int64_t first = rows * i / count, last = rows * (i + 1) / count;
         TracePart& part = found[i];
@@ -159,6 +215,6 @@ inline int64_t trace_rays(const Scene& scene, const RaySource& source, Array<con
     ParallelWork(threads, count, trace_part);
     return join_parts({found.data(), {count}}, events, summary);
 }
-DOOR(trace_rays, "b e r r r r i j hc s s j 3")
+BIND(trace_rays, "b e r r r r i j hc s s 3")
 
 } // namespace radarsim

@@ -1,6 +1,6 @@
-// The walls near a place, from a grid of square cells; see wall_grid.py.
+// Slices of triangles by level planes, and the walls near a place, from a grid of square cells; see wall_grid.py.
 #pragma once
-#include "footprint.hpp"
+#include "robot.hpp"
 
 namespace radarsim::robots {
 
@@ -8,7 +8,7 @@ struct WallEntry { // a wall that crosses a cell
     int64_t cell;  // number of the cell, ascending on each floor
     int64_t wall;  // number of the wall on its floor
 };
-LAYOUT(WallEntry, "", cell, wall)
+ROW(WallEntry, cell, wall)
 
 struct WallGrid { // of a floor
     double left, bottom; // corner of the first cell, m
@@ -17,7 +17,7 @@ struct WallGrid { // of a floor
     int64_t first, end; // its entries
     int64_t first_line;
 };
-LAYOUT(WallGrid, "", left, bottom, cell, columns, rows, first, end, first_line)
+ROW(WallGrid, left, bottom, cell, columns, rows, first, end, first_line)
 
 struct Walls {
     Array<const LineSegment> lines;
@@ -38,7 +38,7 @@ inline void fill_lines(Array<const Ends> segments, Array<LineSegment> lines) {
                     (second[1] - first[1]) / 2, double(i)};
     }
 }
-DOOR(fill_lines, "s s")
+BIND(fill_lines, "s s")
 
 constexpr double CELL_TOLERANCE = 1e-6;  // cells; a wall this close to a cell crosses it
 constexpr double FARTHEST_CROSSED = 1e7; // cells; more would not fit in memory
@@ -61,12 +61,12 @@ template <typename F> void visit_cells(const Ends& segment, const WallGrid& grid
         // The part of the segment within the row, as shares of its length.
         double begin = 0.0, end = 1.0;
         if (rise != 0.0) {
-            begin = least(most((double(row) - CELL_TOLERANCE - y[low]) / rise, 0.0), 1.0);
-            end = least(most((double(row + 1) + CELL_TOLERANCE - y[low]) / rise, 0.0), 1.0);
+            begin = minimum(maximum((double(row) - CELL_TOLERANCE - y[low]) / rise, 0.0), 1.0);
+            end = minimum(maximum((double(row + 1) + CELL_TOLERANCE - y[low]) / rise, 0.0), 1.0);
         }
         begin = x[low] + begin * run, end = x[low] + end * run;
-        int64_t last = last_cell(most(begin, end));
-        for (int64_t column = first_cell(least(begin, end)); column <= last; column++) visit(row, column);
+        int64_t last = last_cell(maximum(begin, end));
+        for (int64_t column = first_cell(minimum(begin, end)); column <= last; column++) visit(row, column);
     }
 }
 
@@ -81,7 +81,7 @@ inline int64_t count_crossings(Array<const Ends> segments, Array<WallGrid> grid)
         });
     return count;
 }
-DOOR(count_crossings, "s 1")
+BIND(count_crossings, "s 1")
 
 // Write an entry for each of these, wall by wall.
 inline void enter_crossings(Array<const Ends> segments, Array<const WallGrid> grid, Array<WallEntry> entries) {
@@ -91,7 +91,7 @@ inline void enter_crossings(Array<const Ends> segments, Array<const WallGrid> gr
             if (count < entries.size()) entries[count++] = {row * grid[0].columns + column, wall};
         });
 }
-DOOR(enter_crossings, "s 1 e")
+BIND(enter_crossings, "s 1 e")
 
 struct CellRange {
     int64_t first, last;
@@ -100,8 +100,8 @@ struct CellRange {
 // The cells within reach on an axis, of a number of cells.
 inline CellRange cells_within(double place, double reach, double cell, int64_t count) {
     // Limited before they become whole numbers: the place may be far off the grid.
-    double first = least(most(0.0, (place - reach) / cell), double(count));
-    double last = least(most(-1.0, (place + reach) / cell), double(count) - 1.0);
+    double first = minimum(maximum(0.0, (place - reach) / cell), double(count));
+    double last = minimum(maximum(-1.0, (place + reach) / cell), double(count) - 1.0);
     return {int64_t(floor(first)), int64_t(floor(last))};
 }
 
@@ -119,7 +119,7 @@ inline int64_t first_entry(Array<const WallEntry> entries, const WallGrid& grid,
 inline bool is_near(const LineSegment& line, double x, double y, double reach) {
     double dx = x - line.middle_x, dy = y - line.middle_y;
     double share = (dx * line.half_x + dy * line.half_y) / (line.half_x * line.half_x + line.half_y * line.half_y);
-    share = least(most(share, -1.0), 1.0);
+    share = minimum(maximum(share, -1.0), 1.0);
     dx -= share * line.half_x;
     dy -= share * line.half_y;
     return dx * dx + dy * dy <= reach * reach;
@@ -147,7 +147,7 @@ inline int64_t find_walls(const Walls& walls, double floor, double x, double y, 
     }
     return count;
 }
-DOOR(find_walls, "l")
+BIND(find_walls, "l")
 
 // The gap of a rectangle, within a circle of a radius, to the walls of the only floor; infinite if none is near.
 inline double find_gap(const Walls& walls, double x, double y, double yaw, double half_length, double half_width,
@@ -155,6 +155,141 @@ inline double find_gap(const Walls& walls, double x, double y, double yaw, doubl
     int64_t count = find_walls(walls, 0.0, x, y, radius, lines);
     return find_contact({lines.data, {count}}, {x, y, yaw}, half_length, half_width).gap;
 }
-DOOR(find_gap, "l")
+BIND(find_gap, "l")
+
+using Corners = int32_t[3];
+
+constexpr int64_t BLOCK = 32; // triangles of a block, see solid_mesh.py
+
+// Whether a plane cuts a triangle; a corner in the plane counts as above it.
+inline bool is_cut(const Vector& a, const Vector& b, const Vector& c, double height) {
+    int above = (a[2] >= height) + (b[2] >= height) + (c[2] >= height);
+    return above == 1 || above == 2;
+}
+
+// Write where a plane cuts two sides of a triangle, those at the corner that is alone on its side of the plane.
+inline void cut_sides(Array<const Vector> vertices, const Corners& face, double height, Ends& cut) {
+    bool above[3];
+    for (int i = 0; i < 3; i++) above[i] = vertices[face[i]][2] >= height;
+    int alone = above[1] == above[2] ? 0 : above[0] == above[2] ? 1 : 2;
+    const Vector& first = vertices[face[alone]];
+    for (int end = 0; end < 2; end++) {
+        const Vector& other = vertices[face[(alone + 1 + end) % 3]];
+        double share = (height - first[2]) / (other[2] - first[2]);
+        for (int axis = 0; axis < 2; axis++) cut[end][axis] = first[axis] + share * (other[axis] - first[axis]);
+    }
+}
+
+// Slice triangles; returns the number of segments, or -1 if a corner is not among the vertices.
+inline int64_t slice_faces(Array<const Vector> vertices, Array<const Corners> faces, double height,
+                           Array<Ends> segments) {
+    int64_t count = 0;
+    for (const Corners& face : faces) {
+        for (int32_t corner : face)
+            if (corner < 0 || corner >= vertices.size()) return -1;
+        if (is_cut(vertices[face[0]], vertices[face[1]], vertices[face[2]], height))
+            cut_sides(vertices, face, height, segments[count++]);
+    }
+    return count;
+}
+BIND(slice_faces, "v f f")
+
+struct SolidMesh { // triangles sorted by cells of space, and the bounds of blocks of them
+    Array<const Vector> vertices;
+    Array<const Corners> faces;
+    Array<const int32_t> order;
+    Array<const double, 2> lows, highs; // m, of x, y and z of blocks
+};
+LAYOUT(SolidMesh, "v f f 3b 3b", vertices, faces, order, lows, highs)
+
+struct Area {
+    double x_min, x_max, y_min, y_max; // m
+
+    bool meets(double left, double right, double low, double high) const {
+        return left <= x_max && x_min <= right && low <= y_max && y_min <= high;
+    }
+};
+
+inline int compare_numbers(const void* one, const void* other) {
+    int32_t a = *static_cast<const int32_t*>(one), b = *static_cast<const int32_t*>(other);
+    return (a > b) - (a < b);
+}
+
+// Write numbers of the triangles that a plane cuts in blocks that reach into an area, ascending; returns how many they
+// are. Those for which there is no room are only counted.
+inline int64_t find_cut(const SolidMesh& mesh, const Area& area, double height, Array<int32_t> numbers) {
+    const auto& [vertices, faces, order, lows, highs] = mesh;
+    int64_t count = 0;
+    for (int64_t block = 0; block < lows.shape[1]; block++) {
+        if (!(lows(2, block) < height && height <= highs(2, block))) continue;
+        if (!area.meets(lows(0, block), highs(0, block), lows(1, block), highs(1, block))) continue;
+        for (int64_t i = block * BLOCK; i < (block + 1) * BLOCK && i < order.size(); i++) {
+            const Corners& face = faces[order[i]];
+            if (!is_cut(vertices[face[0]], vertices[face[1]], vertices[face[2]], height)) continue;
+            if (count < numbers.size()) numbers[count] = order[i];
+            count++;
+        }
+    }
+    qsort(numbers.data, count < numbers.size() ? count : numbers.size(), sizeof(int32_t), compare_numbers);
+    return count;
+}
+
+// Slice the triangles in an area, in the order of their numbers; returns the number of segments, or, if there may not
+// be room for all, minus the room that is needed.
+inline int64_t slice_area(const SolidMesh& mesh, double x_min, double x_max, double y_min, double y_max, double height,
+                          Array<int32_t> numbers, Array<Ends> segments) {
+    Area area = {x_min, x_max, y_min, y_max};
+    int64_t found = find_cut(mesh, area, height, numbers), count = 0;
+    if (found > numbers.size()) return -found;
+    for (int64_t i = 0; i < found; i++) {
+        Ends& cut = segments[count];
+        cut_sides(mesh.vertices, mesh.faces[numbers[i]], height, cut);
+        const auto& [one, other] = cut;
+        count += area.meets(minimum(one[0], other[0]), maximum(one[0], other[0]), minimum(one[1], other[1]),
+                            maximum(one[1], other[1]));
+    }
+    return count;
+}
+BIND(slice_area, "s s")
+
+// Write the numbers of the triangles that reach into a slab between two heights; returns how many they are.
+inline int64_t find_in_slab(Array<const Triangle> triangles, double low, double high, Array<int64_t> numbers) {
+    int64_t count = 0;
+    for (int64_t i = 0; i < triangles.size(); i++) {
+        double a = triangles[i][2], b = triangles[i][5], c = triangles[i][8];
+        if ((a <= high || b <= high || c <= high) && (a >= low || b >= low || c >= low)) numbers[count++] = i;
+    }
+    return count;
+}
+BIND(find_in_slab, "t t")
+
+// Extend a box, three numbers of its lower corner and three of its upper one, to a point.
+inline void extend(double* box, const Vector& point) {
+    for (int axis = 0; axis < 3; axis++) { // a corner that is not known yet is nan
+        if (!(box[axis] <= point[axis])) box[axis] = point[axis];
+        if (!(box[axis + 3] >= point[axis])) box[axis + 3] = point[axis];
+    }
+}
+
+// Write the bounding boxes of the parts of triangles within a slab: lower corner, upper corner, lower corner.
+inline void clip_to_slab(Array<const Triangle> triangles, double low, double high, Array<Triangle> outlines) {
+    const double heights[2] = {low, high};
+    for (int64_t i = 0; i < triangles.size(); i++) {
+        double* box = outlines[i];
+        for (int k = 0; k < 6; k++) box[k] = NOT_A_NUMBER;
+        for (int corner = 0; corner < 3; corner++) {
+            const double *begin = &triangles[i][3 * corner], *end = &triangles[i][3 * ((corner + 1) % 3)];
+            if (begin[2] >= low && begin[2] <= high) extend(box, {begin[0], begin[1], begin[2]});
+            for (double height : heights) { // where the side crosses a face of the slab
+                double before = begin[2] - height, after = end[2] - height, share = before / (before - after);
+                if (!(before * after < 0.0)) continue;
+                extend(box, {begin[0] + share * (end[0] - begin[0]), begin[1] + share * (end[1] - begin[1]),
+                             begin[2] + share * (end[2] - begin[2])});
+            }
+        }
+        memcpy(box + 6, box, 3 * sizeof(double));
+    }
+}
+BIND(clip_to_slab, "t t")
 
 } // namespace radarsim::robots

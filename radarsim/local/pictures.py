@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from radarsim.errors import expected_one_of
 from radarsim.files import write_atomically
 from radarsim.geometry import Pose2
-from radarsim.local.history import Moment
+from radarsim.local.simulation import Moment
 from radarsim.plotting.film import FILM_FORMATS, Film, FrameCanvas, Pixels
 from radarsim.plotting.palette import TRUTH, sensor_colour
 from radarsim.plotting.plan import (
@@ -64,9 +64,9 @@ class RunPicture:
                     self._paths[row, column] = pose.x, pose.y
         self._moving: list[Artist] = []
         height = scene.floor_at(0.0, 0.0) + HEIGHT
-        plan = draw_plan(axes, scene, height)
+        materials, corners = draw_plan(axes, scene, height)
         places = self._paths[np.isfinite(self._paths)].reshape(-1, 2)
-        show_extent(axes, np.concatenate([plan.corners, places]))
+        show_extent(axes, np.concatenate([corners, places]))
         name_objects(axes, scene.parts, height, _NAMES)
         robots = f"{len(names)} robot{'s' * (len(names) != 1)}"
         write_title(axes, f"{scene.name}, {robots}")
@@ -75,12 +75,12 @@ class RunPicture:
             legend = Legend()
             legend.add_heading("Robots")
             legend.add_line("true path", color=TRUTH, linewidth=1.5)
-            for medium in sorted({s.medium for m in moments for s in m.seen}):
+            for medium in sorted({medium for m in moments for medium, _ in m.seen}):
                 colour = sensor_colour(medium)
                 text = f"what the {medium} reads"
                 legend.add_marker(text, "o", color=colour, markersize=3)
             legend.add_heading("Materials")
-            legend.add_materials(plan.materials)
+            legend.add_materials(materials)
             legend.draw(figure)
 
     def show(self, number: int) -> None:

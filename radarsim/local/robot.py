@@ -19,9 +19,7 @@ from radarsim.client.robot_state import EchoCollector
 from radarsim.client.session import RANGE_SCANNER, ROBOT, Session
 from radarsim.errors import ClientError
 from radarsim.geometry import Pose2
-from radarsim.local.arguments import check_number
 from radarsim.local.scan import CENTRE, LocalScan
-from radarsim.local.transport import LocalTransport
 from radarsim.protocol.reports import (
     EchoLine,
     GroundTruth,
@@ -35,7 +33,10 @@ from radarsim.protocol.reports import (
     Touch,
     decode_report,
 )
+from radarsim.server.host.connection import SendQueue
 from radarsim.server.host.replies import configuration, geometry
+from radarsim.simulation.clock import TICK
+from radarsim.validation import check_number
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -48,6 +49,55 @@ AnyReport = TypeVar("AnyReport", bound=Report)
 
 GROUP: Final = "radarsim.local"  # of plugins
 MOST_REPORTS: Final = 10_000
+
+
+class LocalTransport:
+    """The connection of a client of the library to a robot in this process.
+
+    Attributes:
+        unread: What the robot was sent and the client has not read.
+        diagnostics: Texts on commands without effect.
+    """
+
+    def __init__(self, robot: LocalRobot) -> None:
+        self.unread = SendQueue()
+        self.diagnostics: list[str] = []
+        self._robot = robot
+
+    def time(self) -> float:
+        """Return simulated time, s."""
+        return self._robot.simulation.time
+
+    def send(self, data: bytes) -> None:
+        """Send bytes."""
+        try:
+            self._robot.send(data)
+        except ClientError as error:
+            self.diagnostics.append(str(error))
+
+    def receive(self, timeout: float) -> bytes:
+        """Return what is unread, or else what comes in the next steps.
+
+        Args:
+            timeout: Longest simulated wait, s.
+
+        Raises:
+            TimeoutError: If nothing has come by then.
+        """
+        for _ in range(max(1, round(timeout / TICK))):
+            if data := self._take():
+                return data
+            self._robot.simulation.step(TICK)
+        if data := self._take():
+            return data
+        raise TimeoutError(f"nothing came within {timeout:g} s of simulated time")
+
+    def _take(self) -> bytes:
+        # Between two ticks: the server's thread may add to it.
+        return self._robot.simulation.call(lambda _: self.unread.take())
+
+    def close(self) -> None:
+        """Do nothing: the robot stays in the simulation."""
 
 
 class LocalRobot:

@@ -18,14 +18,14 @@ import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Final, NoReturn, Self, TypeVar
+from typing import TYPE_CHECKING, Final, NamedTuple, NoReturn, Self, TypeVar
+
+import numpy as np
 
 from radarsim import plugins
 from radarsim.client import session as requests
 from radarsim.errors import ClientError, RecordingError, expected_one_of
 from radarsim.geometry import Pose2, Pose3
-from radarsim.local.arguments import check_number, check_port
-from radarsim.local.history import History, Moment
 from radarsim.local.robot import GROUP, LocalRobot
 from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map
@@ -34,12 +34,13 @@ from radarsim.server.host import Host
 from radarsim.server.server_thread import ServerThread
 from radarsim.simulation.clock import seconds, ticks_of
 from radarsim.simulation.config import SimulationConfig
+from radarsim.validation import check_number, check_port
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
+    from radarsim.presets.robots import RobotModel
     from radarsim.server.host import Diagnostic
     from radarsim.simulation.simulation import Simulation
 
@@ -48,6 +49,25 @@ Value = TypeVar("Value")
 logger: Final = logging.getLogger(__name__)
 
 POLL: Final = 1.0  # s between two looks whether the server's thread is still there
+
+
+NOTED_TICKS: Final = 10  # between two moments; twice as many each time there are
+MOST_MOMENTS: Final = 20_000  # of which every second one is forgotten then
+
+
+class Moment(NamedTuple):
+    """A moment of a simulation, for pictures.
+
+    Attributes:
+        time: s.
+        robots: Class and true pose of each robot, by name.
+        seen: The newest scan of each scanner of the program's own robots: its medium,
+            and where beams ended, (N, 2) m, map frame.
+    """
+
+    time: float
+    robots: dict[str, tuple[RobotModel, Pose2]]
+    seen: list[tuple[str, NDArray[np.float32]]]
 
 
 class LocalSimulation:
@@ -83,7 +103,8 @@ class LocalSimulation:
         self.seed = seed
         self._numbers: dict[str, int] = {}  # of the robots' clients at the host
         self._late_texts: dict[int, list[str]] = {}  # of those that wait to spawn
-        self._history = History()
+        self._noted: list[Moment] = []
+        self._interval = NOTED_TICKS
         self._thread: ServerThread | None = None
         self._ticked = threading.Condition()
 
@@ -385,15 +406,28 @@ class LocalSimulation:
         for name, number in self._numbers.items():
             if data := self.host.take(number):
                 self.robots[name].add(data)
-        self._history.add(self.host.simulation, self.robots.values())
+        if self.host.simulation.ticks % self._interval == 0:
+            self._noted.append(self._moment())
+            if len(self._noted) > MOST_MOMENTS:
+                self._noted = self._noted[1::2]  # ticks of twice the interval
+                self._interval *= 2
         with self._ticked:
             self._ticked.notify_all()
 
     def _moments(self) -> list[Moment]:
         """Return the moments that were noted, and the present one."""
-        simulation, robots = self.host.simulation, self.robots.values()
-        now = self._call(lambda: Moment.of(simulation, robots))
-        return [*(m for m in self._history.moments if m.time < now.time), now]
+        now = self._call(self._moment)
+        return [*(m for m in self._noted if m.time < now.time), now]
+
+    def _moment(self) -> Moment:
+        """Return the simulation as it is."""
+        vehicles = self.host.simulation.vehicles
+        scans = [scan for robot in self.robots.values() for scan in robot.scans]
+        return Moment(
+            self.time,
+            {v.robot.name: (v.model, v.robot.pose) for v in vehicles},
+            [(each.medium, each.points("map").astype(np.float32)) for each in scans],
+        )
 
     def _collect(self) -> None:
         for robot in self.robots.values():

@@ -4,19 +4,17 @@ A run calls ``Film.update`` after each scan; the film draws a frame whenever one
 and a thread of its own encodes it meanwhile. A run that is interrupted leaves a film of
 what happened until then.
 
-An encoder takes one frame after the other and writes a file.
-
 No encoder keeps more than two frames, however long the film is.
 """
 
 import contextlib
 import threading
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from queue import Full, Queue
 from types import TracebackType
-from typing import Any, BinaryIO, Final, Protocol
+from typing import Any, BinaryIO, Final
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -29,6 +27,7 @@ from radarsim.errors import install_command
 from radarsim.files import written_atomically
 
 Pixels = NDArray[np.uint8]  # (H, W, 3)
+AddFrame = Callable[[Pixels], object]
 
 FRAME_RATE: Final = 10  # frames per second of film
 FILM_FORMATS: Final = ("gif", "mp4")
@@ -43,13 +42,6 @@ _LONGEST_GAP: Final = 20  # frames for which a film waits for a scan
 _PATIENCE: Final = 10.0  # s for the encoder to stop once the film is given up
 
 
-class FilmEncoder(Protocol):
-    """Writes a film, frame by frame."""
-
-    def add(self, pixels: Pixels) -> None:
-        """Add a frame, (H, W, 3), which is shown for 1 / FRAME_RATE s."""
-
-
 def film_format(path: Path) -> str:
     """Return the format of a film by its name, one of ``FILM_FORMATS``.
 
@@ -62,7 +54,7 @@ def film_format(path: Path) -> str:
         raise ValueError(f"{str(path)!r}, expected a .gif or .mp4 file")
     if suffix == "mp4":
         try:
-            import imageio_ffmpeg  # noqa: PLC0415 - 173 MB, so it is optional
+            import imageio_ffmpeg  # noqa: PLC0415
 
             imageio_ffmpeg.get_ffmpeg_exe()
         except (ImportError, RuntimeError):
@@ -73,7 +65,7 @@ def film_format(path: Path) -> str:
 
 
 @contextmanager
-def open_encoder(path: Path, form: str, size: tuple[int, int]) -> Iterator[FilmEncoder]:
+def open_encoder(path: Path, form: str, size: tuple[int, int]) -> Iterator[AddFrame]:
     """Write a film; it is complete when the context is left without an error.
 
     Args:
@@ -81,20 +73,36 @@ def open_encoder(path: Path, form: str, size: tuple[int, int]) -> Iterator[FilmE
         form: One of ``FILM_FORMATS``.
         size: Width and height of the frames, pixels; even numbers.
 
+    Yields:
+        A function that adds a frame, which is shown for 1 / FRAME_RATE s.
+
     Raises:
         OSError: If the film cannot be written.
     """
     if form == "gif":
         with path.open("wb") as file:
             gif = GifEncoder(file)
-            yield gif
+            yield gif.add
             gif.finish()
         return
-    encoder = Mp4Encoder(path, size)
+    import imageio_ffmpeg  # noqa: PLC0415 - 173 MB, so it is optional
+
+    frames = imageio_ffmpeg.write_frames(  # a generator that feeds a process
+        str(path),
+        size,
+        fps=FRAME_RATE,
+        codec="libx264",
+        quality=_QUALITY,
+        # H.264 needs even sides, which frames have; the default scales to 16.
+        macro_block_size=2,
+        ffmpeg_log_level="quiet",
+        output_params=["-f", "mp4", "-movflags", "+faststart"],
+    )
+    frames.send(None)
     try:
-        yield encoder
+        yield lambda pixels: frames.send(np.ascontiguousarray(pixels))
     finally:
-        encoder.close()
+        frames.close()  # waits until ffmpeg has completed the file
     # ``faststart`` moves the list of contents to the front once all is written.
     with path.open("rb") as file:
         is_complete = b"moov" in file.read(_HEAD)
@@ -161,35 +169,6 @@ def _quantised(pixels: Pixels) -> Image.Image:
     """Return an image with at most 255 colours, exact ones if they suffice."""
     image = Image.fromarray(np.ascontiguousarray(pixels))
     return image.quantize(_COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
-
-
-class Mp4Encoder:
-    """Writes an H.264 film by ffmpeg, in a process of its own."""
-
-    def __init__(self, path: Path, size: tuple[int, int]) -> None:
-        import imageio_ffmpeg  # noqa: PLC0415
-
-        self._frames: Generator[None, Pixels | None, None]
-        self._frames = imageio_ffmpeg.write_frames(
-            str(path),
-            size,
-            fps=FRAME_RATE,
-            codec="libx264",
-            quality=_QUALITY,
-            # H.264 needs even sides, which frames have; the default scales to 16.
-            macro_block_size=2,
-            ffmpeg_log_level="quiet",
-            output_params=["-f", "mp4", "-movflags", "+faststart"],
-        )
-        self._frames.send(None)
-
-    def add(self, pixels: Pixels) -> None:
-        """Add a frame."""
-        self._frames.send(np.ascontiguousarray(pixels))
-
-    def close(self) -> None:
-        """Let ffmpeg complete the file, and wait for it."""
-        self._frames.close()
 
 
 class FrameCanvas:
@@ -309,9 +288,9 @@ class Film:
 
     def _add(self, pixels: Pixels, *, times: int) -> None:
         if self._encoder is None:
-            arguments = (pixels.shape[1], pixels.shape[0])
+            size = pixels.shape[1], pixels.shape[0]
             self._encoder = threading.Thread(
-                target=self._encode, args=(arguments,), name="film", daemon=True
+                target=self._encode, args=(size,), name="film", daemon=True
             )
             self._encoder.start()
         for _ in range(times):
@@ -325,10 +304,10 @@ class Film:
         try:
             with (
                 written_atomically(self._path) as part,
-                open_encoder(part, self._format, size) as encoder,
+                open_encoder(part, self._format, size) as add,
             ):
                 while (pixels := self._next()) is not None:
-                    encoder.add(pixels)
+                    add(pixels)
                 is_read = True
         except OSError as error:
             self.error = error

@@ -160,9 +160,10 @@ MANY_OPACITY: Final = 0.3
 MANY_THROUGH_AREA: Final = 36.0  # square points, if it is seen through something
 
 
-def describe_end(end: BeamEnd, sight: Sight) -> str:
+def describe_end(end: BeamEnd, *sights: Sight) -> str:
     """Return what beams of an end do, such as "see through foliage"."""
-    words = sight.words(end) or "something"
+    met = chain.from_iterable(sight.materials.get(end, ()) for sight in sights)
+    words = name_materials(met) or "something"
     return {
         BeamEnd.THROUGH: f"see through {words}",
         BeamEnd.SPENT: f"spent in {words}",
@@ -189,25 +190,30 @@ def draw_ray_ends(
             axes.plot(*points[chosen].T, linestyle="none", label=label, **style)
 
 
-def add_ray_rows(legend: Legend, scan: Scan, sight: Sight) -> None:
-    """Add how the rays of a scan end to a legend.
+def add_ray_rows(
+    legend: Legend, scans: Sequence[Scan], sights: Sequence[Sight]
+) -> None:
+    """Add how the rays of scans end to a legend, each end once.
 
     Args:
         legend: Gets the rows.
-        scan: A scan.
-        sight: How its beams see.
+        scans: Scans, each of a sensor.
+        sights: How their beams see.
     """
-    colour = legend.ray_colour or scan_colour(scan)
     legend.add_heading("Rays")
     for end, style in _RAYS.items():
-        if not (sight.ends == end).any():
-            continue
-        if lists_echoes(scan) and end in END_MARKS and end != BeamEnd.THROUGH:
-            # Its echoes are marked instead, and all these rays look the same.
+        pairs = zip(scans, sights, strict=True)
+        having = [(scan, sight) for scan, sight in pairs if (sight.ends == end).any()]
+        # Where echoes are marked instead, all these rays look the same.
+        is_plain = end in END_MARKS and end != BeamEnd.THROUGH
+        marked = [each for each in having if not (is_plain and lists_echoes(each[0]))]
+        colour = legend.ray_colour or scan_colour(scans[0])
+        if len(marked) < len(having):
             legend.add_line("other ray", color=colour, **style)
-        else:
+        if marked:
             marks = {k: v for k, v in END_MARKS.get(end, {}).items() if k != "zorder"}
-            legend.add_line(describe_end(end, sight), color=colour, **style | marks)
+            text = describe_end(end, *(sight for _, sight in marked))
+            legend.add_line(text, color=colour, **style | marks)
 
 
 def draw_many(

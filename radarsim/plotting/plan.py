@@ -1,11 +1,14 @@
 """Plans of maps: the section of a scene at a height, filled by material.
 
 Robots in it are drawn as seen from above.
+
+Plans of equal limits have equal frames, to the pixel, whatever is written around them,
+so that pictures of several sensors can be compared by turning pages.
 """
 
 import re
+import textwrap
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -18,7 +21,6 @@ from matplotlib.path import Path
 from shapely import Geometry
 
 from radarsim.geometry import Floats, Pose2
-from radarsim.plotting.frame import fit_plan
 from radarsim.plotting.labels import Label, write_labels
 from radarsim.plotting.palette import GRID, MARKER, ROBOT, TARGET, Family, family_of
 from radarsim.plotting.style import (
@@ -46,6 +48,17 @@ _WALLS: Final = ("wall", "fence")  # objects of these names need no label
 MANY: Final = 8  # objects alike; more of them have one name
 _DARK: Final = (Family.WOOD, Family.METAL)  # on which a name cannot be read
 DPI: Final = 110
+# Sizes of figures, all in inches.
+_LARGEST: Final = (9.4, 6.6)  # of a plan
+_NARROWEST: Final = 4.0  # width that a plan has, for the title above it
+_LOWEST: Final = 3.2  # height of the figure, for the legend
+_LEGEND: Final = 2.6  # on the right
+_LEFT, _LEFT_OF_NUMBERS = 0.15, 0.6
+_BOTTOM, _NUMBERS = 0.12, 0.25  # below the small print, and between it and the plan
+_LINE, _SMALL_LINE = 0.25, 0.15  # heights of lines of the title and the small print
+_LETTER: Final = 0.155  # width of a letter of the title, on average
+_SMALL_LETTER: Final = 0.075  # likewise, of the small print
+_TITLE_LINES, _SMALL_LINES = 2, 2  # that have room in each frame
 
 
 def draw_robot(
@@ -88,26 +101,17 @@ def draw_robot(
     return drawn
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Plan:
-    """What a section of a scene shows.
-
-    Attributes:
-        materials: Its materials, in the order of the map.
-        corners: Corners of its outlines, (N, 2) m, map frame.
-    """
-
-    materials: tuple[Material, ...]
-    corners: Floats
-
-
-def draw_plan(axes: Axes, scene: Scene, height: float) -> Plan:
+def draw_plan(axes: Axes, scene: Scene, height: float) -> tuple[list[Material], Floats]:
     """Draw the section of a scene at a height, filled in the colours of its materials.
 
     Args:
         axes: Axes in m, map frame.
         scene: The map.
         height: Height of the section, m, map frame.
+
+    Returns:
+        Its materials, in the order of the map, and the corners of its outlines, (N, 2)
+        m, map frame.
     """
     drawn: dict[str, Material] = {}
     corners = [np.zeros((0, 2))]
@@ -118,7 +122,7 @@ def draw_plan(axes: Axes, scene: Scene, height: float) -> Plan:
             corners.append(lines.reshape(-1, 2))
             _draw_part(axes, part, lines)
     axes.set_aspect("equal")
-    return Plan(tuple(drawn.values()), np.concatenate(corners))
+    return [*drawn.values()], np.concatenate(corners)
 
 
 def _draw_part(axes: Axes, part: Part, lines: Floats) -> None:
@@ -195,9 +199,9 @@ def plot_scene(scene: Scene, axes: Axes | None = None) -> Axes:
         figure = Figure(dpi=DPI)
         axes = figure.add_subplot()
     height = scene.floor_at(0.0, 0.0) + HEIGHT
-    plan = draw_plan(axes, scene, height)
+    materials, corners = draw_plan(axes, scene, height)
     places = np.array([(start.pose.x, start.pose.y) for start in scene.starts])
-    shown = [plan.corners, places.reshape(-1, 2)]
+    shown = [corners, places.reshape(-1, 2)]
     labels = [_draw_start(axes, start) for start in scene.starts]
     if scene.trial is not None:
         x, y = scene.trial.goal
@@ -220,7 +224,7 @@ def plot_scene(scene: Scene, axes: Axes | None = None) -> Axes:
     if figure is not None:
         legend = Legend()
         legend.add_heading("Materials")
-        legend.add_materials(plan.materials)
+        legend.add_materials(materials)
         legend.add_heading("Names")
         legend.add_numbers(numbers)
         legend.draw(figure)
@@ -311,3 +315,30 @@ def _plural(word: str) -> str:
     if len(word) == 1:  # the plural would be a word of its own
         return word
     return word + ("es" if word.endswith(("s", "x", "ch", "sh")) else "s")
+
+
+def fit_plan(figure: Figure, axes: Axes, *, coordinates: bool = False) -> None:
+    """Give a figure the size of its plan with title and legend; wrap long lines.
+
+    Args:
+        figure: The figure, without a layout engine.
+        axes: Its axes, with their final limits, and the title and the small print that
+            ``write_title`` wrote.
+        coordinates: Whether there are numbers beside the axes.
+    """
+    (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
+    aspect = (east - west) / (north - south)
+    wide = min(_LARGEST[0], _LARGEST[1] * aspect)
+    tall = wide / aspect
+    left = _LEFT_OF_NUMBERS if coordinates else _LEFT
+    width = left + max(wide, _NARROWEST) + _LEGEND
+    # By the mean width of letters: the true one is known only when the figure is drawn.
+    title = textwrap.wrap(axes.get_title(loc="left"), int(width / _LETTER))
+    small_print = textwrap.wrap(axes.get_xlabel(), int(width / _SMALL_LETTER))
+    write_title(axes, "\n".join(title), "\n".join(small_print))
+    bottom = _BOTTOM + _SMALL_LINE * max(len(small_print), _SMALL_LINES)
+    bottom += _NUMBERS if coordinates else 0.0
+    top = _LINE * max(len(title), _TITLE_LINES) + _BOTTOM
+    height = max(bottom + tall + top, _LOWEST)
+    figure.set_size_inches(width, height)
+    axes.set_position((left / width, bottom / height, wide / width, tall / height))

@@ -19,7 +19,6 @@ from matplotlib.figure import Figure
 
 from radarsim.errors import expected_one_of
 from radarsim.geometry import Pose2
-from radarsim.plotting.frame import fit_plan
 from radarsim.plotting.marks import (
     END_MARKS,
     add_echo_rows,
@@ -35,6 +34,7 @@ from radarsim.plotting.plan import (
     ROBOT_CLASS,
     draw_plan,
     draw_robot,
+    fit_plan,
     name_objects,
     plot_scene,
     show_extent,
@@ -245,12 +245,13 @@ def draw_scan(
         robot: Pose of the P3AT that carries the sensor; None for the sensor alone.
     """
     legend = legend or Legend()
-    plan = draw_plan(axes, scene, scans[0].pose.z)
+    materials, corners = draw_plan(axes, scene, scans[0].pose.z)
     sights = [find_sight(scene, scan) for scan in scans]
     if len(scans) == 1:
         (scan,), (sight,) = scans, sights
         draw_rays(axes, scene, scan, sight)
-        add_ray_rows(legend, scan, sight)
+        if legend.ray_colour is None:  # else rows of all panels are there
+            add_ray_rows(legend, scans, sights)
         if lists_echoes(scan):
             draw_echoes(axes, scan)
             add_echo_rows(legend, scans)
@@ -260,10 +261,10 @@ def draw_scan(
     else:
         draw_many(axes, scans, sights, legend)
     legend.add_heading("Materials")
-    legend.add_materials(plan.materials)
+    legend.add_materials(materials)
     _draw_sensor(axes, scans[0], robot)
     place = np.array([[scans[0].pose.x, scans[0].pose.y]])
-    show_extent(axes, np.concatenate([plan.corners, place]))
+    show_extent(axes, np.concatenate([corners, place]))
     words = describe_beams(scene.name, scans)
     write_title(axes, title_scans(scans, sights), words)
 
@@ -354,11 +355,12 @@ def compare(
     figure = _ShownFigure(dpi=120, layout="constrained")
     legend, robot = Legend(QUIET), Pose2(place.pose.x, place.pose.y, place.pose.yaw)
     panels = figure.subplots(1, len(scans), squeeze=False)[0]
+    sights = [find_sight(scene, scan) for scan in scans]
+    add_ray_rows(legend, scans, sights)
     for axes, scan in zip(panels, scans, strict=True):
         draw_scan(axes, scene, [scan], legend, robot=robot)
         axes.set_xlabel("")
     width = _fit_panels(figure, panels)
-    sights = [find_sight(scene, scan) for scan in scans]
     names = _names_of(scans)
     for axes, scan, sight, name in zip(panels, scans, sights, names, strict=True):
         words = textwrap.fill(title_scans([scan], [sight], name), int(_LETTERS * width))

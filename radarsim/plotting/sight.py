@@ -61,10 +61,6 @@ class Sight:
     meeting: NDArray[np.bool_]
     materials: Mapping[BeamEnd, tuple[Material, ...]]
 
-    def words(self, *ends: BeamEnd) -> str:
-        """Return the materials of some ends as words; empty without any."""
-        return name_materials(m for end in ends for m in self.materials.get(end, ()))
-
 
 def name_materials(materials: Iterable[Material]) -> str:
     """Return the name of a material as words, or the families of several."""

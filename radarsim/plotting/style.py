@@ -31,8 +31,7 @@ from radarsim.plotting.palette import (
     family_of,
 )
 from radarsim.scene.material import Material
-from radarsim.sensors.beams import CENTRE, LEFT, RIGHT
-from radarsim.sensors.range_scanner import RangeScanner
+from radarsim.sensors.beams import CENTRE, LEFT, RIGHT, pattern_of
 from radarsim.sensors.scan import Echoes, Scan
 
 FORMS: Final = ("png", "svg", "pdf")
@@ -316,8 +315,8 @@ def echo_points(scan: Scan, echoes: Echoes) -> Floats:
     elif settings.side_mode == "cone":
         return _along_beams(scan, scan.angles[beams], echoes.fronts)
     else:
-        scanner = RangeScanner(scan.sensor, settings)
-        three = [scanner.aim_one_ray(scan.pose, s)[1] for s in (RIGHT, CENTRE, LEFT)]
+        pattern = pattern_of(settings)
+        three = [pattern.aim_side(scan.pose, side) for side in (RIGHT, CENTRE, LEFT)]
         node = echoes.sides.astype(np.int64) + 1
         starts = np.stack([rays.origins for rays in three])[node, beams]
         directions = np.stack([rays.directions for rays in three])[node, beams]

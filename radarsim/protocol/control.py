@@ -17,7 +17,7 @@ import numpy as np
 from radarsim.errors import MalformedMessage, expected_one_of
 from radarsim.geometry import Pose3
 from radarsim.protocol.dialect import Dialect
-from radarsim.protocol.line_template import printable_name
+from radarsim.protocol.line_template import WRAPPED, printable_name
 from radarsim.protocol.message import (
     Message,
     Triple,
@@ -26,7 +26,6 @@ from radarsim.protocol.message import (
     parse_flipped,
     parse_triple,
     wrapped_pose,
-    wrapped_pose_on_wire,
 )
 
 CONTROLLER: Final = "WorldController"  # class of robots; it has no body
@@ -188,11 +187,12 @@ class CrateStates:
 
     def encode(self, dialect: Dialect) -> str:
         """Write the report as one line without its end."""
-        join, fields = dialect.robot.join, []
+        join, fields = dialect.robot.join_flipped, []
         for name, size, pose in self.crates:
-            numbers = wrapped_pose_on_wire(pose)
+            numbers = pose.numbers()
             fields.append(
-                f" {{Name {printable_name(name)}}} {{Size {join(size)}}}"
-                f" {{Location {join(numbers[:3])}}} {{Rotation {join(numbers[3:])}}}"
+                f" {{Name {printable_name(name)}}} {{Size {dialect.robot.join(size)}}}"
+                f" {{Location {join(numbers[:3])}}}"
+                f" {{Rotation {join(numbers[3:], WRAPPED)}}}"
             )
         return f"STA{''.join(fields)}"

@@ -7,15 +7,11 @@ server of the Unreal Development Kit, byte for byte. They agree in everything el
 """
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from enum import Enum, auto
 from typing import Final, Literal, TypeAlias
 
-import numpy as np
-
 from radarsim.protocol.images import ImageType
-from radarsim.protocol.message import LARGEST, clip_numbers
+from radarsim.protocol.line_template import NumberFormat, Rounding
 
 DriveUnit: TypeAlias = Literal["rad_per_s", "rev_per_s"]
 Generation: TypeAlias = Literal["ut2004", "udk"]
@@ -29,74 +25,6 @@ MAX_WHEEL_SPEEDS: Final[dict[DriveUnit, float]] = {"rad_per_s": 8.17, "rev_per_s
 # The original stores the angles of scanners as whole 1/65536 turns and truncates its
 # conversion factor: a field of view of 180 degrees is 32767 of them.
 ROTATION_UNIT = 1 / 10430.378  # rad
-
-
-class Rounding(Enum):
-    """How a number is rounded to its decimals."""
-
-    NEAREST = auto()  # to the nearest; zero never has a minus sign
-    FLOAT32 = auto()  # as C's printf rounds a float32; -0.00 is possible
-    TRUNCATED = auto()  # cut off in float32: 1.3 is written as 1.2999
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class NumberFormat:
-    """How one kind of number is written; never with an exponent.
-
-    A format equals only itself, so that it is found quickly as a key.
-
-    Attributes:
-        decimals: Digits after the point, from 1 to 6.
-        rounding: How numbers are rounded to these decimals.
-        step: If given, the number is first cut to a whole multiple of it.
-    """
-
-    decimals: int
-    rounding: Rounding = Rounding.NEAREST
-    step: float | None = None
-
-    def format(self, value: float) -> str:
-        """Write one number; one that does not fit into 32 bits is clipped."""
-        if not abs(value) < LARGEST:
-            value = float(clip_numbers(np.array(value)))
-        value = self.cut_to_step(value)
-        if self.rounding is Rounding.NEAREST:
-            return _rounded(value, self.decimals)
-        if self.rounding is Rounding.FLOAT32:
-            return f"{float(np.float32(value)):.{self.decimals}f}"
-        return _truncated(value, self.decimals)
-
-    def cut_to_step(self, value: float) -> float:
-        """Return the whole multiple of the step that is written for a number."""
-        if self.step is None or not abs(value) < LARGEST:
-            return value
-        # The original keeps angles as whole units of rotation and converts them back
-        # when it writes a line.
-        return int(value / self.step + _STEP_TOLERANCE) * self.step
-
-    def join(self, values: Iterable[float]) -> str:
-        """Write a vector with commas and without blanks."""
-        return ",".join([self.format(value) for value in values])
-
-
-# A whole number of steps may come out just below, since steps are rounded themselves.
-_STEP_TOLERANCE = 1e-5
-
-
-def _rounded(value: float, decimals: int) -> str:
-    text = f"{value:.{decimals}f}"
-    return text.lstrip("-") if float(text) == 0 else text
-
-
-# The original casts to a 32 bit integer and prints the fraction apart, so that its
-# digits are those of single precision.
-def _truncated(value: float, decimals: int) -> str:
-    single = np.float32(value)
-    sign = "-" if single < 0 else ""
-    size = abs(single)
-    whole = int(size)
-    rest = int((size - np.float32(whole)) * np.float32(10.0**decimals))
-    return f"{sign}{whole}.{rest:0{decimals}d}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

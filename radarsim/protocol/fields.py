@@ -28,7 +28,7 @@ from typing import (
 )
 
 from radarsim.geometry import Floats, Pose2, Pose3
-from radarsim.protocol.dialect import Dialect, NumberFormat
+from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.line_template import (
     LINE_END,
     LONGEST_NAME,
@@ -37,6 +37,8 @@ from radarsim.protocol.line_template import (
     TRUTH,
     WHOLE,
     WRAPPED,
+    NumberFormat,
+    fill_lines,
     marks,
     printable_name,
     reduce_text,
@@ -410,10 +412,6 @@ class LineReport:
     def encode(self, dialect: Dialect) -> str:
         """Write the report as one line without its end."""
         template, numbers, series = self.split(dialect)
-        if not numbers and series is NO_SERIES:  # as of all lines before a simulation
-            return template[:-1].decode("ascii")
-        from radarsim.protocol.line_writer import fill_lines
-
         line = fill_lines([template], numbers, series)
         return line.removesuffix(b"\r\n").decode("ascii")
 

@@ -485,22 +485,6 @@ def flip_axes(triple: Triple) -> Triple:
     return (first, 0.0 - second, 0.0 - third)
 
 
-def wrapped_pose_on_wire(pose: Pose3) -> tuple[float, ...]:
-    """Return x, y, z, m, and roll, pitch, yaw, rad, in the frame of the wire.
-
-    The angles are in (-pi, pi]. Wrapping those that are would take most of the time.
-    """
-    roll, pitch, yaw = pose.roll, 0.0 - pose.pitch, 0.0 - pose.yaw
-    # Ground truth has these angles in ten lines a second for each robot.
-    if not -math.pi < roll <= math.pi:
-        roll = wrap_angle(roll)
-    if not -math.pi < pitch <= math.pi:
-        pitch = wrap_angle(pitch)
-    if not -math.pi < yaw <= math.pi:
-        yaw = wrap_angle(yaw)
-    return (pose.x, 0.0 - pose.y, 0.0 - pose.z, roll, pitch, yaw)
-
-
 def parse_triple(text: str, *, largest: float = LARGEST) -> Triple:
     """Parse three numbers.
 

@@ -11,9 +11,14 @@ from math import nan
 from typing import Annotated, ClassVar, Final, NamedTuple, Self
 
 from radarsim.geometry import Pose3
-from radarsim.protocol.dialect import Dialect, NumberFormat
+from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.fields import Field, LineReport, Number, Segment, Text
-from radarsim.protocol.line_template import marks, reduce_text, vector_marks
+from radarsim.protocol.line_template import (
+    NumberFormat,
+    marks,
+    reduce_text,
+    vector_marks,
+)
 from radarsim.protocol.message import Message, parse_flipped, parse_number
 
 ABSOLUTE, RATE = 0, 1  # orders of links: an angle, rad; a speed, rad/s

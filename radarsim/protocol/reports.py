@@ -18,7 +18,7 @@ import numpy as np
 from radarsim.errors import MalformedMessage
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.protocol.control import CrateStates
-from radarsim.protocol.dialect import Dialect, NumberFormat
+from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.echoes import EchoLine, RadarTargets, TargetEchoes
 from radarsim.protocol.fields import (
     BodyAngles,
@@ -60,7 +60,14 @@ from radarsim.protocol.geo_conf import (
     decode_geo,
     is_aerial,
 )
-from radarsim.protocol.line_template import FLIPPED, NO_SERIES, WHOLE, WRAPPED, marks
+from radarsim.protocol.line_template import (
+    FLIPPED,
+    NO_SERIES,
+    WHOLE,
+    WRAPPED,
+    NumberFormat,
+    marks,
+)
 from radarsim.protocol.message import (
     Message,
     Triple,
@@ -70,7 +77,6 @@ from radarsim.protocol.message import (
     parse_number,
     parse_numbers,
     wrapped_pose,
-    wrapped_pose_on_wire,
 )
 from radarsim.protocol.packages import PackageConf, PackageGeo, PackageState
 from radarsim.protocol.rescue import (
@@ -200,9 +206,9 @@ class StartPoses:
         Raises:
             ValueError: If a number is not finite.
         """
-        join = dialect.start_pose.join
-        numbers = [(name, wrapped_pose_on_wire(pose)) for name, pose in self.poses]
-        poses = [f"{name} {join(row[:3])} {join(row[3:])}" for name, row in numbers]
+        join = dialect.start_pose.join_flipped
+        numbers = [(name, pose.numbers()) for name, pose in self.poses]
+        poses = [f"{name} {join(n[:3])} {join(n[3:], WRAPPED)}" for name, n in numbers]
         # Clients read a line into a buffer: as many poses as fit into it are sent.
         limit = LONGEST_LINE - len("NFO {StartPoses 1000} {}\r\n")
         ends = accumulate(len(pose) + 1 for pose in poses)

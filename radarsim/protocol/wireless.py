@@ -1,111 +1,134 @@
-"""What a wireless server asks, which computes how well robots can talk to each other.
+"""Wireless servers (WSS): how well robots hear each other, and the lines about it.
 
-Such a server (WSS) is a program of its own, between the robots and their operators. On
-a port of the simulator it asks with ``GETPOS`` where all robots are, and with
-``GETOBS`` how many obstacles are between two robots, or between two places.
+Such a server is between the robots and their operators. As a program of its own, it
+asks on a port of the simulator with ``GETPOS`` where all robots are, and with
+``GETOBS`` how many obstacles are between two robots, or between two places. Robots and
+operators ask it for ports to each other.
 
-Source of the lines: USARSim for UDK (repository hrnr/robocup-usarsim),
-``USARBotAPI/classes/ComServerInterface.uc`` and ``ComServerNewCon.uc``.
+Source of lines and model: USARSim for UDK (repository hrnr/robocup-usarsim),
+``USARBotAPI/classes/ComServerInterface.uc`` and ``ComServerNewCon.uc``; its WSS
+(``USARTools/WSS``), ``RobotManagementConnection`` and ``ObstaclePropagationModel``.
 """
 
-from collections.abc import Callable, Iterable
-from typing import Final, NamedTuple, Self
+import math
+from collections.abc import Callable, Sequence
+from typing import Final
 
+from radarsim.errors import MalformedMessage
 from radarsim.protocol.dialect import Dialect
 from radarsim.protocol.line_template import printable_name
 from radarsim.protocol.message import (
+    Message,
     Triple,
     decode_message,
-    flip_axes,
     parse_flipped,
 )
 
 UNKNOWN: Final = -1.0  # number of obstacles from a robot that is not there
+POWER_AT_REFERENCE: Final = -49.67  # dBm
+REFERENCE: Final = 2.0  # m
+EXPONENT: Final = 1.0  # of the loss with distance
+LOSS_AN_OBSTACLE: Final = 6.325  # dB
+CUTOFF: Final = -93.0  # dBm; below it nobody hears
+LARGEST_PORT: Final = 65_535
 
 
-class Station(NamedTuple):
-    """A robot that talks by radio.
+def answer_wireless(
+    line: str,
+    robots: Sequence[tuple[str, Triple, bool]],
+    count_obstacles: Callable[[Triple, Triple], int],
+    dialect: Dialect,
+) -> bytes:
+    """Return the answer to a question of a wireless server.
 
-    Attributes:
-        name: Name that its client chose.
-        place: x, y, z of its body, m, map frame.
-        is_spent: Whether its battery is empty.
+    A blank line has no answer, and what is no such question gets a blank line, as by
+    the original, so that nobody waits for one.
+
+    Args:
+        line: The question.
+        robots: Name of each robot, its place, m, map frame, and whether its battery is
+            empty.
+        count_obstacles: Returns how many are between two places, m, map frame.
+        dialect: Formats of numbers.
     """
-
-    name: str
-    place: Triple
-    is_spent: bool
-
-
-class WirelessRequest(NamedTuple):
-    """A question; without ends it is where all robots are.
-
-    Attributes:
-        keys: Keys of both ends: ``From`` and ``To`` of robots, ``Start`` and ``End`` of
-            places; empty without ends.
-        ends: What the client wrote for each.
-    """
-
-    keys: tuple[str, ...] = ()
-    ends: tuple[str, ...] = ()
-
-    @classmethod
-    def decode(cls, line: str) -> Self | None:
-        """Read a question; None if it is another one, or ends are missing.
-
-        Raises:
-            MalformedMessage: If the line is not a message.
-        """
+    text = ""
+    try:
         message = decode_message(line)
-        verb = message.verb.upper()
-        if verb == "GETPOS":
-            return cls()
-        for keys in (("From", "To"), ("Start", "End")):
-            ends = tuple(message.get(key) or "" for key in keys)
-            if verb == "GETOBS" and all(ends):
-                return cls(keys, ends)
-        return None
-
-    def answer(
-        self,
-        stations: Iterable[Station],
-        count_obstacles: Callable[[Triple, Triple], int],
-        dialect: Dialect,
-    ) -> bytes:
-        """Return the line that answers the question.
-
-        Args:
-            stations: All robots.
-            count_obstacles: Returns how many are between two places, m, map frame.
-            dialect: Formats of numbers.
-
-        Raises:
-            MalformedMessage: If an end is no place.
-        """
-        robots = list(stations)
-        if not self.keys:
-            join = dialect.ins.join
-            listed = [
-                f" {{Name {printable_name(each.name)} Location"
-                f" {join(flip_axes(each.place))} BatteryEmpty {each.is_spent}}}"
-                for each in robots
-            ]
-            return _line(f"POSITIONS {{Robots {len(robots)}}}{''.join(listed)}")
-        if self.keys == ("From", "To"):
-            known = {each.name: each.place for each in robots}
-            places = [known.get(end) for end in self.ends]
-        else:
-            places = [parse_flipped(end) for end in self.ends]
-        start, end = places
-        count = UNKNOWN
-        if start is not None and end is not None:
-            count = float(count_obstacles(start, end))
-        fields = [
-            f"{{{key} {printable_name(end)}}}"
-            for key, end in zip(self.keys, self.ends, strict=True)
-        ]
-        return _line(f"NUMOBS {' '.join(fields)} {{ObstCount {count:.4f}}}")
-
-
-def _line(text: str) -> bytes:
+        if message.verb.upper() == "GETPOS":
+            join = dialect.ins.join_flipped
+            text = f"POSITIONS {{Robots {len(robots)}}}"
+            for name, place, is_spent in robots:
+                text += f" {{Name {printable_name(name)} Location"
+                text += f" {join(place)} BatteryEmpty {is_spent}}}"
+        elif message.verb.upper() == "GETOBS":
+            places = {name: place for name, place, _ in robots}
+            text = _count_between(message, places, count_obstacles)
+    except MalformedMessage:
+        if not line:
+            return b""
     return f"{text}\r\n".encode("ascii")
+
+
+def _count_between(
+    message: Message,
+    robots: dict[str, Triple],
+    count_obstacles: Callable[[Triple, Triple], int],
+) -> str:
+    """Return the answer about two robots or two places; empty if one is missing."""
+    for keys, find in (
+        (("From", "To"), robots.get),
+        (("Start", "End"), parse_flipped),
+    ):
+        ends = [message.get(key) or "" for key in keys]
+        if all(ends):
+            start, end = map(find, ends)
+            count = UNKNOWN
+            if start is not None and end is not None:
+                count = count_obstacles(start, end)
+            named = zip(keys, ends, strict=True)
+            fields = " ".join(f"{{{key} {printable_name(end)}}}" for key, end in named)
+            return f"NUMOBS {fields} {{ObstCount {count:.4f}}}"
+    return ""
+
+
+def signal_strength(distance: float, obstacles: int) -> float:
+    """Return what is received of a robot, dBm; inf at no distance.
+
+    Args:
+        distance: m.
+        obstacles: How many are between the two.
+    """
+    if distance <= 0.0:
+        return math.inf
+    loss = 10 * EXPONENT * math.log10(distance / REFERENCE)
+    return POWER_AT_REFERENCE - loss - obstacles * LOSS_AN_OBSTACLE
+
+
+def strength_text(strength: float | None) -> str:
+    """Return a strength, dBm, as in answers to ``GETSS``; None if there is none."""
+    if strength is None or 0 < strength < math.inf:
+        return "{Strength NaN} {Error Model.Returned.NaN}"
+    if strength == math.inf:
+        return "{Strength INF} {Error Model.Returned.INF}"
+    return f"{{Strength {strength:g}}}"
+
+
+def read_request(line: str) -> tuple[str, str, tuple[int, ...] | None]:
+    """Read a request of a robot to a wireless server.
+
+    Returns:
+        Its verb in capitals, the name of a robot, and numbers of ports; what it does
+        not have is empty, and ports that are no such numbers are None.
+    """
+    try:
+        message = decode_message(line)
+    except MalformedMessage:
+        return "", "", ()
+    words = (message.get("Port") or "").split(",")
+    texts = [word.strip() for word in words if word.strip()]
+    ports: tuple[int, ...] | None = None
+    if all(text.isascii() and text.isdecimal() and len(text) < 6 for text in texts):
+        ports = tuple(map(int, texts))
+        if not all(0 < port <= LARGEST_PORT for port in ports):
+            ports = None
+    return message.verb.upper(), message.get("Robot") or "", ports

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from radarsim.engine import engine
 
 # One row for each event; the fields are those of ``rays.Event``.
-EVENT: Final = engine.structures["Event"].dtype
+EVENT: Final = engine.rows["Event"]
 Events: TypeAlias = NDArray[np.void]  # of EVENT
 
 

@@ -10,7 +10,8 @@ Embree computes in float32, which at 1 km is off by more than the thickness of a
 foliage's edge: a grazing ray would gain or lose a chord of centimetres. So Embree only
 proposes the triangles that a ray may cross: Embree knows them as user geometry, boxes
 that are wider than the triangles by more than the error of float32. For each box that
-the ray meets, a callback intersects the triangle itself in float64, see ``crossings``.
+the ray meets, a callback intersects the triangle itself in float64, see
+``intersect.hpp``.
 Penetrable surfaces are collected in a list; an opaque one shortens the ray. So one
 traversal from one origin yields *all* surfaces up to the first opaque one, and no ray
 is restarted behind a hit. Restarts with an offset would lose thin parts, restarts at
@@ -39,7 +40,6 @@ that part alone is smaller than one around the triangle, and fewer rays meet it.
 import ctypes
 import functools
 import importlib.metadata
-import itertools
 import math
 import weakref
 from collections.abc import Sequence
@@ -47,14 +47,11 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene as PlainScene
 from numpy.typing import ArrayLike, NDArray
 
-from radarsim.engine import address, engine
+from radarsim.engine import Packed, address, engine
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
-from radarsim.raycast.crossings import TINY
 
 PROPERTY_VERSION: Final = 0
 PROPERTY_USER_GEOMETRY: Final = 100
@@ -85,6 +82,7 @@ SIGNATURES: Final[dict[str, tuple[type | None, list[type]]]] = {
 # Each rounding to float32 costs up to 6e-8 of a coordinate; Embree rounds some eight
 # times before it compares.
 RELATIVE_MARGIN: Final = 2e-6
+TINY: Final = 1e-30  # m; smaller coordinates are set to zero, see ``intersect.hpp``
 GEOMETRY_USER: Final = 120  # one of RTCGeometryType
 _BLOCK: Final = 100_000  # triangles of which intermediate results fit into memory
 MAX_SLICES: Final = 32
@@ -177,51 +175,12 @@ class Mesh(NamedTuple):
     faces: ArrayLike
 
 
-class Hierarchy:
-    """Triangles, and Embree's hierarchy of boxes around them.
-
-    Attributes:
-        triangles: (T, 9) m, the corners.
-        owners: (T,) uint32, the index of each triangle's mesh.
-        packed: The ``Hierarchy`` for the engine.
-    """
-
-    def __init__(
-        self,
-        triangles: Floats,
-        owners: NDArray[np.uint32],
-        margin: float,
-        outlines: Floats | None = None,
-        first_sliced: int = 0,
-    ) -> None:
-        """Build the hierarchy.
-
-        Args:
-            triangles: (T, 9) m.
-            owners: (T,) uint32.
-            margin: m by which the boxes are wider than what they surround.
-            outlines: (T, 9) m, three points for each triangle, which its box surrounds
-                instead of the corners.
-            first_sliced: Where the indices of its triangles begin among those of all
-                slices.
-        """
-        library = open_library()
-        self.triangles, self.owners = triangles, owners
-        surrounded = triangles if outlines is None else outlines
-        device, scene = _build(library, surrounded, margin)
-        close = weakref.finalize(self, _release, library, scene, device)
-        # When Python ends, a daemon thread may still trace rays in the scene.
-        close.atexit = False
-        self.packed = engine.structures["Hierarchy"].pack(
-            scene=scene, triangles=triangles, owners=owners, first_sliced=first_sliced
-        )
-
-
 class EmbreeScene:
     """Triangle meshes in Embree, and slices of them for level rays.
 
     Attributes:
-        hierarchies: The whole scene, and all slices that were added.
+        hierarchies: The packed ``Hierarchy`` of the whole scene, and those of all
+            slices that were added.
         handle: The packed ``SceneHandle``; replaced when a slice is added.
         triangles: (T, 9) m, the corners of all triangles, mesh after mesh.
     """
@@ -239,13 +198,13 @@ class EmbreeScene:
         owners = np.repeat(np.arange(len(meshes), dtype=np.uint32), counts)
         radius = _radius(self.triangles)
         margin = RELATIVE_MARGIN * radius
-        whole = Hierarchy(self.triangles, owners, margin)
+        whole = _build(self.triangles, owners, margin)
         self.hierarchies = [whole]
         self._unsliced_rays: dict[float, int] = {}
         self.handle = engine.structures["SceneHandle"].pack(
             intersect=_address_of(library.rtcIntersect1),
             point_query=_address_of(library.rtcPointQuery),
-            addresses=np.array([whole.packed.address], np.uint64),
+            addresses=np.array([whole.address], np.uint64),
             heights=np.array([np.nan]),
             sliced=np.zeros(0, np.int64),
             radius=radius + margin,
@@ -271,18 +230,15 @@ class EmbreeScene:
         if len(kept) <= max(SMALL_SLICE, len(room) // 2):  # else it takes much memory
             corners, owners = self.triangles[kept], whole.owners[kept]
             outlines = clip_to_slab(corners, low, high)
-            part = Hierarchy(corners, owners, margin, outlines, len(sliced))
+            part = _build(corners, owners, margin, outlines, len(sliced))
             self.hierarchies.append(part)
             sliced = np.append(sliced, kept)
-        self.handle = engine.structures["SceneHandle"].pack(
-            intersect=handle.intersect,
-            point_query=handle.point_query,
-            addresses=np.append(handle.addresses, np.uint64(part.packed.address)),
-            heights=np.append(handle.heights, height),
-            sliced=sliced,
-            radius=handle.radius,
-            margin=margin,
-        )
+        added = {
+            "addresses": np.append(handle.addresses, np.uint64(part.address)),
+            "heights": np.append(handle.heights, height),
+            "sliced": sliced,
+        }
+        self.handle = handle.structure.pack(**handle.fields | added)
 
     def count_unsliced(self, height: float, rays: int) -> None:
         """Count level rays that found no slice; add one if it will pay off.
@@ -305,41 +261,6 @@ class EmbreeScene:
 
 def _address_of(function: "ctypes._NamedFuncPointer") -> int:
     return ctypes.cast(function, ctypes.c_void_p).value or 0
-
-
-class FirstHits:
-    """First hits of the same rays on the same meshes by embreex itself, in float32.
-
-    Tests compare with it, and benchmarks use it as their unit. Scans draw other rays
-    each time, for which a processor guesses worse than for rays that repeat: so several
-    draws take turns.
-    """
-
-    def __init__(self, meshes: Sequence[Mesh], *draws: tuple[Floats, Floats]) -> None:
-        """Build the scene.
-
-        Args:
-            meshes: The meshes.
-            *draws: Rays, one draw or several: (N, 3) origins, m, and (N, 3) directions.
-        """
-        self._scene = PlainScene()
-        for vertices, faces in meshes:
-            corners = np.asarray(vertices, np.float32)
-            TriangleMesh(self._scene, corners, np.asarray(faces, np.int32))
-        rays = [(np.float32(starts), np.float32(ways)) for starts, ways in draws]
-        self._draws = itertools.cycle(rays)
-        self.everything()  # Embree builds its tree at the first call
-
-    def run(self) -> NDArray[np.int32]:
-        """Return the triangle in its mesh that each ray of a draw hits, or -1."""
-        found: NDArray[np.int32] = self._scene.run(*next(self._draws))
-        return found
-
-    def everything(self) -> dict[str, NDArray[Any]]:
-        """Return everything that embreex reports, such as geomID and tfar."""
-        rays = next(self._draws)
-        found: dict[str, NDArray[Any]] = self._scene.run(*rays, output=1)
-        return found
 
 
 def _checked(index: int, mesh: Mesh) -> tuple[Floats, NDArray[Any]]:
@@ -387,16 +308,33 @@ def _radius(triangles: Floats) -> float:
     return math.sqrt(square)
 
 
-def _build(library: ctypes.CDLL, triangles: Floats, margin: float) -> tuple[int, int]:
+def _build(
+    triangles: Floats,
+    owners: NDArray[np.uint32],
+    margin: float,
+    outlines: Floats | None = None,
+    first_sliced: int = 0,
+) -> Packed:
     """Build Embree's hierarchy of boxes around triangles.
 
+    Args:
+        triangles: (T, 9) m, the corners.
+        owners: (T,) uint32, the index of each triangle's mesh.
+        margin: m by which the boxes are wider than what they surround.
+        outlines: (T, 9) m, three points for each triangle, which its box surrounds
+            instead of the corners.
+        first_sliced: Where the indices of its triangles begin among those of all
+            slices.
+
     Returns:
-        The device and the scene, to be released by the caller.
+        The ``Hierarchy`` for the engine, which keeps Embree's as long as it exists.
     """
+    library = open_library()
     device = library.rtcNewDevice(None)
     scene = library.rtcNewScene(device)
     geometry = library.rtcNewGeometry(device, GEOMETRY_USER)
-    table = np.array([address(triangles), 0], np.uint64)
+    surrounded = triangles if outlines is None else outlines
+    table = np.array([address(surrounded), 0], np.uint64)
     table.view(np.float64)[1] = margin
     library.rtcSetGeometryUserPrimitiveCount(geometry, len(triangles))
     library.rtcSetGeometryUserData(geometry, table.ctypes.data)
@@ -410,10 +348,15 @@ def _build(library: ctypes.CDLL, triangles: Floats, margin: float) -> tuple[int,
     library.rtcReleaseGeometry(geometry)
     library.rtcCommitScene(scene)
     error = library.rtcGetDeviceError(device)
+    packed = engine.structures["Hierarchy"].pack(
+        scene=scene, triangles=triangles, owners=owners, first_sliced=first_sliced
+    )
+    close = weakref.finalize(packed, _release, library, scene, device)
+    # When Python ends, a daemon thread may still trace rays in the scene.
+    close.atexit = False
     if error:
-        _release(library, scene, device)
         raise EngineError(f"Embree error {error} over {len(triangles)} triangles")
-    return device, scene
+    return packed
 
 
 def _release(library: ctypes.CDLL, scene: int, device: int) -> None:

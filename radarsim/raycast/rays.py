@@ -1,16 +1,20 @@
 """Input and output of the ray tracer: arrays with one row per ray."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import accumulate, pairwise
-from typing import Final, NamedTuple, NoReturn
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from radarsim.engine import Packed, engine
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.raycast.attenuation import EventKind
+
+Sides: TypeAlias = NDArray[np.int8]  # of its beam that each ray is on
+Nodes: TypeAlias = NDArray[np.int16]  # of its beam that each ray is
 
 RADAR: Final = 0
 LASER: Final = 1
@@ -47,15 +51,15 @@ class RayClass(NamedTuple):
 DEFAULT_CLASSES: Final = (RayClass(RADAR), RayClass(LASER))
 
 
-class RayColumns(NamedTuple):
-    """The columns of ``Rays``, as the engine takes them."""
-
-    origins: Floats
-    directions: Floats
-    max_range: Floats
-    power: Floats
-    class_index: NDArray[np.uint8]
-    carrier_id: NDArray[np.int64]
+_NO_NODES: Final = engine.structures["NodeTable"].pack(
+    directions=np.zeros((0, 0, 3)),
+    starts=np.zeros((0, 0, 3)),
+    edges=np.zeros(0),
+    sides=np.zeros(0, np.int8),
+)
+_COLUMNS: Final = (
+    "origins", "directions", "max_range", "power", "class_index", "carrier_id"
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,13 +92,13 @@ class Rays:
         origins: Floats,
         directions: Floats,
         *,
-        max_range: ArrayLike,
+        max_range: float | Floats,
         power: float = np.inf,
         medium: int = RADAR,
-        carrier_id: int = -1,
+        carrier_id: int | NDArray[np.int64] = -1,
         ray_classes: tuple[RayClass, ...] = DEFAULT_CLASSES,
     ) -> "Rays":
-        """Create rays that differ only in origin, direction and range."""
+        """Create rays of one medium, or of the first of other classes."""
         n = len(origins)
         return cls(
             np.ascontiguousarray(origins, np.float64),
@@ -111,39 +115,51 @@ class Rays:
         """Join one or more batches in order."""
         if len(batches) == 1:
             return batches[0]
-        classes = batches[0].ray_classes
-        if any(batch.ray_classes != classes for batch in batches):
-            every = (each for batch in batches for each in batch.ray_classes)
-            classes = tuple(dict.fromkeys(every))
-            batches = [batch.with_classes(classes) for batch in batches]
         columns = {
             name: np.concatenate([getattr(batch, name) for batch in batches])
-            for name in RayColumns._fields
+            for name in _COLUMNS
         }
+        every = (each for batch in batches for each in batch.ray_classes)
+        classes = tuple(dict.fromkeys(every))
+        if len(classes) > 1:  # batches may count them otherwise
+            indices = []
+            for batch in batches:
+                index = [classes.index(each) for each in batch.ray_classes]
+                indices.append(np.array(index, np.uint8)[batch.class_index])
+            columns["class_index"] = np.concatenate(indices)
         return cls(**columns, ray_classes=classes)
-
-    def with_classes(self, ray_classes: tuple[RayClass, ...]) -> "Rays":
-        """Return the same rays indexing another tuple, which contains their classes."""
-        indices = [ray_classes.index(each) for each in self.ray_classes]
-        class_index = np.array(indices, np.uint8)[self.class_index]
-        return replace(self, class_index=class_index, ray_classes=ray_classes)
-
-    def rows(self, start: int, end: int) -> "Rays":
-        """Return views of consecutive rays."""
-        return Rays(
-            self.origins[start:end],
-            self.directions[start:end],
-            self.max_range[start:end],
-            self.power[start:end],
-            self.class_index[start:end],
-            self.carrier_id[start:end],
-            self.ray_classes,
-        )
 
     def take(self, rows: NDArray[np.int64]) -> "Rays":
         """Return the rays in the given rows."""
-        columns = {name: getattr(self, name)[rows] for name in RayColumns._fields}
+        columns = {name: getattr(self, name)[rows] for name in _COLUMNS}
         return Rays(**columns, ray_classes=self.ray_classes)
+
+    def invalid(self, row: int) -> EngineError:
+        """Return the error for a ray that the engine does not trace."""
+        place, way = self.origins[row].tolist(), self.directions[row].tolist()
+        return EngineError(
+            f"ray {row} from {place} along {way}, max_range {self.max_range[row]},"
+            f" power {self.power[row]}, class {self.class_index[row]} of"
+            f" {len(self.ray_classes)}: expected finite numbers, a direction of length"
+            " 1, a power of at least 0, and an existing class"
+        )
+
+    def pack(self) -> Packed:
+        """Pack the rays for the engine.
+
+        Raises:
+            EngineError: If the shape or dtype of a column is not as above.
+        """
+        return engine.structures["RaySource"].pack(
+            origins=np.ascontiguousarray(self.origins),
+            directions=np.ascontiguousarray(self.directions),
+            max_range=np.ascontiguousarray(self.max_range),
+            power=np.ascontiguousarray(self.power),
+            class_index=np.ascontiguousarray(self.class_index),
+            carrier=np.ascontiguousarray(self.carrier_id),
+            table=_NO_NODES,
+            radius=0.0,
+        )
 
 
 class Traces(NamedTuple):
@@ -168,36 +184,18 @@ class Traces(NamedTuple):
     incidence: Floats
     events: NDArray[np.void]
 
-    def rows(self, start: int, end: int) -> "Traces":
-        """Return views of consecutive traces, without their events."""
-        return Traces(
-            self.ranges[start:end],
-            self.outcomes[start:end],
-            self.parts[start:end],
-            self.power[start:end],
-            self.incidence[start:end],
-            self.events[:0],
-        )
-
     def split(self, sizes: Sequence[int]) -> "list[Traces]":
         """Split the traces of concatenated batches, given the batches' sizes."""
-        if len(sizes) == 1:
-            return [self]
         edges = [0, *accumulate(sizes)]
-        return [
-            self.rows(start, end)._replace(events=events)
-            for (start, end), events in zip(
-                pairwise(edges), self._split_events(edges), strict=True
-            )
-        ]
-
-    def _split_events(self, edges: list[int]) -> list[NDArray[np.void]]:
-        if not len(self.events):
-            return [self.events] * (len(edges) - 1)
         cuts = np.searchsorted(self.events["ray"], edges).tolist()
-        pieces = [self.events[start:end].copy() for start, end in pairwise(cuts)]
-        for first, piece in zip(edges[:-1], pieces, strict=True):
-            piece["ray"] -= first
+        pieces = []
+        for (start, end), (first, last) in zip(
+            pairwise(edges), pairwise(cuts), strict=True
+        ):
+            columns = [column[start:end] for column in self[:-1]]
+            events = self.events[first:last].copy()
+            events["ray"] -= start
+            pieces.append(Traces(*columns, events))
         return pieces
 
 
@@ -220,58 +218,3 @@ class Event:
     power: float
     absorbed: float = 0.0
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-
-def columns_of(rays: Rays) -> RayColumns:
-    """Return the columns, checked, as their errors name the column.
-
-    Raises:
-        EngineError: If the shape or dtype of a column is not that of ``Rays``.
-    """
-    n = len(rays.origins)
-    for name, dtype in _DTYPES.items():
-        array = getattr(rays, name)
-        shape = (n, 3) if name in ("origins", "directions") else (n,)
-        if array.shape != shape:
-            raise EngineError(f"{name} of shape {array.shape}, expected {shape}")
-        if array.dtype != dtype:
-            raise EngineError(f"{name} of {array.dtype}, expected {dtype}")
-    return RayColumns(
-        rays.origins,
-        rays.directions,
-        rays.max_range,
-        rays.power,
-        rays.class_index,
-        rays.carrier_id,
-    )
-
-
-_DTYPES: Final = {name: np.dtype("f8") for name in RayColumns._fields} | {
-    "class_index": np.dtype("u1"),
-    "carrier_id": np.dtype("i8"),
-}
-
-
-def reject_ray(rays: Rays, row: int) -> NoReturn:
-    """Raise the error that describes what is invalid about a ray.
-
-    Raises:
-        EngineError: Always.
-    """
-    for name in ("origins", "directions"):
-        numbers = getattr(rays, name)[row]
-        if not np.isfinite(numbers).all():
-            text = f"{name}[{row}] is {numbers.tolist()}, expected finite numbers"
-            raise EngineError(text)
-    for name in ("max_range", "power"):
-        number = float(getattr(rays, name)[row])
-        if not number >= 0.0:
-            raise EngineError(f"{name}[{row}] is {number}, expected at least 0")
-    if not np.isfinite(rays.max_range[row]):
-        raise EngineError(f"max_range[{row}] is inf, expected a finite range")
-    most = len(rays.ray_classes) - 1
-    if rays.class_index[row] > most:
-        text = f"class_index[{row}] is {rays.class_index[row]}, expected 0 to {most}"
-        raise EngineError(text)
-    length = float(np.linalg.norm(rays.directions[row]))
-    raise EngineError(f"directions[{row}] has length {length:.9g}, expected 1")

@@ -24,7 +24,7 @@ from radarsim.engine import engine
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 
-ROBOT_BOX: Final = engine.structures["RobotBox"].dtype
+ROBOT_BOX: Final = engine.rows["RobotBox"]
 NO_BOXES: Final = np.zeros(0, ROBOT_BOX)
 
 

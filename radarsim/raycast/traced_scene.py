@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from radarsim.engine import Packed, engine
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
-from radarsim.raycast.intersect import COLLECT, IGNORE, OPAQUE
 from radarsim.raycast.rays import RADAR, SONAR, RayClass
 from radarsim.scene.material import ALBEDO, Material
 from radarsim.scene.reflectors import REFLECTOR
 from radarsim.scene.scene import Part, bounds_of
 
+IGNORE, COLLECT, OPAQUE = range(3)  # what a ray does with a part, as ``Role``
 # Sheets that a ray crosses in a metre of leaves: an estimate, which only decides how
 # far ahead a ray searches at first.
 SHEETS_PER_METRE: Final = 8.0

@@ -16,8 +16,8 @@ Rule 3: coordinates are relative to the centre of the scene, so that they are sm
 """
 
 import functools
-from collections.abc import Sequence
-from typing import Any, Final, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, Final
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -27,22 +27,15 @@ from radarsim.engine import Packed, engine
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.processes import thread_count
-from radarsim.raycast.aimed_rays import (
-    NO_TABLE,
-    Nodes,
-    Sides,
-    UnaimedScans,
-    pack_source,
-)
 from radarsim.raycast.attenuation import EVENT, EventKind
 from radarsim.raycast.embree import EmbreeScene, Mesh
 from radarsim.raycast.rays import (
     Event,
+    Nodes,
     RayClass,
     Rays,
+    Sides,
     Traces,
-    columns_of,
-    reject_ray,
 )
 from radarsim.raycast.robot_boxes import NO_BOXES, Boxes
 from radarsim.raycast.traced_scene import (
@@ -57,37 +50,15 @@ from radarsim.scene.shapes import box
 
 THREAD_RAYS: Final = 2_000  # from as many on, all processors trace the rays of a call
 INITIAL_CAPACITY: Final = 512  # crossings of a segment; events of a call
-INCONSISTENT: Final = -(2**63)  # a result of ``trace_rays``
 EMPTY: Final = np.zeros(0)
 NO_EVENTS: Final = np.zeros(0, EVENT)
-# The columns of scans in a call that traces given rays.
+# Places, random numbers, nodes, and sides of scans in a call that traces given rays.
 NO_SCANS: Final = (
     np.zeros((0, 7)),
     np.zeros((0, 0)),
     np.zeros(0, np.int16),
     np.zeros(0, np.int8),
-    np.zeros(0, np.bool_),
 )
-
-
-class TracedScans(NamedTuple):
-    """J scans of M rays each.
-
-    Attributes:
-        traces: How the rays ended; nothing is known of rays of scans that are not
-            ``clear``.
-        nodes: (J * M,) node of its beam that each ray is.
-        sides: (J * M,) side of its beam: -1 right, 0 centre, 1 left.
-        clear: (J,) which scans were traced. The others have something opaque so near
-            their sensor that rays may start behind it.
-        crowded: The number of these others.
-    """
-
-    traces: Traces
-    nodes: Nodes
-    sides: Sides
-    clear: NDArray[np.bool_]
-    crowded: int
 
 
 class Tracer:
@@ -129,7 +100,7 @@ class Tracer:
         self._volumes = find_volumes(parts, self._centre)
         self._air = air
         self._tables: dict[tuple[RayClass, ...], Packed] = {}
-        self._scattering: dict[RayClass, Floats] = {}
+        self._losses: dict[RayClass, tuple[Floats, float, Floats]] = {}
         # The scene for the engine: it is packed again after a slice was added.
         self._packed: dict[tuple[RayClass, ...], Packed] = {}
         self._scene = EmbreeScene(
@@ -138,18 +109,19 @@ class Tracer:
         self._max_crossings = INITIAL_CAPACITY
         self._events_per_ray = 4  # the highest average of any call
 
-    def densities(self, ray_class: RayClass) -> tuple[Floats, float]:
-        """Return the power lost per metre in each part, (P,), and in the air."""
-        table = self._table_for((ray_class,))
-        density: Floats = table.density[0]
-        return density, float(table.air[0])
+    def losses(self, ray_class: RayClass) -> tuple[Floats, float, Floats]:
+        """Return what rays lose, and what of it comes back.
 
-    def scattering(self, ray_class: RayClass) -> Floats:
-        """Return what each part scatters of a ray's loss, relative to foliage, (P,)."""
-        found = self._scattering.get(ray_class)
+        Returns:
+            The power lost per metre in each part, (P,), and in the air; and what each
+            part scatters of a loss, relative to foliage, (P,).
+        """
+        found = self._losses.get(ray_class)
         if found is None:
+            table = self._table_for((ray_class,))
             each = [scattering_of(part.material, ray_class) for part in self.parts]
-            found = self._scattering[ray_class] = np.array(each, np.float64)
+            found = table.density[0], float(table.air[0]), np.array(each, np.float64)
+            self._losses[ray_class] = found
         return found
 
     @property
@@ -176,47 +148,55 @@ class Tracer:
         Raises:
             EngineError: If a ray or a column of the rays is invalid.
         """
-        source = pack_source(columns_of(rays), NO_TABLE)
         size, classes = len(rays.origins), rays.ray_classes
-        traces, code = self._run(
-            source, classes, size, NO_SCANS, boxes, events, incidence
-        )
-        if code < 0:
-            reject_ray(rays, -1 - code)
-        return traces
+        options = boxes, events, incidence, self._threads_for(size)
+        return self._run(rays.pack(), classes, size, NO_SCANS, rays.invalid, *options)
 
     def trace_scans(
         self,
-        scans: UnaimedScans,
+        source: Packed,
+        ray_classes: tuple[RayClass, RayClass],
+        scans: tuple[Floats, Floats, Nodes, Sides],
         boxes: Boxes | None = None,
         *,
         events: bool = False,
         incidence: bool = False,
-    ) -> TracedScans:
+        threads: int | None = None,
+    ) -> Traces:
         """Aim the rays of scans and trace them, in one call of the engine.
 
+        The middle ray of three takes the place of a ray that starts where its sensor
+        cannot see, behind something opaque.
+
         Args:
-            scans: The scans.
+            source: The packed ``RaySource`` of the sensor.
+            ray_classes: The class of its rays, and that for which something may hide
+                where they start.
+            scans: Of J scans of M rays each: (J, 7) x, y, z, roll, pitch, yaw of the
+                sensor, map frame, and the id of the box that carries it, -1 for none;
+                (J, N) random numbers from 0 to 1, which select a node of each beam, or
+                (J, 0) if all are aimed; and two columns to write to, (J * M,) the node
+                of its beam that each ray is, and its side.
             boxes: The robots.
             events: As in ``trace``.
             incidence: As in ``trace``.
+            threads: On how many threads; None for as many as pay off.
 
         Raises:
-            EngineError: If a ray is invalid, as one from a pose that is not finite.
+            EngineError: If a pose is not finite.
         """
-        sensor, chances, places = scans
-        count = len(places)
-        n = count * sensor.rays_per_scan
-        nodes, sides = np.zeros(n, np.int16), np.zeros(n, np.int8)
-        clear = np.zeros(count, np.bool_)
-        columns = places, chances, nodes, sides, clear
-        traces, code = self._run(
-            sensor.source, sensor.ray_classes, n, columns, boxes, events, incidence
-        )
-        if code < 0:
-            reject_ray(scans.aim(), -1 - code)
-        crowded = 0 if clear.all() else count - int(clear.sum())
-        return TracedScans(traces, nodes, sides, clear, crowded)
+        places, size = scans[0], len(scans[2])
+
+        def invalid(ray: int) -> EngineError:
+            pose = places[ray * len(places) // size, :6].tolist()
+            return EngineError(f"pose {pose}, expected finite numbers")
+
+        options = boxes, events, incidence, threads or self._threads_for(size)
+        return self._run(source, ray_classes, size, scans, invalid, *options)
+
+    @staticmethod
+    def _threads_for(size: int) -> int:
+        return 1 if size < THREAD_RAYS else thread_count()
 
     def explain(self, rays: Rays, boxes: Boxes | None = None) -> list[list[Event]]:
         """Trace rays and return the events of each, in order.
@@ -253,7 +233,7 @@ class Tracer:
             found = self._packed[ray_classes] = engine.structures["Scene"].pack(
                 handle=handle,
                 materials=self._table_for(ray_classes),
-                centre=self._centre.tolist(),
+                centre=self._centre,
                 triangles=self._scene.triangles,
             )
         return found
@@ -264,30 +244,29 @@ class Tracer:
         ray_classes: tuple[RayClass, ...],
         size: int,
         scans: tuple[NDArray[Any], ...],
+        invalid: Callable[[int], EngineError],
         boxes: Boxes | None,
         events: bool,
         incidence: bool,
-    ) -> tuple[Traces, int]:
+        threads: int,
+    ) -> Traces:
         """Trace rays; all of them again with more memory if it was too little.
 
         Args:
             source: The packed ``RaySource``.
             ray_classes: The classes of its rays.
             size: The number of rays.
-            scans: The columns of the scans, as ``trace_rays`` takes them; ``NO_SCANS``
-                for given rays.
+            scans: As in ``trace_scans``; ``NO_SCANS`` for given rays.
+            invalid: Returns the error for a ray that is invalid, by its number.
             boxes: The robots.
             events: As in ``trace``.
             incidence: As in ``trace``.
-
-        Returns:
-            The traces; and 0, or -1 minus the index of an invalid ray.
+            threads: Their number.
         """
         # Too little room only means a second pass; after it the highest need is known,
         # so that calls seldom trace twice.
         room = max(self._events_per_ray * size, INITIAL_CAPACITY) if events else 0
         scene, summary = self._packed_for(ray_classes), np.zeros(3)
-        threads = 1 if size < THREAD_RAYS else thread_count()
         table = NO_BOXES if boxes is None else boxes.table(self._centre)
         while True:
             columns = (
@@ -310,12 +289,8 @@ class Tracer:
                 summary,
             )
             count, height, unsliced = summary.tolist()
-            if needed == INCONSISTENT:
-                raise EngineError(
-                    "rays or scans of lengths that do not belong together"
-                )
             if needed < 0:
-                return Traces(*columns, NO_EVENTS), needed
+                raise invalid(-1 - needed)
             if needed == 0 and count <= room:
                 # Level rays at a height that many have get a slice of the scene:
                 # counted here, as the engine cannot build one (``embree``).
@@ -324,7 +299,7 @@ class Tracer:
                 if room:
                     most = int(count) // max(size, 1) + 1
                     self._events_per_ray = max(self._events_per_ray, most)
-                return Traces(*columns, rows[: int(count)]), 0
+                return Traces(*columns, rows[: int(count)])
             self._max_crossings = max(self._max_crossings, 2 * needed)
             room = max(room, int(count))
             self._events_per_ray = max(self._events_per_ray, room // max(size, 1) + 1)

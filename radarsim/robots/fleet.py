@@ -54,8 +54,8 @@ from radarsim.robots.wall_grid import WallStore
 _FIRST_SLOTS: Final = 8
 WALL_RANGE: Final = 0.5  # m beyond the robot's circle within which walls are found
 _MAX_DISPLACEMENT_RATIO: Final = 2.0  # of a centre, by the sweep of a move
-ROBOT: Final = engine.structures["Robot"].dtype
-_ODOMETRY: Final = engine.structures["Odometry"].dtype
+ROBOT: Final = engine.rows["Robot"]
+_ODOMETRY: Final = engine.rows["Odometry"]
 _BOX_COLUMNS: Final = [X, Y, YAW, BOTTOM, TOP, HALF_LENGTH, HALF_WIDTH, NUMBER]
 
 

@@ -27,8 +27,8 @@ NO_SEGMENTS.setflags(write=False)
 
 
 Lines: TypeAlias = NDArray[np.void]  # structures of the type LINE
-LINE: Final = engine.structures["LineSegment"].dtype
-_CONTACT: Final = engine.structures["Contact"].dtype
+LINE: Final = engine.rows["LineSegment"]
+_CONTACT: Final = engine.rows["Contact"]
 
 
 def line_table(segments: Floats) -> Lines:

@@ -24,8 +24,8 @@ _FEW_WALLS: Final = 64
 _SPARE_ROWS: Final = np.array([16384, 32768, 512])  # walls, entries, floors
 
 
-WALL_ENTRY: Final = engine.structures["WallEntry"].dtype
-WALL_GRID: Final = engine.structures["WallGrid"].dtype
+WALL_ENTRY: Final = engine.rows["WallEntry"]
+WALL_GRID: Final = engine.rows["WallGrid"]
 
 
 class FloorWalls(NamedTuple):

@@ -25,15 +25,13 @@ for the cone, what it proposes in section 7.
 """
 
 import math
-from collections.abc import Sequence
 from functools import lru_cache
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from radarsim.engine import engine
-from radarsim.geometry import Floats
+from radarsim.engine import Packed, engine
+from radarsim.geometry import Floats, Pose3
 from radarsim.presets.sensor_settings import (
     BANDS_GHZ,
     METRES_PER_UNIT,
@@ -41,194 +39,163 @@ from radarsim.presets.sensor_settings import (
     offset_angle,
     two_way_deviation,
 )
-from radarsim.raycast.aimed_rays import (
-    ALL,
-    DRAWN,
-    GIVEN,
-    NO_CHANCES,
-    AimedRays,
-    Nodes,
-    NodeTable,
-    SensorRays,
-    Sides,
-    UnaimedScans,
-    aim_scans,
-)
-from radarsim.raycast.rays import LASER, RADAR, RayClass, Rays, columns_of
+from radarsim.raycast.rays import LASER, RADAR, Nodes, RayClass, Rays, Sides
 
-EMPTY: Final = np.zeros(0)
-NO_VECTORS: Final = np.zeros((0, 3))
 RIGHT, CENTRE, LEFT = -1, 0, 1
+# Random numbers, of numpy's generators.
+UNIFORM: Final = np.random.Generator.random
+NORMAL: Final = np.random.Generator.standard_normal
+EXPONENTIAL: Final = np.random.Generator.standard_exponential
 CENTRE_TOLERANCE: Final = 1e-9  # rad off the middle of a beam
 EVEN_EDGE: Final = 0.6 * 4 * math.sqrt(math.log(2))  # 0.6 widths, standard deviations
 
 
 class BeamPattern:
-    """The beams of a sensor in its own frame, computed once.
+    """The beams of sensors of equal settings, and what is read of their rays.
 
     Attributes:
+        settings: The settings.
         angles: (N,) directions of the beams, rad, counter-clockwise from the right.
         radius: Largest distance from the sensor at which a ray starts, m.
-        is_random: Whether sampling needs random numbers.
         has_random_rays: Whether each scan has rays of its own, instead of nodes.
+        draws_nodes: Whether one node of each beam is drawn for each scan.
         weights: (K,) share of each node in its beam; equal for random rays.
         rays: Number of rays of each beam that are traced.
+        shares: (M,) share of each ray of a scan in its beam.
+        ray_classes: The class of the rays, and that for which something may hide where
+            they start: the medium's, as in ``DEFAULT_CLASSES``.
+        selects_ray: Whether one ray of each beam is selected after all are traced.
+        needs_events: Whether the events along the rays are needed.
+        is_noisy: Whether ranges have random errors.
+        kinds: The random numbers of a scan, in the order in which they are drawn: the
+            name, method of the generator, and shape of each kind.
     """
 
     def __init__(self, settings: SensorSettings) -> None:
+        self.settings = settings
         self.angles = beam_angles(settings)
-        offsets, self.weights = _nodes(settings)
+        self._offsets, self.weights = _nodes(settings)
+        starts = _starts(settings, self.angles)
+        self.radius = float(np.linalg.norm(starts, axis=2).max())
         is_cone = settings.has_side_rays and settings.side_mode == "cone"
         self.has_random_rays = is_cone and settings.cone_sampling == "random"
-        self._deviations = np.ones(2)
-        if self.has_random_rays:
-            self._deviations = np.array(_deviations(settings))
-        starts = _starts(settings, self.angles)
-        sides = _sides(offsets)
+        sides = _sides(self._offsets)
         # Three rays may differ in their starts only, not in their angles.
         if settings.side_mode != "cone" and len(self.weights) == 3:
             sides = np.array([RIGHT, CENTRE, LEFT], np.int8)
-        # The last edge is 1 but for rounding; without it no draw can lie beyond it.
-        edges = np.cumsum(self.weights)[:-1]
-        directions = node_directions(self.angles, offsets)
-        self._table = NodeTable(directions, starts, edges, sides)
-        self.radius = float(np.linalg.norm(starts, axis=2).max())
-        self._power = settings.max_range, settings.penetration_power
-        self._ray_class = ray_class_of(settings)
-        limits = columns_of(self.rays_from(AimedRays.empty(1), -1))
-        # The engine aims the rays itself, and needs only what all of them have in
-        # common.
-        self._limits = limits._replace(origins=NO_VECTORS, directions=NO_VECTORS)
-        self._sensor_rays: SensorRays | None = None
-        traces_all = settings.combines_rays or settings.incidence_weights
-        self.rays = len(self.weights) if traces_all else 1
-        has_nodes = not self.has_random_rays
-        self._draws_nodes = has_nodes and self.rays < len(self.weights)
-        self.is_random = self.has_random_rays or self._draws_nodes
-        self.rays_per_scan = len(self.angles) * self.rays
+        self._table = engine.structures["NodeTable"].pack(
+            directions=node_directions(self.angles, self._offsets),
+            starts=starts,
+            # The last edge is 1 but for rounding; without it no draw lies beyond it.
+            edges=np.cumsum(self.weights)[:-1],
+            sides=sides,
+        )
+        ray_class = ray_class_of(settings)
+        self.ray_classes = ray_class, RayClass(ray_class.medium)
+        self._source = self._pack_source(self._table)
+        self._set_what_is_read()
 
-    def draw(self, rng: np.random.Generator | None) -> Floats:
-        """Draw the random numbers of one scan; ``rng`` is unused if it needs none.
-
-        Returns:
-            (N,) 0 to 1, which select a node of each beam; or (K, N, 2), the angles of
-            random rays to the left and up, in standard deviations; or nothing.
-        """
-        if not self.is_random or rng is None:
-            return EMPTY
-        if not self.has_random_rays:
-            return rng.random(len(self.angles))
-        return rng.standard_normal((self.rays, len(self.angles), 2))
-
-    def aim(self, poses: Floats, draws: Sequence[Floats]) -> AimedRays:
-        """Aim the rays of scans.
-
-        Args:
-            poses: (J, 6) x, y, z, roll, pitch, yaw of the sensor in each, map frame.
-            draws: What ``draw`` returned for each.
-        """
-        rays = AimedRays.empty(len(poses) * self.rays_per_scan)
+    def _set_what_is_read(self) -> None:
+        settings, beams = self.settings, len(self.angles)
+        is_whole = settings.combines_rays
+        self.rays = len(self.weights) if is_whole or settings.incidence_weights else 1
+        self.draws_nodes = not self.has_random_rays and self.rays < len(self.weights)
+        self.shares = np.tile(self.weights, beams) if self.rays > 1 else np.ones(beams)
+        self.selects_ray = self.rays > 1 and not is_whole
+        self.needs_events = (
+            settings.return_mode != "last"
+            or settings.range_resolution > 0
+            or (self.rays > 1 and is_whole)
+        )
+        self.is_noisy = settings.range_noise > 0 or settings.range_noise_share > 0
+        self.kinds: list[tuple[str, Any, tuple[int, ...]]] = []
         if self.has_random_rays:
-            for i, draw in enumerate(draws):
-                first = i * self.rays_per_scan
-                some = rays.rows(first, first + self.rays_per_scan)
-                pose = poses[i : i + 1]
-                aim_scans(pose, ALL, NO_CHANCES, *self._table_of(draw), *some)
-                some.sides[:] = self.sides_of(draw)
-        else:
-            choice = DRAWN if self._draws_nodes else ALL
-            aim_scans(poses, choice, self._chances(draws), *self._table, *rays)
-        return rays
+            self.kinds.append(("rays", NORMAL, (self.rays, beams, 2)))
+        elif self.draws_nodes:
+            self.kinds.append(("nodes", UNIFORM, (beams,)))
+        if self.selects_ray:
+            self.kinds.append(("selected", UNIFORM, (beams,)))
+        if self.is_noisy:
+            self.kinds.append(("errors", NORMAL, (beams,)))
 
-    def unaimed(self, draws: Sequence[Floats], places: Floats) -> UnaimedScans:
-        """Return scans to be aimed while they are traced.
+    def source(self, drawn: Floats | None) -> Packed:
+        """Return the packed ``RaySource`` of a scan.
 
         Args:
-            draws: What ``draw`` returned for each scan; of random rays only one.
-            places: (J, 7) as in ``UnaimedScans``.
+            drawn: (K, N, 2) the angles of random rays to the left and up, in standard
+                deviations; None for a sensor without them, whose scans share one.
         """
-        sensor = self._sensor_rays
-        # Packed once for all scans of the sensor: only poses and random numbers
-        # change.
-        if sensor is None or self.has_random_rays:
-            medium = RayClass(self._ray_class.medium)
-            sensor = self._sensor_rays = SensorRays(
-                self._table_of(draws[0]),
-                self.radius,
-                self._limits,
-                (self._ray_class, medium),
-                self.rays_per_scan,
-            )
-        return UnaimedScans(sensor, self._chances(draws), places)
+        return (
+            self._source
+            if drawn is None
+            else self._pack_source(self._drawn_nodes(drawn))
+        )
 
-    def _chances(self, draws: Sequence[Floats]) -> Floats:
-        """Return random numbers that select nodes, (J, N); (1, 0) if all are aimed."""
-        if not self._draws_nodes:
-            return NO_CHANCES
-        if len(draws) == 1:
-            return draws[0][None]
-        return np.concatenate(draws).reshape(len(draws), -1)
-
-    def _table_of(self, draw: Floats) -> NodeTable:
-        """Return the nodes of a scan; those of random rays are its own."""
-        if not self.has_random_rays:
-            return self._table
-        directions = node_directions(self.angles, self._offsets(draw))
-        return self._table._replace(directions=directions)
-
-    def sides_of(self, draw: Floats) -> Sides:
-        """Return the side of its beam on which each random ray of a scan is, (M,)."""
-        return _sides(self._offsets(draw)).T.ravel()
-
-    def _offsets(self, draw: Floats) -> Floats:
-        """Return the angles of random rays to the left and up, (K, N, 2) rad."""
-        return draw * self._deviations
-
-    def aim_nodes(self, poses: Floats, nodes: Nodes) -> AimedRays:
-        """Aim given nodes.
+    def aim(self, places: Floats, nodes: Nodes, drawn: Floats | None = None) -> Rays:
+        """Return rays of scans.
 
         Args:
-            poses: (J, 6) as in ``aim``.
+            places: (J, 7) x, y, z, roll, pitch, yaw of the sensor in each, map frame,
+                and the id of the box that carries it; -1 for none.
             nodes: (J * M,) node of its beam that each ray is.
+            drawn: As of ``source``.
         """
-        rays = AimedRays.empty(len(nodes))
-        rays.nodes[:] = nodes
-        aim_scans(poses, GIVEN, NO_CHANCES, *self._table, *rays)
-        return rays
+        table = self._table if drawn is None else self._drawn_nodes(drawn)
+        origins, directions = np.zeros((len(nodes), 3)), np.zeros((len(nodes), 3))
+        engine.aim_scans(table, places, nodes, origins, directions)
+        carriers = places[:, 6].astype(np.int64)
+        return Rays.uniform(
+            origins,
+            directions,
+            max_range=self.settings.max_range,
+            power=self.settings.penetration_power,
+            carrier_id=np.repeat(carriers, len(nodes) // max(len(places), 1)),
+            ray_classes=self.ray_classes[:1],
+        )
 
-    def aim_side(self, poses: Floats, side: int) -> AimedRays:
-        """Aim one ray of each beam.
+    def aim_side(self, pose: Pose3, side: int) -> Rays:
+        """Return one ray of each beam, even if it starts behind a surface.
 
         Args:
-            poses: (J, 6) as in ``aim``.
+            pose: Pose of the sensor, map frame.
             side: -1 for the right one of three, 0 for the centre, 1 for the left one.
 
         Raises:
             ValueError: If the beams do not have three rays.
         """
-        matching = np.flatnonzero(self._table.sides == side)
+        (matching,) = np.nonzero(self._table.sides == side)
         if self.has_random_rays or len(matching) != 1 or len(self.weights) > 3:
             raise ValueError(f"ray {side}, expected a beam of three rays")
-        count = len(poses) * len(self.angles)
-        return self.aim_nodes(poses, np.full(count, matching[0], np.int16))
+        nodes = np.full(len(self.angles), matching[0], np.int16)
+        return self.aim(np.array([(*pose.numbers(), -1.0)]), nodes)
 
-    def rays_from(self, aimed: AimedRays, carrier: int | NDArray[np.int64]) -> Rays:
-        """Return aimed rays with range, power and class of the sensor's rays.
+    def sides_of(self, drawn: Floats) -> Sides:
+        """Return the side of its beam on which each random ray of a scan is, (M,)."""
+        return _sides(self._angles_of(drawn)).T.ravel()
 
-        Args:
-            aimed: M rays.
-            carrier: Id of the box that carries the sensor, or (M,) of each ray; -1 for
-                none.
-        """
-        (max_range, power), count = self._power, len(aimed.nodes)
-        return Rays(
-            aimed.origins,
-            aimed.directions,
-            np.full(count, max_range, np.float64),
-            np.full(count, power, np.float64),
-            np.zeros(count, np.uint8),
-            np.full(count, carrier, np.int64),
-            (self._ray_class,),
+    def _angles_of(self, drawn: Floats) -> Floats:
+        """Return the angles of random rays to the left and up, (K, N, 2) rad."""
+        return drawn * _deviations(self.settings)
+
+    def _drawn_nodes(self, drawn: Floats) -> Packed:
+        """Return the nodes of a scan of random rays."""
+        directions = node_directions(self.angles, self._angles_of(drawn))
+        return self._table.structure.pack(
+            **self._table.fields | {"directions": directions}
+        )
+
+    def _pack_source(self, table: Packed) -> Packed:
+        """Pack one row of what all rays have in common, and their nodes."""
+        settings = self.settings
+        return engine.structures["RaySource"].pack(
+            origins=np.zeros((0, 3)),
+            directions=np.zeros((0, 3)),
+            max_range=np.array([settings.max_range], np.float64),
+            power=np.array([settings.penetration_power], np.float64),
+            class_index=np.zeros(1, np.uint8),
+            carrier=np.full(1, -1),
+            table=table,
+            radius=self.radius,
         )
 
 

@@ -3,8 +3,25 @@
 Theory of operation
 ===================
 Everything that a ray meets returns an echo: each boundary of a volume that it crosses,
-each sheet, and the surface or the point at which it ends; how strong each echo is tells
-``echo_strength``.
+each sheet, and the surface or the point at which it ends.
+
+The strength of an echo is its power as a share of what comes back from a rough wall
+that the whole beam meets head-on, with nothing before it. Penetration power counts
+decibels one way; the sensor's margin is what a beam can lose out and back. So of a ray
+that has a share p of its power left, T = 10^(-margin (1 - p) / 10) would come back. An
+opaque surface returns the T of what is left there; a volume the difference between its
+two sides, and a sheet that before and behind it. Where volumes overlap, each is
+credited with its share of the loss, in proportion to density. This holds for plants,
+which scatter a fifth of what they take, before walls that return a tenth of what
+arrives: the strengths of a ray that ends within range then add up to 1, and what does
+not come back from the wall comes back from what is before it. What has another albedo
+returns more or less than plants, and smoke nothing. A beam of unlimited power is
+returned whole by what it hits. Power lost to the air, or to a volume around the ray's
+start, returns no echo: there is no boundary.
+
+A volume answers all along the ray's way through it, and its echo has one range: up to
+there half of its power has come back. A sensor that keeps first echoes triggers on
+their leading edge instead, which is where the ray enters.
 
 Where the rays of a beam are combined, each carries its share of the beam, and the
 echoes of all of them are sorted by range. With incidence weights an echo is multiplied
@@ -23,6 +40,7 @@ those of the strongest end of a ray among them; if no ray ends there, those of t
 strongest echo. If that is a volume, the merged echo begins where the ray enters it.
 """
 
+import math
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -34,13 +52,35 @@ from radarsim.geometry import Floats
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.raycast.attenuation import EventKind, Outcome
 from radarsim.raycast.rays import Traces
-from radarsim.sensors.echo_strength import Densities, return_law, returned_share
 
+NOTHING_LEFT: Final = 1e-12  # share of a ray's power
 LEAF_BACKSCATTER: Final = 2 / 3  # mean cosine of leaves that rays meet
 _MODES: Final = {"last": 0, "all": 0, "first": 1, "strongest": 2}  # of the engine
 
-ECHO: Final = engine.structures["Echo"].dtype
+ECHO: Final = engine.rows["Echo"]
 EchoTable: TypeAlias = NDArray[np.void]  # of ECHO, a row for each, beam by beam
+
+
+def return_law(settings: SensorSettings) -> tuple[float, float, bool]:
+    """Return how a ray's power determines what comes back.
+
+    Returns:
+        The power with which a ray starts; the natural logarithm of the ratio between
+        what comes back of a ray with all its power and of one with none; and whether
+        the echo of a volume has the range of half its power, instead of that at which
+        it begins.
+    """
+    full = settings.penetration_power
+    # There is no share of no power, nor of unlimited power.
+    full = full if math.isfinite(full) else 0.0
+    nepers = settings.margin_db * math.log(10) / 10
+    return full, nepers, settings.return_mode != "first"
+
+
+def returned_share(share: Floats | float, settings: SensorSettings) -> Floats:
+    """Return what comes back of rays that have these shares of their power left."""
+    returned = np.exp(return_law(settings)[1] * (np.asarray(share) - 1.0))
+    return np.where(np.asarray(share) > NOTHING_LEFT, returned, 0.0)
 
 
 def backscatter(traces: Traces) -> Floats:
@@ -58,7 +98,7 @@ def extract_echoes(
     traces: Traces,
     weights: Floats,
     rays_per_beam: int,
-    densities: Densities,
+    losses: tuple[Floats, float, Floats],
     settings: SensorSettings,
 ) -> EchoTable:
     """Extract the echoes from the events along rays.
@@ -67,7 +107,8 @@ def extract_echoes(
         traces: The traced rays, with events.
         weights: (M,) the share of each ray in its beam; a ray of weight 0 has no echo.
         rays_per_beam: How many consecutive rays form a beam.
-        densities: What the rays lose in the parts and in the air.
+        losses: The power that rays lose per metre in each part, (P,), and in the air;
+            and what each part scatters of a loss, relative to foliage, (P,).
         settings: Settings of the sensor.
 
     Returns:
@@ -83,7 +124,7 @@ def extract_echoes(
         weights,
         traces.incidence,
         rays_per_beam,
-        *densities,
+        *losses,
         *return_law(settings),
         echoes,
     )

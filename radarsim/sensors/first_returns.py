@@ -14,32 +14,21 @@ The penetration power that a beam loses in a cloud, of all that it has, times th
 sensor's margin in nepers, is that optical depth: margins count out and back.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.geometry import Floats
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.raycast.attenuation import EventKind, Events
-from radarsim.sensors.echo_extraction import ECHO, EchoTable, insert_echoes
-from radarsim.sensors.echo_strength import return_law, returned_share
+from radarsim.sensors.echo_extraction import (
+    ECHO,
+    EchoTable,
+    insert_echoes,
+    return_law,
+    returned_share,
+)
 
 Rows = NDArray[np.int64]
-
-
-class _Answers(NamedTuple):
-    """The beams that answer in clouds, one row each.
-
-    Attributes:
-        beams: (A,) number of the beam.
-        ranges: (A,) m.
-        before: (A,) row of the next event behind.
-    """
-
-    beams: Rows
-    ranges: Floats
-    before: Rows
 
 
 def answer_in_clouds(
@@ -58,20 +47,19 @@ def answer_in_clouds(
         echoes: All echoes of beams of one ray each.
         events: EVENT of all rays.
         density: (P,) power lost per metre in each part that is a cloud; otherwise 0.
-        drawn: (N,) optical depth at which each beam answers.
+        drawn: (J, N) optical depth at which each beam of J scans answers.
         settings: Settings of the sensor.
     """
-    law = return_law(settings)
+    full, nepers, _ = return_law(settings)
     change = _density_changes(events, density)
-    answers = _find_answers(events, change, drawn * law.full / law.nepers)
-    beams, ranges, before = answers
-    last = np.full(len(drawn), np.inf)
+    beams, ranges, before = _find_answers(events, change, drawn * full / nepers)
+    last = np.full(drawn.size, np.inf)
     last[beams] = ranges
     is_edge = echoes["kind"] == EventKind.ENTER
     is_edge[is_edge] = density[echoes["part"][is_edge]] > 0
     is_kept = ~is_edge & (echoes["t"] <= last[echoes["beam"]])
     kept = echoes.take(np.flatnonzero(is_kept))
-    around = _innermost_clouds(events, change, answers, len(drawn))
+    around = _innermost_clouds(events, change, beams, before)
     near = events["t"][before - 1]
     left = events["power"][before - 1] - events["absorbed"][before - 1]
     way = events["t"][before] - near
@@ -81,7 +69,7 @@ def answer_in_clouds(
     added["beam"] = added["row"] = beams
     added["t"], added["front"] = ranges, events["t"][around]
     added["part"], added["power"] = events["part"][around], power
-    added["strength"] = returned_share(power / law.full, settings)
+    added["strength"] = returned_share(power / full, settings)
     added["kind"], added["ends"] = EventKind.ENTER, True
     return insert_echoes(kept, added)
 
@@ -96,25 +84,46 @@ def _density_changes(events: Events, density: Floats) -> Floats:
     return change
 
 
-def _find_answers(events: Events, change: Floats, budget: Floats) -> _Answers:
-    """Find where the power lost in clouds reaches the budget of each beam, (N,)."""
+def _find_answers(
+    events: Events, change: Floats, budgets: Floats
+) -> tuple[Rows, Floats, Rows]:
+    """Find where the power lost in clouds reaches the budget of each beam, (J, N).
+
+    Returns:
+        Of the A beams that answer their numbers, ranges, m, and the events behind.
+    """
+    budget, (scans, size) = budgets.ravel(), budgets.shape
     rays, t = events["ray"], events["t"]
     first = np.searchsorted(rays, np.arange(len(budget)))[rays]
-    before = np.cumsum(change) - change  # density up to each event, over all rays
+    # Summed for each scan alone, so that others do not change how sums are rounded.
+    cuts = np.searchsorted(rays, np.arange(1, scans) * size)
+    # density up to each event, over all rays
+    before = _sums(change, cuts) - change
     inside = before - before[first]
-    lost = np.cumsum(inside * np.diff(t, prepend=0.0))
+    lost = _sums(inside * np.diff(t, prepend=0.0), cuts)
     lost -= lost[first]
     reached = np.flatnonzero((lost > budget[rays]) & (inside > 0))
     beams, rows = np.unique(rays[reached], return_index=True)
     stops = reached[rows]
     ranges = t[stops] - (lost[stops] - budget[beams]) / inside[stops]
-    return _Answers(beams, np.clip(ranges, t[stops - 1], t[stops]), stops)
+    return beams, np.clip(ranges, t[stops - 1], t[stops]), stops
+
+
+def _sums(values: Floats, cuts: Rows) -> Floats:
+    return np.concatenate([np.cumsum(some) for some in np.split(values, cuts)])
 
 
 def _innermost_clouds(
-    events: Events, change: Floats, answers: _Answers, beams: int
+    events: Events, change: Floats, beams: Rows, before: Rows
 ) -> Rows:
-    """Return the event with which each answer's last entered cloud began, (A,)."""
+    """Return the event with which the last entered cloud of each answer began.
+
+    Args:
+        events: All.
+        change: By how much the density of clouds rises at each.
+        beams: (A,) the beam of each answer.
+        before: (A,) the event behind it.
+    """
     rays, parts, rows = events["ray"], events["part"], np.flatnonzero(change)
     # A part is left before it is entered again: its next event is where it ends.
     order = rows[np.lexsort((rows, parts[rows], rays[rows]))]
@@ -122,11 +131,11 @@ def _innermost_clouds(
     same = (rays[one] == rays[other]) & (parts[one] == parts[other])
     leaves = np.full(len(events), len(events))
     leaves[one[same]] = other[same]
-    before = np.full(beams, -1)
-    before[answers.beams] = answers.before
+    stops = np.full(rays.max(initial=0) + 1, -1)
+    stops[beams] = before
     entered = rows[change[rows] > 0]
-    stop = before[rays[entered]]
+    stop = stops[rays[entered]]
     around = entered[(entered < stop) & (stop <= leaves[entered])]
-    last = np.full(beams, -1)
+    last = np.full(len(stops), -1)
     np.maximum.at(last, rays[around], around)
-    return last[answers.beams]
+    return last[beams]

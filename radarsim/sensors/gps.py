@@ -90,13 +90,13 @@ class Gps:
         self._settings = settings
         self._rng = rng
         directions = _directions(origin)
-        rays = Rays.uniform(
+        self._aimed = Rays.uniform(
             np.zeros_like(directions),
             directions,
             max_range=REACH,
             carrier_id=carrier_id,
+            ray_classes=(SONAR_CLASS,),
         )
-        self._aimed = replace(rays, ray_classes=(SONAR_CLASS,))
 
     def rays(self, place: Floats) -> Rays:
         """Return a ray to each satellite above the horizon.

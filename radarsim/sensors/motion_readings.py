@@ -17,8 +17,8 @@ from radarsim.presets.sensor_settings import InsNoise
 INS_DRIFT_INTERVAL: Final = 0.2  # s of simulated time between two updates of the drift
 ENCODER_NOISE: Final = 0.005  # largest error, as a fraction of the total angle
 DRAWN_AHEAD: Final = 16  # updates of an INS, and readings of an encoder
-INS: Final = engine.structures["Ins"].dtype
-ENCODER: Final = engine.structures["Encoder"].dtype
+INS: Final = engine.rows["Ins"]
+ENCODER: Final = engine.rows["Encoder"]
 
 
 def new_ins(

@@ -11,29 +11,17 @@ from radarsim import plugins
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.presets.sensors import load_fmcw_settings, load_settings
-from radarsim.raycast.aimed_rays import Sides
 from radarsim.raycast.rays import LASER, RADAR, Rays
-from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer, tracer_of
 from radarsim.rng import as_generator
 from radarsim.scene.scene import Scene, expected_scene
-from radarsim.sensors.beams import EMPTY, pattern_of
-from radarsim.sensors.measurement import Draws, PlannedScan, ScanBuilder
+from radarsim.sensors.beams import pattern_of
 from radarsim.sensors.scan import Scan
-from radarsim.sensors.scan_batch import (
-    ScanArrays,
-    ScanRequest,
-    aim_scans_apart,
-    draw_scans,
-    scan_batch,
-    scan_poses,
-    stack_scans,
-)
+from radarsim.sensors.scan_batch import ScanArrays, ScanBatch, scan_poses
 
 # Takes ranges, (N,) m, and a generator; returns ranges.
 Noise: TypeAlias = Callable[[Floats, np.random.Generator], Floats]
 
-NO_RAIN: Final = np.zeros((2, 0))
 SENSOR_HEIGHT: Final = 0.346  # m; height of a P3AT's scanner above the floor
 
 
@@ -45,7 +33,6 @@ class RangeScanner:
         settings: All its settings.
         angles: (N,) directions of its beams, rad, counter-clockwise from the right.
         pattern: Its beams.
-        builder: What builds its scans.
         medium: ``RADAR`` or ``LASER``.
     """
 
@@ -71,9 +58,6 @@ class RangeScanner:
         self.pattern = pattern_of(settings)
         self.angles = self.pattern.angles
         self.medium = RADAR if settings.medium == "radar" else LASER
-        self.builder = ScanBuilder(name, settings, self.pattern)
-        self._is_random = self.pattern.is_random or self.builder.is_random
-        self._is_radar = settings.medium == "radar"
         self._has_detector = settings.has_detector
 
     def __repr__(self) -> str:
@@ -207,8 +191,9 @@ class RangeScanner:
         if self._has_detector:
             scan = self._scan_by_detector(scene, placed, rng)
         else:
-            request = ScanRequest(self, placed, rng)
-            (scan,) = scan_batch(tracer_of(scene), [request], scene=scene)
+            batch = self._draw_batch(tracer_of(scene), placed, rng)
+            batch.trace()
+            scan = batch.scan(0, self.name, placed, scene)
         if self._noise is not None:
             scan.ranges = self._add_noise(scan.ranges, rng)
         return scan
@@ -233,15 +218,16 @@ class RangeScanner:
         Raises:
             ValueError: If a pose is invalid, or an rng is needed and missing.
         """
-        placed, rng = [], as_generator(rng, self.name)
-        for i, pose in enumerate(poses):
-            try:
-                placed.append(sensor_pose(scene, pose))
-            except (TypeError, ValueError) as error:
-                raise ValueError(f"poses[{i}]: {error}") from None
-        if self.settings.has_detector:
-            scans = [self._scan_by_detector(scene, pose, rng) for pose in placed]
-            many = stack_scans(self, placed, scans)
+        placed, rng = sensor_poses(scene, poses), as_generator(rng, self.name)
+        if self._has_detector:
+            scans = [
+                self._scan_by_detector(scene, Pose3(*row), rng)
+                for row in placed.tolist()
+            ]
+            ranges = np.array([scan.ranges for scan in scans], np.float64)
+            ranges = ranges.reshape(-1, len(self.angles))
+            rays = np.zeros(ranges.shape, np.int8) if self.has_side_rays else None
+            many = ScanArrays(placed, self.angles, ranges, rays)
         else:
             many = scan_poses(self, tracer_of(scene), placed, rng)
         if self._noise is None:
@@ -258,76 +244,30 @@ class RangeScanner:
         scan: Scan = self.fmcw.scan(scene, pose, rng)
         return scan
 
-    def plan(
-        self,
-        tracer: Tracer,
-        pose: Pose3,
-        rng: np.random.Generator | None,
-        boxes: Boxes | None = None,
-        carrier_id: int = -1,
-    ) -> PlannedScan:
-        """Draw the rays of one scan and aim them; see ``aim_scans_apart``.
+    def draw_rays(
+        self, tracer: Tracer, pose: Pose3, rng: np.random.Generator | None
+    ) -> Rays:
+        """Return all rays that a scan would trace, and draw its random numbers.
 
         Args:
             tracer: Tracer of the scene.
             pose: Pose of the sensor, map frame.
             rng: Source of randomness.
-            boxes: Boxes of the robots.
-            carrier_id: Id of the box that carries the sensor; -1 for none.
 
         Raises:
             ValueError: If an rng is needed and missing.
         """
-        request = ScanRequest(self, pose, rng, carrier_id)
-        (group,) = draw_scans(tracer, [request])
-        return aim_scans_apart(tracer, group, boxes)[0]
+        batch = self._draw_batch(tracer, pose, rng)
+        batch.trace()
+        return batch.all_rays(0)
 
-    def draw(
-        self, rng: np.random.Generator | None, *, is_raining: bool, has_clouds: bool
-    ) -> Draws:
-        """Draw the random numbers of one scan.
-
-        Args:
-            rng: Source of randomness.
-            is_raining: Whether it rains anywhere in the scene.
-            has_clouds: Whether smoke, dust or fog is anywhere in the scene.
-
-        Raises:
-            ValueError: If an rng is needed and missing.
-        """
-        builder, beams = self.builder, len(self.angles)
-        is_raining = is_raining and self._is_radar
-        has_clouds = has_clouds and builder.reads_first_returns
-        if not (self._is_random or is_raining or has_clouds):
-            return Draws(EMPTY, EMPTY, EMPTY, NO_RAIN, EMPTY, builder.needs_events)
-        has_rng = isinstance(rng, np.random.Generator)
-        if rng is None or not has_rng:
-            raise ValueError(f"no rng, expected a Generator for sensor {self.name!r}")
-        drawn = self.pattern.draw(rng)
-        if not (builder.is_random or is_raining or has_clouds):
-            return Draws(drawn, EMPTY, EMPTY, NO_RAIN, EMPTY, builder.needs_events)
-        # In this order, which the numbers that follow depend on.
-        return Draws(
-            drawn,
-            rng.random(beams) if builder.selects_ray else EMPTY,
-            rng.standard_normal(beams) if builder.is_noisy else EMPTY,
-            rng.standard_exponential((2, beams)) if is_raining else NO_RAIN,
-            rng.standard_exponential(beams) if has_clouds else EMPTY,
-            builder.needs_events or is_raining,
-        )
-
-    def aim_one_ray(self, pose: Pose3, side: int) -> tuple[Sides, Rays]:
-        """Aim the ray on one side of each beam, even if it starts behind a surface.
-
-        Args:
-            pose: Pose of the sensor, map frame.
-            side: -1 for the right one of three, 0 for the centre, 1 for the left one.
-
-        Raises:
-            ValueError: If the beams do not have three rays.
-        """
-        aimed = self.pattern.aim_side(np.array([pose.numbers()]), side)
-        return aimed.sides, self.pattern.rays_from(aimed, -1)
+    def _draw_batch(
+        self, tracer: Tracer, pose: Pose3, rng: np.random.Generator | None
+    ) -> ScanBatch:
+        places = np.array([(*pose.numbers(), -1.0)], np.float64)
+        batch = ScanBatch(self.pattern, tracer, places)
+        batch.draw(0, rng, self.name)
+        return batch
 
 
 def load_sensor(name: str, /, **settings: Any) -> RangeScanner:
@@ -372,3 +312,36 @@ def sensor_pose(scene: Scene, pose: Pose2 | Pose3 | Sequence[float]) -> Pose3:
     if len(numbers) != 6 or not all(map(math.isfinite, numbers)):
         raise ValueError(f"pose {given!r}, expected three or six finite numbers")
     return Pose3(*numbers)
+
+
+def sensor_poses(
+    scene: Scene, poses: Sequence[Pose2 | Pose3 | Sequence[float]] | Floats
+) -> Floats:
+    """Convert many sensor poses to x, y, z, roll, pitch, yaw, (M, 6).
+
+    Raises:
+        ValueError: If one is invalid.
+    """
+    if not isinstance(scene, Scene):
+        raise expected_scene(scene)
+    try:
+        table = np.array(poses, np.float64)
+    except (TypeError, ValueError):  # poses, or one of other lengths
+        table = np.zeros(0)
+    if table.ndim == 2 and np.isfinite(table).all():
+        if table.shape[1] == 6:
+            return table
+        # One by one they would take as long as to trace them.
+        floors = {start.pose.z for start in scene.starts}
+        if table.shape[1] == 3 and len(floors) <= 1:
+            placed = np.zeros((len(table), 6))
+            placed[:, [0, 1, 5]] = table
+            placed[:, 2] = max(floors, default=0.0) + SENSOR_HEIGHT
+            return placed
+    placed = np.zeros((len(poses), 6))
+    for i, pose in enumerate(poses):
+        try:
+            placed[i] = sensor_pose(scene, pose).numbers()
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"poses[{i}]: {error}") from None
+    return placed

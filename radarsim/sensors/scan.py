@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,9 +12,8 @@ import radarsim
 from radarsim.errors import import_optional
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.sensor_settings import SensorSettings
-from radarsim.raycast.aimed_rays import Sides
 from radarsim.raycast.attenuation import EventKind
-from radarsim.raycast.rays import Rays
+from radarsim.raycast.rays import Rays, Sides
 from radarsim.raycast.traced_scene import attenuation_of
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
@@ -77,14 +76,8 @@ class Target:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the target as JSON types; a density of None is opaque."""
-        return {
-            "object": self.object,
-            "material": self.material,
-            "density": self.density if math.isfinite(self.density) else None,
-            "transparency": self.transparency,
-            "laser_passes": self.laser_passes,
-            "robot_passes": self.robot_passes,
-        }
+        density = self.density if math.isfinite(self.density) else None
+        return asdict(self) | {"density": density}
 
 
 def _share_left(loss: float, power: float) -> float:
@@ -114,7 +107,7 @@ class Echoes:
         power: (E,) penetration power left on arrival, for a hit without what the
             surface absorbs; inf if it is unlimited.
         strength: (E,) power of the echo as a share of what comes back from a rough
-            wall that the whole beam meets head-on, 0 to 1; see ``echo_strength``.
+            wall that the whole beam meets head-on, 0 to 1; see ``echo_extraction``.
         parts: (E,) int64, index of the part in the scene; for a robot, the number of
             parts + the id of the robot.
         scene_parts: The parts of the scene.

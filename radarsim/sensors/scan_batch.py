@@ -6,15 +6,20 @@ Random numbers are drawn scan by scan, so that each generator is used as if the 
 were taken one after the other. Everything else is done for all scans of equal sensors
 in a few calls of the engine, on all processors where there are many rays or poses.
 
-Rays are aimed in the call that traces them. Only where something opaque is so near a
-sensor that side rays may start behind it, its rays are aimed first: from there it
-cannot see, and the centre ray takes the place of those rays.
+A sensor that reads only where its rays end takes that from the traces directly. One
+that keeps other echoes, or combines many rays per beam, needs the events along them.
+With incidence weights, one ray of each beam is drawn after all of them are traced: its
+probability is its weight times the backscatter at its end, and a ray that met nothing
+has none, unless no ray of the beam met anything.
+
+The range errors of a sensor come last: a beam has one error, which moves all its
+echoes, so that they keep their order; then ranges are rounded to whole steps.
 """
 
+import math
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -23,20 +28,34 @@ from numpy.typing import NDArray
 
 from radarsim.geometry import Floats, Pose3
 from radarsim.processes import thread_count
-from radarsim.raycast.aimed_rays import AimedRays, Nodes, Sides
-from radarsim.raycast.attenuation import Outcome
-from radarsim.raycast.rays import Rays, Traces
+from radarsim.raycast.attenuation import EventKind, Outcome
+from radarsim.raycast.rays import Rays, Sides
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
 from radarsim.scene.scene import Scene
-from radarsim.sensors.measurement import Draws, PlannedScan
-from radarsim.sensors.scan import Scan
+from radarsim.sensors.beams import EXPONENTIAL, BeamPattern
+from radarsim.sensors.echo_extraction import (
+    EchoTable,
+    backscatter,
+    extract_echoes,
+    extract_ray_ends,
+    merge_echoes,
+    select_echoes,
+)
+from radarsim.sensors.first_returns import answer_in_clouds
+from radarsim.sensors.rain import add_rain, find_rain
+from radarsim.sensors.scan import Echoes, Scan
 
 if TYPE_CHECKING:
     from radarsim.sensors.range_scanner import RangeScanner
 
 CHUNK_RAYS: Final = 20_000  # traced in one piece, in some 10 ms
-MIDDLE_NODE: Final = 1  # of three
+ALL_NODES: Final = np.zeros((1, 0))  # instead of random numbers
+ECHO_FIELDS: Final = {
+    "beams": "beam", "ranges": "t", "fronts": "front", "kinds": "kind",
+    "power": "power", "strength": "strength", "parts": "part",
+}  # fmt: skip
+Rows = NDArray[np.int64]
 
 
 class ScanRequest(NamedTuple):
@@ -53,40 +72,6 @@ class ScanRequest(NamedTuple):
     pose: Pose3
     rng: np.random.Generator | None = None
     carrier_id: int = -1
-
-
-class ScanGroup(NamedTuple):
-    """Scans of equal sensors, which are traced in one call.
-
-    Attributes:
-        scanner: One of the sensors.
-        indices: The number of each scan among all that were requested.
-        requests: The scans.
-        draws: The random numbers of each.
-    """
-
-    scanner: "RangeScanner"
-    indices: list[int]
-    requests: list[ScanRequest]
-    draws: list[Draws]
-
-    def take(self, rows: Sequence[int]) -> "ScanGroup":
-        """Return some of the scans."""
-        return ScanGroup(
-            self.scanner,
-            [self.indices[row] for row in rows],
-            [self.requests[row] for row in rows],
-            [self.draws[row] for row in rows],
-        )
-
-    def range_errors(self) -> Floats:
-        """Return the errors of all ranges, scan by scan; empty without noise."""
-        return np.concatenate([draws.range_error for draws in self.draws])
-
-    def places(self) -> Floats:
-        """Return the sensors' places, (J, 7), as in ``UnaimedScans``."""
-        rows = [(*each.pose.numbers(), each.carrier_id) for each in self.requests]
-        return np.array(rows, np.float64)
 
 
 class ScanArrays(NamedTuple):
@@ -107,57 +92,275 @@ class ScanArrays(NamedTuple):
     rays: Sides | None
 
 
-class BatchRanges(NamedTuple):
-    """What many scans read.
+class ScanBatch:
+    """J scans of sensors of equal settings: drawn, then traced and read together.
 
     Attributes:
-        ranges: Of each scan (N,) m; beams without return have the maximum range.
-        scans: Scans for which events were traced, by number.
+        pattern: The beams.
+        drawn: The random numbers of each kind, J rows.
+        ranges: (J, N) m, as of ``ScanArrays``; and so the next.
+        rays: (J, N), or None.
+        nodes: (J, M) node of its beam that each ray is.
     """
 
-    ranges: list[Floats]
-    scans: dict[int, Scan]
+    ranges: Floats
+    rays: Sides | None
 
+    def __init__(self, pattern: BeamPattern, tracer: Tracer, places: Floats) -> None:
+        """Draw nothing yet.
 
-def draw_scans(tracer: Tracer, requests: Sequence[ScanRequest]) -> list[ScanGroup]:
-    """Draw the random numbers of scans.
+        Which numbers are drawn depends on the scene only in whether it rains there and
+        whether it has clouds, so that moving robots do not change those drawn next.
 
-    Which ones are drawn depends on the scene only in whether it rains there and whether
-    it has clouds, so that moving robots do not change the numbers drawn next.
+        Args:
+            pattern: The beams; of random rays there can only be one scan.
+            tracer: Tracer of the scene.
+            places: (J, 7) of the sensors, as of ``BeamPattern.aim``.
+        """
+        self.pattern, self._tracer, self._places = pattern, tracer, places
+        self.kinds, self.needs_events = pattern.kinds, pattern.needs_events
+        settings, beams = pattern.settings, len(pattern.angles)
+        if tracer.has_rain and settings.medium == "radar":
+            self.kinds = [*self.kinds, ("rain", EXPONENTIAL, (2, beams))]
+            self.needs_events = True
+        if tracer.has_clouds and settings.reads_first_returns:
+            self.kinds = [*self.kinds, ("cloud", EXPONENTIAL, (beams,))]
+        count = len(places)
+        self.drawn = {kind: np.zeros((count, *shape)) for kind, _, shape in self.kinds}
+        self._echoes: EchoTable | None = None  # of all beams; None until it is needed
+        self._rows: Rows | None = None  # the ray of each beam; None where it has one
 
-    Args:
-        tracer: Tracer of the scene.
-        requests: The scans.
+    def draw(
+        self, row: int | slice, rng: np.random.Generator | None, sensor: str
+    ) -> None:
+        """Draw the random numbers of a scan.
 
-    Raises:
-        ValueError: If an rng is needed and missing.
-    """
-    groups: dict[object, ScanGroup] = {}
-    for i, request in enumerate(requests):
-        scanner = request.scanner
-        draws = scanner.draw(
-            request.rng, is_raining=tracer.has_rain, has_clouds=tracer.has_clouds
+        Args:
+            row: Its number; all scans at once where numbers are of one kind.
+            rng: Source of randomness.
+            sensor: Name of the sensor, for an error.
+
+        Raises:
+            ValueError: If an rng is needed and missing.
+        """
+        has_rng = isinstance(rng, np.random.Generator)
+        if self.kinds and not has_rng:
+            raise ValueError(f"no rng, expected a Generator for sensor {sensor!r}")
+        for kind, method, _ in self.kinds:
+            method(rng, out=self.drawn[kind][row])
+
+    def trace(self, boxes: Boxes | None = None, threads: int | None = None) -> None:
+        """Trace the rays of all scans, and read their ranges.
+
+        Args:
+            boxes: Boxes of the robots.
+            threads: As of ``Tracer.trace_scans``.
+        """
+        pattern, random = self.pattern, self._random_rays(0)
+        size = len(self._places) * len(pattern.shares)
+        nodes, sides = np.zeros(size, np.int16), np.zeros(size, np.int8)
+        chances = self.drawn.get("nodes", ALL_NODES)
+        self._traces = self._tracer.trace_scans(
+            pattern.source(random),
+            pattern.ray_classes,
+            (self._places, chances, nodes, sides),
+            boxes,
+            events=self.needs_events,
+            incidence=pattern.settings.incidence_weights,
+            threads=threads,
         )
-        # Rays that are random are no nodes, which scans could share.
-        # Settings that are equal share their pattern, so that the pattern itself tells
-        # which scanners are traced together.
-        key = i if scanner.pattern.has_random_rays else scanner.pattern
-        group = groups.get(key)
-        if group is None:
-            groups[key] = ScanGroup(scanner, [i], [request], [draws])
-        else:
-            group.indices.append(i)
-            group.requests.append(request)
-            group.draws.append(draws)
-    return list(groups.values())
+        self.nodes = nodes.reshape(len(self._places), -1)
+        self._sides = sides if random is None else pattern.sides_of(random)
+        if pattern.selects_ray:
+            self._rows = self._select_rays()
+        ranges = self._read_echoes() if self.needs_events else self._read_ends()
+        self.ranges = ranges.reshape(len(self._places), -1)
+        self.rays = None
+        if pattern.settings.has_side_rays:
+            read = self._sides if self._rows is None else self._sides[self._rows]
+            self.rays = read.reshape(self.ranges.shape)
+
+    def scan(
+        self, row: int, sensor: str, pose: Pose3, scene: Scene | None = None
+    ) -> Scan:
+        """Return one of the scans.
+
+        Args:
+            row: Its number.
+            sensor: Name of the sensor.
+            pose: Pose of the sensor.
+            scene: The scene, if the scan shall know it.
+        """
+        settings = self.pattern.settings
+        # in the order of its attributes: names would take longer
+        return Scan(
+            sensor,
+            pose,
+            self.pattern.angles,
+            self.ranges[row],
+            None if self.rays is None else self.rays[row],
+            settings.min_range,
+            settings.max_range,
+            math.radians(settings.resolution_deg),
+            partial(self._cast, row),
+            partial(self._echoes_of, row),
+            scene,
+        )
+
+    def all_rays(self, row: int) -> Rays:
+        """Return the M rays of a scan."""
+        places, nodes = self._places[row : row + 1], self.nodes[row]
+        return self.pattern.aim(places, nodes, self._random_rays(row))
+
+    def _random_rays(self, row: int) -> Floats | None:
+        return self.drawn["rays"][row] if self.pattern.has_random_rays else None
+
+    def _cast(self, row: int) -> Rays:
+        """Return the rays that gave the ranges of a scan."""
+        rays = self.all_rays(row)
+        if self._rows is None:
+            return rays
+        rows = self._rows.reshape(self.ranges.shape)[row]
+        return rays.take(rows - row * len(self.pattern.shares))
+
+    def _select_rays(self) -> Rows:
+        """Select one ray of each beam at random; return their indices, (J * N,)."""
+        per_beam = self.pattern.rays
+        weights = self._all_shares().reshape(-1, per_beam)
+        chances = weights * backscatter(self._traces).reshape(-1, per_beam)
+        empty = ~(chances.sum(axis=1) > 0)  # no ray of the beam met anything
+        chances[empty] = weights[empty]
+        # One draw for each beam, made before tracing: the numbers that follow must not
+        # depend on what the rays met.
+        edges = np.cumsum(chances, axis=1)
+        drawn = self.drawn["selected"].ravel() * edges[:, -1]
+        node = (edges[:, :-1] <= drawn[:, None]).sum(axis=1)
+        return np.asarray(np.arange(len(node)) * per_beam + node)
+
+    def _all_shares(self) -> Floats:
+        shares, count = self.pattern.shares, len(self._places)
+        return shares if count == 1 else np.tile(shares, count)
+
+    def _read_ends(self) -> Floats:
+        """Return the ranges, (J * N,), of beams that read where their rays end."""
+        traces, rows, settings = self._traces, self._rows, self.pattern.settings
+        # The echoes, which few ask for, follow from exact ranges.
+        ranges = traces.ranges.copy() if rows is None else traces.ranges[rows]
+        self._add_errors(ranges, self.drawn.get("errors"))
+        if settings.spent_reads != "range":
+            spent = traces.outcomes == Outcome.SPENT
+            reading = 0.0 if settings.spent_reads == "zero" else math.inf
+            ranges[spent if rows is None else spent[rows]] = reading
+        return ranges
+
+    def _read_echoes(self) -> Floats:
+        """Return the ranges, (J * N,), of beams that read one of their echoes."""
+        pattern, settings = self.pattern, self.pattern.settings
+        per_beam = pattern.rays
+        # The ray that stands for a beam where none was selected is the middle one.
+        rows = np.arange(per_beam // 2, self.nodes.size, per_beam)
+        if self._rows is not None:
+            rows = self._rows
+        echoes = self._all_echoes(rows)
+        ranges, rays = np.full(len(rows), np.inf), rows.copy()
+        kept = select_echoes(echoes, settings, ranges, rays)
+        if settings.spent_reads == "zero":
+            spent = self._traces.outcomes[rays] == Outcome.SPENT
+            ranges[np.isfinite(ranges) & spent] = 0.0
+        self._echoes = echoes if settings.return_mode == "all" else echoes.take(kept)
+        self._rows = rays
+        return ranges
+
+    def _all_echoes(self, rows: Rows) -> EchoTable:
+        """Return all echoes, rain included, merged and with range errors.
+
+        Args:
+            rows: (J * N,) the ray that stands for each beam.
+        """
+        pattern, tracer, traces = self.pattern, self._tracer, self._traces
+        settings, ray_class = pattern.settings, pattern.ray_classes[0]
+        shares = self._all_shares()
+        if pattern.selects_ray:
+            shares = np.zeros(self.nodes.size)
+            shares[rows] = 1.0
+        losses = tracer.losses(ray_class)
+        echoes = extract_echoes(traces, shares, pattern.rays, losses, settings)
+        if "rain" in self.drawn:
+            random = np.concatenate(self.drawn["rain"], axis=1)
+            rain = find_rain(tracer, traces.events, rows, random, settings)
+            echoes = add_rain(echoes, rain)
+        if "cloud" in self.drawn:
+            clouds = np.where(tracer.clouds, losses[0], 0.0)
+            depths = self.drawn["cloud"]
+            echoes = answer_in_clouds(echoes, traces.events, clouds, depths, settings)
+        echoes = merge_echoes(echoes, settings.range_resolution)
+        self._move_echoes(echoes)
+        return echoes
+
+    def _end_echoes(self) -> EchoTable:
+        """Return the echoes at the ends of the rays, with range errors."""
+        settings, rows = self.pattern.settings, self._rows
+        rows = np.arange(self.nodes.size) if rows is None else rows
+        echoes = extract_ray_ends(self._traces, rows, settings)
+        if settings.spent_reads == "nothing":
+            echoes = echoes.take(np.flatnonzero(echoes["kind"] != EventKind.SPENT))
+        self._move_echoes(echoes)
+        return echoes
+
+    def _move_echoes(self, echoes: EchoTable) -> None:
+        """Add the random errors of beams to their echoes, in place."""
+        errors = self.drawn.get("errors")
+        if errors is not None:
+            errors = errors.ravel()[echoes["beam"]]
+        self._add_errors(echoes["t"], errors)
+        self._add_errors(echoes["front"], errors)
+
+    def _add_errors(self, ranges: Floats, errors: Floats | None) -> None:
+        """Add the sensor's random errors to ranges and quantise them, in place.
+
+        Args:
+            ranges: m.
+            errors: In standard deviations; None for a sensor without noise.
+        """
+        settings = self.pattern.settings
+        if errors is None and not settings.range_quantum:
+            return
+        # A beam that met nothing has no range that could be wrong.
+        finite = np.isfinite(ranges)
+        if errors is not None:
+            exact = ranges[finite]
+            share = settings.range_noise_share * exact
+            deviation = np.maximum(settings.range_noise, share)
+            moved = exact + errors.ravel()[finite] * deviation
+            ranges[finite] = np.clip(moved, 0.0, settings.max_range)
+        if settings.range_quantum:
+            # the last whole step within range; 1e-12 absorbs rounding of the quotient
+            last = math.floor(settings.max_range / settings.range_quantum * (1 + 1e-12))
+            steps = np.rint(ranges[finite] / settings.range_quantum)
+            ranges[finite] = np.minimum(steps, last) * settings.range_quantum
+
+    def _echoes_of(self, row: int) -> Echoes:
+        """Return the echoes of a scan."""
+        if self._echoes is None:
+            self._echoes = self._end_echoes()
+        beams = len(self.pattern.angles)
+        ends = np.searchsorted(self._echoes["beam"], [row * beams, (row + 1) * beams])
+        table = self._echoes[slice(*ends.tolist())].copy()
+        table["beam"] -= row * beams
+        columns = {
+            name: np.ascontiguousarray(table[field])
+            for name, field in ECHO_FIELDS.items()
+        }
+        return Echoes(
+            **columns,
+            sides=self._sides[table["row"]],
+            scene_parts=self._tracer.parts,
+            settings=self.pattern.settings,
+        )
 
 
 def scan_batch(
-    tracer: Tracer,
-    requests: Sequence[ScanRequest],
-    boxes: Boxes | None = None,
-    *,
-    scene: Scene | None = None,
+    tracer: Tracer, requests: Sequence[ScanRequest], boxes: Boxes | None = None
 ) -> list[Scan]:
     """Take many scans at once.
 
@@ -165,7 +368,6 @@ def scan_batch(
         tracer: Tracer of the scene.
         requests: The scans.
         boxes: Boxes of the robots.
-        scene: The scene, if the scans shall know it.
 
     Returns:
         The scans in the same order; each is that which its sensor would take alone, if
@@ -174,15 +376,18 @@ def scan_batch(
     Raises:
         ValueError: If an rng is needed and missing.
     """
-    return _trace_groups(tracer, draw_scans(tracer, requests), boxes, scene)
+    return [
+        batch.scan(row, request.scanner.name, request.pose)
+        for request, (batch, row) in zip(
+            requests, _trace_all(tracer, requests, boxes), strict=True
+        )
+    ]
 
 
 def scan_ranges(
     tracer: Tracer, requests: Sequence[ScanRequest], boxes: Boxes | None = None
-) -> BatchRanges:
+) -> tuple[list[Floats], dict[int, Scan]]:
     """Take many scans of which little else is asked for than the ranges.
-
-    Where only the ends of rays are read, no ``Scan`` is built.
 
     Args:
         tracer: Tracer of the scene.
@@ -190,247 +395,94 @@ def scan_ranges(
         boxes: Boxes of the robots.
 
     Returns:
-        The ranges that ``scan_batch`` would give.
+        The ranges that ``scan_batch`` would give, (N,) m, but that beams without return
+        have the maximum range; and scans for which events were traced, by number.
 
     Raises:
         ValueError: If an rng is needed and missing.
     """
-    ranges: dict[int, Floats] = {}
-    scans: dict[int, Scan] = {}
-    for group in draw_scans(tracer, requests):
-        most = group.scanner.settings.max_range
-        if group.scanner.builder.reads_ends and not group.draws[0].events:
-            rows = _trace_ranges(tracer, group, boxes)
-            ranges.update(zip(group.indices, np.minimum(rows, most), strict=True))
-            continue
-        taken = _trace_group(tracer, group, boxes, None)
-        for i, scan in zip(group.indices, taken, strict=True):
-            scans[i], ranges[i] = scan, np.minimum(scan.ranges, most)
-    return BatchRanges([ranges[i] for i in range(len(requests))], scans)
+    taken, scans = _trace_all(tracer, requests, boxes), {}
+    limited = {
+        batch: np.minimum(batch.ranges, batch.pattern.settings.max_range)
+        for batch, _ in taken
+    }
+    for i, (batch, row) in enumerate(taken):
+        if batch.needs_events:
+            scans[i] = batch.scan(row, requests[i].scanner.name, requests[i].pose)
+    return [limited[batch][row] for batch, row in taken], scans
 
 
-def _trace_groups(
-    tracer: Tracer,
-    groups: Sequence[ScanGroup],
-    boxes: Boxes | None,
-    scene: Scene | None,
-) -> list[Scan]:
-    """Trace the rays of scans; return them in the order of the requests."""
-    if len(groups) == 1:  # without ordering, which would take 1 us (row d)
-        return _trace_group(tracer, groups[0], boxes, scene)
-    scans: dict[int, Scan] = {}
-    for group in groups:
-        taken = _trace_group(tracer, group, boxes, scene)
-        scans.update(zip(group.indices, taken, strict=True))
-    return [scans[i] for i in range(len(scans))]
-
-
-def _trace_group(
-    tracer: Tracer, group: ScanGroup, boxes: Boxes | None, scene: Scene | None
-) -> list[Scan]:
-    """Take scans of equal sensors."""
-    pattern, places = group.scanner.pattern, group.places()
-    events, incidence = group.draws[0].events, group.scanner.builder.needs_incidence
-    unaimed = pattern.unaimed([draws.beams for draws in group.draws], places)
-    traced = tracer.trace_scans(unaimed, boxes, events=events, incidence=incidence)
-    size, scans = pattern.rays_per_scan, []
-    pieces = _split_scans(traced.traces, group)
-    for k, (request, draws, piece) in enumerate(
-        zip(group.requests, group.draws, pieces, strict=True)
-    ):
-        own = slice(k * size, (k + 1) * size)
-        is_random = pattern.has_random_rays
-        sides = pattern.sides_of(draws.beams) if is_random else traced.sides[own]
-        find_rays = partial(_aim_again, request, draws, traced.nodes[own])
-        plan = PlannedScan(tracer, request.pose, sides, find_rays, draws)
-        scans.append(request.scanner.builder.build(plan, piece, scene))
-    # Seldom: only scanners within centimetres of something opaque are aimed first.
-    if traced.crowded:
-        crowded = np.flatnonzero(~traced.clear).tolist()
-        some = group.take(crowded)
-        plans = aim_scans_apart(tracer, some, boxes)
-        rays = Rays.concatenate([plan.rays for plan in plans])
-        traces = tracer.trace(rays, boxes, events=events, incidence=incidence)
-        pieces = _split_scans(traces, some)
-        for k, plan, piece in zip(crowded, plans, pieces, strict=True):
-            builder = group.requests[k].scanner.builder
-            scans[k] = builder.build(plan, piece, scene)
-    return scans
-
-
-def _split_scans(traces: Traces, group: ScanGroup) -> list[Traces]:
-    """Return the traces of each scan of a group."""
-    count = len(group.requests)
-    if count == 1:  # parts of all columns would take 1 us (row d of the benchmarks)
-        return [traces]
-    return traces.split([group.scanner.pattern.rays_per_scan] * count)
-
-
-def _aim_again(request: ScanRequest, draws: Draws, nodes: Nodes) -> Rays:
-    """Aim the rays of a scan that was traced.
-
-    Args:
-        request: The scan.
-        draws: The random numbers that were drawn for it.
-        nodes: (M,) node of its beam that each ray was.
-    """
-    pattern = request.scanner.pattern
-    pose = np.array([request.pose.numbers()], np.float64)
-    if pattern.has_random_rays:
-        aimed = pattern.aim(pose, [draws.beams])
-    else:
-        aimed = pattern.aim_nodes(pose, nodes)
-    return pattern.rays_from(aimed, request.carrier_id)
-
-
-def _trace_ranges(tracer: Tracer, group: ScanGroup, boxes: Boxes | None) -> Floats:
-    """Return the ranges, (J, N), of scans of equal sensors that read ends of rays."""
-    pattern, builder = group.scanner.pattern, group.scanner.builder
-    unaimed = pattern.unaimed([draws.beams for draws in group.draws], group.places())
-    traced = tracer.trace_scans(unaimed, boxes)
-    readings = traced.traces.ranges
-    builder.read_ends(readings, traced.traces.outcomes, group.range_errors())
-    ranges = readings.reshape(len(group.indices), -1)
-    if traced.crowded:
-        crowded = np.flatnonzero(~traced.clear)
-        some = group.take(crowded.tolist())
-        plans = aim_scans_apart(tracer, some, boxes)
-        traces = tracer.trace(Rays.concatenate([plan.rays for plan in plans]), boxes)
-        builder.read_ends(traces.ranges, traces.outcomes, some.range_errors())
-        ranges[crowded] = traces.ranges.reshape(len(crowded), -1)
-    return ranges
-
-
-def aim_scans_apart(
-    tracer: Tracer, group: ScanGroup, boxes: Boxes | None = None
-) -> list[PlannedScan]:
-    """Aim the rays of scans before they are traced.
-
-    Side rays that start behind an opaque surface are replaced by the centre ray.
-
-    Args:
-        tracer: Tracer of the scene.
-        group: The scans.
-        boxes: Boxes of the robots.
-
-    Returns:
-        The scans; their rays are rows of the same ``Rays``, scan by scan.
-    """
-    pattern, places = group.scanner.pattern, group.places()
-    poses, size = places[:, :6].copy(), pattern.rays_per_scan
-    carrier_ids = np.repeat(places[:, 6].astype(np.int64), size)
-    aimed = pattern.aim(poses, [draws.beams for draws in group.draws])
-    if pattern.radius:
-        medium = group.scanner.medium
-        hidden = _are_hidden(tracer, boxes, medium, poses, carrier_ids, aimed)
-        nodes = np.where(hidden, MIDDLE_NODE, aimed.nodes).astype(np.int16)
-        aimed = pattern.aim_nodes(poses, nodes)
-    rays = pattern.rays_from(aimed, carrier_ids)
-    plans = []
-    for k, (request, draws) in enumerate(zip(group.requests, group.draws, strict=True)):
-        start, end = k * size, (k + 1) * size
-        find_rays = partial(rays.rows, start, end)
-        sides = aimed.sides[start:end]
-        plans.append(PlannedScan(tracer, request.pose, sides, find_rays, draws))
-    return plans
-
-
-def _are_hidden(
-    tracer: Tracer,
-    boxes: Boxes | None,
-    medium: int,
-    poses: Floats,
-    carrier_ids: NDArray[np.int64],
-    aimed: AimedRays,
-) -> NDArray[np.bool_]:
-    """Return which rays start behind an opaque surface, seen from their sensor.
-
-    Args:
-        tracer: Tracer of the scene.
-        boxes: Boxes of the robots.
-        medium: ``RADAR`` or ``LASER``.
-        poses: (J, 6) of the sensors, map frame.
-        carrier_ids: (J * M,) the box that carries the sensor of each ray.
-        aimed: The rays.
-    """
-    starts = aimed.origins
-    positions = np.repeat(poses[:, :3], len(starts) // len(poses), axis=0)
-    offset = starts - positions
-    length = np.linalg.norm(offset, axis=1)
-    moved = np.flatnonzero(length > 0)
-    to_starts = replace(
-        Rays.uniform(
-            positions[moved],
-            offset[moved] / length[moved, None],
-            max_range=0.0,
-            medium=medium,
-        ),
-        max_range=length[moved],
-        carrier_id=carrier_ids[moved],
-    )
-    traces = tracer.trace(to_starts, boxes)
-    hidden = np.zeros(len(starts), np.bool_)
-    hidden[moved] = traces.outcomes != Outcome.NOTHING
-    return hidden
+def _trace_all(
+    tracer: Tracer, requests: Sequence[ScanRequest], boxes: Boxes | None
+) -> list[tuple[ScanBatch, int]]:
+    """Trace the rays of scans; return the batch and the row of each."""
+    groups: dict[object, list[int]] = {}
+    for i, request in enumerate(requests):
+        # Settings that are equal share their pattern. Rays that are random are no
+        # nodes, which scans could share.
+        pattern = request.scanner.pattern
+        key = i if pattern.has_random_rays else pattern
+        groups.setdefault(key, []).append(i)
+    taken: dict[int, tuple[ScanBatch, int]] = {}
+    for numbers in groups.values():
+        some = [requests[i] for i in numbers]
+        places = [(*each.pose.numbers(), each.carrier_id) for each in some]
+        table = np.array(places, np.float64)
+        batch = ScanBatch(some[0].scanner.pattern, tracer, table)
+        taken |= {i: (batch, row) for row, i in enumerate(numbers)}
+    in_order = [taken[i] for i in range(len(requests))]
+    for request, (batch, row) in zip(requests, in_order, strict=True):
+        batch.draw(row, request.rng, request.scanner.name)
+    for batch in dict.fromkeys(batch for batch, _ in in_order):
+        batch.trace(boxes)
+    return in_order
 
 
 def scan_poses(
     scanner: "RangeScanner",
     tracer: Tracer,
-    poses: Sequence[Pose3],
+    poses: Floats,
     rng: np.random.Generator | None,
 ) -> ScanArrays:
-    """Scan from each pose, in order.
+    """Scan from each pose, in order, on all processors.
 
     Args:
         scanner: The sensor.
         tracer: Tracer of the scene.
-        poses: Poses of the sensor, map frame.
+        poses: (M, 6) of the sensor, map frame.
         rng: Source of random rays and noise.
 
     Raises:
         ValueError: If an rng is needed and missing.
     """
-    return stack_scans(scanner, poses, _scans(scanner, tracer, poses, rng))
-
-
-def stack_scans(
-    scanner: "RangeScanner", poses: Sequence[Pose3], scans: Iterable[Scan]
-) -> ScanArrays:
-    """Return the readings of scans of one sensor, from each of the poses, as arrays."""
-    beams = len(scanner.angles)
+    pattern, beams, workers = scanner.pattern, len(scanner.angles), thread_count()
     ranges = np.zeros((len(poses), beams))
     rays = np.zeros((len(poses), beams), np.int8)
-    for row, scan in enumerate(scans):
-        ranges[row] = scan.ranges
-        if scan.rays is not None:
-            rays[row] = scan.rays
-    table = np.array([pose.numbers() for pose in poses], np.float64).reshape(-1, 6)
-    sides = rays if scanner.has_side_rays else None
-    return ScanArrays(table, scanner.angles, ranges, sides)
+    places = np.full((len(poses), 7), -1.0)
+    places[:, :6] = poses
+    step = max(CHUNK_RAYS // len(pattern.shares), 1)
+    step = 1 if pattern.has_random_rays else step
 
+    def take(start: int, batch: ScanBatch) -> None:
+        batch.trace(threads=1)
+        ranges[start : start + step] = batch.ranges
+        if batch.rays is not None:
+            rays[start : start + step] = batch.rays
 
-def _scans(
-    scanner: "RangeScanner",
-    tracer: Tracer,
-    poses: Sequence[Pose3],
-    rng: np.random.Generator | None,
-) -> Iterator[Scan]:
-    """Yield the scan of each pose; chunks are traced ahead of those that are read."""
-    step = max(CHUNK_RAYS // scanner.pattern.rays_per_scan, 1)
-    pending: deque[Future[list[Scan]]] = deque()
-    workers = thread_count()
+    pending: deque[Future[None]] = deque()
     with ThreadPoolExecutor(workers) as pool:
         for start in range(0, len(poses), step):
-            requests = [
-                ScanRequest(scanner, pose, rng) for pose in poses[start : start + step]
-            ]
+            batch = ScanBatch(pattern, tracer, places[start : start + step])
             # Drawn here and traced there: threads must not share a generator.
-            groups = draw_scans(tracer, requests)
-            pending.append(pool.submit(_trace_groups, tracer, groups, None, None))
+            whole = [slice(None)] if len(batch.kinds) == 1 else None
+            for row in whole or range(len(places[start : start + step])):
+                batch.draw(row, rng, scanner.name)
+            pending.append(pool.submit(take, start, batch))
             # At most one chunk waits for each thread, so that memory does not grow with
             # the poses.
             if len(pending) > workers:
-                yield from pending.popleft().result()
+                pending.popleft().result()
         for future in pending:
-            yield from future.result()
+            future.result()
+    sides = rays if scanner.has_side_rays else None
+    return ScanArrays(poses, scanner.angles, ranges, sides)

@@ -68,14 +68,11 @@ class SonarArray:
         self._max_range = np.array([each.max_range for each in settings])
         limits = np.radians([each.max_incidence_deg for each in settings])
         self._least_cosine = np.cos(limits)[:, None]
-        self._aimed = replace(
-            Rays.uniform(
-                np.repeat(positions, RAYS_PER_CONE, axis=0),
-                np.concatenate(bundles),
-                max_range=0.0,
-                carrier_id=carrier_id,
-            ),
+        self._aimed = Rays.uniform(
+            np.repeat(positions, RAYS_PER_CONE, axis=0),
+            np.concatenate(bundles),
             max_range=np.repeat(self._max_range, RAYS_PER_CONE),
+            carrier_id=carrier_id,
             ray_classes=(SONAR_CLASS,),
         )
 

@@ -31,7 +31,7 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
 from functools import partial
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Final
 
 from radarsim.errors import ServerError
 from radarsim.listening import has_hung_up, waiting_bytes
@@ -41,7 +41,7 @@ from radarsim.server.peer_connections import PeerConnection, PeerServer, Refusal
 from radarsim.server.views import Shown, Tiles, assign, tiles_of
 
 if TYPE_CHECKING:
-    from radarsim.protocol.images import ImageType, Region
+    from radarsim.protocol.images import ImageType
     from radarsim.scene.scene import Scene
     from radarsim.server.camera import Renderer
     from radarsim.simulation.simulation import Simulation
@@ -127,43 +127,21 @@ MOST_UNREAD: Final = 32_768  # bytes of requests, which hide that a viewer has g
 FLOOD_LOOKS: Final = 8  # in succession that found more
 
 
-class PictureSource(Protocol):
-    """Draws pictures."""
-
-    async def start(self) -> None:
-        """Prepare to draw."""
-        ...
-
-    async def draw(
-        self, tiles: Tiles, regions: AbstractSet[Region]
-    ) -> dict[Region, bytes]:
-        """Return the bytes that are sent to viewers for regions of a picture.
-
-        Raises:
-            ServerError: If no more pictures can be drawn.
-        """
-        ...
-
-    async def stop(self) -> None:
-        """Stop drawing."""
-        ...
-
-
 class ImageServer(PeerServer):
-    """Serves pictures of a simulation.
+    """Serves pictures of a simulation."""
 
-    Viewers can connect before the simulation has begun; they wait for their pictures.
-    """
-
-    def __init__(self, pictures: PictureSource, *, port: int = 5003) -> None:
+    def __init__(
+        self, simulation: Simulation, pictures: PictureProcess, *, port: int = 5003
+    ) -> None:
         """Create a server that does not listen yet.
 
         Args:
+            simulation: What is seen in the pictures.
             pictures: Draws the pictures; started and stopped by the server.
             port: Port to listen on; 0 for a free one.
         """
         super().__init__(port)
-        self._pictures = pictures
+        self._simulation, self._pictures = simulation, pictures
         self._viewers: set[Viewer] = set()
         self._requested, self._connected = asyncio.Event(), 0
         self._refusals = RefusalLog("viewers")
@@ -174,14 +152,10 @@ class ImageServer(PeerServer):
         shared = self._viewers, self._requested, self._refusals
         return Viewer(*shared, self._connected)
 
-    async def begin(self, simulation: Simulation) -> None:
-        """Draw pictures for viewers that wait.
-
-        Args:
-            simulation: What is seen in the pictures.
-        """
-        await self._pictures.start()
-        self._drawing = asyncio.create_task(self._draw_forever(simulation))
+    async def start(self, address: str = "127.0.0.1") -> None:
+        """Listen, and draw pictures for viewers that wait."""
+        await super().start(address)
+        self._drawing = asyncio.create_task(self._draw_forever())
 
     async def stop(self) -> None:
         """Close the port and all connections at once; never raises."""
@@ -192,9 +166,10 @@ class ImageServer(PeerServer):
         await self._pictures.stop()
         await asyncio.sleep(0)  # sockets are closed in the next round of the loop
 
-    async def _draw_forever(self, simulation: Simulation) -> None:
+    async def _draw_forever(self) -> None:
         """Draw while viewers wait; close the port if that is not possible any more."""
         loop = asyncio.get_running_loop()
+        await self._pictures.start()
         while True:
             await self._requested.wait()
             self._requested.clear()
@@ -203,7 +178,7 @@ class ImageServer(PeerServer):
             if not waiting:
                 continue
             try:
-                await self._answer(simulation, waiting)
+                await self._answer(waiting)
             except ServerError as error:
                 log.error("no more pictures: %s", error)  # noqa: TRY400 - no bug of this one
                 self._close(self._viewers)
@@ -212,19 +187,19 @@ class ImageServer(PeerServer):
             # long it takes to draw.
             await asyncio.sleep(due - loop.time())
 
-    async def _answer(self, simulation: Simulation, waiting: list[Viewer]) -> None:
+    async def _answer(self, waiting: list[Viewer]) -> None:
         """Draw what viewers wait for, once for all that see the same.
 
         Raises:
             ServerError: If no more pictures can be drawn.
         """
         viewers = sorted(self._viewers, key=lambda viewer: viewer.number)
-        seen = dict(zip(viewers, assign(simulation, viewers), strict=True))
+        seen = dict(zip(viewers, assign(self._simulation, viewers), strict=True))
         groups: dict[Shown, list[Viewer]] = {}
         for viewer in waiting:
             groups.setdefault(seen[viewer], []).append(viewer)
         # All of the same moment, also those that are drawn after others.
-        tiles = {shown: tiles_of(simulation, shown) for shown in groups}
+        tiles = {shown: tiles_of(self._simulation, shown) for shown in groups}
         for shown, group in groups.items():
             regions = {each.region for each in group if each.region is not None}
             pictures = await self._pictures.draw(tiles[shown], regions)

@@ -9,25 +9,20 @@ import select
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from radarsim.listening import (
     configure_socket,
     exit_code_of_signal,
     has_hung_up,
-    in_daemon_thread,
     listen,
     log_refused_accepts,
     peer_name,
     waiting_bytes,
 )
-from radarsim.processes import TERMINATED
 from radarsim.server.host import Diagnostic, Host
 from radarsim.server.pace import Pace
 from radarsim.server.peer_connections import ReadAllowance, ReadTurns, RefusalLog
-
-if TYPE_CHECKING:
-    from radarsim.simulation.simulation import Simulation
 
 log = logging.getLogger("radarsim.server")
 
@@ -52,7 +47,6 @@ class Server:
     Attributes:
         address: Host and port that it listens on, once started.
         pace: How simulated time follows the wall clock; may be changed at any time.
-        is_loading: Whether a thread loads the engine, for which nothing can wait.
     """
 
     def __init__(
@@ -72,7 +66,6 @@ class Server:
             after_tick: Called after each tick, when its clients are sent what is due.
         """
         self.address = ("", 0)
-        self.is_loading = False
         self._host = host
         self.pace = Pace(speed)
         self._max_clients = max_clients
@@ -84,7 +77,7 @@ class Server:
         self._ticks = 0
 
     async def start(self, address: str = "127.0.0.1", port: int = 3000) -> None:
-        """Listen, and start simulated time, if the host's simulation has begun.
+        """Listen, and start simulated time.
 
         Args:
             address: Address to listen on.
@@ -119,31 +112,6 @@ class Server:
         """
         if self._ticking is not None:
             await asyncio.shield(self._ticking)
-
-    async def begin(self) -> Simulation:
-        """Load the engine, in a thread, and start simulated time.
-
-        Returns:
-            The simulation, which is there at once if it has begun already.
-
-        Raises:
-            EngineError: If Embree cannot be loaded.
-        """
-        if not self._host.has_begun:
-            self.is_loading = True  # and remains so if this is cancelled
-            simulation = await in_daemon_thread(self._host.make_simulation)
-            self.is_loading = False
-            # What is there now stays. To look through it takes the garbage collector
-            # some 90 ms, by which scans would be late.
-            gc.collect()
-            gc.freeze()
-            self._host.begin(simulation)
-        return self._host.simulation
-
-    @property
-    def is_listening(self) -> bool:
-        """Whether it has begun to listen."""
-        return self._listener is not None
 
     async def _tick_forever(self) -> None:
         loop = asyncio.get_running_loop()
@@ -425,10 +393,6 @@ class Companion(Protocol):
         """Start; the server listens on this address."""
         ...
 
-    async def begin(self, simulation: Simulation) -> None:
-        """Use the simulation, which has begun."""
-        ...
-
     async def stop(self) -> None:
         """Stop; never raises."""
         ...
@@ -451,8 +415,7 @@ async def serve(
         companions: Started and stopped with the server.
 
     Returns:
-        The exit code: 130 after an interrupt; after a request to terminate 0, or 143
-        if it did not listen yet.
+        The exit code: 130 after an interrupt, 0 after a request to terminate.
 
     Raises:
         ServerError: If it cannot listen.
@@ -466,9 +429,7 @@ async def serve(
             await asyncio.wait(pending, return_when=asyncio.FIRST_COMPLETED)
             if running.done():
                 running.result()  # raises the error that ended it
-            code = await exit_code
-            # Nothing was served while the engine was read.
-            return code if code or server.is_listening else TERMINATED
+            return await exit_code
         finally:
             running.cancel()
             for companion in companions:
@@ -485,11 +446,12 @@ async def _run(
 ) -> None:
     """Start a server, and wait until it fails; arguments and errors as above."""
     log_refused_accepts(log)
-    simulation = await server.begin()
+    # What is there now stays. To look through it takes the garbage collector some
+    # 90 ms, by which scans would be late.
+    gc.collect()
+    gc.freeze()
     await server.start(address, port)
     for companion in companions:
         await companion.start(address)
     announce(server.address)
-    for companion in companions:
-        await companion.begin(simulation)
     await server.wait_failed()

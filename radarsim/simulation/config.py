@@ -111,7 +111,12 @@ class SimulationConfig:
                 known = sorted({item.name for item in items})
                 raise PresetError(f"item {expected_one_of(name, known)}")
             for item in named:
-                self._check_item(item)
+                try:
+                    self._check_item(item)
+                except PresetError as error:
+                    text, own = str(error), f"item {item.name}: "
+                    own = "" if text.startswith("item ") else own
+                    raise PresetError(own + text) from None
 
     def check_scanners(self, model: RobotModel) -> None:
         """Check the scanners of a robot class, which can need a part that is missing.

@@ -68,9 +68,9 @@ from radarsim.simulation.readings import (
     RobotState,
 )
 
-_TACHOMETER: Final = engine.structures["Tachometer"].dtype
-_ACCELEROMETER: Final = engine.structures["Accelerometer"].dtype
-_LINK: Final = engine.structures["Link"].dtype
+_TACHOMETER: Final = engine.rows["Tachometer"]
+_ACCELEROMETER: Final = engine.rows["Accelerometer"]
+_LINK: Final = engine.rows["Link"]
 FAR: Final = 1e6  # rad; where a link without limits turns to that is told a speed
 
 

@@ -30,8 +30,8 @@ LEFT_SPEED, RIGHT_SPEED, LEFT_ANGLE, RIGHT_ANGLE, TICKS = range(11, 16)
 # an inertial measurement unit. One: of a link of a mission package.
 ACCELERATION, PROPER_ACCELERATION, INERTIA, LINK_ANGLE = range(16, 20)
 
-_JOB: Final = engine.structures["Job"].dtype
-_DUE: Final = engine.structures["DueJobs"].dtype
+_JOB: Final = engine.rows["Job"]
+_DUE: Final = engine.rows["DueJobs"]
 _DEPLETED: Final = 0  # place in the row of a robot: 1 if random numbers are used up
 
 

@@ -29,7 +29,8 @@ from radarsim.robots.obstacles import Obstacles, finish, overlaps
 from radarsim.robots.robot import Robot
 from radarsim.scene.scene import Scene
 from radarsim.sensors.motion_readings import INS_DRIFT_INTERVAL
-from radarsim.sensors.scan_batch import BatchRanges, ScanRequest, scan_ranges
+from radarsim.sensors.scan import Scan
+from radarsim.sensors.scan_batch import ScanRequest, scan_ranges
 from radarsim.simulation.clock import TICK, Clock, Schedule, ticks_of
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.crates import Crates
@@ -301,17 +302,15 @@ class Simulation:
         scans: dict[int, list[RangeScan]] = {v.number: [] for v, _ in due}
         echoes: dict[int, list[ScanEchoes | ScanDetails]] = {}
         listing = self._select_listing(scanners)
-        taken = self._scan(scanners, listing, boxes)
-        for (vehicle, mounted), ranges in zip(scanners, taken.ranges, strict=True):
+        read, taken = self._scan(scanners, listing, boxes)
+        for (vehicle, mounted), ranges in zip(scanners, read, strict=True):
             name, settings = mounted.item.name, mounted.scanner.settings
             report = report_scan(self.time, name, settings, ranges)
             scans[vehicle.number].append(report)
         for k, (vehicle, mounted) in enumerate(scanners):
             if not listing[k]:
                 continue
-            found = ScanEchoes(
-                mounted.item.name, taken.scans[k].echoes, mounted.sends_echoes
-            )
+            found = ScanEchoes(mounted.item.name, taken[k].echoes, mounted.sends_echoes)
             echoes.setdefault(vehicle.number, []).append(found)
         for due_scan in read_by_others:
             number = due_scan.vehicle.number
@@ -380,7 +379,7 @@ class Simulation:
         due: list[tuple[Vehicle, MountedScanner]],
         listing: list[bool],
         boxes: Boxes,
-    ) -> BatchRanges:
+    ) -> tuple[list[Floats], dict[int, Scan]]:
         """Take all scans in one batch, some of them with all echoes."""
         requests = []
         for (vehicle, mounted), lists in zip(due, listing, strict=True):

@@ -181,7 +181,7 @@ class Vehicle:
         self._due_items: dict[tuple[int, ...], DueItems] = {}
         self._readings = readings
         self._state = RobotState(readings, robot.slot)
-        charge = np.zeros(1, engine.structures["Charge"].dtype)
+        charge = np.zeros(1, engine.rows["Charge"])
         charge["life"], charge["spawn_tick"] = self.battery.life, self.spawn_tick
         charge["least"] = 0.0 if self.battery.runs_out else 1.0
         self._status_jobs = {

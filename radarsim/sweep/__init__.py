@@ -2,13 +2,7 @@
 
 from typing import Final
 
-from radarsim.cli.entries import RESULTS, CommandEntry
+from radarsim.cli.entries import RESULTS, own_entries
 
-COMMANDS: Final = (
-    CommandEntry(
-        "sweep",
-        "radarsim.sweep.commands:sweep",
-        "Scan, drive or map for all combinations of values.",
-        RESULTS,
-    ),
-)
+_ABOUT: Final = "Scan, drive or map for all combinations of values."
+COMMANDS: Final = own_entries({RESULTS: {"sweep.cli:sweep": _ABOUT}})

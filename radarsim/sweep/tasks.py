@@ -12,20 +12,21 @@ from typing import Any, Final
 import numpy as np
 
 from radarsim import __version__
-from radarsim.autonomy.evaluation.trials import SCANNER, run_plan, shortest_for
+from radarsim.autonomy.evaluation.trials import (
+    config_with_sensor,
+    drive_trial,
+    run_plan,
+    shortest_for,
+)
 from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
-from radarsim.autonomy.navigation.algorithms import Algorithm
-from radarsim.autonomy.navigation.plans import Mission
 from radarsim.errors import MapError, SweepError
 from radarsim.rng import generator_for
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import load_sensor
 from radarsim.server.host import Host
-from radarsim.simulation.config import SimulationConfig
 from radarsim.sweep.file import Parameters, SweepFile
 
-ALL_AROUND: Final = {"fov_deg": 359, "resolution_deg": 1}
 MAP_VALUES: Final = (
     "coverage",
     "reachable_coverage",
@@ -156,14 +157,9 @@ def unpacked(text: str | None, kind: type[np.generic]) -> Any:
 def _trial_rows(task: Parameters, scene: Scene) -> list[Row]:
     trial = scene.trial
     assert trial is not None
-    mission = Mission(
-        algorithm=Algorithm(task["algorithm"]),
-        goals=(trial.goal,),
-        start=trial.start,
-        safety_distance=trial.safety_distance,
-        time_limit=task["time_limit"],
+    row = drive_trial(
+        _host(task, scene), task["algorithm"], time_limit=task["time_limit"]
     )
-    row = run_plan(mission, _host(task, scene))
     row = replace(row, shortest_path=shortest_for(scene, trial))
     return [row.select(TRIAL_VALUES, 4)]
 
@@ -181,7 +177,6 @@ def _map_rows(task: Parameters, scene: Scene) -> list[Row]:
 
 def _host(task: Parameters, scene: Scene) -> Host:
     """Create a server whose robots' scanner is the sensor, all the way round."""
-    settings = {**ALL_AROUND, **task["sensor"]}
-    settings["sensor"] = settings.pop("name")
-    config = SimulationConfig(item_settings={SCANNER: settings})
+    settings = dict(task["sensor"])
+    config = config_with_sensor(settings.pop("name"), **settings)
     return Host(scene, config=config, seed=task["seed"])

@@ -27,9 +27,9 @@ class Recorder:
         self.lines: list[str] = []
         self.waits = 0
 
-    async def run(self, watcher: RobotWatcher) -> None:
+    def run(self, watcher: RobotWatcher) -> None:
         watcher.on_wait = self.wait
-        async for copies in watcher.copies():
+        for copies in watcher.copies():
             self.lines += [copy.line for copy in copies]
 
     def wait(self) -> None:
@@ -74,7 +74,8 @@ async def watch(address: tuple[str, int], patience: float = 0.3) -> Recorder:
     """Watch ``R1`` to the end; shall raise if that is an error."""
     recorder = Recorder()
     async with asyncio.timeout(DEADLINE):
-        await recorder.run(RobotWatcher(address, "r1", patience=patience))
+        watcher = RobotWatcher(address, "r1", patience=patience)
+        await asyncio.to_thread(recorder.run, watcher)
     return recorder
 
 
@@ -89,7 +90,8 @@ async def test_robot_is_mapped_until_it_leaves(
     async with served(foliage_room) as address:
         watcher = RobotWatcher(address, "r1", echoes=echoes, patience=0.3)
         watcher.on_wait = lambda: waits.append(None)
-        following = asyncio.ensure_future(follower.follow(watcher, echoes=echoes))
+        watching = asyncio.to_thread(follower.watch, watcher, echoes=echoes)
+        following = asyncio.ensure_future(watching)
         async with await AsyncClient.connect(*address) as other:
             await other.spawn("P3AT", name="R2", start="RobotStart2")
             async with asyncio.timeout(DEADLINE):
@@ -102,7 +104,7 @@ async def test_robot_is_mapped_until_it_leaves(
                         await driver.read()
                 truth = await driver.wait_for(GroundTruth)
             async with asyncio.timeout(DEADLINE):
-                await following
+                assert await following == 0
     assert len(waits) == 1
     assert watcher.robot == "R1"
     assert follower.error == ""

@@ -12,7 +12,7 @@ import pytest
 from commands import Run, run_in_process
 from processes import start_radarsim
 
-from radarsim.addons.web.commands import announce_commander, read_token
+from radarsim.addons.web.cli import announce_commander, read_token
 from radarsim.cli.server_options import ServerOptions
 
 RunCommand = Callable[..., Run]
@@ -59,6 +59,7 @@ SLOW = pytest.mark.slow
     ],
 )
 def test_commander_ends_with_the_server_that_started_it(end: signal.Signals) -> None:
+    """It ends first, so that it does not say that the server is gone."""
     server = start_radarsim("serve", "empty_room", "--port", "0", "--web", "0")
     with server:
         try:
@@ -66,8 +67,9 @@ def test_commander_ends_with_the_server_that_started_it(end: signal.Signals) -> 
             assert is_served(url)
         finally:
             server.send_signal(end)
-        server.wait(TIMEOUT)
+        _, errors = server.communicate(timeout=TIMEOUT)
         wait_until_gone(url)
+    assert end is signal.SIGKILL or errors == b""
 
 
 @SLOW

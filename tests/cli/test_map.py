@@ -438,7 +438,7 @@ def test_film_that_cannot_be_written_does_not_spoil_the_map(
     film = tmp_path / "x.gif"
     run = radarsim("map", "-o", str(tmp_path), *SEEN, "--film", str(film))
     assert run.code == 2
-    assert f"cannot write {film}: No space left" in run.err
+    assert f"cannot write {film}: the disk is full" in run.err
     assert sorted(file.name for file in tmp_path.iterdir()) == FILES
     assert run.text.startswith("explored by frontiers")
 

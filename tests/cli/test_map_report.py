@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarsim.autonomy.commands.map_run import as_text
-from radarsim.autonomy.commands.map_view import view_of
+from radarsim.autonomy.cli.map_files import view_of
+from radarsim.autonomy.cli.map_run import as_text
 from radarsim.autonomy.evaluation.map_score import MapScore
 from radarsim.autonomy.evaluation.mapping_run import MappingResult
 from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
-from radarsim.autonomy.mapping.mapper import Mapper, MapperSettings
-from radarsim.autonomy.mapping.slam import SlamSettings
+from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.client import ScannerInfo
 from radarsim.geometry import Pose3
 from radarsim.protocol.reports import RangeScan
@@ -26,8 +25,7 @@ from radarsim.server.host import Host
 def mapper() -> Mapper:
     """Map one scan of a server that tells no poses."""
     facts = ScannerInfo("lms200", Pose3(0, 0, 0), 0.0, 20.0, 0.1, math.pi, 181)
-    settings = MapperSettings(slam=SlamSettings(motion_source="none"), echo_wait=0.0)
-    mapper = Mapper(facts, settings)
+    mapper = Mapper(facts, motion_source="none", echo_wait=0.0)
     ranges = np.full(181, 3.0)
     assert mapper.take(RangeScan(1.0, "lms200", math.radians(1), math.pi, ranges))
     return mapper

@@ -20,7 +20,7 @@ from PIL import Image
 from processes import start_radarsim
 
 from radarsim.addons.testing import UsarsimServer
-from radarsim.autonomy.commands.navigate_output import headline
+from radarsim.autonomy.cli.navigate_output import headline
 from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED, NavigationRun
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.plans import Mission

@@ -27,16 +27,16 @@ fast_server = pytest.mark.usarsim(map="empty_room", speed=4)
 def last_map(folder: Path) -> OccupancyGrid:
     maps = [each for each in BagReader(folder).messages() if each.topic == "/map"]
     assert all(each.latched for each in maps)
-    return decode(maps[-1].message, OccupancyGrid)
+    return decode(maps[-1].type, maps[-1].data, OccupancyGrid)
 
 
 def frames_of(folder: Path) -> dict[str, str]:
     """Return the parent of each frame."""
     return {
         each.child_frame_id: each.header.frame_id
-        for topic, message, _, _ in BagReader(folder).messages()
+        for topic, type_, data, _, _ in BagReader(folder).messages()
         if topic in ("/tf", "/tf_static")
-        for each in decode(message, TFMessage).transforms
+        for each in decode(type_, data, TFMessage).transforms
     }
 
 

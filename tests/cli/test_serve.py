@@ -91,20 +91,20 @@ def test_each_port_is_announced_at_each_address(
     radarsim: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def announce_alone(*arguments: Any) -> int:
-        *_, announce_all, companions = arguments
-        for port, each in enumerate(companions, 3001):
-            each.address = ("::1", port)
+        announce_all = arguments[-2]
         announce_all(("::1", 3000))
         return 0
 
     monkeypatch.setattr("radarsim.server.tcp_server.serve", announce_alone)
+    at = property(lambda _: ["::1", "127.0.0.1"])
+    monkeypatch.setattr("radarsim.server.peer_connections.PeerServer.addresses", at)
     hosts = ["--host", "::1", "--host", "127.0.0.1"]
     run = radarsim("serve", "empty_room", *hosts, "--port", "0", "--truth-port", "0")
     assert run.text.splitlines()[:4] == [
         "radarsim: listening on [::1]:3000",
         "radarsim: listening on 127.0.0.1:3000",
-        "radarsim: truth on [::1]:3001",
-        "radarsim: truth on 127.0.0.1:3001",
+        "radarsim: truth on [::1]:0",
+        "radarsim: truth on 127.0.0.1:0",
     ]
 
 

@@ -51,7 +51,8 @@ WRONG = {
         "--set lms20.max_range=1": "item 'lms20' (did you mean 'lms200'?), expected",
         "--set lms200.max_rang=1": "no setting 'max_rang' (did you mean 'max_range'?)",
         "--set INS.sigm=1": "INS setting 'sigm' (did you mean 'sigma'?), expected one",
-        "--set InsTest.sigma=-1": "--set: INS setting sigma: -1, expected 0 to 10",
+        "--set InsTest.sigma=-1": "--set: item InsTest: INS setting sigma: -1, expecte",
+        "--set LMS200.max_rnge=3": "--set: item lms200: sensor radar: no setting 'max_",
         "--set Odometer.sigma=1": "item 'Odometer': type Odometry has no settings",
     },
     "drive": {

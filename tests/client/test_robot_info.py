@@ -16,7 +16,8 @@ from radarsim.client.robot_info import (
 )
 from radarsim.errors import ClientError
 from radarsim.geometry import Pose3
-from radarsim.protocol.dialect import COMPAT, NumberFormat, Rounding
+from radarsim.protocol.dialect import COMPAT
+from radarsim.protocol.line_template import NumberFormat, Rounding
 from radarsim.protocol.reports import (
     ItemGeo,
     NameConf,

@@ -4,6 +4,7 @@ A library that was compiled with sanitizers ends the process at the first access
 an array: ``python radarsim/engine/build.py g++ -O1 -g -fsanitize=address,undefined``.
 """
 
+import functools
 import math
 from collections.abc import Callable
 from typing import Any, Final
@@ -14,13 +15,13 @@ from flat_world import ROOM, look_around
 from host_client import HostClient
 
 import radarsim
-from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid
+from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid, distance_field
 from radarsim.autonomy.mapping.point_map import PointMap, inward_normals
 from radarsim.autonomy.mapping.scan_matching import ScanPoints, best_start, fit
 from radarsim.autonomy.navigation.footprint_planning import Hull, plan_footprint
 from radarsim.autonomy.navigation.grid_search import shortest_path
 from radarsim.engine import engine
-from radarsim.engine.library import Function, Packed
+from radarsim.engine.library import Packed
 from radarsim.errors import EngineError
 from radarsim.geometry import Pose2, Pose3
 from radarsim.raycast.robot_boxes import Boxes
@@ -43,9 +44,7 @@ FLOATS: Final = (math.nan, math.inf, -math.inf, 1e300, -1e300, 5e-324, -0.0)
 NUMBERS: Final = (0, -1, 1, 3, math.nan, 2**31, -(2**63))
 # They hold addresses, and indices that are checked when they are made.
 FIXED: Final = ("SceneHandle", "Hierarchy", "SolidMesh")
-FUNCTIONS: Final = {
-    name: value for name, value in vars(engine).items() if isinstance(value, Function)
-}
+FUNCTIONS: Final = {name: each.call for name, each in engine.functions.items()}
 
 Calls = list[tuple[str, tuple[Any, ...]]]
 
@@ -65,15 +64,12 @@ def copied(code: str, value: Any) -> Any:
 
 def fields_of(value: Packed) -> dict[str, tuple[str, Any]]:
     """Return the code and the value of each field."""
-    structure = value.structure
-    return {
-        name: (code, value.fields[name])
-        for name, code in zip(structure._names, structure._codes, strict=True)
-    }
+    codes = value.structure.codes
+    return {name: (code, value.fields[name]) for name, code in codes.items()}
 
 
 def codes_of(name: str) -> list[str]:
-    return FUNCTIONS[name]._codes  # type: ignore[return-value]
+    return list(engine.functions[name].codes)
 
 
 def kept(value: Any) -> Any:
@@ -95,18 +91,17 @@ def shape_of(value: Any) -> Any:
 @pytest.fixture(scope="module")
 def calls() -> Calls:
     found: dict[str, dict[Any, tuple[Any, ...]]] = {name: {} for name in FUNCTIONS}
-    names = {id(function): name for name, function in FUNCTIONS.items()}
-    call = Function.__call__
 
-    def record(self: Function, *arguments: Any) -> Any:
-        distinct = found[names[id(self)]]
+    def record(name: str, *arguments: Any) -> Any:
+        distinct = found[name]
         key = tuple(map(shape_of, arguments))
         if len(distinct) < KEPT and key not in distinct:
             distinct[key] = tuple(map(kept, arguments))
-        return call(self, *arguments)
+        return FUNCTIONS[name](*arguments)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Function, "__call__", record)
+        for name in FUNCTIONS:
+            patch.setattr(engine, name, functools.partial(record, name))
         for play in (scan, turn, move, drive, match, plan):
             play()
     return [(name, each) for name in found for each in found[name].values()]
@@ -140,7 +135,7 @@ def scan() -> None:
         for scanner in (sensor, sensor.with_all_echoes):
             scanner.scan(SCENE, EYE, 1)
             scanner.scan_many(SCENE, [EYE, Pose3(1, 1, 1)], 1)
-            scanner.plan(tracer_of(SCENE), EYE, generator_for(1))
+            scanner.draw_rays(tracer_of(SCENE), EYE, generator_for(1))
 
 
 def turn() -> None:
@@ -156,10 +151,10 @@ def move() -> None:
     vertices, faces = cylinder(1, 2)
     loose = faces[:, ::-1].copy()
     orient_outward(*weld_vertices(vertices, loose))
-    engine.angle_of_link(np.zeros(1, engine.structures["Link"].dtype), 3.0)
+    engine.angle_of_link(np.zeros(1, engine.rows["Link"]), 3.0)
     rows = np.arange(5) % 3
-    written = np.zeros(5, engine.structures["WrittenEcho"].dtype)
-    lines = np.zeros(5, engine.structures["EchoRows"].dtype)
+    written = np.zeros(5, engine.rows["WrittenEcho"])
+    lines = np.zeros(5, engine.rows["EchoRows"])
     numbers = np.ones((3, 5))
     engine.sort_echoes(rows, np.sort(rows), *numbers, 1.0, 2, written, lines)
 
@@ -190,14 +185,14 @@ def match() -> None:
         points = ScanPoints(places, along, inward_normals(places, along), 0.0, True)
         fit(known.table, points, pose, pose, np.array([0.3, 0.3, 0.2]))
         best_start(known.table, points, np.zeros((2, 3)))
-    shapes = np.zeros(1, engine.structures["LocalShape"].dtype)
+    shapes = np.zeros(1, engine.rows["LocalShape"])
     engine.find_shape(known.table, 6.0, 0.0, 0.0, 0.0, shapes)
     beams, kinds = np.array([0, 0, 1, 2]), np.array([0, 1, 3, 4], np.int8)
     near, far = np.zeros((2, 4))
     ranges, known_range = np.array([1.0, 2, 3, 4]), np.array([5.0, 6, 7])
     is_hit = np.zeros(4, np.bool_)
     engine.pair_echoes(beams, beams, ranges, kinds, known_range, near, far, is_hit)
-    grid.drivable_cells(0.4)
+    distance_field(grid.blocked_cells(), 8.0)
 
 
 def plan() -> None:

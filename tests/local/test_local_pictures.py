@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
 
-from radarsim.local import LocalSimulation, history, simulate
+from radarsim.local import LocalSimulation, simulate, simulation
 from radarsim.plotting.film import FRAME_RATE, HOLD
 from radarsim.plotting.palette import LASER, RADAR, TRUTH
 from radarsim.scene.scene import Scene
@@ -140,7 +140,7 @@ def test_pictures_of_nothing_are_errors(
 def test_long_runs_are_noted_less_often(
     foliage_room: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(history, "MOST_MOMENTS", 10)
+    monkeypatch.setattr(simulation, "MOST_MOMENTS", 10)
     sim = simulate(foliage_room)
     robot = sim.spawn()
     robot.drive(0.2)

@@ -71,6 +71,17 @@ def test_panels_leave_no_empty_bands(
         assert title.x1 <= inches[0] * figure.dpi
 
 
+def test_each_mark_has_one_row_in_the_legend_of_all_panels() -> None:
+    """Beams of the two touch other materials."""
+    figure = radarsim.compare("orchard", "physical", "navtech_cir204h")
+    (legend,) = figure.legends
+    marks = [line.get_marker() for line in legend.get_lines()]
+    assert len(marks) == len({*marks}) == 4
+    touching = "read what stands in or at smoke and leaves"
+    texts = [text.get_text().replace("\n", " ") for text in legend.get_texts()]
+    assert touching in texts
+
+
 def test_panels_of_one_sensor_have_the_settings_that_differ() -> None:
     radars = [
         radarsim.load_sensor("radar", penetration_power=power) for power in (0.5, 40)

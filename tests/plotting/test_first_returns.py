@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import radarsim
-from radarsim.plotting.sight import BeamEnd, find_sight
+from radarsim.plotting.sight import BeamEnd, find_sight, name_materials
 
 
 @pytest.mark.parametrize("quantum", [0.0, 0.5])
@@ -16,4 +16,4 @@ def test_beams_that_answer_in_smoke_are_stopped_by_it(quantum: float) -> None:
     sight = find_sight(scene, scan)
     answered = scan.ranges > 0
     assert np.unique(sight.ends[answered]).tolist() == [BeamEnd.STOPPED]
-    assert sight.words(BeamEnd.STOPPED) == "smoke"
+    assert name_materials(sight.materials[BeamEnd.STOPPED]) == "smoke"

@@ -1,4 +1,5 @@
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,9 +9,14 @@ from hypothesis import strategies as st
 
 from radarsim.errors import EngineError
 from radarsim.geometry import Pose2, Pose3, wrap_angle
-from radarsim.protocol.dialect import COMPAT, UDK, Dialect, NumberFormat, Rounding
+from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.fields import MOST_KEPT, LineReport, ReportGroup
-from radarsim.protocol.line_writer import ReportBlock, encode_blocks
+from radarsim.protocol.line_template import (
+    Block,
+    NumberFormat,
+    Rounding,
+    encode_blocks,
+)
 from radarsim.protocol.reports import (
     Encoder,
     GroundTruth,
@@ -46,9 +52,35 @@ NUMBERS = st.one_of(
 )
 
 
+def block(
+    reports: Sequence[LineReport],
+    dialect: Dialect,
+    group: ReportGroup | None = None,
+    numbers: Sequence[float] = (),
+) -> Block:
+    return reports, dialect, group, numbers
+
+
 def encode(report: LineReport, dialect: Dialect) -> bytes:
-    (line,) = encode_blocks([ReportBlock([report], dialect)])
+    (line,) = encode_blocks([block([report], dialect)])
     return line
+
+
+def digits(form: NumberFormat, value: float) -> str:
+    """Write a number in Python, without the engine."""
+    if form.rounding is Rounding.NEAREST:
+        text = f"{value:.{form.decimals}f}"
+        return text.lstrip("-") if float(text) == 0 else text
+    single = np.float32(value)
+    if form.rounding is Rounding.FLOAT32:
+        return f"{float(single):.{form.decimals}f}"
+    whole = int(abs(single))
+    rest = int((abs(single) - np.float32(whole)) * np.float32(10.0**form.decimals))
+    return f"{'-' if single < 0 else ''}{whole}.{rest:0{form.decimals}d}"
+
+
+def joined(form: NumberFormat, values: Sequence[float]) -> str:
+    return ",".join([digits(form, value) for value in values])
 
 
 FORMS = st.builds(NumberFormat, st.integers(1, 6), st.sampled_from(Rounding))
@@ -64,7 +96,7 @@ def test_numbers_have_the_digits_of_their_format(
     values: list[float], form: NumberFormat, dialect: Dialect
 ) -> None:
     changed = replace(dialect, ranges=form, plain=form, truth=form, ins=form)
-    texts = [form.format(value) for value in values]
+    texts = [digits(form, value) for value in values]
     scan = RangeScan(math.nan, "radar", 0.1, 0.2, np.array(values))
     assert b"{Range %s}" % ",".join(texts).encode() in encode(scan, changed)
     wheels = Tachometer(1.0, "T", tuple(values), (1.0,))
@@ -78,14 +110,14 @@ def test_poses_are_in_the_axes_of_the_wire(
     x, y, z, *angles = numbers
     turned = [angles[0], 0.0 - angles[1], 0.0 - angles[2]]
     wrapped = [wrap_angle(angle) for angle in turned]
-    place = form.join([x, 0.0 - y, 0.0 - z])
+    place = joined(form, [x, 0.0 - y, 0.0 - z])
     changed = replace(dialect, truth=form, ins=form)
     line = encode(GroundTruth(1.0, "G", Pose3(*numbers)), changed).decode()
-    assert f"{{Location {place}}} {{Orientation {form.join(wrapped)}}}" in line
+    assert f"{{Location {place}}} {{Orientation {joined(form, wrapped)}}}" in line
     if dialect is UDK:
         wrapped = [angle % math.tau for angle in wrapped]
     line = encode(Ins(1.0, "I", Pose3(*numbers)), changed).decode()
-    assert f"{{Location {place}}} {{Orientation {form.join(wrapped)}}}" in line
+    assert f"{{Location {place}}} {{Orientation {joined(form, wrapped)}}}" in line
 
 
 @pytest.mark.parametrize("rounding", list(Rounding))
@@ -103,7 +135,7 @@ def test_numbers_around_halves_have_the_digits_of_each_number(
     scan = RangeScan(math.nan, "radar", 0.1, 0.2, values)
     line = encode(scan, replace(COMPAT, ranges=form))
     texts = line.decode().partition("{Range ")[2].removesuffix("}\r\n").split(",")
-    assert texts == [form.format(value) for value in values.tolist()]
+    assert texts == [digits(form, value) for value in values.tolist()]
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
@@ -122,8 +154,8 @@ def test_number_that_cannot_be_written_is_clipped(
         ]
 
     with pytest.warns(RuntimeWarning, match="is clipped"):
-        written = encode_blocks([ReportBlock([good, *bad(number), good], dialect)])
-    expected = encode_blocks([ReportBlock([good, *bad(near), good], dialect)])
+        written = encode_blocks([block([good, *bad(number), good], dialect)])
+    expected = encode_blocks([block([good, *bad(near), good], dialect)])
     assert written == expected
 
 
@@ -133,14 +165,14 @@ def test_lines_of_reports_and_groups_are_in_blocks() -> None:
     numbers = [1.5, 3599, 1.5, 9, -9]
     conf = NameConf("Touch", ("Bumper",))
     touches = [Touch(1.5, "Bumper", touched=flag) for flag in (True, False)]
-    alone = ReportBlock([], COMPAT, group, numbers)
-    followed = ReportBlock([*touches, conf], COMPAT, group, numbers)
+    alone = block([], COMPAT, group, numbers)
+    followed = block([*touches, conf], COMPAT, group, numbers)
     head = (
         b"STA {Type GroundVehicle} {Time 1.50} {FrontSteer 0.0000} {RearSteer 0.0000}"
         b" {LightToggle True} {LightIntensity 100} {Battery 3599} {View -1}\r\n"
         b"SEN {Time 1.50} {Type Encoder} {Name W1} {Tick 9} {Name W2} {Tick -9}\r\n"
     )
-    assert encode_blocks([alone, ReportBlock([], UDK), followed]) == [
+    assert encode_blocks([alone, block([], UDK), followed]) == [
         head,
         b"",
         head + b"SEN {Time 1.50} {Type Touch} {Name Bumper Touch True}\r\n"
@@ -153,16 +185,14 @@ def test_lines_of_reports_and_groups_are_in_blocks() -> None:
 def test_a_thousand_scans_are_written_at_once() -> None:
     scan = RangeScan(1.0, "radar", 0.1, 0.2, np.full(181, -(2.0**31) + 1))
     line = encode(scan, COMPAT)
-    assert encode_blocks([ReportBlock([scan], COMPAT)] * 1000) == [line] * 1000
+    assert encode_blocks([block([scan], COMPAT)] * 1000) == [line] * 1000
     assert line.count(b"-2147483647.00") == 181
 
 
 def test_number_of_a_group_that_cannot_be_written_is_clipped() -> None:
     group = ReportGroup([Odometry(0.0, "Odometer", Pose2(0, 0))], COMPAT)
     with pytest.warns(RuntimeWarning, match="is clipped"):
-        (line,) = encode_blocks(
-            [ReportBlock([], COMPAT, group, [1.0, math.nan, 0.0, 0.0])]
-        )
+        (line,) = encode_blocks([block([], COMPAT, group, [1.0, math.nan, 0.0, 0.0])])
     assert b"{Pose 0.0000,0.0000,0.0000}" in line
 
 
@@ -170,14 +200,14 @@ def test_number_of_a_group_that_cannot_be_written_is_clipped() -> None:
 def test_group_needs_a_number_for_each_mark(numbers: list[float]) -> None:
     group = ReportGroup([Odometry(0.0, "Odometer", Pose2(0, 0))], COMPAT)
     with pytest.raises(EngineError, match=f"^{len(numbers)} numbers and 0 in series"):
-        encode_blocks([ReportBlock([], COMPAT, group, numbers)])
+        encode_blocks([block([], COMPAT, group, numbers)])
 
 
 def test_angles_of_any_size_are_wrapped() -> None:
     turns = [k * math.pi / 3 + e for k in range(-50, 50) for e in (0, 1e-9, -1e-9)]
     turns += [math.pi, -math.pi, 3 * math.pi, -3 * math.pi, 1e9, -1e9]
     for angle in turns:
-        wrapped = COMPAT.ins.format(wrap_angle(angle))
+        wrapped = digits(COMPAT.ins, wrap_angle(angle))
         line = encode(Ins(1.0, "I", Pose3(0, 0, 0, angle)), COMPAT).decode()
         assert f"{{Orientation {wrapped},0.0000,0.0000}}" in line
 

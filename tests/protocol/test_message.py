@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.errors import MalformedMessage
-from radarsim.geometry import Pose3, rotation_matrix
+from radarsim.geometry import rotation_matrix
 from radarsim.protocol.message import (
     MAX_SEGMENTS,
     Message,
@@ -16,7 +16,6 @@ from radarsim.protocol.message import (
     parse_list,
     parse_segments,
     pose_from_wire,
-    wrapped_pose_on_wire,
 )
 
 WORDS = st.text(
@@ -134,16 +133,6 @@ def test_a_line_that_only_repeats_its_type_has_no_items() -> None:
 
 
 ANGLES = st.floats(-3, 3)
-
-
-def test_left_and_up_are_negative_on_the_wire() -> None:
-    pose = Pose3(1.0, 2.0, 3.0, 0.1, 0.2, 0.3)
-    assert wrapped_pose_on_wire(pose) == (1.0, -2.0, -3.0, 0.1, -0.2, -0.3)
-
-
-def test_angles_on_the_wire_are_within_half_a_turn() -> None:
-    angles = wrapped_pose_on_wire(Pose3(1.0, 2.0, 3.0, 4.0, 5.0, 6.0))[3:]
-    assert angles == pytest.approx((4 - math.tau, math.tau - 5, math.tau - 6))
 
 
 @given(numbers=st.tuples(*[st.floats(-1e3, 1e3)] * 6))

@@ -8,7 +8,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from radarsim.errors import MalformedMessage
-from radarsim.protocol.dialect import NumberFormat, Rounding
+from radarsim.protocol.line_template import NumberFormat, Rounding
 from radarsim.protocol.message import parse_flag, parse_number, parse_numbers
 
 WRITABLE = st.floats(-2e9, 2e9) | st.floats(-1e-3, 1e-3) | st.floats(-100, 100)

@@ -6,12 +6,12 @@ from radarsim.geometry import Pose3
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.message import decode_message
 from radarsim.protocol.packages import PackageConf
-from radarsim.protocol.truth import END, ActorTruth, TruthRequest
+from radarsim.protocol.truth import END, answer_truth
 
 ACTORS = (
-    ActorTruth("R1", "P3AT", Pose3(1.0, 2.0, 0.1)),
-    ActorTruth("R2", "Kenaf", Pose3(3.0, 4.0, 0.1)),
-    ActorTruth("Becky", "Victim", Pose3(-4.0, 0.5, 0.1)),
+    ("R1", "P3AT", Pose3(1.0, 2.0, 0.1)),
+    ("R2", "Kenaf", Pose3(3.0, 4.0, 0.1)),
+    ("Becky", "Victim", Pose3(-4.0, 0.5, 0.1)),
 )
 
 
@@ -26,12 +26,13 @@ ACTORS = (
         ("{Class USARBot.p3at}", ["R1"]),
         ("{Class Pawn} {Name R2}", ["R2"]),
         ("{Name R3}", []),
+        ("{Name {R1}", []),
     ],
 )
 def test_fields_of_a_question_limit_the_answer(
     line: str, names: list[str], dialect: Dialect
 ) -> None:
-    answer = TruthRequest.decode(line).answer(ACTORS, 1.5, dialect)
+    answer = answer_truth(line, ACTORS, 1.5, dialect)
     lines = answer.decode("ascii").splitlines()
     assert [each.split("}")[0] for each in lines[:-1]] == [f"{{Name {n}" for n in names]
     assert answer.endswith(END)

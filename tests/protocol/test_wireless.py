@@ -1,28 +1,24 @@
-"""Questions of a wireless server, and the answers."""
+"""Questions of and to wireless servers, and the model of signals."""
+
+import math
 
 import pytest
 
-from radarsim.errors import MalformedMessage
 from radarsim.protocol.dialect import COMPAT, UDK
 from radarsim.protocol.message import Triple
-from radarsim.protocol.wireless import Station, WirelessRequest
-
-STATIONS = (
-    Station("R1", (1.0, 2.0, 0.1), is_spent=False),
-    Station("R2", (3.0, -4.0, 0.1), is_spent=True),
+from radarsim.protocol.wireless import (
+    answer_wireless,
+    read_request,
+    signal_strength,
+    strength_text,
 )
+
+ROBOTS = (("R1", (1.0, 2.0, 0.1), False), ("R2", (3.0, -4.0, 0.1), True))
 
 
 def count(start: Triple, end: Triple) -> int:
     """Count what the test can tell from the places."""
     return round(abs(start[0] - end[0]))
-
-
-def answer(line: str) -> str | None:
-    request = WirelessRequest.decode(line)
-    if request is None:
-        return None
-    return request.answer(STATIONS, count, UDK).decode("ascii").removesuffix("\r\n")
 
 
 @pytest.mark.parametrize(
@@ -34,41 +30,70 @@ def answer(line: str) -> str | None:
             " {Name R1 Location 1.00,-2.00,-0.10 BatteryEmpty False}"
             " {Name R2 Location 3.00,4.00,-0.10 BatteryEmpty True}",
         ),
-        (
-            "getobs {from R1} {to R2}",
-            "NUMOBS {From R1} {To R2} {ObstCount 2.0000}",
-        ),
-        (
-            "GETOBS {From R1} {To R9}",
-            "NUMOBS {From R1} {To R9} {ObstCount -1.0000}",
-        ),
-        (
-            "GETOBS {From R9} {To R1}",
-            "NUMOBS {From R9} {To R1} {ObstCount -1.0000}",
-        ),
+        ("getobs {from R1} {to R2}", "NUMOBS {From R1} {To R2} {ObstCount 2.0000}"),
+        ("GETOBS {From R1} {To R9}", "NUMOBS {From R1} {To R9} {ObstCount -1.0000}"),
+        ("GETOBS {From R9} {To R1}", "NUMOBS {From R9} {To R1} {ObstCount -1.0000}"),
         (
             "GETOBS {Start 0,0,0} {End 5,0,0}",
             "NUMOBS {Start 0,0,0} {End 5,0,0} {ObstCount 5.0000}",
         ),
-        ("GETOBS {From R1}", None),
-        ("GETOBS {Start 0,0,0} {To R1}", None),
-        ("GETSS {Robot R1}", None),
+        ("GETOBS {From R1}", ""),
+        ("GETOBS {Start 0,0,0} {To R1}", ""),
+        ("GETOBS {Start 1,2} {End 3,4,5}", ""),
+        ("GETSS {Robot R1}", ""),
+        ("GETPOS {", ""),
     ],
 )
-def test_question_is_answered_as_by_the_original(
-    line: str, expected: str | None
-) -> None:
-    assert answer(line) == expected
+def test_question_is_answered_as_by_the_original(line: str, expected: str) -> None:
+    answer = answer_wireless(line, ROBOTS, count, UDK)
+    assert answer.decode("ascii") == f"{expected}\r\n"
+
+
+def test_a_blank_line_has_no_answer() -> None:
+    assert answer_wireless("", ROBOTS, count, UDK) == b""
 
 
 def test_decimals_are_those_of_the_dialect() -> None:
-    request = WirelessRequest.decode("GETPOS")
-    assert request is not None
-    line = request.answer(STATIONS[:1], count, COMPAT)
+    line = answer_wireless("GETPOS", ROBOTS[:1], count, COMPAT)
     assert b"Location 1.0000,-2.0000,-0.1000 " in line
 
 
-@pytest.mark.parametrize("line", ["GETOBS {Start 1,2} {End 3,4,5}", "GETPOS {"])
-def test_what_is_no_place_and_no_message_is_malformed(line: str) -> None:
-    with pytest.raises(MalformedMessage):
-        answer(line)
+@pytest.mark.parametrize(
+    ("line", "request_"),
+    [
+        ("INIT {Robot R1} {Port 7000,7001}", ("INIT", "R1", (7000, 7001))),
+        ("init {robot R 1} {port 7000, }", ("INIT", "R 1", (7000,))),
+        ("DNS {Robot R2}", ("DNS", "R2", ())),
+        ("DNS {Robot R2} {Port x}", ("DNS", "R2", None)),
+        ("DNS {Robot R2} {Port 65536}", ("DNS", "R2", None)),
+        ("DNS {Robot R2} {Port 0}", ("DNS", "R2", None)),
+        ("DNS {Robot R2} {Port 123456}", ("DNS", "R2", None)),
+        ("DNS {Robot", ("", "", ())),
+    ],
+)
+def test_requests_are_read(
+    line: str, request_: tuple[str, str, tuple[int, ...] | None]
+) -> None:
+    assert read_request(line) == request_
+
+
+def test_signal_falls_with_distance_and_obstacles() -> None:
+    assert signal_strength(2.0, 0) == pytest.approx(-49.67)
+    assert signal_strength(20.0, 0) == pytest.approx(-59.67)
+    assert signal_strength(20.0, 2) == pytest.approx(-59.67 - 12.65)
+    assert signal_strength(0.0, 3) == math.inf
+
+
+@pytest.mark.parametrize(
+    ("strength", "text"),
+    [
+        (-59.6712345, "{Strength -59.6712}"),
+        (math.inf, "{Strength INF} {Error Model.Returned.INF}"),
+        (1.0, "{Strength NaN} {Error Model.Returned.NaN}"),
+        (None, "{Strength NaN} {Error Model.Returned.NaN}"),
+    ],
+)
+def test_strengths_are_written_as_by_the_original(
+    strength: float | None, text: str
+) -> None:
+    assert strength_text(strength) == text

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from oracles.nearest_box import nearest_box
 
 from radarsim.geometry import Floats
-from radarsim.raycast.aimed_rays import NodeTable, SensorRays, UnaimedScans
-from radarsim.raycast.rays import DEFAULT_CLASSES, Rays, columns_of
+from radarsim.raycast.rays import Rays
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
 
@@ -150,40 +149,6 @@ def test_rays_along_the_borders_of_cells_meet_what_is_there(
     rays = Rays.uniform(both, np.vstack([ways, -ways, up]), max_range=20.0)
     rays.origins[-count:, 1] = borders  # upwards from where borders cross
     assert_equal(Rays.concatenate([rays, rays]), boxes)
-
-
-@settings(max_examples=40)
-@given(
-    seed=st.integers(0, 2**32),
-    count=st.sampled_from([0, 1, 8, 150]),
-    spread=st.sampled_from([0.0, 0.1, 3.0, 30.0]),
-    far=st.sampled_from([0.0, 50.0, 1e9]),
-)
-def test_boxes_near_a_place_are_those_of_all(
-    seed: int, count: int, spread: float, far: float
-) -> None:
-    rng = np.random.Generator(np.random.PCG64(seed))
-    boxes = random_boxes(rng, count, spread, far) if count else Boxes(np.zeros((0, 8)))
-    places = rng.uniform(-1.2 * spread - 1, 1.2 * spread + 1, (40, 3))
-    for radius in (0.1, 0.3, 5.0):
-        gaps = np.hypot(
-            *(places[:, None, :2] - boxes.rows[:, :2]).transpose(2, 0, 1)
-        ) - np.hypot(*boxes.rows[:, 5:7].T)
-        others = gaps[:, boxes.rows[:, 7] != 1]
-        expected = (others <= radius).any(axis=1).tolist()
-        assert are_near(boxes, places, radius) == expected
-
-
-def are_near(boxes: Boxes, places: Floats, radius: float) -> list[bool]:
-    """Return where a box other than the carrier's, 1, leaves out a scan."""
-    ahead, aside = np.array([[[1.0, 0, 0]]]), np.array([[[0, radius, 0]]])
-    table = NodeTable(ahead, aside, np.zeros(0), np.zeros(1, np.int8))
-    ray = Rays.uniform(np.zeros((1, 3)), ahead[0], max_range=9.0)
-    sensor = SensorRays(table, radius, columns_of(ray), DEFAULT_CLASSES, 1)
-    rows = np.column_stack([places, np.zeros((len(places), 3)), np.ones(len(places))])
-    scans = UnaimedScans(sensor, np.zeros((1, 0)), rows)
-    near: list[bool] = (~TRACER.trace_scans(scans, boxes).clear).tolist()
-    return near
 
 
 @given(

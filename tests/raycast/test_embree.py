@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.first_hits import FirstHits
 from radarsim.errors import EngineError
 from radarsim.geometry import Floats
 from radarsim.raycast import embree
 from radarsim.raycast.embree import (
     EmbreeScene,
-    FirstHits,
     Mesh,
     expect_version,
     load_library,

@@ -225,11 +225,11 @@ def test_threads_that_add_slices_at_once_do_not_mix_them() -> None:
         list(pool.map(scene.add_slice, heights))
     handle = scene.handle
     assert len(handle.heights) > 1
-    built = {each.packed.address: each for each in scene.hierarchies}
+    built = {each.address: each for each in scene.hierarchies}
     slices = [built[address] for address in handle.addresses[1:].tolist()]
-    ends = [each.packed.first_sliced for each in slices[1:]] + [len(handle.sliced)]
+    ends = [each.first_sliced for each in slices[1:]] + [len(handle.sliced)]
     for height, each, end in zip(handle.heights[1:], slices, ends, strict=True):
-        triangles = scene.triangles[handle.sliced[each.packed.first_sliced : end]]
+        triangles = scene.triangles[handle.sliced[each.first_sliced : end]]
         z = triangles[:, 2::3]
         assert (z.min(axis=1) <= height + 1e-4).all()
         assert (z.max(axis=1) >= height - 1e-4).all()

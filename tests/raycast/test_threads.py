@@ -57,7 +57,7 @@ def test_the_first_invalid_ray_is_named(
     rays = rays_in_room(4000)
     rays.power[[700, 2100, 3999]] = -1.0
     monkeypatch.setattr(tracer_module, "thread_count", lambda: threads)
-    with pytest.raises(EngineError, match=r"^power\[700\] is -1.0, expected at"):
+    with pytest.raises(EngineError, match=r"^ray 700 from .* power -1.0, class"):
         tracer_of(foliage_room).trace(rays)
 
 

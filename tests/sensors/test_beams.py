@@ -14,32 +14,36 @@ from radarsim.presets.sensor_settings import (
     two_way_deviation,
 )
 from radarsim.presets.sensors import load_settings
-from radarsim.raycast.aimed_rays import AimedRays, Sides
+from radarsim.raycast.rays import Nodes, Rays, Sides
+from radarsim.raycast.tracer import Tracer
 from radarsim.rng import generator_for
 from radarsim.sensors.beams import BeamPattern, beam_angles
+from radarsim.sensors.scan_batch import ScanBatch
 
 ORIGIN, HERE = Pose3(0.0, 0.0, 0.0), Pose3(1.0, -2.0, 0.5)
 
 
-def rows(*poses: Pose3) -> Floats:
-    return np.array([pose.numbers() for pose in poses], np.float64)
+def aim(settings: SensorSettings, pose: Pose3, side: int) -> Rays:
+    return BeamPattern(settings).aim_side(pose, side)
 
 
-def aim(settings: SensorSettings, pose: Pose3, side: int) -> AimedRays:
-    return BeamPattern(settings).aim_side(rows(pose), side)
+def trace(pattern: BeamPattern, seed: int = 0, pose: Pose3 = ORIGIN) -> ScanBatch:
+    """Take a scan where there is nothing."""
+    batch = ScanBatch(pattern, Tracer([]), np.array([(*pose.numbers(), -1.0)]))
+    batch.draw(0, generator_for(seed, "beams"), "radar")
+    batch.trace()
+    return batch
 
 
-def sample(
-    pattern: BeamPattern,
-    rng: np.random.Generator | None = None,
-    pose: Pose3 = ORIGIN,
-) -> AimedRays:
-    """Aim the rays of one scan."""
-    return pattern.aim(rows(pose), [pattern.draw(rng)])
+def sample(pattern: BeamPattern, seed: int = 0, pose: Pose3 = ORIGIN) -> Rays:
+    """Return the rays of a scan."""
+    return trace(pattern, seed, pose).all_rays(0)
 
 
-def draw_sides(settings: SensorSettings, rng: np.random.Generator) -> Sides:
-    return sample(BeamPattern(settings), rng).sides
+def sides_of(batch: ScanBatch) -> Sides:
+    """Return the side of the ray of each beam that has one."""
+    assert batch.rays is not None
+    return np.asarray(batch.rays[0])
 
 
 def test_beams_run_counter_clockwise_from_the_right() -> None:
@@ -98,7 +102,7 @@ def test_rays_are_drawn_by_their_weights() -> None:
     settings = load_settings(
         "radar", fov_deg=359, resolution_deg=0.01, ray_weights=(1, 2, 5)
     )
-    drawn = draw_sides(settings, generator_for(1, "weights"))
+    drawn = sides_of(trace(BeamPattern(settings), 1))
     shares = [np.mean(drawn == side) for side in (-1, 0, 1)]
     for share, wanted in zip(shares, (1 / 8, 2 / 8, 5 / 8), strict=True):
         error = math.sqrt(wanted * (1 - wanted) / len(drawn))
@@ -107,14 +111,14 @@ def test_rays_are_drawn_by_their_weights() -> None:
 
 def test_ray_of_weight_zero_is_never_drawn() -> None:
     settings = load_settings("radar", ray_weights=(0, 1, 0))
-    rng = generator_for(0, "never")
-    assert not any(draw_sides(settings, rng).any() for _ in range(100))
+    pattern = BeamPattern(settings)
+    assert not any(sides_of(trace(pattern, seed)).any() for seed in range(50))
 
 
 CONE = {"side_mode": "cone", "beamwidth_az_deg": 4.0, "beamwidth_el_deg": 2.0}
 
 
-def cone_offsets(pattern: BeamPattern, drawn: AimedRays, beam: int) -> Floats:
+def cone_offsets(pattern: BeamPattern, drawn: Rays, beam: int) -> Floats:
     """Return how far each ray of one beam is off it, (K, 2) rad to the left and up."""
     directions = drawn.directions.reshape(len(pattern.angles), -1, 3)[beam]
     across = np.arctan2(directions[:, 1], directions[:, 0]) - pattern.angles[beam]
@@ -176,7 +180,7 @@ def test_random_rays_are_distributed_like_the_two_way_beam() -> None:
         "radar", **CONE, cone_rays=500, cone_sampling="random", ray_choice="together"
     )
     pattern = BeamPattern(settings)
-    drawn = sample(pattern, generator_for(3, "cone"))
+    drawn = sample(pattern, 3)
     offsets = np.concatenate(
         [cone_offsets(pattern, drawn, i) for i in range(0, 181, 9)]
     )
@@ -192,25 +196,25 @@ def test_random_rays_are_distributed_like_the_two_way_beam() -> None:
 def test_random_cone_draws_one_ray_per_beam() -> None:
     settings = load_settings("radar", **CONE, cone_rays=500, cone_sampling="random")
     pattern = BeamPattern(settings)
-    drawn = sample(pattern, generator_for(3, "cone"))
+    drawn = trace(pattern, 3)
     assert pattern.rays == 1
-    assert drawn.directions.shape == (181, 3)
-    assert set(drawn.sides.tolist()) == {-1, 1}
+    assert drawn.all_rays(0).directions.shape == (181, 3)
+    assert set(sides_of(drawn).tolist()) == {-1, 1}
 
 
 def test_side_of_a_cone_ray_follows_its_offset() -> None:
-    settings = load_settings("radar", **CONE, cone_rays=9, ray_choice="together")
-    pattern = BeamPattern(settings)
-    drawn = sample(pattern)
-    offsets = cone_offsets(pattern, drawn, 0)[:, 0]
-    assert drawn.sides[:9].tolist() == np.sign(offsets.round(9)).tolist()
-    assert sorted(drawn.sides[:9].tolist()) == [-1] * 3 + [0] * 3 + [1] * 3
+    pattern = BeamPattern(load_settings("radar", **CONE, cone_rays=9))
+    batch = trace(pattern)
+    ahead = batch.all_rays(0).directions
+    turned = np.arctan2(ahead[:, 1], ahead[:, 0]) - pattern.angles
+    assert sides_of(batch).tolist() == np.sign(turned.round(9)).tolist()
+    assert set(sides_of(batch).tolist()) == {-1, 0, 1}
 
 
 def test_cone_nodes_are_drawn_by_their_weights() -> None:
     settings = load_settings("radar", fov_deg=359, resolution_deg=0.01, **CONE)
     pattern = BeamPattern(settings)
-    nodes = sample(pattern, generator_for(1, "nodes")).nodes
+    nodes: Nodes = trace(pattern, 1).nodes
     for node, wanted in enumerate(pattern.weights.tolist()):
         error = math.sqrt(wanted * (1 - wanted) / len(nodes))
         assert np.mean(nodes == node) == pytest.approx(wanted, abs=4 * error)
@@ -224,7 +228,7 @@ def test_rays_are_turned_and_moved_by_the_pose_exactly(
     pose = Pose3(*numbers)
     moved, own = sample(pattern, pose=pose), sample(pattern)
     turn, place = pose.rotation(), pose.position()
-    for i in range(len(own.nodes)):
+    for i in range(len(own.power)):
         for axis, (x, y, z) in enumerate(turn.tolist()):
             dx, dy, dz = own.directions[i].tolist()
             sx, sy, sz = own.origins[i].tolist()
@@ -253,9 +257,8 @@ def test_three_divergent_rays_can_equal_a_cone_of_three() -> None:
 def test_rays_of_a_beam_are_consecutive() -> None:
     pattern = BeamPattern(load_settings("radar", ray_choice="together"))
     rays = sample(pattern, pose=HERE)
-    assert rays.sides.reshape(-1, 3).tolist() == [[-1, 0, 1]] * 181
     for node, side in enumerate((-1, 0, 1)):
-        alone = pattern.aim_side(rows(HERE), side)
+        alone = pattern.aim_side(HERE, side)
         assert rays.origins[node::3].tolist() == alone.origins.tolist()
         assert rays.directions[node::3].tolist() == alone.directions.tolist()
 
@@ -269,10 +272,10 @@ def test_rays_of_a_beam_are_consecutive() -> None:
 )
 def test_cone_has_no_side_rays_to_select(settings: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match="ray -1, expected a beam of three rays"):
-        BeamPattern(load_settings("radar", **settings)).aim_side(rows(HERE), -1)
+        BeamPattern(load_settings("radar", **settings)).aim_side(HERE, -1)
 
 
 def test_laser_has_one_ray_whatever_its_settings() -> None:
     settings = load_settings("laser", **CONE, side_offset_uu=50, ray_choice="together")
     pattern = BeamPattern(settings)
-    assert (pattern.rays, pattern.radius, pattern.is_random) == (1, 0.0, False)
+    assert (pattern.rays, pattern.radius, pattern.kinds) == (1, 0.0, [])

@@ -26,7 +26,6 @@ from radarsim.sensors.echo_extraction import (
     extract_ray_ends,
     select_echoes,
 )
-from radarsim.sensors.echo_strength import Densities
 
 WALL = Material("wall")
 SMOKE = Material("smoke", density=0.0, solid=False)
@@ -57,9 +56,8 @@ def returned(left: float) -> float:
     return float(10 ** (-5 * (1 - left)))
 
 
-def densities_of(tracer: Tracer) -> Densities:
-    radar = DEFAULT_CLASSES[0]
-    return Densities(*tracer.densities(radar), tracer.scattering(radar))
+def losses_of(tracer: Tracer) -> tuple[Floats, float, Floats]:
+    return tracer.losses(DEFAULT_CLASSES[0])
 
 
 def trace_ahead(
@@ -80,8 +78,8 @@ def extract(
 ) -> EchoTable:
     settings = load_settings("radar", penetration_power=power)
     weights = np.ones(len(traces.ranges)) if weights is None else weights
-    densities = densities_of(Tracer(parts))
-    return extract_echoes(traces, weights, of_a_beam, densities, settings)
+    losses = losses_of(Tracer(parts))
+    return extract_echoes(traces, weights, of_a_beam, losses, settings)
 
 
 def echoes(parts: list[Part], power: float = 1.0) -> list[tuple[Any, ...]]:
@@ -143,7 +141,7 @@ def test_absorbed_decibels_are_missing_from_the_echo_of_a_wall() -> None:
     tracer = Tracer([layer("wall", dark, 8, 9)])
     traces = tracer.trace(replace(rays, ray_classes=(ray_class,)), events=True)
     settings = load_settings("radar")
-    found = extract_echoes(traces, np.ones(1), 1, densities_of(tracer), settings)
+    found = extract_echoes(traces, np.ones(1), 1, losses_of(tracer), settings)
     assert 10 * np.log10(found["strength"]) == pytest.approx([-13.0])
     ends = extract_ray_ends(traces, np.zeros(1, np.int64), settings)
     assert ends["strength"] == pytest.approx(found["strength"])
@@ -193,7 +191,7 @@ def test_loss_in_the_air_returns_no_echo() -> None:
     rays = Rays.uniform(np.zeros((1, 3)), np.eye(3)[:1], max_range=50.0, power=1.0)
     traces = tracer.trace(rays, events=True)
     settings = load_settings("radar")
-    found = extract_echoes(traces, np.ones(1), 1, densities_of(tracer), settings)
+    found = extract_echoes(traces, np.ones(1), 1, losses_of(tracer), settings)
     of_bush = (returned(0.9) - returned(0.6)) * 2 / 3
     assert found["strength"] == pytest.approx([of_bush, 0.0, returned(0.4)])
 
@@ -343,10 +341,10 @@ def test_combined_rays_share_the_beam() -> None:
 def test_events_of_others_are_refused(weights: int, parts: int) -> None:
     bush = [layer("bush", leaf(0.1), 2, 5)]
     traces = trace_ahead(bush, count=2)
-    densities = densities_of(Tracer(bush[:parts]))
+    losses = losses_of(Tracer(bush[:parts]))
     settings = load_settings("radar")
     with pytest.raises(EngineError, match="other rays or parts"):
-        extract_echoes(traces, np.ones(weights), 1, densities, settings)
+        extract_echoes(traces, np.ones(weights), 1, losses, settings)
 
 
 def test_incidence_weakens_a_tilted_wall_and_leaves() -> None:

@@ -15,6 +15,7 @@ from radarsim.rng import generator_for
 from radarsim.scene.material import library_material
 from radarsim.scene.shapes import box, cylinder
 from radarsim.sensors.scan import Target
+from radarsim.sensors.scan_batch import ScanRequest, scan_batch
 
 WALL = Material("wall")
 LEAF = Material("leaf", density=0.4)
@@ -171,8 +172,8 @@ def test_robot_is_a_target() -> None:
     radar = radarsim.load_sensor("radar", fov_deg=4, resolution_deg=2)
     tracer = tracer_of(world)
     boxes = Boxes(np.array([[3.0, 0, 0, 0, 1, 0.5, 0.5, 4.0]]))
-    plan = radar.plan(tracer, Pose3(0, 0, 0.3), generator_for(0), boxes)
-    scan = radar.builder.build(plan, tracer.trace(plan.rays, boxes))
+    request = ScanRequest(radar, Pose3(0, 0, 0.3), generator_for(0))
+    (scan,) = scan_batch(tracer, [request], boxes)
     assert set(scan.echoes.targets.values()) == {
         Target("robot 4", "robot", math.inf, 0.0, False, False)
     }

@@ -236,7 +236,7 @@ def test_drift_draws_the_same_numbers_however_many_at_a_time() -> None:
 
 
 def tachometer() -> Sensor:
-    state = np.zeros(1, engine.structures["Tachometer"].dtype)
+    state = np.zeros(1, engine.rows["Tachometer"])
     return Sensor(state, generator_for(0))
 
 

@@ -12,6 +12,7 @@ from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import tracer_of
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene
+from radarsim.sensors import scan_batch as scan_batch_module
 from radarsim.sensors.range_scanner import RangeScanner, load_sensor
 from radarsim.sensors.scan_batch import ScanRequest, scan_batch, scan_ranges
 
@@ -70,7 +71,7 @@ def test_number_of_threads_does_not_matter(
     scene: Scene = request.getfixturevalue(room)
     sensor, poses = load_sensor(name), drive(400)
     expected = one_by_one(sensor, scene, poses, 4)[0]
-    monkeypatch.setattr(tracer_module, "thread_count", lambda: threads)
+    monkeypatch.setattr(scan_batch_module, "thread_count", lambda: threads)
     many = sensor.scan_many(scene, poses, generator_for(4))
     assert many.ranges.tobytes() == expected
 
@@ -172,14 +173,14 @@ def test_ranges_without_scans_are_those_of_scans(
             for i, pose in enumerate(poses)
         ]
 
-    found = scan_ranges(tracer, requests(), boxes)
+    read, found = scan_ranges(tracer, requests(), boxes)
     scans = scan_batch(tracer, requests(), boxes)
-    for i, (ranges, scan) in enumerate(zip(found.ranges, scans, strict=True)):
+    for i, (ranges, scan) in enumerate(zip(read, scans, strict=True)):
         most = sensors[i % 2].settings.max_range
         assert ranges.tobytes() == np.minimum(scan.ranges, most).tobytes()
-        if i in found.scans:
-            assert found.scans[i].to_dict() == scan.to_dict()
-    assert bool(found.scans) == (settings.get("return_mode") == "all")
+        if i in found:
+            assert found[i].to_dict() == scan.to_dict()
+    assert bool(found) == (settings.get("return_mode") == "all")
 
 
 @pytest.mark.parametrize("settings", LASTS.values(), ids=LASTS)
@@ -195,8 +196,8 @@ def test_ranges_of_a_crowd_are_the_same_on_one_thread_and_on_five(
             for i, pose in enumerate(poses)
         ]
 
-    alone = [scan_ranges(tracer, [each], boxes).ranges[0] for each in requests()]
+    alone = [scan_ranges(tracer, [each], boxes)[0][0] for each in requests()]
     monkeypatch.setattr(tracer_module, "THREAD_RAYS", 0)
     monkeypatch.setattr(tracer_module, "thread_count", lambda: 5)
-    together = scan_ranges(tracer, requests(), boxes).ranges
+    together = scan_ranges(tracer, requests(), boxes)[0]
     assert [each.tobytes() for each in together] == [each.tobytes() for each in alone]

@@ -21,13 +21,13 @@ from radarsim.protocol.dialect import UDK
 from radarsim.protocol.images import ImageType, Region
 from radarsim.scene.scene import Scene
 from radarsim.server.camera import Renderer, encode
-from radarsim.server.image_server import ImageServer, PictureSource
+from radarsim.server.image_server import ImageServer, PictureProcess
 from radarsim.server.views import Tiles, View, tiles_of
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.simulation import Simulation
 
 
-class InlinePictures:
+class InlinePictures(PictureProcess):
     """Draws in the process of the server: it is ready at once."""
 
     def __init__(self, simulation: Simulation) -> None:
@@ -43,6 +43,15 @@ class InlinePictures:
         return {each: encode(pixels, each, self.image_type) for each in regions}
 
     async def stop(self) -> None: ...
+
+
+class NeverReady(InlinePictures):
+    """Is being started for ever."""
+
+    def __init__(self) -> None: ...
+
+    async def start(self) -> None:
+        await asyncio.Event().wait()
 
 
 class NoPictures(InlinePictures):
@@ -88,12 +97,11 @@ class RunningServer:
 
 @asynccontextmanager
 async def serving(
-    simulation: Simulation, pictures: PictureSource | None = None
+    simulation: Simulation, pictures: PictureProcess | None = None
 ) -> AsyncIterator[RunningServer]:
     pictures = pictures or InlinePictures(simulation)
-    server = ImageServer(pictures, port=0)
+    server = ImageServer(simulation, pictures, port=0)
     await server.start()
-    await server.begin(simulation)
     running = RunningServer(simulation, server)
     try:
         yield running
@@ -318,7 +326,7 @@ async def test_viewers_that_leave_before_there_are_pictures_are_forgotten(
 ) -> None:
     """What they have sent waits unread, and hides that they have gone."""
     caplog.set_level(logging.INFO, "radarsim.server")
-    server = ImageServer(InlinePictures(Simulation(empty_room)), port=0)
+    server = ImageServer(Simulation(empty_room), NeverReady(), port=0)
     await server.start()
     _, writer = await asyncio.open_connection(*server.address)
     writer.write(sent)
@@ -353,34 +361,6 @@ async def test_viewers_beyond_the_limit_are_refused(running: RunningServer) -> N
     assert await again.size() == (160, 120)
 
 
-async def test_viewers_that_come_before_the_simulation_wait_for_it(
-    empty_room: Scene,
-) -> None:
-    simulation = Simulation(empty_room)
-    server = ImageServer(InlinePictures(simulation), port=0)
-    await server.start()
-    viewer = await RunningServer(simulation, server).viewer()
-    try:
-        await viewer.send(b"OK")
-        await asyncio.sleep(0.05)
-        await server.begin(simulation)
-        assert await viewer.size() == (160, 120)
-    finally:
-        viewer.writer.close()
-        await server.stop()
-
-
-async def test_server_stops_before_there_is_a_simulation(empty_room: Scene) -> None:
-    simulation = Simulation(empty_room)
-    server = ImageServer(InlinePictures(simulation), port=0)
-    await server.start()
-    viewer = await RunningServer(simulation, server).viewer()
-    await viewer.send(b"OK")
-    await server.stop()
-    assert await viewer.rest() == b""
-    viewer.writer.close()
-
-
 async def test_server_stops_with_viewers_connected(empty_room: Scene) -> None:
     async with serving(Simulation(empty_room)) as running:
         waiting, silent = await running.viewer(), await running.viewer()
@@ -396,7 +376,7 @@ async def test_taken_port_is_an_error_that_names_it(empty_room: Scene) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         simulation = Simulation(empty_room)
-        server = ImageServer(InlinePictures(simulation), port=port)
+        server = ImageServer(simulation, InlinePictures(simulation), port=port)
         with pytest.raises(PortUnavailable, match=f"127.0.0.1:{port}") as caught:
             await server.start()
         await server.stop()

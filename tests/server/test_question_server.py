@@ -5,6 +5,7 @@ import logging
 from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import replace
+from functools import partial
 
 import pytest
 from peers import DEADLINE, Peer
@@ -14,8 +15,13 @@ from radarsim.presets.robots import load_robot
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.scene.scene import Scene
 from radarsim.scene.victims import Victim
-from radarsim.server.question_server import MAX_CLIENTS, QuestionServer
-from radarsim.server.questions import Answer, truth_answer, wireless_answer
+from radarsim.server.question_server import (
+    MAX_CLIENTS,
+    QuestionServer,
+    truth_answer,
+    wireless_answer,
+)
+from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.simulation import Simulation
 
 R1 = "{Name R1} {Class P3AT} {Time 0.03} {Location 1.0000,-2.0000,-0.1460} "
@@ -39,9 +45,9 @@ class Client(Peer):
 async def running(
     scene: Scene,
     dialect: Dialect = COMPAT,
-    tell: Callable[[Dialect], Answer] = truth_answer,
+    answer: Callable[[Simulation, str], bytes] = truth_answer,
 ) -> AsyncIterator[QuestionServer]:
-    simulation = Simulation(scene)
+    simulation = Simulation(scene, config=SimulationConfig(dialect))
     for name, kind, pose in (
         ("R1", "P3AT", Pose2(1, 2, 0.5)),
         ("R 2", "Talon", Pose2(-3, 0, 0)),
@@ -49,9 +55,8 @@ async def running(
         simulation.spawn(name, load_robot(kind), pose)
     for _ in range(3):
         simulation.step()
-    server = QuestionServer(tell(dialect), port=0)
+    server = QuestionServer(partial(answer, simulation), port=0)
     await server.start()
-    await server.begin(simulation)
     yield server
     await server.stop()
 
@@ -96,7 +101,7 @@ async def test_blank_lines_are_told_from_the_ends_of_lines(
 ) -> None:
     asked: list[str] = []
 
-    def answer(_: object, line: str) -> bytes:
+    def answer(line: str) -> bytes:
         asked.append(line)
         return b"{End}\r\n"
 
@@ -132,15 +137,6 @@ async def test_numbers_of_the_original_have_its_decimals(empty_room: Scene) -> N
         )
 
 
-async def test_before_the_simulation_there_is_nobody() -> None:
-    server = QuestionServer(truth_answer(COMPAT), port=0)
-    await server.start()
-    async with connected(server) as client:
-        assert await client.ask(b"{Actors}\n") == []
-        await server.stop()
-        assert await client.rest() == b""
-
-
 async def test_flood_of_questions_is_answered_in_turns(empty_room: Scene) -> None:
     """Whoever asks without end and reads nothing holds up nobody."""
     async with (
@@ -158,13 +154,16 @@ async def test_flood_of_questions_is_answered_in_turns(empty_room: Scene) -> Non
             assert await greedy.ask(b"") == [R1, R2]
 
 
-@pytest.mark.parametrize("tell", [truth_answer, wireless_answer])
+@pytest.mark.parametrize("answer", [truth_answer, wireless_answer])
 async def test_request_of_a_web_page_is_closed_without_an_answer(
     empty_room: Scene,
     caplog: pytest.LogCaptureFixture,
-    tell: Callable[[Dialect], Answer],
+    answer: Callable[[Simulation, str], bytes],
 ) -> None:
-    async with running(empty_room, tell=tell) as server, connected(server) as client:
+    async with (
+        running(empty_room, answer=answer) as server,
+        connected(server) as client,
+    ):
         client.writer.write(b"POST / HTTP/1.1\r\nHost: evil.example\r\n\r\n")
         assert await client.rest() == b""
     assert "closed: an HTTP request, expected questions" in caplog.text
@@ -245,21 +244,10 @@ async def test_wireless_server_learns_who_is_where_and_what_is_between(
     smoke = {"box": [0.2, 8.0, 2.0], "position": [0.5, 0.0, 1.0]}
     scene = scene.with_object("smoke", material="smoke", **smoke)
     async with (
-        running(scene, tell=wireless_answer) as server,
+        running(scene, answer=wireless_answer) as server,
         connected(server) as client,
     ):
         client.writer.write(question)
         async with asyncio.timeout(DEADLINE):
             line = await client.reader.readuntil(b"\r\n")
     assert line.decode("ascii") == f"{answer}\r\n"
-
-
-async def test_wireless_server_asks_before_the_simulation_begins() -> None:
-    server = QuestionServer(wireless_answer(UDK), port=0)
-    await server.start()
-    async with connected(server) as client:
-        client.writer.write(b"GETPOS\nGETOBS {Start 1,2,3} {End 3,4,5}\n")
-        async with asyncio.timeout(DEADLINE):
-            assert await client.reader.readline() == b"POSITIONS {Robots 0}\r\n"
-            assert b"{ObstCount 0.0000}" in await client.reader.readline()
-    await server.stop()

@@ -14,15 +14,14 @@ import numpy as np
 import pytest
 from peers import DEADLINE, Peer, wait_until
 
-from radarsim.errors import EngineError, ServerError
+from radarsim.errors import ServerError
 from radarsim.geometry import Pose2, Pose3
 from radarsim.listening import raise_file_limit
 from radarsim.presets.robots import load_robot
 from radarsim.scene.scene import Scene, StartPose
 from radarsim.server.host import Diagnostic, Host
-from radarsim.server.tcp_server import MAX_CLIENTS, Connection, Server, serve
+from radarsim.server.tcp_server import MAX_CLIENTS, Connection, Server
 from radarsim.simulation.config import SimulationConfig
-from radarsim.simulation.simulation import Simulation
 from radarsim.simulation.vehicle import DueItems, Vehicle
 
 GREETING = b"NFO {Gametype BotDeathMatch} {Level DM-EmptyRoom} {TimeLimit 0}\r\n"
@@ -304,7 +303,7 @@ async def test_closed_connection_gives_up_its_place_while_its_init_waits(
     empty_room: Scene, caplog: pytest.LogCaptureFixture, broken: bool
 ) -> None:
     caplog.set_level(logging.INFO, "radarsim.server")
-    host = Host(empty_room, begins=False)  # INIT waits for the simulation
+    host = Host(empty_room)
     async with serving(host, max_clients=1) as running_server:
         peer = await running_server.peer()
         await peer.send(b"GETSTARTPOSES\r\n" + INIT + b"GETSTARTPOSES\r\n")
@@ -596,29 +595,3 @@ async def test_lost_time_is_logged_and_no_scan_is_skipped(
         await wait_until(lambda: "too slow: simulated time waited" in caplog.text)
         assert_every_scan_came(await scans(peer, 50))
     assert len(caplog.records) <= 5
-
-
-async def test_engine_is_loaded_before_clients_can_connect(empty_room: Scene) -> None:
-    host = Host(empty_room, begins=False)
-
-    class Announced(Exception):
-        """Ends the server."""
-
-    def announce(_: tuple[str, int]) -> None:
-        assert host.has_begun
-        raise Announced
-
-    with pytest.raises(Announced):
-        await serve(Server(host), "127.0.0.1", 0, announce)
-
-
-async def test_error_of_the_engine_ends_the_server(
-    empty_room: Scene, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail() -> Simulation:
-        raise EngineError("no library")
-
-    host = Host(empty_room, begins=False)
-    monkeypatch.setattr(host, "make_simulation", fail)
-    with pytest.raises(EngineError, match="no library"):
-        await serve(Server(host), "127.0.0.1", 0, print)

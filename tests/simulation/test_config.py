@@ -62,13 +62,13 @@ def test_valid_settings_pass_the_check(
         ),
         pytest.param(
             {"F1": {"fov_deg": 3}},
-            "sonar: no setting 'fov_deg', expected one of ['beam_angle_deg', "
+            "item F1: sonar: no setting 'fov_deg', expected one of ['beam_angle_deg', "
             "'max_incidence_deg', 'max_range', 'min_range']",
             id="setting of a scanner for a sonar",
         ),
         pytest.param(
             {"GPS": {"max_noise": -1}},
-            "gps: max_noise: -1, expected at least 0",
+            "item GPS: gps: max_noise: -1, expected at least 0",
             id="negative noise of a GPS",
         ),
         pytest.param(
@@ -78,7 +78,7 @@ def test_valid_settings_pass_the_check(
         ),
         pytest.param(
             {"InsTest": {"sigma": -1}},
-            "INS setting sigma: -1, expected 0 to 10",
+            "item InsTest: INS setting sigma: -1, expected 0 to 10",
             id="negative drift",
         ),
     ],

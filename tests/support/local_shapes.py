@@ -21,6 +21,6 @@ class LocalShape(NamedTuple):
 def shape_around(
     table: Packed, x: float, y: float, normal: tuple[float, float] = (0.0, 0.0)
 ) -> LocalShape:
-    shapes = np.zeros(1, engine.structures["LocalShape"].dtype)
+    shapes = np.zeros(1, engine.rows["LocalShape"])
     engine.find_shape(table, x, y, *normal, shapes)
     return LocalShape(*shapes.item())

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from radarsim.addons.imports.commands import ImportOptions
+from radarsim.addons.imports.cli import ImportOptions
 from radarsim.addons.imports.gltf import import_gltf
 from radarsim.addons.imports.sdf import import_sdf
 from radarsim.errors import ForeignFileError

@@ -1,8 +1,11 @@
 """Runs that are recorded in the process of a test."""
 
+import functools
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from rosbags.highlevel import AnyReader
 
 from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder
 from radarsim.addons.recording.host_recorder import HostRecorder, RunEvent
@@ -48,14 +51,13 @@ def run_two_clients(
     config = config or SimulationConfig()
     events: list[RunEvent] = []
     recorder = HostRecorder(events.append, camera_interval=camera_interval)
-    host = Host(scene, config=config, seed=1, begins=False, observers=[recorder])
+    host = Host(scene, config=config, seed=1, observers=[recorder])
     first = host.connect()
     sent = {first: host.take(first)}
     for _ in range(3):
-        host.step()
+        host.step(passes=False)
     host.receive(first, first_spawn)
-    host.step()
-    host.begin(host.make_simulation())
+    host.step(passes=False)
     second = host.connect()
     sent[second] = b""
     for tick in range(ticks):
@@ -87,9 +89,24 @@ def write_run(run: RecordedRun, folder: Path) -> None:
 def host_of(run: RecordedRun, scene: Scene, *, seed: int = 1) -> Host:
     """Create a host of the conditions of a run."""
     config = SimulationConfig(get_dialect(run.info.dialect))
-    return Host(scene, config=config, seed=seed, begins=False)
+    return Host(scene, config=config, seed=seed)
 
 
 def calls_in(events: Sequence[RunEvent]) -> list[RunEvent]:
     """Return the calls, which are in bags as they are."""
     return [event for event in events if event.is_call]
+
+
+@functools.lru_cache(2)
+def all_messages(folder: Path) -> list[tuple[str, Any]]:
+    """Return all messages of a recording that does not change, with their topics."""
+    with AnyReader([folder]) as reader:
+        return [
+            (connection.topic, reader.deserialize(data, connection.msgtype))
+            for connection, _, data in reader.messages()
+        ]
+
+
+def messages_of(folder: Path, *topics: str) -> list[Any]:
+    """Return the messages of topics, in order; see ``all_messages``."""
+    return [message for topic, message in all_messages(folder) if topic in topics]

@@ -62,7 +62,7 @@ class NavtechServer(PeerServer, HostObserver):
         self._robot = robot
         self._clients: set[RadarClient] = set()
         self._refusals = RefusalLog("radar clients")
-        self._simulation: Simulation | None = None
+        self._simulation: Simulation
         self._antenna: Antenna | None = None
         self._configuration = b""
 
@@ -81,8 +81,6 @@ class NavtechServer(PeerServer, HostObserver):
 
     def step(self, *, passes: bool) -> None:  # noqa: ARG002 - in a pause as well
         """Follow the robot, which can come or leave, and listen while clients do."""
-        if self._simulation is None:
-            return
         wanted = None if self._robot is None else self._robot.casefold()
         carried = (
             each

@@ -136,7 +136,7 @@ def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Packed:
     if ray_class in known:
         return known[ray_class]
     materials = [part.material for part in tracer.parts]
-    density, air_density = tracer.densities(ray_class)
+    density, air_density, _ = tracer.losses(ray_class)
     per_db = ray_class.power_per_db
     loss = np.where(np.isfinite(density), density, 0.0) / (per_db * NEPER_DB)
     sheet = np.array([each.sheet_loss is not None for each in materials], np.bool_)
@@ -149,7 +149,7 @@ def scene_scattering(tracer: Tracer, ray_class: RayClass) -> Packed:
     lobes = np.array([lobe_of(each) for each in materials]).reshape(-1, 2)
     # Of opaque surfaces at normal incidence.
     surface_db = [MIRROR_DB if m.radar_mirror else m.backscatter_db for m in materials]
-    rows = np.zeros(len(materials) + 1, engine.structures["PartScattering"].dtype)
+    rows = np.zeros(len(materials) + 1, engine.rows["PartScattering"])
     rows[-1]["gamma"] = 10 ** (ROBOT_DB / 10)
     parts = rows[:-1]
     parts["gamma"] = [10 ** (db / 10) for db in surface_db]

@@ -91,7 +91,7 @@ def scatterers_in(
     # The phase is that in the middle of the sweep, by when a tone has turned too.
     tone = 0.5 * sample_count(settings) / fft_length(settings)
     turns = np.remainder(starts * tone - 2 * along / settings.wavelength, 1.0)
-    found = np.zeros(len(keys), engine.structures["Scatterers"].dtype)
+    found = np.zeros(len(keys), engine.rows["Scatterers"])
     found["key"], found["start"] = keys, starts
     found["phase"] = (turns * _LEVELS).astype(np.uint64) & _MASK
     found["drift"] = _LEVELS * 2 * view.times / settings.wavelength
@@ -111,7 +111,7 @@ def hash_levels() -> NDArray[np.void]:
     power = -np.log(shares)
     turns = 2 * math.pi * np.arange(_LEVELS) / _LEVELS
     speeds = ndtri(shares)
-    levels = np.zeros(_LEVELS, engine.structures["HashLevel"].dtype)
+    levels = np.zeros(_LEVELS, engine.rows["HashLevel"])
     # Of a mean power of 1 and exponential distribution; speeds are standard normal.
     levels["amplitude"] = np.sqrt(power / power.mean())
     levels["real"], levels["imaginary"] = np.cos(turns), np.sin(turns)

@@ -190,9 +190,8 @@ class Arena:
             )
             for row in rows.tolist()
         ]
-        if not values:
-            scanned = scan_ranges(self._tracer, requests, self._seen())
-            found["ranges"][rows] = scanned.ranges
+        if requests and not values:
+            found["ranges"][rows], _ = scan_ranges(self._tracer, requests, self._seen())
             return found
         scans = scan_batch(self._tracer, requests, self._seen())
         for row, scan in zip(rows, scans, strict=True):

@@ -49,8 +49,8 @@ class Picture:
         self._canvas = FigureCanvasAgg(figure)
         axes = figure.add_subplot()
         axes.set_axis_off()
-        plan = draw_plan(axes, scene, scene.floor_at(0.0, 0.0) + HEIGHT)
-        show_extent(axes, plan.corners)
+        _, corners = draw_plan(axes, scene, scene.floor_at(0.0, 0.0) + HEIGHT)
+        show_extent(axes, corners)
         return axes
 
     def draw(self, rows: Sequence[int]) -> NDArray[np.uint8] | None:

@@ -9,9 +9,9 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from radarsim.addons.imports.commands import ImportOptions
+from radarsim.addons.imports.cli import ImportOptions
 from radarsim.addons.imports.imported_map import ImportedMap
-from radarsim.addons.imports.xml_reader import read_bytes, wrong
+from radarsim.addons.imports.source_file import read_bytes, wrong
 from radarsim.errors import ForeignFileError
 from radarsim.geometry import Pose3
 from radarsim.scene.gltf import split_glb

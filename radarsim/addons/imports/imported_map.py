@@ -9,9 +9,8 @@ from typing import Final
 
 import yaml
 
-from radarsim.addons.imports.commands import ImportOptions
-from radarsim.addons.imports.source_file import rounded
-from radarsim.addons.imports.xml_reader import place
+from radarsim.addons.imports.cli import ImportOptions
+from radarsim.addons.imports.source_file import place, rounded
 from radarsim.errors import ForeignFileError, MapError
 from radarsim.geometry import Pose3
 from radarsim.scene.map_loader import MapLoader

@@ -1,32 +1,31 @@
-"""Maps of nav2's map_server: a picture, and a YAML file that tells where it is.
+"""Maps of nav2's map_server: a picture, and a YAML file with its place and scale.
 
 Source: the documentation of nav2_map_server.
 """
 
+import math
+from collections.abc import Iterator
 from pathlib import Path, PurePath
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal, TypeAlias
 
 import numpy as np
 from annotated_types import Gt
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
-from radarsim.addons.imports.commands import ImportOptions
+from radarsim.addons.imports.cli import ImportOptions
 from radarsim.addons.imports.imported_map import ImportedMap
-from radarsim.addons.imports.plan_picture import (
-    Plan,
-    add_floor,
-    add_walls,
-    place_start,
-    read_picture,
-)
-from radarsim.addons.imports.source_file import find_in
-from radarsim.addons.imports.xml_reader import wrong
+from radarsim.addons.imports.source_file import find_in, wrong
 from radarsim.errors import ForeignFileError, describe_os_error
 from radarsim.geometry import Floats, Pose3
 from radarsim.validation import short_repr
 from radarsim.yaml_reader import YamlFile, read_yaml
 
-KNOWN = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
+Mask: TypeAlias = NDArray[np.bool_]
+
+MAX_PIXELS: Final = 64_000_000
+FLOOR_DEPTH: Final = 0.2  # m
 
 
 class MapServerKeys(BaseModel):
@@ -66,9 +65,9 @@ def import_map_server(path: Path, options: ImportOptions) -> ImportedMap:
     file, keys = _read(path)
     line = int(file.place(["image"]).rsplit(":", 2)[1])
     folders = (path.parent, *options.model_path)
-    picture = find_in(folders, keys.image)
-    if picture is None:  # paths of the machine that wrote the map
-        picture = find_in(options.model_path, PurePath(keys.image).name)
+    # A path of the machine that wrote the map counts by its name.
+    name = PurePath(keys.image).name
+    picture = find_in(folders, keys.image) or find_in(options.model_path, name)
     if picture is None:
         looked = ", ".join(repr(str(each)) for each in folders)
         cure = "expected it there, or its folder as --model-path"
@@ -86,12 +85,28 @@ def import_map_server(path: Path, options: ImportOptions) -> ImportedMap:
     free = is_opaque & (probability < keys.free_thresh)
     imported = ImportedMap(path, options)
     x, y, yaw = keys.origin
-    side = keys.resolution
-    plan = Plan(side, side, Pose3(x, y, 0.0, yaw=yaw), len(occupied))
-    if not place_start(imported, free, plan):
-        raise ForeignFileError(f"{path}:{line}: no free cell, expected --start")
-    add_floor(imported, occupied.shape, plan)
-    add_walls(imported, occupied, plan, "wall", options.wall_height)
+    corner, side = Pose3(x, y, 0.0, yaw=yaw), keys.resolution
+    rows, columns = occupied.shape
+
+    def pose(row: float, column: float, z: float) -> Pose3:
+        """Return the pose of a place, in rows and columns from the top left corner."""
+        return corner.compose(Pose3(column * side, (rows - row) * side, z))
+
+    if options.start is None:
+        found = roomiest(free)
+        if found is None:
+            raise wrong(path, line, "no free cell, expected --start")
+        start = pose(found[0] + 0.5, found[1] + 0.5, 0.0)
+        imported.start = (start.x, start.y, 0.0, math.degrees(start.yaw))
+    size = [round(columns * side, 5), round(rows * side, 5), FLOOR_DEPTH]
+    middle = pose(rows / 2, columns / 2, -FLOOR_DEPTH / 2)
+    imported.add("floor", {"box": size}, middle)
+    height = options.wall_height
+    for number, (top, left, bottom, right) in enumerate(rectangles(occupied), 1):
+        lengths = (right - left) * side, (bottom - top) * side, height
+        middle = pose((top + bottom) / 2, (left + right) / 2, height / 2)
+        box = {"box": [round(each, 5) for each in lengths]}
+        imported.add(f"wall_{number}", box, middle, imported.material_of("wall"))
     for key in keys.model_extra or {}:
         at = int(file.place([key], of_key=True).rsplit(":", 2)[1])
         imported.note(path, at, f"the key {key!r} is not read")
@@ -109,8 +124,72 @@ def _read(path: Path) -> tuple[YamlFile, MapServerKeys]:
     if file.problems:
         raise ForeignFileError(file.problems[0])
     if not isinstance(file.data, dict):
-        raise ForeignFileError(f"{path}:1: expected keys such as {', '.join(KNOWN)}")
+        raise ForeignFileError(
+            f"{path}:1: expected keys such as {', '.join(MapServerKeys.model_fields)}"
+        )
     try:
         return file, MapServerKeys.model_validate(file.data)
     except ValidationError as error:
         raise ForeignFileError(file.validation_problems(error)[0]) from error
+
+
+def read_picture(path: Path) -> tuple[NDArray[np.uint8], Mask]:
+    """Read a grey picture.
+
+    Returns:
+        (H, W) brightness, 0 to 255, and which pixels are not transparent.
+
+    Raises:
+        ForeignFileError: If it cannot be read, or is too large.
+    """
+    try:
+        with Image.open(path) as picture:
+            width, height = picture.size
+            if width * height > MAX_PIXELS:
+                text = (
+                    f"{width} x {height} pixels, expected at most {MAX_PIXELS} in all"
+                )
+                raise ForeignFileError(f"{path}:1: {text}")
+            if picture.mode.startswith(("I", "F")):
+                text = f"pixels of mode {picture.mode}, expected 8 bits"
+                raise ForeignFileError(f"{path}:1: {text}")
+            # Grey and alpha of any mode: palettes, colours and single bits.
+            pixels = np.asarray(picture.convert("LA"))
+    except (UnidentifiedImageError, OSError, ValueError, SyntaxError) as error:
+        text = "cannot be read, expected a picture such as PGM or PNG"
+        raise ForeignFileError(f"{path}:1: {text}") from error
+    except Image.DecompressionBombError as error:
+        text = f"expected at most {MAX_PIXELS} pixels"
+        raise ForeignFileError(f"{path}:1: {text}") from error
+    return pixels[..., 0], pixels[..., 1] > 127
+
+
+def rectangles(cells: Mask) -> Iterator[tuple[int, int, int, int]]:
+    """Yield rectangles that cover cells, each of these once.
+
+    Each is top, left, bottom and right; rows and columns end before the last two.
+
+    Each one begins with a whole run of cells in a row, and goes on down the rows as
+    long as all cells below it are there.
+    """
+    left = cells.copy()
+    for top in range(len(left)):
+        edges = np.flatnonzero(np.diff(np.pad(left[top].astype(np.int8), 1)))
+        for first, last in edges.reshape(-1, 2).tolist():
+            bottom = top + 1
+            while bottom < len(left) and left[bottom, first:last].all():
+                bottom += 1
+            left[top:bottom, first:last] = False
+            yield top, first, bottom, last
+
+
+def roomiest(free: Mask) -> tuple[int, int] | None:
+    """Return row and column of the free cell farthest from all others; None if none."""
+    from scipy import ndimage  # noqa: PLC0415 - takes long
+
+    if not free.any():
+        return None
+    # padded, since what is beyond the picture is not free either
+    room = ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1]
+    row, column = np.unravel_index(np.argmax(room), room.shape)
+    return int(row), int(column)

@@ -8,7 +8,7 @@ import numpy as np
 
 from radarsim.addons.imports.collada import read_collada
 from radarsim.addons.imports.imported_map import ImportedMap
-from radarsim.addons.imports.xml_reader import place, read_bytes
+from radarsim.addons.imports.source_file import place, read_bytes
 from radarsim.errors import ForeignFileError
 from radarsim.scene.mesh_files import (
     MAX_FILE_BYTES,

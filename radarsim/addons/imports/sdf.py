@@ -13,18 +13,12 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from radarsim.addons.imports.commands import ImportOptions
+from radarsim.addons.imports.cli import ImportOptions
 from radarsim.addons.imports.imported_map import ImportedMap
 from radarsim.addons.imports.mesh_copies import MeshCopies
 from radarsim.addons.imports.sdf_frames import ORIGIN, Frames, LeftOut, parse_pose
 from radarsim.addons.imports.sdf_shapes import read_mesh, read_shape
-from radarsim.addons.imports.source_file import find_in
-from radarsim.addons.imports.xml_reader import (
-    XmlElement,
-    parse_numbers,
-    read_xml,
-    wrong,
-)
+from radarsim.addons.imports.source_file import XmlElement, find_in, read_xml
 from radarsim.errors import ForeignFileError
 from radarsim.geometry import Pose3
 from radarsim.validation import short_repr
@@ -59,7 +53,7 @@ def import_sdf(path: Path, options: ImportOptions, meshes: str) -> ImportedMap:
     root = read_xml(path)
     if root.tag != "sdf":
         text = f"<{short_repr(root.tag)[1:-1]}>, expected <sdf>"
-        raise wrong(path, root.line, text)
+        raise root.wrong(text)
     importer = _Importer(imported, MeshCopies(imported, meshes))
     # By resolved paths: two links to one file are the same file.
     for scope in (*root.all("world"), root):
@@ -103,7 +97,7 @@ class _Importer:
         """
         if level > MAX_LEVELS:
             text = f"more than {MAX_LEVELS} models and includes in each other"
-            raise wrong(scope.path, scope.line, text)
+            raise scope.wrong(text)
         frames = Frames(scope, self._model_of)
         states = {each.name: each for each in state.all("model")} if state else {}
         for child in scope.children:
@@ -114,9 +108,7 @@ class _Importer:
                         model = self._model_of(child)
                         if model.path in files:
                             uri = child.text_of("uri")
-                            raise wrong(
-                                child.path, child.line, f"{uri!r} includes itself"
-                            )
+                            raise child.wrong(f"{uri!r} includes itself")
                         inside = (*files, model.path)
                     saved = states.get(model.name)
                     place = pose.compose(frames.pose(model))
@@ -213,7 +205,7 @@ class _Importer:
         self._included += size + 1
         if self._included > MAX_INCLUDED:
             told = f"more than {MAX_INCLUDED} elements in includes, expected fewer"
-            raise wrong(include.path, include.line, told)
+            raise include.wrong(told)
         if model is None:
             raise LeftOut(include, f"{text}: no <model> in it", "without a <model>")
         changed = [each for each in include.children if each.tag in ("pose", "static")]
@@ -256,9 +248,9 @@ def _restored(
     pose, scale = state.first("pose"), state.first("scale")
     factors = [1.0, 1.0, 1.0]
     if scale:
-        factors = parse_numbers(scale.path, scale.line, scale.text, 3)
+        factors = scale.numbers(3)
         if min(factors) <= 0:
-            raise wrong(scale.path, scale.line, "a scale, expected more than 0")
+            raise scale.wrong("a scale, expected more than 0")
     links = {
         link.name: parse_pose(found)
         for link in state.all("link")

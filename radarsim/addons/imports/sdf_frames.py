@@ -10,7 +10,7 @@ from typing import Final
 
 from scipy.spatial.transform import Rotation
 
-from radarsim.addons.imports.xml_reader import XmlElement, parse_numbers, wrong
+from radarsim.addons.imports.source_file import XmlElement
 from radarsim.geometry import Pose3
 
 MAX_CHAIN: Final = 100  # of poses that are relative to each other
@@ -84,7 +84,7 @@ class Frames:
         if name not in self._poses:
             if depth >= MAX_CHAIN:
                 text = f"more than {MAX_CHAIN} poses relative to each other"
-                raise wrong(user.path, user.line, f"{text}, expected no loop")
+                raise user.wrong(f"{text}, expected no loop")
             head, _, rest = name.partition("::")
             named = self._find(head)
             if named is None or (rest and named.tag != "model"):
@@ -128,20 +128,19 @@ def parse_pose(pose: XmlElement) -> Pose3:
     Raises:
         ForeignFileError: If it is none.
     """
-    text = pose.text.strip()
-    if not text:
+    if not pose.text.strip():
         return ORIGIN
     if pose.attributes.get("rotation_format") == "quat_xyzw":
-        x, y, z, *quaternion = parse_numbers(pose.path, pose.line, text, 7)
+        x, y, z, *quaternion = pose.numbers(7)
         largest = max(map(abs, quaternion))  # its length may be below all numbers
         if not largest:
-            raise wrong(pose.path, pose.line, "a quaternion of length 0")
+            raise pose.wrong("a quaternion of length 0")
         rotation = Rotation.from_quat([each / largest for each in quaternion])
         with warnings.catch_warnings():  # of a pitch of 90 degrees, where roll is 0
             warnings.simplefilter("ignore")
             yaw, pitch, roll = map(float, rotation.as_euler("ZYX"))
     else:
-        x, y, z, roll, pitch, yaw = parse_numbers(pose.path, pose.line, text, 6)
+        x, y, z, roll, pitch, yaw = pose.numbers(6)
         if pose.attributes.get("degrees") in ("true", "1"):
             roll, pitch, yaw = map(math.radians, (roll, pitch, yaw))
     return Pose3(x, y, z, roll, pitch, yaw)

@@ -4,7 +4,6 @@ Source: the specification of SDFormat 1.11.
 """
 
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
 from typing import Final
 
@@ -12,7 +11,7 @@ import numpy as np
 
 from radarsim.addons.imports.mesh_copies import KNOWN, MeshCopies
 from radarsim.addons.imports.sdf_frames import LeftOut
-from radarsim.addons.imports.xml_reader import XmlElement, parse_numbers, wrong
+from radarsim.addons.imports.source_file import XmlElement
 from radarsim.errors import MissingPackage, install_command
 from radarsim.geometry import Floats
 from radarsim.scene.mesh_files import MeshError
@@ -50,11 +49,7 @@ def read_shape(
             length = _sizes(element, "length")[0] * along
             if tag == "cylinder":
                 return {"cylinder": [radius, length]}
-            vertices, faces = (_capsule if tag == "capsule" else _cone)()
-            vertices = vertices * [radius, radius, length]
-            if tag == "capsule":  # halves of a sphere, on the ends of the length
-                z = _capsule()[0][:, 2]
-                vertices[:, 2] = np.sign(z) * (length / 2 + (abs(z) - 1) * radius)
+            vertices, faces = _round(tag, radius, length)
         case "ellipsoid":
             vertices, faces = sphere(1.0)
             vertices = vertices * _sizes(element, "radii", 3) * scale
@@ -90,8 +85,8 @@ def read_mesh(
     if not file.is_file() or suffix not in KNOWN:
         told = f"{text}, expected {', '.join(KNOWN)}"
         raise LeftOut(mesh, told, f"{suffix[:20] or 'files'} that are not read")
-    given = mesh.text_of("scale") or "1 1 1"
-    own = parse_numbers(mesh.path, mesh.line, given, 3)
+    given = mesh.first("scale")
+    own = given.numbers(3) if given and given.text.strip() else [1.0, 1.0, 1.0]
     scale = [a * b for a, b in zip(own, factors, strict=True)]
     if 0 in scale:
         raise LeftOut(mesh, f"{text}: a scale of 0", "with a scale of 0")
@@ -112,33 +107,24 @@ def read_mesh(
 def _sizes(element: XmlElement, tag: str, count: int = 1) -> list[float]:
     found = element.first(tag)
     if found is None:
-        raise wrong(element.path, element.line, f"expected <{tag}>")
-    values = parse_numbers(found.path, found.line, found.text, count)
+        raise element.wrong(f"expected <{tag}>")
+    values = found.numbers(count)
     if min(values) <= 0:
         text = f"<{tag}> {found.text.strip()[:80]}, expected more than 0"
-        raise wrong(found.path, found.line, text)
+        raise found.wrong(text)
     return values
 
 
-@cache
-def _capsule() -> Mesh:
-    """Return a capsule of radius 1 and length 2 between the centres of its ends."""
+def _round(tag: str, radius: float, length: float) -> Mesh:
+    """Return a capsule or a cone, with its middle at the origin."""
     from trimesh import creation  # noqa: PLC0415 - slow, and not every world has one
 
-    angles = np.linspace(0, np.pi / 2, CYLINDER_SIDES // 4 + 1)
-    upper = np.column_stack([np.cos(angles), 1 + np.sin(angles)])
-    outline = np.vstack([upper[::-1] * [1, -1], upper])
-    solid = creation.revolve(outline, sections=CYLINDER_SIDES)
+    if tag == "cone":
+        solid = creation.cone(radius, length, sections=CYLINDER_SIDES)
+        return solid.vertices - [0, 0, length / 2], np.array(solid.faces, np.int32)
+    sections = CYLINDER_SIDES // 2, CYLINDER_SIDES
+    solid = creation.capsule(length, radius, count=sections)
     return np.array(solid.vertices), np.array(solid.faces, np.int32)
-
-
-@cache
-def _cone() -> Mesh:
-    """Return a cone of radius 1 and length 1, with its middle at the origin."""
-    from trimesh import creation  # noqa: PLC0415 - likewise
-
-    solid = creation.cone(1.0, 1.0, sections=CYLINDER_SIDES)
-    return np.array(solid.vertices) - [0, 0, 0.5], np.array(solid.faces, np.int32)
 
 
 def _extruded(geometry: XmlElement) -> Mesh:
@@ -151,10 +137,10 @@ def _extruded(geometry: XmlElement) -> Mesh:
     lines = [[*line.all("point")] for line in geometry.all("polyline")]
     if sum(map(len, lines)) > MAX_POINTS:
         text = f"a polyline of more than {MAX_POINTS} points, expected fewer"
-        raise wrong(first.path, first.line, text)
+        raise first.wrong(text)
     area = shapely.Polygon()
     for points in lines:
-        plan = [parse_numbers(p.path, p.line, p.text, 2) for p in points]
+        plan = [point.numbers(2) for point in points]
         ring = shapely.Polygon(plan if len(plan) > 2 else ())
         if ring.is_empty or not ring.is_valid or np.max(np.abs(plan)) > FARTHEST:
             text = "a <polyline> that crosses itself, or encloses nothing"

@@ -13,12 +13,11 @@ right and z down. Comments begin with a semicolon.
 import math
 import re
 from pathlib import Path
-from typing import Any, Final, NamedTuple, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from pydantic import ValidationError
 
-from radarsim.addons.imports.source_file import read_text, rounded
-from radarsim.addons.imports.xml_reader import place, wrong
+from radarsim.addons.imports.source_file import place, read_text, rounded, wrong
 from radarsim.errors import ForeignFileError, expected_one_of
 from radarsim.presets.robots import RobotModel, load_robot, robot_names
 from radarsim.protocol.message import pose_from_wire
@@ -56,14 +55,7 @@ _FIELD: Final = re.compile(r"\s*(\w+)\s*=\s*")
 _VALUE: Final = re.compile(r"\w*'([^']*)'|\"([^\"]*)\"|([^,()'\"]*)")
 
 Struct: TypeAlias = dict[str, Any]  # texts and structs by names in lower case
-
-
-class _Line(NamedTuple):
-    """A key of a section, and its value."""
-
-    number: int
-    key: str
-    value: str
+Sections: TypeAlias = dict[str, list[tuple[int, str, str]]]  # lines: number, key, value
 
 
 def import_ini(path: Path, class_name: str | None) -> tuple[RobotModel, list[str]]:
@@ -87,25 +79,25 @@ def import_ini(path: Path, class_name: str | None) -> tuple[RobotModel, list[str
     if name.casefold() not in shipped:
         notes.append(place(path, 1, f"{name} gets the body of a {BASE}"))
     items = []
-    for line in sections[name]:
-        if line.key.casefold() != "addparts":
-            notes.append(place(path, line.number, f"the key {line.key!r} is not read"))
+    for number, key, value in sections[name]:
+        if key.casefold() != "addparts":
+            notes.append(place(path, number, f"the key {key!r} is not read"))
             continue
-        if not line.value.startswith("("):
-            text = f"{short_repr(line.value)}, expected (ItemClass=class'...', ...)"
-            raise wrong(path, line.number, text)
+        if not value.startswith("("):
+            text = f"{short_repr(value)}, expected (ItemClass=class'...', ...)"
+            raise wrong(path, number, text)
         try:
-            part, end = _parse_struct(line.value, 1)
+            part, end = _parse_struct(value, 1)
         except RecursionError:  # thousands of parentheses
             part, end = {}, -1
         except ValueError as error:
-            raise wrong(path, line.number, str(error)) from error
-        if end != len(line.value):
-            raise wrong(path, line.number, "expected one pair of parentheses")
-        item = _item_of(path, line.number, part)
+            raise wrong(path, number, str(error)) from error
+        if end != len(value):
+            raise wrong(path, number, "expected one pair of parentheses")
+        item = _item_of(path, number, part)
         if item is None:
             text = f"a part of class {_class_of(part)!r} is left out"
-            notes.append(place(path, line.number, text))
+            notes.append(place(path, number, text))
         else:
             items.append(item)
     # Only the items differ: size, wheels and dynamics are those of the shipped body.
@@ -119,32 +111,29 @@ def import_ini(path: Path, class_name: str | None) -> tuple[RobotModel, list[str
         raise ForeignFileError(text) from error
 
 
-def _choose(
-    path: Path, sections: dict[str, list[_Line]], class_name: str | None
-) -> str:
+def _choose(path: Path, sections: Sections, class_name: str | None) -> str:
     """Return the section of a class."""
     named = [
         name
         for name, lines in sections.items()
-        if any(line.key.casefold() == "addparts" for line in lines)
+        if "addparts" in (key.casefold() for _, key, _ in lines)
     ]
     if class_name is not None:
-        found = [name for name in sections if name.casefold() == class_name.casefold()]
-        if found:
-            return found[0]
-        text = f"{path}:1: class {expected_one_of(class_name, named)}"
-        raise ForeignFileError(text)
+        for name in sections:
+            if name.casefold() == class_name.casefold():
+                return name
+        raise wrong(path, 1, f"class {expected_one_of(class_name, named)}")
     if len(named) != 1:
         kinds = ", ".join(named)[:200] or "no class"
         text = f"{kinds} with AddParts, expected --robot with one of several"
-        raise ForeignFileError(f"{path}:1: {text}")
+        raise wrong(path, 1, text)
     return named[0]
 
 
-def _read_sections(path: Path) -> dict[str, list[_Line]]:
+def _read_sections(path: Path) -> Sections:
     """Return the keys of all sections, by the names of classes."""
-    sections: dict[str, list[_Line]] = {}
-    lines: list[_Line] | None = None
+    sections: Sections = {}
+    lines = None
     for number, line in enumerate(read_text(path).split("\n"), 1):
         # A semicolon in quotes begins no comment.
         text = _UNCOMMENTED.match(line)[0].strip()  # type: ignore[index]
@@ -155,7 +144,7 @@ def _read_sections(path: Path) -> dict[str, list[_Line]]:
         elif key := _KEY.fullmatch(text):
             if lines is None:
                 raise wrong(path, number, "a key before the first [section]")
-            lines.append(_Line(number, key[1], key[2].strip()))
+            lines.append((number, key[1], key[2].strip()))
         else:
             expected = "expected '[section]' or 'Key=Value'"
             raise wrong(path, number, f"{short_repr(text)}, {expected}")

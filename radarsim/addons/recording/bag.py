@@ -8,17 +8,18 @@ one. A file that ends in the middle of a record is read up to there.
 Source: the MCAP specification and its profile ``ros2``; metadata of rosbag2, version 9.
 """
 
-import io
 import struct
 import zlib
+from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Any, Final, NamedTuple, cast
+from typing import IO, Any, Final, NamedTuple
 
 import yaml
 from mcap.exceptions import McapError
-from mcap.records import Channel, Footer, McapRecord, Message, Metadata, Schema
+from mcap.reader import NonSeekingReader, SeekingReader
+from mcap.records import Metadata
 from mcap.stream_reader import CRCValidationError, StreamReader
 from mcap.writer import CompressionType, Writer
 from zstandard import ZstdError
@@ -32,9 +33,9 @@ from radarsim.addons.recording.bag_folder import (
 )
 from radarsim.addons.recording.call_converter import TO_CLIENT, TO_SERVER
 from radarsim.addons.recording.cdr import (
-    EncodedMessage,
     UInt8MultiArray,
     decode,
+    definition_of,
     typestore,
 )
 from radarsim.addons.recording.host_recorder import EventType, RunEvent
@@ -46,6 +47,7 @@ FLUSH_INTERVAL: Final = 1_000_000_000  # ns of recorded time
 METADATA_VERSION: Final = 9
 METADATA_FILE: Final = "metadata.yaml"
 INFORMATION: Final = "radarsim"  # name of the record that tells the conditions
+LATCHED: Final = "transient_local"  # durability of topics
 DISTRIBUTION: Final = "jazzy"  # of ROS, whose definitions of types are written
 # In C where there is such: metadata of hundreds of topics would take seconds.
 _DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
@@ -75,7 +77,7 @@ def _quality_of_service(*, latched: bool) -> list[dict[str, object]]:
             "history": "keep_last",
             "depth": 1 if latched else 10,
             "reliability": "reliable",
-            "durability": "transient_local" if latched else "volatile",
+            "durability": LATCHED if latched else "volatile",
             "deadline": dict(_UNLIMITED),
             "lifespan": dict(_UNLIMITED),
             "liveliness": "automatic",
@@ -90,13 +92,22 @@ def _to_yaml(content: object) -> str:
     return text
 
 
-@dataclass(slots=True)
-class _Topic:
-    channel: int
+class BagMessage(NamedTuple):
+    """A message of a bag.
+
+    Attributes:
+        topic: Name of its topic.
+        type: Name of its type, such as ``sensor_msgs/msg/LaserScan``.
+        data: The message in CDR.
+        time: When it was recorded, ns.
+        latched: Whether who subscribes later gets the last one of the topic.
+    """
+
+    topic: str
     type: str
-    digest: str
-    latched: bool
-    messages: int = 0
+    data: bytes
+    time: int
+    latched: bool = False
 
 
 class BagWriter:
@@ -118,49 +129,38 @@ class BagWriter:
         """
         self._folder = folder
         self._path = path or folder / file_name(folder)
-        self._topics: dict[str, _Topic] = {}
-        self._schemas: dict[str, tuple[int, str]] = {}  # numbers and hashes of types
-        self._first: int | None = None
-        self._last = 0
+        self._channels: dict[str, int] = {}  # by topic
+        self._schemas: dict[str, int] = {}  # by type
+        self._counts: Counter[str] = Counter()
         self._flushed = 0
-        # Unbuffered: what is written is in the file, also if the process is killed.
-        self._file = _UnbufferedFile(self._path)
+        self._file = self._path.open("wb")
+        lock(self._file)
         self._writer: Any = Writer(  # some of its methods have no types
-            cast(IO[bytes], self._file),
-            chunk_size=CHUNK_BYTES,
-            compression=CompressionType.ZSTD,
+            self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD
         )
         self._writer.start(profile="ros2", library="radarsim")
         self._writer.add_metadata(INFORMATION, dict(information))
+        self._file.flush()
 
-    def write(
-        self, topic: str, message: EncodedMessage, time: int, *, latched: bool = False
-    ) -> None:
-        """Write one message.
-
-        Args:
-            topic: Name of the topic.
-            message: The message; all of a topic have the same type.
-            time: When it was recorded, ns.
-            latched: Whether who subscribes later gets the last message of the topic.
+    def write(self, message: BagMessage) -> None:
+        """Write one message; all of a topic have the same type.
 
         Raises:
             OSError: If the file cannot be written.
         """
-        entry = self._topics.get(topic)
-        if entry is None:
-            entry = self._add_topic(topic, message.type, latched=latched)
+        topic, type_, data, time, latched = message
+        if topic not in self._channels:
+            self._add_topic(topic, type_, latched=latched)
+        channel, number = self._channels[topic], self._counts[topic]
         # Log time and publish time are both simulated: the same run gives the same bag.
-        self._writer.add_message(
-            entry.channel, time, message.data, time, sequence=entry.messages
-        )
-        entry.messages += 1
+        self._writer.add_message(channel, time, data, time, sequence=number)
+        self._counts[topic] += 1
         # By recorded time, not by that of the wall: a run gives the same bytes again.
         if time - self._flushed >= FLUSH_INTERVAL:
             self._writer.flush()
             self._flushed = time
-        self._first = time if self._first is None else min(self._first, time)
-        self._last = max(self._last, time)
+        # What the writer has handed on is in the file, also if the process is killed.
+        self._file.flush()
 
     def close(self) -> None:
         """Write the index and the metadata.
@@ -173,108 +173,69 @@ class BagWriter:
         finally:
             self._file.close()
         # Does nothing unless a repair writes beside the old file.
-        self._path.replace(self._folder / file_name(self._folder))
+        path = self._path.replace(self._folder / file_name(self._folder))
         # Players read the metadata, not the file, to know what is in it.
-        first = self._first or 0
-        length = max(0, self._last - first)
-        count = sum(topic.messages for topic in self._topics.values())
-        information = {
-            "version": METADATA_VERSION,
-            "storage_identifier": "mcap",
-            "duration": {"nanoseconds": length},
-            "starting_time": {"nanoseconds_since_epoch": first},
-            "message_count": count,
-            "topics_with_message_count": [
-                {
-                    "topic_metadata": {
-                        "name": name,
-                        "type": topic.type,
-                        "serialization_format": "cdr",
-                        "offered_qos_profiles": _quality_of_service(
-                            latched=topic.latched
-                        ),
-                        "type_description_hash": topic.digest,
-                    },
-                    "message_count": topic.messages,
-                }
-                for name, topic in self._topics.items()
-            ],
-            "compression_format": "",
-            "compression_mode": "",
-            "relative_file_paths": [file_name(self._folder)],
-            "files": [
-                {
-                    "path": file_name(self._folder),
-                    "starting_time": {"nanoseconds_since_epoch": first},
-                    "duration": {"nanoseconds": length},
-                    "message_count": count,
-                }
-            ],
-            "custom_data": None,
-            "ros_distro": DISTRIBUTION,
-        }
-        text = _to_yaml({"rosbag2_bagfile_information": information})
+        text = _to_yaml({"rosbag2_bagfile_information": _metadata_of(path)})
         write_atomically({self._folder / METADATA_FILE: text.encode()})
 
-    def _add_topic(self, name: str, type_: str, *, latched: bool) -> _Topic:
+    def _add_topic(self, topic: str, type_: str, *, latched: bool) -> None:
         if type_ not in self._schemas:
-            definition, _ = typestore().generate_msgdef(type_, ros_version=2)
-            schema = self._writer.register_schema(type_, "ros2msg", definition.encode())
-            self._schemas[type_] = schema, typestore().hash_rihs01(type_)
-        schema, digest = self._schemas[type_]
+            definition = definition_of(type_).encode()
+            schema = self._writer.register_schema(type_, "ros2msg", definition)
+            self._schemas[type_] = schema
         offered = _to_yaml(_quality_of_service(latched=latched))
-        channel = self._writer.register_channel(
-            name,
-            "cdr",
-            schema,
-            {"offered_qos_profiles": offered, "topic_type_hash": digest},
+        hash_ = typestore().hash_rihs01(type_)
+        quality = {"offered_qos_profiles": offered, "topic_type_hash": hash_}
+        schema = self._schemas[type_]
+        self._channels[topic] = self._writer.register_channel(
+            topic, "cdr", schema, quality
         )
-        topic = self._topics[name] = _Topic(channel, type_, digest, latched)
-        return topic
 
 
-class _UnbufferedFile:
-    """What a writer needs of a file; each write goes to the system at once."""
-
-    # No subclass of io.FileIO: the writer of mcap would put a buffer in front of it.
-
-    def __init__(self, path: Path) -> None:
-        self._file = io.FileIO(path, "w")
-        lock(self._file)
-
-    def write(self, data: bytes) -> int:
-        """Write bytes, in as many steps as the system takes."""
-        rest = memoryview(data)
-        while rest:
-            rest = rest[self._file.write(rest) :]
-        return len(data)
-
-    def tell(self) -> int:
-        """Return how many bytes are written."""
-        return self._file.tell()
-
-    def flush(self) -> None:
-        """Do nothing: nothing is buffered."""
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
-
-
-class BagMessage(NamedTuple):
-    """A message of a bag.
-
-    Attributes:
-        topic: Name of its topic.
-        message: The message.
-        time: When it was recorded, ns.
-        latched: Whether who subscribes later gets the last one of the topic.
-    """
-
-    topic: str
-    message: EncodedMessage
-    time: int
-    latched: bool
+def _metadata_of(path: Path) -> dict[str, object]:
+    """Return what rosbag2 has to know of a file that is complete."""
+    with path.open("rb") as file:
+        summary = SeekingReader(file).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    counts = summary.statistics
+    start = {"nanoseconds_since_epoch": counts.message_start_time}
+    length = max(0, counts.message_end_time - counts.message_start_time)
+    return {
+        "version": METADATA_VERSION,
+        "storage_identifier": "mcap",
+        "duration": {"nanoseconds": length},
+        "starting_time": start,
+        "message_count": counts.message_count,
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": each.topic,
+                    "type": summary.schemas[each.schema_id].name,
+                    "serialization_format": "cdr",
+                    "offered_qos_profiles": _quality_of_service(
+                        latched=LATCHED in each.metadata["offered_qos_profiles"]
+                    ),
+                    "type_description_hash": each.metadata["topic_type_hash"],
+                },
+                "message_count": counts.channel_message_counts[each.id],
+            }
+            for each in summary.channels.values()
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [path.name],
+        "files": [
+            {
+                "path": path.name,
+                "starting_time": dict(start),
+                "duration": {"nanoseconds": length},
+                "message_count": counts.message_count,
+            }
+        ],
+        "custom_data": None,
+        "ros_distro": DISTRIBUTION,
+    }
 
 
 class BagReader:
@@ -282,6 +243,7 @@ class BagReader:
 
     Attributes:
         folder: Folder of the bag.
+        path: Its file.
         info: The conditions of the recorded run.
         is_complete: Whether the file has its end; known once all messages are read.
     """
@@ -297,26 +259,20 @@ class BagReader:
         """
         self.folder = folder
         self.is_complete = False
-        self._path = find_file(folder)
-        for record in self._records():
+        self.path = find_file(folder)
+        with self._open() as file, suppress(*BROKEN):
+            # The first record after the header.
+            records = StreamReader(file, record_size_limit=LARGEST_RECORD).records
+            _, record = next(records), next(records)
             if isinstance(record, Metadata) and record.name == INFORMATION:
                 self.info = RecordingInfo.from_text(record.metadata)
                 return
-            # The conditions are the first record after the header; a bag of another
-            # program has none.
-            if isinstance(record, Message):
-                break
-        raise RecordingError(f"{self._path}: expected a recording of radarsim")
-
-    @property
-    def path(self) -> Path:
-        """The file."""
-        return self._path
+        raise RecordingError(f"{self.path}: expected a recording of radarsim")
 
     @property
     def is_being_written(self) -> bool:
         """Whether a process still records to the file."""
-        return is_being_written(self._path)
+        return is_being_written(self.path)
 
     def messages(self) -> Iterator[BagMessage]:
         """Yield all messages, as far as the file can be read.
@@ -324,28 +280,22 @@ class BagReader:
         Raises:
             RecordingError: If the file cannot be read at all.
         """
-        channels: dict[int, tuple[str, str, bool]] = {}
-        schemas: dict[int, str] = {}
-        for record in self._records():
-            match record:
-                case Schema(id=number, name=name):
-                    # Channels follow the schemas that they refer to, as the
-                    # specification asks.
-                    schemas[number] = name
-                case Channel(
-                    id=number, topic=topic, schema_id=schema, metadata=quality
-                ):
-                    latched = "transient_local" in quality.get(
-                        "offered_qos_profiles", ""
-                    )
-                    channels[number] = topic, schemas[schema], latched
-                case Message(channel_id=number, log_time=time, data=data):
-                    topic, type_, latched = channels[number]
-                    yield BagMessage(topic, EncodedMessage(type_, data), time, latched)
-                case Footer():
-                    self.is_complete = True
-                case _:
-                    pass
+        with self._open() as file, suppress(*BROKEN):
+            # What comes before an error is whole: each chunk has its own checksum.
+            reader = NonSeekingReader(
+                file, validate_crcs=True, record_size_limit=LARGEST_RECORD
+            )
+            # In the order of the file: to sort messages, all are kept in memory.
+            for schema, channel, message in reader.iter_messages(log_time_order=False):
+                quality = channel.metadata.get("offered_qos_profiles", "")
+                yield BagMessage(
+                    channel.topic,
+                    schema.name if schema else "",
+                    message.data,
+                    message.log_time,
+                    LATCHED in quality,
+                )
+            self.is_complete = True
 
     def calls(self) -> Iterator[RunEvent]:
         """Yield the calls of the host, in order.
@@ -353,34 +303,27 @@ class BagReader:
         Raises:
             RecordingError: If the file cannot be read, or what it says of a call.
         """
-        for topic, message, _, _ in self.messages():
-            if topic in (TO_CLIENT, TO_SERVER):
-                yield decode_call(message)
+        for message in self.messages():
+            if message.topic in (TO_CLIENT, TO_SERVER):
+                yield decode_call(message.type, message.data)
 
-    def _records(self) -> Iterator[McapRecord]:
-        """Yield the records of the file up to the first that is not whole."""
+    @contextmanager
+    def _open(self) -> Iterator[IO[bytes]]:
         try:
-            with self._path.open("rb") as file:
-                reader = StreamReader(
-                    file, validate_crcs=True, record_size_limit=LARGEST_RECORD
-                )
-                try:
-                    yield from reader.records
-                # What comes before is whole: each chunk has a checksum of its own.
-                except BROKEN:
-                    return
+            with self.path.open("rb") as file:
+                yield file
         except OSError as error:
-            raise RecordingError(f"{self._path}: {describe_os_error(error)}") from error
+            raise RecordingError(f"{self.path}: {describe_os_error(error)}") from error
 
 
-def decode_call(message: EncodedMessage) -> RunEvent:
+def decode_call(type_: str, message: bytes) -> RunEvent:
     """Decode a message of one of the topics of the wire.
 
     Raises:
         RecordingError: If it is no call of a host.
     """
     try:
-        octets = decode(message, UInt8MultiArray)
+        octets = decode(type_, message, UInt8MultiArray)
         name, client, tick = octets.layout.dim[0].label.split()
         data = octets.data.tobytes()
         return RunEvent(EventType[name.upper()], int(tick), int(client), data)
@@ -412,8 +355,8 @@ def repair(folder: Path) -> int:
     count = 0
     try:
         writer = BagWriter(folder.resolve(), reader.info.to_text(), path=part.resolve())
-        for topic, message, time, latched in reader.messages():
-            writer.write(topic, message, time, latched=latched)
+        for message in reader.messages():
+            writer.write(message)
             count += 1
         writer.close()
     finally:

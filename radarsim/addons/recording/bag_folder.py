@@ -4,12 +4,11 @@ A ``RecordingInfo`` has everything that a run depends on besides the calls of it
 """
 
 import hashlib
-import io
 import json
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, Self
+from typing import IO, TYPE_CHECKING, Any, Final, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -27,8 +26,10 @@ from radarsim.presets.robots import RobotModel
 from radarsim.protocol.dialect import DriveUnit
 
 if TYPE_CHECKING:
+    from radarsim.addons.recording.bag import BagReader
     from radarsim.scene.scene import Scene
     from radarsim.server.host import Host
+    from radarsim.simulation.config import SimulationConfig
 
 
 class RecordingInfo(BaseModel):
@@ -76,10 +77,7 @@ class RecordingInfo(BaseModel):
         map_: str | None,
         host: "Host",
         seed: int,
-        *,
-        own_localization: bool = False,
-        no_namespace: str = "",
-        robots_map: bool = False,
+        **others: object,
     ) -> Self:
         """Return the conditions of a run.
 
@@ -88,9 +86,7 @@ class RecordingInfo(BaseModel):
                 scene that is of no file.
             host: The host.
             seed: Its seed.
-            own_localization: Whether the poses of ``odom`` in ``map`` are left out.
-            no_namespace: Name of the robot whose topics and frames begin with no name.
-            robots_map: Whether ``/map`` is that which a robot makes.
+            others: Other conditions.
         """
         from radarsim.scene.map_file import find_map  # noqa: PLC0415 - imports much
 
@@ -101,24 +97,21 @@ class RecordingInfo(BaseModel):
             if Path(name).exists():  # the run may be repeated from another folder
                 name = str(path.resolve())
             name += "" if variant is None else f"@{variant}"
-        config = host.config
-        return cls.model_validate(
-            {
-                "version": __version__,
-                "level": host.scene.level,
-                "map": name,
-                "map_digest": digest,
-                "seed": seed,
-                "radar_model": RADAR_MODEL,
-                "dialect": config.dialect.name,
-                "drive_unit": config.drive_unit or config.dialect.drive_unit,
-                "settings": {i: dict(keys) for i, keys in config.item_settings.items()},
-                "robots": config.robots,
-                "own_localization": own_localization,
-                "no_namespace": no_namespace,
-                "robots_map": robots_map,
-            }
-        )
+        model = {"seed": seed, "radar_model": RADAR_MODEL}
+        named = {"level": host.scene.level, "map": name, "map_digest": digest}
+        return cls.of_config(host.config, **named, **model, **others)
+
+    @classmethod
+    def of_config(cls, config: "SimulationConfig", **others: object) -> Self:
+        """Return the conditions of a run with a configuration, and with others."""
+        known = {
+            "version": __version__,
+            "dialect": config.dialect.name,
+            "drive_unit": config.drive_unit or config.dialect.drive_unit,
+            "settings": {i: dict(keys) for i, keys in config.item_settings.items()},
+            "robots": config.robots,
+        }
+        return cls.model_validate(known | others)
 
     def to_text(self) -> dict[str, str]:
         """Return the conditions as a record of metadata."""
@@ -183,6 +176,18 @@ def check_installed() -> None:
         raise RecordingError(f"{text}, expected: {install_command('record')}")
 
 
+def open_bag(folder: Path) -> "BagReader":
+    """Open a recording.
+
+    Raises:
+        RecordingError: If a package is missing, or it is no recording of radarsim.
+    """
+    check_installed()
+    from radarsim.addons.recording.bag import BagReader  # noqa: PLC0415 - its packages
+
+    return BagReader(folder)
+
+
 def create_folder(folder: Path) -> None:
     """Create the folder of a bag.
 
@@ -240,7 +245,7 @@ def _recordings_in(folder: Path) -> list[str]:
     return []
 
 
-def lock(file: io.FileIO) -> None:
+def lock(file: IO[bytes]) -> None:
     """Mark a file as being written, until it is closed or its process ends.
 
     Systems that lock no files, as Windows and some network drives, mark nothing.

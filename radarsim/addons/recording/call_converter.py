@@ -5,32 +5,28 @@ wire, so that a run can be repeated. Their times are simulated: that of the tick
 nanosecond more for each call in it, so that no two are equal and their order is kept.
 """
 
+import pickle
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from typing import Final
 
-from radarsim.addons.recording.host_recorder import EventType, RecordedTurn, RunEvent
+from radarsim.addons.recording.bag_folder import RecordingInfo
+from radarsim.addons.recording.host_recorder import EventType, RunEvent
 from radarsim.addons.recording.messages import (
+    Fields,
     TopicMessage,
-    Transform,
     clock,
     octets,
     transforms,
 )
-from radarsim.addons.recording.robot_model import RobotBody
-from radarsim.addons.recording.robot_topics import (
-    Legend,
-    MapSnapshot,
-    RobotTopics,
-    topic_name,
-)
+from radarsim.addons.recording.robot_model import body_of
+from radarsim.addons.recording.robot_topics import Legend, RobotTopics, topic_name
 from radarsim.client.robot_info import RobotInfo, ScannerDescriptions, same_name
 from radarsim.client.session import Session
 from radarsim.errors import ClientError, MalformedMessage
 from radarsim.geometry import Pose3
-from radarsim.presets.robots import RobotModel
 from radarsim.protocol.commands import Drive, parse_command
-from radarsim.protocol.dialect import Dialect, DriveUnit
+from radarsim.protocol.dialect import get_dialect
 from radarsim.protocol.message import LineBuffer
 from radarsim.protocol.reports import Ins, ItemGeo, RobotConf, RobotGeo, decode_report
 
@@ -55,34 +51,14 @@ class _Connection:
 class CallConverter:
     """Converts calls, one after the other."""
 
-    def __init__(
-        self,
-        dialect: Dialect,
-        drive_unit: DriveUnit,
-        *,
-        own_localization: bool = False,
-        no_namespace: str = "",
-        classes: Iterable[RobotModel] = (),
-    ) -> None:
-        """Begin with no clients.
-
-        Args:
-            dialect: Dialect of the server.
-            drive_unit: Unit of the commands to drive.
-            own_localization: Whether the pose of ``odom`` in ``map`` is left out.
-            no_namespace: Name of the robot whose topics and frames begin with no name;
-                empty for none.
-            classes: Robot classes besides those that are shipped.
-        """
-        self._dialect = dialect
-        self._drive_unit = drive_unit
-        self._own_localization = own_localization
-        self._no_namespace = no_namespace
-        self._classes = tuple(classes)
+    def __init__(self, info: RecordingInfo) -> None:
+        """Begin with no clients, under the conditions of a run."""
+        self._info = info
+        self._dialect = get_dialect(info.dialect)
         self._legend = Legend()
         self._connections: dict[int, _Connection] = {}
         self._names: dict[str, str] = {}  # of topics, by names of robots
-        self._mounts: dict[str, Transform] = {}
+        self._mounts: dict[str, Fields] = {}  # by their frames
         self._time = -1
         self._clock = 0  # tick that it shows next
 
@@ -108,7 +84,7 @@ class CallConverter:
     def _messages(self, event: RunEvent) -> Iterator[TopicMessage]:
         type_, tick, client, data = event
         if type_ is EventType.MAP:
-            yield MapSnapshot.from_bytes(data).message()
+            yield pickle.loads(data)
             return
         time = tick * TICK / 1e9
         connection = self._connections.setdefault(client, _Connection())
@@ -117,7 +93,7 @@ class CallConverter:
                 yield from self._describe(connection, data.decode(), time)
             case EventType.TURN:
                 assert connection.topics is not None  # it is described before
-                yield from connection.topics.of_turn(RecordedTurn.from_bytes(data))
+                yield from connection.topics.of_turn(*pickle.loads(data))
             case EventType.PICTURE:
                 yield from self._picture(connection, data, time)
             case EventType.DISCONNECT:
@@ -146,7 +122,7 @@ class CallConverter:
             connection.topics = RobotTopics(
                 self._topic_name(name),
                 self._legend,
-                own_localization=self._own_localization,
+                own_localization=self._info.own_localization,
             )
             connection.robot = name
         described, geo, conf = ScannerDescriptions(), None, None
@@ -167,17 +143,18 @@ class CallConverter:
         robot = None
         if geo and conf:
             # Without what a robot needs to drive, all but its commands is converted.
+            unit = self._info.drive_unit
             with suppress(ClientError):
-                robot = RobotInfo.from_reports(geo, conf, scanners, self._drive_unit)
+                robot = RobotInfo.from_reports(geo, conf, scanners, unit)
         mounts = connection.topics.describe(robot, scanners, ins_mounts, time)
         yield self._mounted(mounts)
         if robot and geo:
-            body = RobotBody.of(robot, geo, self._classes)
+            body = body_of(robot, geo, self._info.robots)
             yield from connection.topics.description(name, body)
 
-    def _mounted(self, mounts: Iterable[Transform]) -> TopicMessage:
+    def _mounted(self, mounts: Iterable[Fields]) -> TopicMessage:
         """Return where all items are, of which some are new."""
-        self._mounts.update({each.child: each for each in mounts})
+        self._mounts.update({each.child_frame_id: each for each in mounts})
         # All of them: who subscribes later gets only the last message.
         message = transforms(list(self._mounts.values()))
         return TopicMessage("/tf_static", message, latched=True)
@@ -188,14 +165,14 @@ class CallConverter:
         """Yield a picture of a robot's camera, after where the camera is."""
         if connection.topics is not None:
             mount, *messages = connection.topics.of_picture(time, jpeg)
-            if mount.child not in self._mounts:
+            if mount.child_frame_id not in self._mounts:
                 yield self._mounted([mount])
             yield from messages
 
     def _topic_name(self, robot: str) -> str:
         """Return the name of a robot in topics, which no other robot has."""
         if robot not in self._names:
-            has_none = same_name(robot, self._no_namespace)
+            has_none = same_name(robot, self._info.no_namespace)
             wanted = name = "" if has_none else topic_name(robot)
             count = 1
             while name in self._names.values():

@@ -2,8 +2,9 @@
 
 import struct
 from functools import cache
-from typing import ClassVar, NamedTuple, Protocol, TypeVar, cast
+from typing import Any, ClassVar, Protocol, TypeVar, cast
 
+from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
@@ -25,18 +26,6 @@ String = ros2_jazzy.std_msgs__msg__String
 UInt8MultiArray = ros2_jazzy.std_msgs__msg__UInt8MultiArray
 
 
-class EncodedMessage(NamedTuple):
-    """An encoded message.
-
-    Attributes:
-        type: Name of the type, such as ``sensor_msgs/msg/LaserScan``.
-        data: The message in CDR.
-    """
-
-    type: str
-    data: bytes
-
-
 class RosType(Protocol):
     """A class of messages of rosbags."""
 
@@ -52,24 +41,68 @@ def typestore() -> Typestore:
     return get_typestore(Stores.ROS2_JAZZY)
 
 
-def encode(message: RosMessage) -> EncodedMessage:
+def encode(message: RosMessage) -> bytes:
     """Encode a message, little-endian."""
-    data = typestore().serialize_cdr(message.fields, message.type, little_endian=True)
-    return EncodedMessage(message.type, bytes(data))
+    store = typestore()
+    return bytes(store.serialize_cdr(message.fields, message.type, little_endian=True))
 
 
-def decode(message: EncodedMessage, expected: type[_Message]) -> _Message:
+def decode(type_: str, data: bytes, expected: type[_Message]) -> _Message:
     """Decode a message.
 
     Raises:
         ValueError: If it is of another type, or is not whole.
     """
-    if message.type != expected.__msgtype__:
-        raise ValueError(
-            f"message of {message.type!r}, {expected.__msgtype__} expected"
-        )
+    if type_ != expected.__msgtype__:
+        raise ValueError(f"message of {type_!r}, {expected.__msgtype__} expected")
     try:
-        decoded = typestore().deserialize_cdr(message.data, message.type)
+        return cast(_Message, typestore().deserialize_cdr(data, type_))
     except (SerdeError, ValueError, struct.error) as error:
-        raise ValueError(f"{message.type} {error}, expected a whole message") from error
-    return cast(_Message, decoded)
+        raise ValueError(f"{type_} {error}, expected a whole message") from error
+
+
+def definition_of(type_: str) -> str:
+    """Return the definition of a type and those within it, as ROS 2 has it."""
+    return typestore().generate_msgdef(type_, ros_version=2)[0]
+
+
+def type_definitions(name: str) -> list[dict[str, Any]]:
+    """Return a type and those within it, each once, as ``rosapi/TypeDef``.
+
+    Args:
+        name: Full name of the type; there is nothing of one that is not known.
+    """
+    known = typestore().fielddefs
+    names = [name] if name in known else []
+    found = []
+    for each in names:
+        fields = [(field, *_type_of(desc)) for field, desc in known[each][1]]
+        fieldnames, types, lengths = map(list, zip(*fields, strict=True))
+        names += [type_ for type_ in types if "/" in type_ and type_ not in names]
+        found.append(
+            {
+                "type": each,
+                "fieldnames": fieldnames,
+                "fieldtypes": types,
+                "fieldarraylen": lengths,
+                "examples": ["" if length < 0 else "[]" for length in lengths],
+                "constnames": [],
+                "constvalues": [],
+            }
+        )
+    return found
+
+
+def _type_of(description: Any) -> tuple[str, int]:
+    """Return the type of a field, and the length of an array: 0 if it may change.
+
+    Args:
+        description: The field as rosbags describes it; -1 is the length of no array.
+    """
+    kind, inner = description
+    if kind == Nodetype.NAME:
+        return inner, -1
+    if kind == Nodetype.BASE:
+        return inner[0], -1
+    element, length = inner
+    return _type_of(element)[0], length if kind == Nodetype.ARRAY else 0

@@ -8,19 +8,18 @@ of robots is for those who read the recording; no repetition needs it.
 
 from __future__ import annotations
 
-import json
+import pickle
 from collections.abc import Callable
 from enum import IntEnum
-from typing import TYPE_CHECKING, Final, NamedTuple, Self
+from functools import partial
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.addons.fmcw.image_files import encoder_counts, put_metadata
 from radarsim.addons.fmcw.rotation_schedule import antennas_of
-from radarsim.geometry import Pose3
 from radarsim.protocol.reports import to_bytes
-from radarsim.raycast.robot_boxes import Boxes
 from radarsim.server.host import HostObserver
 from radarsim.server.host.replies import configuration, geometry
 from radarsim.server.views import View
@@ -36,7 +35,11 @@ DESCRIBED: Final = ("Robot", "RangeScanner", "INS")
 
 
 class EventType(IntEnum):
-    """What is recorded: calls of a host, and what else is told of a run."""
+    """What is recorded: calls of a host, and what else is told of a run.
+
+    The data of a turn, a map and a view are pickled, as they only pass from this
+    process to the one that writes.
+    """
 
     CONNECT = 1
     DISCONNECT = 2
@@ -47,9 +50,9 @@ class EventType(IntEnum):
     BEGIN = 7  # simulated time begins
     END = 8  # the recording ends
     ROBOT = 100  # a robot is new, or has changed: its name, and answers about it
-    TURN = 101  # a turn of a radar on the robot of a client: a ``RecordedTurn``
-    MAP = 102  # a map that is made in the run: a ``MapSnapshot``
-    VIEW = 103  # what the camera on the robot of a client looks at; see ``view_bytes``
+    TURN = 101  # a turn of a radar on the robot of a client; see ``TurnCollector``
+    MAP = 102  # the message of a map that is made in the run
+    VIEW = 103  # what the camera on the robot of a client looks at
     PICTURE = 104  # a picture of that camera, as JPEG
 
 
@@ -74,47 +77,18 @@ class RunEvent(NamedTuple):
         return self.type <= EventType.END
 
 
-class RecordedTurn(NamedTuple):
-    """A turn of a radar.
-
-    Attributes:
-        scanner: Name of the scanner item.
-        time: When it began, s.
-        bin_size: Distance between range bins, m.
-        rows: (A, 11 + B) uint8, a row for each direction as images of Oxford's data set
-            have them: 11 bytes of time, encoder and validity, and the counts.
-    """
-
-    scanner: str
-    time: float
-    bin_size: float
-    rows: NDArray[np.uint8]
-
-    def to_bytes(self) -> bytes:
-        """Return the turn as the data of an event."""
-        head = (self.scanner, self.time, self.bin_size, self.rows.shape)
-        return json.dumps(head).encode() + b"\n" + self.rows.tobytes()
-
-    @classmethod
-    def from_bytes(cls, data: bytes) -> Self:
-        """Read what ``to_bytes`` has returned."""
-        head, _, rows = data.partition(b"\n")
-        scanner, time, bin_size, shape = json.loads(head)
-        array = np.frombuffer(rows, np.uint8).reshape(shape)
-        return cls(scanner, time, bin_size, array)
-
-
 class TurnCollector:
     """Collects what an antenna receives until a turn is complete."""
 
-    def __init__(self, scanner: str, tell: Callable[[RecordedTurn], None]) -> None:
+    def __init__(self, scanner: str, report: Callable[[bytes], None]) -> None:
         """Wait for the beginning of a turn.
 
         Args:
             scanner: Name of the scanner item.
-            tell: Called with each turn, once it is complete.
+            report: Called with each turn, once it is complete: the pickled arguments of
+                ``RobotTopics.of_turn``.
         """
-        self._scanner, self._tell = scanner, tell
+        self._scanner, self._report = scanner, report
         self._began = 0.0  # s
         self._rows: list[NDArray[np.uint8]] = []
 
@@ -134,22 +108,8 @@ class TurnCollector:
         if sector.ends_turn:
             turn = np.concatenate(self._rows)
             self._rows.clear()
-            size = settings.bin_size
-            self._tell(RecordedTurn(self._scanner, self._began, size, turn))
-
-
-def view_bytes(view: View) -> bytes:
-    """Return a view as the data of an event."""
-    head = (view.camera.numbers(), view.carrier_id)
-    return json.dumps(head).encode() + b"\n" + view.boxes.rows.tobytes()
-
-
-def view_from_bytes(data: bytes) -> View:
-    """Read what ``view_bytes`` has returned."""
-    head, _, rows = data.partition(b"\n")
-    camera, carrier = json.loads(head)
-    boxes = Boxes(np.frombuffer(rows).reshape(-1, 8))
-    return View(Pose3(*camera), boxes, carrier)
+            arguments = self._scanner, self._began, settings.bin_size, turn
+            self._report(pickle.dumps(arguments))
 
 
 class HostRecorder(HostObserver):
@@ -257,15 +217,13 @@ class HostRecorder(HostObserver):
         first = simulation.vehicles[0] if simulation.vehicles else None
         for client, (vehicle, _) in self._described.items():
             if vehicle is first:
-                data = view_bytes(View.of(simulation))
-                self._report(EventType.VIEW, client, data)
+                view = View.of(simulation)
+                data = view.camera, view.boxes.rows, view.carrier_id
+                self._report(EventType.VIEW, client, pickle.dumps(data))
 
     def _observe_antennas(self, client: int, vehicle: Vehicle) -> None:
         """Report the turns of the radars on a robot."""
-
-        def report(turn: RecordedTurn) -> None:
-            self._report(EventType.TURN, client, turn.to_bytes())
-
+        report = partial(self._report, EventType.TURN, client)
         assert self._simulation is not None  # there is a robot
         for antenna in antennas_of(self._simulation).of(vehicle):
             collector = TurnCollector(antenna.mounted.item.name, report)

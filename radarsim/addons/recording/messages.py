@@ -70,22 +70,6 @@ class TopicMessage(NamedTuple):
     latched: bool = False
 
 
-class Transform(NamedTuple):
-    """Where a frame is in another one.
-
-    Attributes:
-        time: Simulated time, s.
-        parent: Name of the outer frame.
-        child: Name of the inner frame.
-        pose: Pose of the inner frame in the outer one.
-    """
-
-    time: float
-    parent: str
-    child: str
-    pose: Pose3
-
-
 def laser_scan(
     time: float,
     frame: str,
@@ -139,13 +123,8 @@ def point_cloud(time: float, frame: str, points: Points) -> RosMessage:
             height=1,
             width=len(points),
             fields=[
-                Fields(
-                    name=name,
-                    offset=offset,
-                    datatype=_POINT_TYPES[dtype.str],
-                    count=1,
-                )
-                for name, (dtype, offset, *_) in fields.items()
+                Fields(name=name, offset=at, datatype=_POINT_TYPES[kind.str], count=1)
+                for name, (kind, at, *_) in fields.items()
             ],
             is_bigendian=False,
             point_step=points.itemsize,
@@ -171,6 +150,37 @@ def grey_image(time: float, frame: str, pixels: NDArray[np.uint8]) -> RosMessage
             data=pixels.ravel(),
         ),
     )
+
+
+def compressed_image(time: float, frame: str, jpeg: bytes) -> RosMessage:
+    """Return a picture that is a file of JPEG."""
+    data = np.frombuffer(jpeg, np.uint8)
+    fields = Fields(header=header_of(time, frame), format="jpeg", data=data)
+    return RosMessage("sensor_msgs/msg/CompressedImage", fields)
+
+
+def camera_info(time: float, frame: str, width: int, height: int) -> RosMessage:
+    """Return the intrinsics of the camera: a pinhole without distortion."""
+    from radarsim.server.camera import FIELD_OF_VIEW  # noqa: PLC0415 - imports much
+
+    focal = width / 2 / math.tan(FIELD_OF_VIEW / 2)
+    x, y = width / 2 - 0.5, height / 2 - 0.5  # pixels have their middles at integers
+    k = np.array([[focal, 0, x], [0, focal, y], [0, 0, 1]])
+    region = Fields(x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
+    fields = Fields(
+        header=header_of(time, frame),
+        height=height,
+        width=width,
+        distortion_model="plumb_bob",
+        d=np.zeros(5),
+        k=k.ravel(),
+        r=np.eye(3).ravel(),
+        p=np.column_stack([k, np.zeros(3)]).ravel(),
+        binning_x=0,
+        binning_y=0,
+        roi=region,
+    )
+    return RosMessage("sensor_msgs/msg/CameraInfo", fields)
 
 
 def odometry(
@@ -209,24 +219,18 @@ def twist_stamped(time: float, frame: str, speed: float, turn: float) -> RosMess
     return RosMessage("geometry_msgs/msg/TwistStamped", fields)
 
 
-def transforms(each: Sequence[Transform]) -> RosMessage:
-    """Return where frames are."""
-    return RosMessage(
-        "tf2_msgs/msg/TFMessage",
-        Fields(
-            transforms=[
-                Fields(
-                    header=header_of(time, parent),
-                    child_frame_id=child,
-                    transform=Fields(
-                        translation=vector(pose.x, pose.y, pose.z),
-                        rotation=quaternion(pose),
-                    ),
-                )
-                for time, parent, child, pose in each
-            ]
-        ),
+def transform(time: float, parent: str, child: str, pose: Pose3) -> Fields:
+    """Return the pose of a frame in its parent, for ``transforms``."""
+    place = Fields(
+        translation=vector(pose.x, pose.y, pose.z), rotation=quaternion(pose)
     )
+    header = header_of(time, parent)
+    return Fields(header=header, child_frame_id=child, transform=place)
+
+
+def transforms(each: Sequence[Fields]) -> RosMessage:
+    """Return where frames are."""
+    return RosMessage("tf2_msgs/msg/TFMessage", Fields(transforms=each))
 
 
 def occupancy_grid(
@@ -316,10 +320,7 @@ def _stamp(time: float) -> Fields:
 
 def pose_fields(pose: Pose3) -> Fields:
     """Return a pose."""
-    return Fields(
-        position=vector(pose.x, pose.y, pose.z),
-        orientation=quaternion(pose),
-    )
+    return Fields(position=vector(pose.x, pose.y, pose.z), orientation=quaternion(pose))
 
 
 def _twist(speed: float, turn: float) -> Fields:

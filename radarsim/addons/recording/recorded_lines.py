@@ -3,7 +3,6 @@
 A bag has an index of its chunks, so that any second of it is read without the others.
 """
 
-import re
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -19,17 +18,14 @@ from radarsim.addons.recording.bag import (
 )
 from radarsim.addons.recording.bag_folder import RecordingInfo
 from radarsim.addons.recording.call_converter import TICK, TO_CLIENT, TO_SERVER
-from radarsim.addons.recording.cdr import EncodedMessage
 from radarsim.addons.recording.host_recorder import EventType, RunEvent
+from radarsim.addons.recording.wire_recorder import UNNAMED, spawned_robot
 from radarsim.errors import MalformedMessage, RecordingError, describe_os_error
 from radarsim.protocol.message import LineBuffer
 from radarsim.protocol.reports import WatchedLine, decode_report
 from radarsim.simulation.clock import seconds
 
 SECOND: Final = 1_000_000_000  # ns
-_INIT: Final = re.compile(rb"^\s*INIT\b.*$", re.IGNORECASE | re.MULTILINE)
-_NAME: Final = re.compile(rb"\{\s*Name\s+([^{}]*?)\s*\}", re.IGNORECASE)
-_CLASS: Final = re.compile(rb"\{\s*ClassName\s+(?:\w+\.)?(\w+)\s*\}", re.IGNORECASE)
 
 
 class RecordedRobot(NamedTuple):
@@ -161,8 +157,7 @@ class RecordedLines:
         )
         try:
             for schema, _, message in found:
-                kind = "" if schema is None else schema.name
-                yield decode_call(EncodedMessage(kind, message.data))
+                yield decode_call(schema.name if schema else "", message.data)
         except (*BROKEN, OSError) as error:
             raise RecordingError(self._describe(f"is damaged: {error}")) from error
 
@@ -187,18 +182,15 @@ def _find_robots(calls: Iterable[RunEvent], end: float) -> list[RecordedRobot]:
         if call.type is EventType.DISCONNECT:
             leave(call.client, time)
         elif call.type is EventType.RECEIVE:
-            for line in _INIT.findall(call.data):
+            for spawned in map(spawned_robot, call.data.decode("latin-1").splitlines()):
+                if spawned is None:
+                    continue
                 leave(call.client, time)
-                class_name = _text_of(_CLASS, line)
-                name = _unique(_text_of(_NAME, line) or class_name or "robot", taken)
+                wanted, class_name = spawned
+                name = _unique(wanted or class_name or UNNAMED, taken)
                 current[call.client] = len(robots)
                 robots.append(RecordedRobot(call.client, name, class_name, time, end))
     return robots
-
-
-def _text_of(pattern: re.Pattern[bytes], line: bytes) -> str:
-    found = pattern.search(line)
-    return found[1].decode("latin-1") if found else ""
 
 
 def _unique(name: str, taken: set[str]) -> str:

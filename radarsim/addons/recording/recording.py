@@ -7,25 +7,19 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from radarsim.addons.fmcw.image_files import ENCODER_COUNTS
-from radarsim.addons.recording.bag_folder import RecordingInfo, check_installed
-from radarsim.addons.recording.tables import (
-    EchoSeries,
-    PoseSeries,
-    ScanSeries,
-    geometry_of,
-    tree_of,
-    write_parquet,
-)
-from radarsim.errors import RecordingError
+from radarsim.addons.recording.bag_folder import RecordingInfo, open_bag
+from radarsim.addons.recording.messages import ECHO
+from radarsim.errors import RecordingError, import_optional
 from radarsim.geometry import Floats
 
 if TYPE_CHECKING:
@@ -89,7 +83,153 @@ class RadarTurn:
         )
 
 
-LEGEND = "/radarsim/legend"
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class ScanSeries:
+    """The scans of a scanner, all with the same beams.
+
+    Attributes:
+        times: (T,) simulated times, s.
+        ranges: (T, N) float32, m; inf where nothing came back.
+        angles: (N,) directions of the beams from the scanner's forward axis, rad,
+            counter-clockwise.
+        range_min: Minimum range, m, as last told by the server.
+        range_max: Maximum range, m, likewise.
+        frame: Frame of the scanner.
+    """
+
+    times: Floats
+    ranges: NDArray[np.float32]
+    angles: Floats
+    range_min: float
+    range_max: float
+    frame: str
+
+    def __repr__(self) -> str:
+        scans, beams = self.ranges.shape
+        return f"<ScanSeries {self.frame}: {scans} scans of {beams} beams>"
+
+    @classmethod
+    def of(cls, messages: Sequence[LaserScan]) -> Self:
+        """Collect messages with the same beams."""
+        last = messages[-1]
+        ranges = np.array([message.ranges for message in messages])
+        # Clients may ask for the limits only after the first scans.
+        ranges[ranges >= last.range_max] = np.inf
+        return cls(
+            times_of(message.header for message in messages),
+            ranges,
+            last.angle_min + last.angle_increment * np.arange(float(ranges.shape[1])),
+            last.range_min,
+            last.range_max,
+            last.header.frame_id,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class PoseSeries:
+    """The poses of a robot by one of its sensors.
+
+    Attributes:
+        times: (T,) simulated times, s.
+        poses: (T, 6) x, y, z, m, and roll, pitch, yaw, rad.
+        frame: Frame that the poses are in.
+    """
+
+    times: Floats
+    poses: Floats
+    frame: str
+
+    def __repr__(self) -> str:
+        return f"<PoseSeries in {self.frame}: {len(self.times)} poses>"
+
+    @classmethod
+    def of(cls, messages: Sequence[tuple[Header, Pose]]) -> Self:
+        """Collect what messages say."""
+        headers, poses = zip(*messages, strict=True)
+        places = [[getattr(each.position, axis) for axis in "xyz"] for each in poses]
+        turns = [[getattr(each.orientation, axis) for axis in "xyzw"] for each in poses]
+        angles = Rotation.from_quat(turns).as_euler("ZYX")[:, ::-1]
+        rows = np.hstack([places, angles])
+        return cls(times_of(headers), rows, headers[0].frame_id)
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class EchoSeries:
+    """The echoes of a scanner as columns, a row each: scan by scan.
+
+    Attributes:
+        times: (E,) simulated times of the scans, s.
+        beams: (E,) number of the beam, counted from the right.
+        points: (E, 3) float32, x, y, z in the frame of the scanner, m.
+        strengths: (E,) float32, share of what a rough wall sends back, 0 to 1.
+        power: (E,) float32, penetration power that is left.
+        kinds: (E,) str: ``enter``, ``hit`` and so on, as in ``Echoes``.
+        objects: (E,) str, names of the objects.
+        materials: (E,) str, names of their materials.
+        frame: Frame of the scanner.
+    """
+
+    times: Floats
+    beams: NDArray[np.uint16]
+    points: NDArray[np.float32]
+    strengths: NDArray[np.float32]
+    power: NDArray[np.float32]
+    kinds: NDArray[np.str_]
+    objects: NDArray[np.str_]
+    materials: NDArray[np.str_]
+    frame: str
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    def __repr__(self) -> str:
+        return f"<EchoSeries {self.frame}: {len(self)} echoes>"
+
+    @property
+    def ranges(self) -> NDArray[np.float32]:
+        """The distances from the scanner, (E,) float32, m."""
+        lengths: NDArray[np.float32] = np.linalg.norm(self.points, axis=1)
+        return lengths
+
+    @classmethod
+    def of(cls, messages: Sequence[PointCloud2], legend: str) -> Self:
+        """Collect messages of echoes.
+
+        Args:
+            messages: The messages.
+            legend: The last text of the topic ``/radarsim/legend``.
+        """
+        clouds = [np.frombuffer(message.data, ECHO) for message in messages]
+        # The numbers in points are places in the legend, which only grows: the last one
+        # explains all.
+        rows = np.concatenate(clouds)
+        names = json.loads(legend)
+        kinds, objects, materials = (
+            np.array(names[key])[rows[key]] if len(rows) else np.array([], str)
+            for key in ("kind", "object", "material")
+        )
+        times = times_of(message.header for message in messages)
+        return cls(
+            np.repeat(times, [len(cloud) for cloud in clouds]),
+            rows["beam"],
+            np.column_stack([rows["x"], rows["y"], rows["z"]]),
+            rows["intensity"],
+            rows["power"],
+            kinds,
+            objects,
+            materials,
+            messages[0].header.frame_id,
+        )
+
+
+def times_of(headers: Iterable[Header]) -> Floats:
+    """Return the times in headers of messages, (T,) s."""
+    stamps = [header.stamp for header in headers]
+    return np.array([stamp.sec + stamp.nanosec / 1e9 for stamp in stamps])
+
+
+LEGEND: Final = "/radarsim/legend"
+POSE: Final = ("x", "y", "z", "roll", "pitch", "yaw")
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -131,18 +271,17 @@ class Recording:
         Raises:
             RecordingError: If the file cannot be read any more.
         """
-        from radarsim.addons.recording.bag import BagReader  # noqa: PLC0415
         from radarsim.addons.recording.cdr import Image, String, decode  # noqa: PLC0415
 
         topic = f"/{scanner}/spectrum"
         layout: dict[str, float] = {}
         try:
-            for found, message, _, _ in BagReader(self.folder).messages():
+            for found, type_, data, _, _ in open_bag(self.folder).messages():
                 # It is latched, and written before the first turn.
                 if found == f"{topic}/layout":
-                    layout = json.loads(decode(message, String).data)
+                    layout = json.loads(decode(type_, data, String).data)
                 elif found == topic:
-                    image = decode(message, Image)
+                    image = decode(type_, data, Image)
                     size, head = layout["bin_size"], int(layout["metadata_bytes"])
                     yield RadarTurn.of(image, size, head)
         except (ValueError, LookupError, TypeError) as error:
@@ -158,26 +297,44 @@ class Recording:
         Raises:
             MissingPackage: If xarray is not installed.
         """
-        return tree_of(self)
-
-    def to_parquet(self, folder: Path | str) -> list[Path]:
-        """Write ``scans.parquet``, ``poses.parquet`` and ``echoes.parquet``.
-
-        Each has a row for each scan, pose or echo, with the key in the first column.
-        What there is nothing of has no file.
-
-        Args:
-            folder: Where to write them; it is created if it is not there. Files that
-                are there are replaced.
-
-        Returns:
-            The paths of the files.
-
-        Raises:
-            MissingPackage: If pyarrow is not installed.
-            OSError: If a file cannot be written.
-        """
-        return write_parquet(self, Path(folder))
+        package = import_optional("xarray", "tables")
+        groups = {}
+        for name, scans in self.scans.items():
+            groups[f"/{name}/scan"] = package.Dataset(
+                {"ranges": (("time", "angle"), scans.ranges, {"units": "m"})},
+                {"time": scans.times, "angle": scans.angles},
+                {
+                    "frame": scans.frame,
+                    "range_min": scans.range_min,
+                    "range_max": scans.range_max,
+                },
+            )
+        for name, poses in self.poses.items():
+            axes = zip(POSE, poses.poses.T, strict=True)
+            groups[f"/{name}"] = package.Dataset(
+                {axis: ("time", column) for axis, column in axes},
+                {"time": poses.times},
+                {"frame": poses.frame},
+            )
+        for name, echoes in self.echoes.items():
+            columns = {
+                "beam": echoes.beams,
+                **dict(zip("xyz", echoes.points.T, strict=True)),
+                "range": echoes.ranges,
+                "strength": echoes.strengths,
+                "power": echoes.power,
+                "kind": echoes.kinds,
+                "object": echoes.objects,
+                "material": echoes.materials,
+            }
+            groups[f"/{name}/echoes"] = package.Dataset(
+                {key: ("echo", column) for key, column in columns.items()},
+                {"time": ("echo", echoes.times)},
+                {"frame": echoes.frame},
+            )
+        tree: xarray.DataTree = package.DataTree.from_dict(groups)
+        tree.attrs = self.info.to_text()
+        return tree
 
 
 def load_recording(folder: Path | str) -> Recording:
@@ -190,8 +347,7 @@ def load_recording(folder: Path | str) -> Recording:
         RecordingError: If it is no recording of radarsim, or cannot be read; or if a
             package is missing, and then it names the extra.
     """
-    check_installed()
-    from radarsim.addons.recording.bag import BagReader  # noqa: PLC0415
+    bag = open_bag(Path(folder))
     from radarsim.addons.recording.cdr import (  # noqa: PLC0415
         LaserScan,
         Odometry,
@@ -201,36 +357,34 @@ def load_recording(folder: Path | str) -> Recording:
         decode,
     )
 
-    bag = BagReader(Path(folder))
     scans: defaultdict[str, list[LaserScan]] = defaultdict(list)
     clouds: defaultdict[str, list[PointCloud2]] = defaultdict(list)
     poses: defaultdict[str, list[tuple[Header, Pose]]] = defaultdict(list)
     legend = ""
     try:
-        for topic, message, _, _ in bag.messages():
+        for topic, type_, data, _, _ in bag.messages():
             name = topic.removeprefix("/")
             robot_or_scanner, _, last = name.rpartition("/")
             match last:
                 case "scan":
-                    scan = decode(message, LaserScan)
-                    scans[robot_or_scanner].append(scan)
+                    scans[robot_or_scanner].append(decode(type_, data, LaserScan))
                 case "echoes":
-                    cloud = decode(message, PointCloud2)
-                    clouds[robot_or_scanner].append(cloud)
+                    clouds[robot_or_scanner].append(decode(type_, data, PointCloud2))
                 case "odom":
-                    odometry = decode(message, Odometry)
+                    odometry = decode(type_, data, Odometry)
                     poses[name].append((odometry.header, odometry.pose.pose))
                 case "ground_truth" | "ins":
-                    placed = decode(message, PoseStamped)
+                    placed = decode(type_, data, PoseStamped)
                     poses[name].append((placed.header, placed.pose))
                 case _ if topic == LEGEND:
-                    legend = decode(message, String).data
+                    legend = decode(type_, data, String).data
         series: dict[str, ScanSeries] = {}
         for name, each in scans.items():
             # Another resolution or field of view begins another series.
             same: defaultdict[tuple[float, ...], list[LaserScan]] = defaultdict(list)
             for scan in each:
-                same[geometry_of(scan)].append(scan)
+                geometry = len(scan.ranges), scan.angle_min, scan.angle_increment
+                same[geometry].append(scan)
             for number, part in enumerate(same.values(), 1):
                 key = name if number == 1 else f"{name}_{number}"
                 series[key] = ScanSeries.of(part)

@@ -17,18 +17,24 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, BinaryIO, Final
 
-from radarsim.addons.recording.bag_folder import RecordingInfo, recorded_scene
-from radarsim.addons.recording.host_recorder import EventType, RunEvent
+from radarsim.addons.recording.bag_folder import (
+    RecordingInfo,
+    check_installed,
+    create_folder,
+    recorded_scene,
+)
+from radarsim.addons.recording.host_recorder import EventType, HostRecorder, RunEvent
 from radarsim.errors import RecordingError, describe_os_error
-from radarsim.protocol.dialect import get_dialect
 
 if TYPE_CHECKING:
+    from radarsim.addons.recording.messages import TopicMessage
     from radarsim.scene.scene import Scene
+    from radarsim.server.host import Host
 
 log = logging.getLogger("radarsim.addons.recording")
 
@@ -71,6 +77,7 @@ class RecordingProcess:
         self._is_closing = threading.Event()
         self._queued = self._written = 0  # bytes; each is changed by one thread only
         self._has_ended = False
+        self._recorder: HostRecorder | None = None
         self._is_patient = is_patient
         try:
             # No fork of a server with threads, and no multiprocessing, whose child
@@ -86,6 +93,15 @@ class RecordingProcess:
         self._frames.append(opening_of(folder, info))
         self._thread = threading.Thread(target=self._pass_on, daemon=True)
         self._thread.start()
+
+    def record(
+        self, host: Host, *, spectra: bool = False, camera_interval: int = 0
+    ) -> None:
+        """Record what is done to a host from now on; see ``HostRecorder``."""
+        self._recorder = HostRecorder(
+            self.add, spectra=spectra, camera_interval=camera_interval
+        )
+        host.add_observer(self._recorder)
 
     @property
     def has_ended(self) -> bool:
@@ -112,6 +128,8 @@ class RecordingProcess:
 
     def close(self) -> bool:
         """Complete the recording; return whether all of it is written."""
+        if self._recorder is not None:
+            self._recorder.end()
         is_whole = not self._has_ended
         self._is_closing.set()
         self._thread.join(END_TIMEOUT)
@@ -145,6 +163,38 @@ class RecordingProcess:
         pipe.write(b"".join(frames))
         pipe.flush()
         self._written += sum(map(len, frames))
+
+
+def record_host(
+    host: Host, map_: str | None, seed: int, folder: Path, *, spectra: bool
+) -> Callable[[], None]:
+    """Record what is done to a host from now on.
+
+    Args:
+        host: The host; nothing has been done to it yet.
+        map_: Name of its map, or path of its file; None for a scene of the program's
+            own, whose run cannot be repeated from the recording.
+        seed: Its seed.
+        folder: Folder to create.
+        spectra: Whether to record what FMCW radars receive as well.
+
+    Returns:
+        A function that completes the recording.
+
+    Raises:
+        RecordingError: If the folder exists, or a package is missing.
+    """
+    check_installed()
+    info = RecordingInfo.of_host(map_, host, seed)
+    create_folder(folder)
+    process = RecordingProcess(folder, info, is_patient=True)
+    process.record(host, spectra=spectra)
+
+    def complete() -> None:
+        if not process.close():
+            raise RecordingError(f"{folder} is not complete; the log says why")
+
+    return complete
 
 
 def opening_of(folder: Path, info: RecordingInfo) -> bytes:
@@ -187,34 +237,29 @@ def write_recording(
         OSError: If a file cannot be written.
     """
     # They import much, which only the process that writes needs.
-    from radarsim.addons.recording.bag import BagWriter  # noqa: PLC0415
+    from radarsim.addons.recording.bag import BagMessage, BagWriter  # noqa: PLC0415
     from radarsim.addons.recording.call_converter import CallConverter  # noqa: PLC0415
     from radarsim.addons.recording.cdr import encode  # noqa: PLC0415
 
-    converter = CallConverter(
-        get_dialect(info.dialect),
-        info.drive_unit,
-        own_localization=info.own_localization,
-        no_namespace=info.no_namespace,
-        classes=info.robots,
-    )
+    converter = CallConverter(info)
     writer = BagWriter(folder, info.to_text())
+
+    def write(time_: int, message: TopicMessage) -> None:
+        topic, content, latched = message
+        writer.write(BagMessage(topic, content.type, encode(content), time_, latched))
+
     if scene is not None:
-        from radarsim.addons.recording.camera_topics import (  # noqa: PLC0415
-            draw_views,
-        )
         from radarsim.addons.recording.scene_topics import (  # noqa: PLC0415
+            draw_views,
             scene_topics,
         )
 
         events = draw_views(scene, events)
-        for topic, message, latched in scene_topics(
-            scene, with_map=not info.robots_map
-        ):
-            writer.write(topic, encode(message), 0, latched=latched)
+        for shown in scene_topics(scene, with_map=not info.robots_map):
+            write(0, shown)
     for event in events:
-        for time_, (topic, message, latched) in converter.convert(event):
-            writer.write(topic, encode(message), time_, latched=latched)
+        for time_, message in converter.convert(event):
+            write(time_, message)
     writer.close()
 
 

@@ -5,8 +5,7 @@ import logging
 from collections import Counter
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from radarsim.addons.recording.host_recorder import EventType, RunEvent
 from radarsim.errors import RecordingError
@@ -19,55 +18,28 @@ log = logging.getLogger("radarsim.addons.recording")
 SHOWN = 60  # characters of a line that differs
 
 
-@dataclass(frozen=True, slots=True)
-class Difference:
-    """Where a repeated run first differs from the recorded one.
-
-    Attributes:
-        tick: Tick of simulated time.
-        client: Number of the client.
-        line: Number of the line among all that it was sent, from 1.
-        byte: Number of the byte in the line, from 1.
-        recorded: The line from a little before that byte on, as recorded; empty if
-            there was none.
-        repeated: Likewise, as it came now.
-    """
-
-    tick: int
-    client: int
-    line: int
-    byte: int
-    recorded: str
-    repeated: str
-
-    def __str__(self) -> str:
-        place = f"tick {self.tick}, line {self.line}, byte {self.byte}"
-        came = f"came {self.repeated!r}, expected {self.recorded!r}"
-        return f"{place} of client {self.client}: {came}"
-
-
-@dataclass(frozen=True, slots=True)
-class Repetition:
+class Repetition(NamedTuple):
     """How a run was repeated.
 
     Attributes:
         ticks: Ticks of simulated time.
         clients: Number of clients.
         bytes: Number of bytes that were equal.
-        difference: The first difference; None if there is none.
+        difference: The first difference: its place, what came and what was recorded;
+            empty if there is none.
     """
 
     ticks: int
     clients: int
     bytes: int
-    difference: Difference | None
+    difference: str = ""
 
 
 def repeat_run(host: Host, calls: Iterable[RunEvent]) -> Repetition:
     """Repeat a run up to the first difference.
 
     Args:
-        host: A host of the recorded conditions whose simulation has not begun.
+        host: A host of the recorded conditions, which has had no clients.
         calls: The recorded calls, in order.
     """
     tick = clients = equal = 0
@@ -87,7 +59,7 @@ def repeat_run(host: Host, calls: Iterable[RunEvent]) -> Repetition:
             return Repetition(tick, clients, equal, difference)
         equal += len(sent)
         lines[call.client] += sent.count(b"\n")
-    return Repetition(tick, clients, equal, None)
+    return Repetition(tick, clients, equal)
 
 
 def _repeat(host: Host, call: RunEvent) -> bytes | None:
@@ -103,9 +75,6 @@ def _repeat(host: Host, call: RunEvent) -> bytes | None:
             host.connect()
         case EventType.DISCONNECT:
             host.disconnect(call.client)
-        case EventType.BEGIN:
-            # In the same tick as recorded: what clients sent before waits for it.
-            host.begin(host.make_simulation())
         case EventType.WAIT:
             for _ in range(call.client):  # ticks, no number of a client
                 host.step(passes=False)
@@ -114,8 +83,8 @@ def _repeat(host: Host, call: RunEvent) -> bytes | None:
     return None
 
 
-def _difference(call: RunEvent, sent: bytes, lines_before: int) -> Difference:
-    """Find the first byte that differs."""
+def _difference(call: RunEvent, sent: bytes, lines_before: int) -> str:
+    """Describe the first byte that differs."""
     shorter = min(len(sent), len(call.data))
     equal = next((i for i in range(shorter) if sent[i] != call.data[i]), shorter)
     start = call.data.rfind(b"\n", 0, equal) + 1
@@ -125,14 +94,10 @@ def _difference(call: RunEvent, sent: bytes, lines_before: int) -> Difference:
         data[shown : shown + SHOWN].split(b"\r")[0].decode("latin-1")
         for data in (call.data, sent)
     )
-    return Difference(
-        tick=call.tick,
-        client=call.client,
-        line=lines_before + call.data.count(b"\n", 0, start) + 1,
-        byte=equal - start + 1,
-        recorded=recorded,
-        repeated=repeated,
-    )
+    line = lines_before + call.data.count(b"\n", 0, start) + 1
+    place = f"tick {call.tick}, line {line}, byte {equal - start + 1}"
+    came = f"came {repeated!r}, expected {recorded!r}"
+    return f"{place} of client {call.client}: {came}"
 
 
 # The bytes of each write to a client, and the time since it connected, s.
@@ -168,57 +133,34 @@ def writes_of(calls: Iterable[RunEvent], client: int | None) -> Writes:
     return writes[client]
 
 
-class ReplayServer:
-    """Plays what one client was sent to each client that connects.
+async def serve_replay(
+    writes: Writes,
+    address: str,
+    port: int,
+    announce: Callable[[tuple[str, int]], None],
+    *,
+    speed: float = 1.0,
+) -> int:
+    """Play what one client was sent to each client that connects, until a signal comes.
 
     What these send is read and ignored. A client that reads too slowly gets everything
     later, as nothing is left out.
+
+    Args:
+        writes: What is played.
+        address: Address to listen on.
+        port: Port to listen on; 0 for a free one.
+        announce: Called with the address as soon as clients can connect.
+        speed: Recorded seconds in one second of real time.
+
+    Returns:
+        The exit code of the signal.
+
+    Raises:
+        ServerError: If it cannot listen.
     """
 
-    def __init__(self, writes: Writes, *, speed: float = 1.0) -> None:
-        """Create a server that does not listen yet.
-
-        Args:
-            writes: What is played.
-            speed: Recorded seconds in one second of real time.
-        """
-        self._writes = writes
-        self._speed = speed
-
-    async def serve(
-        self,
-        address: str,
-        port: int,
-        announce: Callable[[tuple[str, int]], None],
-    ) -> int:
-        """Serve until a signal comes.
-
-        Args:
-            address: Address to listen on.
-            port: Port to listen on; 0 for a free one.
-            announce: Called with the address as soon as clients can connect.
-
-        Returns:
-            The exit code of the signal.
-
-        Raises:
-            ServerError: If it cannot listen.
-        """
-        with exit_code_of_signal() as exit_code:
-            listener, place = await listen(self._protocol, address, port)
-            announce(place)
-            try:
-                return await exit_code
-            finally:
-                listener.close()
-
-    def _protocol(self) -> asyncio.StreamReaderProtocol:
-        return asyncio.StreamReaderProtocol(asyncio.StreamReader(), self._play)
-
-    async def _play(
-        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
-    ) -> None:
-        """Play everything to one client."""
+    async def play(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         peer = peer_name(writer.transport)
         log.info("%s: connected", peer)
         # A client whose commands nobody reads would block once the buffers are full.
@@ -226,9 +168,9 @@ class ReplayServer:
         loop = asyncio.get_running_loop()
         start = loop.time()
         with suppress(OSError):
-            for time, data in self._writes:
+            for time, data in writes:
                 # From the start, not from the last write: delays do not add up.
-                await asyncio.sleep(start + time / self._speed - loop.time())
+                await asyncio.sleep(start + time / speed - loop.time())
                 if writer.is_closing():
                     break
                 writer.write(data)
@@ -237,6 +179,17 @@ class ReplayServer:
         ignoring.cancel()
         writer.close()
         log.info("%s: disconnected", peer)
+
+    def protocol() -> asyncio.StreamReaderProtocol:
+        return asyncio.StreamReaderProtocol(asyncio.StreamReader(), play)
+
+    with exit_code_of_signal() as exit_code:
+        listener, place = await listen(protocol, address, port)
+        announce(place)
+        try:
+            return await exit_code
+        finally:
+            listener.close()
 
 
 async def _ignore(reader: asyncio.StreamReader) -> None:

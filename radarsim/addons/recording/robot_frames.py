@@ -11,8 +11,8 @@ import numpy as np
 
 from radarsim.addons.recording.messages import (
     TopicMessage,
-    Transform,
     odometry,
+    transform,
     transforms,
 )
 from radarsim.client.robot_info import RobotInfo
@@ -67,14 +67,14 @@ class RobotFrames:
             fastest = abs(speed) + abs(turn) * robot.wheel_separation / 2
             if fastest > JUMP * robot.top_speed:
                 speed = turn = 0.0
-        frames = [Transform(time, self._odom, self._base, pose)]
+        frames = [transform(time, self._odom, self._base, pose)]
         message = odometry(time, self._odom, self._base, pose, speed, turn)
         yield TopicMessage(self._topic, message)
         reference = next((r for r in REFERENCES if r in self._readings), None)
         if reference is not None and not self._own_localization:
             # Of the same tick: odometry comes after INS, and that after the truth.
             place = self._readings[reference][1].compose(pose.inverse())
-            frames.append(Transform(time, MAP, self._odom, place))
+            frames.append(transform(time, MAP, self._odom, place))
         yield TopicMessage("/tf", transforms(frames))
 
 

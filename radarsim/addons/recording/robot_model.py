@@ -6,8 +6,7 @@ no joint states: wheels are part of ``base_link``.
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
-from typing import Final, Self
+from typing import Final
 from xml.etree import ElementTree as ET
 
 from matplotlib.colors import to_rgb
@@ -24,61 +23,39 @@ SCANNER_RADIUS, SCANNER_HEIGHT = 0.05, 0.08  # m
 LEAST_HULL: Final = 0.05  # m, height
 
 
-@dataclass(frozen=True, slots=True)
-class RobotBody:
-    """What is drawn of a robot besides its scanners; all in m.
+def body_of(
+    robot: RobotInfo, geo: RobotGeo, classes: Iterable[RobotModel]
+) -> RobotModel:
+    """Return the class of a robot, or one with the dimensions that the server reports.
 
-    Attributes:
-        length: Length of the hull.
-        width: Width of the hull.
-        height: Height above the floor of what it carries.
-        origin_height: Height above the floor of the frame ``base_link``.
-        wheel_radius: Radius of the wheels; 0 without any.
-        wheel_separation: Distance between left and right wheels.
-        wheel_base: Distance between front and rear wheels.
+    Args:
+        robot: The robot.
+        geo: Its geometry, as the server reports it.
+        classes: Robot classes besides those that are shipped.
     """
-
-    length: float
-    width: float
-    height: float
-    origin_height: float
-    wheel_radius: float
-    wheel_separation: float
-    wheel_base: float
-
-    @classmethod
-    def of(cls, robot: RobotInfo, geo: RobotGeo, classes: Iterable[RobotModel]) -> Self:
-        """Return the numbers of a robot: of its class, or what the server tells.
-
-        Args:
-            robot: The robot.
-            geo: Its geometry, as the server tells it.
-            classes: Robot classes besides those that are shipped.
-        """
-        model = next((each for each in classes if same_name(each.name, geo.name)), None)
-        if model is None:
-            try:
-                model = load_robot(geo.name)
-            except PresetError:
-                # No server tells where the origin is; that of most robots is near
-                # their axles.
-                base = geo.wheel_base
-                return cls(
-                    robot.length,
-                    robot.width,
-                    robot.height or 2 * robot.wheel_radius + LEAST_HULL,
-                    robot.wheel_radius,
-                    robot.wheel_radius,
-                    robot.wheel_separation,
-                    base if math.isfinite(base) else robot.length / 2,
-                )
-        body = cls(*(getattr(model, name) for name in cls.__slots__))
-        return body if model.flight is None else replace(body, wheel_radius=0.0)
+    for each in classes:
+        if same_name(each.name, geo.name):
+            return each
+    try:
+        return load_robot(geo.name)
+    except PresetError:
+        base = geo.wheel_base
+        known = {
+            "length": robot.length,
+            "width": robot.width,
+            "height": robot.height or 2 * robot.wheel_radius + LEAST_HULL,
+            # No server reports it; that of most robots is near their axles.
+            "origin_height": robot.wheel_radius,
+            "wheel_radius": robot.wheel_radius,
+            "wheel_separation": robot.wheel_separation,
+            "wheel_base": base if math.isfinite(base) else robot.length / 2,
+        }
+        return load_robot("P3AT").model_copy(update=known)
 
 
 def robot_description(
     name: str,
-    body: RobotBody,
+    body: RobotModel,
     scanners: Sequence[ScannerInfo],
     frame: Callable[[str], str],
 ) -> str:
@@ -86,7 +63,7 @@ def robot_description(
 
     Args:
         name: Name of the robot.
-        body: Its dimensions.
+        body: Its class, or another one with its dimensions.
         scanners: Its scanners, which stand on the hull.
         frame: Returns the name of a frame in ``/tf``, such as that of ``base_link``.
     """
@@ -97,11 +74,19 @@ def robot_description(
             ET.SubElement(robot, "material", name=material), "color", rgba=rgba
         )
     base = ET.SubElement(robot, "link", name=frame("base_link"))
-    _add_hull(base, body, scanners)
-    axle = body.wheel_radius - body.origin_height
-    tyre = {"radius": _numbers(body.wheel_radius), "length": _numbers(TYRE)}
+    radius = 0.0 if body.flight else body.wheel_radius
+    # A box from half the height of the axles up to what the scanners stand on.
+    bottom = radius / 2 - body.origin_height
+    tops = [each.mount.z - SCANNER_HEIGHT / 2 for each in scanners]
+    top = min([body.height - body.origin_height, *tops])
+    top = max(top, bottom + LEAST_HULL)
+    size = {"size": _numbers(body.length, body.width, top - bottom)}
+    middle = Pose3(0.0, 0.0, (bottom + top) / 2)
+    _add_visual(base, middle, "hull", "box", size)
+    axle = radius - body.origin_height
+    tyre = {"radius": _numbers(radius), "length": _numbers(TYRE)}
     ends = (body.wheel_base / 2, -body.wheel_base / 2)
-    for x in ends if body.wheel_radius else ():
+    for x in ends if radius else ():
         for y in (body.wheel_separation / 2, -body.wheel_separation / 2):
             place = Pose3(x, y, axle, roll=math.pi / 2)
             _add_visual(base, place, "black", "cylinder", tyre)
@@ -119,19 +104,6 @@ def robot_description(
     return ET.tostring(robot, encoding="unicode")
 
 
-def _add_hull(
-    base: ET.Element, body: RobotBody, scanners: Sequence[ScannerInfo]
-) -> None:
-    """Add a box from half the height of the axles up to what the scanners stand on."""
-    bottom = body.wheel_radius / 2 - body.origin_height
-    tops = [each.mount.z - SCANNER_HEIGHT / 2 for each in scanners]
-    top = min([body.height - body.origin_height, *tops])
-    top = max(top, bottom + LEAST_HULL)
-    size = {"size": _numbers(body.length, body.width, top - bottom)}
-    middle = Pose3(0.0, 0.0, (bottom + top) / 2)
-    _add_visual(base, middle, "hull", "box", size)
-
-
 def _add_visual(
     link: ET.Element, pose: Pose3, material: str, shape: str, numbers: dict[str, str]
 ) -> None:
@@ -142,11 +114,8 @@ def _add_visual(
 
 
 def _add_origin(parent: ET.Element, pose: Pose3) -> None:
-    xyz, rpy = (
-        _numbers(pose.x, pose.y, pose.z),
-        _numbers(pose.roll, pose.pitch, pose.yaw),
-    )
-    ET.SubElement(parent, "origin", xyz=xyz, rpy=rpy)
+    xyz, rpy = pose.position(), (pose.roll, pose.pitch, pose.yaw)
+    ET.SubElement(parent, "origin", xyz=_numbers(*xyz), rpy=_numbers(*rpy))
 
 
 def _numbers(*values: float) -> str:

@@ -1,32 +1,28 @@
 """From what one robot and its client say to each other to topics of ROS 2.
 
 Points of echoes have numbers for the names of what they come from, which a ``Legend``
-tells; a map that is made of a robot's scans is a ``MapSnapshot``.
+lists.
 """
 
+import io
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Literal, NamedTuple, Self, TypeVar
+from typing import Any, Final, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from radarsim.addons.fmcw.image_files import METADATA_BYTES
-from radarsim.addons.recording.camera_topics import (
-    OPTICAL_FRAME,
-    OPTICAL_MOUNT,
-    camera_info,
-    compressed_image,
-    size_of,
-)
-from radarsim.addons.recording.host_recorder import RecordedTurn
 from radarsim.addons.recording.messages import (
     ECHO,
     TARGET,
+    Fields,
     RosMessage,
     TopicMessage,
-    Transform,
+    camera_info,
+    compressed_image,
     grey_image,
     laser_scan,
     make_points,
@@ -34,14 +30,16 @@ from radarsim.addons.recording.messages import (
     point_cloud,
     pose_stamped,
     string,
+    transform,
     twist_stamped,
 )
 from radarsim.addons.recording.robot_frames import MAP, RobotFrames, below
-from radarsim.addons.recording.robot_model import RobotBody, robot_description
+from radarsim.addons.recording.robot_model import robot_description
 from radarsim.autonomy.mapping.export import sensed_window
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.client.robot_info import RobotInfo, ScannerInfo, same_name
 from radarsim.geometry import Floats, Pose3
+from radarsim.presets.robots import RobotModel
 from radarsim.protocol.commands import Drive
 from radarsim.protocol.echoes import EchoLine, RadarTargets
 from radarsim.protocol.reports import (
@@ -51,8 +49,11 @@ from radarsim.protocol.reports import (
     RangeScan,
     Report,
 )
+from radarsim.server.views import MOUNT
 
-DESCRIPTION = "robot_description"
+OPTICAL_FRAME: Final = "camera_optical"
+# Its z axis looks ahead, x to the right and y down (REP-103).
+OPTICAL_MOUNT: Final = MOUNT.compose(Pose3(0, 0, 0, -math.pi / 2, 0, -math.pi / 2))
 
 
 class Legend:
@@ -123,27 +124,23 @@ class RobotTopics:
         scanners: Sequence[ScannerInfo],
         ins_mounts: Mapping[str, Pose3],
         time: float,
-    ) -> list[Transform]:
+    ) -> list[Fields]:
         """Use what is known of the robot from now on; return where its scanners are."""
         self._robot, self._scanners = robot, tuple(scanners)
         self._ins_mounts = ins_mounts
         base = self._frame("base_link")
         return [
-            Transform(time, base, self._frame(each.name), each.mount)
+            transform(time, base, self._frame(each.name), each.mount)
             for each in scanners
         ]
 
-    def description(self, name: str, body: RobotBody) -> Iterator[TopicMessage]:
-        """Yield the model of the robot for viewers, if it has changed.
-
-        Args:
-            name: Name of the robot.
-            body: Its dimensions.
-        """
+    def description(self, name: str, body: RobotModel) -> Iterator[TopicMessage]:
+        """Yield the description of a robot of this name, if it has changed."""
         text = robot_description(name, body, self._scanners, self._frame)
         if text != self._description:
             self._description = text
-            yield TopicMessage(self._topic(DESCRIPTION), string(text), latched=True)
+            topic = self._topic("robot_description")
+            yield TopicMessage(topic, string(text), latched=True)
 
     def of_report(self, report: Report) -> Iterator[TopicMessage]:
         """Yield the messages that a report of the robot becomes; many become none."""
@@ -188,21 +185,31 @@ class RobotTopics:
         message = twist_stamped(time, frame, (left + right) / 2, turn)
         return TopicMessage(self._topic("cmd_vel"), message)
 
-    def of_turn(self, turn: RecordedTurn) -> Iterator[TopicMessage]:
-        """Yield a turn of a radar as a picture, after what it needs to be read."""
-        names = topic_name(turn.scanner), "spectrum"
+    def of_turn(
+        self, scanner: str, time: float, bin_size: float, rows: NDArray[np.uint8]
+    ) -> Iterator[TopicMessage]:
+        """Yield a turn of a radar as a picture, after its layout if that is the first.
+
+        Args:
+            scanner: Name of the scanner item.
+            time: When it began, s.
+            bin_size: Distance between range bins, m.
+            rows: (A, 11 + B), a row for each direction as images of Oxford's data set
+                have them: 11 bytes of time, encoder and validity, and the counts.
+        """
+        names = topic_name(scanner), "spectrum"
         # Readers need it to place the bins; whoever subscribes later gets it as well.
-        if turn.scanner not in self._told_spectra:
-            self._told_spectra.add(turn.scanner)
-            layout = {"bin_size": turn.bin_size, "metadata_bytes": METADATA_BYTES}
+        if scanner not in self._told_spectra:
+            self._told_spectra.add(scanner)
+            layout = {"bin_size": bin_size, "metadata_bytes": METADATA_BYTES}
             topic = self._topic(*names, "layout")
             yield TopicMessage(topic, string(json.dumps(layout)), latched=True)
-        picture = grey_image(turn.time, self._frame(turn.scanner), turn.rows)
+        picture = grey_image(time, self._frame(scanner), rows)
         yield TopicMessage(self._topic(*names), picture)
 
     def of_picture(
         self, time: float, jpeg: bytes
-    ) -> tuple[Transform, TopicMessage, TopicMessage]:
+    ) -> tuple[Fields, TopicMessage, TopicMessage]:
         """Return where the camera is, its picture, and its intrinsics.
 
         Args:
@@ -213,10 +220,11 @@ class RobotTopics:
             OSError: If it is no picture.
         """
         frame, base = self._frame(OPTICAL_FRAME), self._frame("base_link")
-        info = camera_info(time, frame, *size_of(jpeg))
+        with Image.open(io.BytesIO(jpeg), formats=["JPEG"]) as opened:
+            info = camera_info(time, frame, *opened.size)
         image = compressed_image(time, frame, jpeg)
         return (
-            Transform(time, base, frame, OPTICAL_MOUNT),
+            transform(time, base, frame, OPTICAL_MOUNT),
             TopicMessage(self._topic("camera", "image", "compressed"), image),
             TopicMessage(self._topic("camera", "camera_info"), info),
         )
@@ -323,54 +331,26 @@ def topic_name(name: str) -> str:
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100  # of ``nav_msgs/OccupancyGrid``
 
 
-class MapSnapshot(NamedTuple):
-    """A map that is made in the run.
+def map_topic(
+    time: float, cells: NDArray[np.int8], corner: tuple[float, float], resolution: float
+) -> TopicMessage:
+    """Return the message of ``/map``; see ``occupancy_grid``."""
+    grid = occupancy_grid(time, MAP, cells, Pose3(*corner, 0.0), resolution)
+    return TopicMessage("/map", grid, latched=True)
 
-    Attributes:
-        time: Simulated time of the last scan in it, s.
-        corner: x and y of its south-west corner, m.
-        resolution: Side of a cell, m.
-        cells: (R, C) int8, -1 unknown, 0 free to 100 occupied; the first row is the
-            southernmost.
+
+def sensed_map(grid: OccupancyGrid, time: float) -> TopicMessage:
+    """Return the sensed part of a map; foliage is occupied: robots drive into it.
+
+    Args:
+        grid: The map; it has cells.
+        time: Simulated time, s.
     """
-
-    time: float
-    corner: tuple[float, float]
-    resolution: float
-    cells: NDArray[np.int8]
-
-    @classmethod
-    def of(cls, grid: OccupancyGrid, time: float) -> Self:
-        """Return the sensed part of a map; foliage is occupied: robots drive into it.
-
-        Args:
-            grid: The map; it has cells.
-            time: Simulated time, s.
-        """
-        levels = np.full(len(CellClass), FREE, np.int8)
-        levels[CellClass.UNKNOWN] = UNKNOWN
-        levels[[CellClass.OBSTACLE, CellClass.FOLIAGE]] = OCCUPIED
-        rows, columns = sensed_window(grid)
-        x, y = grid.frame.origin
-        size = grid.frame.resolution
-        corner = x + columns.start * size, y + rows.start * size
-        return cls(time, corner, size, levels[grid.classes()[rows, columns]])
-
-    def to_bytes(self) -> bytes:
-        """Return the map as the data of an event."""
-        head = (self.time, self.corner, self.resolution, self.cells.shape)
-        return json.dumps(head).encode() + b"\n" + self.cells.tobytes()
-
-    @classmethod
-    def from_bytes(cls, data: bytes) -> Self:
-        """Read what ``to_bytes`` has returned."""
-        head, _, cells = data.partition(b"\n")
-        time, (x, y), resolution, shape = json.loads(head)
-        array = np.frombuffer(cells, np.int8).reshape(shape)
-        return cls(time, (x, y), resolution, array)
-
-    def message(self) -> TopicMessage:
-        """Return the message of the topic ``/map``."""
-        corner = Pose3(*self.corner, 0.0)
-        grid = occupancy_grid(self.time, MAP, self.cells, corner, self.resolution)
-        return TopicMessage("/map", grid, latched=True)
+    levels = np.full(len(CellClass), FREE, np.int8)
+    levels[CellClass.UNKNOWN] = UNKNOWN
+    levels[[CellClass.OBSTACLE, CellClass.FOLIAGE]] = OCCUPIED
+    rows, columns = sensed_window(grid)
+    x, y = grid.frame.origin
+    size = grid.frame.resolution
+    corner = x + columns.start * size, y + rows.start * size
+    return map_topic(time, levels[grid.classes()[rows, columns]], corner, size)

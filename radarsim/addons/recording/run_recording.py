@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -21,7 +22,6 @@ from radarsim.protocol.dialect import DriveUnit
 
 if TYPE_CHECKING:
     from radarsim.addons.recording.bag_folder import RecordingInfo
-    from radarsim.addons.recording.host_recorder import HostRecorder
     from radarsim.addons.recording.recording_process import RecordingProcess
     from radarsim.addons.recording.wire_recorder import WireRecorder
     from radarsim.autonomy.mapping.mapper import Mapper
@@ -82,7 +82,6 @@ class ServeRecording(ServeExtension):
         self._folder = folder
         self._served = served
         self._has_folder = False
-        self._recorder: HostRecorder | None = None
         self._process: RecordingProcess | None = None
 
     def open(self) -> None:
@@ -96,7 +95,6 @@ class ServeRecording(ServeExtension):
     def attach(self, host: Host) -> None:
         """Record from now on."""
         from radarsim.addons.recording.bag_folder import RecordingInfo
-        from radarsim.addons.recording.host_recorder import HostRecorder
         from radarsim.addons.recording.recording_process import RecordingProcess
 
         options = self._options
@@ -109,17 +107,15 @@ class ServeRecording(ServeExtension):
         )
         self._process = RecordingProcess(self._folder, info)
         rate = options.record_camera
-        self._recorder = HostRecorder(
-            self._process.add,
+        self._process.record(
+            host,
             spectra=options.record_spectra,
             camera_interval=0 if rate is None else max(1, round(100 / rate)),
         )
-        host.add_observer(self._recorder)
 
     def close(self) -> None:
         """Complete the recording; of one that never began, nothing is left."""
-        if self._recorder is not None and self._process is not None:
-            self._recorder.end()
+        if self._process is not None:
             if self._process.close():
                 print_message(f"recorded in {self._folder}")
         elif self._has_folder:
@@ -156,7 +152,6 @@ class RunRecording:
         self._host: Host | None = None
         self._info: RecordingInfo | None = None
         self._process: RecordingProcess | None = None
-        self._recorder: HostRecorder | None = None  # of a host in this process
         self._wire: WireRecorder | None = None  # of a server that is another program
         self._map_due = -math.inf
         if folder is not None:
@@ -200,12 +195,10 @@ class RunRecording:
         """
         from radarsim.addons.recording.wire_recorder import RecordedTransport
         from radarsim.client import Client
-        from radarsim.client.transport import SocketTransport
 
-        transport = SocketTransport(host, port)
         if self._wire is None:
-            return Client(transport)
-        return Client(RecordedTransport(transport, self._wire))
+            return Client.connect(host, port)
+        return Client(RecordedTransport(host, port, self._wire))
 
     def follow(self, robot: str) -> DataCallback:
         """Return what records the reports of a robot of another client.
@@ -240,10 +233,10 @@ class RunRecording:
         if time < self._map_due and not last:
             return
         from radarsim.addons.recording.host_recorder import EventType, RunEvent
-        from radarsim.addons.recording.robot_topics import MapSnapshot
+        from radarsim.addons.recording.robot_topics import sensed_map
 
         self._map_due = time + MAP_INTERVAL
-        data = MapSnapshot.of(mapper.grid, time).to_bytes()
+        data = pickle.dumps(sensed_map(mapper.grid, time))
         self._process.add(RunEvent(EventType.MAP, round(100 * time), 0, data))
 
     def __enter__(self) -> Self:
@@ -251,7 +244,6 @@ class RunRecording:
         if self.folder is None:
             return self
         from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder
-        from radarsim.addons.recording.host_recorder import HostRecorder
         from radarsim.addons.recording.recording_process import RecordingProcess
         from radarsim.addons.recording.wire_recorder import WireRecorder
 
@@ -263,10 +255,7 @@ class RunRecording:
         if host is None:
             self._wire = WireRecorder(self._process.add)
         else:
-            self._recorder = HostRecorder(self._process.add)
-            # Its simulation has begun before anybody could listen, and nothing else.
-            self._recorder.begin(host.simulation)
-            host.add_observer(self._recorder)
+            self._process.record(host)
         return self
 
     def __exit__(
@@ -278,8 +267,6 @@ class RunRecording:
         """Complete the recording."""
         if self._process is None:
             return
-        if self._recorder is not None:
-            self._recorder.end()
         if self._wire is not None:
             self._wire.end()
         if self._process.close():

@@ -1,12 +1,16 @@
-"""A map as topics: what stands in it, and the true occupancy grid."""
+"""A map as topics: what stands in it, the true occupancy grid, and pictures of it."""
 
+import io
 import math
-from collections.abc import Iterator
+import pickle
+from collections.abc import Iterable, Iterator
 from typing import Final
 
 import numpy as np
 from matplotlib.colors import to_rgb
+from PIL import Image
 
+from radarsim.addons.recording.host_recorder import EventType, RunEvent
 from radarsim.addons.recording.messages import (
     Fields,
     RosMessage,
@@ -17,14 +21,16 @@ from radarsim.addons.recording.messages import (
     vector,
 )
 from radarsim.addons.recording.robot_frames import MAP
-from radarsim.addons.recording.robot_topics import FREE, OCCUPIED, MapSnapshot
+from radarsim.addons.recording.robot_topics import FREE, OCCUPIED, map_topic
 from radarsim.autonomy.evaluation.map_score import Truth
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, GridFrame
 from radarsim.geometry import Floats, Pose3
 from radarsim.plotting.palette import colour_of
 from radarsim.presets.robots import load_robot
+from radarsim.raycast.robot_boxes import Boxes
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
+from radarsim.server.views import View
 
 SCENE: Final = "/scene"
 # Twelve megabytes of a message; more than some viewers draw fluently.
@@ -33,6 +39,8 @@ SMALL_PART: Final = 1000  # triangles; such a part is never thinned
 RESOLUTION: Final = 0.05  # m, side of a cell
 MOST_CELLS: Final = 4_000_000  # of the true map; beyond it the cells are larger
 SEEN_THROUGH, SMOKE = 0.5, 0.3  # opacities of what beams enter, and robots as well
+WIDTH, HEIGHT = 320, 240  # pixels of recorded pictures
+QUALITY: Final = 75  # percent, of JPEG
 _TRIANGLE_LIST: Final = 11  # of ``visualization_msgs/msg/Marker``
 
 
@@ -45,7 +53,7 @@ def scene_topics(scene: Scene, *, with_map: bool = True) -> Iterator[TopicMessag
     """
     yield TopicMessage(SCENE, scene_markers(scene), latched=True)
     if with_map and scene.parts:
-        yield true_map(scene).message()
+        yield true_map(scene)
 
 
 def scene_markers(scene: Scene) -> RosMessage:
@@ -92,7 +100,7 @@ def _marker(number: int, part: Part, every: int) -> Fields:
     )
 
 
-def true_map(scene: Scene) -> MapSnapshot:
+def true_map(scene: Scene) -> TopicMessage:
     """Return where robots cannot drive at the height of a P3AT's scanner.
 
     Foliage is occupied, as on the maps that robots make, and smoke is free. No cell is
@@ -114,4 +122,22 @@ def true_map(scene: Scene) -> MapSnapshot:
         west - frame.column : east - frame.column,
     ]
     cells = np.where(window, OCCUPIED, FREE).astype(np.int8)
-    return MapSnapshot(0.0, (west * size, south * size), size, cells)
+    return map_topic(0.0, cells, (west * size, south * size), size)
+
+
+def draw_views(scene: Scene, events: Iterable[RunEvent]) -> Iterator[RunEvent]:
+    """Yield events, each view replaced by its picture."""
+    renderer = None
+    for event in events:
+        if event.type is not EventType.VIEW:
+            yield event
+            continue
+        if renderer is None:  # the engine takes a second to start
+            from radarsim.server.camera import Renderer  # noqa: PLC0415
+
+            renderer = Renderer(scene, WIDTH, HEIGHT)
+        camera, rows, carrier = pickle.loads(event.data)
+        picture = renderer.render(View(camera, Boxes(rows), carrier))
+        file = io.BytesIO()
+        Image.fromarray(picture).save(file, "JPEG", quality=QUALITY)
+        yield event._replace(type=EventType.PICTURE, data=file.getvalue())

@@ -2,12 +2,15 @@
 
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Final
 
 from radarsim.addons.recording.host_recorder import EventType, RunEvent
-from radarsim.client.transport import Transport
-from radarsim.protocol.message import LineBuffer
+from radarsim.client.transport import SocketTransport
+from radarsim.errors import MalformedMessage
+from radarsim.protocol.commands import Init
+from radarsim.protocol.message import LineBuffer, decode_message
 
 FIRST: Final = 1  # number of the only client of a transport
 UNNAMED: Final = "robot"  # one whose name no client has sent
@@ -16,7 +19,6 @@ _DESCRIPTION: Final = re.compile(
     re.IGNORECASE,  # in either order: the robot's CONF begins with its name in udk
 )
 _TIME: Final = re.compile(rb"\{Time (\d{1,7}(?:\.\d+)?)\}")
-_FIELD: Final = r"\{\s*%s\s+([^{}]*?)\s*\}"
 
 
 @dataclass(slots=True)
@@ -77,8 +79,8 @@ class WireRecorder:
         if connection.sent.overflow is not None:
             return
         for line in connection.sent.feed(data):
-            if line[:4].upper() == "INIT":
-                connection.robot = _field(line, "Name") or _class_of(line)
+            if spawned := spawned_robot(line):
+                connection.robot = spawned[0] or spawned[1]
                 # Another robot takes the place of the one before; nothing known of that
                 # holds.
                 connection.descriptions.clear()
@@ -140,43 +142,40 @@ class WireRecorder:
             self._early.append(event)
 
 
-class RecordedTransport:
-    """A transport that records what passes; see ``Transport``."""
+class RecordedTransport(SocketTransport):
+    """A TCP connection that records what passes; see ``Transport``."""
 
-    def __init__(self, transport: Transport, recorder: WireRecorder) -> None:
-        """Use a transport.
+    def __init__(self, host: str, port: int, recorder: WireRecorder) -> None:
+        """Connect.
 
         Args:
-            transport: The connection.
+            host: Name or address.
+            port: TCP port.
             recorder: Records it; of no other connection.
         """
-        self._transport = transport
+        super().__init__(host, port)
         self._recorder = recorder
 
     def send(self, data: bytes) -> None:
         """See ``Transport.send``."""
-        self._transport.send(data)
+        super().send(data)
         self._recorder.sent(FIRST, data)
 
     def receive(self, timeout: float) -> bytes:
         """See ``Transport.receive``."""
-        data = self._transport.receive(timeout)
+        data = super().receive(timeout)
         self._recorder.received(FIRST, data)
         return data
 
-    def time(self) -> float:
-        """See ``Transport.time``."""
-        return self._transport.time()
 
-    def close(self) -> None:
-        """See ``Transport.close``."""
-        self._transport.close()
+def spawned_robot(line: str) -> tuple[str, str] | None:
+    """Return the name and the class in a command to spawn a robot, each may be empty.
 
-
-def _field(line: str, name: str) -> str:
-    found = re.search(_FIELD % name, line, re.IGNORECASE)
-    return found[1] if found else ""
-
-
-def _class_of(line: str) -> str:
-    return _field(line, "ClassName").rpartition(".")[2]
+    Args:
+        line: A line of a client; None is returned for any other command.
+    """
+    with suppress(MalformedMessage):
+        message = decode_message(line, keeps_closed=True)
+        if message.verb.upper() == Init.verb:
+            return message.name, (message.get("ClassName") or "").rpartition(".")[2]
+    return None

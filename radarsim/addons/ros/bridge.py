@@ -7,11 +7,17 @@ come any more (``Driver``). One robot may be mapped in a thread while it drives
 """
 
 import asyncio
+import io
 import math
+import struct
 from collections.abc import Callable, Iterable
 from contextlib import AsyncExitStack, suppress
 from typing import Final, Protocol, TypeAlias
 
+from PIL import Image
+
+from radarsim import __version__
+from radarsim.addons.recording.bag_folder import RecordingInfo
 from radarsim.addons.recording.call_converter import (
     CLOCK,
     TO_CLIENT,
@@ -21,16 +27,16 @@ from radarsim.addons.recording.call_converter import (
 from radarsim.addons.recording.host_recorder import DESCRIBED, EventType, RunEvent
 from radarsim.addons.recording.messages import TopicMessage, clock
 from radarsim.addons.recording.robot_frames import below
-from radarsim.addons.recording.robot_topics import MapSnapshot, topic_name
+from radarsim.addons.recording.robot_topics import sensed_map, topic_name
 from radarsim.addons.recording.wire_recorder import WireRecorder
-from radarsim.addons.ros.pictures import read_pictures
-from radarsim.addons.ros.topic_options import TopicOptions
+from radarsim.addons.ros.cli import TopicOptions
 from radarsim.autonomy.watching import RobotWatcher, WatchMapper
 from radarsim.client import AsyncClient, ClientTimeout, RobotInfo
 from radarsim.client import session as questions
 from radarsim.client.robot_info import same_name
-from radarsim.errors import ClientError
-from radarsim.protocol.dialect import COMPAT, DriveUnit
+from radarsim.errors import ClientError, describe_os_error
+from radarsim.protocol.dialect import DriveUnit
+from radarsim.protocol.images import ImageType
 from radarsim.protocol.line_template import printable_name
 from radarsim.protocol.reports import (
     ClockTick,
@@ -50,6 +56,8 @@ MAP_RESOLUTION: Final = 0.05  # m, side of a cell
 DEAD_MAN: Final = 0.5  # s after the last command
 CHECK_INTERVAL: Final = 0.05  # s
 SPAWN_TIMEOUT: Final = 120.0  # s; the server may be busy
+LARGEST_PICTURE: Final = 2**26  # bytes
+QUALITY: Final = 75  # percent, of JPEG
 SILENCE: Final = 60.0  # s that one call waits for reports
 
 # Called with a forward speed, m/s, and a turn rate, rad/s.
@@ -86,12 +94,13 @@ class LiveTopics:
             options: Which topics there are.
         """
         self._publish = publish
-        self._converter = CallConverter(
-            COMPAT,
-            drive_unit,
+        info = RecordingInfo(
+            version=__version__,
+            drive_unit=drive_unit,
             own_localization=options.own_localization,
             no_namespace=options.no_namespace or "",
         )
+        self._converter = CallConverter(info)
         self._wire = WireRecorder(self._convert)
         self._numbers: dict[str, int] = {}  # of robots, by their names
         self._last_number = 0
@@ -177,9 +186,8 @@ async def publish_map(
             time = mapper.trajectory.times[-1]
             if time >= due:
                 due = time + MAP_INTERVAL
-                message = MapSnapshot.of(mapper.grid, time).message()
                 # A map is made in a thread of its own, and topics belong to the loop.
-                loop.call_soon_threadsafe(publish, message)
+                loop.call_soon_threadsafe(publish, sensed_map(mapper.grid, time))
 
         follower.on_scan = publish_now
         watcher = RobotWatcher(server, robot, echoes=echoes)
@@ -246,6 +254,67 @@ class Driver:
         while True:
             with suppress(ClientTimeout):
                 await self._client.read()
+
+
+def as_jpeg(image_type: int, data: bytes) -> bytes:
+    """Return a picture of an image server as JPEG.
+
+    Args:
+        image_type: Its type on the wire.
+        data: Its data.
+
+    Raises:
+        ValueError: If it is not as long as its size asks for.
+    """
+    if image_type != ImageType.RAW:
+        return data
+    try:
+        width, height = struct.unpack_from(">2H", data)
+        stride = 3 * width + -3 * width % 4  # rows begin at multiples of 4 bytes
+        size = (width, height)
+        pixels = Image.frombytes("RGB", size, data[4:], "raw", "BGR", stride, 1)
+        file = io.BytesIO()
+        pixels.save(file, "JPEG", quality=QUALITY)
+    except (struct.error, ValueError, OSError) as error:
+        raise ValueError(f"raw picture of {len(data)} bytes: {error}") from error
+    return file.getvalue()
+
+
+async def read_pictures(
+    server: tuple[str, int], interval: float, take: Callable[[bytes], None]
+) -> None:
+    """Ask an image server for pictures until the connection is lost.
+
+    Args:
+        server: Host and port of the image server.
+        interval: Time between two pictures, s.
+        take: Called with each picture, as JPEG.
+
+    Raises:
+        ClientError: If it cannot be reached, closes the connection, or sends something
+            else.
+    """
+    place = f"image port {server[0]}:{server[1]}"
+    loop = asyncio.get_running_loop()
+    try:
+        reader, writer = await asyncio.open_connection(*server)
+    except OSError as error:
+        text = f"{place}: {describe_os_error(error)}"
+        raise ClientError(f"{text}, expected 'radarsim serve --image-port'") from error
+    try:
+        while True:
+            due = loop.time() + interval
+            writer.write(b"OK")
+            head = await reader.readexactly(5)
+            image_type, size = struct.unpack(">BI", head)
+            if size > LARGEST_PICTURE:
+                raise ClientError(f"{place}: {size} bytes, expected a picture")
+            take(as_jpeg(image_type, await reader.readexactly(size)))
+            await asyncio.sleep(due - loop.time())
+    except (OSError, asyncio.IncompleteReadError, ValueError) as error:
+        raise ClientError(f"{place}: {error}, expected pictures") from error
+    finally:
+        writer.close()
 
 
 def load_shown(options: TopicOptions) -> list[TopicMessage]:

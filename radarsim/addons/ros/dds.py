@@ -79,7 +79,7 @@ class DdsParticipant:
             self._writers[topic] = DataWriter(self._participant, place, quality)
         # Not by its constructor, which asks for all fields; nobody reads them.
         sample = type_.__new__(type_)
-        sample.encoded = encode(content).data
+        sample.encoded = encode(content)
         self._writers[topic].write(sample)
 
     def subscribe(self, topic: str, take: DriveCallback) -> None:

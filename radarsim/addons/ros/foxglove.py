@@ -7,29 +7,29 @@ pages of any site connect.
 
 import json
 import struct
-from collections import deque
-from collections.abc import Callable
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 from radarsim.addons.recording.call_converter import CLOCK
 from radarsim.addons.recording.cdr import (
-    EncodedMessage,
     Twist,
     TwistStamped,
     decode,
+    definition_of,
     encode,
-    typestore,
 )
-from radarsim.addons.recording.messages import NANOSECONDS, RosMessage, TopicMessage
-from radarsim.addons.ros.bridge import DriveCallback
-from radarsim.addons.ros.message_types import full_name
-from radarsim.addons.ros.rosbridge import LONGEST_NAME, velocity_of
-
-Json: TypeAlias = dict[str, Any]  # an object of a client
+from radarsim.addons.recording.messages import NANOSECONDS, RosMessage
+from radarsim.addons.ros.board import (
+    LONGEST_NAME,
+    MOST_ENTRIES,
+    MOST_WAITING,
+    Board,
+    BoardClient,
+    Json,
+    full_name,
+    velocity_of,
+)
 
 APP: Final = "https://app.foxglove.dev"
-MOST_WAITING: Final = 20  # messages of a topic for a client; beyond it the oldest go
-MOST_ENTRIES: Final = 1000  # subscriptions, or topics, of a client
 MESSAGE, TIME = 1, 2  # first bytes of what is binary
 _MESSAGE_HEAD: Final = struct.Struct("<BIQ")
 _TIME: Final = struct.Struct("<BQ")
@@ -44,42 +44,21 @@ _INFO: Final = {
 }
 
 
-class FoxgloveBoard:
-    """The topics there are, for all clients; see ``Board``.
-
-    Attributes:
-        time: Simulated time, ns.
-        drivers: Where velocity commands go, by topic.
-    """
+class FoxgloveBoard(Board):
+    """The topics there are, for all clients; see ``Board``."""
 
     name = "Foxglove"
-    subprotocols: tuple[str, ...] = ("foxglove.sdk.v1", "foxglove.websocket.v1")
+    subprotocols = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 
-    def __init__(self) -> None:
-        self.types: dict[str, str] = {}
-        self.drivers: dict[str, DriveCallback] = {}
-        self.time = 0
-        self._latched: dict[str, RosMessage] = {}
+    @property
+    def time(self) -> int:
+        """Simulated time, ns."""
+        now: int = self.now.sec * NANOSECONDS + self.now.nanosec
+        return now
 
-    def add(self, message: TopicMessage, wanted: bool) -> bytes:
-        """See ``Board.add``."""
-        topic, content, latched = message
-        self.types[topic] = content.type
-        if topic == CLOCK:
-            now = content.fields.clock
-            self.time = now.sec * NANOSECONDS + now.nanosec
-        if latched:
-            self._latched[topic] = content
-        return encode(content).data if wanted else b""
-
-    def latched(self, topic: str) -> bytes:
-        """Return the last message of a latched topic; empty if there is none."""
-        message = self._latched.get(topic)
-        return b"" if message is None else encode(message).data
-
-    def listen(self, topic: str, take: DriveCallback) -> None:
-        """See ``Board.listen``."""
-        self.drivers[topic] = take
+    def encode(self, message: RosMessage) -> bytes:
+        """See ``Board.encode``."""
+        return encode(message)
 
     def new_client(self) -> "FoxgloveClient":
         """See ``Board.new_client``."""
@@ -96,27 +75,27 @@ class FoxgloveBoard:
     def channel(self, topic: str) -> Json:
         """Return what clients are told of a topic; its number is its place."""
         type_ = self.types[topic]
-        definition, _ = typestore().generate_msgdef(type_, ros_version=2)
         return {
             "id": 1 + list(self.types).index(topic),
             "topic": topic,
             "encoding": "cdr",
             "schemaName": type_,
             "schemaEncoding": "ros2msg",
-            "schema": definition,
+            "schema": definition_of(type_),
         }
 
 
-class FoxgloveClient:
-    """One client; see ``SideClient``."""
+class FoxgloveClient(BoardClient):
+    """One client; see ``BoardClient``."""
 
     def __init__(self, board: FoxgloveBoard) -> None:
-        self.waiting: deque[Any] = deque([json.dumps(_INFO)])
+        super().__init__()
+        self.waiting.append(json.dumps(_INFO))
         self._board = board
         self._subscriptions: dict[str, dict[int, None]] = {}  # their numbers, by topic
         # Topics that it writes, with their encodings and types.
         self._own: dict[int, tuple[str, str, str]] = {}
-        self._handlers: dict[str, Callable[[Json], object]] = {
+        self.handlers = {
             "subscribe": self._subscribe,
             "unsubscribe": self._unsubscribe,
             "advertise": self._advertise,
@@ -125,39 +104,30 @@ class FoxgloveClient:
         self._tell(list(board.types))
 
     def wants(self, topic: str) -> bool:
-        """See ``SideClient.wants``; the clock is told in any case."""
+        """See ``BoardClient.wants``; the clock is told in any case."""
         return topic == CLOCK or topic in self._subscriptions
 
-    def offer(self, topic: str, data: bytes, now: float) -> None:  # noqa: ARG002
-        """See ``SideClient.offer``."""
+    def offer(self, topic: str, data: Any, now: float) -> None:  # noqa: ARG002
+        """See ``BoardClient.offer``."""
         if topic == CLOCK:
             self._queue(_TIME.pack(TIME, self._board.time))
         for number in self._subscriptions.get(topic, ()):
             self._queue(_MESSAGE_HEAD.pack(MESSAGE, number, self._board.time) + data)
 
     def announce(self, topic: str) -> None:
-        """See ``SideClient.announce``."""
+        """See ``BoardClient.announce``."""
         self._tell([topic])
 
-    def receive(self, data: str | bytes) -> None:
-        """See ``SideClient.receive``."""
-        try:
-            if isinstance(data, bytes):
-                self._take_message(data)
-            else:
-                message = json.loads(data)
-                self._handlers[message["op"]](message)
-        except KeyError as error:
-            self._complain(f"nothing for {error}, expected a value that is known")
-        # Thousands of brackets in each other are a RecursionError.
-        except (
-            ValueError,
-            TypeError,
-            OverflowError,
-            RecursionError,
-            struct.error,
-        ) as e:
-            self._complain(f"{data[:80]!r}: {e}, expected a message of Foxglove")
+    def complain(self, text: str) -> None:
+        """See ``BoardClient.complain``."""
+        status = {"op": "status", "level": 2, "message": text}
+        self.waiting.append(json.dumps(status))
+
+    def _take(self, data: str | bytes) -> None:
+        if isinstance(data, bytes):
+            self._take_message(data)
+        else:
+            super()._take(data)
 
     def _tell(self, topics: list[str]) -> None:
         channels = [self._board.channel(topic) for topic in topics]
@@ -214,22 +184,14 @@ class FoxgloveClient:
         if operation != MESSAGE:
             raise ValueError(f"operation {operation}, expected {MESSAGE}")
         topic, code, type_ = self._own[number]
-        drive = self._board.drivers.get(topic)
-        if drive is None:
-            known = ", ".join(self._board.drivers) or "none, see --robot"
-            raise ValueError(f"{topic[:80]!r}, expected a topic of: {known}")
+        drive = self._board.driver(topic)
         content = data[_CLIENT_HEAD.size :]
         if code == "json":
             velocity = velocity_of(json.loads(content))
         else:
-            message = EncodedMessage(type_, content)
             if type_ == TwistStamped.__msgtype__:
-                twist = decode(message, TwistStamped).twist
+                twist = decode(type_, content, TwistStamped).twist
             else:
-                twist = decode(message, Twist)
+                twist = decode(type_, content, Twist)
             velocity = twist.linear.x, twist.angular.z
         drive(*velocity)
-
-    def _complain(self, text: str) -> None:
-        status = {"op": "status", "level": 2, "message": text}
-        self.waiting.append(json.dumps(status))

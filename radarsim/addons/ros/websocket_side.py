@@ -1,71 +1,21 @@
 """A server of rosbridge, or for Foxglove: a WebSocket for each client."""
 
 import asyncio
-from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Any, Final, Protocol
+from typing import Final
 
 from starlette.applications import Starlette
 from starlette.routing import WebSocketRoute
 from starlette.websockets import WebSocket
 
 from radarsim.addons.recording.messages import TopicMessage
+from radarsim.addons.ros.board import Board, BoardClient
 from radarsim.addons.ros.bridge import DriveCallback
 from radarsim.listening import bind
 from radarsim.server.web_server import AllowedHosts, WebServer
 
 LONGEST_MESSAGE: Final = 65536  # bytes of what a client sends
 MOST_ANSWERS: Final = 1000  # that wait for a client which does not read
-
-
-class SideClient(Protocol):
-    """One client: what it wants, and what waits for it."""
-
-    waiting: deque[Any]  # texts or bytes to send, oldest first
-
-    def wants(self, topic: str) -> bool:
-        """Return whether it is to be offered the messages of a topic."""
-
-    def offer(self, topic: str, data: Any, now: float) -> None:
-        """Queue a message of a topic that it wants; the oldest go if too many wait.
-
-        Args:
-            topic: Name of the topic.
-            data: The message as the board has encoded it.
-            now: Time of the loop, s.
-        """
-
-    def announce(self, topic: str) -> None:
-        """Queue the news that there is a topic."""
-
-    def receive(self, data: str | bytes) -> None:
-        """Do what a message asks for; what is wrong is answered."""
-
-
-class Board(Protocol):
-    """The topics there are, and the protocol in which clients are told of them.
-
-    Attributes:
-        name: Name of the protocol, for people.
-        subprotocols: Names of WebSocket subprotocols, of which clients ask for one.
-        types: Types of topics, by name.
-    """
-
-    name: str
-    subprotocols: tuple[str, ...]
-    types: dict[str, str]
-
-    def add(self, message: TopicMessage, wanted: bool) -> Any:
-        """Note a message; return it encoded if somebody wants it."""
-
-    def listen(self, topic: str, take: DriveCallback) -> None:
-        """Pass the velocity commands on a topic to a function."""
-
-    def new_client(self) -> SideClient:
-        """Return a new client, for which all there is to know waits."""
-
-    def trusts(self, origin: str) -> bool:
-        """Return whether a program of this origin may connect, in lower case."""
 
 
 class WebSocketSide:
@@ -93,7 +43,7 @@ class WebSocketSide:
         self._address, self._port = address, port
         self._announce = announce
         self._origins = {origin.rstrip("/").lower() for origin in origins}
-        self._clients: dict[SideClient, asyncio.Event] = {}
+        self._clients: dict[BoardClient, asyncio.Event] = {}
 
     def publish(self, message: TopicMessage) -> None:
         """See ``RosSide.publish``."""
@@ -111,7 +61,7 @@ class WebSocketSide:
 
     def subscribe(self, topic: str, take: DriveCallback) -> None:
         """See ``RosSide.subscribe``."""
-        self._board.listen(topic, take)
+        self._board.drivers[topic] = take
 
     async def run(self) -> None:
         """See ``RosSide.run``.
@@ -166,7 +116,7 @@ class WebSocketSide:
             sending.cancel()
 
 
-async def _send(socket: WebSocket, client: SideClient, news: asyncio.Event) -> None:
+async def _send(socket: WebSocket, client: BoardClient, news: asyncio.Event) -> None:
     """Send what waits for a client."""
     while True:
         await news.wait()

@@ -32,9 +32,8 @@ from radarsim.autonomy.mapping.export import (
     commander_pixels,
     sensed_window,
 )
-from radarsim.autonomy.mapping.mapper import Mapper, MapperSettings
+from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
-from radarsim.autonomy.mapping.slam import SlamSettings
 from radarsim.autonomy.navigation.mission import run_mission
 from radarsim.autonomy.navigation.plans import Mission
 from radarsim.autonomy.navigation.run_log import RunLog
@@ -240,13 +239,12 @@ class MapMaker:
         self.colours = request.colours
         self._robot = robot
         self._tell = tell
-        settings = MapperSettings(
-            slam=SlamSettings(motion_source="ins"),
+        self._mapper = Mapper(
+            _choose_scanner(robot, request.scanner),
             echo_wait=1.0 if has_echoes else 0.0,
             robot_radius=min(robot.size) / 2,
+            clock=time.monotonic,
         )
-        scanner = _choose_scanner(robot, request.scanner)
-        self._mapper = Mapper(scanner, settings, clock=time.monotonic)
         # None ends it. Reports may come faster than a thread maps them.
         self._reports: queue.Queue[Report | None] = queue.Queue()
         robot.listeners.append(self._take)

@@ -13,7 +13,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from radarsim import __version__
 from radarsim.addons.recording.bag_folder import (
     RecordingInfo,
     check_installed,
@@ -130,18 +129,8 @@ class RecordingSwitch:
 
     def _info(self, level: str) -> RecordingInfo:
         """Return what a recording of a map says of its run."""
-        config = self._config
-        return RecordingInfo.model_validate(
-            {
-                "version": __version__,
-                "level": level,
-                "dialect": config.dialect.name,
-                "drive_unit": config.drive_unit or config.dialect.drive_unit,
-                "settings": {i: dict(keys) for i, keys in config.item_settings.items()},
-                "robots": config.robots,
-                "drawn_map": _lasting_name(self._map),
-            }
-        )
+        drawn = _lasting_name(self._map)
+        return RecordingInfo.of_config(self._config, level=level, drawn_map=drawn)
 
     def _tell(self, on: bool, text: str) -> None:
         self._state = {"op": "recording", "on": on, "text": text}

@@ -165,33 +165,22 @@ def _drawn(segments: Floats, frame: GridFrame) -> Mask:
     return drawn
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TrueFloor:
-    """Cells of floor, each mask (R, C); all are empty if the robot starts outdoors.
-
-    Attributes:
-        indoors: Cells between the walls around the start, also under foliage and smoke.
-        free: Those of them with nothing in them.
-        reachable: Free cells that the robot covers wherever it can get to.
-        hidden: Free cells where it would fit, but that it cannot get to.
-    """
-
-    indoors: Mask
-    free: Mask
-    reachable: Mask
-    hidden: Mask
-
-
 def find_floor(
     truth: Truth, scene: Scene, *, start: Position, robot_radius: float
-) -> TrueFloor:
-    """Find the floor around the start of a robot.
+) -> dict[str, Mask]:
+    """Find the cells of floor around the start of a robot; none if that is outdoors.
 
     Args:
         truth: The scene in the cells of a map.
         scene: The same scene.
         start: Start of the robot, m.
         robot_radius: Half the diagonal of the robot, m.
+
+    Returns:
+        Masks, (R, C): of ``indoors``, between the walls around the start, also under
+        foliage and smoke; of these ``free``, with nothing in them; of these
+        ``reachable``, which the robot covers wherever it can get to, and ``hidden``,
+        where it would fit, but that it cannot get to.
     """
     indoors = truth.indoors_around(start)
     free = indoors & ~truth.anything()
@@ -202,12 +191,10 @@ def find_floor(
         home = None
     others = [piece for piece in pieces if piece is not home]
     within_reach = Polygon() if home is None else home.buffer(robot_radius)
-    return TrueFloor(
-        indoors,
-        free,
-        np.asarray(free & covered_cells(within_reach, truth.frame)),
-        np.asarray(free & covered_cells(shapely.union_all(others), truth.frame)),
-    )
+    areas = {"reachable": within_reach, "hidden": shapely.union_all(others)}
+    covered = {name: covered_cells(area, truth.frame) for name, area in areas.items()}
+    parts = {name: np.asarray(free & cells) for name, cells in covered.items()}
+    return {"indoors": indoors, "free": free, **parts}
 
 
 class FloorPart:
@@ -241,9 +228,7 @@ class FloorPart:
         frame = GridFrame(resolution).extended_to(tuple(low), tuple(high))
         truth = Truth(scene, frame, height)
         floor = find_floor(truth, scene, start=start, robot_radius=robot_radius)
-        rows, columns = np.nonzero(
-            floor.reachable if part == "reachable" else floor.hidden
-        )
+        rows, columns = np.nonzero(floor[part])
         self._rows, self._columns = rows + frame.row, columns + frame.column
 
     def coverage(self, grid: OccupancyGrid) -> float | None:
@@ -339,7 +324,8 @@ def score_map(
     right |= (classes == CellClass.FREE) & np.isfinite(_distances(~inside))
     known = classes != CellClass.UNKNOWN
     floor = find_floor(truth, scene, start=start, robot_radius=robot_radius)
-    is_outdoors = not floor.indoors.any()
+    is_outdoors = not floor["indoors"].any()
+    unknown = int(np.count_nonzero(floor["indoors"] & ~known))
     walls = classes == CellClass.OBSTACLE
     faces = _distances(truth.faces(outdoors=is_outdoors))[walls]
     false = int(np.count_nonzero(np.isinf(_distances(solid)[walls])))
@@ -348,11 +334,11 @@ def score_map(
     return MapScore(
         right=int(np.count_nonzero(known & right)),
         wrong=int(np.count_nonzero(known & ~right)),
-        unknown=None if is_outdoors else int(np.count_nonzero(floor.indoors & ~known)),
-        coverage=_mean(known[floor.free]),
-        near_coverage=_mean(near[floor.free]),
-        reachable_coverage=_mean(known[floor.reachable]),
-        hidden_coverage=_mean(known[floor.hidden]),
+        unknown=None if is_outdoors else unknown,
+        coverage=_mean(known[floor["free"]]),
+        near_coverage=_mean(near[floor["free"]]),
+        reachable_coverage=_mean(known[floor["reachable"]]),
+        hidden_coverage=_mean(known[floor["hidden"]]),
         obstacles=len(faces),
         within_one_cell=_mean(faces <= 1 + BESIDE),
         within_two_cells=_mean(faces <= 2 + BESIDE),

@@ -2,6 +2,10 @@
 
 The server is either one in this process, which runs in lockstep with the client and
 whose scene the map is compared with, or one that listens on a TCP port.
+
+A curve of the known area over time shows how fast the exploration is. The map itself
+tells the area that is sensed. With a scene it is also known which floor the robot can
+get to, and when some share of that was known.
 """
 
 import json
@@ -9,11 +13,10 @@ import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from radarsim.autonomy.evaluation.area_curve import AreaCurve
 from radarsim.autonomy.evaluation.map_score import (
     FloorPart,
     MapScore,
@@ -32,7 +35,7 @@ from radarsim.autonomy.exploration.exploration import (
 )
 from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.mapping.mapper import Mapper
-from radarsim.autonomy.mapping.occupancy_grid import CellClass
+from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
 from radarsim.autonomy.mapping.trajectory import TrajectoryErrors, trajectory_errors
 from radarsim.autonomy.navigation.runner import TripMeter
 from radarsim.client import Client
@@ -41,7 +44,98 @@ from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
 from radarsim.server.host.lockstep import InProcessTransport
 
+INTERVAL: Final = 1.0  # s between two samples of the known area
+MOST_SAMPLES: Final = 200  # that are kept; beyond it every second one
+SHARES: Final = (0.5, 0.9, 0.99)  # of the floor within reach
 MANY_SEEN_ONCE: Final = 0.3  # share of the walls
+
+
+class Sample(NamedTuple):
+    """What was known at one moment of a run.
+
+    Attributes:
+        time: s.
+        path_length: Length of the estimated path, m.
+        area: Area that is sensed, m².
+        reachable: Known share of the floor that the robot can get to; nan if it is not
+            known which that is.
+    """
+
+    time: float
+    path_length: float
+    area: float
+    reachable: float
+
+
+class AreaCurve:
+    """Samples of a run.
+
+    Attributes:
+        samples: In the order of time.
+        reached: The first sample at which each of ``SHARES`` was known.
+        floor: The floor that the robot can get to; None if that is not known.
+    """
+
+    def __init__(self) -> None:
+        self.samples: list[Sample] = []
+        self.reached: dict[float, Sample] = {}
+        self.floor: FloorPart | None = None
+        self._interval = INTERVAL
+        self._due = -math.inf
+
+    def add(self, trip: TripMeter, grid: OccupancyGrid, *, last: bool = False) -> None:
+        """Add a sample, if it is time to.
+
+        Args:
+            trip: Time and path so far.
+            grid: The map.
+            last: Whether it is the last one, which is always added.
+        """
+        if trip.time < self._due and not last:
+            return
+        self._due = trip.time + INTERVAL - 1e-9  # times are sums
+        cells = int(grid.sensed_cells().sum())
+        share = None if self.floor is None else self.floor.coverage(grid)
+        sample = Sample(
+            trip.time,
+            trip.length,
+            cells * grid.frame.resolution**2,
+            math.nan if share is None else share,
+        )
+        for each in SHARES:
+            if sample.reachable >= each:
+                self.reached.setdefault(each, sample)
+        if last and self.samples and self.samples[-1].time == sample.time:
+            del self.samples[-1]  # what was known at that scan before the run ended
+        # all are looked at, but not all are kept
+        before = self.samples[-1].time if self.samples else -math.inf
+        if last or sample.time >= before + self._interval - 1e-9:
+            self.samples.append(sample)
+        if len(self.samples) > MOST_SAMPLES:
+            self.samples = self.samples[::2]
+            self._interval *= 2
+
+    def to_dict(self) -> dict[str, list[float]]:
+        """Return the samples for JSON, by columns; that of shares if they are known."""
+        digits = {"time": 2, "path_length": 2, "area": 2, "reachable": 4}
+        columns = {
+            name: [round(getattr(each, name), places) for each in self.samples]
+            for name, places in digits.items()
+        }
+        shares = columns.pop("reachable")
+        if any(map(math.isfinite, shares)):
+            columns["reachable_coverage"] = shares
+        return columns
+
+    def reached_to_dict(self) -> dict[str, dict[str, float] | None]:
+        """Return for JSON when each share was known; None for those that were not."""
+        found: dict[str, dict[str, float] | None] = dict.fromkeys(
+            f"{share:g}" for share in SHARES
+        )
+        for share, sample in self.reached.items():
+            time, length = round(sample.time, 2), round(sample.path_length, 2)
+            found[f"{share:g}"] = {"time": time, "path_length": length}
+        return found
 
 
 @dataclass(slots=True)

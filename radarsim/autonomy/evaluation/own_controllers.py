@@ -1,10 +1,13 @@
 """Trials of a controller of one's own, which drives a robot of a local simulation.
 
 It is judged as the navigators of the package are: by the truth, on the same maps.
+Shares have Wilson's score interval (Wilson 1927), which also holds for few runs and for
+shares of 0 and 1. Means have Student's t interval.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -13,8 +16,8 @@ from pathlib import Path
 from typing import Final, TypeAlias
 
 import numpy as np
+from scipy import special
 
-from radarsim.autonomy.evaluation.estimates import Estimate, mean, share
 from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
 from radarsim.autonomy.evaluation.task_runner import in_order, run_tasks
 from radarsim.autonomy.evaluation.trials import (
@@ -29,16 +32,72 @@ from radarsim.autonomy.navigation.algorithms import ROBOT
 from radarsim.errors import ClientError, NavigationError
 from radarsim.geometry import Point
 from radarsim.local import LocalRobot, LocalSimulation
-from radarsim.local.arguments import check_number
 from radarsim.rng import generator_for
 from radarsim.scene.scene import Scene
 from radarsim.server.host import HostObserver
+from radarsim.validation import check_number
 
 OwnController: TypeAlias = Callable[[LocalRobot, Point], object]
 
+CONFIDENCE: Final = 0.95
 ALL: Final = "all"  # all maps together
 TIME_LIMIT: Final = 600.0  # s
 MOST_COMMANDS: Final = 20_000  # while no time passes; a controller that forgets to step
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """An estimate with its interval of 95 %.
+
+    Attributes:
+        value: The share, or the mean.
+        low: Lower end of its interval; the value itself where there is none.
+        high: Upper end, likewise.
+        count: Number of runs.
+    """
+
+    value: float
+    low: float
+    high: float
+    count: int
+
+
+def share(successes: int, count: int) -> Estimate:
+    """Estimate a share, with Wilson's score interval.
+
+    Args:
+        successes: Number of runs that have a property.
+        count: Number of all runs, at least 1; of a single one there is no interval.
+
+    >>> estimate = share(10, 10)
+    >>> round(estimate.low, 4), round(estimate.high, 4)
+    (0.7225, 1.0)
+    """
+    p = successes / count
+    if count < 2:
+        return Estimate(p, p, p, count)
+    z = float(special.ndtri((1 + CONFIDENCE) / 2))
+    scale = 1 + z**2 / count
+    centre = (p + z**2 / (2 * count)) / scale
+    half = z / scale * math.sqrt(p * (1 - p) / count + z**2 / (4 * count**2))
+    return Estimate(p, max(centre - half, 0.0), min(centre + half, 1.0), count)
+
+
+def mean(values: Sequence[float]) -> Estimate:
+    """Estimate a mean, with Student's t interval.
+
+    Args:
+        values: At least one. If all are equal, or there is only one, both ends of the
+            interval are the value itself.
+    """
+    count, value = len(values), float(np.mean(values))
+    if min(values) == max(values):
+        # The value itself: the mean of equal values can differ from them in the last
+        # digit.
+        return Estimate(values[0], values[0], values[0], count)
+    error = float(np.std(values, ddof=1)) / math.sqrt(count)
+    half = float(special.stdtrit(count - 1, (1 + CONFIDENCE) / 2)) * error
+    return Estimate(value, value - half, value + half, count)
 
 
 class _TimeIsUp(Exception):
@@ -135,7 +194,7 @@ class Evaluation:
             if name == ALL and is_one_map:
                 continue
             text = f"{name}: {estimate.value:.0%}"
-            if estimate.has_interval:
+            if estimate.count > 1:
                 text += f" ({estimate.low:.0%} to {estimate.high:.0%})"
             text += f" of {estimate.count} right"
             if name in self.detour:

@@ -12,7 +12,6 @@ obstacle just before or behind.
 
 import heapq
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -46,69 +45,38 @@ def shortest_path(
     piece = component_around(free, start)
     if piece is None or not piece.intersects(shapely.Point(goal)):
         return None
-    # Lines along an edge are in sight, though rounding puts them a little outside.
-    visible = piece.buffer(_TOLERANCE, join_style="mitre")
-    return _Search(_corners(piece, start, goal), visible).path()
-
-
-@dataclass(frozen=True)
-class _Corners:
-    """The start, the goal, and the corners that a path may bend around.
-
-    Attributes:
-        points: (N, 2) m.
-        before: (N, 2) m, from each point to the previous corner of its boundary; 0
-            for start and goal.
-        behind: (N, 2) m, from each point to the next corner; 0 likewise.
-    """
-
-    points: Floats
-    before: Floats
-    behind: Floats
-
-    def passed(self, lines: Floats, which: NDArray[np.intp] | int) -> NDArray[np.bool_]:
-        """Return which lines pass corners with the whole boundary on one side.
-
-        Args:
-            lines: (L, 2) m, their directions.
-            which: Index of each line's corner, or one index for all lines.
-        """
-        a, b = self.before[which], self.behind[which]
-        before = lines[:, 0] * a[..., 1] - lines[:, 1] * a[..., 0]
-        behind = lines[:, 0] * b[..., 1] - lines[:, 1] * b[..., 0]
-        same_side: NDArray[np.bool_] = (before * behind) >= -(_TOLERANCE**2)
-        return same_side
-
-
-def _corners(piece: Polygon, start: Position, goal: Position) -> _Corners:
-    no_edges = np.zeros((2, 2))
-    rows = [(np.array([start, goal]), no_edges, no_edges)]
-    for ring in shapely.get_rings(orient(piece)):
-        points = shapely.get_coordinates(ring)[:-1]  # free space is on the left
-        before = np.roll(points, 1, axis=0) - points
-        behind = np.roll(points, -1, axis=0) - points
-        # only around corners that stick out does a shortest path bend
-        bends = before[:, 0] * behind[:, 1] - before[:, 1] * behind[:, 0] > 0
-        rows.append((points[bends], before[bends], behind[bends]))
-    points, before, behind = (np.concatenate(row) for row in zip(*rows, strict=True))
-    return _Corners(points, before, behind)
+    return _Search(piece, start, goal).path()
 
 
 class _Search:
-    """A* from corner 0 to corner 1.
+    """A* from corner 0, the start, to corner 1, the goal.
 
     Not networkx or scipy: they need all edges in advance, and to compute these takes
     far longer than the search.
     """
 
-    def __init__(self, corners: _Corners, visible: Polygon) -> None:
-        self._corners = corners
-        self._visible = visible
-        shapely.prepare(visible)
-        self._to_goal = np.hypot(*(corners.points - corners.points[1]).T)
-        self._lengths = np.full(len(corners.points), math.inf)
+    def __init__(self, piece: Polygon, start: Position, goal: Position) -> None:
+        """Find the corners of free space that a path may bend around."""
+        no_edges = np.zeros((2, 2))
+        rows = [(np.array([start, goal]), no_edges, no_edges)]
+        for ring in shapely.get_rings(orient(piece)):
+            points = shapely.get_coordinates(ring)[:-1]  # free space is on the left
+            before = np.roll(points, 1, axis=0) - points
+            behind = np.roll(points, -1, axis=0) - points
+            # only around corners that stick out does a shortest path bend
+            bends = before[:, 0] * behind[:, 1] - before[:, 1] * behind[:, 0] > 0
+            rows.append((points[bends], before[bends], behind[bends]))
+        # (N, 2) m: corners, and from each to the previous and the next of its boundary
+        self._points, self._before, self._behind = map(
+            np.concatenate, zip(*rows, strict=True)
+        )
+        # Lines along an edge are in sight, though rounding puts them a little outside.
+        self._visible = piece.buffer(_TOLERANCE, join_style="mitre")
+        shapely.prepare(self._visible)
+        self._to_goal = np.hypot(*(self._points - self._points[1]).T)
+        self._lengths = np.full(len(self._points), math.inf)
         self._lengths[0] = 0.0
-        self._previous = np.zeros(len(corners.points), dtype=np.intp)
+        self._previous = np.zeros(len(self._points), dtype=np.intp)
 
     def path(self) -> tuple[float, Floats] | None:
         """Return length and points of the shortest path; None without one."""
@@ -117,7 +85,7 @@ class _Search:
         while queue:
             _, corner = heapq.heappop(queue)
             if corner == 1:
-                return float(self._lengths[1]), self._points()
+                return float(self._lengths[1]), self._bends()
             if corner in done:  # a shorter way here was found after it was queued
                 continue
             done.add(corner)
@@ -128,14 +96,14 @@ class _Search:
 
     def _expand(self, corner: int) -> NDArray[np.intp]:
         """Return the visible corners that are reached sooner through this one."""
-        points = self._corners.points
+        points = self._points
         lines = points - points[corner]
         lengths = self._lengths[corner] + np.hypot(*lines.T)
         (others,) = np.nonzero(lengths < self._lengths)
         # A shortest path bends only around corners: other lines need no test of sight,
         # which takes far longer.
-        others = others[self._corners.passed(lines[others], corner)]
-        others = others[self._corners.passed(lines[others], others)]
+        others = others[self._pass(lines[others], corner)]
+        others = others[self._pass(lines[others], others)]
         ends = points[others]
         starts = np.broadcast_to(points[corner], ends.shape)
         sights = shapely.linestrings(np.stack([starts, ends], axis=1))
@@ -144,9 +112,23 @@ class _Search:
         self._previous[seen] = corner
         return seen
 
-    def _points(self) -> Floats:
+    def _pass(self, lines: Floats, which: NDArray[np.intp] | int) -> NDArray[np.bool_]:
+        """Return which lines pass corners with the whole boundary on one side.
+
+        Args:
+            lines: (L, 2) m, their directions.
+            which: Index of each line's corner, or one index for all lines.
+        """
+        a, b = self._before[which], self._behind[which]
+        before = lines[:, 0] * a[..., 1] - lines[:, 1] * a[..., 0]
+        behind = lines[:, 0] * b[..., 1] - lines[:, 1] * b[..., 0]
+        same_side: NDArray[np.bool_] = (before * behind) >= -(_TOLERANCE**2)
+        return same_side
+
+    def _bends(self) -> Floats:
+        """Return the corners on the shortest path, with both ends, (N, 2) m."""
         indices = [1]
         while indices[-1] != 0:
             indices.append(int(self._previous[indices[-1]]))
-        points: Floats = self._corners.points[indices[::-1]]
+        points: Floats = self._points[indices[::-1]]
         return points

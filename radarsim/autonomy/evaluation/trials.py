@@ -199,13 +199,17 @@ class TrialResult(Row):
         return self.select((*what, *how, "circuits", "off", "note"))
 
 
-def config_with_sensor(sensor: str) -> SimulationConfig:
+def config_with_sensor(sensor: str, **settings: Any) -> SimulationConfig:
     """Configure the scanner as a sensor that covers a full circle in steps of 1 degree.
 
+    Args:
+        sensor: Name of the preset.
+        **settings: Other settings of it.
+
     Raises:
-        PresetError: If there is no such sensor.
+        PresetError: If there is no such sensor, or a setting is wrong.
     """
-    settings = {"sensor": sensor, "fov_deg": 359, "resolution_deg": 1}
+    settings = {"fov_deg": 359, "resolution_deg": 1, **settings, "sensor": sensor}
     config = SimulationConfig(item_settings={SCANNER: settings})
     config.check()
     return config
@@ -232,20 +236,32 @@ def run_trial(
         MapError: If the map is wrong, or defines no trial.
         PresetError: If there is no such sensor.
     """
-    scene, trial, shortest = prepare_trial(map_)
+    scene, _, shortest = prepare_trial(map_)
     host = Host(scene, config=config_with_sensor(sensor), seed=seed)
+    row = vars(drive_trial(host, algorithm, rule)) | {"shortest_path": shortest}
+    return TrialResult(
+        map=map_, algorithm=algorithm, sensor=sensor, seed=seed, rule=rule, **row
+    )
+
+
+def drive_trial(
+    host: Host,
+    algorithm: str,
+    rule: str = Rule.SHARE.value,
+    time_limit: float = TIME_LIMIT,
+) -> Row:
+    """Run the trial of a host's map, without its shortest path."""
+    trial = host.scene.trial
+    assert trial is not None
     mission = Mission(
         algorithm=Algorithm(algorithm),
         goals=(trial.goal,),
         start=trial.start,
         safety_distance=trial.safety_distance,
         rule=Rule(rule),
-        time_limit=TIME_LIMIT,
+        time_limit=time_limit,
     )
-    row = vars(run_plan(mission, host)) | {"shortest_path": shortest}
-    return TrialResult(
-        map=map_, algorithm=algorithm, sensor=sensor, seed=seed, rule=rule, **row
-    )
+    return run_plan(mission, host)
 
 
 def shortest_for(scene: Scene, trial: Trial) -> float | None:

@@ -20,9 +20,8 @@ from typing import Final
 import numpy as np
 
 from radarsim.autonomy.exploration.path_follower import (
-    MIN_SCANS,
     ExplorationSettings,
-    PathFollower,
+    Strategy,
 )
 from radarsim.autonomy.exploration.traversability import TraversabilityMap
 from radarsim.autonomy.mapping.occupancy_grid import SHORT_RANGE, Mask, OccupancyGrid
@@ -33,11 +32,10 @@ from radarsim.autonomy.navigation.control import (
     Twist,
     bearing_of,
     distance,
-    moved,
 )
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.wall_following import FollowMode, WallFollower
-from radarsim.geometry import Point, Pose2, wrap_angle
+from radarsim.geometry import Point, wrap_angle
 
 FULL_TURN: Final = 2 * math.pi
 NEIGHBORHOOD: Final = 1.5  # m around a target, where further targets come first
@@ -85,13 +83,8 @@ class TurnOnSpot:
         return Twist(0.0, self._speed_limits.turn)
 
 
-class NearestTargetStrategy:
-    """Strategy that drives to the nearest of the tiles that a selector returns.
-
-    Attributes:
-        activity: Name of the activity.
-        is_done: Whether no target is left that can be reached.
-    """
+class NearestTargetStrategy(Strategy):
+    """Drives to the nearest of the tiles that a selector returns."""
 
     def __init__(
         self,
@@ -109,23 +102,16 @@ class NearestTargetStrategy:
             activity: Name of the activity.
             turn: Angle to turn on the spot first, rad.
         """
+        super().__init__(settings)
         self.activity = activity
-        self.is_done = False
         self._turn = TurnOnSpot(turn, settings.speed_limits)
         self._select_targets = select_targets
-        self._path_follower = PathFollower(settings)
-        self._scans = 0
 
-    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
-        """Return the twist until the next scan."""
-        self._scans += 1
-        if self.is_done or self._scans < MIN_SCANS:
-            return STOP
+    def _decide(self, observation: Observation, grid: OccupancyGrid) -> Twist:
         if (twist := self._turn.step(observation)) is not None:
             return twist
         if self._path_follower.update_map(observation, grid):
             floor, end = self._path_follower.floor, self._path_follower.end
-            assert floor is not None
             targets = prefer_near(floor, self._select_targets(floor), end)
             self.is_done = not self._path_follower.plan(observation, targets)
         return self._path_follower.step(observation)
@@ -156,38 +142,30 @@ def coverage_strategy(settings: ExplorationSettings) -> NearestTargetStrategy:
     return NearestTargetStrategy(settings, lambda floor: floor.unvisited, "filling")
 
 
-class ContourStrategy:
+class ContourStrategy(Strategy):
     """Follows the contour of a room once, then covers the interior.
 
     Attributes:
         activity: ``seeking``, ``aligning``, ``following`` or ``filling``.
-        is_done: Whether contour and interior are done, or no wall is the room's.
         contours: Number of contours closed, those of islands included.
     """
 
     def __init__(self, settings: ExplorationSettings) -> None:
+        super().__init__(settings)
         self.activity = "seeking"
-        self.is_done = False
         self.contours = 0
-        self._settings = settings
         self._wall_follower = WallFollower(settings.bumpers, settings.speed_limits)
         self._mode = FollowMode(wall_on_left=settings.wall_on_left)
-        self._path_follower = PathFollower(settings)
         self._coverage = coverage_strategy(settings)
         self._track: list[Point] = []
         self._circuit: _Circuit | None = None
         self._max_lost = (
             LOST_CIRCLES * 2 * math.pi * self._wall_follower.target_distance
         )
-        self._scans = 0
         self._has_no_wall = False
         self._wall: Point = (0.0, 0.0)
 
-    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
-        """Return the twist until the next scan."""
-        self._scans += 1
-        if self.is_done or self._scans < MIN_SCANS:
-            return STOP
+    def _decide(self, observation: Observation, grid: OccupancyGrid) -> Twist:
         if self.activity == "seeking":
             return self._seek(observation, grid)
         if self.activity == "aligning":
@@ -202,7 +180,6 @@ class ContourStrategy:
         """Drive to a wall that was not followed, and stand still there."""
         path_follower = self._path_follower
         if path_follower.update_map(observation, grid):
-            assert path_follower.floor is not None
             floor = path_follower.floor
             targets = floor.outer_boundary(floor.reachable(observation.pose))
             for point in self._track:
@@ -284,7 +261,7 @@ class _Circuit:
 
     def add(self, observation: Observation, *, found: bool) -> None:
         pose = observation.pose
-        step = moved(self._last, pose)
+        step = pose.distance(self._last)
         self._length += step
         self.lost = 0.0 if found else self.lost + step
         self.turn += wrap_angle(pose.yaw - self._last.yaw)
@@ -294,32 +271,20 @@ class _Circuit:
         self.is_closed = has_passed and self._length > MIN_LENGTH
 
 
-class SpiralCoverage:
+class SpiralCoverage(Strategy):
     """Drives round its start in ever wider turns; unreachable points are left out.
 
-    Attributes:
-        activity: Always ``spiral``.
-        is_done: Whether it is as far out as it should go, or could reach nothing of a
-            whole turn.
+    It is done as far out as it should go, or if it can reach nothing of a whole turn.
     """
 
     activity = "spiral"
 
     def __init__(self, settings: ExplorationSettings) -> None:
-        self.is_done = False
-        self._settings = settings
-        self._path_follower = PathFollower(settings)
-        self._start: Pose2 | None = None
+        super().__init__(settings)
         self._angle = 0.0
         self._skipped_angle = 0.0
-        self._scans = 0
 
-    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
-        """Return the twist until the next scan."""
-        self._start = self._start or observation.pose
-        self._scans += 1
-        if self.is_done or self._scans < MIN_SCANS:
-            return STOP
+    def _decide(self, observation: Observation, grid: OccupancyGrid) -> Twist:
         has_arrived = distance(observation.pose, *self._point()) < ARRIVAL_DISTANCE
         if self._path_follower.update_map(observation, grid) or has_arrived:
             self._choose(observation, has_arrived=has_arrived)
@@ -327,7 +292,6 @@ class SpiralCoverage:
 
     def _choose(self, observation: Observation, *, has_arrived: bool) -> None:
         floor = self._path_follower.floor
-        assert floor is not None
         reachable = floor.reachable(observation.pose)
         if has_arrived:
             self._skipped_angle = 0.0
@@ -359,26 +323,24 @@ class SpiralCoverage:
         return step
 
 
-class RandomBounce:
+class RandomBounce(Strategy):
     """Drives straight on, and turns at random at walls, as simple vacuum robots do.
 
-    Attributes:
-        activity: ``straight`` or ``turning``.
-        is_done: Whether all reachable floor was seen at short range, or the last
-            stretches showed nothing new.
+    It is done when all reachable floor was seen at short range, or the last stretches
+    showed nothing new.
     """
 
+    min_scans = 0
+
     def __init__(self, settings: ExplorationSettings, rng: np.random.Generator) -> None:
+        super().__init__(settings)
         self.activity = "straight"
-        self.is_done = False
-        self._settings = settings
         self._rng = rng
         self._heading: float | None = None
         self._unvisited_area = math.inf
         self._idle_legs = 0
 
-    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
-        """Return the twist until the next scan."""
+    def _decide(self, observation: Observation, grid: OccupancyGrid) -> Twist:
         settings, yaw = self._settings, observation.pose.yaw
         if self._heading is None:
             self._heading = yaw

@@ -15,10 +15,9 @@ from radarsim.autonomy.exploration.path_follower import (
     WaypointFollower,
 )
 from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
-from radarsim.autonomy.exploration.second_look import SecondLook
+from radarsim.autonomy.exploration.revisit import Revisit
 from radarsim.autonomy.exploration.strategies import create_strategy, find_unexplored
-from radarsim.autonomy.mapping.mapper import Mapper, MapperSettings
-from radarsim.autonomy.mapping.slam import SlamSettings
+from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import (
     ControlLoop,
@@ -140,12 +139,11 @@ class Exploration:
 
     def _prepare(self, client: Client) -> tuple[ControlLoop, Strategy]:
         """Spawn the robot, and create what its reports are passed to."""
-        plan, robot = self.plan, spawn_robot(client, self.plan)
-        info, scanner = robot.info, robot.scanner
-        self.safety_distance = robot.safety_distance
+        plan = self.plan
+        info, scanner, self.safety_distance, speed_limits = spawn_robot(client, plan)
         self.settings = ExplorationSettings(
-            bumpers=Bumpers(safety_distance=robot.safety_distance),
-            speed_limits=robot.speed_limits,
+            bumpers=Bumpers(safety_distance=self.safety_distance),
+            speed_limits=speed_limits,
             wall_on_left=plan.side == "left",
             radius=plan.radius,
         )
@@ -157,13 +155,11 @@ class Exploration:
         radius = min(info.length, info.width) / 2
         self.mapper = Mapper(
             scanner,
-            MapperSettings(
-                slam=SlamSettings(motion_source=plan.motion_source),
-                resolution=plan.resolution,
-                map_range=plan.map_range,
-                echo_wait=1.0 if plan.echoes else 0.0,
-                robot_radius=radius,
-            ),
+            motion_source=plan.motion_source,
+            resolution=plan.resolution,
+            map_range=plan.map_range,
+            echo_wait=1.0 if plan.echoes else 0.0,
+            robot_radius=radius,
             clock=client.transport.time,
         )
         loop = ControlLoop(client, info, self.mapper, timeout=plan.timeout)
@@ -171,7 +167,7 @@ class Exploration:
             return loop, WaypointFollower(self.settings, plan.waypoints)
         strategy = create_strategy(plan.strategy, self.settings, self._rng)
         fills = plan.strategy is not StrategyName.FRONTIERS
-        return loop, SecondLook(self.settings, strategy, fills=fills)
+        return loop, Revisit(self.settings, strategy, fills=fills)
 
     def _explore(
         self, loop: ControlLoop, strategy: Strategy
@@ -190,7 +186,7 @@ class Exploration:
             yield ExplorationStep(observation, strategy.activity, twist)
             if is_over:
                 self._conclude(observation, strategy)
-                if isinstance(strategy, SecondLook):
+                if isinstance(strategy, Revisit):
                     self.mapper.finish()
                     strategy.forget_moved(self.mapper.grid)
                 return
@@ -210,7 +206,7 @@ class Exploration:
         frontiers, cut_off = find_unexplored(
             observation, self.mapper.grid, self.settings, start
         )
-        unseen = strategy.unseen if isinstance(strategy, SecondLook) else ()
+        unseen = strategy.unseen if isinstance(strategy, Revisit) else ()
         self.unreached = (*frontiers, *cut_off, *unseen)
         if frontiers or unseen:
             self.outcome = Outcome.INCOMPLETE

@@ -21,9 +21,8 @@ import numpy as np
 
 from radarsim.autonomy.exploration.coverage import FULL_TURN, TurnOnSpot
 from radarsim.autonomy.exploration.path_follower import (
-    MIN_SCANS,
     ExplorationSettings,
-    PathFollower,
+    Strategy,
 )
 from radarsim.autonomy.exploration.traversability import TraversabilityMap
 from radarsim.autonomy.mapping.occupancy_grid import Mask, OccupancyGrid
@@ -41,29 +40,18 @@ RAYS: Final = 90  # all round
 GAP: Final = 0.4  # m; narrower gaps in walls are closed to sight
 
 
-class NextBestView:
-    """Strategy that drives to the place with the greatest gain for its way.
-
-    Attributes:
-        activity: Always ``viewing``.
-        is_done: Whether no place within reach shows more than ``LEAST_GAIN``.
-    """
+class NextBestView(Strategy):
+    """Drives to the place with the greatest gain for its way."""
 
     activity = "viewing"
 
     def __init__(self, settings: ExplorationSettings) -> None:
-        self.is_done = False
-        self._path_follower = PathFollower(settings)
+        super().__init__(settings)
         self._turn = TurnOnSpot(FULL_TURN, settings.speed_limits)
         self._place: Point | None = None  # where it drives to, m
         self._looked_from: list[Point] = []  # m
-        self._scans = 0
 
-    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
-        """Return the twist until the next scan."""
-        self._scans += 1
-        if self.is_done or self._scans < MIN_SCANS:
-            return STOP
+    def _decide(self, observation: Observation, grid: OccupancyGrid) -> Twist:
         if (turn := self._turn.step(observation)) is not None:
             return turn
         follower, place = self._path_follower, self._place
@@ -78,7 +66,6 @@ class NextBestView:
     def _plan(self, observation: Observation) -> bool:
         """Plan the way to the place, or to another one; return whether there is one."""
         floor = self._path_follower.floor
-        assert floor is not None
         if self._place is not None:
             tile = floor.nearest(floor.open, *self._place)
             has_gain = gains(floor, tile)[0] >= LEAST_GAIN

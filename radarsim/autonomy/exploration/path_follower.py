@@ -6,9 +6,10 @@ The bumpers overrule them: no robot drives towards what is too near.
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Final, Protocol
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -21,7 +22,6 @@ from radarsim.autonomy.navigation.control import (
     Twist,
     bearing_of,
     distance,
-    moved,
 )
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.geometry import Point, Pose2
@@ -35,21 +35,6 @@ WAYPOINT_RADIUS: Final = 0.25  # m from a waypoint at which it is reached
 WAITING: Final = "waiting"  # activity of a robot that stands until floor is free
 _PROGRESS: Final = 0.2  # m
 _BEARING_STEP: Final = math.radians(10.0)
-
-
-class Strategy(Protocol):
-    """Exploration strategy."""
-
-    @property
-    def activity(self) -> str:
-        """What the strategy is doing, in one word."""
-
-    @property
-    def is_done(self) -> bool:
-        """Whether nothing is left that the strategy can explore."""
-
-    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
-        """Return the twist until the next scan."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,11 +78,12 @@ class PathFollower:
     """Drives to the nearest of some tiles, over floor that is sensed and open.
 
     Attributes:
-        floor: The map as last evaluated; None before the first time.
+        floor: The map as last evaluated.
     """
 
+    floor: TraversabilityMap
+
     def __init__(self, settings: ExplorationSettings) -> None:
-        self.floor: TraversabilityMap | None = None
         self._settings = settings
         self._updated = -math.inf
         self._path: Sequence[Point] = ()
@@ -116,7 +102,7 @@ class PathFollower:
             observation: The latest one.
             grid: The map.
         """
-        if self.floor is not None and observation.time < self._updated + MAP_INTERVAL:
+        if observation.time < self._updated + MAP_INTERVAL:
             return False
         self.floor = self._settings.traversability(grid)
         self._updated = observation.time
@@ -124,7 +110,6 @@ class PathFollower:
 
     def plan(self, observation: Observation, targets: Mask) -> bool:
         """Plan the path to the nearest of some tiles; return whether there is one."""
-        assert self.floor is not None
         had_path = bool(self._path)
         self._path = self.find_path(self.floor, observation.pose, targets)
         # To plan again, which happens every second, is no progress.
@@ -154,7 +139,6 @@ class PathFollower:
 
     def _next_point(self, pose: Pose2) -> Point:
         """Return the point to head for: as far along the path as the line is open."""
-        assert self.floor is not None
         path = self._path
         nearest = min(range(len(path)), key=lambda i: distance(pose, *path[i]))
         # Never nearer, as a robot that heads for where it is turns on the spot forever.
@@ -171,7 +155,7 @@ class PathFollower:
         """Give up a target to which the robot gets no nearer."""
         assert self._last_progress is not None
         time, pose = self._last_progress
-        if moved(pose, observation.pose) > _PROGRESS:
+        if observation.pose.distance(pose) > _PROGRESS:
             self._last_progress = observation.time, observation.pose
         elif observation.time > time + PATIENCE:
             # Together with the floor around it: the next tile is as hard to get to.
@@ -180,12 +164,40 @@ class PathFollower:
             self._updated = -math.inf  # plan again at once
 
 
-class WaypointFollower:
-    """Strategy that drives to waypoints in turn, as near as sensed, open floor leads.
+class Strategy(ABC):
+    """Exploration strategy.
 
     Attributes:
-        activity: Always ``underway``.
-        is_done: Whether it has been to all waypoints, or as near as possible.
+        activity: What it is doing, in one word.
+        is_done: Whether nothing is left that it can explore.
+    """
+
+    activity: str
+    min_scans: ClassVar = MIN_SCANS
+
+    def __init__(self, settings: ExplorationSettings) -> None:
+        self.is_done = False
+        self._settings = settings
+        self._path_follower = PathFollower(settings)
+        self._start: Pose2 | None = None  # pose at the first scan
+        self._scans = 0
+
+    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
+        """Return the twist until the next scan."""
+        self._start = self._start or observation.pose
+        self._scans += 1
+        if self.is_done or self._scans < self.min_scans:
+            return STOP
+        return self._decide(observation, grid)
+
+    @abstractmethod
+    def _decide(self, observation: Observation, grid: OccupancyGrid) -> Twist: ...
+
+
+class WaypointFollower(Strategy):
+    """Drives to waypoints in turn, as near as sensed, open floor leads.
+
+    Attributes:
         unreached: Waypoints that it could not reach, m.
     """
 
@@ -200,17 +212,11 @@ class WaypointFollower:
             settings: How the robot drives.
             waypoints: m, map frame.
         """
-        self.is_done = False
+        super().__init__(settings)
         self.unreached: list[Point] = []
-        self._path_follower = PathFollower(settings)
         self._waypoints = list(waypoints)
-        self._scans = 0
 
-    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
-        """Return the twist until the next scan."""
-        self._scans += 1
-        if self.is_done or self._scans < MIN_SCANS:
-            return STOP
+    def _decide(self, observation: Observation, grid: OccupancyGrid) -> Twist:
         has_arrived = self._distance(observation) < WAYPOINT_RADIUS
         if self._path_follower.update_map(observation, grid) or has_arrived:
             self.is_done = not self._choose(observation)
@@ -232,7 +238,6 @@ class WaypointFollower:
     def _plan(self, observation: Observation) -> bool:
         """Plan a path towards the waypoint; return whether it leads nearer."""
         floor = self._path_follower.floor
-        assert floor is not None
         reachable = floor.reachable(observation.pose)
         tiles = floor.nearest(reachable, *self._waypoints[0])
         x, y = floor.tile_centers()

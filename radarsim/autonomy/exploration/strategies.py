@@ -24,7 +24,6 @@ from radarsim.autonomy.exploration.coverage import (
 from radarsim.autonomy.exploration.next_best_view import NextBestView
 from radarsim.autonomy.exploration.path_follower import (
     MAP_INTERVAL,
-    MIN_SCANS,
     ExplorationSettings,
     Strategy,
 )
@@ -64,38 +63,30 @@ def create_strategy(
     return _STRATEGIES[name](settings)
 
 
-class AutoStrategy:
+class AutoStrategy(Strategy):
     """Chooses a strategy, and another when that one is done or no longer suitable.
 
     Attributes:
-        is_done: Whether there is nothing more to choose.
         chosen: Strategies chosen so far.
     """
 
     def __init__(self, settings: ExplorationSettings) -> None:
-        self.is_done = False
+        super().__init__(settings)
+        self.activity = "looking"
         self.chosen: list[StrategyName] = []
-        self._settings = settings
         self._current: Strategy | None = None
-        self._start: Pose2 | None = None
         self._checked = math.nan
-        self._scans = 0
 
-    @property
-    def activity(self) -> str:
-        """Activity of the chosen strategy."""
-        return "looking" if self._current is None else self._current.activity
-
-    def step(self, observation: Observation, grid: OccupancyGrid) -> Twist:
-        """Return the twist until the next scan."""
-        self._scans += 1
-        self._start = self._start or observation.pose
-        if self.is_done or self._scans < MIN_SCANS:
-            return STOP
+    def _decide(self, observation: Observation, grid: OccupancyGrid) -> Twist:
         current = self._current
         if current is None or current.is_done or self._finds_misfit(observation):
             self._choose(observation, grid)
-        return STOP if self._current is None else self._current.step(observation, grid)
+        if self._current is None:
+            self.activity = "looking"
+            return STOP
+        twist = self._current.step(observation, grid)
+        self.activity = self._current.activity
+        return twist
 
     def _finds_misfit(self, observation: Observation) -> bool:
         if observation.time < self._checked + MAP_INTERVAL:

@@ -14,9 +14,10 @@ import math
 from collections.abc import Sequence
 from copy import copy
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from radarsim.autonomy.mapping.occupancy_grid import Mask, OccupancyGrid, distance_field
@@ -238,13 +239,7 @@ class TraversabilityMap:
 
     def _tiles(self, cells: Mask) -> Mask:
         # any cell counts: gaps between beams leave cells unknown within a sensed tile
-        factor = self._factor
-        rows, columns = (-(-count // factor) for count in cells.shape)
-        tiles = np.zeros((rows, columns), np.bool_)
-        for i in range(factor):
-            for j in range(factor):
-                subset = cells[i::factor, j::factor]
-                tiles[: subset.shape[0], : subset.shape[1]] |= subset
+        tiles = _blocks(cells, self._factor).any(axis=(1, 3))
         # Unknown all around, so that floor at the border of the map is a frontier.
         return np.pad(tiles, _PADDING)
 
@@ -257,14 +252,7 @@ class TraversabilityMap:
         near = np.full(cells.shape, math.inf)
         window = _window_around(cells, math.ceil(limit / resolution))
         near[window] = distance_field(cells[window], limit / resolution) * resolution
-        factor = self._factor
-        rows, columns = (-(-count // factor) + 2 * _PADDING for count in blocked.shape)
-        tiles = np.full((rows, columns), math.inf)
-        for i in range(factor):
-            for j in range(factor):
-                subset = near[i::factor, j::factor][:rows, :columns]
-                part = tiles[: subset.shape[0], : subset.shape[1]]
-                np.minimum(part, subset, out=part)
+        tiles: Floats = _blocks(near, self._factor, math.inf).min(axis=(1, 3))
         return tiles
 
     def _distances(self, tiles: Mask, max_distance: float) -> Floats:
@@ -279,6 +267,15 @@ class TraversabilityMap:
         # eroded, then dilated: only where a disc of that radius fits
         inner = np.isinf(self._distances(~tiles, radius))
         return tiles & np.isfinite(self._distances(inner, radius))
+
+
+def _blocks(cells: NDArray[Any], factor: int, fill: float = 0) -> NDArray[Any]:
+    """Return cells by the tiles that they are in, (R, factor, C, factor)."""
+    cells = np.pad(
+        cells, [(0, -count % factor) for count in cells.shape], constant_values=fill
+    )
+    rows, columns = cells.shape
+    return cells.reshape(rows // factor, factor, columns // factor, factor)
 
 
 def _window_around(cells: Mask, margin: int) -> tuple[slice, slice]:

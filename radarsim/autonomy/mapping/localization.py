@@ -5,23 +5,22 @@ INS. When a loop closes, or the map is turned back to its start, poses of earlie
 change as well: what was kept by them can be corrected.
 """
 
-import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-from radarsim.autonomy.mapping.motion_reports import MotionReports
-from radarsim.autonomy.mapping.scan import MAX_RANGE, read_scan
-from radarsim.autonomy.mapping.slam import Slam, SlamSettings
+from radarsim.autonomy.mapping.scan import scan_of
+from radarsim.autonomy.mapping.slam import MotionReports, Slam
 from radarsim.client import ScannerInfo
-from radarsim.geometry import Pose2, wrap_angle
+from radarsim.geometry import Pose2
 from radarsim.protocol.reports import Ins, RangeScan, TargetEchoes
 
 # Side beams of a radar show the end of a wall beside it, from each side another way:
 # what a few points say together is off by that, and where there is little to see an INS
 # is better over some metres.
-SETTINGS: Final = SlamSettings(drift=0.03, rest_sigma=(0.0015, 0.0005))
+DRIFT: Final = 0.03  # share of the motion
+REST_SIGMA: Final = (0.0015, 0.0005)  # m and rad
 JUMP: Final = (0.1, 0.03)  # m and rad; what was kept by less still fits what is seen
 
 
@@ -38,10 +37,8 @@ class Localizer:
         Args:
             scanner: The scanner.
         """
-        self.slam = Slam(SETTINGS)
+        self.slam = Slam(drift=DRIFT, rest_sigma=REST_SIGMA)
         self._scanner = scanner
-        mount = scanner.mount
-        self._mount = Pose2(mount.x, mount.y, mount.yaw)
         self._motion = MotionReports()
         self._has_jumped = False
 
@@ -60,24 +57,13 @@ class Localizer:
             echoes: Those of the scan; None if none came.
             time: When it was taken, s; the times of scans increase.
         """
-        scan = read_scan(
-            replace(report, time=time),
-            echoes,
-            max_range=min(self._scanner.max_range, MAX_RANGE),
-            min_range=self._scanner.min_range,
-            mount=self._mount,
-        )
+        scan = scan_of(self._scanner, replace(report, time=time), echoes)
         slam, motion = self.slam, self._motion.at(report.time)
         last, revision = slam.pose, slam.revision
         pose = slam.step(scan, *(motion or ()))
         if slam.revision > revision:
             # the scan before, whose pose has moved by the correction alone
-            moved = slam.trajectory.poses[-2]
-            distance, angle = JUMP
-            self._has_jumped |= (
-                math.hypot(moved.x - last.x, moved.y - last.y) > distance
-                or abs(wrap_angle(moved.yaw - last.yaw)) > angle
-            )
+            self._has_jumped |= slam.trajectory.poses[-2].is_apart(last, *JUMP)
         return pose
 
     def pop_jump(self) -> bool:

@@ -32,7 +32,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import takewhile
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -96,6 +96,7 @@ class KeyframeMap:
         self.points = PointMap()
         self.reach = 0.0
         self._swept = 0.0  # station
+        self._next_attempt = 0.0  # station from which on it looks for a loop again
 
     def __len__(self) -> int:
         """Return the number of keyframes."""
@@ -112,31 +113,80 @@ class KeyframeMap:
         if keyframe.station > self._swept + STRIDE:
             self._swept, far = keyframe.station, False
             for each in self.keyframes:
-                away = distance(each.pose, keyframe.pose)
+                away = each.pose.distance(keyframe.pose)
                 if each.is_local and away > REACHES * self.reach:
                     each.is_local, far = False, True
             if far:
                 self._rebuild()
-
-    def left_behind(self, pose: Pose2, radius: float) -> list[int]:
-        """Return the numbers of keyframes near a pose that the local map has not."""
-        return [
-            number
-            for number, each in enumerate(self.keyframes)
-            if not each.is_local and distance(each.pose, pose) < radius
-        ]
 
     def move(self, poses: list[Pose2]) -> None:
         """Move all keyframes; those around the last one are local then."""
         local = REACHES * self.reach
         for keyframe, pose in zip(self.keyframes, poses, strict=True):
             keyframe.pose = pose
-            keyframe.is_local = distance(pose, poses[-1]) < local
+            keyframe.is_local = pose.distance(poses[-1]) < local
         # points of a map are only sums, from which none can be taken exactly
         self._rebuild()
 
     def _rebuild(self) -> None:
         self.points = map_of([each for each in self.keyframes if each.is_local])
+
+    def find_closure(self, latest: Fit) -> tuple[int, Pose2, Floats] | None:
+        """Return where the last keyframe is by older ones, if a loop closes.
+
+        Args:
+            latest: The fit of the last one to the local map.
+
+        Returns:
+            The number of an old keyframe, the pose of the last one by the map around
+            it, and the (3, 3) information matrix of that pose on the map's axes.
+        """
+        last = self.keyframes[-1]
+        # A corridor looks the same everywhere along it.
+        if last.station < self._next_attempt or latest.evenness < MIN_EVENNESS:
+            return None
+        radius = min(MAX_DISTANCE, self.reach)
+        left_behind = [
+            (last.pose.distance(each.pose), number)
+            for number, each in enumerate(self.keyframes)
+            if not each.is_local and last.pose.distance(each.pose) < radius
+        ]
+        if not left_behind:
+            return None
+        # Whether a loop closes or not: to look for one is what takes long.
+        self._next_attempt = last.station + RETRY
+        _, nearest = min(left_behind)
+        old = self.keyframes[nearest]
+        # The error of a pose grows with the path since, up to a limit: tried poses grow
+        # with its third power.
+        gap = last.station - old.station
+        drift = min(MIN_DRIFT + DRIFT * gap, MAX_DRIFT)
+        turn = min(MIN_TURN + TURN_DRIFT * gap, MAX_TURN)
+        # Near along the path, not only in space: these are consistent with each other.
+        around = [
+            each
+            for each in self.keyframes
+            if not each.is_local and abs(each.station - old.station) < self.reach
+        ]
+        found = find_pose(map_of(around).table, self._latest(), drift, turn)
+        if found is None:
+            return None
+        # From beside the old place walls look different, and a match may be off by more
+        # than the loop is. Farther on there will be another attempt.
+        is_beside = found.pose.distance(old.pose) > SAME_PLACE
+        if is_beside and found.inliers < MIN_INLIERS_BESIDE:
+            return None
+        return nearest, found.pose, found.information
+
+    def _latest(self) -> Keyframe:
+        """Return the last keyframe with points of those shortly before, too."""
+        last = self.keyframes[-1]
+        latest = takewhile(
+            lambda each: each.station >= last.station - LATEST and each.is_local,
+            reversed(self.keyframes),
+        )
+        points = joined(latest, last.pose, MAX_POINTS)
+        return Keyframe(last.pose, points, last.station)
 
 
 def map_of(keyframes: list[Keyframe]) -> PointMap:
@@ -187,81 +237,6 @@ def turned(vectors: Floats, yaw: float) -> Floats:
     return result
 
 
-def distance(one: Pose2, other: Pose2) -> float:
-    """Return the distance between two poses, m."""
-    return math.hypot(one.x - other.x, one.y - other.y)
-
-
-class Closure(NamedTuple):
-    """A loop that closes.
-
-    Attributes:
-        start: Number of an old keyframe.
-        pose: Where the last keyframe is by the map around the old one.
-        information: (3, 3) information matrix of that pose, on the map's axes.
-    """
-
-    start: int
-    pose: Pose2
-    information: Floats
-
-
-@dataclass(slots=True)
-class LoopCloser:
-    """Looks for loops.
-
-    Attributes:
-        next_station: Length of the path from which on it looks again, m.
-    """
-
-    next_station: float = 0.0
-
-    def closure(self, known: KeyframeMap, latest: Fit) -> Closure | None:
-        """Return where the last keyframe is by older ones, if a loop closes.
-
-        Args:
-            known: All keyframes.
-            latest: The fit of the last one to the local map.
-        """
-        last = known.keyframes[-1]
-        # A corridor looks the same everywhere along it.
-        if last.station < self.next_station or latest.evenness < MIN_EVENNESS:
-            return None
-        near = known.left_behind(last.pose, min(MAX_DISTANCE, known.reach))
-        if not near:
-            return None
-        # Whether a loop closes or not: to look for one is what takes long.
-        self.next_station = last.station + RETRY
-        x, y = last.pose.x, last.pose.y
-        poses = [known.keyframes[number].pose for number in near]
-        nearest = near[
-            int(np.argmin([(pose.x - x) ** 2 + (pose.y - y) ** 2 for pose in poses]))
-        ]
-        old = known.keyframes[nearest]
-        # The error of a pose grows with the path since, up to a limit: tried poses grow
-        # with its third power.
-        gap = last.station - old.station
-        distance = min(MIN_DRIFT + DRIFT * gap, MAX_DRIFT)
-        turn = min(MIN_TURN + TURN_DRIFT * gap, MAX_TURN)
-        # Near along the path, not only in space: these are consistent with each other.
-        around = [
-            each
-            for each in known.keyframes
-            if not each.is_local and abs(each.station - old.station) < known.reach
-        ]
-        table = map_of(around).table
-        found = find_pose(table, latest_keyframe(known), distance, turn)
-        if found is None:
-            return None
-        # From beside the old place walls look different, and a match may be off by more
-        # than the loop is. Farther on there will be another attempt.
-        motion = found.pose.relative_to(old.pose)
-        is_beside = math.hypot(motion.x, motion.y) > SAME_PLACE
-        if is_beside and found.inliers < MIN_INLIERS_BESIDE:
-            return None
-        return Closure(nearest, found.pose, found.information)
-
-
 def find_pose(
     table: Packed, keyframe: Keyframe, limit: float, turn: float
 ) -> Fit | None:
@@ -278,7 +253,7 @@ def find_pose(
         fits about as well where it seems to be.
     """
     points, pose = keyframe.points, keyframe.pose
-    starts = starts_around(pose, limit, turn)
+    starts = _starts_around(pose, limit, turn)
     # The fit alone finds the nearest optimum, which need not be the best one.
     start = Pose2(*starts[best_start(table, points, starts)].tolist())
     # The estimate holds the pose no tighter than it may be off.
@@ -289,34 +264,21 @@ def find_pose(
     # Niches, doors or pillars in a row look alike from many poses. A row that is only
     # half known fits best at a wrong one, and about as well at the estimated pose.
     rival = fit(table, points, pose, pose, sigma)
-    is_apart = distance(rival.pose, found.pose) > APART
+    is_apart = rival.pose.distance(found.pose) > APART
     return None if is_apart and rival.score > MAX_RIVAL * found.score else found
 
 
-def starts_around(pose: Pose2, distance: float, turn: float) -> Floats:
+def _starts_around(pose: Pose2, limit: float, turn: float) -> Floats:
     """Return poses all around a pose, (S, 3)."""
-    shifts = _steps(distance, STEP)
-    x, y, yaw = np.meshgrid(shifts, shifts, _steps(turn, TURN_STEP))
+    counts = [math.ceil(limit / STEP)] * 2 + [math.ceil(turn / TURN_STEP)]
+    steps = [
+        np.arange(-count, count + 1, dtype=np.float64) * step
+        for count, step in zip(counts, (STEP, STEP, TURN_STEP), strict=True)
+    ]
+    x, y, yaw = np.meshgrid(*steps)
     offsets = np.column_stack([x.ravel(), y.ravel(), yaw.ravel()])
     starts: Floats = offsets + np.array([pose.x, pose.y, pose.yaw])
     return starts
-
-
-def _steps(limit: float, step: float) -> Floats:
-    count = int(np.ceil(limit / step))
-    steps: Floats = np.arange(-count, count + 1, dtype=np.float64) * step
-    return steps
-
-
-def latest_keyframe(known: KeyframeMap) -> Keyframe:
-    """Return the last keyframe with points of those shortly before, too."""
-    last = known.keyframes[-1]
-    latest = takewhile(
-        lambda each: each.station >= last.station - LATEST and each.is_local,
-        reversed(known.keyframes),
-    )
-    points = joined(latest, last.pose, MAX_POINTS)
-    return Keyframe(last.pose, points, last.station)
 
 
 def find_correction(known: KeyframeMap, first: int) -> Pose2 | None:

@@ -4,34 +4,35 @@ A mapper is passed every report of a robot: echoes, ranges, and poses. It finds 
 of each scan (``slam``) and adds the scan to the grid. Where a server sends echoes, a
 scan without all of its own serves for finding the pose but not for the map: the range
 of a radar alone does not tell foliage from a wall.
+
+When a loop closes, all scans have other poses, and the grid is built anew from them.
+That takes seconds, in which a robot would drive on blindly. Some old scans are
+therefore added to the new grid with each new scan, which the old grid gets meanwhile;
+the new one replaces it when it holds all scans.
 """
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import DTypeLike, NDArray
 
-from radarsim.autonomy.mapping.motion_reports import MotionReports
-from radarsim.autonomy.mapping.occupancy_grid import RESOLUTION, OccupancyGrid
-from radarsim.autonomy.mapping.scan import (
-    MAX_RANGE,
-    Layer,
-    PlanarScan,
-    read_scan,
+from radarsim.autonomy.mapping.occupancy_grid import (
+    RESOLUTION,
+    CellClass,
+    OccupancyGrid,
 )
-from radarsim.autonomy.mapping.scan_grid import RebuildableGrid
-from radarsim.autonomy.mapping.slam import Slam, SlamSettings
+from radarsim.autonomy.mapping.scan import BeamHits, Layer, PlanarScan, scan_of
+from radarsim.autonomy.mapping.slam import MotionReports, Slam
 from radarsim.autonomy.mapping.trajectory import Trajectory
-from radarsim.autonomy.navigation.observation import (
-    Observation,
-    ScanClock,
-)
+from radarsim.autonomy.navigation.observation import Observation, ScanClock
+from radarsim.autonomy.navigation.plans import MotionSource
 from radarsim.client import ScannerInfo
 from radarsim.client.robot_info import from_centre, same_name
 from radarsim.client.robot_state import EchoCollector
-from radarsim.geometry import Pose2
+from radarsim.geometry import Floats, Point, Pose2, rotation_matrix
 from radarsim.protocol.reports import (
     EchoLine,
     GroundTruth,
@@ -44,36 +45,121 @@ from radarsim.protocol.reports import (
 MAX_SCANS_WITHOUT_MOTION: Final = 50  # after which the motion counts as unknown
 TRUTH_INTERVAL: Final = 0.05  # s; true poses in between are not stored
 
+SCANS_AT_ONCE: Final = 25  # old scans that are added with each new one
+STANDING: Final = 0.02, 0.01  # m and rad within which a robot stands
+SCANS_STANDING: Final = 20  # that are kept of a robot that stands
+PLACE: Final = 1.0  # m between places from which something is seen
+SQUARE: Final = 0.25  # m; noise spreads the ends of beams over cells
 _MOTION_SOURCES: Final[dict[type[Report], str]] = {Ins: "ins", Odometry: "odometry"}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MapperSettings:
-    """How a map is made.
+class RebuildableGrid:
+    """A grid, and the scans that it consists of.
 
     Attributes:
-        slam: How scans are matched, and by which motion source.
-        resolution: Side of a cell, m.
-        echo_wait: How long scans without echoes are not added to the map, since their
-            echoes may still come, s; 0 if no client asked for echoes.
-        map_range: Range of the scanner that is mapped, m; the pose is found with all of
-            it.
-        robot_radius: Radius of the disc around the robot that is marked free, m; 0 for
-            none.
+        grid: The map; another object once it was built anew.
     """
 
-    slam: SlamSettings = field(default_factory=SlamSettings)
-    resolution: float = RESOLUTION
-    echo_wait: float = 1.0
-    map_range: float = math.inf
-    robot_radius: float = 0.0
+    def __init__(
+        self, trajectory: Trajectory, resolution: float, radius: float
+    ) -> None:
+        """Create an empty map.
+
+        Args:
+            trajectory: The robot's, with a pose for each scan.
+            resolution: Side of a cell, m.
+            radius: Radius of the disc around the robot that is marked free, m; 0 for
+                none.
+        """
+        self.grid = OccupancyGrid(resolution)
+        self._trajectory = trajectory
+        self._radius = radius
+        self._scans: list[
+            tuple[int, PlanarScan]
+        ] = []  # with the numbers of their poses
+        self._last: Pose2 | None = None  # of the last scan while driving
+        self._standing = 0
+        self._next: OccupancyGrid | None = None
+        self._added = 0  # scans that the next grid holds
+
+    def add(self, scan: PlanarScan) -> None:
+        """Add a scan at the last pose of the trajectory."""
+        number = len(self._trajectory) - 1
+        self._add(self.grid, number, scan)
+        # A robot that stands sees the same again and again: some of its scans will do.
+        pose = self._trajectory.poses[-1]
+        if self._last is None or pose.is_apart(self._last, *STANDING):
+            self._last, self._standing = pose, 0
+        self._standing += 1
+        if self._standing <= SCANS_STANDING:
+            # in half the memory, since all scans of a run are kept
+            self._scans.append((number, _converted(scan, np.int32, np.float32)))
+        self._continue(SCANS_AT_ONCE)
+
+    def rebuild(self) -> None:
+        """Begin to build the grid anew, as the trajectory has changed."""
+        # If another grid was being built, it is dropped: its poses are no longer right.
+        self._next, self._added = OccupancyGrid(self.grid.frame.resolution), 0
+
+    def finish(self) -> None:
+        """Build the rest of the new grid, if one was begun."""
+        self._continue(len(self._scans))
+
+    def seen_from_one_place(self) -> float:
+        """Return the share of what is solid that was seen from only one place.
+
+        Places are at least 1 m from each other. Squares of 0.25 m are counted.
+        """
+        seen: dict[Point, list[NDArray[np.int64]]] = {}
+        for number, scan in self._scans:
+            pose = self._trajectory.poses[number]
+            here = pose.x, pose.y
+            near = (place for place in seen if math.dist(place, here) < PLACE)
+            points = scan.points()[0] @ rotation_matrix(0.0, 0.0, pose.yaw)[:2, :2].T
+            squares = _squares(points + np.array(here))
+            seen.setdefault(next(near, here), []).append(squares)
+        all_squares = [np.unique(np.concatenate(each)) for each in seen.values()]
+        found, counts = np.unique(np.concatenate(all_squares), return_counts=True)
+        x, y = self.grid.frame.cell_centers()
+        rows, columns = np.nonzero(self.grid.classes() == CellClass.OBSTACLE)
+        solid = _squares(np.column_stack([x[columns], y[rows]]))
+        once = np.isin(solid, found[counts > 1], invert=True)
+        return float(np.count_nonzero(once)) / max(len(once), 1)
+
+    def _continue(self, count: int) -> None:
+        if self._next is None:
+            return
+        for number, scan in self._scans[self._added : self._added + count]:
+            # in the types that the engine takes
+            self._add(self._next, number, _converted(scan, np.int64, np.float64))
+            self._added += 1
+        if self._added == len(self._scans):
+            self.grid, self._next = self._next, None
+
+    def _add(self, grid: OccupancyGrid, number: int, scan: PlanarScan) -> None:
+        pose = self._trajectory.poses[number]
+        grid.add(pose, scan)
+        if self._radius:
+            grid.clear_disc(pose, self._radius)
+
+
+def _squares(points: Floats) -> NDArray[np.int64]:
+    """Return the numbers of the squares that points are in, each once."""
+    column, row = np.floor(points / SQUARE).astype(np.int64).T
+    return np.unique((column << 32) + row)
+
+
+def _converted(scan: PlanarScan, whole: DTypeLike, real: DTypeLike) -> PlanarScan:
+    """Return a scan whose numbers are of other types."""
+    beams, near, far, layer = scan.hits
+    hits = BeamHits(beams.astype(whole), near.astype(real), far.astype(real), layer)
+    return replace(scan, known_range=scan.known_range.astype(real), hits=hits)
 
 
 class Mapper:
     """Makes a map of what one scanner measures.
 
     Attributes:
-        settings: How the map is made.
         scanner: The scanner that it is made with.
         slam: Estimates the robot's pose.
         truth: True poses, as far as the server sends them.
@@ -86,28 +172,35 @@ class Mapper:
     def __init__(
         self,
         scanner: ScannerInfo,
-        settings: MapperSettings | None = None,
         *,
+        motion_source: MotionSource = "ins",
+        resolution: float = RESOLUTION,
+        echo_wait: float = 1.0,
+        map_range: float = math.inf,
+        robot_radius: float = 0.0,
         clock: Callable[[], float] = lambda: 0.0,
     ) -> None:
         """Create an empty map.
 
         Args:
             scanner: Scanner to map with.
-            settings: How the map is made.
+            motion_source: Where the robot's motion between scans is read from.
+            resolution: Side of a cell, m.
+            echo_wait: How long scans without echoes are not added to the map, since
+                their echoes may still come, s; 0 if no client asked for echoes.
+            map_range: Range of the scanner that is mapped, m; the pose is found with
+                all of it.
+            robot_radius: Radius of the disc around the robot that is marked free, m; 0
+                for none.
             clock: Returns the time in s, for servers without advancing time stamps.
         """
-        self.settings = settings or MapperSettings()
-        self._grid = RebuildableGrid(
-            self.settings.resolution, self.settings.robot_radius
-        )
-        self.slam = Slam(self.settings.slam)
+        self.slam = Slam(motion_source)
+        self._grid = RebuildableGrid(self.trajectory, resolution, robot_radius)
+        self._echo_wait, self._map_range = echo_wait, map_range
         self.truth = Trajectory()
         self.scans = 0
         self.left_out = {"no_pose": 0, "no_echoes": 0}
         self.scanner = scanner
-        mount = scanner.mount
-        self._mount = Pose2(mount.x, mount.y, mount.yaw)
         self._stamps = ScanClock(clock)
         self._echoes = EchoCollector()
         self._echoes_due = math.nan  # until when scans wait for their echoes, s
@@ -115,8 +208,8 @@ class Mapper:
         self._motion = MotionReports()
         self._scans_since_report = 0
         self._sources: set[str] = set()  # that sent poses
-        source = self.settings.slam.motion_source
-        self.missing = self._missing_scan if source == "none" else self._missing_pose
+        has_source = motion_source != "none"
+        self.missing = self._missing_pose if has_source else self._missing_scan
 
     @property
     def grid(self) -> OccupancyGrid:
@@ -139,14 +232,14 @@ class Mapper:
 
     @property
     def _missing_pose(self) -> str:
-        return f"pose from {self.settings.slam.motion_source}"
+        return f"pose from {self.slam.motion_source}"
 
     @property
     def cure(self) -> str:
         """The motion sources that are left, if poses of the wanted one are missing."""
         if self.missing != self._missing_pose:
             return ""
-        others = self._sources - {self.settings.slam.motion_source}
+        others = self._sources - {self.slam.motion_source}
         return f"expected motion from {' or '.join([*sorted(others), 'none'])}"
 
     def take(self, report: Report) -> Observation | None:
@@ -177,7 +270,7 @@ class Mapper:
         source = _MOTION_SOURCES.get(type(report))
         if source is not None:
             self._sources.add(source)
-        if source == self.settings.slam.motion_source:
+        if source == self.slam.motion_source:
             self._motion.add(report.time, pose)
             self._scans_since_report = 0
             self.missing = self._missing_scan
@@ -188,8 +281,7 @@ class Mapper:
                 self.truth.add(report.time, pose)
 
     def _take_scan(self, report: RangeScan) -> Observation | None:
-        settings = self.settings
-        source = settings.slam.motion_source
+        source = self.slam.motion_source
         if source != "none":
             self._scans_since_report += 1
         # By a source that has fallen silent all scans would be at one place.
@@ -203,20 +295,13 @@ class Mapper:
         if not len(self.trajectory):
             # An INS begins at its own first pose. All else begins at the first one that
             # an INS or the ground truth tells, which comes after the mapper is made.
-            start = None if source == "ins" else self._spawn_pose
-            self.slam = Slam(settings.slam, start)
-            self._echoes_due = time + settings.echo_wait
+            self.slam.start = None if source == "ins" else self._spawn_pose
+            self._echoes_due = time + self._echo_wait
         echoes = self._echoes.of(report)
         if echoes is not None:
             # A server that has sent echoes goes on to: without them a scan lost some.
-            self._echoes_due = time + settings.echo_wait
-        scan = read_scan(
-            replace(report, time=time),
-            echoes,
-            max_range=min(self.scanner.max_range, MAX_RANGE),
-            min_range=self.scanner.min_range,
-            mount=self._mount,
-        )
+            self._echoes_due = time + self._echo_wait
+        scan = scan_of(self.scanner, replace(report, time=time), echoes)
         revision = self.slam.revision
         pose = self.slam.step(scan, *(reported or ()))
         # A loop has closed, or the map was turned: all scans have other poses now.
@@ -227,7 +312,7 @@ class Mapper:
             self.missing = f"echoes of {self.scanner.name!r}"
             self.left_out["no_echoes"] += 1
             return None
-        self._grid.add(self.trajectory, scan.within(settings.map_range))
+        self._grid.add(scan.within(self._map_range))
         self.scans += 1
         self.missing = self._missing_scan
         return self._observation(pose, scan)

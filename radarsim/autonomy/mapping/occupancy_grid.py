@@ -172,18 +172,9 @@ class OccupancyGrid:
         frame: Where its cells are; replaced when the map grows.
     """
 
-    def __init__(
-        self, resolution: float = RESOLUTION, *, short_range: float = SHORT_RANGE
-    ) -> None:
-        """Create an empty map.
-
-        Args:
-            resolution: Side of a cell, m.
-            short_range: Distance from the scanner within which free cells count as
-                seen at short range, m.
-        """
+    def __init__(self, resolution: float = RESOLUTION) -> None:
+        """Create an empty map of cells of a size, m."""
         self.frame = GridFrame(resolution)
-        self._short_range = short_range / resolution
         self._evidence = np.zeros((len(Layer), 0, 0), np.int8)
         self._flags = np.zeros((0, 0), np.uint8)
 
@@ -222,7 +213,7 @@ class OccupancyGrid:
             hits.near / size,
             hits.far / size,
             hits.layer,
-            self._short_range,
+            SHORT_RANGE / size,
             scan.sees_through,
         )
 
@@ -274,14 +265,8 @@ class OccupancyGrid:
         cell = self.frame.cell(x, y)
         if cell is None or not self._flags[cell] & SENSED:
             return False
-        limit = safety / self.frame.resolution
-        span = math.floor(limit)
-        # Not by ``distance_field``, which takes the whole map, for a single point.
-        top, left = max(cell[0] - span, 0), max(cell[1] - span, 0)
-        window = np.s_[top : cell[0] + span + 1, left : cell[1] + span + 1]
-        rows, columns = np.nonzero(self._blocked(window))
-        is_near = np.hypot(rows + top - cell[0], columns + left - cell[1]) <= limit
-        return not is_near.any()
+        away = np.hypot(*(np.argwhere(self.blocked_cells()) - cell).T)
+        return not (away <= safety / self.frame.resolution).any()
 
     def sensed_cells(self) -> Mask:
         """Return the cells where ``sensed`` holds, (R, C)."""
@@ -297,13 +282,8 @@ class OccupancyGrid:
 
     def blocked_cells(self) -> Mask:
         """Return the cells that robots cannot enter: solid and foliage, (R, C)."""
-        return self._blocked(np.s_[:, :])
-
-    def drivable_cells(self, safety: float) -> Mask:
-        """Return the cells where ``drivable`` holds for a distance in m, (R, C)."""
-        limit = safety / self.frame.resolution
-        is_far = np.isinf(distance_field(self.blocked_cells(), limit))
-        return is_far & self.sensed_cells()
+        solid, foliage = self._evidence[Layer.SOLID], self._evidence[Layer.FOLIAGE]
+        return np.asarray((solid > 0) | (foliage > 0))
 
     def classes(self) -> NDArray[np.uint8]:
         """Return the ``CellClass`` of each cell, (R, C)."""
@@ -321,11 +301,6 @@ class OccupancyGrid:
         # Either keeps robots out. Evidence is in tenths of log-odds.
         log_odds = np.maximum(solid, foliage) / 10
         return np.where(self.sensed_cells(), 1 / (1 + np.exp(-log_odds)), np.nan)
-
-    def _blocked(self, window: tuple[slice, slice]) -> Mask:
-        solid = self._evidence[Layer.SOLID][window]
-        foliage = self._evidence[Layer.FOLIAGE][window]
-        return np.asarray((solid > 0) | (foliage > 0))
 
     def _extend(self, x: float, y: float, offsets: Floats) -> None:
         """Extend the map to a point and to offsets of (N, 2) m from it."""

@@ -19,6 +19,7 @@ from typing import Final, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radarsim.client import ScannerInfo
 from radarsim.client.robot_info import no_return
 from radarsim.engine import engine
 from radarsim.geometry import Floats, Pose2
@@ -162,11 +163,10 @@ def read_scan(
     known_range = np.where(returned, ranges, max_range)
     if echoes is None:
         beams = np.flatnonzero(returned & (ranges >= min_range))
-        hits = _solid_points(beams, known_range[beams])
+        points, layers = known_range[beams], np.full(len(beams), Layer.SOLID, np.int8)
+        hits = BeamHits(beams, points, points, layers)
     else:
-        table = _EchoTable.from_lines(echoes, len(ranges), max_range)
-        table.correct_ends(known_range, ends)
-        hits = table.hits(known_range)
+        hits = _read_echoes(echoes, known_range, ends, max_range)
     # Zero is no distance, whatever the minimum range: a laser in smoke reads it. The
     # comparison is negated, so that nan is blind too.
     blind = ~(ranges >= max(min_range, 1e-9)) | ~np.isfinite(known_range)
@@ -182,77 +182,77 @@ def read_scan(
     )
 
 
-class _EchoTable(NamedTuple):
-    """All echoes of a scan, sorted by beam, then by target, then by range."""
-
-    beams: NDArray[np.int64]
-    targets: NDArray[np.int64]
-    ranges: Floats
-    kinds: NDArray[np.int8]
-    passable: NDArray[np.bool_]
-
-    @classmethod
-    def from_lines(
-        cls, echoes: Sequence[TargetEchoes], beams: int, max_range: float
-    ) -> "_EchoTable":
-        """Join the echoes of all lines; an object may have several lines.
-
-        Echoes of no beam, beyond the maximum range or of an unknown kind are left out.
-        """
-        # Sorted, since the order of texts in a set differs from process to process.
-        names = sorted({(each.object, each.material) for each in echoes})
-        number = {name: i for i, name in enumerate(names)}
-        kinds = [[_ECHO_KINDS.get(kind, -1) for kind in each.kinds] for each in echoes]
-        counts = np.array([len(each.beams) for each in echoes], np.int64)
-        targets = [number[each.object, each.material] for each in echoes]
-        passable = [each.robot_passes for each in echoes]
-        table = cls(
-            _joined([each.beams for each in echoes], np.int64),
-            np.repeat(np.array(targets, np.int64), counts),
-            _joined([each.ranges for each in echoes], np.float64),
-            _joined(kinds, np.int8),
-            np.repeat(np.array(passable, np.bool_), counts),
-        )
-        known = (table.beams >= 0) & (table.beams < beams) & (table.kinds >= 0)
-        known &= (table.ranges >= 0) & (table.ranges <= max_range + ROUNDING)
-        # The last key counts most.
-        order = np.lexsort([table.ranges, table.targets, table.beams])
-        order = order[known[order]]
-        return cls(
-            table.beams[order],
-            table.targets[order],
-            table.ranges[order],
-            table.kinds[order],
-            table.passable[order],
-        )
-
-    def correct_ends(self, known_range: Floats, ends: NDArray[np.int8]) -> None:
-        """Correct how far beams are known, and what ended them, by the echoes.
-
-        A beam that has a range and no end comes from a scanner that sends one echo per
-        beam: at something passable, beyond which it measured nothing.
-        """
-        ends[ends == BeamEnd.UNSURE] = BeamEnd.SPENT
-        # Of several ends of a beam the farthest is written last, and stays.
-        last = np.flatnonzero(self.kinds >= _HIT)
-        last = last[np.argsort(self.ranges[last], kind="stable")]
-        known_range[self.beams[last]] = self.ranges[last]
-        ends[self.beams[last]] = _END_OF_ECHO[self.kinds[last]]
-
-    def hits(self, known_range: Floats) -> BeamHits:
-        """Return what the beams hit."""
-        near, far = np.zeros((2, len(self.beams)))
-        is_hit = np.zeros(len(self.beams), np.bool_)
-        engine.pair_echoes(*self[:4], known_range, near, far, is_hit)
-        layer = np.where(self.passable, Layer.SMOKE, Layer.FOLIAGE).astype(np.int8)
-        layer[self.kinds == _HIT] = Layer.SOLID
-        far = np.minimum(far, known_range[self.beams])
-        rows = np.flatnonzero(is_hit & (near <= far))
-        return BeamHits(self.beams[rows], near[rows], far[rows], layer[rows])
+def scan_of(
+    scanner: ScannerInfo, report: RangeScan, echoes: Sequence[TargetEchoes] | None
+) -> PlanarScan:
+    """Convert the reports of a scan of a scanner on a robot; see ``read_scan``."""
+    mount = scanner.mount
+    return read_scan(
+        report,
+        echoes,
+        max_range=min(scanner.max_range, MAX_RANGE),
+        min_range=scanner.min_range,
+        mount=Pose2(mount.x, mount.y, mount.yaw),
+    )
 
 
-def _solid_points(beams: NDArray[np.int64], ranges: Floats) -> BeamHits:
-    return BeamHits(beams, ranges, ranges, np.full(len(beams), Layer.SOLID, np.int8))
+def _sorted_echoes(
+    echoes: Sequence[TargetEchoes], beams: int, max_range: float
+) -> tuple[
+    NDArray[np.int64], NDArray[np.int64], Floats, NDArray[np.int8], NDArray[np.bool_]
+]:
+    """Join the echoes of all lines; an object may have several lines.
+
+    Echoes of no beam, beyond the maximum range or of an unknown kind are left out.
+
+    Returns:
+        Beam, number of the target, range, kind and whether robots pass, of each echo;
+        sorted by beam, then by target, then by range.
+    """
+    # Sorted, since the order of texts in a set differs from process to process.
+    names = sorted({(each.object, each.material) for each in echoes})
+    number = {name: i for i, name in enumerate(names)}
+    counts = [len(each.beams) for each in echoes]
+    beam = _joined([each.beams for each in echoes], np.int64)
+    targets = [number[each.object, each.material] for each in echoes]
+    target = np.repeat(np.array(targets, np.int64), counts)
+    ranges = _joined([each.ranges for each in echoes], np.float64)
+    kinds = [[_ECHO_KINDS.get(kind, -1) for kind in each.kinds] for each in echoes]
+    kind = _joined(kinds, np.int8)
+    passes = np.repeat(np.array([each.robot_passes for each in echoes], bool), counts)
+    known = (beam >= 0) & (beam < beams) & (kind >= 0)
+    known &= (ranges >= 0) & (ranges <= max_range + ROUNDING)
+    # The last key counts most.
+    order = np.lexsort([ranges, target, beam])
+    order = order[known[order]]
+    return beam[order], target[order], ranges[order], kind[order], passes[order]
+
+
+def _read_echoes(
+    echoes: Sequence[TargetEchoes],
+    known_range: Floats,
+    ends: NDArray[np.int8],
+    max_range: float,
+) -> BeamHits:
+    """Return what beams hit, and correct how far they are known and what ended them.
+
+    A beam that has a range and no end comes from a scanner that sends one echo per
+    beam: at something passable, beyond which it measured nothing.
+    """
+    beams, targets, ranges, kinds, passes = _sorted_echoes(echoes, len(ends), max_range)
+    ends[ends == BeamEnd.UNSURE] = BeamEnd.SPENT
+    # Of several ends of a beam the farthest is written last, and stays.
+    last = np.flatnonzero(kinds >= _HIT)
+    last = last[np.argsort(ranges[last], kind="stable")]
+    known_range[beams[last]] = ranges[last]
+    ends[beams[last]] = _END_OF_ECHO[kinds[last]]
+    near, far = np.zeros((2, len(beams)))
+    is_hit = np.zeros(len(beams), np.bool_)
+    engine.pair_echoes(beams, targets, ranges, kinds, known_range, near, far, is_hit)
+    layer = np.where(passes, Layer.SMOKE, Layer.FOLIAGE).astype(np.int8)
+    layer[kinds == _HIT] = Layer.SOLID
+    far = np.minimum(far, known_range[beams])
+    return BeamHits(beams, near, far, layer).chosen(is_hit & (near <= far))
 
 
 def _joined(columns: Sequence[ArrayLike], dtype: type[Number]) -> NDArray[Number]:

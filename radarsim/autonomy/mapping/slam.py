@@ -5,20 +5,19 @@ Theory of operation
 The motion since the last scan, as INS or odometry reports it, predicts the pose; the
 scan corrects it (``scan_matching``). An INS reports its motion on the axes of the map,
 odometry on those of the robot. Where scans come more often than reports, the motion
-goes on as it was (``motion_reports``), and its sigma grows by what the speed may have
-changed meanwhile. With neither, poses all around the last one and the pose
-that its motion leads to are tried, and the best of them is corrected.
+goes on as it was, and its sigma grows by what the speed may have changed meanwhile.
+With neither, poses all around the last one and the pose that its motion leads to are
+tried, and the best of them is corrected.
 
 A scan becomes a keyframe, part of the map, when the robot has moved by a hand's breadth
 since the last keyframe; so do the first scans while it stands, which have the start's
 pose and make the map dense. A place that is seen again is matched against what was seen
-first, unless the robot has been so far away in between that its pose may have drifted
-(``keyframes``). Then the loop is looked for (``loop_closure``), and when it closes, the
-error is spread over all poses since (``keyframe_graph``), also those of earlier scans.
+first, unless the robot has been so far away in between that its pose may have drifted.
+Then the loop is looked for (``loop_closure``), and when it closes, the error is spread
+over all poses since (``pose_graph``), also those of earlier scans.
 """
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -29,7 +28,6 @@ from radarsim.autonomy.mapping.loop_closure import (
     MOST_ANCHORINGS,
     Keyframe,
     KeyframeMap,
-    LoopCloser,
     find_correction,
 )
 from radarsim.autonomy.mapping.point_map import inward_normals
@@ -38,50 +36,87 @@ from radarsim.autonomy.mapping.scan import PlanarScan
 from radarsim.autonomy.mapping.scan_matching import Fit, ScanPoints, best_start, fit
 from radarsim.autonomy.mapping.trajectory import Trajectory
 from radarsim.autonomy.navigation.plans import MotionSource
-from radarsim.geometry import Floats, Pose2, wrap_angle
+from radarsim.geometry import Pose2, wrap_angle
 
 FIRST_KEYFRAMES: Final = 10  # scans that are keyframes wherever the robot is
 MIN_POINTS: Final = 3  # points that are worth matching
 SPEED_CHANGE: Final = (0.3, 0.5)  # m/s and rad/s, of a robot between two reports
+# m; standard deviation of where across its beam an echo comes from: N / 300 for a radar
+# with side rays N units away
+BEAM_SPREAD: Final = 0.08
+# rad/m; standard deviation of the turn that odometry does not measure: wheels half a
+# metre apart whose sizes differ by 0.75 %
+WHEEL_DRIFT: Final = 0.015
+KEYFRAME_STEP: Final = (0.2, 0.1)  # m and rad between keyframes
+# m and rad that a robot gets between two scans, where no source reports its motion
+SEARCH: Final = (0.12, 0.45)
 
 
-@dataclass(frozen=True, slots=True)
-class SlamSettings:
-    """How scans are matched.
+class MotionReports:
+    """The last two reports of a motion source, and the motion at the times of scans.
 
-    Attributes:
-        motion_source: Where the robot's motion between scans is read from.
-        beam_spread: Standard deviation of where across its beam an echo comes from, m.
-            That of a radar with side rays N units away is N / 300.
-        rest_sigma: Standard deviations of the reported motion of a robot at rest, m and
-            rad.
-        drift: Standard deviation of the motion as a share of its length and turn.
-        wheel_drift: Standard deviation of the turn that odometry does not know of, on
-            each metre, rad/m; wheels half a metre apart whose sizes differ by 0.75 %.
-        keyframe_distance: Distance between keyframes, m.
-        keyframe_angle: Turn between keyframes, rad.
-        search_distance: How far the robot gets between two scans, m; used without a
-            motion source.
-        search_angle: How far it turns between two scans, rad.
+    Scans between two reports are taken while the robot moves on: the motion between the
+    last two reports is continued up to the time of the scan. By how much the robot has
+    changed its speed since is unknown.
     """
 
-    motion_source: MotionSource = "ins"
-    beam_spread: float = 0.08
-    rest_sigma: tuple[float, float] = (0.005, 0.001)
-    drift: float = 0.1
-    wheel_drift: float = 0.015
-    keyframe_distance: float = 0.2
-    keyframe_angle: float = 0.1
-    search_distance: float = 0.12
-    search_angle: float = 0.45
+    def __init__(self) -> None:
+        self._last: tuple[float, Pose2] | None = None  # s, and the pose
+        self._before: tuple[float, Pose2] | None = None
+        self._ahead = 0.0  # s; of the last pose that was returned, after its report
+        self._is_new = False  # whether a report has come since
+
+    def add(self, time: float, pose: Pose2) -> None:
+        """Add a report.
+
+        Args:
+            time: Of its time stamp, s; nan if it has none.
+            pose: In the frame of the source.
+        """
+        # Two reports of one time tell no speed.
+        if self._last is None or time != self._last[0]:
+            self._before = self._last
+        self._last, self._is_new = (time, pose), True
+
+    def at(self, time: float) -> tuple[Pose2, float] | None:
+        """Return the pose at the time of a scan; None before the first report.
+
+        Args:
+            time: Of the time stamp of the scan, s; times of scans increase.
+
+        Returns:
+            The pose in the frame of the source, and the time, s, of the motion since
+            the pose before that was continued and not reported.
+        """
+        if self._last is None:
+            return None
+        last_time, pose = self._last
+        before_time, before = self._before or self._last
+        interval = last_time - before_time
+        ahead = time - last_time
+        # Stamps that are missing, or do not advance, tell nothing; nan compares false.
+        if not (interval > 0 and math.isfinite(ahead)):
+            ahead, interval = 0.0, math.inf
+        guessed = abs(self._ahead) + abs(ahead) if self._is_new else ahead - self._ahead
+        self._ahead, self._is_new = ahead, False
+        if ahead == 0:
+            return pose, guessed
+        # By a source that falls silent the robot does not go on for long.
+        share = max(-1.0, min(ahead / interval, 1.0))
+        motion = pose.relative_to(before)
+        further = Pose2(share * motion.x, share * motion.y, share * motion.yaw)
+        return pose.compose(further), guessed
 
 
 class Slam:
     """Localisation, and the map of points that it needs.
 
     Attributes:
-        settings: How scans are matched.
-        pose: Pose of the robot at the last scan; before the first one its start.
+        motion_source: Where the robot's motion between scans is read from.
+        map: The keyframes, and the local map that is made of them.
+        start: Pose of the robot at its first scan, map frame; None for the first pose
+            of the motion source, or the origin if there is none.
+        pose: Pose of the robot at the last scan.
         trajectory: The pose at the time of each scan.
         dead_reckoning: The same by the motion source alone, which never sees a scan.
         closures: Number of loops closed.
@@ -90,34 +125,36 @@ class Slam:
     """
 
     def __init__(
-        self, settings: SlamSettings | None = None, start: Pose2 | None = None
+        self,
+        motion_source: MotionSource = "ins",
+        start: Pose2 | None = None,
+        *,
+        drift: float = 0.1,
+        rest_sigma: tuple[float, float] = (0.005, 0.001),
     ) -> None:
-        """Start at a pose.
+        """Begin without scans.
 
         Args:
-            settings: How scans are matched.
-            start: Pose of the robot at its first scan, map frame; None for the first
-                pose of the motion source, or the origin if there is none.
+            motion_source: Where the robot's motion between scans is read from.
+            start: See the attribute.
+            drift: Standard deviation of the reported motion as a share of its length
+                and turn.
+            rest_sigma: Standard deviations of that of a robot at rest, m and rad.
         """
-        self.settings = settings or SlamSettings()
+        self.motion_source = motion_source
+        self.map = KeyframeMap()
+        self.start = start
         self.pose = start or Pose2(0.0, 0.0)
         self.trajectory = Trajectory()
         self.dead_reckoning = Trajectory()
-        self._starts_at_prior = start is None
         self.closures, self.revision = 0, 0
+        self._drift, self._rest_sigma = drift, rest_sigma
         self._anchorings = 0
-        self._map = KeyframeMap()
         self._graph = KeyframeGraph()
-        self._closer = LoopCloser()
         self._prior: Pose2 | None = None
         self._motion = Pose2(0.0, 0.0)
         self._fit: Fit | None = None
         self._length = 0.0
-
-    @property
-    def keyframes(self) -> KeyframeMap:
-        """The keyframes, from which the local map is made."""
-        return self._map
 
     def step(
         self, scan: PlanarScan, prior: Pose2 | None = None, guessed: float = 0.0
@@ -134,20 +171,18 @@ class Slam:
         Returns:
             The robot's pose, map frame.
         """
-        has_source = self.settings.motion_source != "none"
+        has_source = self.motion_source != "none"
         # Without a motion source every point is needed, also those where power ran out.
         # They move with the robot in foliage, so that no spot can be relied on then.
         places, along = scan.points(sure=has_source)
         uses_spots = scan.sees_through and has_source
         normals = inward_normals(places, along)
-        spread = self.settings.beam_spread
-        points = ScanPoints(places, along, normals, spread, uses_spots)
+        points = ScanPoints(places, along, normals, BEAM_SPREAD, uses_spots)
         last = self.pose
-        if self._starts_at_prior:
-            self.pose = last = prior or self.pose
-        elif len(self.trajectory):
+        if len(self.trajectory):
             self.pose = self._next_pose(points, prior, guessed)
-        self._starts_at_prior = False
+        else:
+            self.pose = last = self.start or prior or self.pose
         self._motion = self.pose.relative_to(last)
         self._length += math.hypot(self._motion.x, self._motion.y)
         if has_source:
@@ -161,41 +196,45 @@ class Slam:
         # The first scans count wherever the robot is: they alone have the start's pose.
         is_keyframe = len(places) > 0 and self._is_keyframe()
         if is_keyframe:
-            self._map.add(Keyframe(self.pose, points, self._length))
+            self.map.add(Keyframe(self.pose, points, self._length))
             self._graph.add(self.pose)
         # After the keyframe: the pose of its own scan moves with it as well.
         self._graph.follow(self.pose)
         # Last of all, as ``_move`` takes all poses from the graph, this one too.
         if is_keyframe:
-            if self._fit is not None:
-                closure = self._closer.closure(self._map, self._fit)
-                # the graph refuses a closure that contradicts those before
-                closed = None if closure is None else self._graph.close(*closure)
-                if closed is not None:
-                    self.closures += 1
-                    self._move(closed)
+            self._close_loop()
             self._anchor()
         return self.pose
+
+    def _close_loop(self) -> None:
+        if self._fit is None:
+            return
+        closure = self.map.find_closure(self._fit)
+        # the graph refuses a closure that contradicts those before
+        closed = None if closure is None else self._graph.close(*closure)
+        if closed is not None:
+            self.closures += 1
+            self._move(closed)
 
     def _next_pose(
         self, points: ScanPoints, prior: Pose2 | None, guessed: float
     ) -> Pose2:
-        can_match = len(points.places) >= MIN_POINTS and len(self._map) > 0
-        has_source = self.settings.motion_source != "none"
+        can_match = len(points.places) >= MIN_POINTS and len(self.map) > 0
+        has_source = self.motion_source != "none"
         # A motion needs the poses of two scans; without it the pose is searched for.
         if prior is None or self._prior is None or not has_source:
             return self._search(points) if can_match else self.pose
         # What is reported is off by a share of the motion, and a little at rest.
-        before, drift = self._prior, self.settings.drift
+        before, drift = self._prior, self._drift
         predicted = self._moved(self.pose, before, prior)
         length = math.hypot(prior.x - before.x, prior.y - before.y)
-        sigma_distance, sigma_turn = self.settings.rest_sigma
+        sigma_distance, sigma_turn = self._rest_sigma
         sigma_distance += drift * length
         sigma_turn += drift * abs(wrap_angle(prior.yaw - before.yaw))
         # Wheels of two sizes turn a robot that drives straight on, always to the same
         # side: a surer prior bends the map. An INS does not know of wheels.
-        if self.settings.motion_source == "odometry":
-            sigma_turn += self.settings.wheel_drift * length
+        if self.motion_source == "odometry":
+            sigma_turn += WHEEL_DRIFT * length
         sigma_distance += guessed * SPEED_CHANGE[0]
         sigma_turn += guessed * SPEED_CHANGE[1]
         sigma = np.array([sigma_distance, sigma_distance, sigma_turn])
@@ -203,22 +242,23 @@ class Slam:
             # The scan tells nothing, so the whole error of the motion is left.
             self._graph.learn(sigma, np.zeros((3, 3)))
             return predicted
-        found = fit(self._map.points.table, points, predicted, predicted, sigma)
-        self._learn(sigma, found)
-        return found.pose
+        table = self.map.points.table
+        self._fit = fit(table, points, predicted, predicted, sigma)
+        self._graph.learn(sigma, self._fit.information)
+        return self._fit.pose
 
     def _moved(self, pose: Pose2, before: Pose2, after: Pose2) -> Pose2:
         """Return a pose after the motion from one reported pose to another."""
         # Odometry measures on the axes of the robot; an INS has a heading of its own,
         # and reports motions on the axes of the map.
-        if self.settings.motion_source != "ins":
+        if self.motion_source != "ins":
             return pose.compose(after.relative_to(before))
         x, y = pose.x + after.x - before.x, pose.y + after.y - before.y
         return Pose2(x, y, wrap_angle(pose.yaw + after.yaw - before.yaw))
 
     def _search(self, points: ScanPoints) -> Pose2:
         """Find the pose, knowing only how far a robot gets between scans."""
-        distance, turn = self.settings.search_distance, self.settings.search_angle
+        distance, turn = SEARCH
         sigma = np.array([distance, distance, turn])
         candidates = [
             self.pose.compose(Pose2(step, 0.0, angle))
@@ -227,28 +267,21 @@ class Slam:
         ]
         candidates.append(self.pose.compose(self._motion))
         starts = np.array([[pose.x, pose.y, pose.yaw] for pose in candidates])
-        table = self._map.points.table
+        table = self.map.points.table
         best = candidates[best_start(table, points, starts)]
         # The best start of a sample can lead to a local optimum; unchanged motion is
         # tried too.
         fits = [
             fit(table, points, pose, pose, sigma) for pose in (best, candidates[-1])
         ]
-        found = max(fits, key=lambda each: each.score)
-        self._learn(sigma, found)
-        return found.pose
-
-    def _learn(self, sigma: Floats, found: Fit) -> None:
-        self._graph.learn(sigma, found.information)
-        self._fit = found
+        self._fit = max(fits, key=lambda each: each.score)
+        self._graph.learn(sigma, self._fit.information)
+        return self._fit.pose
 
     def _is_keyframe(self) -> bool:
-        if len(self._map) < FIRST_KEYFRAMES:
+        if len(self.map) < FIRST_KEYFRAMES:
             return True
-        motion = self.pose.relative_to(self._map.keyframes[-1].pose)
-        settings = self.settings
-        is_far = math.hypot(motion.x, motion.y) > settings.keyframe_distance
-        return is_far or abs(motion.yaw) > settings.keyframe_angle
+        return self.pose.is_apart(self.map.keyframes[-1].pose, *KEYFRAME_STEP)
 
     def _anchor(self) -> None:
         due = (self._anchorings + 1) * ANCHOR_INTERVAL
@@ -256,9 +289,9 @@ class Slam:
             return
         self._anchorings += 1
         # A loop has tied the map to its start already.
-        if self.closures or len(self._map) <= FIRST_KEYFRAMES:
+        if self.closures or len(self.map) <= FIRST_KEYFRAMES:
             return
-        correction = find_correction(self._map, FIRST_KEYFRAMES)
+        correction = find_correction(self.map, FIRST_KEYFRAMES)
         if correction is None:
             return
         # Off by less than the first scans can tell: it stays where it is, for good.
@@ -269,7 +302,7 @@ class Slam:
 
     def _move(self, poses: list[Pose2]) -> None:
         self.revision += 1
-        self._map.move(poses)
+        self.map.move(poses)
         self.pose = poses[-1]
         # The trajectory itself stays: stored scans know their poses by it and a number.
         self.trajectory.poses = self._graph.trajectory()

@@ -24,7 +24,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.autonomy.navigation.boundary_policy import Landmark, Step, Trail
+from radarsim.autonomy.navigation.boundary_policy import Landmark, Trail
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.observation import Observation, wrap_angles
 from radarsim.autonomy.navigation.wall_following import FollowMode, WallFollower
@@ -43,49 +43,18 @@ MOST_GONE: Final = 20  # obstacles that go away, before it gives up nevertheless
 _BESIDE = 0.15  # m beside a point that beams still count as beams to it
 
 
-class FollowedObstacle:
-    """Keeps to one obstacle from scan to scan, by its nearest point."""
-
-    def __init__(self, point: Point, follower: WallFollower) -> None:
-        """Begin at the point that was hit, m, map frame."""
-        self._point = point
-        self._follower = follower
-
-    def part_of(self, observation: Observation, mode: FollowMode) -> Observation:
-        """Return the scan without the beams that end on other obstacles.
-
-        If another one is clearly nearer on the boundary's hand, or the obstacle is out
-        of sight, the whole scan is returned: then what is nearest is followed.
-
-        Args:
-            observation: The newest scan.
-            mode: How the obstacle is followed.
-        """
-        ends = _linked_beams(observation, self._point, self._follower.bumpers)
-        part = replace(observation, ranges=np.where(ends, observation.ranges, np.inf))
-        own = self._follower.boundary(part, mode)
-        nearest = self._follower.boundary(observation, mode)
-        if nearest is None:
-            return observation
-        self._point = (own or nearest).point_from(observation.pose)
-        if own is None or nearest.distance < own.distance - NEARER:
-            return observation
-        return part
-
-
 def _linked_beams(
     observation: Observation, point: Point, bumpers: Bumpers
 ) -> NDArray[np.bool_]:
     """Return which beams end on the obstacle that a point belongs to, (N,)."""
     gap = 2 * bumpers.safety_distance + LINK
     near = np.flatnonzero(observation.ranges < bumpers.pressed_below + gap)
-    angles = observation.bearings[near] + observation.pose.yaw
     pose = complex(observation.pose.x, observation.pose.y)
-    ends = pose + observation.ranges[near] * np.exp(1j * angles)
+    ends = pose + observation.offsets(near)
     beams = np.zeros(len(observation.ranges), np.bool_)
     linked = np.abs(ends - complex(*point)) <= _REACH
     links = np.abs(ends[:, None] - ends) <= gap
-    while not np.array_equal(grown := links[linked].any(axis=0), linked):
+    while not np.array_equal(grown := np.any(links[linked], axis=0), linked):
         linked = grown
     beams[near[linked]] = True
     return beams
@@ -95,9 +64,8 @@ class BoundaryMemory:
     """Keeps points of a boundary, to look at them again."""
 
     def __init__(self) -> None:
-        self._points: list[Point] = []
-        self._stations: list[float] = []  # m along the path where each was seen
-        self._turned_at: list[float] = []  # rad turned when each point was seen
+        # points, m; where along the path each was seen, m, and the rad turned by then
+        self._points: list[tuple[Point, float, float]] = []
         self._turned = 0.0  # rad
         self._yaw: float | None = None  # rad; of the last pose
 
@@ -110,10 +78,8 @@ class BoundaryMemory:
             station: Length of the path along the boundary until there, m.
         """
         self._turned, self._yaw = self._turned_until(yaw), yaw
-        if not self._points or math.dist(point, self._points[-1]) >= SPACING:
-            self._points.append(point)
-            self._turned_at.append(self._turned)
-            self._stations.append(station)
+        if not self._points or math.dist(point, self._points[-1][0]) >= SPACING:
+            self._points.append((point, station, self._turned))
 
     def _turned_until(self, yaw: float) -> float:
         if self._yaw is None:
@@ -122,7 +88,7 @@ class BoundaryMemory:
 
     def begins_at(self, point: Point) -> bool:
         """Return whether most of its first points are near a point, m, map frame."""
-        first = [math.dist(each, point) <= NEAR for each in self._points[:FIRST]]
+        first = [math.dist(each, point) <= NEAR for each, *_ in self._points[:FIRST]]
         return 2 * sum(first) >= len(first)
 
     def passes(self, point: Point, station: float) -> bool:
@@ -131,9 +97,8 @@ class BoundaryMemory:
         If it has no points, that is not known, and counts as passed.
         """
         return not self._points or any(
-            math.dist(each, point) <= NEAR
-            for each, at in zip(self._points, self._stations, strict=True)
-            if at >= station
+            at >= station and math.dist(each, point) <= NEAR
+            for each, at, _ in self._points
         )
 
     def has_gone(self, observation: Observation) -> bool:
@@ -142,14 +107,15 @@ class BoundaryMemory:
         A boundary of which no point is in sight has gone as well: who follows a
         boundary that stands sees some of it.
         """
-        points = np.array(self._points).reshape(-1, 2)
+        points = np.array([each for each, *_ in self._points]).reshape(-1, 2)
         pose = observation.pose
         x, y = (points - (pose.x, pose.y)).T
         distances = np.hypot(x, y)
         bearings = np.arctan2(y, x) - pose.yaw
         # The yaw walks at random as the robot turns: it is off by the root of the turn
         # since a point was seen. So all beams count on which the point may be by now.
-        turned = self._turned_until(pose.yaw) - np.array(self._turned_at)
+        turned_at = np.array([at for *_, at in self._points])
+        turned = self._turned_until(pose.yaw) - turned_at
         spread = np.maximum(_BESIDE / np.maximum(distances, _BESIDE), math.radians(2))
         spread += DRIFT * np.sqrt(turned)
         is_near = distances < MAX_DISTANCE
@@ -185,19 +151,19 @@ class FollowedBoundary:
         self.reached_at = -math.inf
         self.goal_distance = -math.inf  # so that it is not left before it is reached
         self._follower = follower
-        self._obstacle: FollowedObstacle | None = None
+        self._nearest: Point | None = None  # point of it, map frame
+        self._seen: Point | None = None  # nearest point of what is looked at, likewise
         self._trail: Trail | None = None
 
     @property
     def is_reached(self) -> bool:
         """Whether the robot is beside it."""
-        return self._obstacle is not None
+        return self._nearest is not None
 
     def reach(self, observation: Observation, bearing: float, goal: Point) -> None:
         """Begin beside it, where a bumper is pressed towards a bearing, rad."""
-        point = self._follower.hit_point(observation, self.mode, bearing)
-        self.hit_place = point.point_from(observation.pose)
-        self._obstacle = FollowedObstacle(self.hit_place, self._follower)
+        self.hit_place = self._follower.hit_point(observation, self.mode, bearing)
+        self._nearest = self.hit_place
         self.reached_at = observation.time
         # Known before it is looked at: else any place would be nearer to the goal.
         self.goal_distance = math.dist(self.hit_place, goal)
@@ -215,26 +181,39 @@ class FollowedBoundary:
             self._trail = None
 
     def look(self, observation: Observation, goal: Point) -> Observation:
-        """Return the part of a scan that shows it; note its distance from a goal."""
-        assert self._obstacle is not None
-        part = self._obstacle.part_of(observation, self.mode)
-        if part is not observation:  # else it is out of sight, or another is nearer
-            distances = np.hypot(*(part.points() - goal).T)
-            nearest = float(distances.min(initial=math.inf))
-            self.goal_distance = min(self.goal_distance, nearest)
+        """Return a scan without the beams that end on other obstacles.
+
+        If another one is clearly nearer on the boundary's hand, or this one is out of
+        sight, the whole scan is returned: then what is nearest is followed. The least
+        distance of the boundary from a goal is updated.
+        """
+        assert self._nearest is not None
+        ends = _linked_beams(observation, self._nearest, self._follower.bumpers)
+        part = replace(observation, ranges=np.where(ends, observation.ranges, np.inf))
+        own = self._follower.boundary(part, self.mode)
+        nearest = self._follower.boundary(observation, self.mode)
+        self._seen = None if nearest is None else nearest[0]
+        if nearest is None:
+            return observation
+        self._nearest, _ = own or nearest
+        if own is None or nearest[1] < own[1] - NEARER:
+            return observation
+        self._seen = own[0]
+        distances = np.hypot(*(part.points() - goal).T)
+        nearest_to_goal = float(distances.min(initial=math.inf))
+        self.goal_distance = min(self.goal_distance, nearest_to_goal)
         return part
 
-    def remember(self, part: Observation, step: float) -> None:
-        """Remember its nearest point.
+    def remember(self, yaw: float, step: float) -> None:
+        """Remember its nearest point, after a look.
 
         Args:
-            part: The part of the newest scan that shows it.
+            yaw: The robot's, rad.
             step: m that the robot has driven along it since the last scan.
         """
         self.travelled += step
-        if nearest := self._follower.boundary(part, self.mode):
-            place = nearest.point_from(part.pose)
-            self.memory.add(place, part.pose.yaw, self.travelled)
+        if self._seen is not None:
+            self.memory.add(self._seen, yaw, self.travelled)
 
     def has_gone(self, observation: Observation, gone: list[Point]) -> bool:
         """Return whether it has driven away since it was followed.
@@ -261,10 +240,11 @@ class FollowedBoundary:
         hit = self.hit_place
         return self.memory.begins_at(hit) and self.memory.passes(hit, circuit_start)
 
-    def extend_trail(self, part: Observation, step: float) -> float | None:
+    def extend_trail(self, part: Observation) -> float | None:
         """Take the next step beside it; return where a circuit began that it closed.
 
-        Arguments are those of ``remember``, to be called before.
+        Args:
+            part: The part of the newest scan that shows it, after ``remember``.
 
         Returns:
             m along the path; None if it closed none.
@@ -274,5 +254,4 @@ class FollowedBoundary:
             offset = self._follower.target_distance
             hit = Landmark(pose, direction, max_offset=offset)
             self._trail = Trail(hit, offset)
-        here = Step(pose, step, direction, free=False)
-        return self._trail.extend(here, self.travelled)
+        return self._trail.extend(pose, direction, self.travelled)

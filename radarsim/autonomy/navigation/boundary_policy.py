@@ -22,7 +22,6 @@ thesis on navigation with a radar in USARSim, section 5.1.
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum, auto
 
 from radarsim.autonomy.navigation.algorithms import GiveUp
@@ -83,24 +82,6 @@ class Decision(Enum):
     NO_PATH = auto()
 
 
-@dataclass(frozen=True, slots=True)
-class Step:
-    """One step along a boundary.
-
-    Attributes:
-        pose: Pose of the robot.
-        moved: Distance from the pose of the step before, m.
-        direction: Direction of the boundary, rad, map frame.
-        free: Whether the boundary is not between the robot and the goal; another
-            obstacle may be.
-    """
-
-    pose: Pose2
-    moved: float
-    direction: float
-    free: bool
-
-
 class Trail:
     """Landmarks along a boundary, the hit point first; passing one closes a circuit.
 
@@ -112,11 +93,12 @@ class Trail:
         self._landmarks = [(0.0, hit)]
         self._max_offset = max_offset
 
-    def extend(self, step: Step, travelled: float) -> float | None:
+    def extend(self, pose: Pose2, direction: float, travelled: float) -> float | None:
         """Take the next step, and set a landmark there if it is time for one.
 
         Args:
-            step: The next step.
+            pose: Of the robot.
+            direction: Of the boundary, rad, map frame.
             travelled: Path length since the hit point, m.
 
         Returns:
@@ -124,9 +106,9 @@ class Trail:
             from the hit point, m; None if none was.
         """
         # Each of them has to see every step.
-        passed = [at for at, mark in self._landmarks if mark.observe(step.pose)]
+        passed = [at for at, mark in self._landmarks if mark.observe(pose)]
         if travelled - self._landmarks[-1][0] >= SPACING:
-            mark = Landmark(step.pose, step.direction, max_offset=self._max_offset)
+            mark = Landmark(pose, direction, max_offset=self._max_offset)
             self._landmarks.append((travelled, mark))
         # The landmarks that were just set are passed by noise alone.
         closing = [at for at in passed if travelled - at >= LEAST_CIRCUIT]
@@ -154,12 +136,27 @@ class BoundaryPolicy(ABC):
         self.missed = False
         self.circuit_start = 0.0
         self._trail = Trail(hit, max_offset)
+        self._max_offset = max_offset
         self._goal = goal
         self._travelled = 0.0
 
+    def step(
+        self, pose: Pose2, moved: float, direction: float, *, free: bool
+    ) -> Decision:
+        """Decide what to do next.
+
+        Args:
+            pose: Of the robot.
+            moved: Distance from the pose of the step before, m.
+            direction: Of the boundary, rad, map frame.
+            free: Whether the boundary is not between the robot and the goal; another
+                obstacle may be.
+        """
+        self._travelled += moved
+        return self._decide(pose, direction, free=free)
+
     @abstractmethod
-    def step(self, step: Step) -> Decision:
-        """Decide what to do next."""
+    def _decide(self, pose: Pose2, direction: float, *, free: bool) -> Decision: ...
 
 
 class Bug1Policy(BoundaryPolicy):
@@ -167,7 +164,6 @@ class Bug1Policy(BoundaryPolicy):
 
     def __init__(self, hit: Landmark, goal: Point, max_offset: float) -> None:
         super().__init__(hit, goal, max_offset)
-        self._max_offset = max_offset
         # goal distance, path length, pose and direction of every step
         self._steps: list[tuple[float, float, Pose2, float]] = []
         self._leave = hit
@@ -176,24 +172,24 @@ class Bug1Policy(BoundaryPolicy):
         self._onward = True
         self._turned_back = False
 
-    def step(self, step: Step) -> Decision:
-        """Decide what to do next."""
-        self._travelled += step.moved
-        return self._return(step) if self.circuits else self._circle(step)
+    def _decide(self, pose: Pose2, direction: float, *, free: bool) -> Decision:
+        if self.circuits:
+            return self._return(pose, free=free)
+        return self._circle(pose, direction)
 
-    def _circle(self, step: Step) -> Decision:
-        goal_distance = distance(step.pose, *self._goal)
-        self._steps.append((goal_distance, self._travelled, step.pose, step.direction))
-        began = self._trail.extend(step, self._travelled)
+    def _circle(self, pose: Pose2, direction: float) -> Decision:
+        goal_distance = distance(pose, *self._goal)
+        self._steps.append((goal_distance, self._travelled, pose, direction))
+        began = self._trail.extend(pose, direction, self._travelled)
         if began is None:
             return Decision.ONWARD
         self.circuits, self.circuit_start = 1, began
         # Only steps of the circuit: the way to where it began may not be part of it.
-        _, at, pose, direction = min(
+        _, at, nearest, direction = min(
             (each for each in self._steps if each[1] >= began), key=lambda each: each[0]
         )
-        self._leave = Landmark(pose, direction, max_offset=self._max_offset)
-        self._leave.observe(step.pose)  # from here on it knows on which side it is
+        self._leave = Landmark(nearest, direction, max_offset=self._max_offset)
+        self._leave.observe(pose)  # from here on it knows on which side it is
         self._perimeter = self._travelled - began
         back = self._travelled - at
         self._onward = at - began <= back
@@ -201,17 +197,17 @@ class Bug1Policy(BoundaryPolicy):
         self._travelled = 0.0
         return Decision.ONWARD if self._onward else Decision.BACK
 
-    def _return(self, step: Step) -> Decision:
-        passed = self._leave.observe(step.pose, onward=self._onward)
+    def _return(self, pose: Pose2, *, free: bool) -> Decision:
+        passed = self._leave.observe(pose, onward=self._onward)
         # Poses drift, so the way back may measure shorter or longer than the way there.
         slack = max(1.0, 0.2 * self._return_length)
-        close = distance(step.pose, self._leave.x, self._leave.y) < LEAST_GAIN
+        close = distance(pose, self._leave.x, self._leave.y) < LEAST_GAIN
         # Before that the robot may pass the landmark on another side of the obstacle.
         due = self._turned_back or self._travelled >= self._return_length - slack
         if due and (passed or close):
             # A robot that lost its path cannot tell which obstacle hides the goal here
             self.missed = self._turned_back
-            blocked = not step.free and not self.missed
+            blocked = not free and not self.missed
             return Decision.NO_PATH if blocked else Decision.LEAVE
         if self._travelled > self._return_length + 2 * slack:
             # It turns back once, for up to a whole circuit; then it leaves anywhere.
@@ -253,23 +249,21 @@ class Bug2Policy(BoundaryPolicy):
         self._give_up = give_up
         self._hit_distance = distance(Pose2(hit.x, hit.y), *goal)
 
-    def step(self, step: Step) -> Decision:
-        """Decide what to do next."""
-        self._travelled += step.moved
+    def _decide(self, pose: Pose2, direction: float, *, free: bool) -> Decision:
         # All lines are asked, since each remembers on which side the robot was.
-        met = [line.meets(step.pose) for line in self._lines]
+        met = [line.meets(pose) for line in self._lines]
         at_line, crossed = any(at for at, _ in met), met[-1][1]
-        nearer = distance(step.pose, *self._goal) < self._hit_distance - LEAST_GAIN
+        nearer = distance(pose, *self._goal) < self._hit_distance - LEAST_GAIN
         # Before anything is decided: the landmarks have to see every step, too.
-        began = self._trail.extend(step, self._travelled)
-        if at_line and nearer and step.free:
+        began = self._trail.extend(pose, direction, self._travelled)
+        if at_line and nearer and free:
             return Decision.LEAVE
         if began is not None:
             self.circuits, self.circuit_start = self.circuits + 1, began
             return Decision.NO_PATH
         if crossed and not nearer and self._give_up == GiveUp.LINE:
             # At its hit point the robot is at the line as well.
-            away = distance(step.pose, self._hit.x, self._hit.y)
+            away = distance(pose, self._hit.x, self._hit.y)
             return Decision.NO_PATH if away > LEAST_CIRCUIT / 2 else Decision.ONWARD
         return Decision.ONWARD
 

@@ -18,7 +18,6 @@ from radarsim.autonomy.navigation.boundary_policy import (
     Bug2Policy,
     Decision,
     Landmark,
-    Step,
 )
 from radarsim.autonomy.navigation.control import (
     STOP,
@@ -55,8 +54,9 @@ class Bug(Controller):
         self._follower = follower
         self._steering = BumperWallFollower(follower) if is_literal else follower
         self._first_mode = FollowMode(wall_on_left=settings.wall_on_left)
-        self._boundary: FollowedBoundary | None = None  # None away from boundaries
-        self._policy: BoundaryPolicy | None = None  # likewise
+        # of the boundary that it is at, unless it is going
+        self._boundary: FollowedBoundary
+        self._policy: BoundaryPolicy
         self._starts: list[Pose2] = []  # of the lines of which Bug2 has to meet one
         self._lost = 0.0  # m driven without a boundary
         self._turn = 0.0  # rad/s; of the last step of aligning
@@ -70,7 +70,7 @@ class Bug(Controller):
         self._others = 0  # number of times that another obstacle was circled
 
     def _begin_goal(self, pose: Pose2) -> None:
-        self._starts, self._policy, self._boundary = [pose], None, None
+        self._starts = [pose]
         self._gone, self._misses, self._others = [], 0, 0
         self._first_mode = FollowMode(wall_on_left=self._settings.wall_on_left)
         self._best_leave = self._seen_from = math.inf
@@ -79,13 +79,13 @@ class Bug(Controller):
         # The first goal begins at the first scan, each other where one was reached.
         if not self._starts:
             self._starts = [observation.pose]
-        if self._policy is None or self._boundary is None:
+        if self.activity is Activity.GOING:
             if self._is_open(observation):
                 near = self._settings.bumpers.safety_distance + GRAZE
                 is_beside = self._side_distance(observation) < near
                 self._leaving = self._leaving and is_beside
                 return self._towards(observation.pose, self.goals[0])
-            self._policy, self._boundary = self._hit(observation)
+            self._hit(observation)
         if self.activity is Activity.ALIGNING:
             bearing = self._goal_bearing(observation.pose)
             mode = self._boundary.mode
@@ -96,7 +96,7 @@ class Bug(Controller):
             if aligned or self._reversals >= _MOST_REVERSALS:
                 self.activity = Activity.FOLLOWING
             return twist
-        return self._follow(observation, self._policy, self._boundary, driven)
+        return self._follow(observation, driven)
 
     def _is_open(self, observation: Observation) -> bool:
         """Return whether nothing is in the way to the goal, nor too near beside it."""
@@ -129,47 +129,44 @@ class Bug(Controller):
         sides = (goal - bumpers.width, goal + bumpers.width)
         return min(bumpers.towards(observation, side).distance for side in sides)
 
-    def _hit(self, observation: Observation) -> tuple[BoundaryPolicy, FollowedBoundary]:
+    def _hit(self, observation: Observation) -> None:
         pose, goal = observation.pose, self.goals[0]
         self.hit_points.append((pose.x, pose.y))
         self.activity, self._lost = Activity.ALIGNING, 0.0
         self._turn, self._reversals = 0.0, 0
-        boundary = FollowedBoundary(self._follower, self._first_mode)
+        self._boundary = FollowedBoundary(self._follower, self._first_mode)
         obstacle = self._goal_bearing(pose)
-        boundary.reach(observation, obstacle, goal)
-        direction = self._follower.direction(observation, boundary.mode, obstacle)
+        self._boundary.reach(observation, obstacle, goal)
+        direction = self._follower.direction(observation, self._first_mode, obstacle)
         max_offset = self._follower.target_distance
         hit = Landmark(pose, direction, max_offset=max_offset)
         if self._settings.algorithm == Algorithm.BUG1:
-            return Bug1Policy(hit, goal, max_offset), boundary
+            self._policy = Bug1Policy(hit, goal, max_offset)
+            return
         give_up = self._settings.give_up
-        policy = Bug2Policy(hit, goal, max_offset, starts=self._starts, give_up=give_up)
-        return policy, boundary
+        self._policy = Bug2Policy(
+            hit, goal, max_offset, starts=self._starts, give_up=give_up
+        )
 
-    def _follow(
-        self,
-        observation: Observation,
-        policy: BoundaryPolicy,
-        boundary: FollowedBoundary,
-        step: float,
-    ) -> Twist:
+    def _follow(self, observation: Observation, step: float) -> Twist:
         if self._sees_goal(observation):
             self._seen_from = self._goal_distance(observation.pose)
             return self._leave(observation)
+        boundary, policy = self._boundary, self._policy
         mode = boundary.mode
         # By the part of the scan that shows it: where another obstacle is as near, the
         # robot would change to that.
         part = boundary.look(observation, self.goals[0])
-        boundary.remember(part, step)
+        boundary.remember(part.pose.yaw, step)
         direction = self._follower.tangent(part, mode)
         circuits_before = policy.circuits
         free = not self._is_hidden(observation, part, mode)
-        decision = policy.step(Step(observation.pose, step, direction, free))
+        decision = policy.step(observation.pose, step, direction, free=free)
         self.circuits += policy.circuits - circuits_before
         if decision is Decision.LEAVE:
-            return self._leave_or_conclude(observation, policy, boundary)
+            return self._leave_or_conclude(observation)
         if decision is Decision.NO_PATH:
-            return self._conclude(observation, policy, boundary)
+            return self._conclude(observation)
         if decision is Decision.BACK:
             boundary.mode = mode = mode.reversed
         if policy.circuits:
@@ -181,14 +178,9 @@ class Bug(Controller):
             return self._leave(observation)
         return twist
 
-    def _leave_or_conclude(
-        self,
-        observation: Observation,
-        policy: BoundaryPolicy,
-        boundary: FollowedBoundary,
-    ) -> Twist:
+    def _leave_or_conclude(self, observation: Observation) -> Twist:
         """Leave, unless a circuit of Bug1 has brought it no nearer to the goal."""
-        if policy.missed:
+        if self._policy.missed:
             if self._misses < _MOST_MISSES:
                 # what it hits next it may have circled before
                 self._misses += 1
@@ -198,21 +190,16 @@ class Bug(Controller):
         is_no_nearer = near > self._best_leave - self._settings.tolerance
         self._best_leave = min(self._best_leave, near)
         if is_no_nearer and self._settings.algorithm == Algorithm.BUG1:
-            return self._conclude(observation, policy, boundary)
+            return self._conclude(observation)
         return self._leave(observation)
 
-    def _conclude(
-        self,
-        observation: Observation,
-        policy: BoundaryPolicy,
-        boundary: FollowedBoundary,
-    ) -> Twist:
+    def _conclude(self, observation: Observation) -> Twist:
         # There is no path, unless what was circled has driven away meanwhile, or is
         # another obstacle than the one that was hit.
-        has_gone = boundary.has_gone(observation, self._gone)
-        is_other = self._others < MOST_OTHERS and not boundary.is_what_was_hit(
-            policy.circuit_start
-        )
+        has_gone = self._boundary.has_gone(observation, self._gone)
+        start = self._policy.circuit_start
+        is_hit = self._boundary.is_what_was_hit(start)
+        is_other = self._others < MOST_OTHERS and not is_hit
         if has_gone or is_other:
             self._others += is_other
             if is_other:
@@ -250,5 +237,4 @@ class Bug(Controller):
     def _leave(self, observation: Observation) -> Twist:
         self.leave_points.append((observation.pose.x, observation.pose.y))
         self.activity, self._leaving = Activity.GOING, True
-        self._policy = self._boundary = None
         return self._towards(observation.pose, self.goals[0])

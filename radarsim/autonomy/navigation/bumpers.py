@@ -31,16 +31,9 @@ from radarsim.geometry import Floats
 BAND = 0.5  # m beyond the safety distance
 MOST = 36  # bumpers; narrower sectors would hold too few beams
 
-FOUR = ("front", "left", "back", "right")
 EIGHT = (
-    "front",
-    "front_left",
-    "left",
-    "back_left",
-    "back",
-    "back_right",
-    "right",
-    "front_right",
+    *("front", "front_left", "left", "back_left"),
+    *("back", "back_right", "right", "front_right"),
 )
 
 
@@ -111,7 +104,7 @@ class Bumpers:
     def names(self) -> tuple[str, ...]:
         """The names, counter-clockwise from the front."""
         if self.count in (4, 8):
-            return FOUR if self.count == 4 else EIGHT
+            return EIGHT[:: 8 // self.count]
         return tuple(f"at_{round(360 * k / self.count)}" for k in range(self.count))
 
     def read(self, observation: Observation) -> tuple[Bumper, ...]:

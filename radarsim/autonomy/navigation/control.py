@@ -22,8 +22,7 @@ STUCK_AFTER = 3.0  # m that a robot was commanded to go without moving
 STUCK_AFTER_TURN: Final = 2 * math.tau  # rad that it was to turn without turning
 STANDSTILL_LIMIT: Final = 60.0  # s
 _LONGEST_STEP: Final = 1.0  # s between two scans that counts as commanded
-_LEAST_MOVE = 0.1  # m; less is due to noise
-_LEAST_TURN = 0.3  # rad
+MOVED: Final = (0.1, 0.3)  # m and rad that a robot has moved; less is due to noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,11 +72,6 @@ def distance(pose: Pose2, x: float, y: float) -> float:
     return math.hypot(x - pose.x, y - pose.y)
 
 
-def moved(start: Pose2, end: Pose2) -> float:
-    """Return the distance between two poses, m."""
-    return math.hypot(end.x - start.x, end.y - start.y)
-
-
 class StuckDetector:
     """Notices that a robot does not move or turn though it is commanded to."""
 
@@ -99,13 +93,13 @@ class StuckDetector:
         self._last_time = observation.time
         pose, command = observation.pose, ""
         # What is commanded counts, not the time: who waits is not stuck.
-        if self._place is None or moved(self._place, pose) > _LEAST_MOVE:
+        if self._place is None or pose.distance(self._place) > MOVED[0]:
             self._place, self._distance = pose, 0.0
         else:
             self._distance += abs(twist.speed) * elapsed
             if self._distance > STUCK_AFTER:
                 pose, command = self._place, f"go {STUCK_AFTER:g} m"
-        if self._heading is None or has_moved(self._heading, observation.pose):
+        if self._heading is None or observation.pose.is_apart(self._heading, *MOVED):
             self._heading, self._turn = observation.pose, 0.0
         else:
             self._turn += abs(twist.turn) * elapsed
@@ -133,7 +127,7 @@ class StandstillDetector:
             NavigationError: If the robot has stood for a minute.
         """
         reference = self._reference
-        if reference is None or has_moved(reference.pose, observation.pose):
+        if reference is None or observation.pose.is_apart(reference.pose, *MOVED):
             self._reference = observation
         elif observation.time - reference.time > STANDSTILL_LIMIT:
             pose = observation.pose
@@ -142,12 +136,6 @@ class StandstillDetector:
                 f" {STANDSTILL_LIMIT:g} s:"
                 " on all sides something is nearer than the safety distance"
             )
-
-
-def has_moved(before: Pose2, now: Pose2) -> bool:
-    """Return whether a robot has driven or turned by more than noise."""
-    turned = abs(wrap_angle(now.yaw - before.yaw))
-    return moved(before, now) > _LEAST_MOVE or turned > _LEAST_TURN
 
 
 class ObservationSource(Protocol):

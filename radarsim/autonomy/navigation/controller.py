@@ -17,7 +17,6 @@ from radarsim.autonomy.navigation.control import (
     Twist,
     bearing_of,
     distance,
-    moved,
 )
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.open_directions import leads_too_near
@@ -89,6 +88,11 @@ class Controller(ABC):
         self._previous: Pose2 | None = None
 
     @property
+    def goal(self) -> Point | None:
+        """The next goal, m, map frame; None if there is none."""
+        return self.goals[0] if self.goals else None
+
+    @property
     def is_done(self) -> bool:
         """Whether it has reached its last goal, or given up."""
         return self.activity in (Activity.REACHED, Activity.NO_PATH)
@@ -96,7 +100,7 @@ class Controller(ABC):
     def step(self, observation: Observation) -> Twist:
         """Decide by a scan how to move until the next one."""
         pose = observation.pose
-        driven = 0.0 if self._previous is None else moved(self._previous, pose)
+        driven = 0.0 if self._previous is None else pose.distance(self._previous)
         self._previous = pose
         at_goal = self._settings.tolerance
         # goals may lie within the tolerance of each other

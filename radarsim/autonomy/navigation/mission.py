@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from radarsim.autonomy.navigation.algorithms import (
     ROBOT,
@@ -11,6 +10,7 @@ from radarsim.autonomy.navigation.algorithms import (
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits
 from radarsim.autonomy.navigation.controller import ControllerSettings
+from radarsim.autonomy.navigation.observation import ECHO_WAIT, ObservationBuilder
 from radarsim.autonomy.navigation.plans import DrivePlan, Mission
 from radarsim.autonomy.navigation.runner import NavigationStep, Navigator, Result
 from radarsim.client import Client, RobotInfo, ScannerInfo
@@ -19,32 +19,19 @@ from radarsim.errors import NavigationError
 MARGIN = 0.13  # m added to the least safety distance, for noise and braking
 
 
-@dataclass(frozen=True, slots=True)
-class SpawnedRobot:
-    """A robot that a plan has spawned.
-
-    Attributes:
-        info: Its properties.
-        scanner: The scanner to use.
-        safety_distance: m.
-        speed_limits: Those of the plan, as far as the robot can drive that fast.
-    """
-
-    info: RobotInfo
-    scanner: ScannerInfo
-    safety_distance: float
-    speed_limits: SpeedLimits
-
-
 def spawn_robot(
     client: Client, plan: DrivePlan, info: RobotInfo | None = None
-) -> SpawnedRobot:
+) -> tuple[RobotInfo, ScannerInfo, float, SpeedLimits]:
     """Spawn the robot of a plan, and ask for its properties.
 
     Args:
         client: The connection.
         plan: The plan.
         info: Properties of the robot that the client has; None to spawn one.
+
+    Returns:
+        Its properties, the scanner to use, the safety distance, m, and the speed limits
+        of the plan, as far as the robot can drive that fast.
 
     Raises:
         ClientError: If the server does not send what is needed.
@@ -53,7 +40,7 @@ def spawn_robot(
     if info is None:
         client.spawn(plan.robot_class, start=plan.start, pose=plan.pose)
         info = client.robot_info(drive_unit=plan.drive_unit)
-    return SpawnedRobot(
+    return (
         info,
         info.scanner(plan.scanner),
         safety_distance_for(info, plan.safety_distance, plan.penetration_depth),
@@ -81,35 +68,33 @@ def run_mission(
         ClientError: If the server does not send what is needed.
         NavigationError: If the robot cannot do what the mission asks for.
     """
-    robot = spawn_robot(client, mission, info)
+    info, scanner, safety_distance, speed_limits = spawn_robot(client, mission, info)
     bumpers = Bumpers(
-        safety_distance=robot.safety_distance,
+        safety_distance=safety_distance,
         count=mission.bumpers,
         share=mission.share,
         rule=mission.rule,
     )
     # Before anything is driven: what a blind bumper faces would be hit.
-    check_field_of_view(bumpers, robot.scanner)
+    check_field_of_view(bumpers, scanner)
     settings = ControllerSettings(
         algorithm=mission.algorithm,
         bumpers=bumpers,
-        speed_limits=robot.speed_limits,
+        speed_limits=speed_limits,
         wall_on_left=mission.side == "left",
         give_up=mission.give_up,
         tolerance=mission.tolerance,
-        hull=hull_for(robot.info, mission),
+        hull=hull_for(info, mission),
     )
-    navigator = Navigator(
-        client,
-        robot.info,
-        robot.scanner,
-        pose_source=mission.pose_source,
+    controller = controller_class(mission.algorithm)(mission.goals, settings)
+    if mission.echoes:
+        client.echoes(scanner.name)
+    echo_wait, clock = ECHO_WAIT * mission.echoes, client.transport.time
+    source = ObservationBuilder(
+        scanner, mission.pose_source, clock, echo_wait=echo_wait
+    )
+    return Navigator(client, info, source, controller, bumpers).run(
         timeout=mission.timeout,
-        echoes=mission.echoes,
-    )
-    return navigator.run(
-        controller_class(mission.algorithm)(mission.goals, settings),
-        bumpers,
         time_limit=mission.time_limit,
         return_to_start=mission.return_to_start,
         observe=observe,

@@ -37,9 +37,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radarsim.autonomy.navigation.bumpers import Bumpers
-from radarsim.autonomy.navigation.control import STOP, Twist, moved
+from radarsim.autonomy.navigation.control import STOP, Twist
 from radarsim.autonomy.navigation.observation import Observation, wrap_angles
-from radarsim.geometry import Floats, wrap_angle
+from radarsim.geometry import Floats
 
 INTERVAL: Final = 2.0  # s between the scans that are compared
 MARGIN: Final = 0.25  # m that a beam went beyond a place where nothing was
@@ -64,7 +64,10 @@ ONE_THING: Final = 1.5  # m; what moves farther apart is more than one
 BACK_SPEED: Final = 0.3  # m/s away from what has driven into the robot
 RECENT: Final = 30.0  # s after motion was seen, in which it backs off
 MOVED_NEAR: Final = 0.5  # m from where that was, to what it backs off from
-STOOD: Final = 0.05  # m or rad between the scans that are compared, if it stood
+STOOD: Final = (
+    0.05,
+    0.05,
+)  # m and rad between the scans that are compared, if it stood
 _BESIDE: Final = 0.3  # m beside a place where earlier beams count
 _LEAST_SPREAD: Final = math.radians(2.5)  # between such beams
 
@@ -100,17 +103,11 @@ class MotionDetector:
         Args:
             observation: The newest scan, after ``moving_beams``.
         """
-        before, now = self._earlier[0].pose, observation.pose
-        turned = abs(wrap_angle(now.yaw - before.yaw))
-        return moved(before, now) < STOOD and turned < STOOD
+        return not observation.pose.is_apart(self._earlier[0].pose, *STOOD)
 
 
 class Waiting:
-    """Decides when to stand because something moves into the robot's way.
-
-    Attributes:
-        has_seen_motion: Whether anything has moved yet, if only its own image.
-    """
+    """Decides when to stand because something moves into the robot's way."""
 
     def __init__(self, bumpers: Bumpers, clearance: float) -> None:
         """Create it.
@@ -119,7 +116,6 @@ class Waiting:
             bumpers: Bumpers of the robot.
             clearance: What the robot needs around its centre to turn, m.
         """
-        self.has_seen_motion = False
         self._bumpers = bumpers
         self._clearance = clearance
         self._detector = MotionDetector()
@@ -226,10 +222,8 @@ class Waiting:
         """Return whether something moved lately where the nearest thing is now."""
         while self._motions and observation.time - self._motions[0][0] >= RECENT:
             self._motions.popleft()
-        nearest, pose = int(observation.ranges.argmin()), observation.pose
-        angle = observation.bearings[nearest] + pose.yaw
-        away = observation.ranges[nearest] * np.exp(1j * angle)
-        point = complex(pose.x, pose.y) + complex(away)
+        (away,) = observation.offsets(observation.ranges.argmin(axis=0, keepdims=True))
+        point = complex(observation.pose.x, observation.pose.y) + complex(away)
         return any(abs(place - point) < MOVED_NEAR for _, place in self._motions)
 
     def _follow(self, observation: Observation, beams: NDArray[np.bool_]) -> None:
@@ -237,9 +231,7 @@ class Waiting:
         if np.count_nonzero(beams) < LEAST_BEAMS:
             return
         pose, now = observation.pose, observation.time
-        angles = observation.bearings[beams] + pose.yaw
-        ends = observation.ranges[beams] * np.exp(1j * angles)
-        ends += complex(pose.x, pose.y)
+        ends = observation.offsets(beams) + complex(pose.x, pose.y)
         centre = complex(ends.mean())
         self._track.append((now, centre))
         while now - self._track[0][0] > INTERVAL:
@@ -262,10 +254,9 @@ class Waiting:
         beams &= observation.ranges < reach
         if np.count_nonzero(beams) < LEAST_BEAMS:
             return False
-        self.has_seen_motion = True
+
         pose, now = observation.pose, observation.time
-        angles = observation.bearings[beams] + pose.yaw
-        ends = observation.ranges[beams] * np.exp(1j * angles)
+        ends = observation.offsets(beams)
         centre = complex(ends.mean())
         place = centre + complex(pose.x, pose.y)
         self._seen.append((now, place))

@@ -118,6 +118,12 @@ class Observation:
         """Return these points and those of ``farther``, (M, 2) m, map frame."""
         return np.vstack([self.points(), self._points(*self.farther.T)])
 
+    def offsets(self, beams: NDArray[np.generic]) -> NDArray[np.complex128]:
+        """Return the ends of some beams from the robot, (M,) m, map axes, x + iy."""
+        angles = self.bearings[beams] + self.pose.yaw
+        offsets: NDArray[np.complex128] = self.ranges[beams] * np.exp(1j * angles)
+        return offsets
+
     def _points(self, bearings: Floats, ranges: Floats) -> Floats:
         angles = bearings + self.pose.yaw
         directions = np.column_stack([np.cos(angles), np.sin(angles)])
@@ -147,22 +153,6 @@ def check_beams(count: int, scanner: ScannerInfo) -> None:
     if count < scanner.beams / 2:
         text = f"scan of {count} ranges from {scanner.name[:80]!r}"
         raise ClientError(f"{text}, expected {scanner.beams}")
-
-
-def blocked_ranges(ranges: Floats, beams: NDArray[np.int64], lengths: Floats) -> Floats:
-    """Return how far a robot could go along each beam, as far as is known.
-
-    Args:
-        ranges: (N,) m; ranges of the scan.
-        beams: (M,) beams of the blocking echoes of the same scan.
-        lengths: (M,) m; their ranges.
-
-    Returns:
-        (N,) m; the nearest echo of what robots cannot pass, at most the range.
-    """
-    nearest = np.array(ranges, np.float64)
-    np.minimum.at(nearest, beams, lengths)
-    return nearest
 
 
 def blocking_echoes(
@@ -302,10 +292,11 @@ class ObservationBuilder:
         if echoes is None and time < self._echoes_due:
             return None
         angles, farther = beam_angles(report), np.zeros((0, 2))
-        known = report.ranges
+        known = np.array(report.ranges, np.float64)
         if echoes is not None:
+            # the nearest echo of what robots cannot pass, at most the range
             beams, lengths = blocking_echoes(len(known), echoes)
-            known = blocked_ranges(known, beams, lengths)
+            np.minimum.at(known, beams, lengths)
             # kept apart: planners want all that blocks, bumpers only the nearest
             behind = lengths > known[beams]
             beams, lengths = beams[behind], lengths[behind]

@@ -123,26 +123,27 @@ class OpenDirections:
         return np.column_stack([x, y])
 
 
-def open_lengths(observation: Observation, bearings: Floats, radius: float) -> Floats:
-    """Return how far the centre of a disc could go in some directions.
+def open_length(observation: Observation, bearing: float, radius: float) -> float:
+    """Return how far the centre of a disc could go in a direction, m.
 
     What it touches already closes the directions towards it.
 
     Args:
         observation: The scan.
-        bearings: (M,) rad from the robot's front.
+        bearing: rad from the robot's front.
         radius: Of the disc, m.
 
     Returns:
-        (M,) m, at most ``HORIZON``.
+        At most ``HORIZON``.
     """
-    return _first_touches(observation, bearings, radius)[0]
+    (length,), _ = _first_touches(observation, np.array([bearing]), radius)
+    return float(length)
 
 
 def _first_touches(
     observation: Observation, bearings: Floats, radius: float
 ) -> tuple[Floats, Floats]:
-    """Return the lengths of ``open_lengths``, and the points that end them.
+    """Return how far a disc could go in directions, (M,), and the points that end that.
 
     Returns:
         (M,) m, and (M, 2) m, in the robot's frame; nan where nothing does.

@@ -21,7 +21,6 @@ import numpy as np
 from radarsim.autonomy.navigation.control import (
     STOP,
     Twist,
-    moved,
 )
 from radarsim.autonomy.navigation.controller import (
     Activity,
@@ -40,14 +39,14 @@ from radarsim.autonomy.navigation.grid_search import (
 )
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.obstacle_grid import CELL, ObstacleGrid
-from radarsim.geometry import Floats, Point, Pose2, wrap_angle
+from radarsim.geometry import Floats, Point, Pose2
 
 INTERVAL: Final = 0.5  # s between two plans
 LOOKAHEAD: Final = 2.0  # m of a path that is cut short where the straight line is open
 SURE_AFTER: Final = 5.0  # s without a path after which there is none
 NEARER: Final = 10.0  # times that, nearer to it than the robot is
 PAUSE: Final = 2.0  # s between two looks that are not one
-APART: Final = 0.3  # m, or rad, between two scans that are kept
+APART: Final = (0.3, 0.3)  # m and rad between two scans that are kept
 DOUBT: Final = 5.0  # times the cost of a step, through what may be an image
 MOST_DOUBTED: Final = 200.0  # s on such ways to a goal, so that each run ends
 _MOST_GROWN: Final = 10  # margins around the first grid
@@ -127,7 +126,7 @@ class PathPlanning(Controller):
         if self._grid is None:
             self._grid = ObstacleGrid([(pose.x, pose.y), *self.goals])
         self._grid.add(observation)
-        if not self._scans or _are_apart(self._scans[-1].pose, pose):
+        if not self._scans or pose.is_apart(self._scans[-1].pose, *APART):
             self._scans.append(observation)
         self._planned = observation.time
         self._plan_disc(pose, goal)
@@ -243,13 +242,8 @@ class PathPlanning(Controller):
         """Return whether the straight line to a point costs little more than open."""
         assert self._grid is not None
         end = Pose2(float(point[0]), float(point[1]))
-        count = max(2, math.ceil(moved(pose, end) / CELL * 2))
+        count = max(2, math.ceil(pose.distance(end) / CELL * 2))
         line = np.linspace((pose.x, pose.y), (end.x, end.y), count)
         costs = self._cost[self._grid.cells(line)]
         # Near a wall, or at a goal beside one, the ends cost more than that themselves.
         return bool(costs.max() <= max(CHEAP, costs[0], costs[-1]))
-
-
-def _are_apart(one: Pose2, other: Pose2) -> bool:
-    """Return whether a scan from another pose shows more."""
-    return moved(one, other) > APART or abs(wrap_angle(one.yaw - other.yaw)) > APART

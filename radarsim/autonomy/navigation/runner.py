@@ -1,7 +1,7 @@
-"""Drive a robot by the decisions of a bug, and stop it when in doubt.
+"""Drive a robot by the decisions of a controller, and stop it when in doubt.
 
-Every scan of one scanner, together with the newest pose, is passed to the bug; the
-motion that it decides on is sent as a DRIVE command.
+Every scan of one scanner, together with the newest pose, is passed to the controller;
+the motion that it decides on is sent as a DRIVE command.
 
 It notices a start or a goal that is nearer to something than the safety distance.
 """
@@ -13,7 +13,6 @@ from typing import Final
 
 import numpy as np
 
-from radarsim.autonomy.navigation.algorithms import PoseSource
 from radarsim.autonomy.navigation.bumpers import Bumpers, pressed_names
 from radarsim.autonomy.navigation.control import (
     STOP,
@@ -21,18 +20,13 @@ from radarsim.autonomy.navigation.control import (
     StuckDetector,
     Twist,
     distance,
-    moved,
 )
 from radarsim.autonomy.navigation.controller import Activity, Controller
 from radarsim.autonomy.navigation.moving_things import Waiting
-from radarsim.autonomy.navigation.observation import (
-    ECHO_WAIT,
-    Observation,
-    ObservationBuilder,
-)
+from radarsim.autonomy.navigation.observation import Observation, ObservationBuilder
 from radarsim.autonomy.navigation.touch_memory import TouchMemory
-from radarsim.autonomy.navigation.vanished_points import VanishedPoints
-from radarsim.client import Client, RobotInfo, ScannerInfo
+from radarsim.autonomy.navigation.transient_obstacles import TransientObstacles
+from radarsim.client import Client, RobotInfo
 from radarsim.errors import TooNearError
 from radarsim.geometry import Point, Pose2
 
@@ -78,7 +72,7 @@ class ClearanceCheck:
             TooNearError: If something is nearer to the start than the safety distance,
                 or stands so near to the goal.
         """
-        self._travelled += moved(self._previous or observation.pose, observation.pose)
+        self._travelled += observation.pose.distance(self._previous or observation.pose)
         self._previous = observation.pose
         if self._is_first:
             self._is_first = False
@@ -141,7 +135,7 @@ class TripMeter:
             self.start = self._last = observation.pose
             self._start_time = observation.time
         self.time = observation.time - self._start_time
-        step = moved(self._last, observation.pose)
+        step = observation.pose.distance(self._last)
         # The noise of a robot that stands would add up to a long way.
         if step > self._noise:
             self.length += step
@@ -150,11 +144,11 @@ class TripMeter:
 
 @dataclass(frozen=True, slots=True)
 class NavigationStep:
-    """One scan, and what the bug decided by it.
+    """One scan, and what the controller decided by it.
 
     Attributes:
         observation: The scan and the pose.
-        activity: What the bug is doing.
+        activity: What the controller is doing.
         twist: The motion that it decided on.
         pressed: Names of the bumpers that are pressed or too near.
         goal: The next goal; None once there is none.
@@ -196,54 +190,50 @@ class Result:
 
 
 class Navigator:
-    """Drives one robot."""
+    """Drives one robot by the decisions of a controller."""
 
     def __init__(
         self,
         client: Client,
         robot_info: RobotInfo,
-        scanner: ScannerInfo,
-        *,
-        pose_source: PoseSource = PoseSource.INS,
-        timeout: float = 2.0,
-        echoes: bool = True,
+        source: ObservationBuilder,
+        controller: Controller,
+        bumpers: Bumpers,
     ) -> None:
         """Create a navigator.
 
         Args:
             client: The connection; its robot is spawned.
             robot_info: Properties of the robot.
-            scanner: The scanner to steer by.
-            pose_source: Where poses are taken from.
-            timeout: Time without a scan after which the run is given up, s.
-            echoes: Whether to ask the server for echoes, and to use them.
+            source: Makes observations of its reports.
+            controller: Decides how to move.
+            bumpers: The bumpers whose state the observer receives.
         """
         self._client = client
         self._robot = robot_info
-        if echoes:
-            client.echoes(scanner.name)
-        self._source = ObservationBuilder(
-            scanner,
-            pose_source,
-            client.transport.time,
-            echo_wait=ECHO_WAIT if echoes else 0.0,
+        self._source = source
+        self._controller = controller
+        self._bumpers = bumpers
+        self._twist = STOP
+        self._clearance = ClearanceCheck(bumpers)
+        self._waiting = Waiting(bumpers, robot_info.clearance)
+        self._transient = TransientObstacles()
+        self._touches = TouchMemory(
+            robot_info.length, robot_info.width, bumpers.safety_distance
         )
-        self._loop = ControlLoop(client, robot_info, self._source, timeout=timeout)
 
     def run(
         self,
-        bug: Controller,
-        bumpers: Bumpers,
         *,
-        time_limit: float = math.inf,
-        return_to_start: bool = False,
-        observe: Callable[[NavigationStep], None] = lambda _: None,
+        timeout: float,
+        time_limit: float,
+        return_to_start: bool,
+        observe: Callable[[NavigationStep], None],
     ) -> Result:
-        """Drive until the bug is done, and leave the robot standing.
+        """Drive until the controller is done, and leave the robot standing.
 
         Args:
-            bug: Decides how to move.
-            bumpers: The bumpers whose state the observer receives.
+            timeout: Time without a scan after which the run is given up, s.
             time_limit: Longest run, s, by the result's time.
             return_to_start: Whether where the robot is at first is one more goal.
             observe: Called at every scan, after the robot was commanded.
@@ -254,64 +244,68 @@ class Navigator:
             NavigationError: If the robot does not move though it is commanded to, or if
                 the start or a goal is inside the safety distance of something.
         """
+        loop = ControlLoop(self._client, self._robot, self._source, timeout=timeout)
+        controller, bumpers = self._controller, self._bumpers
         trip, stuck_detector, nearest = TripMeter(), StuckDetector(), math.inf
-        clearance, twist = ClearanceCheck(bumpers), STOP
-        waiting = Waiting(bumpers, self._robot.clearance)
-        vanished = VanishedPoints()
-        touches = TouchMemory(
-            self._robot.length, self._robot.width, bumpers.safety_distance
-        )
-
-        def correct(earlier: Observation) -> Observation:
-            return touches.places.hide(self._source.corrected(earlier))
-
         try:
-            for scan in self._loop.scans():
+            for scan in loop.scans():
                 if return_to_start and trip.start is None:
-                    bug.goals.append((scan.pose.x, scan.pose.y))
-                has_jumped = self._source.pop_jump()
-                if touches.notice(scan, twist) or has_jumped:
-                    bug.reconsider(scan.pose, correct)
-                observation = touches.places.hide(vanished.add_to(scan))
-                clearance.check(observation, bug.goals[0] if bug.goals else None)
-                # asked at every scan, as it compares them
-                has_to_wait = waiting.has_to_wait(
-                    observation, twist, observation.ranges < scan.ranges
-                )
-                goes_round = bug.avoid(waiting.meeting(observation))
-                # What touches the robot overrules every way to the goal.
-                away = touches.retreat(observation) or waiting.back_off(observation)
-                if away is not None:
-                    twist = away
-                elif has_to_wait and not goes_round:
-                    # Who waits does not ask the bug: what passes becomes no obstacle.
-                    twist = STOP
-                else:
-                    twist = touches.keep_off(observation, bug.step(observation))
-                waits = (has_to_wait and not goes_round) or away is not None
-                touches.note_decision(scan, None if waits else twist)
+                    controller.goals.append((scan.pose.x, scan.pose.y))
+                observation = self._decide(scan)
                 trip.add(observation)
                 nearest = min(nearest, float(observation.ranges.min(initial=math.inf)))
-                goal = bug.goals[0] if bug.goals else None
-                pressed = pressed_names(bumpers.read(observation))
-                is_over = bug.is_done or trip.time > time_limit
+                is_over = controller.is_done or trip.time > time_limit
                 if not is_over:
-                    self._loop.drive(twist)  # at once: who observes may take long
-                observe(NavigationStep(observation, bug.activity, twist, pressed, goal))
+                    loop.drive(self._twist)  # at once: who observes may take long
+                pressed = pressed_names(bumpers.read(observation))
+                activity, goal = controller.activity, controller.goal
+                observe(
+                    NavigationStep(observation, activity, self._twist, pressed, goal)
+                )
                 if is_over:
                     break
-                stuck_detector.check(observation, twist)
+                stuck_detector.check(observation, self._twist)
         finally:
             # After an error or an interrupt, too: robots keep their wheel speeds.
             self._client.stop()
         return Result(
-            outcome=bug.activity.value if bug.is_done else "failed",
+            outcome=controller.activity.value if controller.is_done else "failed",
             path_length=trip.length,
             time=trip.time,
-            hit_points=tuple(bug.hit_points),
-            leave_points=tuple(bug.leave_points),
-            circuits=bug.circuits,
+            hit_points=tuple(controller.hit_points),
+            leave_points=tuple(controller.leave_points),
+            circuits=controller.circuits,
             nearest=nearest,
-            goals_left=len(bug.goals),
+            goals_left=len(controller.goals),
             safety_distance=bumpers.safety_distance,
         )
+
+    def _decide(self, scan: Observation) -> Observation:
+        """Decide how to move until the next scan; return the scan that it is by."""
+        controller, touches, waiting = self._controller, self._touches, self._waiting
+        has_jumped = self._source.pop_jump()
+        if touches.notice(scan, self._twist) or has_jumped:
+            controller.reconsider(scan.pose, self._corrected)
+        observation = touches.places.hide(self._transient.add_to(scan))
+        self._clearance.check(observation, controller.goal)
+        # asked at every scan, as it compares them
+        has_to_wait = waiting.has_to_wait(
+            observation, self._twist, observation.ranges < scan.ranges
+        )
+        goes_round = controller.avoid(waiting.meeting(observation))
+        waits = has_to_wait and not goes_round
+        # What touches the robot overrules every way to the goal.
+        away = touches.retreat(observation) or waiting.back_off(observation)
+        if away is not None:
+            self._twist = away
+        elif waits:
+            # Who waits does not ask the controller: what passes becomes no obstacle.
+            self._twist = STOP
+        else:
+            self._twist = touches.keep_off(observation, controller.step(observation))
+        is_own = away is None and not waits
+        touches.note_decision(scan, self._twist if is_own else None)
+        return observation
+
+    def _corrected(self, earlier: Observation) -> Observation:
+        return self._touches.places.hide(self._source.corrected(earlier))

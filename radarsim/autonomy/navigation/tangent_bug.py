@@ -54,7 +54,7 @@ from radarsim.autonomy.navigation.open_directions import (
     HORIZON,
     OpenDirections,
     leads_too_near,
-    open_lengths,
+    open_length,
 )
 from radarsim.autonomy.navigation.wall_following import (
     ALIGNED,
@@ -146,7 +146,7 @@ class TangentBug(Controller):
         self._place: Point | None = None  # that it heads for after a boundary
         self._left_at = math.inf  # m of that place from the goal; no way leads farther
         self._open = 0  # scans in a row by which a boundary could be left
-        self._boundary: FollowedBoundary | None = None
+        self._boundary: FollowedBoundary  # that it is at, unless it is going
         self._left: FollowedBoundary | None = None  # the boundary that it left last
         # where it hit obstacles that had gone, m, map frame
         self._gone: list[Point] = []
@@ -163,8 +163,8 @@ class TangentBug(Controller):
 
     def _decide(self, observation: Observation, driven: float) -> Twist:
         self._driven += driven
-        if self._boundary is not None:
-            return self._follow(observation, self._boundary, driven)
+        if self.activity is not Activity.GOING:
+            return self._follow(observation, driven)
         # straight to the goal, or to the edge over which the way there is shortest
         point = self._choose(observation)
         if point is None or self._is_held(observation, point):
@@ -172,7 +172,7 @@ class TangentBug(Controller):
         return self._head_for(observation, point)
 
     def _start_anew(self) -> None:
-        self.activity, self._boundary = Activity.GOING, None
+        self.activity = Activity.GOING
         self._edge, self._place, self._shortest_way = None, None, math.inf
         self._way, self._driven = math.inf, 0.0
 
@@ -253,19 +253,17 @@ class TangentBug(Controller):
         """
         pose = observation.pose
         away = distance(pose, *edge)
-        bearing = np.array([bearing_of(pose, *edge)])
         radius = self._settings.bumpers.safety_distance - NOISE / 2
-        (length,) = open_lengths(observation, bearing, radius)
-        return away > ARRIVED and bool(length >= min(away, HORIZON))
+        length = open_length(observation, bearing_of(pose, *edge), radius)
+        return away > ARRIVED and length >= min(away, HORIZON)
 
     def _sees_goal(self, observation: Observation) -> bool:
         left = self._goal_distance(observation.pose)
-        bearing = self._goal_bearing(observation.pose)
         # a goal may be as near to something as the safety distance
         is_last = left < self._settings.bumpers.pressed_below
         radius = self._radius - (GRAZE + NOISE / 2) * is_last
-        (length,) = open_lengths(observation, np.array([bearing]), radius)
-        return bool(length >= min(left, HORIZON))
+        length = open_length(observation, self._goal_bearing(observation.pose), radius)
+        return length >= min(left, HORIZON)
 
     def _is_held(self, observation: Observation, point: Point) -> bool:
         """Return whether the robot faces a point and cannot go there."""
@@ -297,11 +295,9 @@ class TangentBug(Controller):
         self._boundary = FollowedBoundary(self._follower, mode)
         return STOP
 
-    def _follow(
-        self, observation: Observation, boundary: FollowedBoundary, step: float
-    ) -> Twist:
+    def _follow(self, observation: Observation, step: float) -> Twist:
         """Follow a boundary until a place nearer to the goal can be gone to."""
-        goal = self.goals[0]
+        boundary, goal = self._boundary, self.goals[0]
         directions = OpenDirections(observation, self._radius)
         limit = min(boundary.goal_distance, self._left_at) - NEARER
         nearer = place = directions.place_nearer_than(limit, goal)
@@ -312,9 +308,9 @@ class TangentBug(Controller):
         if place is not None and is_due:
             if nearer is not None:
                 self._left_at = limit
-            return self._leave(observation, place, boundary)
+            return self._leave(observation, place)
         if not boundary.is_reached:
-            return self._approach(observation, boundary)
+            return self._approach(observation)
         part = boundary.look(observation, goal)
         if self.activity is Activity.ALIGNING:
             bearing = self._goal_bearing(observation.pose)
@@ -322,50 +318,42 @@ class TangentBug(Controller):
             done = done or observation.time > boundary.reached_at + MOST_ALIGNING
             self.activity = Activity.FOLLOWING if done else Activity.ALIGNING
             return twist
-        boundary.remember(part, step)
-        began = boundary.extend_trail(part, step)
+        boundary.remember(part.pose.yaw, step)
+        began = boundary.extend_trail(part)
         if began is not None:
-            return self._conclude(observation, boundary, began)
+            return self._conclude(observation, began)
         return self._follower.step(observation, boundary.mode, part)[0]
 
-    def _approach(self, observation: Observation, boundary: FollowedBoundary) -> Twist:
+    def _approach(self, observation: Observation) -> Twist:
         """Drive towards what hides the goal until that is in reach of the bumpers."""
         bearing = self._goal_bearing(observation.pose)
-        (length,) = open_lengths(observation, np.array([bearing]), self._radius)
+        length = open_length(observation, bearing, self._radius)
         ahead = self._settings.bumpers.towards(observation, bearing)
         is_held = self._is_held(observation, self.goals[0])
         if ahead.blocked or length < GRAZE or is_held:
-            boundary.reach(observation, bearing, self.goals[0])
+            self._boundary.reach(observation, bearing, self.goals[0])
             return STOP
         return self._head_for(observation, self.goals[0])
 
-    def _leave(
-        self,
-        observation: Observation,
-        place: Point,
-        boundary: FollowedBoundary | None = None,
-    ) -> Twist:
+    def _leave(self, observation: Observation, place: Point) -> Twist:
         """Head for a place, away from a boundary, to which it may have to go back."""
         self.leave_points.append((observation.pose.x, observation.pose.y))
-        is_followed = boundary is not None and boundary.is_reached
-        self._left = boundary if is_followed else None
+        self._left = self._boundary if self._boundary.is_reached else None
         self._start_anew()
         self._place = place
         return self._head_for(observation, place)
 
-    def _conclude(
-        self, observation: Observation, boundary: FollowedBoundary, began: float
-    ) -> Twist:
+    def _conclude(self, observation: Observation, began: float) -> Twist:
         """Give up after a circuit, unless what it circled has gone, or hides nothing.
 
         Args:
             observation: The newest scan.
-            boundary: What it has circled.
-            began: Where on its path the circuit began, m.
+            began: Where on the path along the boundary the circuit began, m.
         """
         self.circuits += 1
-        has_gone = boundary.has_gone(observation, self._gone)
-        is_other = self._others < MOST_OTHERS and not boundary.is_what_was_hit(began)
+        has_gone = self._boundary.has_gone(observation, self._gone)
+        is_hit = self._boundary.is_what_was_hit(began)
+        is_other = self._others < MOST_OTHERS and not is_hit
         if has_gone or is_other:
             self._others += is_other
             # The limit was that of a boundary which is no longer there, or another's.
@@ -373,7 +361,8 @@ class TangentBug(Controller):
             twist = self._leave(observation, self.goals[0])
             # What it hits next may be the same again: then on the other hand.
             self._left = None
-            self._last_hand = boundary.mode.wall_on_left if is_other else None
+            hand = self._boundary.mode.wall_on_left
+            self._last_hand = hand if is_other else None
             return twist
         self.activity = Activity.NO_PATH
         return STOP

@@ -34,7 +34,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim.autonomy.navigation.control import STOP, Twist, has_moved
+from radarsim.autonomy.navigation.control import MOVED, STOP, Twist
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.open_directions import HORIZON
 from radarsim.geometry import Floats, Pose2, wrap_angle
@@ -129,32 +129,6 @@ class TouchedPlaces:
         return lengths
 
 
-class WayBack:
-    """The way that a robot came, as its motions from scan to scan."""
-
-    def __init__(self) -> None:
-        self._motions: deque[tuple[float, Twist]] = deque(maxlen=_MOTIONS)
-
-    def add(self, last: Observation, now: Observation) -> None:
-        """Add the motion between two scans, by their poses."""
-        elapsed, pose = now.time - last.time, last.pose
-        if elapsed <= 0:
-            return
-        way = complex(now.pose.x - pose.x, now.pose.y - pose.y)
-        speed = (way * np.exp(-1j * pose.yaw)).real / elapsed
-        turn = wrap_angle(now.pose.yaw - pose.yaw) / elapsed
-        motion = Twist(float(speed), turn)
-        if not _stands(motion):
-            self._motions.append((elapsed, motion))
-
-    def pop(self) -> tuple[float, Twist] | None:
-        """Take back the last motion: its duration, s, and its reverse; None if none."""
-        if not self._motions:
-            return None
-        elapsed, motion = self._motions.pop()
-        return elapsed, Twist(-motion.speed, -motion.turn)
-
-
 class TouchMemory:
     """Notes what the hull touches, and leads back from it.
 
@@ -174,7 +148,8 @@ class TouchMemory:
         self._safety_distance = safety_distance
         self._half = np.array([length, width]) / 2
         self._outline, self._normals = _hull_outline(length, width)
-        self._way_back = WayBack()
+        # how it came: the durations of its motions, s, and their reverse
+        self._way_back: deque[tuple[float, Twist]] = deque(maxlen=_MOTIONS)
         self._last: Observation | None = None
         self._motion = STOP  # the last one that was commanded
         self._ahead = 1.0  # or -1: whether the robot last went forward, or backward
@@ -199,7 +174,7 @@ class TouchMemory:
                 self._ahead = math.copysign(1.0, twist.speed)
         reverses, self._reverses = self._reverses, False
         if last is not None and not reverses:
-            self._way_back.add(last, observation)
+            self._add_motion(last, observation)
         was_touched = last is not None and last.touched
         stood = observation.time - self._moved_at > STOOD
         is_touched = observation.touched and not was_touched and not stood
@@ -213,10 +188,23 @@ class TouchMemory:
         self._gone_back = math.inf if reverses or is_held else 0.0
         return True
 
+    def _add_motion(self, last: Observation, now: Observation) -> None:
+        """Add the motion between two scans, by their poses, to the way back."""
+        elapsed, pose = now.time - last.time, last.pose
+        if elapsed <= 0:
+            return
+        way = complex(now.pose.x - pose.x, now.pose.y - pose.y)
+        speed = (way * np.exp(-1j * pose.yaw)).real / elapsed
+        turn = wrap_angle(now.pose.yaw - pose.yaw) / elapsed
+        back = Twist(-float(speed), -turn)
+        if not _stands(back):
+            self._way_back.append((elapsed, back))
+
     def note_decision(self, observation: Observation, twist: Twist | None) -> None:
         """Note what was decided by a scan: a motion, or None to wait."""
         pose = observation.pose
-        if twist is None or self._place is None or has_moved(self._place, pose):
+        place = self._place
+        if twist is None or place is None or pose.is_apart(place, *MOVED):
             self._place, self._moved_on_at = pose, observation.time
 
     def retreat(self, observation: Observation) -> Twist | None:
@@ -232,8 +220,8 @@ class TouchMemory:
         near = observation.ranges.min(initial=near)
         is_away = near >= self._safety_distance and not observation.touched
         has_way = not is_away and self._gone_back <= LONGEST_WAY_BACK
-        if has_way and (motion := self._way_back.pop()):
-            elapsed, back = motion
+        if has_way and self._way_back:
+            elapsed, back = self._way_back.pop()
             self._gone_back += abs(back.speed) * elapsed
             self._reverses = True
             return back

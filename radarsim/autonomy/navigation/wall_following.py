@@ -51,18 +51,17 @@ from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits, Twist
 from radarsim.autonomy.navigation.observation import Observation, wrap_angles
 from radarsim.autonomy.navigation.open_directions import leads_too_near
-from radarsim.geometry import Floats, Pose2, wrap_angle
+from radarsim.geometry import Floats, Point, Pose2, wrap_angle
 
 DISTANCE_GAIN = 1.5  # rad towards the boundary for each m that it is too far
-MAX_LEAN = 0.8  # rad
+MAX_TURN = 0.8  # rad
 HEADING_STEP = math.radians(5.0)  # between the directions that are tried
 ABEAM = math.pi / 2
 ALIGNED = math.radians(15.0)
 CORNER_DEPTH = 0.15  # m beyond the nearest point of a boundary that still belong to it
 SIDE_ANGLE = math.radians(10.0)  # off the heading, where the other side of a gap begins
-FACING_ANGLE = math.radians(
-    60.0
-)  # off the boundary's direction that still leads into it
+# off the boundary's direction, where a direction still leads into it
+FACING_ANGLE = math.radians(60.0)
 _LOST_MARGIN = 0.1  # m beyond the band at which a boundary counts as lost
 _STEP_TOLERANCE = 0.02  # m that a step may come nearer than is allowed
 _EQUAL_RANGE = 0.05  # m within which points of the boundary count as equally near
@@ -111,27 +110,6 @@ class FollowMode:
 
 
 @dataclass(frozen=True, slots=True)
-class Boundary:
-    """The nearest point of the boundary.
-
-    Attributes:
-        bearing: rad, from the robot's front or in the canonical scan.
-        distance: m.
-    """
-
-    bearing: float
-    distance: float
-
-    def point_from(self, pose: Pose2) -> tuple[float, float]:
-        """Return the point, m, map frame, by the robot's pose."""
-        angle = pose.yaw + self.bearing
-        return (
-            pose.x + self.distance * math.cos(angle),
-            pose.y + self.distance * math.sin(angle),
-        )
-
-
-@dataclass(frozen=True, slots=True)
 class WallFollower:
     """Computes motions along boundaries.
 
@@ -174,7 +152,7 @@ class WallFollower:
             speed = self.speed_limits.speed
             return mode.robot_twist(Twist(speed, speed / self.target_distance)), False
         # Rule 3: what is ahead is judged in the direction that it is to take.
-        heading = self._clear_heading(view, self._along(view, boundary))
+        heading = self._clear_heading(view, self._along(view, *boundary))
         # It faces where it is to go, and yet something there is too near for a bumper:
         # it would stand forever.
         is_too_near = self.bumpers.towards(view, 0.0).too_near
@@ -221,20 +199,26 @@ class WallFollower:
         Without a boundary it is the direction of motion.
         """
         boundary = self._boundary(mode.canonical(observation))
-        heading = 0.0 if boundary is None else boundary.bearing - ABEAM
+        heading = 0.0 if boundary is None else boundary[0] - ABEAM
         return observation.pose.yaw + mode.bearing(heading)
 
-    def boundary(self, observation: Observation, mode: FollowMode) -> Boundary | None:
-        """Return the nearest point of the boundary, by the robot; None without one."""
+    def boundary(
+        self, observation: Observation, mode: FollowMode
+    ) -> tuple[Point, float] | None:
+        """Return the nearest point of the boundary, m, map frame, and its distance, m.
+
+        None without a boundary.
+        """
         boundary = self._boundary(mode.canonical(observation))
         if boundary is None:
             return None
-        return Boundary(mode.bearing(boundary.bearing), boundary.distance)
+        bearing, distance = boundary
+        return _point(observation.pose, mode.bearing(bearing), distance), distance
 
     def hit_point(
         self, observation: Observation, mode: FollowMode, obstacle: float
-    ) -> Boundary:
-        """Return the nearest point of an obstacle that is hit.
+    ) -> Point:
+        """Return the nearest point of an obstacle that is hit, m, map frame.
 
         Arguments are those of ``align``.
         """
@@ -242,7 +226,8 @@ class WallFollower:
         heading = self._abeam_heading(view, mode, obstacle)
         bearing = mode.bearing(heading + ABEAM)
         distance = self.bumpers.towards(observation, bearing).distance
-        return Boundary(bearing, min(distance, self.bumpers.pressed_below))
+        distance = min(distance, self.bumpers.pressed_below)
+        return _point(observation.pose, bearing, distance)
 
     def leads_into_boundary(
         self, observation: Observation, mode: FollowMode, bearing: float
@@ -261,7 +246,7 @@ class WallFollower:
         if boundary is None:
             return False
         # A corner a little farther than the nearest point is still the same boundary.
-        side = self._near_side(view) & (view.ranges <= boundary.distance + CORNER_DEPTH)
+        side = self._near_side(view) & (view.ranges <= boundary[1] + CORNER_DEPTH)
         offsets = wrap_angles(view.bearings[side] - mode.bearing(bearing))
         return bool((np.abs(offsets) <= FACING_ANGLE).any())
 
@@ -288,36 +273,33 @@ class WallFollower:
         nearest = ranges <= ranges.min() + _EQUAL_RANGE
         return _mean_bearing(view.bearings[nearest]) - ABEAM
 
-    def _boundary(self, view: Observation) -> Boundary | None:
-        """Find the nearest point ahead or on the left."""
+    def _boundary(self, view: Observation) -> tuple[float, float] | None:
+        """Return bearing, rad, and distance, m, of what is nearest ahead or left."""
         left = self._near_side(view)
         ranges, bearings = view.ranges[left], view.bearings[left]
         if not len(ranges) or ranges.min() >= self.bumpers.pressed_below + _LOST_MARGIN:
             return None
         distance = float(ranges.min())
-        return Boundary(
-            _mean_bearing(bearings[ranges <= distance + _EQUAL_RANGE]), distance
-        )
+        return _mean_bearing(bearings[ranges <= distance + _EQUAL_RANGE]), distance
 
-    def _along(self, view: Observation, boundary: Boundary) -> float:
+    def _along(self, view: Observation, bearing: float, distance: float) -> float:
         """Return the heading that keeps the boundary abeam and at its distance, rad."""
         # Seen along the boundary, the other side of a gap is on the right.
-        offsets = wrap_angles(view.bearings - boundary.bearing + ABEAM)
+        offsets = wrap_angles(view.bearings - bearing + ABEAM)
         other = (offsets < -SIDE_ANGLE) & (offsets > SIDE_ANGLE - math.pi)
         # The boundary itself, seen at a flat angle far ahead, must not be taken for the
         # other side: so that begins ``SIDE_ANGLE`` off.
         other &= np.isfinite(view.ranges)
         x, y = _end_points(view.bearings[other], view.ranges[other])
-        x -= boundary.distance * math.cos(boundary.bearing)
-        y -= boundary.distance * math.sin(boundary.bearing)
+        x -= distance * math.cos(bearing)
+        y -= distance * math.sin(bearing)
         gap = float(np.hypot(x, y).min(initial=math.inf))
         # In a narrow gap its middle; where that is too near to both sides, the safety
         # distance from the one that is followed.
         half = max(gap / 2, self.bumpers.safety_distance)
-        # A positive lean turns to the left, towards the boundary.
-        lean = DISTANCE_GAIN * (boundary.distance - min(self.target_distance, half))
-        lean = max(-MAX_LEAN, min(MAX_LEAN, lean))
-        return boundary.bearing - ABEAM + lean
+        # A positive one turns to the left, towards the boundary.
+        turn = DISTANCE_GAIN * (distance - min(self.target_distance, half))
+        return bearing - ABEAM + max(-MAX_TURN, min(MAX_TURN, turn))
 
     def _clear_heading(self, view: Observation, heading: float) -> float:
         """Turn a heading away from the boundary until the next step is clear.
@@ -352,6 +334,12 @@ class WallFollower:
             if not self.bumpers.towards(view, other).too_near:
                 return other
         return heading - ABEAM
+
+
+def _point(pose: Pose2, bearing: float, distance: float) -> Point:
+    """Return a point seen from a pose, m, map frame."""
+    angle = pose.yaw + bearing
+    return pose.x + distance * math.cos(angle), pose.y + distance * math.sin(angle)
 
 
 def _end_points(bearings: Floats, ranges: Floats) -> tuple[Floats, Floats]:

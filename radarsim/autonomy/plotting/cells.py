@@ -1,7 +1,4 @@
-"""What a run has sensed: cells where beams ended, as dots inside foliage and smoke.
-
-The cells of a map are drawn as an image, which is fast enough for films.
-"""
+"""What a run has sensed: cells where beams ended, as dots inside foliage and smoke."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any, Final
@@ -13,12 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
-from matplotlib.transforms import Affine2D
+from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
 from radarsim.autonomy.navigation.run_log import CELL, RunLog
 from radarsim.autonomy.plotting.outlines import Outline
-from radarsim.autonomy.plotting.panels import Extent
 from radarsim.geometry import Floats
 from radarsim.robots.obstacles import area_within
 
@@ -31,67 +27,24 @@ _ENTERED: Final = {"foliage": "foliage", "cloud": "smoke"}  # kinds that beams e
 _ZORDER: Final = 2.5
 
 
-class CellImage(AxesImage):
-    """Square cells, each pixel in the colour of the cell at its middle.
+def add_cell_image(axes: Axes, *, zorder: float) -> AxesImage:
+    """Add an image of square cells, each pixel in the colour of the cell below it."""
+    image = AxesImage(axes, origin="lower", interpolation="nearest", zorder=zorder)
+    axes.add_artist(image)
+    return image
 
-    Matplotlib's own images filter and blend, which takes much longer.
+
+def show_cells(image: AxesImage, cells: NDArray[np.uint8], extent: Bbox) -> None:
+    """Set the cells of an image.
+
+    Args:
+        image: The image.
+        cells: Colours, (R, C, 3), or with opacities, (R, C, 4); the first row is the
+            southernmost.
+        extent: Where they are, m.
     """
-
-    def __init__(self, axes: Axes, *, zorder: float) -> None:
-        super().__init__(axes, origin="lower", interpolation="nearest")
-        self.set_zorder(zorder)
-        self._cells = np.zeros((3, 3), np.uint32)
-        self._shown = Extent(0.0, 0.0, 1.0, 1.0)
-
-    def show(self, cells: NDArray[np.uint8], extent: Extent) -> None:
-        """Set the cells.
-
-        Args:
-            cells: Colours, (R, C, 3), or with opacities, (R, C, 4); the first row is
-                the southernmost.
-            extent: Where they are, m.
-        """
-        rows, columns = cells.shape[:2]
-        padded = np.zeros((rows + 2, columns + 2, 4), np.uint8)  # transparent beyond
-        padded[1:-1, 1:-1, 3] = 255
-        padded[1:-1, 1:-1, : cells.shape[2]] = cells
-        # As one number each, so that a pixel is copied at once and not in four parts.
-        self._cells, self._shown = padded.view(np.uint32)[:, :, 0], extent
-        self.set_data(padded[1:-1, 1:-1])
-        self.set_extent((extent.west, extent.east, extent.south, extent.north))
-
-    def make_image(
-        self, renderer: Any, magnification: float = 1.0, unsampled: bool = False
-    ) -> tuple[NDArray[np.uint8], float, float, Affine2D]:
-        """Return the pixels of the whole panel, (H, W, 4), and their lower left."""
-        del renderer, unsampled
-        box, shown = self.axes.bbox, self._shown
-        rows, columns = (count - 2 for count in self._cells.shape)
-        across = _indices(
-            self.axes.get_xlim(),
-            round(box.width * magnification),
-            (shown.west, shown.east),
-            columns,
-        )
-        up = _indices(
-            self.axes.get_ylim(),
-            round(box.height * magnification),
-            (shown.south, shown.north),
-            rows,
-        )
-        pixels = np.take(np.take(self._cells, up, axis=0), across, axis=1)
-        image = np.ascontiguousarray(pixels).view(np.uint8)
-        return image.reshape(len(up), len(across), 4), box.x0, box.y0, Affine2D()
-
-
-def _indices(
-    limits: tuple[float, float], pixels: int, span: tuple[float, float], cells: int
-) -> NDArray[np.int64]:
-    """Return the cell of each pixel along an axis, counted from 1; 0 is outside."""
-    low, high = limits
-    places: Floats = low + (np.arange(pixels) + 0.5) / pixels * (high - low)
-    index = np.floor((places - span[0]) / (span[1] - span[0]) * cells)
-    return np.asarray(np.clip(index, -1, cells) + 1, dtype=np.int64)
+    image.set_data(cells)
+    image.set_extent((*extent.intervalx, *extent.intervaly))
 
 
 class SensedCells:
@@ -110,8 +63,7 @@ class SensedCells:
             outlines: What is truly there.
         """
         self._axes, self._colour = axes, colour
-        self._image = CellImage(axes, zorder=_ZORDER)
-        axes.add_artist(self._image)
+        self._image = add_cell_image(axes, zorder=_ZORDER)
         entered = [each for each in outlines if each.kind in _ENTERED]
         lines = [shapely.linestrings(line) for each in entered for line in each.lines]
         self._entered = area_within(shapely.geometrycollections(lines))
@@ -151,8 +103,7 @@ class SensedCells:
         opacity = (FAINTEST + (STRONGEST - FAINTEST) * often) * (ends[:, 2] > 0)
         x, y = (cells - first).T
         pixels[y, x, 3] = np.round(255 * opacity)
-        corners = (*(first * CELL).tolist(), *(last * CELL).tolist())
-        self._image.show(pixels, Extent(*corners))
+        show_cells(self._image, pixels, Bbox(np.array([first, last]) * CELL))
 
     def _draw_dots(self, ends: Floats, most: float) -> list[Artist]:
         """Draw a dot in each square of cells, (M, 3), that has any."""
@@ -184,10 +135,12 @@ def sensed_rows(colour: str, by: str, outlines: Iterable[Outline]) -> list[Artis
     cell: dict[str, Any] = {"color": colour, "alpha": STRONGEST, "marker": "s"}
     plain: dict[str, Any] = {"markeredgewidth": 0.0, "linestyle": "none"}
     label = f"sensed{by}"
-    rows = [Line2D([], [], **cell, markersize=_SAMPLE, **plain, label=label)]
+    rows: list[Artist] = [
+        Line2D([], [], **cell, markersize=_SAMPLE, **plain, label=label)
+    ]
     kinds = {outline.kind for outline in outlines}
     if names := [name for kind, name in _ENTERED.items() if kind in kinds]:
         dot: dict[str, Any] = {"color": colour, "marker": "o", **plain}
         label = f"sensed in {' or '.join(names)}"
         rows.append(Line2D([], [], **dot, markersize=_DOT_SAMPLE, label=label))
-    return [*rows]
+    return rows

@@ -1,8 +1,9 @@
-"""Pictures of maps: what each cell is, the path and the robot on them.
+"""Pictures and films of maps: what each cell is, the path and the robot on them.
 
 ``MapPanel`` draws a map that may grow: once for a picture, frame by frame for a film.
 """
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -15,14 +16,17 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.transforms import Bbox
 
+from radarsim.autonomy.evaluation.mapping_run import SHARES, AreaCurve
 from radarsim.autonomy.mapping.export import MARK, sensed_window
 from radarsim.autonomy.mapping.occupancy_grid import CellClass, OccupancyGrid
-from radarsim.autonomy.plotting.cells import CellImage
+from radarsim.autonomy.plotting.cells import add_cell_image, show_cells
 from radarsim.autonomy.plotting.outlines import Outline, outlines_extent
-from radarsim.autonomy.plotting.panels import Extent, Panels, titles_of
+from radarsim.autonomy.plotting.panels import Panels, titles_of
 from radarsim.autonomy.plotting.run_markers import START
 from radarsim.geometry import Floats, Pose2
+from radarsim.plotting.film import FrameCanvas, Pixels
 from radarsim.plotting.palette import (
     FAMILY_COLOURS,
     GOING,
@@ -33,10 +37,7 @@ from radarsim.plotting.palette import (
     Family,
 )
 from radarsim.plotting.plan import draw_robot, name_objects
-from radarsim.plotting.style import (
-    HALO,
-    render,
-)
+from radarsim.plotting.style import HALO, QUIET, SMALL_PRINT, render
 from radarsim.scene.scene import Part
 
 CELL_COLOURS: Final = {
@@ -62,6 +63,8 @@ _TRUTH: Final[dict[str, Any]] = {"color": TRUTH, "linewidth": 0.9}
 _WIDEST, _TALLEST = 900, 760  # pixels of a panel, at most
 _LARGEST_CELL: Final = 6  # pixels
 _MUCH: Final = 4.0  # times the sensed area that a scene may have to be shown whole
+_LARGEST_SCENE: Final = 40.0  # m of a side of a scene that a film shows whole
+_FILM_EDGE: Final = 0.5  # m around it, or what is sensed of a larger one
 _EDGE: Final = 0.2  # m around what is shown
 _MOST_NAMES: Final = 15  # of objects; none are written if there are more
 _LETTER: Final = 0.65  # width of a letter, in heights of the text
@@ -97,13 +100,13 @@ class MapView:
     height: float = 0.0
 
     @property
-    def extent(self) -> Extent:
+    def extent(self) -> Bbox:
         """Return what is to be shown: all that is sensed, and a scene that fits it."""
         sensed = extent_of(self.grid, sensed_window(self.grid))
         scene = outlines_extent(self.outlines)
         if scene is None:
             return sensed
-        whole = sensed.union(scene.grown(_EDGE))
+        whole = Bbox.union([sensed, scene.padded(_EDGE)])
         fits = whole.width * whole.height <= _MUCH * sensed.width * sensed.height
         return whole if fits else sensed
 
@@ -130,8 +133,7 @@ class MapPanel:
         axes.set_facecolor(NOT_SENSED)  # beyond the map
         self._axes = axes
         self._robot_class = robot_class
-        self._image = CellImage(axes, zorder=1)
-        axes.add_artist(self._image)
+        self._image = add_cell_image(axes, zorder=1)
         self._outlines = [
             axes.add_collection(LineCollection(outline.lines, **_TRUTH, zorder=2))
             for outline in outlines
@@ -153,7 +155,8 @@ class MapPanel:
     def update(self, grid: OccupancyGrid, path: Floats) -> None:
         """Show a map, and the path so far, (N, 3) as in ``MapView``."""
         window = sensed_window(grid)
-        self._image.show(_SHADES[grid.classes()[window]], extent_of(grid, window))
+        shades = _SHADES[grid.classes()[window]]
+        show_cells(self._image, shades, extent_of(grid, window))
         self._path.set_data(path[:, 0], path[:, 1])
         self._start.set_data(path[:1, 0], path[:1, 1])
         self._place_label(path[:, :2])
@@ -205,20 +208,23 @@ def map_figure(
         text: Size of the text, points.
         numbers: Whether coordinates are written beside the panels.
     """
-    extent = views[0].extent
-    for view in views[1:]:
-        extent = extent.union(view.extent)
+    extent = Bbox.union([view.extent for view in views])
     scale = pixels_per_metre(extent, views[0].grid.frame.resolution)
     panels = Panels(extent, scale, *titles_of(views), text=text, numbers=numbers)
     for axes, view in zip(panels.axes, views, strict=True):
         panel = MapPanel(axes, view.robot_class, view.outlines, text=text)
         panel.update(view.grid, view.path)
         name_objects(axes, view.parts, view.height, most=_MOST_NAMES)
-    panels.add_legend(legend_rows(views))
+    shown = {
+        int(each)
+        for view in views
+        for each in np.unique(view.grid.classes()[sensed_window(view.grid)])
+    }
+    panels.add_legend(map_rows(shown, truth=any(view.outlines for view in views)))
     return panels.figure
 
 
-def pixels_per_metre(extent: Extent, resolution: float) -> float:
+def pixels_per_metre(extent: Bbox, resolution: float) -> float:
     """Return the scale of a panel that fits a picture, in whole pixels a cell.
 
     Args:
@@ -231,17 +237,7 @@ def pixels_per_metre(extent: Extent, resolution: float) -> float:
     return min(pixels if pixels < 1 else int(pixels), _LARGEST_CELL) / resolution
 
 
-def legend_rows(views: Sequence[MapView]) -> list[Artist]:
-    """Return the rows of a legend of all that some maps show."""
-    shown: set[int] = set()
-    for view in views:
-        shown |= {*np.unique(view.grid.classes()[sensed_window(view.grid)]).tolist()}
-    truth = any(view.outlines for view in views)
-    classes = [each for each in CellClass if each in shown]
-    return map_rows(classes, truth=truth)
-
-
-def map_rows(classes: Collection[CellClass], *, truth: bool) -> list[Artist]:
+def map_rows(classes: Collection[int], *, truth: bool) -> list[Artist]:
     """Return the rows of a legend for some classes of cells and the path.
 
     Args:
@@ -250,21 +246,119 @@ def map_rows(classes: Collection[CellClass], *, truth: bool) -> list[Artist]:
     """
     cells = [
         Patch(facecolor=CELL_COLOURS[each], edgecolor="0.5", label=CELL_TEXTS[each])
-        for each in classes
+        for each in CellClass
+        if each in classes
     ]
     path = Line2D([], [], **PATH, label="path")
     outline = Line2D([], [], **_TRUTH, label="what is truly there")
     return [*cells, path, outline] if truth else [*cells, path]
 
 
-def extent_of(grid: OccupancyGrid, window: tuple[slice, slice]) -> Extent:
+def extent_of(grid: OccupancyGrid, window: tuple[slice, slice]) -> Bbox:
     """Return the extent of some rows and columns of a map."""
     rows, columns = window
-    x, y = grid.frame.origin
-    size = grid.frame.resolution
-    return Extent(
-        x + columns.start * size,
-        y + rows.start * size,
-        x + columns.stop * size,
-        y + rows.stop * size,
+    corners = np.array([[columns.start, rows.start], [columns.stop, rows.stop]])
+    return Bbox(corners * grid.frame.resolution + grid.frame.origin)
+
+
+def first_map_extent(outlines: Sequence[Outline], grid: OccupancyGrid) -> Bbox:
+    """Return what a film shows at first: a scene that is known and not too large.
+
+    Args:
+        outlines: The scene; none if it is unknown.
+        grid: The map, which is shown otherwise; at least one scan.
+    """
+    scene = outlines_extent(outlines)
+    # A cell of a scene that is larger would be less than a pixel wide.
+    if scene is None or max(scene.width, scene.height) > _LARGEST_SCENE:
+        scene = extent_of(grid, sensed_window(grid))
+    return scene.padded(_FILM_EDGE)
+
+
+class MapFrames:
+    """Draws frames of a map.
+
+    Attributes:
+        figure: The figure, as it was drawn last.
+    """
+
+    def __init__(
+        self,
+        extent: Bbox,
+        resolution: float,
+        title: str,
+        robot_class: str,
+        outlines: Sequence[Outline] = (),
+    ) -> None:
+        """Draw what does not change.
+
+        Args:
+            extent: What is shown at first.
+            resolution: Side of a cell, m.
+            title: Title, in words, one line.
+            robot_class: Class of the robot.
+            outlines: What is truly there.
+        """
+        scale = pixels_per_metre(extent, resolution)
+        self._panels = Panels(extent, scale, [title], [""])
+        self._panel = MapPanel(self._panels.axes[0], robot_class, outlines)
+        (self._status,) = self._panels.subtitles
+        # what cells may come to be: anything, if the scene is unknown
+        by_kind = {"foliage": CellClass.FOLIAGE, "cloud": CellClass.SMOKE}
+        kinds = {outline.kind for outline in outlines} or by_kind.keys()
+        absent = {each for kind, each in by_kind.items() if kind not in kinds}
+        self._panels.add_legend(map_rows({*CellClass} - absent, truth=bool(outlines)))
+        self.figure = self._panels.figure
+        self._canvas = FrameCanvas(self.figure)
+
+    def draw(self, grid: OccupancyGrid, path: Floats, status: str) -> Pixels:
+        """Draw a frame, (H, W, 3).
+
+        Args:
+            grid: The map.
+            path: Estimated poses of the robot, (N, 3): x and y in m, yaw in rad.
+            status: The second line of the title.
+        """
+        self._panel.update(grid, path)
+        self._panels.show(extent_of(grid, sensed_window(grid)))
+        self._status.set_text(status)
+        return self._canvas.render(
+            [*self._panel.artists, *self._panels.scale_bar, self._status]
+        )
+
+
+def draw_area_curve(curve: AreaCurve, name: str, title: str, form: str) -> bytes:
+    """Draw how much is known over time, as a file.
+
+    The share of the floor that the robot can get to if it is known, else the area that
+    is sensed.
+
+    Args:
+        curve: The curve; it has a sample.
+        name: What it is called in the legend.
+        title: What is explored.
+        form: One of ``radarsim.plotting.style.FORMS``.
+    """
+    figure = Figure(figsize=(8.0, 4.5), layout="constrained")
+    axes = figure.add_subplot()
+    end, table = curve.samples[-1], np.array(curve.samples)
+    shows_share = math.isfinite(end.reachable)
+    axes.plot(
+        table[:, 0],
+        100 * table[:, 3] if shows_share else table[:, 2],
+        color=GOING,
+        linewidth=2.0,
+        label=f"{name}: {end.path_length:.0f} m in {end.time:.0f} s",
     )
+    if shows_share:
+        for share in SHARES:
+            axes.axhline(100 * share, color=QUIET, linewidth=0.6, linestyle=":")
+    share_label = "known share of the floor within reach, %"
+    axes.set_ylabel(share_label if shows_share else "sensed area, m²")
+    axes.set_xlabel("time, s")
+    axes.set_xlim(left=0.0)
+    axes.set_ylim(bottom=0.0)
+    axes.grid(visible=True, color="0.9")
+    axes.legend(loc="lower right", fontsize=SMALL_PRINT + 1)
+    axes.set_title(title, loc="left", fontsize=14, fontweight="bold", parse_math=False)
+    return render(figure, form)

@@ -10,9 +10,9 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
+from matplotlib.transforms import Bbox
 from shapely import Geometry
 
-from radarsim.autonomy.plotting.panels import Extent
 from radarsim.geometry import Floats
 from radarsim.plotting.palette import FAMILY_COLOURS, MARKER, Family, family_of
 from radarsim.robots.obstacles import enclosed_area, slice_mesh
@@ -59,17 +59,20 @@ def outlines_of(scene: Scene, height: float) -> tuple[Outline, ...]:
     return tuple(found)
 
 
-def outlines_extent(outlines: Iterable[Outline]) -> Extent | None:
+def outlines_extent(outlines: Iterable[Outline]) -> Bbox | None:
     """Return the extent of outlines; None without any."""
     lines = [line for outline in outlines for line in outline.lines]
     if not lines:
         return None
-    corners = np.concatenate(lines)
-    low, high = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
-    return Extent(*low, *high)
+    return box_around(np.concatenate(lines))
 
 
-def include_touched(extent: Extent, outlines: Iterable[Outline]) -> Extent:
+def box_around(points: Floats) -> Bbox:
+    """Return the smallest box around points, (N, 2) m."""
+    return Bbox(np.array([points.min(axis=0), points.max(axis=0)]))
+
+
+def include_touched(extent: Bbox, outlines: Iterable[Outline]) -> Bbox:
     """Return an extent with the whole of each thing that it cuts off.
 
     Things that are too large for that, such as the walls around a room, stay cut off.
@@ -77,18 +80,12 @@ def include_touched(extent: Extent, outlines: Iterable[Outline]) -> Extent:
     wanted = extent
     for outline in outlines:
         for line in outline.lines:
-            low, high = line.min(axis=0).tolist(), line.max(axis=0).tolist()
-            whole = extent.union(Extent(*low, *high).grown(_EDGE))
-            touches = (
-                low[0] < extent.east
-                and high[0] > extent.west
-                and low[1] < extent.north
-                and high[1] > extent.south
-            )
+            box = box_around(line)
+            whole = Bbox.union([extent, box.padded(_EDGE)])
             larger = max(whole.width / extent.width, whole.height / extent.height)
             # walls around a whole room would shrink the run to a spot
-            if touches and larger <= _MUCH_LARGER:
-                wanted = wanted.union(whole)
+            if box.fully_overlaps(extent) and larger <= _MUCH_LARGER:
+                wanted = Bbox.union([wanted, whole])
     return wanted
 
 

@@ -6,9 +6,9 @@ show can be compared; above each its title, below all of them one legend.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
+import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -37,51 +37,6 @@ _ZOOM: Final = 1.15  # so that a film does not zoom at every scan
 _NARROWEST: Final = 640  # pixels of the figure
 
 
-@dataclass(frozen=True, slots=True)
-class Extent:
-    """What a panel shows, m, map frame.
-
-    Attributes:
-        west: Least x.
-        south: Least y.
-        east: Greatest x.
-        north: Greatest y.
-    """
-
-    west: float
-    south: float
-    east: float
-    north: float
-
-    @property
-    def width(self) -> float:
-        """From west to east, m."""
-        return self.east - self.west
-
-    @property
-    def height(self) -> float:
-        """From south to north, m."""
-        return self.north - self.south
-
-    def union(self, other: "Extent") -> "Extent":
-        """Return the smallest extent that contains both."""
-        return Extent(
-            min(self.west, other.west),
-            min(self.south, other.south),
-            max(self.east, other.east),
-            max(self.north, other.north),
-        )
-
-    def grown(self, margin: float) -> "Extent":
-        """Return the extent with a margin on all sides, m."""
-        return Extent(
-            self.west - margin,
-            self.south - margin,
-            self.east + margin,
-            self.north + margin,
-        )
-
-
 class Panels:
     """A figure of panels.
 
@@ -95,7 +50,7 @@ class Panels:
 
     def __init__(
         self,
-        extent: Extent,
+        extent: Bbox,
         pixels_per_metre: float,
         titles: Sequence[str],
         subtitles: Sequence[str] = (),
@@ -129,8 +84,8 @@ class Panels:
                 axes.tick_params(labelsize=text)
             else:
                 axes.set(xticks=[], yticks=[])
-            axes.set_xlim(extent.west, extent.east)
-            axes.set_ylim(extent.south, extent.north)
+            axes.set_xlim(extent.x0, extent.x1)
+            axes.set_ylim(extent.y0, extent.y1)
             pad = _PAD + _LINE * text * bool(subtitles)
             self.titles.append(self._write_title(axes, title, pad))
             self.axes.append(axes)
@@ -192,20 +147,19 @@ class Panels:
         self._place(math.ceil(box.height), narrowest)
 
     @property
-    def extent(self) -> Extent:
+    def extent(self) -> Bbox:
         """What each panel shows now, m."""
-        (west, east), (south, north) = self.axes[0].get_xlim(), self.axes[0].get_ylim()
-        return Extent(west, south, east, north)
+        return self.axes[0].viewLim.frozen()
 
-    def show(self, extent: Extent) -> None:
+    def show(self, extent: Bbox) -> None:
         """Let all panels show an extent too, at a smaller scale if it is larger."""
         shown = self.extent
-        wanted = shown.union(extent)
-        if wanted == shown:
+        wanted = Bbox.union([shown, extent])
+        if np.array_equal(wanted, shown):
             return
         share = max(wanted.width / shown.width, wanted.height / shown.height) * _ZOOM
-        middle_x = (wanted.west + wanted.east) / 2
-        middle_y = (wanted.south + wanted.north) / 2
+        middle_x = (wanted.x0 + wanted.x1) / 2
+        middle_y = (wanted.y0 + wanted.y1) / 2
         # by one share, as a metre has to be as long on both axes
         across, up = shown.width * share / 2, shown.height * share / 2
         for axes in self.axes:
@@ -289,20 +243,8 @@ class Panels:
         return round(lines * self._text * DPI / 72)
 
 
-class Titled(Protocol):
-    """What has a title and, perhaps, a further line."""
-
-    @property
-    def title(self) -> str:
-        """Title, in words."""
-
-    @property
-    def subtitle(self) -> str:
-        """A further line; empty for none."""
-
-
-def titles_of(views: Sequence[Titled]) -> tuple[list[str], list[str]]:
-    """Return the titles and the subtitles of some views; no subtitles if all lack."""
+def titles_of(views: Sequence[Any]) -> tuple[list[str], list[str]]:
+    """Return titles and subtitles of views of runs or maps; none if all lack them."""
     subtitles = [view.subtitle for view in views]
     return [view.title for view in views], subtitles if any(subtitles) else []
 

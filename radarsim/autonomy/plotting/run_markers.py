@@ -4,7 +4,7 @@ A hit point has the colour of the path that begins there, along a boundary, and 
 point that of the path to the goal. A goal that the robot does not reach is crossed out.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -72,10 +72,8 @@ def marker_places(
         run_log: The run.
         is_over: Whether a goal that is not reached by now never will be.
     """
-    goals, activity = (
-        [leg.goal for leg in run_log.legs],
-        run_log.rows[-1].activity,
-    )
+    goals = [leg.goal for leg in run_log.legs]
+    activity = run_log.rows[-1].activity
     is_missed = activity is Activity.NO_PATH
     if is_over:
         is_missed = activity is not Activity.REACHED
@@ -116,12 +114,12 @@ def draw_markers(
     return drawn
 
 
-def marker_rows(styles: Iterable[MarkerStyle]) -> list[Artist]:
+def marker_rows(styles: Collection[MarkerStyle]) -> list[Artist]:
     """Return the rows of a legend for markers of some styles that need one."""
     return [
         Line2D([], [], **style.options, label=style.text)
-        for style in styles
-        if style.text
+        for style in STYLES
+        if style.text and style in styles
     ]
 
 

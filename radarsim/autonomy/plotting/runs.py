@@ -1,11 +1,12 @@
-"""Pictures of navigation runs: the estimated and the true path among obstacles.
+"""Pictures and films of navigation runs: paths and goals among obstacles.
 
 ``RunPanel`` draws a run that may go on: once for a picture, frame by frame for a film.
+All frames of a film have one size; what they show grows if it has to.
 
 Arrow heads along a path show the direction in which it was driven.
 """
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -16,7 +17,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.path import Path
-from matplotlib.transforms import Affine2D
+from matplotlib.transforms import Affine2D, Bbox
 
 from radarsim.autonomy.navigation.controller import Activity
 from radarsim.autonomy.navigation.run_log import RunLog
@@ -24,18 +25,23 @@ from radarsim.autonomy.plotting.cells import SensedCells, sensed_rows
 from radarsim.autonomy.plotting.outlines import (
     Outline,
     area_rows,
+    box_around,
     draw_areas,
     include_touched,
+    outlines_extent,
 )
-from radarsim.autonomy.plotting.panels import Extent, Panels, titles_of
+from radarsim.autonomy.plotting.panels import Panels, titles_of
 from radarsim.autonomy.plotting.run_markers import (
-    STYLES,
+    HIT,
+    LEAVE,
+    MarkerStyle,
     draw_markers,
     marker_places,
     marker_rows,
 )
-from radarsim.geometry import Floats, Pose2
+from radarsim.geometry import Floats, Point, Pose2
 from radarsim.plotting import palette
+from radarsim.plotting.film import FrameCanvas, Pixels
 from radarsim.plotting.palette import MARKER, PAPER
 from radarsim.plotting.plan import draw_robot
 from radarsim.plotting.style import render
@@ -53,6 +59,11 @@ ROBOT_OPACITY: Final = 0.6  # so that markers on it stand out
 _MARGIN: Final = 0.6  # m
 _WIDEST, _TALLEST = 900, 640  # pixels of a panel, at most
 _CLOSEST: Final = 160.0  # pixels per metre, at most
+_LARGEST_SCENE: Final = 40.0  # m of a side of a scene that a film shows whole
+_AROUND_START: Final = 2.0  # m around start and goals that a film shows at first
+_EDGE: Final = 0.7  # m around a scene whose walls keep the robot in
+_OUTSIDE: Final = 2.0  # m around any other, for the robot to go round it
+_FILM_MARGIN: Final = 0.4  # m around the path
 _GOAL_LINE: Final[dict[str, Any]] = {
     "color": "0.3",
     "linestyle": "--",
@@ -121,25 +132,16 @@ FOLLOWING: Final = PathStyle("following a boundary", palette.FOLLOWING, 3.4, 3.0
 RETURNING: Final = PathStyle(
     "returning to the leave point", palette.RETURNING, 2.2, 3.5
 )
-PATH_STYLES: Final = {
+PATH_STYLES: Final = (GOING, FOLLOWING, RETURNING)
+_STYLE_OF: Final = {
     Activity.ALIGNING: FOLLOWING,
     Activity.FOLLOWING: FOLLOWING,
     Activity.RETURNING: RETURNING,
 }
 
 
-@dataclass(frozen=True, slots=True)
-class SteeringSensor:
-    """The sensor that a robot steers by: name of the preset, and its medium."""
-
-    name: str
-    medium: str
-
-
-def _sensor_colour(sensor: SteeringSensor | None) -> str:
-    if sensor is None:
-        return palette.UNKNOWN_SENSOR
-    return palette.sensor_colour(sensor.medium)
+def _sensor_colour(medium: str) -> str:
+    return palette.sensor_colour(medium) if medium else palette.UNKNOWN_SENSOR
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +152,7 @@ class RunView:
         run_log: The run; at least one row.
         title: Title, in words.
         robot_class: Class of the robot.
-        sensor: The sensor that it steers by; None if that is unknown.
+        medium: What it steers by, ``radar`` or ``laser``; empty if that is unknown.
         outlines: What is truly there, if it is known.
         subtitle: A further line; empty for none.
         true_path: Path that it truly drove, (N, 2) m; none if it is unknown.
@@ -159,38 +161,35 @@ class RunView:
     run_log: RunLog
     title: str
     robot_class: str
-    sensor: SteeringSensor | None = None
+    medium: str = ""
     outlines: tuple[Outline, ...] = ()
     subtitle: str = ""
     true_path: Floats = field(default_factory=lambda: NO_PATH)
 
     @property
-    def extent(self) -> Extent:
+    def extent(self) -> Bbox:
         """What is to be shown: the run, and things that it touches, as a whole."""
         extent = run_extent(self.run_log, self.true_path)
         return include_touched(extent, self.outlines)
 
 
-def run_extent(run_log: RunLog, true_path: Floats = NO_PATH) -> Extent:
+def run_extent(run_log: RunLog, true_path: Floats = NO_PATH) -> Bbox:
     """Return the extent of a run: its paths and goals, and beam ends near them."""
     paths = path_extent(run_log, true_path)
-    around = paths.grown(AROUND)
-    low, high = (around.west, around.south), (around.east, around.north)
+    around = paths.padded(AROUND)
     beam_ends = run_log.beam_ends[:, :2]
     # What is far away is left out: with it the run itself would be tiny.
-    near = ((beam_ends >= low) & (beam_ends <= high)).all(axis=1)
+    near = ((beam_ends >= around.min) & (beam_ends <= around.max)).all(axis=1)
     if not near.any():
-        return paths.grown(_MARGIN)
-    sensed = beam_ends[near]
-    corners = (*sensed.min(axis=0).tolist(), *sensed.max(axis=0).tolist())
-    return paths.union(Extent(*corners)).grown(_MARGIN)
+        return paths.padded(_MARGIN)
+    return Bbox.union([paths, box_around(beam_ends[near])]).padded(_MARGIN)
 
 
-def path_extent(run_log: RunLog, true_path: Floats = NO_PATH) -> Extent:
+def path_extent(run_log: RunLog, true_path: Floats = NO_PATH) -> Bbox:
     """Return the extent of the paths and the goals of a run; at least one row."""
     ends = [end for leg in run_log.legs for end in (leg.start, leg.goal)]
     points = np.concatenate([run_log.path, np.array(ends).reshape(-1, 2), true_path])
-    return Extent(*points.min(axis=0).tolist(), *points.max(axis=0).tolist())
+    return box_around(points)
 
 
 class RunPanel:
@@ -200,7 +199,7 @@ class RunPanel:
         self,
         axes: Axes,
         robot_class: str,
-        sensor: SteeringSensor | None,
+        medium: str,
         outlines: Sequence[Outline] = (),
     ) -> None:
         """Draw what does not change.
@@ -208,14 +207,14 @@ class RunPanel:
         Args:
             axes: The panel, m, map frame.
             robot_class: Class of the robot.
-            sensor: The sensor that it steers by, as in ``RunView``.
+            medium: What it steers by, as in ``RunView``.
             outlines: What is truly there.
         """
         self._axes = axes
         self._robot_class = robot_class
         # What beams enter lies below what they sense, walls lie above it.
         self._areas = draw_areas(axes, outlines, zorder=1.0, solid_zorder=2.7)
-        self._sensed = SensedCells(axes, _sensor_colour(sensor), outlines)
+        self._sensed = SensedCells(axes, _sensor_colour(medium), outlines)
         self._moving: list[Artist] = []
 
     def update(
@@ -272,92 +271,74 @@ def run_figure(
         text: Size of the text, points.
         numbers: Whether coordinates are written beside the panels.
     """
-    extent = views[0].extent
-    for view in views[1:]:
-        extent = extent.union(view.extent)
+    extent = Bbox.union([view.extent for view in views])
     scale = pixels_per_metre(extent)
     panels = Panels(extent, scale, *titles_of(views), text=text, numbers=numbers)
     for axes, view in zip(panels.axes, views, strict=True):
-        panel = RunPanel(axes, view.robot_class, view.sensor, view.outlines)
+        panel = RunPanel(axes, view.robot_class, view.medium, view.outlines)
         panel.update(view.run_log, view.true_path, text=text)
-    panels.add_legend(_legend_rows(views))
+    panels.add_legend(
+        _legend_rows(
+            {style for view in views for style in _styles(view.run_log)},
+            views[0].medium,
+            [outline for view in views for outline in view.outlines],
+            {style for view in views for style in marker_places(view.run_log)},
+            sensed=any(len(view.run_log.beam_ends) for view in views),
+            truth=any(len(view.true_path) for view in views),
+        )
+    )
     return panels.figure
 
 
-def pixels_per_metre(extent: Extent) -> float:
+def pixels_per_metre(extent: Bbox) -> float:
     """Return the scale of a panel that fits a picture."""
     return min(_WIDEST / extent.width, _TALLEST / extent.height, _CLOSEST)
 
 
-def _legend_rows(views: Sequence[RunView]) -> list[Artist]:
-    styles = {style for view in views for style in _styles(view.run_log)}
-    markers = {style for view in views for style in marker_places(view.run_log)}
-    truth = any(len(view.true_path) for view in views)
-    outlines = [outline for view in views for outline in view.outlines]
-    chosen = [style for style in (GOING, FOLLOWING, RETURNING) if style in styles]
-    return [
-        *path_rows(chosen, truth=truth),
-        *run_rows(
-            views[0].sensor,
-            outlines,
-            sensed=any(len(view.run_log.beam_ends) for view in views),
-            truth=truth,
-        ),
-        *area_rows(outlines),
-        *marker_rows([style for style in STYLES if style in markers]),
-    ]
-
-
-def path_rows(styles: Collection[PathStyle], *, truth: bool) -> list[Artist]:
-    """Return the rows of a legend for paths of some styles.
+def _legend_rows(
+    styles: Collection[PathStyle],
+    medium: str,
+    outlines: Sequence[Outline],
+    markers: Collection[MarkerStyle],
+    *,
+    sensed: bool = True,
+    truth: bool,
+) -> list[Artist]:
+    """Return the rows of a legend.
 
     Args:
-        styles: The styles.
+        styles: Styles of the estimated path.
+        medium: What the robot steers by, as in ``RunView``.
+        outlines: What is truly there.
+        markers: Styles of markers.
+        sensed: Whether anything was sensed.
         truth: Whether the true path is known, from which the estimated one differs.
     """
     whose = "estimate, " if truth else ""
-    return [
-        Line2D(
-            [], [], color=style.colour, linewidth=style.width, label=whose + style.text
-        )
-        for style in styles
+    rows: list[Artist] = [
+        Line2D([], [], color=each.colour, linewidth=each.width, label=whose + each.text)
+        for each in PATH_STYLES
+        if each in styles
     ]
-
-
-def run_rows(
-    sensor: SteeringSensor | None,
-    outlines: Iterable[Outline],
-    *,
-    sensed: bool,
-    truth: bool,
-) -> list[Artist]:
-    """Return the rows of a legend for the true path, goal lines and what is sensed.
-
-    Args:
-        sensor: The sensor that the robot steers by, as in ``RunView``.
-        outlines: What is truly there.
-        sensed: Whether anything was sensed.
-        truth: Whether the true path is known.
-    """
-    by = "" if sensor is None else f" by the {sensor.medium}"
-    true = Line2D([], [], **_TRUE_PATH, label="true path, to the robot")
-    rows: list[Artist] = [true] if truth else []
+    if truth:
+        rows.append(Line2D([], [], **_TRUE_PATH, label="true path, to the robot"))
     rows.append(Line2D([], [], **_GOAL_LINE, label="line to the goal"))
     if sensed:
-        rows += sensed_rows(_sensor_colour(sensor), by, outlines)
-    return rows
+        by = f" by the {medium}" if medium else ""
+        rows += sensed_rows(_sensor_colour(medium), by, outlines)
+    return [*rows, *area_rows(outlines), *marker_rows(markers)]
 
 
 def _styles(run_log: RunLog) -> list[PathStyle]:
     """Return the style of the step from each row to the next."""
-    return [PATH_STYLES.get(row.activity, GOING) for row in run_log.rows[:-1]]
+    return [_STYLE_OF.get(row.activity, GOING) for row in run_log.rows[:-1]]
 
 
 def _path_lines(run_log: RunLog) -> list[LineCollection]:
     path, styles = run_log.path, _styles(run_log)
     steps = np.stack([path[:-1], path[1:]], axis=1)
     drawn = []
-    for style in (GOING, FOLLOWING, RETURNING):
+    for style in PATH_STYLES:
         chosen = np.array([one is style for one in styles], dtype=np.bool_)
         if chosen.any():
             # joined where one ends at the next, so that lines have no gaps
@@ -374,3 +355,86 @@ def _path_lines(run_log: RunLog) -> list[LineCollection]:
             )
             drawn.append(lines)
     return drawn
+
+
+def first_run_extent(
+    outlines: Sequence[Outline], start: Point, goals: Sequence[Point]
+) -> Bbox:
+    """Return what a film shows: start, goals, and all of a scene that is not too large.
+
+    A robot that goes round anything in it hardly ever leaves this.
+
+    Args:
+        outlines: The scene; none if it is unknown.
+        start: Start of the robot, m.
+        goals: All goals, m.
+    """
+    shown = box_around(np.array([start, *goals])).padded(_AROUND_START)
+    scene = outlines_extent(outlines)
+    if scene is None:
+        return shown
+    if max(scene.width, scene.height) > _LARGEST_SCENE:
+        return include_touched(shown.padded(_AROUND_START), outlines)
+    walls = [line for each in outlines if each.kind == "solid" for line in each.lines]
+    is_enclosed = any(Path(line).contains_point(start) for line in walls)
+    return Bbox.union([shown, scene.padded(_EDGE if is_enclosed else _OUTSIDE)])
+
+
+class RunFrames:
+    """Draws frames of a navigation run.
+
+    Attributes:
+        axes: The panel.
+    """
+
+    def __init__(
+        self,
+        extent: Bbox,
+        title: str,
+        robot_class: str,
+        medium: str,
+        outlines: Sequence[Outline] = (),
+        *,
+        returns: bool = True,
+    ) -> None:
+        """Draw what does not change.
+
+        Args:
+            extent: What is shown at first.
+            title: Title, in words, one line.
+            robot_class: Class of the robot.
+            medium: What it steers by, as in ``RunView``.
+            outlines: What is truly there.
+            returns: Whether the robot may return to a leave point.
+        """
+        self._panels = Panels(extent, pixels_per_metre(extent), [title], [""])
+        self.axes = self._panels.axes[0]
+        self._panel = RunPanel(self.axes, robot_class, medium, outlines)
+        (self._title,), (self._status,) = self._panels.titles, self._panels.subtitles
+        styles = PATH_STYLES[: 2 + returns]
+        # all that may come: the legend of a film does not change
+        rows = _legend_rows(
+            styles, medium, outlines, [HIT, LEAVE], truth=bool(outlines)
+        )
+        self._panels.add_legend(rows)
+        self._canvas = FrameCanvas(self._panels.figure)
+
+    def draw(
+        self, run_log: RunLog, true_path: Floats, status: str, title: str = ""
+    ) -> Pixels:
+        """Draw a frame, (H, W, 3).
+
+        Args:
+            run_log: The run; at least one row.
+            true_path: Path that the robot truly drove, (N, 2) m.
+            status: The second line of the title.
+            title: Another title from now on; empty to keep the one that is there.
+        """
+        if title:
+            self._title.set_text(title)
+        self._panels.show(path_extent(run_log, true_path).padded(_FILM_MARGIN))
+        self._panel.update(run_log, true_path, text=10.0, is_over=False)
+        self._status.set_text(status)
+        return self._canvas.render(
+            [*self._panel.artists, *self._panels.scale_bar, self._title, self._status]
+        )

@@ -22,7 +22,7 @@ from radarsim.protocol.echoes import (
     find_mark,
     join_echoes,
 )
-from radarsim.protocol.line_writer import fill_lines
+from radarsim.protocol.line_template import fill_lines
 from radarsim.protocol.reports import to_bytes
 from radarsim.sensors.scan import KINDS, ROBOT, Echoes, Target
 
@@ -90,8 +90,8 @@ class EchoWriter:
             echoes: Echoes of the scan.
             dialect: Dialect of the lines.
         """
-        written = np.zeros(len(echoes), engine.structures["WrittenEcho"].dtype)
-        rows = np.zeros(len(echoes), engine.structures["EchoRows"].dtype)
+        written = np.zeros(len(echoes), engine.rows["WrittenEcho"])
+        rows = np.zeros(len(echoes), engine.rows["EchoRows"])
         columns = echoes.parts, echoes.beams, echoes.fronts, echoes.power
         count = engine.sort_echoes(
             *[np.ascontiguousarray(each) for each in (*columns, echoes.strength)],

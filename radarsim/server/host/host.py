@@ -27,13 +27,8 @@ client in a tick, unless these first commands do. How the bytes of a client are 
 into packets changes nothing.
 Rule 5: a client that watches robots gets copies of what their clients are sent, in a
 queue of its own, which comes last in a write. It changes no byte that others get.
-Rule 6: a host can be there before its simulation, which takes a moment to load. It
-greets clients and answers what they ask before they have a robot; INIT waits. Simulated
-time begins with the simulation.
-Rule 7: in a tick in which no time passes commands are executed and answered as in any
+Rule 6: in a tick in which no time passes commands are executed and answered as in any
 other; only readings wait, and a second robot of a client, which comes some time later.
-
-Imports no engine before there is a simulation.
 """
 
 from __future__ import annotations
@@ -45,19 +40,22 @@ from itertools import islice
 from typing import TYPE_CHECKING
 
 from radarsim.protocol.commands import Init
+from radarsim.protocol.line_template import encode_blocks
 from radarsim.protocol.reports import Greeting, to_bytes
 from radarsim.protocol.watch import CommandError
 from radarsim.scene.scene import Scene
-from radarsim.server.host.commands import SPAWNS_PER_TICK, CommandHandler, Handled
+from radarsim.server.host.commands import LIGHT_WORK, CommandHandler, Handled
 from radarsim.server.host.connection import Client, Diagnostic
+from radarsim.server.host.echo_lines import EchoWriter
+from radarsim.server.host.spawning import SPAWNS_PER_TICK, Spawner
 from radarsim.server.host.watchers import Watchers
 from radarsim.simulation.config import SimulationConfig
+from radarsim.simulation.simulation import Simulation
+from radarsim.simulation.tick_output import ScanEchoes
 
 if TYPE_CHECKING:
     from radarsim.protocol.dialect import Dialect
-    from radarsim.server.host.echo_lines import EchoWriter
-    from radarsim.simulation.simulation import Simulation
-    from radarsim.simulation.tick_output import ScanDetails, ScanEchoes, TickOutput
+    from radarsim.simulation.tick_output import ScanDetails, TickOutput
     from radarsim.simulation.vehicle import Vehicle
 
 COMMANDS_PER_TICK = 20  # of a client; real ones send a few
@@ -77,7 +75,7 @@ class HostObserver:
     """
 
     def begin(self, simulation: Simulation) -> None:
-        """Simulated time begins."""
+        """It follows a host, whose simulation this is, from now on."""
 
     def connect(self, client: int) -> None:
         """A client has been added."""
@@ -110,7 +108,6 @@ class Host:
         *,
         config: SimulationConfig | None = None,
         seed: int = 0,
-        begins: bool = True,
         observers: Iterable[HostObserver] = (),
     ) -> None:
         """Create a simulation of a scene, without robots and clients.
@@ -119,11 +116,10 @@ class Host:
             scene: From ``load_map``.
             config: Dialect, drive unit and item settings; None for the defaults.
             seed: Seed of all random numbers.
-            begins: Whether there is a simulation from now on; else ``make_simulation``
-                makes it, and it begins with ``begin``.
             observers: Told what is done to the host, one after the other.
 
         Raises:
+            EngineError: If Embree cannot be used.
             PresetError: If the configuration does not fit the robot classes.
             TypeError: If an argument is of another type.
         """
@@ -132,62 +128,39 @@ class Host:
         if not isinstance(config, SimulationConfig):
             raise TypeError(f"config {config!r:.80}, expected a SimulationConfig")
         config.check()
-        self._scene, self._config, self._seed = scene, config, seed
+        self.simulation = Simulation(scene, config=config, seed=seed)
         self._dialect = config.dialect
         self._clients: dict[int, Client] = {}
         self._last_number = 0
-        self._observers = list(observers)
+        self._observers: list[HostObserver] = []
         # Clients of whom there is something to do; in a tick no others are looked at.
         self._waiting: set[int] = set()  # have commands that wait
         self._spent: set[int] = set()  # have used up some of their commands
         self._replying: set[int] = set()  # have replies that wait for the next tick
         self._unsent: set[int] = set()  # have bytes that are to be sent
         self._watchers = Watchers(config.dialect, self._unsent)
-        self._commands = CommandHandler(scene, config, self._watchers)
+        self._spawner = Spawner(self.simulation, self._watchers)
+        self._commands = CommandHandler(self._spawner, self._watchers)
         self._arrival_work, self._first_work = ARRIVAL_WORK, FIRST_WORK
-        self._echo_writer: EchoWriter  # from the beginning of the simulation on
+        self._echo_writer = EchoWriter(lambda: self.simulation.body_names)
         self._last_served = 0  # number of the client whose waiting command was last
-        if begins:
-            self.begin(self.make_simulation())
+        for observer in observers:
+            self.add_observer(observer)
 
     @property
     def scene(self) -> Scene:
         """The scene that is simulated."""
-        return self._scene
+        return self.simulation.scene
 
     @property
     def config(self) -> SimulationConfig:
         """Configuration of all robots."""
-        return self._config
-
-    @property
-    def has_begun(self) -> bool:
-        """Whether there is a simulation, whose time passes."""
-        return self._commands.has_begun
-
-    @property
-    def simulation(self) -> Simulation:
-        """The simulation that all clients share, once it has begun."""
-        return self._commands.simulation
-
-    def make_simulation(self) -> Simulation:
-        """Load the engine, and create a simulation; in any thread."""
-        from radarsim.simulation.simulation import Simulation
-
-        return Simulation(self._scene, config=self._config, seed=self._seed)
-
-    def begin(self, simulation: Simulation) -> None:
-        """Begin a simulation that ``make_simulation`` has made."""
-        from radarsim.server.host.echo_lines import EchoWriter
-
-        self._echo_writer = EchoWriter(lambda: simulation.body_names)
-        self._commands.begin(simulation)
-        for observer in self._observers:
-            observer.begin(simulation)
+        return self.simulation.config
 
     def add_observer(self, observer: HostObserver) -> None:
         """Tell one more what is done to the host from now on."""
         self._observers.append(observer)
+        observer.begin(self.simulation)
 
     def connect(self, address: str = "") -> int:
         """Add a client, and greet it.
@@ -202,7 +175,7 @@ class Host:
         self._last_number += 1
         client = Client(self._last_number, address, command_budget=COMMANDS_PER_TICK)
         self._clients[client.number] = client
-        greeting = Greeting(self._scene.level)
+        greeting = Greeting(self.scene.level)
         client.replies.append(to_bytes([greeting.encode(self._dialect)]))
         self._queue_replies(client)
         for observer in self._observers:
@@ -213,7 +186,7 @@ class Host:
         """Remove a client and its robot."""
         client = self._clients.pop(number)
         self._watchers.remove(client)
-        self._commands.remove(client)
+        self._spawner.remove(client)
         for numbers in (self._waiting, self._spent, self._replying, self._unsent):
             numbers.discard(number)
         for observer in self._observers:
@@ -286,8 +259,6 @@ class Host:
     def step(self, *, passes: bool = True) -> list[tuple[int, Diagnostic]]:
         """Advance by 10 ms, and queue everything that is due for the clients.
 
-        Before the simulation has begun only commands are executed, and no time passes.
-
         Args:
             passes: Whether time passes; while it does not, commands are executed and
                 answered nevertheless.
@@ -295,7 +266,6 @@ class Host:
         Returns:
             Numbers of clients with diagnostics of commands that had waited.
         """
-        passes = passes and self.has_begun
         for observer in self._observers:
             observer.step(passes=passes)
         # Only their commands are executed in a tick.
@@ -304,7 +274,7 @@ class Host:
             self._clients[number].command_budget = COMMANDS_PER_TICK
         self._spent.clear()
         self._arrival_work, self._first_work = ARRIVAL_WORK, FIRST_WORK
-        self._commands.begin_tick()
+        self._spawner.begin_tick()
         diagnostics = self._handle_waiting()
         # Motion first: a client reads the pose at the end of the tick, with what it
         # commanded before it.
@@ -369,39 +339,39 @@ class Host:
             is_first = client.command_budget == COMMANDS_PER_TICK
             if self._arrival_work <= 0 and not (is_first and self._first_work > 0):
                 break
-            handled = self._handle_next(client)
+            is_done, diagnostic, work = self._handle_next(client)
             if self._arrival_work > 0:
-                self._arrival_work -= handled.work
+                self._arrival_work -= work
             else:
-                self._first_work -= handled.work
-            if handled.diagnostic is not None:
-                diagnostics.append(handled.diagnostic)
-            if not handled.done:
+                self._first_work -= work
+            if diagnostic is not None:
+                diagnostics.append(diagnostic)
+            if not is_done:
                 break
         return diagnostics
 
     def _handle_waiting(self) -> list[tuple[int, Diagnostic]]:
         """Execute commands that have waited, in turns, one of each client."""
         # Of those that wait to spawn, only the first can have their turn.
-        to_spawn = self._commands.spawn_queue
+        to_spawn = self._spawner.queue
         waiting = sorted(self._waiting - to_spawn.keys())
         # Begin after the client that was served last. Otherwise clients with low
         # numbers would use up the work of each tick.
         first = bisect_right(waiting, self._last_served)
         turns = deque(islice(to_spawn, SPAWNS_PER_TICK))
         turns += waiting[first:] + waiting[:first]
-        work, diagnostics = WAITING_WORK, []
-        while turns and work > 0:
+        left, diagnostics = WAITING_WORK, []
+        while turns and left > 0:
             number = turns.popleft()
             client = self._clients[number]
-            handled = self._handle_next(client)
-            work -= handled.work
+            is_done, diagnostic, work = self._handle_next(client)
+            left -= work
             self._last_served = number
-            if handled.diagnostic is not None:
-                diagnostics.append((number, handled.diagnostic))
+            if diagnostic is not None:
+                diagnostics.append((number, diagnostic))
             if not client.pending:
                 self._waiting.discard(number)
-            elif handled.done and client.command_budget:
+            elif is_done and client.command_budget:
                 turns.append(number)
         return diagnostics
 
@@ -410,8 +380,8 @@ class Host:
             handled = self._commands.handle(client, client.pending[0])
         except Exception as error:  # noqa: BLE001 - see rule 1
             self._fail(client, error)
-            return Handled(True)
-        if handled.done:
+            return True, None, LIGHT_WORK
+        if handled[0]:
             client.pending.popleft()
             client.command_budget -= 1
             self._spent.add(client.number)
@@ -427,9 +397,9 @@ class Host:
         errors = self.simulation.faults.errors
         while errors:
             number, error = errors.popitem()
-            if number not in self._commands.clients_by_robot:
+            if number not in self._spawner.clients_by_robot:
                 raise error  # whoever has spawned this robot is no client
-            self._fail(self._commands.clients_by_robot[number], error)
+            self._fail(self._spawner.clients_by_robot[number], error)
 
     def _fail(self, client: Client, error: Exception) -> None:
         """Remove the robot of a client, which is told why."""
@@ -438,7 +408,7 @@ class Host:
         error.add_note(f"of client {client.number}, robot {name!r}")
         client.fault = error
         client.pending.clear()
-        self._commands.remove(client)
+        self._spawner.remove(client)
         line = CommandError(f"{text}: {error!r:.200}").encode(self._dialect)
         client.replies.append(to_bytes([line]))
         self._put_replies(client)
@@ -461,12 +431,10 @@ class Host:
         """Queue what robots report in a tick; all lines are encoded together."""
         if not outputs:  # as in nine of ten ticks of a lone robot
             return
-        from radarsim.protocol.line_writer import ReportBlock, encode_blocks
-
-        robots = self._commands.clients_by_robot  # others may have been spawned
+        robots = self._spawner.clients_by_robot  # others may have been spawned
         heard = [(robots[n], output) for n, output in outputs.items() if n in robots]
         blocks = [
-            ReportBlock(
+            (
                 [*output.cast, *output.scans],
                 output.group.dialect,
                 output.group,
@@ -519,10 +487,7 @@ class Host:
 
     def _lines_of(self, scan: ScanEchoes | ScanDetails, dialect: Dialect) -> bytes:
         """Return the lines of the echoes of a scan, or of what else belongs to it."""
-        from radarsim.protocol.line_writer import ReportBlock, encode_blocks
-        from radarsim.simulation.tick_output import ScanEchoes
-
         if isinstance(scan, ScanEchoes):
             time = self.simulation.time
             return self._echo_writer.write(time, scan.scanner, scan.echoes, dialect)
-        return encode_blocks([ReportBlock(scan.reports, dialect)])[0]
+        return encode_blocks([(scan.reports, dialect, None, ())])[0]

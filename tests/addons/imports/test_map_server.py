@@ -14,7 +14,7 @@ from PIL import Image
 from scipy.spatial import cKDTree
 
 import radarsim
-from radarsim.addons.imports.plan_picture import rectangles, roomiest
+from radarsim.addons.imports.map_server import rectangles, roomiest
 
 Import = Callable[..., Run]
 

@@ -40,7 +40,7 @@ def test_ticks_before_the_beginning_are_counted(foliage_room: Scene) -> None:
     waits = [call.client for call in run.calls if call.type is EventType.WAIT]
     assert waits == [3, 1]  # before the first command, and before it begins
     kinds = [call.type for call in run.calls]
-    assert kinds.index(EventType.BEGIN) > kinds.index(EventType.WAIT)
+    assert kinds[0] is EventType.BEGIN
     assert run.calls[-1] == RunEvent(EventType.END, 2)
 
 
@@ -80,8 +80,7 @@ def test_robot_of_a_command_that_waits_is_described(foliage_room: Scene) -> None
 def test_a_run_that_was_paused_is_repeated_to_the_byte(foliage_room: Scene) -> None:
     events: list[RunEvent] = []
     recorder = HostRecorder(events.append)
-    host = Host(foliage_room, begins=False, observers=[recorder])
-    host.begin(host.make_simulation())
+    host = Host(foliage_room, observers=[recorder])
     number = host.connect()
     host.receive(number, b"INIT {ClassName P3AT} {Start RobotStart1}\r\n")
     # More commands than a tick has time for, so that some wait in the pause.
@@ -91,7 +90,7 @@ def test_a_run_that_was_paused_is_repeated_to_the_byte(foliage_room: Scene) -> N
         host.take(number)
     assert EventType.WAIT in [event.type for event in events]
     calls = recorded_runs.calls_in(events)
-    repeated = Host(foliage_room, begins=False)
+    repeated = Host(foliage_room)
     result = repeat_run(repeated, calls)
-    assert result.difference is None
+    assert not result.difference
     assert repeated.simulation.ticks == host.simulation.ticks

@@ -4,14 +4,12 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pyarrow.parquet
 import pytest
-import recorded_runs
 import xarray
 from recorded_runs import RecordedRun
 
 import radarsim
-from radarsim.addons.recording.bag import BagWriter
+from radarsim.addons.recording.bag import BagMessage, BagWriter
 from radarsim.addons.recording.bag_folder import create_folder, file_name
 from radarsim.addons.recording.cdr import encode
 from radarsim.addons.recording.recording import Recording
@@ -23,15 +21,8 @@ from radarsim.scene.scene import Scene
 
 
 @pytest.fixture(scope="module")
-def run(foliage_room: Scene) -> RecordedRun:
-    return recorded_runs.run_two_clients(foliage_room)
-
-
-@pytest.fixture(scope="module")
-def recording(run: RecordedRun, tmp_path_factory: pytest.TempPathFactory) -> Recording:
-    folder = tmp_path_factory.mktemp("recording") / "run"
-    recorded_runs.write_run(run, folder)
-    return radarsim.load_recording(folder)
+def recording(bag: Path) -> Recording:
+    return radarsim.load_recording(bag)
 
 
 def reports_of(run: RecordedRun, client: int) -> list[Report]:
@@ -103,20 +94,6 @@ def test_tree_has_a_dataset_for_each_scanner(recording: Recording) -> None:
     )
 
 
-def test_parquet_has_a_row_for_each_scan_pose_and_echo(
-    recording: Recording, tmp_path: Path
-) -> None:
-    paths = recording.to_parquet(tmp_path / "tables")
-    scans, poses, echoes = map(pyarrow.parquet.read_table, paths)
-    assert scans.num_rows == sum(len(s.times) for s in recording.scans.values())
-    assert poses.num_rows == sum(len(p.times) for p in recording.poses.values())
-    assert echoes.num_rows == sum(len(e) for e in recording.echoes.values())
-    row = scans.to_pylist()[0]
-    np.testing.assert_array_equal(
-        row["ranges"], recording.scans[row["scanner"]].ranges[0]
-    )
-
-
 def test_scanner_with_new_beams_goes_on_under_another_name(tmp_path: Path) -> None:
     from radarsim.addons.recording.messages import laser_scan
 
@@ -133,7 +110,10 @@ def test_scanner_with_new_beams_goes_on_under_another_name(tmp_path: Path) -> No
             max_range=8.0,
             scan_time=0.1,
         )
-        writer.write("/R1/laser/scan", encode(message), tick * 10_000_000)
+        data = encode(message)
+        writer.write(
+            BagMessage("/R1/laser/scan", message.type, data, tick * 10_000_000)
+        )
     writer.close()
     scans = radarsim.load_recording(tmp_path / "run").scans
     shapes = {name: series.ranges.shape for name, series in scans.items()}
@@ -160,7 +140,8 @@ def test_other_messages_are_refused(tmp_path: Path) -> None:
 
     create_folder(tmp_path / "run")
     writer = BagWriter(tmp_path / "run", {"version": "1"})
-    writer.write("/R1/laser/scan", encode(string("no scan")), 0)
+    message = string("no scan")
+    writer.write(BagMessage("/R1/laser/scan", message.type, encode(message), 0))
     writer.close()
     with pytest.raises(RecordingError, match="expected topics of radarsim"):
         radarsim.load_recording(tmp_path / "run")
@@ -184,13 +165,9 @@ def test_scan_is_a_dataset_and_echoes_a_frame(foliage_room: Scene) -> None:
     assert list(columns.itertuples(index=False, name=None)) == rows
 
 
-@pytest.mark.parametrize("package", ["xarray", "pyarrow"])
 def test_missing_package_is_named_with_its_extra(
-    package: str,
-    recording: Recording,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    recording: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(MissingPackage, match=rf"{package}.*'\.\[tables\]'"):
-        recording.to_xarray() if package == "xarray" else recording.to_parquet(tmp_path)
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(MissingPackage, match=r"xarray.*'\.\[tables\]'"):
+        recording.to_xarray()

@@ -17,7 +17,7 @@ def test_recorded_run_is_repeated_byte_by_byte(tmp_path: Path) -> None:
         sim.record(folder)
         robots = [sim.spawn(name=name) for name in ("one", "two")]
         robots[0].request_echoes()
-        for k in range(20):
+        for k in range(5):
             robots[0].drive(0.4, turn=0.1 * k)
             robots[1].drive_wheels(2.0, -1.0)
             sim.step(0.1)
@@ -26,10 +26,10 @@ def test_recorded_run_is_repeated_byte_by_byte(tmp_path: Path) -> None:
         ranges = robots[0].scan().ranges
     verified = run_in_process("replay", str(folder), "--verify")
     assert verified.code == 0, verified.err
-    assert "2.2 s of 2 clients" in verified.text
+    assert "0.7 s of 2 clients" in verified.text
     recording = radarsim.load_recording(folder)
     scans = recording.scans["one/lms200"]
-    assert len(scans.times) == 22
+    assert len(scans.times) == 7
     came_back = np.isfinite(scans.ranges[-1])
     np.testing.assert_allclose(scans.ranges[-1][came_back], ranges[came_back])
     assert "one/lms200" in recording.echoes

@@ -20,7 +20,7 @@ PointField: Any = typestore().types["sensor_msgs/msg/PointField"]
 
 
 def decoded(message: RosMessage) -> Any:
-    return typestore().deserialize_cdr(encode(message).data, message.type)
+    return typestore().deserialize_cdr(encode(message), message.type)
 
 
 def stamp_of(header: Any) -> tuple[int, int]:
@@ -83,6 +83,6 @@ def test_unknown_time_is_zero(time: float) -> None:
 @given(st.integers(0, 40))
 def test_torn_bytes_are_refused(cut: int) -> None:
     whole = encode(messages.octets("take 1 2", b"1234"))
-    torn = whole._replace(data=whole.data[: min(cut, len(whole.data) - 1)])
+    torn = whole[: min(cut, len(whole) - 1)]
     with pytest.raises(ValueError, match="expected"):
-        decode(torn, UInt8MultiArray)
+        decode("std_msgs/msg/UInt8MultiArray", torn, UInt8MultiArray)

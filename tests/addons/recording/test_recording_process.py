@@ -1,24 +1,24 @@
 """Servers record in a process of its own, which ends well however the server ends."""
 
+import asyncio
 import logging
 import os
 import re
 import resource
 import signal
-import socket
 import subprocess
 import sys
 import time
 from pathlib import Path
 
 import pytest
-import recorded_runs
 from commands import run_in_process
 from processes import start_radarsim
+from recorded_runs import RecordedRun
 
 from radarsim.addons.recording import recording_process
 from radarsim.addons.recording.bag import BagReader, repair
-from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder, file_name
+from radarsim.addons.recording.bag_folder import RecordingInfo, create_folder
 from radarsim.addons.recording.host_recorder import EventType, RunEvent
 from radarsim.addons.recording.recording_process import (
     PROGRAM,
@@ -26,8 +26,8 @@ from radarsim.addons.recording.recording_process import (
     frame_of,
     opening_of,
 )
+from radarsim.addons.recording.replay import serve_replay, writes_of
 from radarsim.client import Client
-from radarsim.scene.scene import Scene
 
 DISK_SIZES = (2_000, *range(8_000, 64_000, 7_000))  # bytes
 TIMEOUT = 240  # s that a busy machine may need
@@ -84,24 +84,22 @@ def test_contents_are_listed(recorded: Path) -> None:
     assert "map empty_room, seed 0" in done.text
 
 
-def test_replay_sends_the_recorded_bytes(recorded: Path) -> None:
-    server = start_radarsim("replay", str(recorded), "--port", "0", "--speed", "20")
-    assert server.stdout is not None
-    port = int(server.stdout.readline().strip().rpartition(b":")[2])
-    expected = b"".join(
-        call.data
-        for call in BagReader(recorded).calls()
-        if call.type in (EventType.TAKE, EventType.FINISH)
+async def test_replay_sends_the_recorded_bytes(recorded: Path) -> None:
+    calls = list(BagReader(recorded).calls())
+    kinds = EventType.TAKE, EventType.FINISH
+    expected = b"".join(call.data for call in calls if call.type in kinds)
+    opened = asyncio.get_running_loop().create_future()
+    serving = asyncio.ensure_future(
+        serve_replay(
+            writes_of(calls, None), "127.0.0.1", 0, opened.set_result, speed=20
+        )
     )
-    with socket.create_connection(("127.0.0.1", port), timeout=TIMEOUT) as client:
-        client.sendall(b"DRIVE {Left 1} {Right 1}\r\n")
-        received = b""
-        while data := client.recv(65536):
-            received += data
-    assert received == expected
-    server.send_signal(signal.SIGTERM)
-    server.communicate(timeout=TIMEOUT)
-    assert server.returncode == 0
+    reader, writer = await asyncio.open_connection(*await opened)
+    writer.write(b"DRIVE {Left 1} {Right 1}\r\n")
+    assert await reader.read() == expected
+    writer.close()
+    os.kill(os.getpid(), signal.SIGTERM)
+    assert await serving == 0
 
 
 def test_replay_names_the_clients_there_are(recorded: Path) -> None:
@@ -178,9 +176,8 @@ def feed(folder: Path, events: list[RunEvent], limit: int | None) -> str:
     ],
 )
 def test_full_disk_ends_the_recording_with_a_sentence(
-    limit: int, foliage_room: Scene, tmp_path: Path
+    limit: int, run: RecordedRun, tmp_path: Path
 ) -> None:
-    run = recorded_runs.run_two_clients(foliage_room)
     folder = tmp_path / "run"
     errors = feed(folder, run.events, limit)
     assert errors.count("\n") == 1
@@ -194,6 +191,8 @@ def test_recording_that_falls_behind_ends(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(recording_process, "MAX_WAITING", 1000)
+    program = "import sys; sys.stdin.buffer.read()"
+    monkeypatch.setattr(recording_process, "PROGRAM", program)
     folder = tmp_path / "run"
     create_folder(folder)
     info = RecordingInfo(version="1")
@@ -203,4 +202,3 @@ def test_recording_that_falls_behind_ends(
             process.add(RunEvent(EventType.RECEIVE, 1, 1, bytes(2_000_000)))
     assert caplog.text.count("recording ends") == 1
     assert not process.close()
-    assert (folder / file_name(folder)).exists()

@@ -13,6 +13,7 @@ import foxglove
 import numpy as np
 import pytest
 from foxglove.websocket import Capability
+from live_bridge import serving
 from node_packages import install_packages
 from processes import start_radarsim
 from websockets.exceptions import InvalidStatus
@@ -80,7 +81,7 @@ def test_protocol_is_that_of_foxgloves_sdk() -> None:
             peer.send(subscription(7, told["channels"][0]["id"]))
             while not channel.has_sinks():
                 time.sleep(0.01)
-            channel.log(encode(POSE).data, log_time=1_500_000_000)
+            channel.log(encode(POSE), log_time=1_500_000_000)
             expected = peer.recv(TIMEOUT)
             server.broadcast_time(1_500_000_000)
             expected_time = peer.recv(TIMEOUT)
@@ -135,7 +136,7 @@ def test_slow_client_loses_the_oldest_messages_and_no_news() -> None:
 
 def test_wrong_messages_are_answered() -> None:
     board, client = subscribed()
-    board.listen("/R1/cmd_vel", lambda *_: pytest.fail("it drives"))
+    board.drivers["/R1/cmd_vel"] = lambda *_: pytest.fail("it drives")
     client.receive(advertisement(1, "/R1/cmd_vel", "cdr"))
     client.receive(advertisement(2, "/goal_pose", "cdr"))
     assert not client.waiting  # panels announce what they may publish
@@ -164,12 +165,12 @@ def advertisement(
 def twist(speed: float, turn: float) -> bytes:
     vectors = [messages.vector(speed, 0, 0), messages.vector(0, 0, turn)]
     fields = Fields(linear=vectors[0], angular=vectors[1])
-    return encode(RosMessage("geometry_msgs/msg/Twist", fields)).data
+    return encode(RosMessage("geometry_msgs/msg/Twist", fields))
 
 
 def test_client_drives_in_both_encodings() -> None:
     board, driven = FoxgloveBoard(), list[tuple[float, float]]()
-    board.listen("/cmd_vel", lambda *speeds: driven.append(speeds))
+    board.drivers["/cmd_vel"] = lambda *speeds: driven.append(speeds)
     client = board.new_client()
     client.receive(advertisement(3, "/cmd_vel", "cdr"))
     client.receive(advertisement(4, "/cmd_vel", "json"))
@@ -186,14 +187,14 @@ def test_client_drives_in_both_encodings() -> None:
 
 def test_stamped_velocities_drive_and_other_types_do_not() -> None:
     board, driven = FoxgloveBoard(), list[tuple[float, float]]()
-    board.listen("/cmd_vel", lambda *speeds: driven.append(speeds))
+    board.drivers["/cmd_vel"] = lambda *speeds: driven.append(speeds)
     client = board.new_client()
     vectors = [messages.vector(0.5, 0, 0), messages.vector(0, 0, -1)]
     fields = Fields(
         header=Fields(stamp=Fields(sec=5, nanosec=7), frame_id="base_link"),
         twist=Fields(linear=vectors[0], angular=vectors[1]),
     )
-    stamped = encode(RosMessage("geometry_msgs/msg/TwistStamped", fields)).data
+    stamped = encode(RosMessage("geometry_msgs/msg/TwistStamped", fields))
     client.receive(
         advertisement(3, "/cmd_vel", "cdr", "geometry_msgs/msg/TwistStamped")
     )
@@ -258,8 +259,8 @@ def await_topics(peer: ClientConnection, *wanted: str) -> dict[str, Any]:
 def test_foxglove_sees_the_world_and_pages_of_others_do_not(
     usarsim_server: UsarsimServer,
 ) -> None:
-    shown = ("--draw", "foliage_room", "--true-map", "--no-namespace", "R1")
-    with bridge(usarsim_server, *shown) as port:
+    shown = {"draw": "foliage_room", "true_map": True, "no_namespace": "R1"}
+    with serving(FoxgloveBoard(), usarsim_server, robot_class="P3AT", **shown) as port:
         address = f"ws://127.0.0.1:{port}"
         with (
             pytest.raises(InvalidStatus),

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import recorded_runs
 from mcap.reader import make_reader
-from rosbags.highlevel import AnyReader
+from recorded_runs import all_messages, messages_of
 
 from radarsim.addons.recording.bag_folder import create_folder, file_name
 from radarsim.addons.recording.recording_process import write_recording
@@ -35,20 +35,13 @@ WAIT = 0.5  # s that slam_toolbox waits for a transform, by its transform_timeou
 
 @pytest.fixture(scope="module")
 def bag(foliage_room: Scene, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    run = recorded_runs.run_two_clients(foliage_room, ticks=300)
+    run = recorded_runs.run_two_clients(foliage_room, ticks=200)
     news = {"no_namespace": "R 1", "own_localization": True}
     folder = tmp_path_factory.mktemp("recording") / "run"
     create_folder(folder)
     info = run.info.model_copy(update=news)
     write_recording(folder, info, run.events, foliage_room)
     return folder
-
-
-def messages_of(folder: Path, *topics: str) -> list[Any]:
-    with AnyReader([folder]) as reader:
-        wanted = [each for each in reader.connections if each.topic in topics]
-        found = reader.messages(connections=wanted)
-        return [reader.deserialize(data, each.msgtype) for each, _, data in found]
 
 
 def seconds(stamp: Any) -> float:
@@ -103,18 +96,16 @@ def test_beams_are_as_many_as_karto_computes(bag: Path) -> None:
 
 def test_time_grows_and_no_message_is_ahead_of_it(bag: Path) -> None:
     now, last = 0.0, -1.0
-    with AnyReader([bag]) as reader:
-        for connection, _, data in reader.messages():
-            message: Any = reader.deserialize(data, connection.msgtype)
-            if connection.topic == "/clock":
-                now = seconds(message.clock)
-                assert now >= last
-                last = now
-            elif connection.topic in ("/lms200/scan", "/odom"):
-                assert seconds(message.header.stamp) <= now + 1e-9
-            elif connection.topic == "/tf":
-                stamps = [seconds(t.header.stamp) for t in message.transforms]
-                assert max(stamps) <= now + 1e-9
+    for topic, message in all_messages(bag):
+        if topic == "/clock":
+            now = seconds(message.clock)
+            assert now >= last
+            last = now
+        elif topic in ("/lms200/scan", "/odom"):
+            assert seconds(message.header.stamp) <= now + 1e-9
+        elif topic == "/tf":
+            stamps = [seconds(t.header.stamp) for t in message.transforms]
+            assert max(stamps) <= now + 1e-9
 
 
 def test_odometry_can_be_filtered(bag: Path) -> None:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from commands import run_in_process
+from live_bridge import serving
 from node_packages import install_packages
 from odometry import integral_of, place_of, stamp_of
 from processes import start_radarsim
@@ -78,7 +79,7 @@ class Side:
 @foliage_server
 def test_robots_of_others_are_topics(usarsim_server: UsarsimServer) -> None:
     with (
-        bridge(usarsim_server, "--echoes", "--map", "R2") as port,
+        serving(TopicBoard(), usarsim_server, echoes=True, map="R2") as port,
         Client.connect("127.0.0.1", usarsim_server.port) as driver,
         connect(f"ws://127.0.0.1:{port}") as connection,
     ):
@@ -169,7 +170,7 @@ def test_roslib_is_told_what_there_is(
 ) -> None:
     install_packages(tmp_path, "roslib@2.1")
     program = SUPPORT / "roslib_questions.mjs"
-    with bridge(usarsim_server, "--robot", "P3AT") as port:
+    with serving(TopicBoard(), usarsim_server, robot_class="P3AT") as port:
         with connect(f"ws://127.0.0.1:{port}") as connection:
             Side(connection).wait_for_topic("/R1/odom")
         command = ["node", str(program), str(tmp_path), str(port)]
@@ -217,13 +218,36 @@ def test_wrong_messages_are_answered() -> None:
     assert not client.waiting
 
 
+def test_definitions_of_types_have_those_within() -> None:
+    client = RosbridgeClient(TopicBoard())
+    wanted = {"type": "nav_msgs/Odometry"}
+    call = {"op": "call_service", "service": "/rosapi/message_details"}
+    client.receive(json.dumps({**call, "args": wanted}))
+    (answer,) = map(json.loads, client.waiting)
+    found = {each["type"]: each for each in answer["values"]["typedefs"]}
+    assert next(iter(found)) == "nav_msgs/msg/Odometry"
+    assert "geometry_msgs/msg/Point" in found
+    pose = found["geometry_msgs/msg/PoseWithCovariance"]
+    assert pose["fieldtypes"] == ["geometry_msgs/msg/Pose", "float64"]
+    assert pose["fieldarraylen"] == [-1, 36]
+
+
+def test_definitions_of_types_need_rosbags(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
+    client = RosbridgeClient(TopicBoard())
+    client.receive('{"op": "call_service", "service": "/rosapi/message_details"}')
+    answer = json.loads(client.waiting.popleft())
+    assert not answer["result"]
+    assert "'.[record]'" in answer["values"]
+
+
 @pytest.mark.parametrize(
     "message",
     [None, 3, {"linear": 3}, {"linear": {"x": "a"}}, {"linear": {"x": 10**400}}],
 )
 def test_wrong_velocities_do_not_drive(message: object) -> None:
     board, driven = TopicBoard(), list[tuple[float, float]]()
-    board.listen("/R1/cmd_vel", lambda *speeds: driven.append(speeds))
+    board.drivers["/R1/cmd_vel"] = lambda *speeds: driven.append(speeds)
     client = RosbridgeClient(board)
     for msg in (message, {"twist": {"linear": {"x": 0.5}, "angular": {"z": -1}}}):
         text = {"op": "publish", "topic": "/R1/cmd_vel", "msg": msg}
@@ -280,8 +304,8 @@ def test_subscriptions_of_a_topic_end_by_their_ids() -> None:
     assert "an id of 1002 characters" in client.waiting[0]
 
 
-def test_pages_of_other_sites_are_refused(usarsim_server: UsarsimServer) -> None:
-    with bridge(usarsim_server, "--origin", "http://friend.example") as port:
+def test_pages_of_other_sites_are_refused() -> None:
+    with serving(TopicBoard(), origins=["http://friend.example"]) as port:
         address = f"ws://127.0.0.1:{port}"
         with (
             pytest.raises(InvalidStatus),
@@ -298,7 +322,7 @@ def test_pages_of_other_sites_are_refused(usarsim_server: UsarsimServer) -> None
 
 
 @foliage_server
-@pytest.mark.parametrize("seconds", [3.0, pytest.param(10.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seconds", [2.0, pytest.param(10.0, marks=pytest.mark.slow)])
 def test_roslibpy_hears_scans_and_drives(
     seconds: float, usarsim_server: UsarsimServer
 ) -> None:

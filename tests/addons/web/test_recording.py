@@ -128,8 +128,8 @@ async def test_a_full_disk_is_told_and_ends_the_recording(
         "import resource, signal, sys; sys.path[:] = sys.argv[1:];"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN);"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (9000, 9000));"
-        "from radarsim.addons.recording.recording_process import write_calls;"
-        "write_calls()",
+        "from radarsim.addons.recording.recording_process import write_run;"
+        "write_run()",
     )
     with start_commander(server, record_to=tmp_path) as commander:
         async with open_page(commander.web, commander.token) as page:

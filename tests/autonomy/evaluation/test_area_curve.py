@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radarsim.autonomy.evaluation.area_curve import MOST_SAMPLES, AreaCurve
 from radarsim.autonomy.evaluation.map_score import FloorPart
+from radarsim.autonomy.evaluation.mapping_run import MOST_SAMPLES, AreaCurve
 from radarsim.autonomy.mapping.occupancy_grid import OccupancyGrid
 from radarsim.autonomy.navigation.runner import TripMeter
 

@@ -19,7 +19,7 @@ from radarsim.autonomy.exploration.exploration import Exploration
 from radarsim.autonomy.exploration.plans import ExplorationPlan
 from radarsim.autonomy.mapping.mapper import Mapper
 from radarsim.autonomy.mapping.scan import PlanarScan
-from radarsim.autonomy.mapping.slam import Slam, SlamSettings
+from radarsim.autonomy.mapping.slam import Slam
 from radarsim.autonomy.mapping.trajectory import Trajectory, trajectory_errors
 from radarsim.client import Client
 from radarsim.geometry import Pose2
@@ -95,7 +95,7 @@ def test_poses_are_several_times_as_accurate_as_those_of_kiss_icp(
         map_file.write_text(office_map(1.2))
     mapper, scans = drive(map_file, plan, monkeypatch)
     start = mapper.trajectory.poses[0]
-    slam = Slam(SlamSettings(motion_source="none"), start)
+    slam = Slam("none", start)
     for scan in scans:
         slam.step(scan)
     assert len(slam.trajectory) == len(scans) > 1000

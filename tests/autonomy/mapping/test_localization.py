@@ -79,7 +79,7 @@ def test_scans_that_were_kept_are_corrected_after_a_loop(
     moved_by: Pose2, is_jump: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     name = "radarsim.autonomy.mapping.localization.Slam"
-    monkeypatch.setattr(name, lambda _: LoopingSlam(moved_by))
+    monkeypatch.setattr(name, lambda **_: LoopingSlam(moved_by))
     source = ObservationBuilder(SCANNER, PoseSource.SLAM, lambda: 0.0)
     seen: list[Observation] = []
     for k in range(5):

@@ -10,7 +10,6 @@ import pytest
 from radarsim.autonomy.mapping.mapper import (
     MAX_SCANS_WITHOUT_MOTION,
     Mapper,
-    MapperSettings,
 )
 from radarsim.autonomy.mapping.occupancy_grid import (
     CellClass,
@@ -18,7 +17,6 @@ from radarsim.autonomy.mapping.occupancy_grid import (
 from radarsim.autonomy.mapping.scan import (
     PlanarScan,
 )
-from radarsim.autonomy.mapping.slam import SlamSettings
 from radarsim.client import ScannerInfo
 from radarsim.geometry import Floats, Pose2, Pose3
 from radarsim.protocol.reports import (
@@ -82,10 +80,7 @@ def truth(time: float, x: float = 0.0) -> GroundTruth:
 
 
 def mapper(**overrides: Any) -> Mapper:
-    seed = overrides.pop("seed", "ins")
-    return Mapper(
-        SCANNER, MapperSettings(slam=SlamSettings(motion_source=seed), **overrides)
-    )
+    return Mapper(SCANNER, **overrides)
 
 
 def feed(maker: Mapper, *reports: Report) -> list[Any]:
@@ -183,34 +178,34 @@ def test_other_scanners_and_reports_change_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("seed", "useless", "useful"),
+    ("source", "useless", "useful"),
     [
         pytest.param("ins", Odometry(0.0, "O", Pose2(0, 0)), ins(0.1), id="ins"),
         pytest.param("odometry", ins(0.0), Odometry(0.1, "O", Pose2(0, 0)), id="odo"),
     ],
 )
 def test_scans_without_the_motion_source_are_not_mapped(
-    seed: str, useless: Report, useful: Report
+    source: str, useless: Report, useful: Report
 ) -> None:
-    maker = mapper(seed=seed, echo_wait=0.0)
-    assert maker.missing == f"pose from {seed}"
+    maker = mapper(motion_source=source, echo_wait=0.0)
+    assert maker.missing == f"pose from {source}"
     feed(maker, useless, scan(0.0, 3.0))
     assert maker.scans == 0
     feed(maker, useful, scan(0.1, 3.0))
     assert maker.scans == 1
 
 
-@pytest.mark.parametrize("seed", ["odometry", "none"])
+@pytest.mark.parametrize("source", ["odometry", "none"])
 def test_map_starts_at_the_spawn_pose_for_every_motion_source(
-    seed: str,
+    source: str,
 ) -> None:
-    maker = mapper(seed=seed, echo_wait=0.0)
+    maker = mapper(motion_source=source, echo_wait=0.0)
     feed(maker, truth(0.0, 4.0), Odometry(0.0, "O", Pose2(0, 0)), scan(0.0, 3.0))
     assert maker.trajectory.poses == [Pose2(4.0, 0.0)]
 
 
 def test_map_starts_at_the_origin_without_poses() -> None:
-    maker = mapper(seed="none", echo_wait=0.0)
+    maker = mapper(motion_source="none", echo_wait=0.0)
     feed(maker, scan(0.0, 3.0))
     assert maker.trajectory.poses == [Pose2(0.0, 0.0)]
 
@@ -224,7 +219,7 @@ def test_true_poses_are_stored_at_a_limited_rate() -> None:
 
 def test_scans_without_time_and_limits_are_mapped() -> None:
     facts = ScannerInfo("lms200", Pose3(0, 0, 0), 0.0, math.inf, 0.1, FOV, BEAMS)
-    maker = Mapper(facts, MapperSettings(echo_wait=0.0))
+    maker = Mapper(facts, echo_wait=0.0)
     feed(maker, ins(math.nan), scan(math.nan, 3.0))
     assert class_at(maker, 3.0, 0.0) == CellClass.OBSTACLE
     feed(maker, ins(math.nan), scan(math.nan, 1e9))  # nothing is that far away
@@ -260,11 +255,11 @@ def test_map_does_not_grow_while_the_robot_circles_in_a_room(
 ) -> None:
     """The grid and the point map grow with the room, not with time."""
     facts = ScannerInfo("lms200", Pose3(0, 0, 0), 0.0, 30.0, 0.1, 6.0, 360)
-    maker = Mapper(facts, MapperSettings(echo_wait=0.0))
+    maker = Mapper(facts, echo_wait=0.0)
     sizes = []
     for report in drive:
         maker.take(report)
-        sizes.append((maker.grid.frame.shape, len(maker.slam.keyframes.points)))
+        sizes.append((maker.grid.frame.shape, len(maker.slam.map.points)))
     grids, points = zip(*sizes, strict=True)
     assert grids[100] == grids[-1]
     assert points[-1] < 1.15 * points[len(points) // 2]

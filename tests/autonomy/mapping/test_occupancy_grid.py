@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from radarsim.autonomy.mapping.occupancy_grid import (
     GROWTH_STEP,
+    SHORT_RANGE,
     CellClass,
     GridFrame,
     OccupancyGrid,
@@ -143,7 +144,6 @@ def test_empty_map_is_unknown() -> None:
     assert not grid.sensed(0.0, 0.0)
     assert not grid.drivable(0.0, 0.0, 0.5)
     assert grid.classes().size == 0
-    assert grid.drivable_cells(0.5).size == 0
 
 
 def test_room_is_free_inside_and_unknown_behind_its_walls(
@@ -233,7 +233,6 @@ def test_drivable_cells_are_sensed_and_far_from_obstacles(
         rows, columns = np.nonzero(mapped.blocked_cells())
         apart = np.hypot(rows - cell[0], columns - cell[1]) * 0.05
         expected = mapped.sensed(x, y) and apart.min() > safety
-        assert bool(mapped.drivable_cells(safety)[cell]) == expected
     assert mapped.drivable(x, y, safety) == expected
 
 
@@ -263,12 +262,12 @@ def test_map_does_not_depend_on_the_order_of_growth(look: Look, room: Floats) ->
 
 
 def test_near_cells_are_within_the_short_range(look: Look, nowhere: Floats) -> None:
-    grid = OccupancyGrid(short_range=2.0)
+    grid = OccupancyGrid()
     grid.add(HERE, look(nowhere, HERE))
     x, y = grid.frame.cell_centers()
     away = np.hypot(x - HERE.x, y[:, None] - HERE.y)
-    assert away[grid.short_range_cells()].max() <= 2.05
-    assert grid.short_range_cells()[away < 1.9].mean() > 0.99
+    assert away[grid.short_range_cells()].max() <= SHORT_RANGE + 0.05
+    assert grid.short_range_cells()[away < SHORT_RANGE - 0.1].mean() > 0.99
 
 
 def test_occupancy_is_a_probability_where_cells_are_known() -> None:

@@ -2,17 +2,18 @@ import numpy as np
 import pytest
 from flat_world import Look, box
 
-from radarsim.autonomy.mapping.scan_grid import RebuildableGrid
+from radarsim.autonomy.mapping.mapper import RebuildableGrid
 from radarsim.autonomy.mapping.trajectory import Trajectory
 from radarsim.geometry import Floats, Pose2
 
 
 def seen_from(look: Look, walls: Floats, places: list[float]) -> float:
-    grid, trajectory = RebuildableGrid(0.05, 0.2), Trajectory()
+    trajectory = Trajectory()
+    grid = RebuildableGrid(trajectory, 0.05, 0.2)
     for time, x in enumerate(places):
         pose = Pose2(x, 0.0, 0.5 * time)
         trajectory.add(float(time), pose)
-        grid.add(trajectory, look(walls, pose))
+        grid.add(look(walls, pose))
     return grid.seen_from_one_place()
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from radarsim.autonomy.mapping.loop_closure import KeyframeMap
 from radarsim.autonomy.mapping.scan import PlanarScan
-from radarsim.autonomy.mapping.slam import Slam, SlamSettings
+from radarsim.autonomy.mapping.slam import Slam
 from radarsim.autonomy.mapping.trajectory import (
     Trajectory,
     TrajectoryErrors,
@@ -75,7 +75,7 @@ def scans(look: Look, room: Floats, path: list[Pose2]) -> list[PlanarScan]:
 def matched(
     scans: list[PlanarScan], seeds: list[Pose2 | None], kind: MotionSource
 ) -> Slam:
-    slam = Slam(SlamSettings(motion_source=kind), START)
+    slam = Slam(kind, START)
     for scan, seed in zip(scans, seeds, strict=True):
         slam.step(scan, seed)
     return slam
@@ -133,7 +133,7 @@ def test_spinning_wheels_do_not_move_a_robot_that_sees_walls(
     look: Look, room: Floats
 ) -> None:
     scan = look(room, START)
-    slam = Slam(SlamSettings(motion_source="odometry"), START)
+    slam = Slam("odometry", START)
     for i in range(100):
         slam.step(scan, Pose2(STEP * i, 0.0, 0.0))
     assert math.hypot(slam.pose.x - START.x, slam.pose.y - START.y) < 0.05
@@ -146,7 +146,7 @@ places = st.builds(Pose2, st.floats(-50, 50), st.floats(-50, 50), st.floats(-3.1
 def test_without_points_ins_motion_is_applied_on_the_axes_of_the_map(
     look: Look, nowhere: Floats, seeds: list[Pose2]
 ) -> None:
-    slam = Slam(SlamSettings(motion_source="ins"), START)
+    slam = Slam("ins", START)
     scan = look(nowhere, START)
     for seed in seeds:
         pose = slam.step(scan, seed)
@@ -160,7 +160,7 @@ def test_without_points_ins_motion_is_applied_on_the_axes_of_the_map(
 def test_without_points_odometry_is_applied_on_the_axes_of_the_robot(
     look: Look, nowhere: Floats, seeds: list[Pose2]
 ) -> None:
-    slam = Slam(SlamSettings(motion_source="odometry"), START)
+    slam = Slam("odometry", START)
     scan = look(nowhere, START)
     turn = START.yaw - seeds[0].yaw
     c, s = math.cos(turn), math.sin(turn)
@@ -174,7 +174,7 @@ def test_without_points_odometry_is_applied_on_the_axes_of_the_robot(
 def test_pose_stays_without_points_and_motion_source(
     look: Look, nowhere: Floats
 ) -> None:
-    slam = Slam(SlamSettings(motion_source="none"), START)
+    slam = Slam("none", START)
     for _ in range(5):
         assert slam.step(look(nowhere, START)) == START
 
@@ -231,7 +231,7 @@ def test_map_is_turned_back_to_its_start_a_few_times(
         "radarsim.autonomy.mapping.slam.find_correction", find_correction
     )
     monkeypatch.setattr("radarsim.autonomy.mapping.slam.ANCHOR_INTERVAL", 4.0)
-    slam = Slam(SlamSettings(motion_source="odometry"))
+    slam = Slam("odometry")
     for pose in path:
         slam.step(look(room, pose), pose)
     assert len(seen) == looks

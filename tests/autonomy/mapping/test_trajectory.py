@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radarsim.autonomy.mapping.trajectory import Trajectory, trajectory_errors, tum_text
@@ -31,6 +31,7 @@ def transformed(pose: Pose2, by: Pose2) -> Pose2:
     return Pose2(x, y, pose.yaw + by.yaw)
 
 
+@settings(max_examples=25)
 @given(path=st.lists(poses, min_size=1))
 def test_trajectory_has_no_error_against_itself(path: list[Pose2]) -> None:
     trajectory = trajectory_of(*path)
@@ -40,6 +41,7 @@ def test_trajectory_has_no_error_against_itself(path: list[Pose2]) -> None:
     assert found.yaw_max == pytest.approx(0.0, abs=1e-9)
 
 
+@settings(max_examples=25)
 @given(path=st.lists(poses, min_size=2), by=poses)
 def test_displaced_trajectory_has_no_relative_error(
     path: list[Pose2], by: Pose2
@@ -116,6 +118,7 @@ def test_trajectories_without_common_times_are_an_error(truth: Trajectory) -> No
         trajectory_errors(guess, truth)
 
 
+@settings(max_examples=25)
 @given(path=st.lists(poses, min_size=1, max_size=5))
 def test_tum_text_is_read_back_by_numpy(path: list[Pose2]) -> None:
     trajectory = trajectory_of(*path, every=0.1)

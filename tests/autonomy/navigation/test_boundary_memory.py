@@ -2,10 +2,10 @@
 
 import math
 from dataclasses import replace
-from typing import Any, Protocol
 
 import pytest
 import shapely
+from flatland import World
 
 from radarsim.autonomy.navigation.boundary_memory import (
     BoundaryMemory,
@@ -17,12 +17,6 @@ from radarsim.autonomy.navigation.wall_following import FollowMode, WallFollower
 from radarsim.geometry import Point, Pose2
 
 BOX = shapely.box(1, -1, 2, 1)
-
-
-class World(Protocol):
-    """Makes a flat world of polygons, with the robot at a pose."""
-
-    def __call__(self, *shapes: shapely.Polygon, at: Pose2) -> Any: ...
 
 
 @pytest.mark.parametrize("yaw", [0.0, 2.0, -3.0])
@@ -57,7 +51,8 @@ def test_what_is_met_where_something_had_gone_stands(flatland: World) -> None:
         boundary.reach(scan, 0.0, goal)
         # Known from then on, or it would be left for any place at once.
         assert boundary.goal_distance == math.dist(boundary.hit_place, goal)
-        boundary.remember(boundary.look(scan, goal), 0.0)
+        boundary.look(scan, goal)
+        boundary.remember(scan.pose.yaw, 0.0)
         # Beams go through it, as through a pane.
         assert boundary.has_gone(flatland(at=at).scan(), places) is has_gone
     assert places == [pytest.approx(boundary.hit_place)]

@@ -2,7 +2,7 @@ import math
 
 import pytest
 import shapely
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radarsim.autonomy.navigation.algorithms import GiveUp
@@ -11,7 +11,6 @@ from radarsim.autonomy.navigation.boundary_policy import (
     Bug2Policy,
     Decision,
     Landmark,
-    Step,
 )
 from radarsim.geometry import Pose2
 
@@ -30,22 +29,22 @@ def mark(angle: float) -> Landmark:
     return Landmark(on_circle(angle), angle + math.pi / 2, max_offset=0.7)
 
 
-def advance(angle: float, sense: int) -> tuple[float, Step]:
-    angle += sense * STEP
-    direction = angle + math.pi / 2
-    return angle, Step(on_circle(angle), RADIUS * STEP, direction, free=True)
+def take_step(
+    policy: Bug1Policy | Bug2Policy, angle: float, *, free: bool = True
+) -> Decision:
+    """Step to an angle on the circle."""
+    return policy.step(on_circle(angle), RADIUS * STEP, angle + math.pi / 2, free=free)
 
 
 @given(st.floats(0.2, 2 * math.pi - 0.2))
-def test_bug1_circles_once_and_returns_by_the_shorter_side(
-    at: float,
-) -> None:
+@settings(max_examples=15)
+def test_bug1_circles_once_and_returns_by_the_shorter_side(at: float) -> None:
     goal = (9 * math.cos(at), 9 * math.sin(at))
     policy = Bug1Policy(mark(0.0), goal, 0.7)
     angle, sense, decisions = 0.0, 1, []
     for _ in range(2000):
-        angle, step = advance(angle, sense)
-        decisions.append(policy.step(step))
+        angle += sense * STEP
+        decisions.append(take_step(policy, angle))
         sense = -1 if decisions[-1] is Decision.BACK else sense
         if decisions[-1] is Decision.LEAVE:
             break
@@ -57,23 +56,22 @@ def test_bug1_circles_once_and_returns_by_the_shorter_side(
     assert travelled == pytest.approx(2 * math.pi + min(at, 2 * math.pi - at), abs=0.1)
 
 
-def test_bug1_gives_up_where_the_goal_is_blocked_at_the_nearest_point() -> None:
-    policy = Bug1Policy(mark(0.0), (0.0, 1.0), 0.7)
-    angle, verdict = 0.0, Decision.ONWARD
-    while verdict is Decision.ONWARD:
-        angle, step = advance(angle, 1)
-        verdict = policy.step(Step(step.pose, step.moved, step.direction, free=False))
-    assert verdict is Decision.NO_PATH
-    assert angle == pytest.approx(2.5 * math.pi, abs=0.05)
-
-
-def followed(policy: Bug2Policy) -> tuple[float, Decision]:
+def followed(
+    policy: Bug1Policy | Bug2Policy, *, free: bool = True
+) -> tuple[float, Decision]:
     """Follow the circle until the policy decides; return the angle there."""
     angle, verdict = 0.0, Decision.ONWARD
     while verdict is Decision.ONWARD:
-        angle, step = advance(angle, 1)
-        verdict = policy.step(step)
+        angle += STEP
+        verdict = take_step(policy, angle, free=free)
     return angle, verdict
+
+
+def test_bug1_gives_up_where_the_goal_is_blocked_at_the_nearest_point() -> None:
+    policy = Bug1Policy(mark(0.0), (0.0, 1.0), 0.7)
+    angle, verdict = followed(policy, free=False)
+    assert verdict is Decision.NO_PATH
+    assert angle == pytest.approx(2.5 * math.pi, abs=0.05)
 
 
 def line(give_up: GiveUp, start: Pose2, goal: tuple[float, float]) -> Bug2Policy:
@@ -83,10 +81,7 @@ def line(give_up: GiveUp, start: Pose2, goal: tuple[float, float]) -> Bug2Policy
 def test_line_of_bug2_ends_at_the_goal() -> None:
     """Beyond a goal inside the circle, the circle meets only its continuation."""
     policy = line(GiveUp.HIT_POINT, Pose2(9.0, 0.0), (-1.0, 0.0))
-    angle, verdict = 0.0, Decision.ONWARD
-    while verdict is Decision.ONWARD:
-        angle, step = advance(angle, 1)
-        verdict = policy.step(Step(step.pose, step.moved, step.direction, free=True))
+    angle, verdict = followed(policy)
     assert verdict is Decision.NO_PATH
     assert angle == pytest.approx(2 * math.pi, abs=0.04)
 
@@ -94,10 +89,7 @@ def test_line_of_bug2_ends_at_the_goal() -> None:
 def test_bug2_leaves_at_the_line_only_where_it_is_free() -> None:
     for free in (True, False):
         policy = line(GiveUp.HIT_POINT, Pose2(9.0, 0.0), (-9.0, 0.0))
-        angle, verdict = 0.0, Decision.ONWARD
-        while verdict is Decision.ONWARD:
-            angle, step = advance(angle, 1)
-            verdict = policy.step(Step(step.pose, step.moved, step.direction, free))
+        angle, verdict = followed(policy, free=free)
         assert verdict is (Decision.LEAVE if free else Decision.NO_PATH)
         assert angle == pytest.approx(math.pi if free else 2 * math.pi, abs=0.04)
         assert policy.circuits == (not free)

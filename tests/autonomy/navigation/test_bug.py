@@ -1,9 +1,9 @@
 import math
-from typing import Any, Protocol
 
 import pytest
 import shapely
 import shapely.affinity
+from flatland import World
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -13,13 +13,6 @@ from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits
 from radarsim.autonomy.navigation.controller import Activity, ControllerSettings
 from radarsim.geometry import Pose2
-
-
-class World(Protocol):
-    """Makes a flat world of polygons, with the robot at a pose."""
-
-    def __call__(self, *shapes: shapely.Polygon, at: Pose2) -> Any: ...
-
 
 S = 0.5
 FAST = SpeedLimits(0.6, 1.5)  # exact worlds allow it, and tests are over sooner
@@ -38,9 +31,13 @@ CELL = shapely.box(-2, -2, 2, 2).difference(shapely.box(-1.9, -1.9, 1.9, 1.9))
 
 
 @BOTH
-@HANDS
 @pytest.mark.parametrize(
-    "shape", [pytest.param(BOX, id="box"), pytest.param(TRAP, id="trap")]
+    ("shape", "wall_on_left"),
+    [
+        pytest.param(BOX, True, id="box"),
+        pytest.param(BOX, False, id="box, on the right"),
+        pytest.param(TRAP, False, id="trap"),
+    ],
 )
 def test_path_length_is_within_the_bounds_of_choset(
     flatland: World, shape: shapely.Polygon, algorithm: Algorithm, wall_on_left: bool
@@ -61,20 +58,19 @@ def test_path_length_is_within_the_bounds_of_choset(
 
 
 @BOTH
-@HANDS
 @pytest.mark.parametrize(
-    ("start", "goal"),
+    ("start", "goal", "wall_on_left"),
     [
-        pytest.param((-6.0, 0.3), (0.2, 0.1), id="goal inside"),
-        pytest.param((0.1, 0.2), (6.0, 0.4), id="start inside"),
+        pytest.param((-4.0, 0.3), (0.2, 0.1), True, id="goal inside"),
+        pytest.param((0.1, 0.2), (4.0, 0.4), False, id="start inside"),
     ],
 )
 def test_bug_reports_that_there_is_no_path(
     flatland: World,
     algorithm: Algorithm,
-    wall_on_left: bool,
     start: tuple[float, float],
     goal: tuple[float, float],
+    wall_on_left: bool,
 ) -> None:
     world = flatland(CELL, at=Pose2(*start, 1.0))
     navigator = bug(algorithm, goal, wall_on_left=wall_on_left)
@@ -83,16 +79,6 @@ def test_bug_reports_that_there_is_no_path(
     assert navigator.circuits == 1
     assert not navigator.leave_points
     assert world.nearest > 0.45
-
-
-@BOTH
-def test_only_bug1_makes_a_complete_circuit(
-    flatland: World, algorithm: Algorithm
-) -> None:
-    world = flatland(BOX, at=Pose2(-6.0, 0.0))
-    world.run(bug(algorithm, (6.0, 0.0)))
-    circuit = BOX.buffer(0.75).exterior.length
-    assert (world.length > 9 + circuit) == (algorithm is Algorithm.BUG1)
 
 
 def test_path_is_straight_without_obstacles(flatland: World) -> None:
@@ -157,23 +143,16 @@ def test_shorter_rule_gives_up_where_the_hit_point_rule_continues(
     assert ends == {GiveUp.HIT_POINT: Activity.REACHED, GiveUp.LINE: Activity.NO_PATH}
 
 
-@pytest.mark.parametrize("count", [4, 5, 6, 8, 12])
-def test_goal_is_reached_with_any_number_of_bumpers(
-    flatland: World, count: int
+@pytest.mark.parametrize(
+    ("count", "rule"),
+    [(4, Rule.SHARE), (5, Rule.SHARE), (12, Rule.SHARE), (8, Rule.ALL)],
+)
+def test_goal_is_reached_with_any_number_of_bumpers_and_the_literal_rule(
+    flatland: World, count: int, rule: Rule
 ) -> None:
-    world = flatland(BOX, at=Pose2(-6.0, 0.0))
-    navigator = bug(
-        Algorithm.BUG2, (6.0, 0.0), bumpers=Bumpers(safety_distance=S, count=count)
-    )
-    world.run(navigator)
-    assert navigator.activity is Activity.REACHED
-    assert world.nearest > 0.42
-
-
-def test_goal_is_reached_with_the_literal_rule(flatland: World) -> None:
-    world = flatland(BOX, at=Pose2(-6.0, 0.0))
-    bumpers = Bumpers(safety_distance=S, rule=Rule.ALL)
-    navigator = bug(Algorithm.BUG2, (6.0, 0.0), bumpers=bumpers)
+    world = flatland(BOX, at=Pose2(-4.0, 0.0))
+    bumpers = Bumpers(safety_distance=S, count=count, rule=rule)
+    navigator = bug(Algorithm.BUG2, (4.0, 0.0), bumpers=bumpers)
     world.run(navigator)
     assert navigator.activity is Activity.REACHED
     assert world.nearest > 0.42
@@ -222,11 +201,11 @@ def test_goal_behind_any_box_is_reached(
 
 
 @BOTH
-@pytest.mark.parametrize("gap", [0.1, 0.25, 0.4, 0.48])
+@pytest.mark.parametrize("gap", [0.1, 0.4])
 def test_goal_too_near_to_an_obstacle_is_reached_or_has_no_path(
     flatland: World, algorithm: Algorithm, gap: float
 ) -> None:
-    world = flatland(BOX, at=Pose2(-6.0, 0.0))
+    world = flatland(BOX, at=Pose2(-4.0, 0.0))
     navigator = bug(algorithm, (-1.5 - gap, 0.3))
     world.run(navigator, steps=3000)
     assert len(navigator.hit_points) < 8
@@ -279,28 +258,26 @@ def test_bug_passes_gaps_wider_than_twice_the_safety_distance(
 
 
 @BOTH
-@HANDS
+@pytest.mark.parametrize(("width", "wall_on_left"), [(1.3, True), (1.7, False)])
 def test_bug_leaves_a_dead_end(
-    flatland: World, algorithm: Algorithm, wall_on_left: bool
+    flatland: World, algorithm: Algorithm, width: float, wall_on_left: bool
 ) -> None:
-    for width in (1.3, 1.7):
-        half = width / 2
-        walls = shapely.box(-3, -half - 0.1, 3, half + 0.1)
-        dead_end = walls.difference(shapely.box(-4, -half, 2.9, half))
-        world = flatland(dead_end, at=Pose2(-6.0, 0.1))
-        navigator = bug(algorithm, (6.0, 0.1), wall_on_left=wall_on_left)
-        world.run(navigator)
-        assert navigator.activity is Activity.REACHED
+    half = width / 2
+    walls = shapely.box(-2, -half - 0.1, 2, half + 0.1)
+    dead_end = walls.difference(shapely.box(-3, -half, 1.9, half))
+    world = flatland(dead_end, at=Pose2(-4.0, 0.1))
+    navigator = bug(algorithm, (4.0, 0.1), wall_on_left=wall_on_left)
+    world.run(navigator)
+    assert navigator.activity is Activity.REACHED
 
 
 @BOTH
-@HANDS
 def test_obstacle_that_drives_away_is_no_reason_to_give_up(
-    flatland: World, algorithm: Algorithm, wall_on_left: bool
+    flatland: World, algorithm: Algorithm
 ) -> None:
     """Another robot crosses an empty field, is followed, and drives off."""
     world = flatland(at=Pose2(-4.0, 0.0))
-    navigator = bug(algorithm, (6.0, 0.0), wall_on_left=wall_on_left)
+    navigator = bug(algorithm, (6.0, 0.0))
     hits = 0
     for k in range(1500):
         y = -1.2 + 0.03 * k

@@ -1,11 +1,11 @@
 """Boundaries followed by the states of bumpers alone, as in the thesis."""
 
 import math
-from typing import Any, Protocol
 
 import pytest
 import shapely
 import shapely.affinity
+from flatland import World
 
 from radarsim.autonomy.navigation.algorithms import Algorithm, Rule
 from radarsim.autonomy.navigation.bug import Bug
@@ -23,12 +23,6 @@ S = 0.5
 LIMITS = SpeedLimits(0.3)
 WALL = shapely.box(-30, 0, 30, 1)  # to the left of a robot that faces along x
 CORNER = shapely.union(WALL, shapely.box(3, -30, 4, 0))
-
-
-class World(Protocol):
-    """Makes a flat world of polygons, with the robot at a pose."""
-
-    def __call__(self, *shapes: shapely.Polygon, at: Pose2) -> Any: ...
 
 
 def steering() -> BumperWallFollower:
@@ -87,9 +81,9 @@ def test_turn_that_no_bumper_ends_ends_after_a_circle(flatland: World) -> None:
 def test_bug_gets_around_a_box_by_bumpers_alone(
     flatland: World, algorithm: Algorithm
 ) -> None:
-    world = flatland(shapely.box(-1.5, -2, 1.5, 2.5), at=Pose2(-6.0, 0.0))
+    world = flatland(shapely.box(-1.5, -2, 1.5, 2.5), at=Pose2(-4.0, 0.0))
     bumpers = Bumpers(safety_distance=S, rule=Rule.THESIS)
-    bug = Bug([(6.0, 0.2)], ControllerSettings(algorithm=algorithm, bumpers=bumpers))
+    bug = Bug([(4.0, 0.2)], ControllerSettings(algorithm=algorithm, bumpers=bumpers))
     world.run(bug)
     assert bug.activity is Activity.REACHED
     assert world.nearest > 0.4

@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radarsim.autonomy.navigation.algorithms import Rule
@@ -86,6 +86,7 @@ def test_band_is_half_a_metre(distance: float, pressed: bool, too_near: bool) ->
         assert state.distance == distance
 
 
+@settings(max_examples=25)
 @given(st.sampled_from([4, 5, 6, 8]), st.floats(0.3, 7.0), st.floats(0.0, 1.0))
 def test_literal_rule_holds_at_a_flat_wall_at_the_documented_distances(
     count: int, safety: float, part: float
@@ -153,6 +154,7 @@ def test_four_bumpers_have_the_names_of_the_thesis() -> None:
     assert Bumpers(safety_distance=1.0, count=6).names[1] == "at_60"
 
 
+@settings(max_examples=25)
 @given(st.lists(st.floats(0, 100), min_size=1, max_size=60), st.floats(0.001, 1))
 def test_quantile_is_the_range_that_a_share_of_beams_does_not_exceed(
     ranges: list[float], share: float

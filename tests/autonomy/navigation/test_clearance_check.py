@@ -1,12 +1,11 @@
 """Starts and goals inside the safety distance are told."""
 
-from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
-from typing import Any
 
 import pytest
 import shapely
+from flatland import World
 
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import Twist
@@ -14,7 +13,6 @@ from radarsim.autonomy.navigation.runner import STANDING_AFTER, ClearanceCheck
 from radarsim.errors import TooNearError
 from radarsim.geometry import Pose2
 
-World = Callable[..., Any]
 BUMPERS = Bumpers(safety_distance=0.5)
 STILL = Twist(0.0, 0.0)
 WALL = shapely.box(2, -1, 2.5, 1)

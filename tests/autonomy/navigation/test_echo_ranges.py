@@ -8,17 +8,15 @@ import pytest
 from random_trials import load_random_map
 
 from radarsim.autonomy.evaluation.navigation_run import GroundTruthMonitor
-from radarsim.autonomy.navigation.algorithms import Algorithm
+from radarsim.autonomy.navigation.algorithms import Algorithm, PoseSource
 from radarsim.autonomy.navigation.mission import run_mission
-from radarsim.autonomy.navigation.observation import (
-    blocked_ranges,
-    blocking_echoes,
-)
+from radarsim.autonomy.navigation.observation import ObservationBuilder
 from radarsim.autonomy.navigation.plans import Mission
-from radarsim.client import Client
+from radarsim.client import Client, ScannerInfo
 from radarsim.client.robot_state import EchoCollector
 from radarsim.generators.random_maps import Disc, RandomMap
-from radarsim.protocol.reports import EchoLine, RangeScan, TargetEchoes
+from radarsim.geometry import Pose3
+from radarsim.protocol.reports import EchoLine, GroundTruth, RangeScan, TargetEchoes
 from radarsim.server.host import Host
 from radarsim.server.host.lockstep import InProcessTransport
 
@@ -62,8 +60,14 @@ RANGES = np.array([5.0, 5.0, 80.0])
 def test_beam_is_blocked_by_the_first_thing_that_robots_cannot_pass(
     echoes: list[TargetEchoes], expected: list[float]
 ) -> None:
-    beams, lengths = blocking_echoes(len(RANGES), echoes)
-    assert blocked_ranges(RANGES, beams, lengths).tolist() == expected
+    scanner = ScannerInfo("a", Pose3(0, 0, 0), 0.1, 80.0, 0.1, 0.2, 3)
+    builder = ObservationBuilder(scanner, PoseSource.GROUND_TRUTH, lambda: 0.0)
+    builder.take(GroundTruth(1.0, "truth", Pose3(0, 0, 0)))
+    for k, each in enumerate(echoes or [None], start=1):
+        builder.take(EchoLine(1.0, "a", k * bool(each), len(echoes), each))
+    seen = builder.take(RangeScan(1.0, "a", 0.1, 0.2, RANGES))
+    assert seen is not None
+    assert np.minimum(seen.ranges, 80.0) == pytest.approx(expected)
     assert RANGES.tolist() == [5.0, 5.0, 80.0]
 
 
@@ -111,7 +115,6 @@ def drive_at_a_thin_bush(link: type[InProcessTransport], **changed: Any) -> Any:
         algorithm=Algorithm.BUG2,
         goals=(bush.goal,),
         safety_distance=0.5,
-        time_limit=100.0,
         **changed,
     )
     with Client(link(host, after_tick=monitor.watch)) as client:
@@ -119,7 +122,8 @@ def drive_at_a_thin_bush(link: type[InProcessTransport], **changed: Any) -> Any:
 
 
 def test_thin_bush_is_not_touched_by_who_uses_echoes() -> None:
-    assert drive_at_a_thin_bush(InProcessTransport) == ("reached", 0)
+    reached = drive_at_a_thin_bush(InProcessTransport, time_limit=100.0)
+    assert reached == ("reached", 0)
 
 
 @pytest.mark.parametrize(
@@ -132,14 +136,13 @@ def test_thin_bush_is_not_touched_by_who_uses_echoes() -> None:
 def test_ranges_alone_lead_into_a_thin_bush(
     link: type[InProcessTransport], changed: dict[str, Any]
 ) -> None:
-    outcome, touches = drive_at_a_thin_bush(link, **changed)
-    # It presses against the bush until it knows that it gets nowhere.
-    assert outcome == "reached"
+    outcome, touches = drive_at_a_thin_bush(link, time_limit=12.0, **changed)
+    assert outcome == "failed"  # it presses against the bush
     assert touches > 0
 
 
 @pytest.mark.slow
 def test_who_feels_a_thin_bush_gets_around_it() -> None:
-    outcome, touches = drive_at_a_thin_bush(NoEchoes)
+    outcome, touches = drive_at_a_thin_bush(NoEchoes, time_limit=100.0)
     assert outcome == "reached"
     assert 1 <= touches <= 8

@@ -1,13 +1,13 @@
 """Robots that follow the path of their footprint where a disc does not fit."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 import shapely
+from flatland import World
 
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.bumpers import Bumpers
@@ -22,7 +22,6 @@ from radarsim.autonomy.navigation.footprint_planning import Hull
 from radarsim.autonomy.navigation.path_planning import PathPlanning
 from radarsim.geometry import Floats, Pose2
 
-World = Callable[..., Any]
 HULL = Hull(0.552, 0.497)
 LIMITS = SpeedLimits(0.3, 0.8)
 NOTHING: Floats = np.zeros((0, 2))
@@ -154,7 +153,7 @@ def test_what_is_seen_within_the_hull_is_in_error(flatland: World) -> None:
     for _ in range(400):
         seen = world.scan()
         if planned.goals and world.pose.x > -0.3:
-            ranges = np.where(np.arange(360) % 90 == 0, 0.1, seen.ranges)
+            ranges = np.where(np.arange(len(seen.ranges)) % 45 == 0, 0.1, seen.ranges)
             seen = replace(seen, ranges=ranges)
         world.move(planned.step(seen))
         if planned.is_done:

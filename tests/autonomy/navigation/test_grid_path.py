@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
@@ -39,6 +39,7 @@ def length(path: NDArray[np.int64], cost: Floats) -> float:
     )
 
 
+@settings(max_examples=25)
 @given(cost=COSTS, start=STARTS, end=STARTS)
 def test_path_is_the_cheapest(
     cost: Floats, start: tuple[int, int], end: tuple[int, int]
@@ -56,6 +57,7 @@ def test_path_is_the_cheapest(
     assert length(path, cost) == pytest.approx(expected)
 
 
+@settings(max_examples=25)
 @given(cost=COSTS, start=STARTS)
 def test_path_leads_to_the_nearest_target(cost: Floats, start: tuple[int, int]) -> None:
     targets = np.zeros(cost.shape, np.bool_)
@@ -69,6 +71,7 @@ def test_path_leads_to_the_nearest_target(cost: Floats, start: tuple[int, int]) 
     )
 
 
+@settings(max_examples=25)
 @given(cost=COSTS, start=STARTS)
 def test_flood_fill_is_what_paths_reach(cost: Floats, start: tuple[int, int]) -> None:
     found = flood_fill(np.isfinite(cost), start)

@@ -1,12 +1,11 @@
 """Who sees something come into its way stops and waits, then goes on."""
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
 import shapely
+from flatland import World
 
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.bug import Bug
@@ -16,7 +15,6 @@ from radarsim.autonomy.navigation.controller import ControllerSettings
 from radarsim.autonomy.navigation.moving_things import PATIENCE, MotionDetector, Waiting
 from radarsim.geometry import Pose2
 
-World = Callable[..., Any]
 BUMPERS = Bumpers(safety_distance=0.5)
 
 
@@ -54,7 +52,7 @@ def test_nothing_moves_where_only_the_robot_does(flatland: World) -> None:
     poles = [shapely.Point(x, y).buffer(0.1) for x in (0, 2, 4) for y in (-0.8, 0.9)]
     world = flatland(*poles, shapely.box(5, -2, 5.1, 2), at=Pose2(-1.0, 0.0))
     detector = MotionDetector()
-    for k in range(180):
+    for k in range(120):
         assert not detector.moving_beams(world.scan(), 3.0).any()
         world.move(Twist(0.3, 0.3 * math.cos(0.1 * k)))
 
@@ -112,6 +110,7 @@ def test_robot_does_not_back_off_from_what_stands_or_into_something(
 def test_robot_does_not_back_off_from_its_image(flatland: World) -> None:
     """It drives along a mirror, and its image comes along on the other side."""
     world, waiting = flatland(at=Pose2(0.0, 0.0)), Waiting(BUMPERS, 0.37)
+    world.bearings = np.radians(np.arange(-180.0, 180.0))
     seen = 0
     for _ in range(80):
         image = shapely.box(-0.2, 0.34, 0.2, 0.6)
@@ -124,7 +123,6 @@ def test_robot_does_not_back_off_from_its_image(flatland: World) -> None:
         world.move(Twist(0.3, 0.0))
     assert world.pose.x > 1.0
     assert seen
-    assert waiting.has_seen_motion
 
 
 def test_robot_does_not_back_off_from_what_stands_where_another_thing_moves(

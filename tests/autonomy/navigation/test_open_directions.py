@@ -1,11 +1,11 @@
 """How far a disc can go, against the distance of a swept disc by shapely."""
 
 import math
-from typing import Any, Protocol
 
 import numpy as np
 import pytest
 import shapely
+from flatland import World
 
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.open_directions import (
@@ -19,12 +19,6 @@ from radarsim.geometry import Pose2
 R = 0.6
 POLE = shapely.Point(3.0, 0.0).buffer(0.5)
 WALL = shapely.box(-4.0, 2.0, 6.0, 2.5)
-
-
-class World(Protocol):
-    """Makes a flat world of polygons, with the robot at a pose."""
-
-    def __call__(self, *shapes: shapely.Polygon, at: Pose2) -> Any: ...
 
 
 def test_lengths_are_those_of_a_swept_disc(flatland: World) -> None:

@@ -1,13 +1,12 @@
 """Paths that are planned on what is seen so far."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 import shapely
+from flatland import World
 
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.bumpers import Bumpers
@@ -20,7 +19,6 @@ from radarsim.autonomy.navigation.path_planning import PathPlanning
 from radarsim.errors import NavigationError
 from radarsim.geometry import Pose2
 
-World = Callable[..., Any]
 S = 0.5
 BOX = shapely.box(-1.5, -2, 1.5, 2.5)
 TRAP = shapely.box(-1.5, -2, 1, 2).difference(shapely.box(-4, -1.9, 0.9, 1.9))

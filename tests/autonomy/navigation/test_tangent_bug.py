@@ -1,8 +1,8 @@
 import math
-from typing import Any, Protocol
 
 import pytest
 import shapely
+from flatland import World
 
 from radarsim.autonomy.navigation.algorithms import Algorithm
 from radarsim.autonomy.navigation.bumpers import Bumpers
@@ -15,12 +15,6 @@ S = 0.5
 BOX = shapely.box(-1.5, -2, 1.5, 2.5)
 TRAP = shapely.box(-3, -2.5, 2, 2.5).difference(shapely.box(-4, -2.4, 1.9, 2.4))
 CELL = shapely.box(-2, -2, 2, 2).difference(shapely.box(-1.9, -1.9, 1.9, 1.9))
-
-
-class World(Protocol):
-    """Makes a flat world of polygons, with the robot at a pose."""
-
-    def __call__(self, *shapes: shapely.Polygon, at: Pose2) -> Any: ...
 
 
 def tangent_bug(*goals: tuple[float, float]) -> TangentBug:

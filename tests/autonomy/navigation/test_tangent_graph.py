@@ -1,11 +1,11 @@
 """Ways around thin walls, against shapely and closed forms."""
 
 import math
-from typing import Any, Protocol
 
 import numpy as np
 import pytest
 import shapely
+from flatland import World
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -16,12 +16,6 @@ from radarsim.geometry import Pose2
 R = 0.6
 coordinates = st.floats(-10, 10, allow_subnormal=False)
 segments = st.tuples(*[coordinates] * 4)
-
-
-class World(Protocol):
-    """Makes a flat world of polygons, with the robot at a pose."""
-
-    def __call__(self, *shapes: shapely.Polygon, at: Pose2) -> Any: ...
 
 
 @given(segment=segments, walls=st.lists(segments, min_size=1, max_size=5))

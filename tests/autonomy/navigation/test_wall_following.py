@@ -1,22 +1,15 @@
 import math
-from typing import Any, Protocol
 
 import numpy as np
 import pytest
 import shapely
+from flatland import World
 
 from radarsim.autonomy.navigation.bumpers import Bumpers
 from radarsim.autonomy.navigation.control import SpeedLimits
 from radarsim.autonomy.navigation.observation import Observation
 from radarsim.autonomy.navigation.wall_following import FollowMode, WallFollower
 from radarsim.geometry import Pose2
-
-
-class World(Protocol):
-    """Makes a flat world of polygons, with the robot at a pose."""
-
-    def __call__(self, *shapes: shapely.Polygon, at: Pose2) -> Any: ...
-
 
 S = 0.5
 FOLLOWER = WallFollower(Bumpers(safety_distance=S), SpeedLimits(0.3))

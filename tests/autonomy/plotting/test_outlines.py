@@ -59,7 +59,7 @@ def test_each_kind_has_its_outline() -> None:
     assert kind_of(Material("leaves", sheet_loss=0.2)) == "foliage"
     extent = outlines_extent(found)
     assert extent is not None
-    assert (extent.east, extent.north) == pytest.approx((5.5, 0.87), abs=0.02)
+    assert (extent.x1, extent.y1) == pytest.approx((5.5, 0.87), abs=0.02)
     assert outlines_extent(()) is None
 
 

@@ -12,7 +12,7 @@ from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.message import Message, decode_message
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
-from radarsim.server.host.commands import SPAWN_COOLDOWN
+from radarsim.server.host.spawning import SPAWN_COOLDOWN
 from radarsim.simulation.config import SimulationConfig
 
 INIT = b"INIT {ClassName USARBot.P3AT} {Name R1} {Start RobotStart1}\r\n"

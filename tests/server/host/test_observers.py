@@ -56,9 +56,8 @@ def drive_a_robot(host: Host) -> list[bytes]:
 
 def test_observers_are_told_of_every_call_in_order(empty_room: Scene) -> None:
     first, second = Notes(), Notes()
-    host = Host(empty_room, observers=[first], begins=False)
+    host = Host(empty_room, observers=[first])
     host.add_observer(second)
-    host.begin(host.make_simulation())
     taken = drive_a_robot(host)
     assert first.calls == second.calls
     kinds = [call[0] for call in first.calls]

@@ -14,7 +14,7 @@ from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.protocol.reports import RangeScan, decode_report
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
-from radarsim.server.host.commands import SPAWN_COOLDOWN
+from radarsim.server.host.spawning import SPAWN_COOLDOWN
 from radarsim.simulation.config import MOST_RAYS, MOST_RAYS_A_SECOND, SimulationConfig
 
 INIT = b"INIT {ClassName USARBot.P3AT} {Name R1} {Start RobotStart1}\r\n"

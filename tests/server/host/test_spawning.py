@@ -12,7 +12,7 @@ from radarsim.presets.robots import load_robot
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles
 from radarsim.scene.scene import Scene, StartPose
-from radarsim.server.host import Host, commands
+from radarsim.server.host import Host, spawning
 from radarsim.simulation.simulation import Simulation
 
 BUSH = b"INIT {ClassName P3AT} {Location -0.2,1.64,0}\r\n"  # found after some ticks
@@ -78,7 +78,7 @@ def test_the_search_of_some_ticks_finds_the_place_of_one_at_once(host: Host) -> 
 def test_a_step_beyond_the_work_of_a_tick_is_made_up_for(
     host: Host, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(commands, "SEARCH_WORK", 20_000)  # less than most steps
+    monkeypatch.setattr(spawning, "SEARCH_WORK", 20_000)  # less than most steps
     number = begin(host, BUSH)
     assert step_until(host, lambda: host.has_robot(number)) > 20
 

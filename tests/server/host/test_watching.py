@@ -16,7 +16,7 @@ from radarsim.presets.robots import load_robot
 from radarsim.protocol.dialect import COMPAT, UDK, Dialect
 from radarsim.scene.scene import Scene
 from radarsim.server.host import Host
-from radarsim.server.host.commands import SPAWN_COOLDOWN
+from radarsim.server.host.spawning import SPAWN_COOLDOWN
 from radarsim.server.host.watchers import MAX_WATCHERS
 from radarsim.simulation.config import SimulationConfig
 
@@ -232,19 +232,6 @@ def test_watcher_can_have_a_robot_and_watch_it(empty_room: Scene) -> None:
         assert write.startswith(own)  # copies come last in a write
     copies = b"".join(x for x in lines_of(both.data) if x.startswith(b"SEE"))
     assert seen(copies) == alone.data
-
-
-def test_watch_before_the_simulation_has_begun(empty_room: Scene) -> None:
-    host = Host(empty_room, begins=False)
-    watcher = HostClient(host, WATCH_ALL)
-    client = HostClient(host)
-    client.send(INIT)
-    step(3, client, watcher)
-    assert watcher.data == ANSWER
-    host.begin(host.make_simulation())
-    step(30, client, watcher)
-    assert news(watcher.data) == [b"NFO {Joined R1} {ClassName P3AT}\r\n"]
-    assert seen(watcher.data) == client.data != b""
 
 
 def test_names_read_as_on_the_wire(empty_room: Scene) -> None:

@@ -1,0 +1,179 @@
+"""``radarsim replay``: play a recording to clients, or repeat its run.
+
+``radarsim recording`` tells what recordings contain, and repairs them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import click
+from annotated_types import Ge, Gt
+from rich.console import Console
+from rich.table import Column, Table
+
+from radarsim import __version__
+from radarsim.cli.app import EntryGroup
+from radarsim.cli.entries import CommandEntry
+from radarsim.cli.output import print_message, start_log
+from radarsim.cli.server_options import Listener, announce
+from radarsim.errors import RecordingError
+from radarsim.plans import RARE, Option
+
+if TYPE_CHECKING:
+    from radarsim.addons.recording.bag import BagReader
+
+Folder = Annotated[Path, Option(is_argument=True, metavar="DIR")]
+
+
+def replay(
+    folder: Folder,
+    listener: Listener,
+    *,
+    speed: Annotated[float, Gt(0)] = 1.0,
+    verify: bool = False,
+    map_: Annotated[str | None, Option(words="maps"), RARE] = None,
+    client: Annotated[int | None, Ge(1), RARE] = None,
+) -> int:
+    """Play a recording to clients of the protocol, as they were sent it.
+
+    Args:
+        folder: Folder of the recording.
+        listener: Where to listen.
+        speed: Recorded seconds per second of real time.
+        verify: Instead, simulate the run again from the recorded commands, and compare
+            all that clients were sent; exit with 1 if a byte differs.
+        map_: The map to verify with; the recorded one if none.
+        client: Number of the recorded client to play; the busiest if none.
+
+    Returns:
+        The exit code.
+    """
+    from radarsim.addons.recording.bag_folder import open_bag
+    from radarsim.addons.recording.replay import serve_replay, writes_of
+
+    bag = open_bag(folder)
+    if verify:
+        return _verify(bag, map_)
+    start_log(logging.WARNING, "%(asctime)s %(levelname)s %(message)s")
+    writes = writes_of(bag.calls(), client)
+    if not bag.is_complete:
+        print_message(f"{bag.folder}: {end_text(bag)}")
+    address, port = listener.addresses, listener.port
+    return asyncio.run(serve_replay(writes, address, port, announce, speed=speed))
+
+
+def _verify(bag: BagReader, map_: str | None) -> int:
+    """Simulate a run again, tell whether it is the same, and return the exit code.
+
+    Raises:
+        RecordingError: If there is no map, or it has changed.
+    """
+    from radarsim.addons.recording.bag_folder import digest_of
+    from radarsim.addons.recording.replay import repeat_run
+    from radarsim.presets.fmcw_settings import RADAR_MODEL
+    from radarsim.protocol.dialect import get_dialect
+    from radarsim.scene.map_file import find_map, load_map
+    from radarsim.server.host import Host
+    from radarsim.simulation.config import SimulationConfig
+
+    info = bag.info
+    if info.version != __version__:
+        print_message(f"recorded by version {info.version}, this is {__version__}")
+    name = map_ or info.map
+    if not name:
+        raise RecordingError(
+            f"{bag.folder} is of a client alone, expected one of a server to verify"
+        )
+    path, _ = find_map(name)
+    # Another map would differ at the first scan, and that would tell nothing about the
+    # program.
+    if digest_of(path) != info.map_digest:
+        raise RecordingError(f"{path} is not as it was, expected the map recorded")
+    config = SimulationConfig(
+        get_dialect(info.dialect), info.drive_unit, info.settings, info.robots
+    )
+    host = Host(load_map(name), config=config, seed=info.seed)
+    result = repeat_run(host, bag.calls())
+    if result.difference:
+        print_message(f"{bag.folder}: differs at {result.difference}")
+        if info.radar_model != RADAR_MODEL:
+            print_message(
+                f"recorded with revision {info.radar_model} of the radar model, this is"
+                f" revision {RADAR_MODEL}: what FMCW radars detect is different"
+            )
+        return 1
+    if not bag.is_complete:
+        print_message(f"{bag.folder}: {end_text(bag)}")
+    click.echo(
+        f"{bag.folder}: {result.ticks / 100:g} s of {result.clients} clients,"
+        f" {result.bytes} bytes: all the same"
+    )
+    return 0
+
+
+def end_text(bag: BagReader) -> str:
+    """Return why a recording has no end, and what to do."""
+    if bag.is_being_written:
+        return "it is still being recorded, and read up to here"
+    return f"it breaks off; 'radarsim recording repair {bag.folder}' makes it whole"
+
+
+def info(folder: Folder) -> None:
+    """Print what a recording contains.
+
+    Args:
+        folder: Folder of the recording.
+    """
+    from radarsim.addons.recording.bag_folder import open_bag
+
+    bag = open_bag(folder)
+    counts: Counter[tuple[str, str]] = Counter()
+    last = 0
+    for message in bag.messages():
+        counts[message.topic, message.type] += 1
+        last = max(last, message.time)
+    conditions = bag.info
+    click.echo(f"{folder}: {last / 1e9:.2f} s, radarsim {conditions.version}")
+    click.echo(
+        f"map {conditions.map or conditions.level}, seed {conditions.seed},"
+        f" dialect {conditions.dialect}"
+    )
+    table = Table(Column("topic", overflow="fold"), "type", "messages")
+    for (topic, type_), count in sorted(counts.items()):
+        table.add_row(topic, type_, str(count))
+    Console().print(table)
+    if not bag.is_complete:
+        click.echo(end_text(bag))
+
+
+def repair(folder: Folder) -> None:
+    """Complete a recording that breaks off, with all that can be read of it.
+
+    Args:
+        folder: Folder of the recording.
+    """
+    from radarsim.addons.recording.bag_folder import check_installed
+
+    check_installed()
+    from radarsim.addons.recording.bag import repair as repair_bag
+
+    click.echo(f"{folder}: complete, {repair_bag(folder)} messages")
+
+
+recording = EntryGroup(
+    "recording",
+    (
+        CommandEntry("info", f"{__name__}:info", "Print what a recording contains."),
+        CommandEntry(
+            "repair",
+            f"{__name__}:repair",
+            "Complete a recording that breaks off, with all that can be read of it.",
+        ),
+    ),
+    help="Look into recordings.",
+)

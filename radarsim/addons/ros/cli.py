@@ -1,0 +1,182 @@
+"""``radarsim ros``: the robots of a server as topics of ROS 2."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
+
+from annotated_types import Interval
+
+from radarsim.cli.fields import Port, RobotName, Server
+from radarsim.cli.output import print_message, print_now, start_log
+from radarsim.cli.server_options import cure_of_port
+from radarsim.errors import import_optional, join_address
+from radarsim.plans import RARE, Option, Sets
+from radarsim.protocol.dialect import DriveUnit
+
+if TYPE_CHECKING:
+    from radarsim.addons.ros.board import Board
+    from radarsim.addons.ros.bridge import RosSide
+
+
+PORTS: Final = {"rosbridge": 9090, "foxglove": 8765}  # as their programs expect them
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BridgeOptions:
+    """How programs of ROS reach the bridge.
+
+    Attributes:
+        bridge: JSON over a WebSocket, for roslibpy and roslib (JavaScript); the
+            protocol of Foxglove, which needs the extra 'record'; or DDS, for ROS 2
+            itself, which needs the extra 'dds'.
+        web: Port of rosbridge, 9090 by default, or for Foxglove, 8765; 0 takes a free
+            one.
+        web_host: Address on which rosbridge listens, or for Foxglove.
+        origin: Site whose pages may connect, such as http://localhost:8080; repeat it
+            for others. Foxglove's own may.
+        domain: Domain of DDS, as ROS_DOMAIN_ID.
+        interface: Network interface of DDS; lo stays on this machine.
+    """
+
+    option_group: ClassVar = "Bridge"
+
+    bridge: Literal["rosbridge", "foxglove", "dds"] = "rosbridge"
+    web: Port | None = None
+    web_host: Annotated[str, RARE] = "127.0.0.1"
+    origin: Annotated[tuple[str, ...], Option(metavar="URL", is_rare=True)] = ()
+    domain: Annotated[int, Interval(ge=0, le=232), RARE] = 0
+    interface: Annotated[str, RARE] = "lo"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TopicOptions:
+    """Which topics there are, and how they are named.
+
+    Attributes:
+        map: Map this robot, and publish the map each second.
+        draw: Publish the surfaces of this map, which the server serves, on /scene.
+        true_map: Publish on /map where robots cannot drive in that map.
+        no_namespace: Leave the name of this robot out of its topics and frames, as in
+            /odom and base_link.
+        own_localization: Leave the transform from map to odom to a program of yours,
+            such as AMCL or slam_toolbox; otherwise it is the truth.
+        echoes: Publish the echoes and targets of all scanners as well.
+        image_port: Publish pictures of the first robot's camera, which 'radarsim serve
+            --image-port' draws on this port.
+        image_rate: Pictures in a second.
+    """
+
+    option_group: ClassVar = "Topics"
+    at_most_one: ClassVar[Sets] = (("map", "true_map"),)
+
+    map: Annotated[str | None, Option(metavar="ROBOT")] = None
+    draw: Annotated[str | None, Option(metavar="MAP", words="maps")] = None
+    true_map: Annotated[bool, Option(needs=("draw",))] = False
+    no_namespace: Annotated[str | None, Option(metavar="ROBOT")] = None
+    own_localization: bool = False
+    echoes: Annotated[bool, RARE] = False
+    image_port: Annotated[Port | None, RARE] = None
+    image_rate: Annotated[
+        float, Interval(gt=0, le=5), Option(metavar="HZ", is_rare=True)
+    ] = 2.0
+
+
+def ros(
+    server: Server,
+    options: BridgeOptions,
+    topics: TopicOptions,
+    *,
+    robot: RobotName | None = None,
+    start: str | None = None,
+    name: Annotated[str, RARE] = "R1",
+    drive_unit: Annotated[DriveUnit, RARE] = "rad_per_s",
+) -> int:
+    """Publish what the robots of a server sense as topics of ROS 2, and drive one.
+
+    Args:
+        server: The server.
+        options: How programs of ROS reach the bridge.
+        topics: Which topics there are.
+        robot: Spawn a robot of this class, which follows cmd_vel.
+        start: Name of its start; by default the first free one.
+        name: Name of that robot.
+        drive_unit: Unit in which the server takes wheel speeds.
+
+    Returns:
+        The exit code.
+    """
+    from radarsim.addons.ros.bridge import run_bridge
+    from radarsim.listening import exit_code_of_signal
+
+    start_log(logging.WARNING, "%(asctime)s %(levelname)s %(message)s")
+    logging.getLogger("uvicorn").setLevel(logging.ERROR)  # peers cannot fill the log
+    side = _make_side(options)
+
+    async def run() -> int:
+        with exit_code_of_signal() as exit_code:
+            bridge = run_bridge(
+                server.connect,
+                side,
+                options=topics,
+                robot_class=robot,
+                robot_name=name,
+                start=start,
+                drive_unit=drive_unit,
+            )
+            running = asyncio.ensure_future(bridge)
+            pending: set[asyncio.Future[object]] = {running, exit_code}  # type: ignore[arg-type]
+            await asyncio.wait(pending, return_when=asyncio.FIRST_COMPLETED)
+            # A bridge ends by itself only when something is lost: that is told even if
+            # a signal came as well.
+            if running.done():
+                running.result()  # raises what ended it
+                return 1
+            running.cancel()
+            await asyncio.wait({running})
+            return exit_code.result()
+
+    port = PORTS.get(options.bridge) if options.web is None else options.web
+    with cure_of_port({"--web": port}):
+        return asyncio.run(run())
+
+
+def _make_side(options: BridgeOptions) -> RosSide:
+    """Return the side of ROS: a member of a DDS domain, or a server of rosbridge.
+
+    Raises:
+        MissingPackage: If a package is missing; it names the extra.
+        ServerError: If it cannot join the domain.
+    """
+    if options.bridge == "dds":
+        # Looked for first, so that the message names the extra instead of a module.
+        for package in ("cyclonedds.domain", "rosbags.typesys"):
+            import_optional(package, "dds")
+        from radarsim.addons.ros.dds import DdsParticipant
+
+        side = DdsParticipant(options.domain, options.interface)
+        print_now(f"radarsim: DDS domain {options.domain} on {options.interface}")
+        return side
+    if options.web_host not in ("127.0.0.1", "localhost", "::1"):
+        print_message(f"whoever reaches {options.web_host} can drive the robot")
+    from radarsim.addons.ros.websocket_side import WebSocketSide
+
+    port = PORTS[options.bridge] if options.web is None else options.web
+    board: Board
+    if options.bridge == "foxglove":
+        import_optional("rosbags.typesys", "record")
+        from radarsim.addons.ros.foxglove import FoxgloveBoard
+
+        board = FoxgloveBoard()
+    else:
+        from radarsim.addons.ros.rosbridge import TopicBoard
+
+        board = TopicBoard()
+    return WebSocketSide(board, options.web_host, port, announce, options.origin)
+
+
+def announce(name: str, address: tuple[str, int]) -> None:
+    """Tell programs on stdout that clients of a protocol can connect."""
+    print_now(f"radarsim: {name} on ws://{join_address(*address)}")

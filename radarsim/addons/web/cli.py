@@ -1,0 +1,385 @@
+"""``radarsim commander``: see, drive and explain robots in a browser.
+
+``serve --web`` runs it as a process of its own beside the server, with which it ends.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import subprocess
+import sys
+import threading
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final
+from urllib.parse import urlencode
+
+import click
+
+from radarsim.cli.fields import Address, MapName, Port
+from radarsim.cli.output import print_message, print_now, start_log
+from radarsim.cli.server_options import (
+    Listener,
+    ServedMap,
+    ServeExtension,
+    ServerOptions,
+    check_item_settings,
+    cure_of_port,
+)
+from radarsim.errors import MapError, ServerError, describe_os_error, join_address
+from radarsim.plans import RARE, Option
+from radarsim.processes import exit_immediately, set_exit_code_of_sigterm
+
+if TYPE_CHECKING:
+    from radarsim.server.pace import Pace
+    from radarsim.simulation.config import SimulationConfig
+
+END_TIMEOUT: Final = 5.0  # s that it has to end by itself
+ANY_ADDRESS: Final = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # where to reach them
+# The modules are found where this process has found them.
+PROGRAM: Final = (
+    "import sys; end = sys.argv.index('commander');"
+    "sys.path[:] = sys.argv[1:end]; sys.argv[1:end] = [];"
+    "from radarsim.cli import main; main()"
+)
+OPTION: Final = "--web"
+LONGEST_TOKEN: Final = 200  # characters
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShownServer(ServerOptions):
+    """The server whose robots a page shows.
+
+    Attributes:
+        map: A map to serve: its file, or the name of a shipped map; @VARIANT may
+            follow.
+        connect: Show the robots of this server instead.
+        recording: Play the recording in this folder instead.
+        draw: The map that the server serves, to be drawn; without it the page shows
+            robots and scans alone. Of a recording, by default its own.
+        dialect: Dialect of the server.
+        settings: Setting of the robots' items, such as lms200.max_range=20, on the
+            server.
+        drive_unit: Unit in which the server takes wheel speeds; the dialect's by
+            default.
+        robots: File of another robot class of the server; repeat it.
+    """
+
+    option_group: ClassVar = "Server"
+    one_required: ClassVar = (("map", "connect", "recording"),)
+
+    map: MapName | None = None
+    connect: Address | None = None
+    recording: Annotated[Path | None, Option(metavar="DIR")] = None
+    draw: Annotated[
+        str | None,
+        Option(
+            metavar="MAP", words="maps", is_rare=True, needs=("connect", "recording")
+        ),
+    ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PageOptions:
+    """The page.
+
+    Attributes:
+        web: Port of the web page; 0 takes a free one.
+        web_host: Address on which browsers reach the page.
+        web_token_file: Read the token from here instead of making a new one.
+        record_to: Folder in which the page's recordings get folders of their own.
+    """
+
+    option_group: ClassVar = "Page"
+
+    web: Port = 8000
+    web_host: Annotated[str, RARE] = "127.0.0.1"
+    web_token_file: Annotated[Path | None, RARE] = None
+    record_to: Annotated[Path, Option(metavar="DIR", is_rare=True)] = Path()
+
+    def words(self) -> list[str]:
+        """Return them as words of a command line."""
+        words = ["--web", str(self.web), "--web-host", self.web_host]
+        if self.web_token_file is not None:
+            words += ["--web-token-file", str(self.web_token_file)]
+        return [*words, "--record-to", str(self.record_to)]
+
+    def extension(self, served: ServedMap) -> CommanderExtension:
+        """Return the page beside a server."""
+        return CommanderExtension(self, served)
+
+
+def commander(
+    server: ShownServer,
+    page: PageOptions,
+    *,
+    child: Annotated[bool, Option(is_rare=True, needs=("map",))] = False,
+) -> int:
+    """See, drive and explain robots in a browser.
+
+    A map is served on a free port; 'radarsim serve MAP --web PORT' has more options.
+
+    Args:
+        server: The server.
+        page: The page.
+        child: Start no server, but read its host and port from stdin, and end with it.
+
+    Returns:
+        The exit code.
+    """
+    if server.map is not None and not child:
+        from radarsim.cli.serve import LogOptions, serve
+
+        log = LogOptions()
+        return serve(
+            server.map, Listener(port=0), server, log_options=log, extensions=(page,)
+        )
+    from radarsim.listening import check_port
+
+    if page.record_to.is_file():
+        text = f"{page.record_to} is a file, expected a folder"
+        raise click.BadParameter(text, param_hint="--record-to")
+    with cure_of_port({OPTION: page.web}):  # before imports that take long
+        check_port(page.web_host, page.web)
+    from radarsim.addons.web.program import CommanderSettings, run_commander
+
+    config, drawn = server.config(), server.map or server.draw
+    if server.recording is not None:
+        config, drawn = conditions_of(server.recording, drawn)
+    address = _read_address() if child else server.connect
+    if not child:  # else the parent says what is wrong with them, and ends
+        check_item_settings(config)
+    token = _find_token(page)
+    settings = CommanderSettings(
+        server=address,
+        web_host=page.web_host,
+        web_port=page.web,
+        token=token,
+        config=config,
+        map=drawn,
+        record_to=page.record_to,
+        is_child=child,
+        recording=server.recording,
+    )
+    start_log(logging.WARNING, "%(asctime)s %(levelname)s %(message)s")
+    logging.getLogger("uvicorn").setLevel(logging.ERROR)  # peers cannot fill the log
+    with cure_of_port({OPTION: page.web}):
+        code = asyncio.run(
+            run_commander(settings, lambda at: announce_commander(at, token))
+        )
+    return exit_immediately(code)  # threads may still import or compute
+
+
+def _read_address() -> tuple[str, int]:
+    """Return where the server listens; its process writes that when it does."""
+    host, _, port = sys.stdin.readline().strip().rpartition(" ")
+    if not host:  # it has ended instead, and said why
+        raise click.exceptions.Exit(1)
+    return host, int(port)
+
+
+def _find_token(page: PageOptions) -> str:
+    from radarsim.server.web_server import make_token
+
+    if page.web_host not in ("127.0.0.1", "localhost", "::1"):
+        print_message(
+            f"whoever reaches {page.web_host} and knows the token can drive the robots"
+        )
+    return read_token(page.web_token_file) if page.web_token_file else make_token()
+
+
+def conditions_of(
+    folder: Path, drawn: str | None
+) -> tuple[SimulationConfig, str | None]:
+    """Return how the server of a recording was started, and which map to draw.
+
+    Args:
+        folder: Folder of the recording.
+        drawn: The map that the user wants; None for the recorded one, if that is there.
+
+    Raises:
+        RecordingError: If there is none.
+    """
+    from radarsim.addons.recording.bag_folder import digest_of, open_bag
+    from radarsim.protocol.dialect import get_dialect
+    from radarsim.scene.map_file import find_map
+    from radarsim.simulation.config import SimulationConfig
+
+    info = open_bag(folder).info
+    config = SimulationConfig(
+        get_dialect(info.dialect), info.drive_unit, info.settings, info.robots
+    )
+    name = info.map or info.drawn_map
+    if drawn is None and name:
+        try:
+            path, _ = find_map(name)
+            same = info.map_digest in ("", digest_of(path))
+            problem = "" if same else f"{path} is not as it was"
+        except (MapError, OSError) as error:
+            problem = str(error)
+        if problem:
+            print_message(f"no map is drawn: {problem}; --draw names one")
+        else:
+            drawn = name
+    return config, drawn
+
+
+def read_token(path: Path) -> str:
+    """Read a token: the first line of a file.
+
+    Raises:
+        click.BadParameter: If there is none.
+    """
+    try:
+        with path.open(encoding="ascii") as file:
+            # Limited, as the file may be a device without an end; two more characters
+            # show that it is too long.
+            token = file.readline(LONGEST_TOKEN + 2).strip()
+    except OSError as error:
+        reason = describe_os_error(error)
+    except UnicodeError:
+        reason = "not ASCII"
+    else:
+        if 16 <= len(token) <= LONGEST_TOKEN and token.isprintable():
+            return token
+        reason = f"{len(token)} characters, expected 16 to {LONGEST_TOKEN}"
+    text = f"no token in {path}: {reason}"
+    raise click.BadParameter(text, param_hint="--web-token-file")
+
+
+def announce_commander(address: tuple[str, int], token: str) -> None:
+    """Tell on stdout, on one line, what a browser has to open."""
+    set_exit_code_of_sigterm(0)
+    fragment = urlencode({"token": token})  # those of base64 have a plus, a blank else
+    print_now(f"radarsim: commander on http://{join_address(*address)}/#{fragment}")
+
+
+@dataclass(frozen=True, slots=True)
+class WebOptions:
+    """The option ``--web`` of ``radarsim serve``.
+
+    Attributes:
+        web: Serve a web page on this port as well, to see and drive robots; 0 takes a
+            free one. 'radarsim commander' has more options.
+    """
+
+    option_group: ClassVar = "Beside the server"
+
+    web: Port | None = None
+
+    def extension(self, served: ServedMap) -> CommanderExtension | None:
+        """See ``ExtensionOptions.extension``."""
+        if self.web is None:
+            return None
+        return PageOptions(web=self.web).extension(served)
+
+
+class CommanderExtension(ServeExtension):
+    """A commander beside the server that it shows, in a process of its own."""
+
+    def __init__(self, page: PageOptions, served: ServedMap) -> None:
+        """Plan a commander."""
+        self.ports = {OPTION: page.web}
+        self.address = page.web_host
+        self._words = [served.map, *page.words(), *served.options.words()]
+        self._process: subprocess.Popen[str] | None = None
+        self._pace: Pace | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._is_stopping = False
+
+    def open(self) -> None:
+        """Start it: it can import what it needs while the map is read.
+
+        Raises:
+            ServerError: If it cannot be started.
+        """
+        command = [sys.executable, "-c", PROGRAM, *sys.path]
+        try:
+            self._process = subprocess.Popen(
+                [*command, "commander", "--child", *self._words],
+                stdin=subprocess.PIPE,  # closed when this process ends, however it ends
+                stdout=subprocess.PIPE,
+                text=True,
+                start_new_session=True,  # Ctrl-C in a terminal is not for it
+            )
+        except OSError as error:
+            text = f"cannot start the commander: {describe_os_error(error)}"
+            raise ServerError(text) from error
+        threading.Thread(target=self._watch, args=(self._process,), daemon=True).start()
+
+    def follow_pace(self, pace: Pace) -> None:
+        """Let browsers change the pace, and tell them of changes."""
+        self._pace = pace
+        pace.observers.append(self._tell_pace)
+
+    async def start(self, address: str) -> None:  # noqa: ARG002
+        """Note in which event loop the server runs."""
+        self._loop = asyncio.get_running_loop()
+
+    async def stop(self) -> None:
+        """End it before the server, which it would look for."""
+        await asyncio.to_thread(self.close)
+
+    def announce(self, address: tuple[str, int]) -> None:
+        """Tell it where the server listens."""
+        host, port = address
+        self._tell(f"{ANY_ADDRESS.get(host, host)} {port}")
+        self._tell_pace()
+
+    def _tell_pace(self) -> None:
+        if self._pace is not None:
+            state = {"paused": self._pace.is_paused, "speed": self._pace.speed}
+            self._tell(json.dumps(state))
+
+    def _tell(self, line: str) -> None:
+        if self._process is not None and self._process.stdin is not None:
+            with suppress(OSError, ValueError):  # it has ended, and said why
+                self._process.stdin.write(f"{line}\n")
+                self._process.stdin.flush()
+
+    def _change_pace(self, request: str) -> None:
+        """Do what a browser asks for, in the event loop of the server."""
+        asked, pace = json.loads(request), self._pace
+        assert pace is not None  # the server is there before its page
+        if asked["speed"] is not None:
+            pace.set_speed(asked["speed"])
+        if asked["step"] is not None:
+            pace.step(asked["step"])
+        elif asked["paused"] is not None:
+            (pace.pause if asked["paused"] else pace.resume)()
+
+    def close(self) -> None:
+        """End it."""
+        process, self._is_stopping = self._process, True
+        if process is None or process.stdin is None:
+            return
+        with suppress(OSError):
+            # The end of its input tells it to end, and leaves it time to do so in
+            # order.
+            process.stdin.close()
+        try:
+            process.wait(END_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+    def _watch(self, process: subprocess.Popen[str]) -> None:
+        """Pass on what it prints and asks for, and tell when it ends by itself.
+
+        Robots are served on without it.
+        """
+        assert process.stdout is not None
+        for line in process.stdout:
+            if not line.startswith("{"):
+                with suppress(OSError):  # who has read stdout is gone
+                    print_now(line.rstrip("\n"))
+            elif self._loop is not None:
+                with suppress(RuntimeError):  # the server has ended
+                    self._loop.call_soon_threadsafe(self._change_pace, line)
+        code = process.wait()
+        if not self._is_stopping:
+            how = f"exit code {code}" if code >= 0 else f"signal {-code}"
+            print_message(f"the commander has ended ({how}); there is no page any more")

@@ -1,0 +1,19 @@
+"""The commands ``navigate``, ``map`` and ``trials``, as entries."""
+
+from typing import Final
+
+from radarsim.cli.entries import AUTONOMY, own_entries
+
+COMMANDS: Final = own_entries(
+    {
+        AUTONOMY: {
+            "autonomy.cli.navigate:navigate": (
+                "Drive a robot to a goal; exit with 3 if there is no path."
+            ),
+            "autonomy.cli.map:map_": ("Explore with a robot and map what it senses."),
+            "autonomy.cli.trials:trials": (
+                "Run navigators on several maps, and score them."
+            ),
+        }
+    }
+)

@@ -1,0 +1,137 @@
+"""``radarsim map``: explore with a robot and map what it senses."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+import click
+from annotated_types import Interval
+
+from radarsim.autonomy.cli.film import check_start
+from radarsim.autonomy.exploration.plans import ExplorationPlan, StrategyName
+from radarsim.cli.fields import (
+    LOCAL_SERVER,
+    Json,
+    RunFiles,
+    Simulation,
+    check_robot,
+)
+from radarsim.cli.files import without_empty_folder
+from radarsim.cli.output import MESSAGE_FORM, start_log
+from radarsim.plans import RARE, Option
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MappedPlace(Simulation):
+    """Where a robot maps: a simulation, a server, or what another client drives.
+
+    Attributes:
+        watch: Map this robot of another client of a radarsim server.
+        seed: Seed of the simulation and of turn_away.
+    """
+
+    one_required: ClassVar = ()  # what is followed may be on the usual server
+    at_most_one: ClassVar = (
+        ("map", "connect"),
+        ("map", "watch"),
+    )
+
+    watch: Annotated[str | None, Option(metavar="ROBOT")] = None
+    seed: Annotated[int, Interval(ge=0)] = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapFileOptions(RunFiles):
+    """What is written.
+
+    Attributes:
+        output: A folder or the beginning of names; by default the map's name.
+        plot: Draw the known area over time into a .png, .svg or .pdf.
+        mode: Cells of the map for nav2: occupied, free and unknown, or probabilities.
+    """
+
+    output: Annotated[str | None, Option(names=("-o", "--output"), metavar="OUT")] = (
+        None
+    )
+    plot: Path | None = None
+    mode: Annotated[Literal["trinary", "scale"], RARE] = "trinary"
+
+
+def map_(
+    where: MappedPlace,
+    plan: ExplorationPlan,
+    files: MapFileOptions,
+    *,
+    as_json: Json = False,
+) -> int:
+    """Explore with a robot and map what it senses.
+
+    Writes OUT.png, OUT.pgm and OUT.yaml for nav2, the trajectory OUT.tum, and
+    OUT_view.png with path, scale and legend.
+
+    Args:
+        where: The simulation, the server, or what is followed.
+        plan: How to explore.
+        files: What to write.
+        as_json: Print JSON, for programs.
+
+    Returns:
+        The exit code.
+    """
+    _check_combination(where, plan, files)
+
+    # Late, so that wrong options are told at once: numpy and plots take long.
+    from radarsim.addons.recording.run_recording import RunRecording
+    from radarsim.autonomy.cli.map_files import MapFiles
+    from radarsim.autonomy.cli.map_run import explore, follow
+    from radarsim.autonomy.evaluation.mapping_run import MappingRun
+
+    recording = RunRecording(files.record, plan.drive_unit, robots_map=True)
+    # Without the variant of a map, which follows an ``@``.
+    written = MapFiles(files, Path((where.map or "map").partition("@")[0]).stem)
+    address = where.connect or LOCAL_SERVER
+    with without_empty_folder(written.stem.parent):
+        if where.watch is not None:
+            robot = where.watch
+            return follow(plan, written, recording, address, robot, as_json=as_json)
+        written.check(served=where.map)
+        settings = where.item_settings()
+        served = recording.load_host(where.map, seed=where.seed, settings=settings)
+        check_start(None if served is None else served.simulation.scene, plan.start)
+        check_robot(plan.robot_class, served)
+        start_log(logging.WARNING, MESSAGE_FORM)
+        run = MappingRun(plan, served, seed=where.seed)
+        run.connect = recording.connect
+        explore(run, written, recording, address, as_json=as_json)
+        return int(bool(run.result.error))
+
+
+def _check_combination(
+    where: MappedPlace, plan: ExplorationPlan, files: MapFileOptions
+) -> None:
+    """Refuse options that exclude each other, or that nothing would use."""
+    if where.map is None and where.connect is None and where.watch is None:
+        raise click.UsageError("missing: one of MAP and --connect")
+    is_random = plan.strategy is StrategyName.TURN_AWAY
+    if where.seed and where.map is None and not is_random:
+        text = "expected MAP or --strategy turn_away with it"
+        raise click.BadParameter(text, param_hint="--seed")
+    if where.watch is not None:
+        default = ExplorationPlan()
+        driving = {
+            "--strategy": plan.strategy is not default.strategy,
+            "--way": plan.waypoints,
+            "--start": plan.start,
+            "--pose": plan.pose,
+            "--robot": plan.robot_class != default.robot_class,
+            "--safety-distance": plan.safety_distance,
+            "--plot": files.plot,
+            "--foliage-density": plan.foliage_density,
+        }
+        text = "expected no --watch with it, where another client drives"
+        for name, value in driving.items():
+            if value:
+                raise click.BadParameter(text, param_hint=name)

@@ -1,0 +1,206 @@
+"""``radarsim navigate``: drive a robot to a goal."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import click
+
+from radarsim.autonomy.cli.film import check_film, check_start, filmed
+from radarsim.autonomy.navigation.plans import Mission
+from radarsim.cli.fields import (
+    LOCAL_SERVER,
+    Json,
+    RunFiles,
+    Simulation,
+    check_robot,
+)
+from radarsim.cli.files import (
+    check_picture,
+    check_writable,
+    write_file,
+    write_picture,
+)
+from radarsim.cli.output import MESSAGE_FORM, print_lines, print_message, start_log
+from radarsim.processes import raise_on_signals
+
+if TYPE_CHECKING:
+    from radarsim.autonomy.evaluation.navigation_run import NavigationRun
+    from radarsim.autonomy.navigation.run_log import Row
+    from radarsim.scene.scene import Scene
+
+EXIT_CODES: Final = {"reached": 0, "no_path": 3}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NavigationFiles(RunFiles):
+    """Files that a run of a navigator is written into.
+
+    Attributes:
+        trace: Write a CSV file with a row for each scan.
+        plot: Draw the run into a .png, .svg or .pdf.
+    """
+
+    trace: Path | None = None
+    plot: Path | None = None
+
+    def check(self) -> None:
+        """Check before the run that its files can be written after it.
+
+        Raises:
+            click.BadParameter: If one cannot.
+        """
+        if self.trace is not None:
+            check_writable(self.trace, "--trace")
+            if self.trace.exists() and not _is_trace(self.trace):
+                text = f"{self.trace} is not a trace by radarsim, expected another file"
+                raise click.BadParameter(text, param_hint="--trace")
+        check_picture(self.plot)
+        check_film(self.film)
+
+    @contextmanager
+    def written(self, run: NavigationRun) -> Iterator[None]:
+        """Write trace and plot after a run, however it ends."""
+        from radarsim.autonomy.cli.navigate_output import view_of
+        from radarsim.autonomy.plotting.runs import draw_run
+
+        try:
+            yield
+        finally:
+            if self.trace is not None:
+                write_file(self.trace, run.run_log.as_csv().encode(), "--trace")
+                print_message(f"wrote {self.trace}")
+            if self.plot is not None and run.run_log.rows:
+                form = check_picture(self.plot)
+                write_picture(self.plot, draw_run(view_of(run), form=form))
+
+
+def navigate(
+    where: Simulation,
+    mission: Mission,
+    files: NavigationFiles,
+    *,
+    as_json: Json = False,
+) -> int:
+    """Drive a robot to a goal; exit with 3 if there is no path.
+
+    The trial of a map provides start, goal and safety distance where no option does.
+
+    Args:
+        where: The simulation or the server.
+        mission: The mission.
+        files: What to write.
+        as_json: Print JSON, for programs.
+
+    Returns:
+        The exit code.
+    """
+    from radarsim.addons.recording.run_recording import RunRecording
+    from radarsim.autonomy.evaluation.navigation_run import NavigationRun
+
+    files.check()
+    recording = RunRecording(files.record, mission.drive_unit)
+    settings = where.item_settings()
+    served = recording.load_host(where.map, seed=where.seed, settings=settings)
+    check_robot(mission.robot_class, served)
+    scene = None if served is None else served.simulation.scene
+    run = NavigationRun(complete_mission(mission, scene), served)
+    run.connect = recording.connect
+    start_log(logging.WARNING, MESSAGE_FORM)
+    # Left in reverse: the line of progress goes before the result is printed.
+    with (
+        raise_on_signals(),
+        recording,
+        files.written(run),
+        _print_result(run, as_json=as_json),
+        _shown(run, files) as observe,
+    ):
+        run.execute(where.connect or LOCAL_SERVER, observe)
+    if run.error:
+        print_message(run.error)
+    return EXIT_CODES.get(run.outcome, 1)
+
+
+def complete_mission(mission: Mission, scene: Scene | None) -> Mission:
+    """Return a mission with what the trial of a map provides, and nothing else does.
+
+    Args:
+        mission: The mission as it is given.
+        scene: The map; None for a server.
+
+    Raises:
+        click.BadParameter: If there is no goal, or no such start.
+    """
+    trial = None if scene is None else scene.trial
+    check_start(scene, mission.start)
+    if not mission.goals and trial is None:
+        text = "nowhere to go, expected X,Y, or a map that has a trial"
+        if scene is not None:
+            text = f"nowhere to go, expected X,Y: the map {scene.name!r} has no trial"
+        raise click.BadParameter(text, param_hint="--goal")
+    if trial is None:
+        return mission
+    has_start = mission.start is not None or mission.pose is not None
+    # The density of foliage asks for the distance that follows from it.
+    is_safe = mission.safety_distance is not None or mission.foliage_density is not None
+    return replace(
+        mission,
+        goals=mission.goals or (trial.goal,),
+        start=mission.start if has_start else trial.start,
+        safety_distance=mission.safety_distance if is_safe else trial.safety_distance,
+    )
+
+
+@contextmanager
+def _shown(run: NavigationRun, files: RunFiles) -> Iterator[Callable[[Row], None]]:
+    """Show the progress of a run, and film it if a file is given."""
+    from radarsim.autonomy.cli.navigate_output import run_camera, run_progress
+
+    with (
+        filmed(files.film, run_camera(run), files.film_speed) as update_film,
+        run_progress(run.run_log) as update,
+    ):
+
+        def observe(row: Row) -> None:
+            update(row)
+            update_film(row.time)
+
+        yield observe
+
+
+@contextmanager
+def _print_result(run: NavigationRun, *, as_json: bool) -> Iterator[None]:
+    """Print the result of a run, also of an interrupted one; else failures as JSON."""
+    from radarsim.autonomy.cli.navigate_output import as_json as result_as_json
+    from radarsim.autonomy.cli.navigate_output import as_text
+    from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED
+
+    try:
+        yield
+    except BaseException as error:
+        failed = isinstance(error, Exception)
+        run.error = run.error or (str(error) if failed else INTERRUPTED)
+        if as_json:
+            print_lines([result_as_json(run)])
+        elif not failed and run.run_log.rows:
+            print_lines(as_text(run))
+        raise
+    print_lines([result_as_json(run)] if as_json else as_text(run))
+
+
+def _is_trace(path: Path) -> bool:
+    """Return whether a file is empty or a trace of a run, by its first line."""
+    from radarsim.autonomy.navigation.run_log import trace_header
+
+    header = trace_header().encode()
+    try:
+        with path.open("rb") as file:
+            head = file.readline(len(header) + 1)
+    except OSError:
+        return False
+    return not head or head == header

@@ -1,0 +1,229 @@
+"""What ``radarsim navigate`` shows of a run: progress, summary, picture and film."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from typing import Final
+
+from radarsim.autonomy.cli.film import drawn_robot
+from radarsim.autonomy.evaluation.navigation_run import INTERRUPTED, NavigationRun
+from radarsim.autonomy.navigation.algorithms import Algorithm
+from radarsim.autonomy.navigation.controller import Activity
+from radarsim.autonomy.navigation.plans import Mission
+from radarsim.autonomy.navigation.run_log import Row, RunLog
+from radarsim.autonomy.plotting.outlines import Outline, outlines_of
+from radarsim.autonomy.plotting.runs import (
+    NO_PATH,
+    RunFrames,
+    RunView,
+    first_run_extent,
+)
+from radarsim.cli.progress import live_status
+from radarsim.errors import PresetError
+from radarsim.geometry import Floats, Point
+from radarsim.plotting.film import Pixels
+from radarsim.presets.robots import load_robot
+from radarsim.presets.sensors import load_settings
+from radarsim.simulation.map_warnings import plan_height
+
+ACTIVITIES: Final = {
+    Activity.GOING: "going to the goal",
+    Activity.ALIGNING: "following a boundary",
+    Activity.FOLLOWING: "following a boundary",
+    Activity.RETURNING: "returning to the leave point",
+    Activity.REACHED: "goal reached",
+    Activity.NO_PATH: "there is no path",
+}
+OUTCOMES: Final = {"reached": "goal reached", "no_path": "no path"}
+ENDINGS: Final = {"reached": "reached", "no_path": "no path", "failed": "not reached"}
+TITLES: Final = {
+    "reached": "reaches its goal",
+    "no_path": "finds that there is no path",
+}
+_DRIVES: Final = "drives to its goal"
+
+
+@contextmanager
+def run_progress(run_log: RunLog) -> Iterator[Callable[[Row], None]]:
+    """Show the progress of a run on stderr.
+
+    Args:
+        run_log: Rows of the run so far.
+
+    Yields:
+        A function to be called with each row after it has been added to the log.
+    """
+    state: object = None
+    hits = leaves = 0
+    with live_status(lambda: describe_status(run_log)) as log:
+
+        def update(row: Row) -> None:
+            nonlocal state, hits, leaves
+            last, state = state, (row.activity, row.goal)
+            if last == state:
+                return
+            position, what = f"{row.x:.2f} {row.y:.2f}", row.activity.value
+            change = what.replace("_", " ")
+            if row.activity is Activity.GOING and row.goal is not None:
+                x, y = row.goal
+                change = f"going to {x:.2f} {y:.2f}, {row.goal_distance:.2f} m away"
+            # hits and leaves are told by the log, which knows the goals in between
+            if len(run_log.leave_points) > leaves:
+                leaves = len(run_log.leave_points)
+                change = f"leave point {leaves} at {position}, {change}"
+            if len(run_log.hit_points) > hits:
+                hits = len(run_log.hit_points)
+                change = f"hit point {hits} at {position}, {what}"
+            log(f"{run_log.time:8.1f} s  {change}")
+
+        yield update
+
+
+def describe_status(run_log: RunLog) -> str:
+    """Return the state of a run in one line."""
+    if not run_log.rows:
+        return "waiting for a scan"
+    row = run_log.rows[-1]
+    nearest = f"{row.nearest:5.2f} m" if math.isfinite(row.nearest) else "   none"
+    return "  ".join(
+        (
+            f"{row.activity.value:9}",
+            f"goal {row.goal_distance:6.2f} m",
+            f"{run_log.time:7.1f} s",
+            f"path {run_log.path_length:6.2f} m",
+            f"nearest {nearest}",
+            row.pressed,
+        )
+    ).rstrip()
+
+
+def as_json(run: NavigationRun) -> str:
+    """Return the summary of a run as one line of JSON."""
+    return json.dumps(run.to_dict(), allow_nan=False)
+
+
+def as_text(run: NavigationRun) -> list[str]:
+    """Return the summary of a run as lines of text."""
+
+    def listed(points: Sequence[Point]) -> str:
+        return ", ".join(f"{x:.2f} {y:.2f}" for x, y in points) or "none"
+
+    summary = run.summary()
+    nearest = summary["nearest_obstacle"]
+    near = f"nearest obstacle {nearest:.2f} m"
+    if not math.isfinite(nearest):
+        near = "nothing was met"
+    is_interrupted = run.error == INTERRUPTED
+    ending = INTERRUPTED if is_interrupted else OUTCOMES.get(run.outcome, "failed")
+    lines = [
+        f"{ending} by {summary['algorithm']}: {listed(run.goals)}",
+        f"path          {summary['path_length']:.2f} m in {summary['time']:.1f} s;"
+        f" {near}",
+        f"hit points    {listed(summary['hit_points'])}",
+        f"leave points  {listed(summary['leave_points'])}",
+        f"circuits      {summary['circuits']}",
+    ]
+    for number, leg in enumerate(summary["legs"] if len(run.goals) > 1 else [], 1):
+        lines.append(
+            f"goal {number:<8} {listed([leg['goal']])}: {ENDINGS[leg['outcome']]},"
+            f" {leg['path_length']:.2f} m in {leg['time']:.1f} s"
+        )
+    if judge := summary.get("judge"):
+        lines.append(
+            f"in truth      {judge['path_length']:.2f} m,"
+            f" collisions: {judge['collisions']},"
+            f" {judge['goal_distance']:.2f} m from {_judged_goal(run.mission)}"
+        )
+    return lines
+
+
+def _judged_goal(mission: Mission) -> str:
+    """Return what the judge measures the distance from: the last goal, in words."""
+    if mission.return_to_start:
+        return "its start"
+    return "the last goal" if len(mission.goals) > 1 else "the goal"
+
+
+def view_of(run: NavigationRun) -> RunView:
+    """Return how a run is drawn; it has at least one row."""
+    run_log, monitor = run.run_log, run.monitor
+    subtitle = f"{run_log.path_length:.1f} m in {run_log.time:.0f} s"
+    if run.circuits:
+        subtitle += f", {run.circuits} circuit{'s' * (run.circuits != 1)}"
+    if monitor is not None:
+        away = monitor.off_goal(run.mission)
+        subtitle += f", in truth {away:.2f} m from {_judged_goal(run.mission)}"
+    return RunView(
+        run_log,
+        headline(run),
+        drawn_robot(run.mission.robot_class).name,
+        _medium_of(run),
+        outlines=_true_outlines(run),
+        subtitle=subtitle,
+        true_path=_true_path(run),
+    )
+
+
+def headline(run: NavigationRun) -> str:
+    """Return what the bug does, or has done, in words."""
+    if run.error == INTERRUPTED:
+        return f"{_title(run)}, interrupted"
+    return _title(run, TITLES.get(run.outcome, "fails"))
+
+
+def _title(run: NavigationRun, what: str = "") -> str:
+    """Return the name of the algorithm, what it does, and where."""
+    where = "" if run.scene is None else f"in {run.scene.name}"
+    name = run.mission.algorithm.value.capitalize()
+    return " ".join(word for word in (name, what, where) if word)
+
+
+def _medium_of(run: NavigationRun) -> str:
+    """Return the medium of the sensor that a robot steers by; empty if unknown."""
+    try:
+        items = load_robot(run.mission.robot_class).items_of("RangeScanner")
+    except PresetError:
+        return ""
+    wanted = (run.mission.scanner or items[0].name).casefold()
+    sensors = (each.sensor for each in items if each.name.casefold() == wanted)
+    sensor = next(sensors, None)
+    return "" if sensor is None else load_settings(sensor).medium
+
+
+def _true_outlines(run: NavigationRun) -> tuple[Outline, ...]:
+    scene = run.scene
+    return () if scene is None else outlines_of(scene, plan_height(scene))
+
+
+def _true_path(run: NavigationRun) -> Floats:
+    return NO_PATH if run.monitor is None else run.monitor.positions
+
+
+def run_camera(run: NavigationRun) -> Callable[[], Pixels]:
+    """Return a function that draws a run as it is; at least one row."""
+
+    @cache  # not before: where the robot starts is known by its first row
+    def frames() -> RunFrames:
+        first, outlines = run.run_log.rows[0], _true_outlines(run)
+        return RunFrames(
+            first_run_extent(outlines, (first.x, first.y), run.mission.goals),
+            _title(run, _DRIVES),
+            drawn_robot(run.mission.robot_class).name,
+            _medium_of(run),
+            outlines,
+            returns=run.mission.algorithm is Algorithm.BUG1,
+        )
+
+    def draw() -> Pixels:
+        run_log = run.run_log
+        activity = run_log.rows[-1].activity
+        path = f"{run_log.time:.1f} s, {run_log.path_length:.1f} m"
+        title = _title(run, TITLES.get(activity.value, _DRIVES))
+        status = f"{path}, {ACTIVITIES[activity]}"
+        return frames().draw(run_log, _true_path(run), status, title)
+
+    return draw

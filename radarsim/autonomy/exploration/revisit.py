@@ -1,0 +1,212 @@
+"""Revisit: waits where something came that closes floor off, and explores on.
+
+Theory of operation
+===================
+Floor that the robot could have reached does not close by itself: something came that
+closes it, and may go again. It stands where the robot has seen that nothing was, while
+a wall that makes a passage too narrow stands where nobody has looked before. So open
+and free floor are remembered. When a strategy is done and there is more to see beyond
+floor that was open, the robot drives towards it as far as the way is open, stays at a
+distance, so that the thing has room to go, and looks. Once the way is free, it explores
+on. If nothing changes for a while, it leaves that place alone, and the run ends as
+``incomplete``.
+
+At the end the map forgets what has moved. Floor where a robot may be keeps the safety
+distance from all that was seen by then, so what stands on it, or so near to it, came
+later: an obstacle that stands is seen larger from afar, not smaller. Few cells are
+errors of poses and beams.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+from scipy import ndimage
+
+from radarsim.autonomy.exploration.coverage import coverage_strategy, frontier_strategy
+from radarsim.autonomy.exploration.path_follower import (
+    GIVEN_UP_RADIUS,
+    WAITING,
+    ExplorationSettings,
+    PathFollower,
+    Strategy,
+)
+from radarsim.autonomy.exploration.strategies import is_enclosed
+from radarsim.autonomy.exploration.traversability import FREE_RADIUS, TraversabilityMap
+from radarsim.autonomy.mapping.occupancy_grid import Mask, OccupancyGrid, distance_field
+from radarsim.autonomy.navigation.control import STOP, Twist, distance
+from radarsim.autonomy.navigation.observation import Observation
+from radarsim.geometry import Point
+
+ROOM: Final = 1.5  # m that are left between the robot and what closes its way
+NEAR: Final = 0.4  # m from the place to look from, where the robot has arrived
+LOOK_TIME: Final = 40.0  # s that it looks at a place
+MOST_LOOKS: Final = 30  # times that it explores on
+SMALLEST: Final = 6  # cells, of a thing, on floor where the robot could have been
+GAP: Final = 0.1  # m between pieces of a thing, half of it
+MARGIN: Final = 0.13  # m by which the safety distance may be kept less, in whole tiles
+
+
+class Revisit(Strategy):
+    """Looks again at what has closed floor off to another strategy.
+
+    Attributes:
+        unseen: A place in each piece of floor that borders on the unknown, and was
+            closed off until the end, m.
+    """
+
+    min_scans = 0
+
+    def __init__(
+        self, settings: ExplorationSettings, strategy: Strategy, *, fills: bool
+    ) -> None:
+        """Begin with the other strategy.
+
+        Args:
+            settings: How the robot explores.
+            strategy: The other strategy.
+            fills: Whether the robot explores on to floor not seen at short range, too.
+        """
+        super().__init__(settings)
+        self.unseen: tuple[Point, ...] = ()
+        self._strategy = strategy
+        self._create = coverage_strategy if fills else frontier_strategy
+        self._grid: OccupancyGrid | None = None
+        self._floor: TraversabilityMap
+        self._was_open: Mask = np.zeros((0, 0), np.bool_)
+        self._may_open: Mask = self._was_open  # without that where it waited in vain
+        self._was_free: Mask = self._was_open
+        self._since: float | None = None  # when it began to look; None while exploring
+        self._left: list[Point] = []  # what strategies have left alone
+        self._looks = 0
+        self._has_looked = False
+
+    def _decide(self, observation: Observation, grid: OccupancyGrid) -> Twist:
+        twist = self._explore_or_look(observation, grid)
+        self.activity = self._strategy.activity if self._since is None else WAITING
+        return twist
+
+    def _explore_or_look(self, observation: Observation, grid: OccupancyGrid) -> Twist:
+        is_new = self._path_follower.update_map(observation, grid)
+        if is_new:
+            self._remember(grid)
+        if self._since is None:
+            twist = self._strategy.step(observation, grid)
+            if not self._strategy.is_done:
+                return twist
+            # By the map of this scan, as a passage may have closed just now.
+            self._path_follower = PathFollower(self._settings)
+            self._path_follower.update_map(observation, grid)
+            self._remember(grid)
+            self._begin_to_look(observation)
+        elif is_new:
+            self._look(observation)
+        if self.is_done or self._since is None:
+            return STOP
+        end = self._path_follower.end
+        if end is None or distance(observation.pose, *end) < NEAR:
+            return STOP
+        return self._path_follower.step(observation)
+
+    def forget_moved(self, grid: OccupancyGrid) -> None:
+        """Forget, on the map at the end, what came where floor was open.
+
+        Nothing if the robot has never looked again: then nothing has closed floor off,
+        and what little there is of such cells are errors of poses and beams.
+        """
+        if not self._has_looked:
+            return
+        floor = self._settings.traversability(grid)
+        was_open = floor.cells_of(floor.tiles_of(self._floor, self._was_open))
+        rows, columns = grid.frame.shape
+        safety = self._settings.bumpers.safety_distance
+        grid.free(moved_things(grid, was_open[:rows, :columns], safety))
+
+    def _remember(self, grid: OccupancyGrid) -> None:
+        """Remember the floor where the robot may be."""
+        floor = self._path_follower.floor
+        was_open, may_open, was_free = floor.open, floor.open, floor.free
+        # A map that was built anew has other places for all that was seen.
+        if grid is self._grid:
+            was_open = floor.open | floor.tiles_of(self._floor, self._was_open)
+            may_open = floor.open | floor.tiles_of(self._floor, self._may_open)
+            was_free = floor.free | floor.tiles_of(self._floor, self._was_free)
+        self._grid, self._floor = grid, floor
+        self._was_open, self._may_open, self._was_free = was_open, may_open, was_free
+
+    def _begin_to_look(self, observation: Observation) -> None:
+        floor = self._floor
+        reachable = floor.reachable(observation.pose)
+        targets = self._targets(observation, self._was_open)
+        if not (targets & ~reachable).any():
+            self.is_done = True
+            return
+        self._left += floor.places_of(targets & reachable, 0.0)
+        self._since, self._has_looked = observation.time, True
+        self._look(observation)
+
+    def _look(self, observation: Observation) -> None:
+        """Choose where to look from, explore on, or be done."""
+        floor, pose = self._floor, observation.pose
+        assert self._since is not None
+        beyond = self._reopened(self._may_open)
+        targets = self._targets(observation, self._may_open)
+        for place in self._left:
+            targets = targets & ~floor.disc(*place, GIVEN_UP_RADIUS)
+        path = beyond.find_path(pose, targets)
+        at = next(
+            (k for k, point in enumerate(path) if not floor.is_open(*point)), None
+        )
+        if not path or (at is None and self._looks >= MOST_LOOKS):
+            self.is_done = True
+            hidden = self._targets(observation, self._was_open)
+            hidden &= ~floor.reachable(pose)
+            self.unseen = tuple(floor.places_of(hidden, 0.0))
+        elif at is None:
+            self._looks += 1
+            self._since = None
+            self._strategy = self._create(self._settings)
+        elif observation.time > self._since + LOOK_TIME:
+            # Until it is open again: then it is remembered anew.
+            shut = self._may_open & ~floor.open
+            labels, _ = ndimage.label(shut, np.ones((3, 3)))
+            number = labels[floor.nearest(shut, *path[at])]
+            self._may_open = self._may_open & ~np.isin(labels, number)
+            self._since = observation.time
+        else:
+            away = [p for p in path[:at] if math.dist(p, path[at]) >= ROOM]
+            target = floor.nearest(floor.reachable(pose), *(away or path[:1])[-1])
+            self._path_follower.plan(observation, target)
+
+    def _targets(self, observation: Observation, also_open: Mask) -> Mask:
+        """Return floor that borders on the unknown, were some more floor open."""
+        floor, start = self._reopened(also_open), self._start
+        targets = floor.frontiers & floor.reachable(observation.pose)
+        if start is not None and not is_enclosed(observation):
+            targets &= floor.disc(start.x, start.y, self._settings.radius)
+        return targets
+
+    def _reopened(self, tiles: Mask) -> TraversabilityMap:
+        """Return the map without what came, where it stands on some tiles."""
+        floor = self._floor
+        labels, _ = ndimage.label(tiles & ~floor.open, np.ones((3, 3)))
+        came = labels[self._was_free & floor.nearer_than(FREE_RADIUS - MARGIN)]
+        return floor.reopened((labels > 0) & np.isin(labels, came))
+
+
+def moved_things(grid: OccupancyGrid, was_open: Mask, safety: float) -> Mask:
+    """Return the cells of things that have moved to where they are, (R, C).
+
+    Args:
+        grid: The map.
+        was_open: Cells of floor where the robot could have been, (R, C).
+        safety: Distance of the robot's centre from what it could not enter, m.
+    """
+    blocked, size = grid.blocked_cells(), grid.frame.resolution
+    reach = max(safety - MARGIN, 0.0) / size
+    near = blocked & np.isfinite(distance_field(was_open, reach))
+    # Pieces near each other are one: between two beams there is a gap.
+    joined = np.isfinite(distance_field(near, GAP / size))
+    labels, count = ndimage.label(joined, np.ones((3, 3)))
+    sizes = np.bincount(labels[blocked & was_open], minlength=count + 1)
+    return np.asarray(near & (sizes[labels] >= SMALLEST))

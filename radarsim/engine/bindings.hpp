@@ -1,0 +1,299 @@
+// What Python may call, and with which arguments. See library.py, which reads the descriptions.
+//
+// A function is called with one block of 8-byte words: a table that Arguments describes, and a word for each argument.
+// That is a number, the address of an object of Python that has to be an array of numpy, or that of a structure that
+// Python has packed. The descriptions are made from the types of C++, so that both sides cannot differ; only the names
+// of lengths, which have to agree, are written by hand, a letter for each axis of an array and a digit for a length
+// that is fixed:
+//
+//     int64_t count_near(Array<const Vector> points, Array<uint8_t> is_near, double radius);
+//     BIND(count_near, "n n")
+//
+//     struct Walls { Array<const Vector> starts, ends; double height; };
+//     LAYOUT(Walls, "w w", starts, ends, height)
+//
+//     struct Robot { double x, y; };
+//     ROW(Robot, x, y)
+//
+// A function that returns bool returns whether its arguments belong together; if not, Python raises an EngineError.
+// Structures are packed and passed by reference, or they are the rows of structured arrays, Array<const Robot>.
+#pragma once
+#include "numbers.hpp"
+#include <stdio.h>
+#include <string.h>
+
+namespace radarsim::bindings {
+
+// Returned where a function was not called: plus the number of the argument that is not as described. No function
+// returns these numbers, nor does arithmetic such a NaN.
+constexpr int64_t REFUSED = -(int64_t(1) << 50), NO_MEMORY = REFUSED + 127;
+
+union Word {
+    double number;
+    int64_t integer;
+    const void* address;
+};
+
+// Text of a limited length; what does not fit makes the description invalid, and no library with such a one opens.
+class Text {
+  public:
+    void add(const char* text) {
+        size_t length = strlen(text);
+        if (used_ + length >= sizeof(memory_)) return;
+        memcpy(memory_ + used_, text, length + 1);
+        used_ += length;
+    }
+    void add(int64_t number) {
+        char digits[24];
+        snprintf(digits, sizeof(digits), "%lld", static_cast<long long>(number));
+        add(digits);
+    }
+    const char* memory() const { return memory_; }
+
+  private:
+    char memory_[1 << 16] = {};
+    size_t used_ = 0;
+};
+
+// An array of numpy, in memory behind the head of all objects. Compiled packages depend on it: it is the same in all
+// versions.
+struct NumpyArray {
+    void* data;
+    int axes;
+    const int64_t *lengths, *strides;
+    const void *base, *dtype;
+    int flags;
+    static constexpr int CONTIGUOUS = 1, ALIGNED = 0x100, WRITEABLE = 0x400;
+};
+
+// The arguments of a call, read from the first to the last.
+class Arguments {
+  public:
+    // Words begin with a table: the size of the head of objects, which ends with their type; the type of arrays, and
+    // for each argument that is one the object that describes its numbers.
+    Arguments(const Word* words, const char* lengths)
+        : table_(static_cast<const Word*>(words->address)), dtype_(table_ + 2), word_(words), length_(lengths) {
+        for (int64_t& length : known_) length = -1;
+    }
+
+    Word next() { return count_++, *++word_; }
+    // Read an array whose first axes have names, and whose others have given lengths.
+    NumpyArray next_array(bool is_written, int named, const int64_t* others, int axes) {
+        auto head = static_cast<const char*>(next().address) + table_[0].integer;
+        const NumpyArray& array = *reinterpret_cast<const NumpyArray*>(head);
+        int flags = NumpyArray::CONTIGUOUS | NumpyArray::ALIGNED | (is_written ? NumpyArray::WRITEABLE : 0);
+        bool fits = reinterpret_cast<const Word*>(head)[-1].address == table_[1].address &&
+                    array.dtype == dtype_->address && (array.flags & flags) == flags && array.axes == axes;
+        for (int i = 0; i < axes && fits; i++) {
+            int64_t length = i < named ? length_named(length_[i], array.lengths[i]) : others[i - named];
+            fits = array.lengths[i] == length;
+        }
+        dtype_++;
+        while (*length_ && *length_++ != ' ') {}
+        if (!fits && !refused_) refused_ = REFUSED + count_;
+        return array;
+    }
+    // 0, or what Python gets instead of a result.
+    int64_t refused() const { return refused_; }
+
+  private:
+    // The length of axes of a name: that of the first one, or the name itself.
+    int64_t length_named(char name, int64_t length) {
+        if (name <= '9') return name - '0';
+        int64_t& known = known_[name - 'a'];
+        return known < 0 ? known = length : known;
+    }
+
+    const Word *table_, *dtype_, *word_;
+    const char* length_;
+    int64_t known_[26], count_ = 0, refused_ = 0;
+};
+
+// The code of a type in numpy, or the name of a structure.
+template <typename T> struct Code { static constexpr const char* name = structure_name(static_cast<T*>(nullptr)); };
+template <> struct Code<double> { static constexpr const char* name = "f8"; };
+template <> struct Code<float> { static constexpr const char* name = "f4"; };
+template <> struct Code<bool> { static constexpr const char* name = "?"; };
+template <> struct Code<int8_t> { static constexpr const char* name = "i1"; };
+template <> struct Code<int16_t> { static constexpr const char* name = "i2"; };
+template <> struct Code<int32_t> { static constexpr const char* name = "i4"; };
+template <> struct Code<int64_t> { static constexpr const char* name = "i8"; };
+template <> struct Code<uint8_t> { static constexpr const char* name = "u1"; };
+template <> struct Code<uint16_t> { static constexpr const char* name = "u2"; };
+template <> struct Code<uint32_t> { static constexpr const char* name = "u4"; };
+template <> struct Code<uint64_t> { static constexpr const char* name = "u8"; };
+template <typename T> struct Code<const T> : Code<T> {};
+template <typename T> requires(__is_enum(T)) struct Code<T> : Code<__underlying_type(T)> {};
+
+// A number, or a row of numbers.
+template <typename T> struct Element {
+    static constexpr const char* name = Code<T>::name;
+    static constexpr int axes = 0;
+    static void fill(int64_t*) {}
+};
+template <typename T, size_t N> struct Element<T[N]> {
+    static constexpr const char* name = Element<T>::name;
+    static constexpr int axes = 1 + Element<T>::axes;
+    static void fill(int64_t* lengths) {
+        lengths[0] = N;
+        Element<T>::fill(lengths + 1);
+    }
+};
+
+template <typename T> struct IsConst { static constexpr bool value = false; };
+template <typename T> struct IsConst<const T> { static constexpr bool value = true; };
+
+// A parameter of a function, or a field of a structure. Names are those of the lengths of arrays.
+template <typename T> struct Parameter { // a number
+    static T read(Arguments& arguments) {
+        if constexpr (__is_same(T, double)) return arguments.next().number;
+        else return T(arguments.next().integer);
+    }
+    static void describe(Text& text, const char*&) { text.add(Code<T>::name); }
+};
+template <typename T, size_t N> struct Parameter<T[N]> { // numbers within a row
+    static void describe(Text& text, const char*&) {
+        text.add(Code<T>::name);
+        text.add("[");
+        text.add(int64_t(N));
+        text.add("]");
+    }
+};
+template <typename T, int D> struct Parameter<Array<T, D>> {
+    static constexpr int axes = D + Element<T>::axes;
+    static Array<T, D> read(Arguments& arguments) {
+        int64_t others[Element<T>::axes + 1];
+        Element<T>::fill(others);
+        NumpyArray found = arguments.next_array(!IsConst<T>::value, D, others, axes);
+        Array<T, D> array = {static_cast<T*>(found.data), {}};
+        for (int i = 0; i < D && !arguments.refused(); i++) array.shape[i] = found.lengths[i];
+        return array;
+    }
+    static void describe(Text& text, const char*& names) {
+        int64_t others[Element<T>::axes + 1];
+        Element<T>::fill(others);
+        text.add(IsConst<T>::value ? "*" : "=");
+        text.add(Element<T>::name);
+        for (int i = 0; i < axes; i++) {
+            text.add(i ? "," : "[");
+            const char name[2] = {i < D ? *names++ : char(0), 0};
+            if (i < D) text.add(name);
+            else text.add(others[i - D]);
+        }
+        text.add("]");
+        if (*names == ' ') names++;
+    }
+};
+template <typename T> struct Parameter<const T*> { // a structure in another
+    static const T* read(Arguments& arguments) { return static_cast<const T*>(arguments.next().address); }
+    static void describe(Text& text, const char*&) {
+        text.add("&");
+        text.add(Code<T>::name);
+    }
+};
+template <typename T> struct Parameter<const T&> : Parameter<const T*> {
+    static const T& read(Arguments& arguments) { return *Parameter<const T*>::read(arguments); }
+};
+template <> struct Parameter<void*> {
+    static void* read(Arguments& arguments) { return const_cast<void*>(arguments.next().address); }
+    static void describe(Text& text, const char*&) { text.add("u8"); }
+};
+
+// Reads arguments from the first to the last, which only braces guarantee, and calls the function if they are right.
+template <typename R, typename... A> struct Call {
+    int64_t result;
+    Call(const Arguments& arguments, R (*function)(A...), A... values) : result(arguments.refused()) {
+        if (result) return;
+        if constexpr (__is_same(R, void)) function(values...);
+        else if constexpr (__is_same(R, bool)) result = function(values...) ? 0 : REFUSED;
+        else result = __builtin_bit_cast(int64_t, function(values...));
+    }
+};
+
+template <auto F> struct Function;
+template <typename R, typename... A, R (*F)(A...)> struct Function<F> {
+    static int64_t call(const Word* words, const char* lengths) {
+        Arguments arguments(words, lengths);
+        int64_t result = NO_MEMORY;
+        Attempt([&] { result = Call<R, A...>{arguments, F, Parameter<A>::read(arguments)...}.result; });
+        return result;
+    }
+    static void describe(Text& text, const char* lengths) {
+        ((Parameter<A>::describe(text, lengths), text.add(" ")), ...);
+        text.add(__is_same(R, double) ? "-> f8" : "-> i8");
+    }
+};
+
+// One function or structure, in the list of all.
+struct Entry {
+    const char *name, *kind, *lengths;
+    int64_t size;                       // of a structure
+    int64_t (*call)(const Word* words); // of a function, or what fills a structure
+    void (*describe)(Text&, const char* lengths);
+    const Entry* next;
+
+    static inline const Entry* first = nullptr;
+    Entry(const char* name, const char* kind, const char* lengths, int64_t size, int64_t (*call)(const Word*),
+          void (*describe)(Text&, const char*))
+        : name(name), kind(kind), lengths(lengths), size(size), call(call), describe(describe), next(first) {
+        first = this;
+    }
+};
+
+// Write a line for each function and structure.
+inline void describe_all(Text& text) {
+    for (const Entry* entry = Entry::first; entry; entry = entry->next) {
+        text.add(entry->name);
+        text.add(entry->kind);
+        text.add(entry->size);
+        text.add(" ");
+        text.add(int64_t(entry->call));
+        text.add(" ");
+        entry->describe(text, entry->lengths);
+        text.add("\n");
+    }
+}
+
+} // namespace radarsim::bindings
+
+#define BIND(function, lengths)                                                                                       \
+    inline int64_t call_##function(const ::radarsim::bindings::Word* words) {                                             \
+        return ::radarsim::bindings::Function<&function>::call(words, lengths);                                           \
+    }                                                                                                                 \
+    static const ::radarsim::bindings::Entry function##_entry{                                                            \
+        #function, " function ", lengths, 0, &call_##function, &::radarsim::bindings::Function<&function>::describe};
+
+// A macro for each of some names; C++20 has no other way to list the fields of a structure.
+#define RADARSIM_EXPAND(...) RADARSIM_EXPAND_3(RADARSIM_EXPAND_3(RADARSIM_EXPAND_3(__VA_ARGS__)))
+#define RADARSIM_EXPAND_3(...) RADARSIM_EXPAND_2(RADARSIM_EXPAND_2(RADARSIM_EXPAND_2(__VA_ARGS__)))
+#define RADARSIM_EXPAND_2(...) RADARSIM_EXPAND_1(RADARSIM_EXPAND_1(RADARSIM_EXPAND_1(__VA_ARGS__)))
+#define RADARSIM_EXPAND_1(...) __VA_ARGS__
+#define RADARSIM_PARENTHESES ()
+#define RADARSIM_EACH(macro, type, field, ...)                                                                        \
+    macro(type, field) __VA_OPT__(RADARSIM_EACH_AGAIN RADARSIM_PARENTHESES(macro, type, __VA_ARGS__))
+#define RADARSIM_EACH_AGAIN() RADARSIM_EACH
+#define RADARSIM_FIELD(type, field)                                                                                   \
+    text.add(#field " ");                                                                                             \
+    text.add(int64_t(offsetof(type, field)));                                                                         \
+    text.add(" ");                                                                                                    \
+    Parameter<decltype(type::field)>::describe(text, names);                                                          \
+    text.add(" ");
+#define RADARSIM_FILL(type, field) packed.field = Parameter<decltype(type::field)>::read(arguments);
+
+#define RADARSIM_STRUCTURE(type, kind, lengths, fill, ...)                                                            \
+    constexpr const char* structure_name(const type*) { return #type; }                                              \
+    inline void describe_##type(::radarsim::bindings::Text& text, [[maybe_unused]] const char* names) {                   \
+        using ::radarsim::bindings::Parameter;                                                                            \
+        RADARSIM_EXPAND(RADARSIM_EACH(RADARSIM_FIELD, type, __VA_ARGS__))                                             \
+    }                                                                                                                 \
+    static const ::radarsim::bindings::Entry type##_entry{#type, kind, lengths, sizeof(type), fill, &describe_##type};
+#define ROW(type, ...) RADARSIM_STRUCTURE(type, " row ", "", nullptr, __VA_ARGS__)
+#define LAYOUT(type, lengths, ...)                                                                                    \
+    inline int64_t fill_##type(const ::radarsim::bindings::Word* words) {                                                 \
+        using ::radarsim::bindings::Parameter;                                                                            \
+        ::radarsim::bindings::Arguments arguments(words, lengths);                                                        \
+        type& packed = *static_cast<type*>(const_cast<void*>(arguments.next().address));                              \
+        RADARSIM_EXPAND(RADARSIM_EACH(RADARSIM_FILL, type, __VA_ARGS__))                                              \
+        return arguments.refused();                                                                                   \
+    }                                                                                                                 \
+    RADARSIM_STRUCTURE(type, " structure ", lengths, &fill_##type, __VA_ARGS__)

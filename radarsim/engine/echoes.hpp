@@ -1,0 +1,373 @@
+// The echoes of the events along rays, and those of rain; see echo_extraction.py and rain.py for the
+// theory.
+#pragma once
+#include "attenuation.hpp"
+
+namespace radarsim {
+
+constexpr double NOTHING_LEFT = 1e-12; // share of a ray's power; as in echo_extraction.py
+
+struct Densities {
+    Array<const double> parts; // power lost per metre in each
+    double air;
+    Array<const double> scattering; // of each part, relative to foliage
+};
+
+struct ReturnLaw {
+    double full, nepers;
+    bool spreads; // whether the echo of a volume has the range of half its power
+
+    // What comes back of a ray that has a share of its power left.
+    double returned(double share) const { return share <= NOTHING_LEFT ? 0.0 : exp(nepers * (share - 1.0)); }
+    double share_left(const Event& event, double power) const {
+        if (event.kind == Kind::SPENT) return 0.0;
+        return full > 0.0 ? power / full : 1.0;
+    }
+    double share_before(const Event& event) const { return share_left(event, event.power); }
+    double share_behind(const Event& event) const { return share_left(event, event.power - event.absorbed); }
+};
+
+// What comes back of an event.
+struct Return {
+    double strength; // of its echo, had its ray the whole beam
+    double range;    // m, of its echo
+    double loss;     // what does not come back from behind the stretch before it, of what would from before that
+    double missing;  // to half of the strength
+};
+
+// A volume around a point of a ray.
+struct Volume {
+    int32_t part;
+    int64_t entry; // the event at which the ray entered it; -1 if it started inside
+};
+
+// Whether an event is of one of so many rays and, unless its ray ends there, parts.
+inline bool is_known(const Event& event, int64_t rays, int64_t parts) {
+    if (event.ray < 0 || event.ray >= rays) return false;
+    return event.kind > Kind::SHEET || (event.part >= 0 && event.part < parts);
+}
+
+inline double total_density(const Densities& densities, const List<Volume>& volumes) {
+    double total = densities.air;
+    for (const Volume& volume : volumes) total += densities.parts[volume.part];
+    return total;
+}
+
+// What a volume returns of a loss that it shares with the air and others.
+inline double share_of(const Densities& densities, const Volume& volume, double total) {
+    return densities.parts[volume.part] / total * densities.scattering[volume.part];
+}
+
+inline void update_volumes(List<Volume>& volumes, const Event& event, int64_t i) {
+    if (event.kind == Kind::ENTER) volumes.append({event.part, i});
+    if (event.kind == Kind::START_INSIDE) volumes.append({event.part, -1});
+    if (event.kind != Kind::LEAVE) return;
+    for (Volume& volume : volumes)
+        if (volume.part == event.part) {
+            volume = volumes.end()[-1]; // their order does not matter
+            volumes.shorten(volumes.size() - 1);
+            return;
+        }
+}
+
+// Add a loss along a stretch to the echoes of the volumes around it, in proportion to density. The echo of a volume
+// is that of its near side. One around the start has none: its share, like the air's, returns no echo.
+inline void credit_volumes(double loss, const Densities& densities, const List<Volume>& volumes,
+                           Buffer<Return>& returns) {
+    if (loss <= 0.0) return;
+    double total = total_density(densities, volumes);
+    if (total <= 0.0) return;
+    for (const Volume& volume : volumes)
+        if (volume.entry >= 0) returns[volume.entry].strength += loss * share_of(densities, volume, total);
+}
+
+// Compute strengths and losses.
+inline void compute_strengths(Array<const Event> events, const Densities& densities, const ReturnLaw& law,
+                              List<Volume>& volumes, Buffer<Return>& returns) {
+    int64_t ray = -1;
+    const double whole = law.returned(1.0);
+    double left = whole;
+    for (int64_t i = 0; i < events.size(); i++) {
+        const Event& event = events[i];
+        if (event.ray != ray) {
+            ray = event.ray, left = whole;
+            volumes.clear();
+        }
+        double share = law.share_before(event), behind = law.share_behind(event), arriving = law.returned(share);
+        returns[i].loss = left - arriving;
+        credit_volumes(returns[i].loss, densities, volumes, returns);
+        // Only sheets and surfaces take power at one point.
+        left = behind == share ? arriving : law.returned(behind);
+        if (event.kind == Kind::HIT) returns[i].strength = left;
+        if (event.kind == Kind::SHEET) returns[i].strength = (arriving - left) * densities.scattering[event.part];
+        update_volumes(volumes, event, i);
+    }
+}
+
+// A part of a ray's way along which the volumes around it are the same.
+struct Stretch {
+    double near, far;      // m
+    double before, behind; // shares of its power that the ray has there
+    double loss;           // as of the event at its end
+};
+
+// Set the ranges up to which half of the power of volumes has come back, where that is on this stretch.
+inline void find_middles(const Stretch& stretch, const Densities& densities, const ReturnLaw& law,
+                         const List<Volume>& volumes, Buffer<Return>& returns) {
+    auto [near, far, before, behind, loss] = stretch;
+    if (loss <= 0.0) return;
+    double total = total_density(densities, volumes);
+    if (total <= 0.0) return;
+    for (const Volume& volume : volumes) {
+        double share = share_of(densities, volume, total);
+        if (volume.entry < 0 || share <= 0.0 || returns[volume.entry].missing <= 0.0) continue;
+        Return& entry = returns[volume.entry];
+        double credit = loss * share;
+        if (credit >= entry.missing) {
+            double left = law.returned(before) - entry.missing / share;
+            double at = left > 0.0 ? 1.0 + log(left) / law.nepers : behind;
+            double lost = (before - at) / (before - behind);
+            entry.range = near + minimum(maximum(lost, 0.0), 1.0) * (far - near);
+        }
+        entry.missing -= credit;
+    }
+}
+
+// Find the ranges, when strengths and losses are known.
+inline void find_ranges(Array<const Event> events, const Densities& densities, const ReturnLaw& law,
+                        List<Volume>& volumes, Buffer<Return>& returns) {
+    int64_t ray = -1;
+    double near = 0.0, before = 1.0;
+    for (int64_t i = 0; i < events.size(); i++) {
+        const Event& event = events[i];
+        returns[i].range = event.t;
+        if (!law.spreads) continue;
+        if (event.ray != ray) {
+            ray = event.ray, near = 0.0, before = 1.0;
+            volumes.clear();
+        }
+        Stretch stretch = {near, event.t, before, law.share_before(event), returns[i].loss};
+        find_middles(stretch, densities, law, volumes, returns);
+        if (event.kind == Kind::ENTER) returns[i].missing = returns[i].strength / 2.0;
+        near = event.t, before = law.share_behind(event);
+        update_volumes(volumes, event, i);
+    }
+}
+
+constexpr double LEAF_BACKSCATTER = 2.0 / 3.0; // as in echo_extraction.py
+constexpr double EQUAL_STRENGTHS = 1e-12;      // relative difference below which they are
+
+struct Echo {
+    int64_t beam;
+    int64_t row;     // the ray, counted over all beams
+    double t;        // m from the start of the ray; of a volume, that up to which half of its power came back
+    double front;    // m, where the echo begins: of a volume, where the ray enters it
+    int64_t part;    // as in Traces
+    double power;    // left on arrival, for a hit without what the surface absorbs
+    double strength; // share of what a rough wall ahead returns of the whole beam
+    uint8_t kind;    // an EventKind
+    bool ends;       // whether a ray ends there
+};
+ROW(Echo, beam, row, t, front, part, power, strength, kind, ends)
+
+struct Placed { // an event among those of a beam, to be sorted by range
+    double range;
+    int64_t event;
+};
+
+// Merge two sorted runs; of equal ranges those of the first run come first.
+inline void merge_runs(Placed* run, int64_t middle, int64_t end, Placed* spare) {
+    memcpy(spare, run, middle * sizeof(Placed));
+    int64_t first = 0, second = middle;
+    for (int64_t k = 0; first < middle; k++)
+        run[k] = second < end && run[second].range < spare[first].range ? run[second++] : spare[first++];
+}
+
+// Sort by range; those of equal range keep their order. Most lists are short, and those of each ray are almost
+// sorted: insertion is the fastest. Longer lists are merged from runs that were sorted so.
+inline void sort_by_range(Placed* echoes, int64_t count, Placed* spare) {
+    constexpr int64_t SHORT = 16;
+    for (int64_t k = 1; k < count; k++) {
+        Placed echo = echoes[k];
+        int64_t i = k, start = k - k % SHORT;
+        for (; i > start && echoes[i - 1].range > echo.range; i--) echoes[i] = echoes[i - 1];
+        echoes[i] = echo;
+    }
+    for (int64_t width = SHORT; width < count; width *= 2)
+        for (int64_t start = 0; start + width < count; start += 2 * width) {
+            int64_t left = count - start;
+            merge_runs(echoes + start, width, left < 2 * width ? left : 2 * width, spare);
+        }
+}
+
+// Fill the echoes of all events, beam by beam, sorted by range; return how many there are, or -1 if an event is of
+// another ray or part. Incidence is empty, or the cosine of each ray's angle.
+inline int64_t extract_echoes(Array<const Event> events, Array<const double> weights, Array<const double> incidence,
+                              int64_t rays_per_beam, Array<const double> parts, double air,
+                              Array<const double> scattering, double full, double nepers, bool spreads,
+                              Array<Echo> echoes) {
+    int64_t n = events.size(), total = 0;
+    bool has_incidence = incidence.size() > 0;
+    if (rays_per_beam < 1 || (has_incidence && incidence.size() != weights.size())) return -1;
+    for (const Event& event : events)
+        if (!is_known(event, weights.size(), parts.size())) return -1;
+    Densities densities = {parts, air, scattering};
+    ReturnLaw law = {full, nepers, spreads};
+    Buffer<Return> returns(n);
+    List<Volume> volumes(n);
+    compute_strengths(events, densities, law, volumes, returns);
+    find_ranges(events, densities, law, volumes, returns);
+    List<Placed> placed(n);
+    Buffer<Placed> spare(n);
+    for (int64_t i = 0; i < n;) {
+        int64_t beam = events[i].ray / rays_per_beam;
+        placed.clear();
+        for (; i < n && events[i].ray / rays_per_beam == beam; i++) {
+            bool returns_echo = events[i].kind >= Kind::ENTER && events[i].kind <= Kind::SPENT;
+            if (returns_echo && weights[events[i].ray] > 0.0) placed.append({returns[i].range, i});
+        }
+        sort_by_range(placed.begin(), placed.size(), spare.data());
+        for (auto [range, row] : placed) {
+            const auto& [ray, t, part, kind, power, absorbed, x, y, z] = events[row];
+            bool hit = kind == Kind::HIT;
+            double strength = returns[row].strength;
+            if (has_incidence) strength *= hit ? incidence[ray] : LEAF_BACKSCATTER;
+            // Rounding can add up to a little more than the whole power.
+            strength = minimum(weights[ray] * strength, 1.0);
+            echoes[total++] = {beam, ray, range, t, part, power - (hit ? absorbed : 0.0), strength, uint8_t(kind),
+                               hit || kind == Kind::SPENT};
+        }
+    }
+    return total;
+}
+BIND(extract_echoes, "e r i p p e")
+
+// Whether one echo rather than another gives a merged echo its kind.
+inline bool represents(const Echo& one, const Echo& other) {
+    if (one.ends != other.ends) return one.ends;
+    return one.strength > other.strength * (1.0 + EQUAL_STRENGTHS);
+}
+
+// The first echo of a beam from i on that has strength or is an end; the number of all if there is none.
+inline int64_t first_with_power(Array<const Echo> echoes, int64_t i) {
+    for (int64_t beam = echoes[i].beam; i < echoes.size() && echoes[i].beam == beam; i++)
+        if (echoes[i].strength > 0.0 || echoes[i].ends) return i;
+    return echoes.size();
+}
+
+// Merge the echoes of each beam that are closer together than a resolution; return how many are left.
+inline int64_t merge_echoes(Array<const Echo> echoes, double resolution, Array<Echo> merged) {
+    int64_t left = 0, n = echoes.size();
+    for (int64_t i = 0, j; i < n; i = j) {
+        int64_t first = first_with_power(echoes, i), best = i;
+        double end = echoes[i].t; // nothing to merge with
+        if (first < n && echoes[first].t - echoes[i].t < resolution) end = echoes[first].t + resolution;
+        else first = i;
+        double nearest = echoes[first].t, total = 0.0, mean = 0.0;
+        for (j = i; j == i || (j < n && echoes[j].beam == echoes[i].beam && echoes[j].t < end); j++) {
+            total += echoes[j].strength;
+            mean += echoes[j].strength * (echoes[j].t - nearest);
+            if (represents(echoes[j], echoes[best])) best = j;
+        }
+        Echo& echo = merged[left++] = echoes[best];
+        echo.t = total > 0.0 ? nearest + mean / total : nearest;
+        if (Kind(echo.kind) != Kind::ENTER) echo.front = echo.t;
+        echo.strength = minimum(total, 1.0);
+    }
+    return left;
+}
+BIND(merge_echoes, "e e")
+
+enum Mode { LAST, FIRST, STRONGEST };
+
+// Select the echo that gives each beam its range, and set its range and ray; see echo_extraction.py. Return how many
+// beams read one; their rows come first in selected.
+inline int64_t select_echoes(Array<const Echo> echoes, int64_t mode, double threshold, bool reads_spent,
+                             Array<int64_t> selected, Array<double> ranges, Array<int64_t> rays) {
+    auto is_above = [&](const Echo& echo) { return mode != LAST && echo.strength > threshold; };
+    for (int64_t& row : selected) row = -1;
+    for (int64_t i = 0; i < echoes.size(); i++) {
+        const Echo& echo = echoes[i];
+        if (echo.beam < 0 || echo.beam >= selected.size()) continue;
+        int64_t& row = selected[echo.beam];
+        bool has_above = row >= 0 && is_above(echoes[row]);
+        bool is_better = !has_above || (mode == STRONGEST && echo.strength > echoes[row].strength);
+        if (is_above(echo) ? is_better : echo.ends && !has_above) row = i;
+    }
+    int64_t count = 0;
+    for (int64_t row : selected)
+        if (row >= 0 && (reads_spent || Kind(echoes[row].kind) != Kind::SPENT)) {
+            const Echo& echo = echoes[selected[count++] = row];
+            ranges[echo.beam] = echo.t;
+            rays[echo.beam] = echo.row;
+        }
+    return count;
+}
+BIND(select_echoes, "e b b b")
+
+constexpr double MOST_CELLS = 1e7; // between two events; a search farther on would not end
+
+// What is left of a search from cell to cell.
+struct Search {
+    double t;      // m, the first cell that was not searched, or that shows rain
+    double budget; // each cell takes its -log(probability that nothing shows); at most 0 if rain shows
+};
+
+// Search cells of constant contrast up to a distance; one exponential random number, the budget, decides it all.
+inline Search search_rain(Search from, double end, double cell, double contrast) {
+    auto [t, budget] = from;
+    // Where it does not rain, skip the cells, but stay at multiples of their depth.
+    if (contrast <= 0.0) return {t + cell * maximum(ceil((end - t) / cell), 0.0), budget};
+    for (; t < end; t += cell) {
+        // log1p stays exact where the probability of a detection is tiny.
+        budget += log1p(-exp(-t * t / contrast));
+        if (budget <= 0.0) break;
+    }
+    return {t, budget};
+}
+
+// Find the nearest cell of each beam in which rain is detected; return how many beams have one. Contrasts are those
+// of each part at 1 m; other arguments as in rain.py.
+inline int64_t find_rain(Array<const Event> events, Array<const int64_t> rays, Array<const double, 2> random,
+                         int64_t air_part, Array<const double> contrasts, double cell, double margin_db,
+                         double nearest, double full_power, Array<Echo> found) {
+    int64_t i = 0, count = 0, parts = contrasts.size();
+    Buffer<bool> enclosing(parts);
+    for (int64_t beam = 0; beam < rays.size(); beam++) {
+        for (int64_t part = 0; part < parts; part++) enclosing[part] = part == air_part; // as at the start
+        Search search = {nearest, random(0, beam)};
+        double before = 0.0, power = full_power; // distance and power after the previous event
+        while (i < events.size() && events[i].ray < rays[beam]) i++;
+        for (; i < events.size() && events[i].ray == rays[beam] && search.budget > 0.0; i++) {
+            const Event& event = events[i];
+            if (!is_known(event, INT64_MAX, parts) || !(event.t - search.t < MOST_CELLS * cell)) continue;
+            double contrast = 0.0;
+            int64_t raining = -1;
+            for (int64_t part = 0; part < parts; part++)
+                if (enclosing[part] && contrasts[part] > 0.0) contrast += contrasts[part], raining = part;
+            search = search_rain(search, event.t, cell, contrast);
+            if (search.budget <= 0.0) {
+                double t = search.t;
+                // Power falls linearly between events; unlimited power does not fall.
+                double lost = power < INFINITE ? (power - event.power) * (t - before) : 0.0;
+                lost /= event.t - before;
+                // The exponential distribution has no memory: what a detected cell has above the detection limit
+                // is distributed as without the limit.
+                double level = 10.0 * log10(1.0 + contrast / (t * t) * random(1, beam));
+                bool is_limited = 0.0 < full_power && full_power < INFINITE;
+                double share = is_limited ? (power - lost) / full_power : 1.0;
+                double above = minimum(level, margin_db) - margin_db * (1.0 - share);
+                if (above > 0.0)
+                    found[count++] = {beam, rays[beam], t, t, raining, power - lost,
+                                      pow(10.0, (above - margin_db) / 10.0), uint8_t(Kind::RAIN), false};
+            }
+            if (event.kind == Kind::START_INSIDE || event.kind == Kind::ENTER) enclosing[event.part] = true;
+            if (event.kind == Kind::LEAVE) enclosing[event.part] = false;
+            before = event.t, power = event.power - event.absorbed;
+        }
+    }
+    return count;
+}
+BIND(find_rain, "e b 2b p b")
+
+} // namespace radarsim

@@ -1,0 +1,285 @@
+"""Commands to a client's robot, and to the cameras that viewers of pictures see.
+
+Each function executes one type of command, and returns why it had no effect, or not the
+one that was asked for.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+from radarsim.errors import MalformedMessage, PresetError, expected_one_of, list_names
+from radarsim.presets.sensors import parse_settings
+from radarsim.protocol.commands import (
+    TRACE_COLOURS,
+    UNSUPPORTED_TYPES,
+    Drive,
+    GetConf,
+    GetGeo,
+    MovePackage,
+    MultiDrive,
+    SetItem,
+    SetViewports,
+    ShowCamera,
+    Trace,
+    parse_pose,
+    parse_switch,
+)
+from radarsim.protocol.line_template import printable_name
+from radarsim.protocol.message import LARGEST_COMMANDED, parse_number
+from radarsim.protocol.packages import LinkOrder
+from radarsim.server.host.connection import Diagnostic
+from radarsim.server.host.replies import CAMERA, find_items
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from radarsim.presets.robots import Item
+    from radarsim.simulation.simulation import Simulation
+    from radarsim.simulation.vehicle import Vehicle
+
+SETTING: Final = "SETTING"
+SCANNER_OPCODES: Final = ("ECHOES", "TARGETS", SETTING)
+CAMERA_OPCODES: Final = ("ZOOM", "FOV")
+OPCODES: Final = ("SCAN", "RESET", "POSE", *SCANNER_OPCODES, *CAMERA_OPCODES)
+LONGEST_TRACE: Final = 3600.0  # s between two marks of a trail
+MAX_PROBLEMS: Final = 800  # characters; a client can have many settings wrong
+DISABLE: Final = "disable"  # for a viewport without a camera
+MOST_SHOWN: Final = 64  # machines whose viewers see a camera of somebody's choice
+
+
+def drive(_: Simulation, vehicle: Vehicle, command: Drive) -> Diagnostic | None:
+    """Drive a robot, as far as the command has what its drive needs."""
+    if command.value is not None and command.joint is not None:
+        order = LinkOrder(command.joint, None, command.value, command.order)
+        return _move(vehicle, command.verb, [order])
+    left, right = command.left, command.right
+    normalized, light = command.normalized, command.light
+    vehicle.robot.drive(left, right, normalized=normalized, light=light)
+    if vehicle.model.flight is not None:
+        return _fly(vehicle, command)
+    return _roll(vehicle, command)
+
+
+def _roll(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
+    """Steer a car, or tell what a robot on wheels misses in a command."""
+    robot, is_car = vehicle.robot, vehicle.robot.bicycle is not None
+    left, right = command.left, command.right
+    if is_car and command.speed is not None:
+        robot.steer(command.speed, command.front_steer, command.rear_steer)
+        return None
+    steers = (command.front_steer, command.rear_steer) != (None, None)
+    sides = (left is not None) + (right is not None)
+    if is_car and (steers or sides):
+        text = f"DRIVE of {vehicle.model.name} without Speed, expected Speed"
+        return Diagnostic("no speed", f"{text}, FrontSteer and RearSteer")
+    if sides == 1:
+        missing = "Left" if left is None else "Right"
+        text = f"DRIVE without {missing}, expected Left and Right"
+        return Diagnostic("one side", f"{text}, or none of them")
+    # A client stops any robot with all speeds of all vehicles, but without angles.
+    if steers:
+        text = f"DRIVE with FrontSteer of {vehicle.model.name}, which is skid-steered"
+        return Diagnostic("steering", f"{text}, expected Left and Right")
+    return None
+
+
+def _fly(vehicle: Vehicle, command: Drive) -> Diagnostic | None:
+    """Fly a robot, which also takes the speeds of two sides, as if it had wheels."""
+    speeds = command.linear, command.lateral, command.altitude, command.rotational
+    vehicle.robot.fly(*speeds, normalized=bool(command.normalized))
+    others = command.speed, command.front_steer, command.rear_steer
+    if speeds.count(None) == len(speeds) and others.count(None) < len(others):
+        text = f"DRIVE with Speed of {vehicle.model.name}, which flies, expected"
+        return Diagnostic("no speed", f"{text} AltitudeVelocity and LinearVelocity")
+    return None
+
+
+def move_links(
+    _: Simulation, vehicle: Vehicle, command: MovePackage | MultiDrive
+) -> Diagnostic | None:
+    """Move those links that the robot has."""
+    return _move(vehicle, command.verb, command.orders)
+
+
+def _move(
+    vehicle: Vehicle, verb: str, orders: Sequence[LinkOrder]
+) -> Diagnostic | None:
+    missing = [
+        order.name if order.link is None else f"{order.name} {order.link}"
+        for order in orders
+        if not vehicle.move_link(order)
+    ]
+    if not missing:
+        return None
+    model = vehicle.model
+    packages = model.items_of("MisPkg")
+    if not packages:
+        return Diagnostic.of_unsupported(verb)
+    known = [f"{item.name} 1 to {len(item.links)}" for item in packages]
+    known += [link.name for item in packages for link in item.links if link.name]
+    text = f"{verb} of {list_names(missing)[:80]}, which {model.name} does not have"
+    return Diagnostic("link", f"{text}, expected one of {known}")
+
+
+def trace(simulation: Simulation, vehicle: Vehicle, command: Trace) -> None:
+    """Begin or end a trail."""
+    interval = round(100 * min(max(command.interval, 0.01), LONGEST_TRACE))
+    if command.is_on:
+        colour = TRACE_COLOURS[command.colour]
+        simulation.trails.begin(vehicle.robot, interval, colour)
+    else:
+        simulation.trails.end(vehicle.robot)
+
+
+def set_items(
+    simulation: Simulation, vehicle: Vehicle, command: SetItem
+) -> Diagnostic | None:
+    """Apply an opcode to items, which have the same type."""
+    if command.type == "Joint":  # as the original, in this case only
+        return _set_joint(vehicle, command)
+    items = find_items(vehicle.model, command.type, command.name)
+    if not items:
+        of_type = vehicle.model.items_of(command.type)
+        return describe_missing(vehicle, command, of_type)
+    opcode, params = command.opcode.upper(), command.params
+    if opcode not in OPCODES:
+        text = f"opcode {expected_one_of(command.opcode, OPCODES)}"
+        return Diagnostic("opcode", text)
+    kinds = (SCANNER_OPCODES, "RangeScanner"), (CAMERA_OPCODES, CAMERA)
+    for opcodes, kind in kinds:
+        if opcode in opcodes and items[0].type != kind:
+            text = f"SET {opcode} of type {items[0].type!r}, expected {kind}"
+            return Diagnostic("opcode", text)
+    try:
+        if opcode == SETTING:
+            settings = parse_settings(params)
+            vehicle.change_settings(items, settings, simulation.vehicles)
+        else:
+            _apply_opcode(vehicle, items, opcode, params)
+    except (MalformedMessage, PresetError) as error:
+        problems = "; ".join(str(error).splitlines())[:MAX_PROBLEMS]
+        return Diagnostic(f"malformed {opcode}", f"SET {opcode}: {problems}")
+    return None
+
+
+def _set_joint(vehicle: Vehicle, command: SetItem) -> Diagnostic | None:
+    """Turn a link to an angle."""
+    if command.opcode not in ("Angle", "Target"):
+        text = f"opcode {expected_one_of(command.opcode, ['Angle', 'Target'])}"
+        return Diagnostic("opcode", text)
+    try:
+        angle = parse_number(command.params, largest=LARGEST_COMMANDED)
+    except MalformedMessage as error:
+        return Diagnostic("malformed Angle", f"SET {command.opcode}: {error}")
+    order = LinkOrder(command.name or "", None, angle)
+    return _move(vehicle, SetItem.verb, [order])
+
+
+def _apply_opcode(
+    vehicle: Vehicle, items: Sequence[Item], opcode: str, params: str
+) -> None:
+    """Apply an opcode other than ``SETTING`` to items.
+
+    Raises:
+        MalformedMessage: If the parameters are not those of the opcode.
+    """
+    if opcode == "POSE":
+        pose = parse_pose(params)
+        for item in items:
+            vehicle.set_ins(item, pose)
+    elif opcode in CAMERA_OPCODES:
+        angle = parse_number(params, largest=LARGEST_COMMANDED) if params else 0.0
+        for item in items:  # whole degrees, as the original has them
+            vehicle.zoom(item, math.trunc(math.degrees(angle)))
+    elif opcode in SCANNER_OPCODES:
+        enabled = parse_switch(params)
+        for scanner in vehicle.scanners:
+            if scanner.item in items and opcode == "ECHOES":
+                scanner.sends_echoes = enabled
+            elif scanner.item in items:
+                scanner.sends_targets = enabled
+    else:
+        act = vehicle.request_scan if opcode == "SCAN" else vehicle.reset
+        for item in items:
+            act(item)
+
+
+def describe_missing(
+    vehicle: Vehicle, command: GetGeo | GetConf | SetItem, of_type: Sequence[Item]
+) -> Diagnostic:
+    """Describe why a robot does not have what a command is about.
+
+    Args:
+        vehicle: The robot.
+        command: The command.
+        of_type: The items of the command's type.
+    """
+    item_type, name = command.type, command.name
+    for unsupported in UNSUPPORTED_TYPES:
+        if unsupported.casefold() == item_type.casefold():
+            return Diagnostic.of_unsupported(unsupported)
+    if name is not None and of_type:
+        expected = expected_one_of(name, [item.name for item in of_type])
+        text = f"{command.verb} of {of_type[0].type} {expected}"
+        return Diagnostic("item name", text)
+    types: list[str] = [*dict.fromkeys(item.type for item in vehicle.model.items)]
+    if not isinstance(command, SetItem):
+        types = ["Robot", *types, "Echoes", "RadarTargets"]
+    text = f"{command.verb} of type {expected_one_of(item_type, types)}"
+    return Diagnostic("item type", text)
+
+
+def set_viewports(
+    _: Simulation, vehicle: Vehicle, command: SetViewports
+) -> Diagnostic | None:
+    """Show other cameras in pictures; what the robot does not have changes nothing."""
+    names = {camera.name.casefold(): camera.name for camera in vehicle.cameras}
+    chosen = list(vehicle.viewports)
+    for number, wanted in enumerate(command.cameras):
+        if wanted is None:
+            continue
+        name = names.get(wanted.casefold())
+        if name is None and wanted.casefold() != DISABLE:
+            expected = expected_one_of(wanted, [*names.values(), DISABLE.capitalize()])
+            return Diagnostic("viewport", f"SET Viewport{number + 1} {expected}")
+        chosen[number] = name
+    vehicle.viewports = chosen
+    if command.is_quad is not None:
+        vehicle.is_quad = command.is_quad
+    return None
+
+
+def show_camera(simulation: Simulation, command: ShowCamera) -> Diagnostic | None:
+    """Let the viewers on a machine see a camera, or what they see without a choice."""
+    shown = simulation.shown
+    shown.pop(command.client, None)
+    if command.robot is None:
+        return None
+    for vehicle in robots_named(simulation, command.robot)[:1]:
+        cameras = find_items(vehicle.model, CAMERA, command.name)
+        if command.name and not cameras:
+            names = [item.name for item in vehicle.cameras]
+            expected = expected_one_of(command.name, names)
+            return Diagnostic("item name", f"SET of Camera {expected}")
+        name = cameras[0].name if command.name else None
+        shown[command.client] = vehicle.number, name
+        if len(shown) > MOST_SHOWN:
+            del shown[next(iter(shown))]  # the oldest choice
+        return None
+    text = f"SET Camera of robot {command.robot[:80]!r}, which is not there"
+    return Diagnostic("no robot", text)
+
+
+def robots_named(simulation: Simulation, name: str) -> list[Vehicle]:
+    """Return the robots of a name, in any case.
+
+    There are several if their names differ only in characters that no line can have.
+    """
+    wanted = printable_name(name).casefold()
+    return [
+        vehicle
+        for vehicle in simulation.vehicles
+        if printable_name(vehicle.robot.name).casefold() == wanted
+    ]

@@ -1,0 +1,399 @@
+"""A wireless server (WSS), through which robots talk that hear each other.
+
+Theory of operation
+===================
+A robot registers with its name and the ports on which its program listens. Another one
+asks for a port at which it reaches the first, and connects to that: its bytes are
+passed on, in both directions, as long as the signal between the two is strong enough.
+When it is not, which is looked at in each ``LOOK_INTERVAL``, all that they have to each
+other is closed, and the port is open again when it is.
+
+Rule 1: a program is only connected to at the address from which it registered.
+Rule 2: a robot whose battery is empty, or that has left, is closed; one that is not
+there yet only hears nobody.
+Rule 3: a robot that reads slowly does not fill the memory: what comes for it waits at
+its sender, and it is closed if it reads nothing for ``STALL_TIMEOUT``.
+Rule 4: requests are answered as questions are (``question_server``), relay ports are
+looked at one after the other, and a connection rests after each piece that it has
+passed on, longer the more of them there are, so that ticks are on time whatever is
+asked and sent.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+from contextlib import ExitStack, suppress
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
+
+from radarsim.errors import ServerError
+from radarsim.listening import (
+    ACCEPTED_AT_ONCE,
+    MAX_WAITING,
+    bind,
+    configure_socket,
+)
+from radarsim.protocol.line_template import printable_name
+from radarsim.protocol.wireless import (
+    CUTOFF,
+    read_request,
+    signal_strength,
+    strength_text,
+)
+from radarsim.server.question_server import (
+    REST,
+    QuestionClient,
+    QuestionServer,
+    count_obstacles,
+)
+
+if TYPE_CHECKING:
+    import socket
+    from collections.abc import Callable, Sequence
+
+    from radarsim.simulation.simulation import Simulation
+    from radarsim.simulation.vehicle import Vehicle
+
+log = logging.getLogger("radarsim.server")
+
+MAX_ROBOTS: Final = 32
+MAX_RELAYS: Final = 128  # ports of all pairs
+MAX_LINKS: Final = 64  # connections through all of them
+LOOK_INTERVAL: Final = 1.0  # s, as the original
+UNHURRIED_LINKS: Final = 8  # that rest for as short as one alone
+CONNECT_TIMEOUT: Final = 5.0  # s
+READ_BYTES: Final = 32_768  # passed on at a time
+STALL_TIMEOUT: Final = 60.0  # s; else who is gone would hold a link for ever
+CLOSE_GRACE: Final = 2.0  # s to read what was written before a link was closed
+Place: TypeAlias = tuple[str, int]  # address and port
+Ports: TypeAlias = tuple[int, ...] | None  # None if they are not readable
+
+
+class WirelessServer(QuestionServer):
+    """Listens to robots."""
+
+    def __init__(self, simulation: Simulation, *, port: int) -> None:
+        """Create a server that does not listen yet.
+
+        Args:
+            simulation: Where the robots are.
+            port: Port to listen on; 0 for a free one.
+        """
+        super().__init__(lambda _: b"", port=port, kind="robots that talk")
+        self.robots: dict[str, WirelessClient] = {}
+        self._simulation = simulation
+        self._relays: dict[tuple[str, str, int], RelayPort] = {}
+        self._seen: set[str] = set()  # names of robots that were there
+        self._looking: asyncio.TimerHandle | None = None
+
+    def _accept(self) -> WirelessClient:
+        return WirelessClient(self)
+
+    async def start(self, address: str = "127.0.0.1") -> None:
+        """Listen, and look where the robots are from now on."""
+        await super().start(address)
+        self._look()
+
+    async def stop(self) -> None:
+        """Close the port and all connections at once; never raises."""
+        if self._looking is not None:
+            self._looking.cancel()
+        await super().stop()
+
+    def strength(self, one: str, other: str) -> float | None:
+        """Return the strength of the signal, dBm; None if a robot is not there."""
+        present = self._present()
+        if not {one, other} <= present.keys():
+            return None
+        places = [present[each].robot.body.numbers()[:3] for each in (one, other)]
+        start, end = sorted(places)
+        count = count_obstacles(self._simulation.scene, start, end)
+        return signal_strength(math.dist(start, end), count)
+
+    def hears(self, one: str, other: str) -> bool:
+        """Return whether two robots hear each other."""
+        strength = self.strength(one, other)
+        return strength is not None and strength >= CUTOFF
+
+    def relay_port(self, source: str, target: str, port: int) -> int | None:
+        """Return the port at which one robot reaches a port of another, if any."""
+
+        def place() -> Place | None:
+            robot = self.robots.get(target)
+            has_room = self._count_links() < MAX_LINKS
+            return (robot.address, port) if robot and has_room else None
+
+        key = source, target, port
+        if key not in self._relays:
+            if len(self._relays) >= MAX_RELAYS:
+                return None
+            try:
+                relay = RelayPort(self.addresses, place, self._rest)
+            except ServerError:
+                return None
+            self._relays[key] = relay
+        if self.hears(source, target):
+            self._relays[key].open()
+        return self._relays[key].number
+
+    def caller(self, target: str, port: int) -> str | None:
+        """Return who reaches a robot from a port of this server."""
+        for (source, to, _), relay in self._relays.items():
+            if to == target and port in relay.links.values():
+                return source
+        return None
+
+    def _count_links(self) -> int:
+        return sum(len(relay.links) for relay in self._relays.values())
+
+    def _rest(self) -> float:
+        """Return how long a link rests after each piece, s."""
+        return REST * max(1.0, self._count_links() / UNHURRIED_LINKS)
+
+    def forget(self, name: str) -> None:
+        """Close all relay ports of a robot that has gone."""
+        self.robots.pop(name, None)
+        for key in [each for each in self._relays if name in each[:2]]:
+            self._relays.pop(key).close()
+
+    def _present(self) -> dict[str, Vehicle]:
+        """Return the robots whose batteries are not empty, by their names."""
+        return {v.robot.name: v for v in self._simulation.vehicles if v.alive}
+
+    def _look(self) -> None:
+        """Open or close a relay port by what is heard now, and look at the next later.
+
+        Robots that have gone are closed.
+        """
+        present = self._present()
+        self._seen |= present.keys() & self.robots.keys()
+        for name in self._seen - present.keys():
+            self._seen.discard(name)
+            if name in self.robots:
+                client = self.robots[name]
+                log.info("%s: %s has gone", client.peer, printable_name(name))
+                client.close()
+        for key in list(self._relays)[:1]:
+            relay = self._relays[key] = self._relays.pop(key)  # as the last one
+            if self.hears(*key[:2]):
+                relay.open()
+            else:
+                relay.close()
+        loop = asyncio.get_running_loop()
+        interval = LOOK_INTERVAL / max(1, len(self._relays))
+        self._looking = loop.call_later(interval, self._look)
+
+
+class WirelessClient(QuestionClient):
+    """The connection on which a robot registers and asks."""
+
+    KIND = "robot that talks"
+    MOST = MAX_ROBOTS
+
+    def __init__(self, server: WirelessServer) -> None:
+        """Create the protocol of a connection to a server."""
+        super().__init__(server, self._reply, keeps_blank=False)
+        self._wireless = server
+        self.name, self.address = "", ""
+        self.ports: tuple[int, ...] = ()
+
+    def _begin(self, transport: asyncio.Transport) -> None:
+        super()._begin(transport)
+        self.address = transport.get_extra_info("peername")[0]
+
+    def _reply(self, line: str) -> bytes:
+        reply = self._answer_request(*read_request(line))
+        return f"{reply}\r\n".encode("ascii", "replace")
+
+    def _answer_request(self, verb: str, robot: str, ports: Ports) -> str:
+        if not self.name:
+            return self._register(verb, robot, ports)
+        fault = _fault_of(verb, robot, ports)
+        if fault:
+            return f"ERROR {{Reason {fault}}}"
+        if verb == "GETSS":
+            return self._tell_strength(robot)
+        if verb == "DNS":
+            return self._reach(robot, ports or ())
+        port = (ports or (0,))[0]
+        name = self._wireless.caller(self.name, port)
+        who = "Error UnknownOrIllegalPort"
+        if name is not None:
+            who = f"Robot {printable_name(name)}"
+        return f"REVERSEDNSREPLY {{Port {port}}} {{{who}}}"
+
+    def _register(self, verb: str, robot: str, ports: Ports) -> str:
+        if verb != "INIT":
+            return "ERROR {Reason Must.Use.INIT.Method.First}"
+        if ports is None:
+            return "ERROR {Reason Ports.List.Must.Be.Integer}"
+        if not robot:
+            return "ERROR {Reason Robot.Name.Must.Not.Be.Empty}"
+        if robot in self._wireless.robots:
+            return "ERROR {Reason Robot.Alread.Exists}"  # as the original spells it
+        self.name, self.ports = robot, ports
+        self._wireless.robots[robot] = self
+        log.info("%s: is %s", self.peer, printable_name(robot))
+        return "INITREPLY {Status OK}"
+
+    def _tell_strength(self, name: str) -> str:
+        robot = f"SS {{Robot {printable_name(name)}}}"
+        if name == self.name:
+            return f"{robot} {{Strength INF}} {{Error SS.To.Self}}"
+        if name not in self._wireless.robots:
+            return f"{robot} {{Strength NaN}} {{Error Robot.Does.Not.Exist}}"
+        return f"{robot} {strength_text(self._wireless.strength(self.name, name))}"
+
+    def _reach(self, name: str, ports: tuple[int, ...]) -> str:
+        """Answer how another robot is reached."""
+        other = self._wireless.robots.get(name)
+        reply = f"DNSREPLY {{Robot {printable_name(name)}}}"
+        if other is None or other is self:
+            return f"{reply} {{Port -1}} {{Error NoSuchRobot}}"
+        wanted = ports or other.ports
+        if not wanted or wanted[0] not in other.ports:
+            return f"{reply} {{Port -1}} {{Error RobotDoesNotListenOnThisPort}}"
+        number = self._wireless.relay_port(self.name, name, wanted[0])
+        if number is None:
+            return "ERROR {Reason Could.Not.Allocate.Port}"
+        return f"{reply} {{Port {number}}}"
+
+    def _forget(self) -> None:
+        super()._forget()
+        if self.name:
+            self._wireless.forget(self.name)
+
+
+def _fault_of(verb: str, robot: str, ports: Ports) -> str:
+    """Return what is wrong with a request of a registered robot, in one word."""
+    if verb not in ("GETSS", "DNS", "REVERSEDNS"):
+        return "Method.Unknown.Or.Can.INIT.only.once"
+    if verb != "GETSS" and ports is None:
+        return "Port.Must.Be.Integer"
+    if verb != "REVERSEDNS" and not robot:
+        return "Robot.Name.Must.Not.Be.Empty"
+    return ""
+
+
+class RelayPort:
+    """A port at which one robot reaches a port of another.
+
+    Attributes:
+        number: The port.
+        links: The connections through it, and the ports of this server from which
+            the robot is reached; 0 before it is.
+    """
+
+    def __init__(
+        self,
+        addresses: Sequence[str],
+        target: Callable[[], Place | None],
+        rest: Callable[[], float],
+    ) -> None:
+        """Choose a port, which is closed at first.
+
+        Args:
+            addresses: Addresses to listen on.
+            target: Returns the place that a caller is connected to; None to refuse it.
+            rest: Returns how long a connection rests after each piece, s.
+
+        Raises:
+            ServerError: If there is no free port.
+        """
+        self._addresses, self._target, self._rest = addresses, target, rest
+        self._listeners: list[asyncio.Server] = []
+        self._starting: asyncio.Task[None] | None = None
+        self._is_open = False
+        self.links: dict[asyncio.Task[Any], int] = {}
+        with bind(addresses[0], 0) as sock:
+            self.number: int = sock.getsockname()[1]
+
+    def open(self) -> None:
+        """Listen, if it does not; where another program has the port, try later."""
+        if self._is_open:
+            return
+        with suppress(ServerError, OSError), ExitStack() as unless_all:
+            sockets = []
+            for address in self._addresses:
+                sock = bind(address, self.number, only_ipv6=True)
+                sockets.append(unless_all.enter_context(sock))
+                sock.listen(MAX_WAITING)  # at once, as whoever has asked comes now
+            unless_all.pop_all()
+            self._is_open = True
+            self._starting = asyncio.ensure_future(self._serve(sockets))
+
+    async def _serve(self, sockets: list[socket.socket]) -> None:
+        for sock in sockets:
+            listener = await asyncio.start_server(
+                self._link, sock=sock, backlog=ACCEPTED_AT_ONCE
+            )
+            self._listeners.append(listener)
+            sock.listen(MAX_WAITING)  # as of ``listening.listen``
+        if not self._is_open:  # closed meanwhile
+            self.close()
+
+    def close(self) -> None:
+        """Stop listening, and close all connections through it."""
+        self._is_open = False
+        while self._listeners:
+            self._listeners.pop().close()
+        for link in self.links:
+            link.cancel()
+
+    async def _link(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
+        """Pass on what a caller and the robot send, until one of them closes."""
+        place = self._target() if self._is_open else None
+        if place is None:
+            writer.close()
+            return
+        configure_socket(writer.transport)
+        link, writers = asyncio.current_task(), [writer]
+        assert link is not None
+        self.links[link] = 0
+        passing: list[asyncio.Task[None]] = []
+        try:
+            async with asyncio.timeout(CONNECT_TIMEOUT):
+                his_reader, his_writer = await asyncio.open_connection(*place)
+            writers.append(his_writer)
+            configure_socket(his_writer.transport)
+            self.links[link] = his_writer.get_extra_info("sockname")[1]
+            passing = [
+                asyncio.ensure_future(self._pass_on(reader, his_writer)),
+                asyncio.ensure_future(self._pass_on(his_reader, writer)),
+            ]
+            await asyncio.wait(passing, return_when=asyncio.FIRST_COMPLETED)
+        except OSError as error:
+            log.info("no connection to %s port %d: %s", *place, error)
+        finally:
+            for each in passing:
+                each.cancel()
+            await _close_soon(writers)
+            del self.links[link]
+
+    async def _pass_on(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
+        """Write what comes, and rest after each piece, until one end is closed."""
+        with suppress(OSError):
+            while data := await reader.read(READ_BYTES):
+                writer.write(data)
+                async with asyncio.timeout(STALL_TIMEOUT):
+                    await writer.drain()
+                await asyncio.sleep(self._rest())
+
+
+async def _close_soon(writers: Sequence[asyncio.StreamWriter]) -> None:
+    """Close connections once what is written has been sent, but soon."""
+    for writer in writers:
+        writer.close()
+    closing = [writer.wait_closed() for writer in writers]
+    try:
+        with suppress(TimeoutError):
+            async with asyncio.timeout(CLOSE_GRACE):
+                await asyncio.gather(*closing, return_exceptions=True)
+    finally:
+        for writer in writers:
+            writer.transport.abort()
