@@ -7,7 +7,6 @@ from typing import Any, Final
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from radarsim.addons.fmcw.antenna import (
     Viewpoints,
@@ -257,7 +256,7 @@ class FmcwRadar:
         origins: Floats,
         directions: Floats,
         *,
-        max_range: ArrayLike | None = None,
+        max_range: float | Floats | None = None,
         carrier_id: int = -1,
     ) -> Rays:
         """Return rays of this radar, as far as it sees by default, map frame."""
