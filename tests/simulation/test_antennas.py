@@ -156,8 +156,7 @@ def test_radar_that_is_heard_again_starts_anew(foliage_room: Scene) -> None:
     """While nobody listens, its antenna stands; the robot drives on."""
     host = Host(foliage_room, config=WITHOUT_DETECTOR)
     host.receive(host.connect(), INIT + b"DRIVE {Left 3} {Right 3}\r\n")
-    (carrier,) = antennas_of(host.simulation).carriers()
-    (antenna,) = antennas_of(host.simulation).of(carrier)
+    (antenna,) = antennas_of(host.simulation).all
     heard: list[tuple[Sector, float]] = []
 
     def hear(*seen: Any) -> None:

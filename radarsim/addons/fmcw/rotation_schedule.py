@@ -16,7 +16,7 @@ made up for meanwhile, and delays nothing.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, TypeAlias
@@ -180,6 +180,7 @@ class Antennas:
     """All antennas of a simulation.
 
     Attributes:
+        all: The antennas, in the order in which their robots were spawned.
         worker: Computes what they receive.
     """
 
@@ -192,31 +193,26 @@ class Antennas:
         """
         self.worker = BackgroundThread()
         self._scene, self._clock = scene, clock
-        self._antennas: dict[int, list[Antenna]] = {}
+        self.all: list[Antenna] = []
         self._before = -1, Boxes(np.zeros((0, 8)))  # the last tick with boxes
 
     def add(self, vehicle: Vehicle) -> None:
         """Add the antennas of a robot."""
         carried = [Antenna(vehicle, each) for each in vehicle.scanners if each.has_fmcw]
-        if carried:
-            self._antennas[vehicle.number] = carried
+        self.all = [*self.all, *carried]
 
     def remove(self, vehicle: Vehicle) -> None:
         """Remove the antennas of a robot."""
-        self._antennas.pop(vehicle.number, None)
+        self.all = [each for each in self.all if each.vehicle is not vehicle]
+
+    def of(self, vehicle: Vehicle) -> list[Antenna]:
+        """Return the antennas of a robot."""
+        return [each for each in self.all if each.vehicle is vehicle]
 
     @property
-    def turning(self) -> Sequence[Antenna]:
+    def turning(self) -> list[Antenna]:
         """Those that turn, of the robots that have been there for longest."""
-        return [each for each in self._every() if each.turns][:MOST_TURNING]
-
-    def of(self, vehicle: Vehicle) -> Sequence[Antenna]:
-        """Return the antennas of a robot."""
-        return self._antennas.get(vehicle.number, ())
-
-    def carriers(self) -> Sequence[Vehicle]:
-        """Return the robots that have antennas, in the order of spawning."""
-        return [carried[0].vehicle for carried in self._antennas.values()]
+        return [each for each in self.all if each.turns][:MOST_TURNING]
 
     def read_due(
         self, find_boxes: Callable[[], Boxes], faults: Faults
@@ -241,7 +237,7 @@ class Antennas:
                 )
         return [
             scan
-            for each in self._every()
+            for each in self.all
             for scan in faults.call(each.vehicle, each.receive, ticks) or ()
         ]
 
@@ -255,9 +251,6 @@ class Antennas:
             velocities[now] = moved / TICK
         self._before = ticks, boxes
         return Boxes(boxes.rows, velocities)
-
-    def _every(self) -> list[Antenna]:
-        return [each for carried in self._antennas.values() for each in carried]
 
 
 def antennas_of(simulation: Simulation) -> Antennas:

@@ -229,11 +229,10 @@ def _power_left(scan: Scan) -> Floats:
 
 
 def _scanner_item(model: RobotModel, name: str | None) -> Item:
-    items = model.items_of("RangeScanner")
-    if name is not None:
-        items = tuple(i for i in items if i.name.casefold() == name.casefold())
-    if not items:
-        known = [item.name for item in model.items_of("RangeScanner")]
+    items = {item.name.casefold(): item for item in model.items_of("RangeScanner")}
+    wanted = next(iter(items), "") if name is None else name.casefold()
+    if wanted not in items:
+        known = [item.name for item in items.values()]
         text = f"robot {model.name}: scanner {name!r}, expected one of {known}"
         raise ValueError(text)
-    return items[0]
+    return items[wanted]
