@@ -14,7 +14,7 @@ the others go on.
 Rule 2: a write consists of status, replies, readings, echoes and scans, in this order,
 on which clients rely. Only clients that ask for echoes get them.
 Rule 3: a client that does not read loses readings, but no replies; one that keeps on
-asking without reading is to be disconnected (``must_close``).
+asking without reading is to be disconnected (``close_reason``).
 Rule 4: commands per tick and robots per time are limited for each client, and the work
 of a tick for all clients together; what exceeds a limit waits for the next ticks
 (``is_busy``). A command that arrives while none of its client waits is executed at
@@ -233,10 +233,6 @@ class Host:
         """Return whether all that waits for a client are lines of others' robots."""
         client = self._clients[number]
         return client.vehicle is None and not client.send_queue
-
-    def must_close(self, number: int) -> bool:
-        """Return whether a client is to be disconnected; see ``close_reason``."""
-        return bool(self.close_reason(number))
 
     def close_reason(self, number: int) -> str:
         """Return why a client is to be disconnected; empty if it is not.
