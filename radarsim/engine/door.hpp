@@ -164,11 +164,11 @@ template <typename R, typename... A, R (*F)(A...)> struct Function<F> {
     }
 };
 
-// One function or structure, in the list of all.
+// One function, structure or enumeration, in the list of all.
 struct Entry {
     const char *name, *lengths;
-    const void* address; // of the function; null for a structure
-    int64_t size;        // of the structure
+    const void* address; // of the function; null for others
+    int64_t size;        // of the structure; 0 for others
     void (*describe)(Text&, Lengths&);
     const Entry* next;
 
@@ -179,13 +179,13 @@ struct Entry {
     }
 };
 
-// Write a line for each function and structure.
+// Write a line for each of them.
 inline void describe_all(Text& text) {
     for (const Entry* entry = Entry::first; entry; entry = entry->next) {
         text.add(entry->name);
         text.add(" ");
         text.add(entry->address ? int64_t(entry->address) : entry->size);
-        text.add(entry->address ? " function " : " structure ");
+        text.add(entry->address ? " function " : entry->size ? " structure " : " enumeration ");
         Lengths lengths(entry->lengths);
         entry->describe(text, lengths);
         text.add("\n");
@@ -198,6 +198,12 @@ inline void describe_all(Text& text) {
     static const ::radarsim::door::Entry function##_entry{                                                            \
         #function, lengths, reinterpret_cast<const void*>(&::radarsim::door::Function<&function>::call), 0,           \
         &::radarsim::door::Function<&function>::describe};
+
+// An enumeration that Python has as well, under the same names.
+#define ENUMERATION(type, number, ...)                                                                                \
+    enum class type : number { __VA_ARGS__ };                                                                         \
+    inline void describe_##type(::radarsim::door::Text& text, ::radarsim::door::Lengths&) { text.add(#__VA_ARGS__); } \
+    static const ::radarsim::door::Entry type##_entry{#type, "", nullptr, 0, &describe_##type};
 
 // A macro for each of some names; C++20 has no other way to list the fields of a structure.
 #define RADARSIM_EXPAND(...) RADARSIM_EXPAND_3(RADARSIM_EXPAND_3(RADARSIM_EXPAND_3(__VA_ARGS__)))

@@ -10,6 +10,7 @@ Python's lock is released during calls.
 """
 
 import ctypes
+import enum
 import functools
 import operator
 import struct
@@ -353,6 +354,7 @@ class Engine:
 
     Attributes:
         structures: Its structures, by their names in C++.
+        enumerations: Its enumerations likewise.
     """
 
     def __init__(self, path: Path) -> None:
@@ -379,10 +381,14 @@ class Engine:
                     " where ziglang is installed"
                 )
         self.structures: dict[str, Structure] = {}
+        self.enumerations: dict[str, Any] = {}
         for line in library.radarsim_describe().decode().splitlines():
             name, number, kind, *codes = line.split()
             if kind == "structure":
                 self.structures[name] = Structure(name, int(number), codes)
+            elif kind == "enumeration":
+                members = "".join(codes).split(",")
+                self.enumerations[name] = enum.IntEnum(name, members, start=0)
             else:
                 setattr(self, name, Function(name, int(number), codes))
 

@@ -22,18 +22,7 @@ from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
 from radarsim.robots.fleet import WALL_RANGE, Fleet
 from radarsim.robots.obstacles import Obstacles
-from radarsim.robots.robot import (
-    BLOCKED,
-    BODY_Z,
-    CLIMB,
-    NUMBER,
-    TOUCHED,
-    UNKNOWN,
-    VELOCITY_Z,
-    Robot,
-    X,
-    Y,
-)
+from radarsim.robots.robot import UNKNOWN, Robot
 from radarsim.robots.solid_mesh import Area, SolidMesh
 from radarsim.scene.scene import Scene
 from radarsim.sensors.sonar import SONAR_CLASS
@@ -47,7 +36,6 @@ _LOOK_AHEAD: Final = 4  # ticks between two looks at the next band
 _SIDES: Final = (-1.0, 0.0, 1.0)
 # Places of the rays, in half lengths and half widths.
 _GRID: Final = np.array([(x, y, 0.0) for x in _SIDES for y in _SIDES])
-_PLACE_AND_CLIMB: Final = [X, Y, BODY_Z, CLIMB]
 
 
 class Surroundings(NamedTuple):
@@ -139,21 +127,21 @@ class Airspace:
                 neither.
             dt: s.
         """
-        x, y, z, climb = fleet.columns[robot.slot, _PLACE_AND_CLIMB].tolist()
+        row = robot.row
+        x, y, z = robot.body.numbers()[:3]
         if room is not None:
-            self._climb(fleet, robot, room, climb * dt)
-            row = fleet.columns[robot.slot]
-            row[VELOCITY_Z] = (row[BODY_Z] - z) / dt
+            self._climb(fleet, robot, room, float(row["climb"]) * dt)
+            row["velocity_z"] = (row["body_z"] - z) / dt
             return
-        fleet.columns[robot.slot, VELOCITY_Z] = 0.0
+        row["velocity_z"] = 0.0
         tile = math.floor(x / TILE), math.floor(y / TILE)
         if self._around[robot][0].tile != tile:
             self.lift(fleet, robot, z)
 
     def _climb(self, fleet: Fleet, robot: Robot, room: float, wanted: float) -> None:
         """Let a robot rise by ``wanted`` m, or descend, as far as there is room."""
-        row = fleet.columns[robot.slot]
-        z = row.item(BODY_Z)
+        row = robot.row
+        z = float(row["body_z"])
         room = min(room, self.ceiling - z)
         target = z + math.copysign(max(0.0, min(abs(wanted), room)), wanted)
         here = self._around_robot(robot, z)
@@ -170,8 +158,8 @@ class Airspace:
         others = (beyond, here, *self._around[robot])
         other = next((each for each in others if each is not around), around)
         self._around[robot] = around, other
-        row[TOUCHED] = UNKNOWN
-        row[BLOCKED] = row[BLOCKED] or abs(target - z) < abs(wanted) - 1e-9
+        row["touched"] = UNKNOWN
+        row["blocked"] = row["blocked"] or abs(target - z) < abs(wanted) - 1e-9
         fleet.lift(robot, target, around.obstacles)
 
     def rooms(
@@ -186,11 +174,11 @@ class Airspace:
             dt: s.
         """
         self._ticks += 1
-        robots = [robot for robot in robots if fleet.columns[robot.slot, CLIMB]]
+        robots = [robot for robot in robots if robot.row["climb"]]
         if not robots:
             return {}
-        rows = fleet.columns[[robot.slot for robot in robots]]
-        signs = np.copysign(1.0, rows[:, CLIMB])
+        rows = fleet.table[[robot.slot for robot in robots]]
+        signs = np.copysign(1.0, rows["climb"])
         hulls = np.array(
             [
                 robot.model.height - robot.model.origin_height
@@ -205,8 +193,8 @@ class Airspace:
         directions[:, 2] = np.repeat(signs, count)
         rays = replace(
             Rays.uniform(starts, directions, max_range=0.0),
-            max_range=np.repeat(hulls + np.abs(rows[:, CLIMB] * dt), count),
-            carrier_id=np.repeat(rows[:, NUMBER].astype(np.int64), count),
+            max_range=np.repeat(hulls + np.abs(rows["climb"] * dt), count),
+            carrier_id=np.repeat(rows["number"].astype(np.int64), count),
             ray_classes=(SONAR_CLASS,),
         )
         ranges = self._tracer.trace(rays, boxes).ranges.reshape(-1, count)

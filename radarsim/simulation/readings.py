@@ -99,7 +99,7 @@ class ReadingTable:
         out = np.zeros(sum([each.size for _, each in due]))
         rows = np.array([(slot, each.first, each.end) for slot, each in due], _DUE)
         fleet, tables = self._fleet, self._tables
-        arrays = self._jobs, self._rows, fleet.columns, fleet.odometry
+        arrays = self._jobs, self._rows, fleet.table, fleet.odometry
         if not all(map(operator.is_, arrays, tables.fields.values())):
             tables = self._tables = self._pack()
         depleted = engine.take_readings(rows, tables, ticks, out)
@@ -111,7 +111,7 @@ class ReadingTable:
         return engine.structures["SensorTables"].pack(
             jobs=self._jobs,
             rows=self._rows,
-            robots=self._fleet.columns,
+            robots=self._fleet.table,
             odometry=self._fleet.odometry,
         )
 
@@ -119,7 +119,7 @@ class ReadingTable:
         """Return the row of a slot; there is room for at least ``width`` numbers."""
         rows, columns = self._rows.shape
         if slot >= rows or width > columns:
-            shape = max(rows, len(self._fleet.columns)), max(columns, width)
+            shape = max(rows, len(self._fleet.table)), max(columns, width)
             # By the fleet's own growth, which doubles: rows are copied rarely.
             more = np.zeros(shape)
             more[:rows, :columns] = self._rows

@@ -8,9 +8,8 @@ from radarsim.geometry import Pose2
 from radarsim.presets.robots import load_robot
 from radarsim.protocol.dialect import WheelDrive
 from radarsim.robots.fleet import Fleet
-from radarsim.robots.motion import WheelOdometry
 from radarsim.robots.obstacles import Obstacles
-from radarsim.robots.robot import Robot
+from radarsim.robots.robot import Robot, WheelOdometry
 
 P3AT = load_robot("P3AT").model_copy(
     update={"wheel_radius": 0.1, "wheel_separation": 0.4}

@@ -151,7 +151,8 @@ def test_angles_that_a_command_omits_stay() -> None:
     robot.steer(2.0)
     assert robot.bicycle
     motion = robot.bicycle.motion(2.0, 0.1, 0.2)
-    assert robot.fleet.columns[robot.slot, [3, 4, 28]].tolist() == list(motion)
+    names = ("left_spin", "right_spin", "sideslip")
+    assert tuple(robot.row[name] for name in names) == motion
 
 
 def test_car_heeds_no_speeds_of_sides_and_stops() -> None:

@@ -14,15 +14,7 @@ from radarsim.errors import EngineError, PresetError
 from radarsim.geometry import Pose3
 from radarsim.presets.sensor_settings import ENCODER_RESOLUTION, InsNoise
 from radarsim.rng import generator_for
-from radarsim.robots.robot import (
-    BODY_Z,
-    LEFT_ANGLE,
-    RIGHT_ANGLE,
-    YAW,
-    X,
-    Y,
-    new_columns,
-)
+from radarsim.robots.robot import ODOMETRY, new_rows
 from radarsim.sensors.motion_readings import (
     draw_drift,
     draw_errors,
@@ -55,8 +47,8 @@ class Sensor:
     """A sensor of a robot whose pose and wheels are given."""
 
     def __init__(self, state: NDArray[Any], rng: np.random.Generator) -> None:
-        self.columns = new_columns(1)
-        fleet: Any = SimpleNamespace(columns=self.columns, odometry=np.zeros((0, 7)))
+        self.rows = new_rows(1)
+        fleet: Any = SimpleNamespace(table=self.rows, odometry=np.zeros(0, ODOMETRY))
         self.table = ReadingTable(fleet)
         self.robot = RobotState(self.table, 0)
         self.places = self.robot.add(state)
@@ -75,8 +67,9 @@ class Sensor:
         ticks: int = 0,
     ) -> list[float]:
         """Do jobs of some kinds."""
-        self.columns[0, [X, Y, BODY_Z, YAW]] = body.x, body.y, body.z, body.yaw
-        self.columns[0, [LEFT_ANGLE, RIGHT_ANGLE]] = wheels
+        self.rows["x"], self.rows["y"], self.rows["body_z"] = body.x, body.y, body.z
+        self.rows["yaw"] = body.yaw
+        self.rows["left_angle"], self.rows["right_angle"] = wheels
         jobs = [Job(kind, self.places.start) for kind in kinds]
         size = sum({DRIFT: 0, INS_POSE: 6}.get(kind, 1) for kind in kinds)
         numbers, is_depleted = self.table.run(
