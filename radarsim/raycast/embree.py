@@ -47,8 +47,6 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene as PlainScene
 from numpy.typing import ArrayLike, NDArray
 
 from radarsim.engine import address, engine
@@ -322,6 +320,9 @@ class FirstHits:
             meshes: The meshes.
             *draws: Rays, one draw or several: (N, 3) origins, m, and (N, 3) directions.
         """
+        from embreex.mesh_construction import TriangleMesh  # noqa: PLC0415 - only here
+        from embreex.rtcore_scene import EmbreeScene as PlainScene  # noqa: PLC0415
+
         self._scene = PlainScene()
         for vertices, faces in meshes:
             corners = np.asarray(vertices, np.float32)

@@ -17,23 +17,12 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
 
 from radarsim.errors import PresetError, expected_one_of
 from radarsim.presets.robots import Item, RobotModel, load_robot, robot_names
-from radarsim.presets.sensor_settings import (
-    CameraSettings,
-    GpsSettings,
-    InsNoise,
-    SearchSettings,
-    SensorSettings,
-    SonarSettings,
-)
+from radarsim.presets.sensor_settings import CameraSettings, SensorSettings
 from radarsim.presets.sensors import (
-    camera_settings,
-    gps_settings,
     has_fmcw,
-    item_presets,
+    item_settings,
     load_fmcw_settings,
     load_settings,
-    search_settings,
-    sonar_settings,
 )
 from radarsim.protocol.dialect import (
     COMPAT,
@@ -125,18 +114,8 @@ class SimulationConfig:
     def _check_item(self, item: Item) -> None:
         if item.type == "RangeScanner":
             self.scanner_settings(item)
-        elif item.type == "INS":
-            InsNoise.from_settings(self.settings(item))
-        elif item.type == "Sonar":
-            self.sonar_settings(item)
-        elif item.type == "GPS":
-            self.gps_settings(item)
-        elif item.type == "Camera":
-            self.camera_settings(item)
-        elif item.type.lower() in item_presets():
-            self.search_settings(item)
-        elif self.settings(item):
-            raise PresetError(f"item {item.name!r}: type {item.type} has no settings")
+        else:
+            self.settings_of(item)
 
     @property
     def wheel_unit(self) -> DriveUnit:
@@ -219,37 +198,22 @@ class SimulationConfig:
         """
         return load_settings(self.sensor_name(item), **self.settings(item))
 
-    def sonar_settings(self, item: Item) -> SonarSettings:
-        """Return the settings of a sonar.
+    def settings_of(self, item: Item) -> Any:
+        """Return the settings of an item that is no scanner; None if it has none.
 
         Raises:
             PresetError: If a setting is unknown or out of range.
         """
-        return sonar_settings(**self.settings(item))
+        from radarsim.sensors.sensor import kinds  # noqa: PLC0415
 
-    def gps_settings(self, item: Item) -> GpsSettings:
-        """Return the settings of a GPS receiver.
-
-        Raises:
-            PresetError: If a setting is unknown or out of range.
-        """
-        return gps_settings(**self.settings(item))
-
-    def camera_settings(self, item: Item) -> CameraSettings:
-        """Return the settings of a camera.
-
-        Raises:
-            PresetError: If a setting is unknown or out of range.
-        """
-        return camera_settings(**self.settings(item))
-
-    def search_settings(self, item: Item) -> SearchSettings:
-        """Return the settings of a sensor of victims or tags.
-
-        Raises:
-            PresetError: If a setting is unknown or out of range.
-        """
-        return search_settings(item.type, **self.settings(item))
+        kind = kinds().get(item.type)
+        model = CameraSettings if item.type == "Camera" else kind and kind.settings
+        settings = self.settings(item)
+        if model is not None:
+            return item_settings(item.type, model, **settings)
+        if settings:
+            raise PresetError(f"item {item.name!r}: type {item.type} has no settings")
+        return None
 
     def interval(self, item: Item) -> float:
         """Return the time between two readings of an item, s."""

@@ -9,7 +9,6 @@ meet nothing that stops robots or light, and the slices of the next band leave i
 
 import math
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import Final, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -17,7 +16,6 @@ import numpy as np
 
 from radarsim.geometry import Floats, Pose3
 from radarsim.presets.robots import RobotModel
-from radarsim.raycast.rays import Rays
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import Tracer
 from radarsim.robots.fleet import WALL_RANGE, Fleet
@@ -25,7 +23,7 @@ from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import UNKNOWN, Robot
 from radarsim.robots.solid_mesh import Area, SolidMesh
 from radarsim.scene.scene import Scene
-from radarsim.sensors.sonar import SONAR_CLASS
+from radarsim.sensors.sensor import sight_rays
 from radarsim.simulation.clock import TICK
 
 BAND: Final = 0.1  # m
@@ -191,12 +189,9 @@ class Airspace:
         starts = np.concatenate([_ray_starts(robot) for robot in robots])
         directions = np.zeros((len(starts), 3))
         directions[:, 2] = np.repeat(signs, count)
-        rays = replace(
-            Rays.uniform(starts, directions, max_range=0.0),
-            max_range=np.repeat(hulls + np.abs(rows["climb"] * dt), count),
-            carrier_id=np.repeat(rows["number"].astype(np.int64), count),
-            ray_classes=(SONAR_CLASS,),
-        )
+        reach = np.repeat(hulls + np.abs(rows["climb"] * dt), count)
+        numbers = np.repeat(rows["number"].astype(np.int64), count)
+        rays = sight_rays(starts, directions, reach, numbers)
         ranges = self._tracer.trace(rays, boxes).ranges.reshape(-1, count)
         rooms = ranges.min(axis=1) - hulls
         return dict(zip(robots, rooms.tolist(), strict=True))

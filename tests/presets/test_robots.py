@@ -13,7 +13,6 @@ from radarsim.presets.robots import (
     read_robot,
     robot_names,
 )
-from radarsim.simulation.search_items import SEARCH_ITEMS
 
 NAMES = (
     "ARDrone",
@@ -162,7 +161,7 @@ def test_items_of_a_p2dx_report_five_times_a_second_as_recorded() -> None:
 
 def test_p3at_variants_differ_only_in_what_they_scan_or_search_with() -> None:
     plain = load_robot("P3AT")
-    others = {"RangeScanner", *SEARCH_ITEMS}
+    others = {"RangeScanner", "RFID", "VictSensor", "HumanMotion", "Sound", "CO2Sensor"}
     for name in NAMES:
         if name.startswith("P3AT_"):
             variant = load_robot(name)

@@ -78,7 +78,7 @@ def test_valid_settings_pass_the_check(
         ),
         pytest.param(
             {"InsTest": {"sigma": -1}},
-            "INS setting sigma: -1, expected 0 to 10",
+            "ins: sigma: -1, expected at least 0",
             id="negative drift",
         ),
     ],
