@@ -79,7 +79,7 @@ class GpsReceiver(Sensor, types=["GPS"]):
         """Find the satellites above the horizon."""
         super().__init__(mounting)
         self._origin = mounting.scene.gps_origin
-        self._noise = mounting.settings
+        self._noise: GpsSettings = mounting.settings
         self._offset = self.item.mount.position()
         directions = _directions(self._origin)
         starts = np.zeros_like(directions)

@@ -79,8 +79,8 @@ class SearchSensor(Sensor, Generic[Target]):
     @abstractmethod
     def report(
         self, time: float, seen: Sequence[Target], places: Floats
-    ) -> SensorReport:
-        """Return what it reports.
+    ) -> SensorReport | None:
+        """Return what it reports, if anything.
 
         Args:
             time: s.
@@ -108,12 +108,13 @@ class SearchSensor(Sensor, Generic[Target]):
         )
 
     def read(self, time: float, traces: Traces) -> Sequence[SensorReport]:
-        """Return the reading."""
+        """Return the reading, if there is one."""
         seen = self._near
         if self.needs_sight:
             seen = seen[traces.outcomes == Outcome.NOTHING]
         targets = [self._targets[k] for k in seen]
-        return [self.report(time, targets, self._local[seen])]
+        report = self.report(time, targets, self._local[seen])
+        return [] if report is None else [report]
 
 
 class RfidReader(SearchSensor[str], types=["RFID"]):
@@ -124,13 +125,11 @@ class RfidReader(SearchSensor[str], types=["RFID"]):
 
     def report(
         self, time: float, seen: Sequence[str], places: Floats
-    ) -> rescue.RfidTags:
-        return rescue.RfidTags(time, self.item.name, _sightings(seen, places))
-
-    def read(self, time: float, traces: Traces) -> Sequence[SensorReport]:
-        (report,) = super().read(time, traces)
+    ) -> SensorReport | None:
         # Clients take the first tag of a line without looking whether there is one.
-        return [report] if report.tags else []
+        if not seen:
+            return None
+        return rescue.RfidTags(time, self.item.name, _sightings(seen, places))
 
 
 class VictimSensor(SearchSensor[str], types=["VictSensor"]):

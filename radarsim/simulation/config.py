@@ -207,7 +207,9 @@ class SimulationConfig:
         from radarsim.sensors.sensor import kinds  # noqa: PLC0415
 
         kind = kinds().get(item.type)
-        model = CameraSettings if item.type == "Camera" else kind and kind.settings
+        model = kind.settings if kind else None
+        if item.type == "Camera":
+            model = CameraSettings
         settings = self.settings(item)
         if model is not None:
             return item_settings(item.type, model, **settings)
