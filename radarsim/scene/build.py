@@ -20,11 +20,11 @@ from radarsim.scene.map_schema import (
     MAX_EXTENT,
     MAX_OBJECTS,
     MAX_PARTS,
-    MaterialEntry,
+    MaterialKeys,
     ObjectEntry,
     ScatterEntry,
 )
-from radarsim.scene.material import Material, library_material
+from radarsim.scene.material import PLAIN_KEYS, Material, library_material
 from radarsim.scene.mesh_files import (
     MAX_TRIANGLES,
     MeshBudget,
@@ -73,26 +73,8 @@ class BuildError(Exception):
         self.problems = problems
 
 
-# Keys of an entry that are attributes of the material, and replace those of the base.
-_PLAIN_KEYS: Final = {
-    "solid",
-    "absorption_db",
-    "laser_absorption_db",
-    "attenuation_db",
-    "sheet_attenuation_db",
-    "backscatter_db",
-    "albedo",
-    "constant_gamma",
-    "specular_db",
-    "slope_deg",
-    "sway_m_per_s",
-    "scatters_light",
-    "transmission_db",
-}
-
-
 def make_material(
-    name: str, entry: MaterialEntry, base: Material | None = None
+    name: str, entry: MaterialKeys, base: Material | None = None
 ) -> Material:
     """Create a material from an entry and the library material that it is based on.
 
@@ -136,11 +118,12 @@ def make_material(
     has_density = math.isfinite(given.get("density", math.inf))
     if has_density and any(base.radar_db) and not (entry.db_per_m or entry.sheet_loss):
         changes["attenuation_db"] = base.radar_db
-    if entry.absorption_db is not None:  # what is absorbed does not come back
-        changes["backscatter_db"] = base.backscatter_db - entry.absorption_db
+    if "absorption_db" in given:  # what is absorbed does not come back
+        absorbed = given["absorption_db"]
+        changes["backscatter_db"] = base.backscatter_db - absorbed
         if base.specular_db is not None:
-            changes["specular_db"] = base.specular_db - entry.absorption_db
-    changes |= {key: value for key, value in given.items() if key in _PLAIN_KEYS}
+            changes["specular_db"] = base.specular_db - absorbed
+    changes |= {key: value for key, value in given.items() if key in PLAIN_KEYS}
     return replace(base, **changes)
 
 
