@@ -22,7 +22,7 @@ from pydantic import (
 from radarsim import plugins
 from radarsim.errors import PresetError, expected_one_of, list_names
 from radarsim.geometry import Pose3
-from radarsim.presets.preset_files import (
+from radarsim.presets import (
     Confidence,
     preset_names,
     preset_path,

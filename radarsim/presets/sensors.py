@@ -8,13 +8,13 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from radarsim import plugins
 from radarsim.errors import PresetError
-from radarsim.presets.fmcw_settings import FmcwSettings
-from radarsim.presets.preset_files import (
+from radarsim.presets import (
     SourcedValue,
     preset_names,
     read_preset,
     unknown_preset,
 )
+from radarsim.presets.fmcw_settings import FmcwSettings
 from radarsim.presets.sensor_settings import SensorSettings
 from radarsim.validation import describe_settings
 from radarsim.yaml_reader import parse_plain

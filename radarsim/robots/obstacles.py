@@ -295,9 +295,9 @@ def overlaps(footprint: Footprint, pose: Pose2, other: Body) -> bool:
         return False
     sides = other.footprint.outline(other.pose)
     # no side of the other reaches in: it is either apart or surrounds the footprint
-    return footprint.contact(pose, sides).gap <= MARGIN or other.footprint.covers(
-        other.pose, pose.x, pose.y
-    )
+    place = np.array([[pose.x, pose.y, pose.yaw]], np.float64)
+    (gap,) = footprint.gaps(place, line_table(sides)).tolist()
+    return gap <= MARGIN or other.footprint.covers(other.pose, pose.x, pose.y)
 
 
 @cache

@@ -148,12 +148,6 @@ class Robot:
         left, right = self._numbers("left_angle", "right_angle")
         return left, right
 
-    @property
-    def wheel_angles(self) -> tuple[float, ...]:
-        """Angle that each wheel turned forward since the spawn, rad, in wire order."""
-        left, right = self.side_angles
-        return tuple(left if side == "left" else right for side in self.model.wheels)
-
     def drive(
         self,
         left: float | None = None,

@@ -6,7 +6,7 @@ What reads meshes is imported at the first mesh, since few maps have one.
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
@@ -58,6 +58,7 @@ _AROUND: Final = [i * _COLUMN + j for i in (-1, 0, 1) for j in (-1, 0, 1)]
 _DRAWS: Final = 1000  # numbers that are drawn at once
 
 _Position: TypeAlias = tuple[float, float]
+_Copy: TypeAlias = tuple[str, Floats, float]
 _Piece: TypeAlias = tuple[Material, Mesh]
 
 
@@ -186,13 +187,13 @@ class PartBuilder:
         rotation = rotation_matrix(*entry.angles()).T
         parts = [
             Part(
-                copy.name,
+                name,
                 material,
                 # in this order: another one would change the last digits of ranges
-                copy.scale * vertices @ rotation + copy.position,
+                scale * vertices @ rotation + position,
                 faces,
             )
-            for copy in copies
+            for name, position, scale in copies
             for material, (vertices, faces) in pieces
         ]
         extent = np.abs([part.bounds for part in parts]).max()
@@ -248,8 +249,8 @@ class PartBuilder:
         return self._joined[key]
 
     def _read(self, mesh: str) -> list[Surface]:
-        from radarsim.scene.face_passes import weld_vertices  # noqa: PLC0415 - see above
         from radarsim.scene.meshes import read_surfaces  # noqa: PLC0415
+        from radarsim.scene.topology import weld_vertices  # noqa: PLC0415 - see above
 
         if mesh not in self._surfaces:
             try:  # once: hundreds of objects may have the same broken file
@@ -278,10 +279,10 @@ def make_reflectors(entry: ObjectEntry) -> list[Reflector]:
         return []
     trihedral, rcs_dbsm = entry.reflector.trihedral, entry.reflector.rcs_dbsm
     reflectors = []
-    for copy in place_copies(entry):
-        x, y, z = copy.position.tolist()
-        edge = None if trihedral is None else copy.scale * trihedral
-        reflectors.append(Reflector(copy.name, (x, y, z), edge, rcs_dbsm))
+    for name, position, scale in place_copies(entry):
+        x, y, z = position.tolist()
+        edge = None if trihedral is None else scale * trihedral
+        reflectors.append(Reflector(name, (x, y, z), edge, rcs_dbsm))
     return reflectors
 
 
@@ -346,21 +347,6 @@ def _group_by_material(
     return groups
 
 
-@dataclass(frozen=True, eq=False)
-class Copy:
-    """One copy of an object.
-
-    Attributes:
-        name: The object's name, with a number if there are several copies.
-        position: (3,) m, of its origin.
-        scale: Factor of its size.
-    """
-
-    name: str
-    position: Floats
-    scale: float = 1.0
-
-
 def copy_names(name: str, count: int | None) -> Iterator[str]:
     """Yield the names of an object's copies, ``name_1``, ``name_2``; or just its own.
 
@@ -374,8 +360,8 @@ def copy_names(name: str, count: int | None) -> Iterator[str]:
         yield from (f"{name}_{number}" for number in range(1, count + 1))
 
 
-def place_copies(entry: ObjectEntry) -> list[Copy]:
-    """Place an object's copies.
+def place_copies(entry: ObjectEntry) -> list[_Copy]:
+    """Return name, position, (3,) m, and factor of the size of an object's copies.
 
     Scattered positions are drawn one after the other from a stream of the entry's own
     seed and name, so that a larger count does not move the first copies.
@@ -388,10 +374,10 @@ def place_copies(entry: ObjectEntry) -> list[Copy]:
         return _scatter_copies(entry.name, origin, entry.scatter)
     step = np.array(entry.repeat.step) if entry.repeat else np.zeros(3)
     names = copy_names(entry.name, entry.copies)
-    return [Copy(name, origin + i * step) for i, name in enumerate(names)]
+    return [(name, origin + i * step, 1.0) for i, name in enumerate(names)]
 
 
-def _scatter_copies(name: str, origin: Floats, scatter: ScatterEntry) -> list[Copy]:
+def _scatter_copies(name: str, origin: Floats, scatter: ScatterEntry) -> list[_Copy]:
     # By seed and name, so that an entry more in the map moves no other one's copies.
     draws = _draw_forever(generator_for(scatter.seed, "scatter", name))
     (left, lower), (right, upper) = scatter.area
@@ -412,7 +398,7 @@ def _scatter_copies(name: str, origin: Floats, scatter: ScatterEntry) -> list[Co
         scales.append(smallest + spread * next(draws))
     names = copy_names(name, scatter.count)
     positions = origin + np.array(offsets)
-    return [Copy(*each) for each in zip(names, positions, scales, strict=True)]
+    return list(zip(names, positions, scales, strict=True))
 
 
 def _draw_forever(rng: np.random.Generator) -> Iterator[float]:

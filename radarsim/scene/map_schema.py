@@ -34,7 +34,7 @@ from pydantic import (
 )
 
 from radarsim.errors import did_you_mean, expected_one_of, list_names
-from radarsim.scene.crates import LARGEST, SMALLEST
+from radarsim.geometry import Pose3
 from radarsim.scene.material import (
     MAX_DB,
     MAX_LEVEL,
@@ -49,7 +49,16 @@ from radarsim.scene.material import (
     number_up_to,
 )
 from radarsim.scene.mesh_files import MeshError, find_inside
-from radarsim.scene.scene import GPS_ORIGIN
+from radarsim.scene.scene import (
+    GPS_ORIGIN,
+    LARGEST,
+    SMALLEST,
+    Crate,
+    Place,
+    StartPose,
+    Tag,
+    Victim,
+)
 from radarsim.validation import point_hint, rejection, short_repr
 
 MAX_EXTENT = 1000.0  # m; float32 ray casting stays exact enough up to here
@@ -371,22 +380,70 @@ class ObjectEntry(Entry):
         return copies.count if copies else None
 
 
-class StartEntry(Entry):
-    """A pose on the floor where robots start."""
+class PlacedEntry(Entry):
+    """An entry of which a map has several in different places."""
 
-    name: StartName
     position: Vector
-    yaw_deg: Real = 0.0
+
+    @property
+    def place(self) -> Place:
+        """Its position."""
+        x, y, z = self.position
+        return x, y, z
+
+    @property
+    def key(self) -> str:
+        """What no other entry of its section has, in any case."""
+        raise NotImplementedError
+
+    def build(self) -> object:
+        """Return what scenes have of it."""
+        raise NotImplementedError
 
 
-class TagEntry(Entry):
+class TagEntry(PlacedEntry):
     """An RFID tag."""
 
     id: Annotated[Whole, Ge(0), Le(MAX_TAG)]
-    position: Vector
+
+    @property
+    def key(self) -> str:
+        """Its number."""
+        return str(self.id)
+
+    def build(self) -> Tag:
+        """Return the tag."""
+        return Tag(self.id, self.place)
 
 
-class VictimEntry(Entry):
+class NamedEntry(PlacedEntry):
+    """An entry with a name and a direction."""
+
+    name: Annotated[Text, MaxLen(MAX_NAME), AfterValidator(_name)]
+    yaw_deg: Real = 0.0
+
+    @property
+    def key(self) -> str:
+        """Its name."""
+        return self.name
+
+    @property
+    def yaw(self) -> float:
+        """Its direction, rad."""
+        return math.radians(self.yaw_deg)
+
+
+class StartEntry(NamedEntry):
+    """A pose on the floor where robots start."""
+
+    name: StartName
+
+    def build(self) -> StartPose:
+        """Return the start."""
+        return StartPose(self.name, Pose3(*self.place, yaw=self.yaw))
+
+
+class VictimEntry(NamedEntry):
     """A victim, which lies on the floor.
 
     Attributes:
@@ -398,16 +455,18 @@ class VictimEntry(Entry):
         co2_percent: Share of carbon dioxide in its breath, %.
     """
 
-    name: Annotated[Text, MaxLen(MAX_NAME), AfterValidator(_name)]
-    position: Vector
-    yaw_deg: Real = 0.0
     moves: Truth = False
     sound_db: Annotated[Real, Ge(0), Le(MAX_LEVEL)] | None = None
     sound_s: Annotated[Real, Gt(0), Le(MAX_DURATION)] = 1.0
     co2_percent: Annotated[Real, Ge(0), Le(100)] = 0.0
 
+    def build(self) -> Victim:
+        """Return the victim."""
+        signs = self.moves, self.sound_db, self.sound_s, self.co2_percent
+        return Victim(self.name, self.place, self.yaw, *signs)
 
-class CrateEntry(Entry):
+
+class CrateEntry(NamedEntry):
     """A box that clients may move.
 
     Attributes:
@@ -415,10 +474,12 @@ class CrateEntry(Entry):
         position: Position of its middle, m.
     """
 
-    name: Annotated[Text, MaxLen(MAX_NAME), AfterValidator(_name)]
     size: Annotated[list[Annotated[Real, Ge(SMALLEST), Le(LARGEST)]], Len(3, 3)]
-    position: Vector
-    yaw_deg: Real = 0.0
+
+    def build(self) -> Crate:
+        """Return the crate."""
+        length, width, height = self.size
+        return Crate(self.name, (length, width, height), self.place, self.yaw)
 
 
 class TrialEntry(Entry):

@@ -17,7 +17,6 @@ from radarsim.presets.sensor_settings import BANDS_GHZ
 from radarsim.scene.material import PLAIN_KEYS, Losses, Material, library_material
 from radarsim.scene.reflectors import REFLECTOR
 from radarsim.scene.scene import Part, Scene, Trial
-from radarsim.scene.victims import Victim
 
 _DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
@@ -98,24 +97,27 @@ def write_map(scene: Scene, path: Path) -> None:
         "air": scene.air and scene.air.name,
         "objects": objects,
         "starts": [
-            {
-                "name": start.name,
-                "position": list(start.pose.numbers()[:3]),
-                "yaw_deg": _degrees(start.pose.yaw),
-            }
+            _placed_keys(start.pose.numbers()[:3], start.pose.yaw, name=start.name)
             for start in scene.starts
         ],
-        "tags": [{"id": t.id, "position": list(t.position)} for t in scene.tags]
+        "tags": [_placed_keys(each.position, id=each.id) for each in scene.tags]
         or None,
-        "victims": [_victim_keys(each) for each in scene.victims] or None,
+        "victims": [
+            _placed_keys(
+                each.position,
+                each.yaw,
+                name=each.name,
+                moves=each.moves,
+                sound_db=each.loudness,
+                sound_s=each.duration,
+                co2_percent=each.co2,
+            )
+            for each in scene.victims
+        ]
+        or None,
         "crates": [
-            {
-                "name": crate.name,
-                "size": list(crate.size),
-                "position": list(crate.position),
-                "yaw_deg": _degrees(crate.yaw),
-            }
-            for crate in scene.crates
+            _placed_keys(each.position, each.yaw, name=each.name, size=list(each.size))
+            for each in scene.crates
         ]
         or None,
         "trial": _trial_keys(scene.trial),
@@ -158,16 +160,12 @@ def _degrees(yaw: float) -> float:
     return next(exact, degrees)
 
 
-def _victim_keys(victim: Victim) -> dict[str, Any]:
-    keys = {
-        "name": victim.name,
-        "position": list(victim.position),
-        "yaw_deg": _degrees(victim.yaw),
-        "moves": victim.moves,
-        "sound_db": victim.loudness,
-        "sound_s": victim.duration,
-        "co2_percent": victim.co2,
-    }
+def _placed_keys(
+    position: Sequence[float], yaw: float | None = None, **others: Any
+) -> dict[str, Any]:
+    """Return the keys of an entry in some place, without those that it lacks."""
+    angle = None if yaw is None else _degrees(yaw)
+    keys = {**others, "position": list(position), "yaw_deg": angle}
     return {key: value for key, value in keys.items() if value is not None}
 
 

@@ -17,7 +17,7 @@ from annotated_types import Ge, Le
 from pydantic import BaseModel, ConfigDict, PlainValidator, Strict, TypeAdapter
 
 from radarsim.errors import PresetError
-from radarsim.presets.preset_files import (
+from radarsim.presets import (
     SourcedValue,
     preset_names,
     read_preset,

@@ -26,8 +26,7 @@ from radarsim.protocol.fields import SensorReport
 from radarsim.protocol.rescue import Sighting
 from radarsim.raycast.attenuation import Outcome
 from radarsim.raycast.rays import Rays, Traces
-from radarsim.scene.scene import Scene
-from radarsim.scene.victims import Place, Victim
+from radarsim.scene.scene import Place, Scene, Victim
 from radarsim.sensors.sensor import Mounting, Sensor, sight_rays
 
 Target = TypeVar("Target")

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Final, Self
 
 from radarsim.errors import PresetError, expected_one_of
 from radarsim.presets.robots import Item, RobotModel, load_robot, robot_names
@@ -43,6 +43,7 @@ MOST_EXTRA_RAYS: Final = (
     500_000  # a second that all robots add to those of their classes
 )
 MOST_DIRECTIONS: Final = 5_000  # of which rays are drawn; preparing them takes 1 ms
+LIMITS: Final = (MOST_RAYS, MOST_RAYS_A_SECOND, MOST_DIRECTIONS)
 NAMES: Final = ("rays in a scan", "rays a second", "directions of rays in a scan")
 
 
@@ -236,34 +237,17 @@ class SimulationConfig:
         return intervals.get(item.type, DEFAULT_INTERVAL)
 
 
-class RayCounts(NamedTuple):
-    """How much a scanner asks for.
-
-    Attributes:
-        rays: Rays of a scan.
-        rate: Rays in a second.
-        directions: Directions that the rays of a scan can have.
-    """
-
-    rays: int
-    rate: float
-    directions: int
-
-    @classmethod
-    def of(cls, item: Item, config: SimulationConfig) -> RayCounts:
-        """Count those of an item that is a range scanner."""
-        settings = config.scanner_settings(item)
-        if settings.has_detector:
-            fmcw = load_fmcw_settings(config.sensor_name(item))
-            # Those of a turn, before thin things are refined.
-            rays = fmcw.azimuths * fmcw.rays_across * fmcw.rays_up
-            return cls(rays, rays / config.interval(item), rays)
-        directions = settings.beams * settings.rays_per_beam
-        rays = directions if settings.combines_rays else settings.beams
-        return cls(rays, rays / config.interval(item), directions)
-
-
-LIMITS: Final = RayCounts(MOST_RAYS, MOST_RAYS_A_SECOND, MOST_DIRECTIONS)
+def _count_rays(item: Item, config: SimulationConfig) -> tuple[float, float, float]:
+    """Return how much a range scanner asks for, in the order of ``NAMES``."""
+    settings, interval = config.scanner_settings(item), config.interval(item)
+    if settings.has_detector:
+        fmcw = load_fmcw_settings(config.sensor_name(item))
+        # Those of a turn, before thin things are refined.
+        rays = fmcw.azimuths * fmcw.rays_across * fmcw.rays_up
+        return rays, rays / interval, rays
+    directions = settings.beams * settings.rays_per_beam
+    rays = directions if settings.combines_rays else settings.beams
+    return rays, rays / interval, directions
 
 
 def check_rays(item: Item, config: SimulationConfig, first: SimulationConfig) -> None:
@@ -277,7 +261,7 @@ def check_rays(item: Item, config: SimulationConfig, first: SimulationConfig) ->
     Raises:
         PresetError: If they are too many.
     """
-    counts, before = RayCounts.of(item, config), RayCounts.of(item, first)
+    counts, before = _count_rays(item, config), _count_rays(item, first)
     for name, count, old, limit in zip(NAMES, counts, before, LIMITS, strict=True):
         if count > max(limit, old):
             most = f"expected at most {max(limit, old):.0f}"
@@ -295,7 +279,7 @@ def count_extra_rays(
         first: The configuration that the robot was spawned with.
     """
     return sum(
-        max(0.0, RayCounts.of(item, config).rate - RayCounts.of(item, first).rate)
+        max(0.0, _count_rays(item, config)[1] - _count_rays(item, first)[1])
         for item in items
     )
 

@@ -15,8 +15,7 @@ from radarsim.robots.fleet import Fleet
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles, overlaps
 from radarsim.robots.robot import Robot
-from radarsim.scene.crates import MOST_CRATES, Crate
-from radarsim.scene.scene import Scene
+from radarsim.scene.scene import MOST_CRATES, Crate, Scene
 
 
 @dataclass(frozen=True, slots=True)

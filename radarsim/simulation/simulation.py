@@ -35,11 +35,10 @@ from radarsim.sensors.sensor import Sensor
 from radarsim.simulation.clock import TICK, Clock, Schedule, ticks_of
 from radarsim.simulation.config import SimulationConfig
 from radarsim.simulation.crates import Crates
-from radarsim.simulation.faults import Faults
 from radarsim.simulation.flight import Airspace, Surroundings
 from radarsim.simulation.tick_output import (
     DueScan,
-    ScanDetails,
+    Faults,
     ScanEchoes,
     ScannerItems,
     TickOutput,
@@ -299,7 +298,7 @@ class Simulation:
         # the order in which they are taken.
         boxes = self.boxes() if scanners or sensors else NOTHING
         scans: dict[int, list[RangeScan]] = {v.number: [] for v, _ in due}
-        echoes: dict[int, list[ScanEchoes | ScanDetails]] = {}
+        echoes: dict[int, list[ScanEchoes | DueScan]] = {}
         listing = self._select_listing(scanners)
         taken = self._scan(scanners, listing, boxes)
         for (vehicle, mounted), ranges in zip(scanners, taken.ranges, strict=True):
@@ -316,8 +315,8 @@ class Simulation:
         for due_scan in read_by_others:
             number = due_scan.vehicle.number
             scans[number].append(due_scan.scan)
-            if due_scan.details is not None:
-                echoes.setdefault(number, []).append(due_scan.details)
+            if due_scan.reports:
+                echoes.setdefault(number, []).append(due_scan)
         cast = self._cast(sensors, boxes)
         # Found out for all robots at once, where a reading asks for it.
         self._fleet.touched([v.robot.slot for v, _ in due if v.has_touch])

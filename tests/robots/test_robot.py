@@ -38,7 +38,7 @@ def test_robot_stands_until_it_is_driven() -> None:
     driven = robot(Pose2(1, 2, 3))
     run(driven, 1)
     assert driven.pose == Pose2(1, 2, 3)
-    assert driven.wheel_angles == (0, 0, 0, 0)
+    assert driven.side_angles == (0, 0)
     assert not driven.light
     assert not driven.touched
 
@@ -113,15 +113,6 @@ def test_halt_stops_the_wheels() -> None:
     driven.halt()
     run(driven, 1)
     assert driven.pose == Pose2(0, 0)
-
-
-def test_wheel_angles_are_in_wire_order() -> None:
-    driven = robot()
-    driven.drive(-1, 2)
-    run(driven, 1)
-    assert driven.wheel_angles == pytest.approx((2, -1, 2, -1))
-    two_wheels = robot(class_name="P2DX")
-    assert two_wheels.wheel_angles == (0, 0)
 
 
 @pytest.mark.parametrize("speed", [math.nan, math.inf, -math.inf])

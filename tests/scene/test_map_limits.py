@@ -214,8 +214,8 @@ def test_places_are_those_of_comparing_all_pairs(
         expected[number] = position
         scales.append(rng.uniform(0.5, 2))
     copies = place_copies(entry(count, min_distance, half))
-    assert [copy.position[:2].tolist() for copy in copies] == expected.tolist()
-    assert [copy.scale for copy in copies] == scales
+    assert [place[:2].tolist() for _, place, _ in copies] == expected.tolist()
+    assert [scale for *_, scale in copies] == scales
 
 
 def test_tiny_area_takes_as_long_as_a_large_one() -> None:

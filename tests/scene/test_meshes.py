@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from radarsim.geometry import Floats
-from radarsim.scene.face_passes import connect_faces, weld_vertices
 from radarsim.scene.mesh_files import MeshError, find_inside
 from radarsim.scene.meshes import (
     join_surfaces,
@@ -16,7 +15,7 @@ from radarsim.scene.meshes import (
     read_surfaces,
 )
 from radarsim.scene.shapes import Surface, box
-from radarsim.scene.topology import is_closed
+from radarsim.scene.topology import connect_faces, is_closed, weld_vertices
 
 CORNERS, TRIANGLES = box(1, 1, 1)
 

@@ -11,10 +11,10 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radarsim.scene.face_passes import weld_vertices
 from radarsim.scene.mesh_files import MeshBudget
 from radarsim.scene.obj import read_obj
 from radarsim.scene.shapes import Surface
+from radarsim.scene.topology import weld_vertices
 
 CORNERS = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv .5 .5 2\n"
 

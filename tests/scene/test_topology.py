@@ -4,9 +4,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radarsim.geometry import Floats
-from radarsim.scene.face_passes import Labels, connect_faces, weld_vertices
 from radarsim.scene.shapes import Faces, Mesh, box, concatenate, cylinder, sphere
-from radarsim.scene.topology import count_degenerate, is_closed, orient_outward
+from radarsim.scene.topology import (
+    Labels,
+    connect_faces,
+    count_degenerate,
+    is_closed,
+    orient_outward,
+    weld_vertices,
+)
 
 QUAD = (
     np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]),
@@ -44,8 +50,8 @@ def volume(vertices: Floats, faces: Faces) -> float:
 def oriented_volume(mesh: Mesh) -> float:
     oriented = orient_outward(*mesh)
     assert oriented is not None
-    assert is_closed(oriented.faces)
-    return volume(mesh[0], oriented.faces)
+    assert is_closed(oriented[0])
+    return volume(mesh[0], oriented[0])
 
 
 def test_welding_closes_a_soup_of_triangles() -> None:
@@ -119,7 +125,7 @@ def test_consistent_surface_is_not_changed() -> None:
     mesh = stack(cube(), cube(at=(3, 0, 0)))
     oriented = orient_outward(*mesh)
     assert oriented is not None
-    assert oriented.faces.tolist() == mesh[1].tolist()
+    assert oriented[0].tolist() == mesh[1].tolist()
 
 
 @pytest.mark.parametrize(

@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 
 from radarsim.errors import MapError
-from radarsim.scene.crates import Crate
 from radarsim.scene.map_file import load_map
-from radarsim.scene.victims import Tag, Victim
+from radarsim.scene.scene import Crate, Tag, Victim
 
 MAP = """\
 version: 1

@@ -30,8 +30,7 @@ from radarsim.protocol.echoes import target_lines
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.scene.scene import Scene
 from radarsim.simulation.clock import TICK, Clock
-from radarsim.simulation.faults import Faults
-from radarsim.simulation.tick_output import DueScan, ScanDetails, report_scan
+from radarsim.simulation.tick_output import DueScan, Faults, report_scan
 from radarsim.simulation.vehicle import MountedScanner, Vehicle
 
 if TYPE_CHECKING:
@@ -191,13 +190,12 @@ class Antenna:
         time = _time_after(turn.number + 1, self.receiver.radar.settings, since)
         ranges = read_ranges(turn.targets, turn.settings)
         ranges[np.isinf(ranges)] = turn.settings.max_range
-        details = None
-        is_requested = self.mounted.sends_targets
-        if is_requested or vehicle.shows_echoes:
-            lines = target_lines(time, item.name, *turn.targets)
-            details = ScanDetails(lines, is_requested)
         scan = report_scan(time, item.name, turn.settings, ranges)
-        return DueScan(vehicle, scan, details)
+        is_requested = self.mounted.sends_targets
+        if not is_requested and not vehicle.shows_echoes:
+            return DueScan(vehicle, scan)
+        lines = target_lines(time, item.name, *turn.targets)
+        return DueScan(vehicle, scan, lines, is_requested)
 
 
 def _time_after(turns: float, settings: FmcwSettings, since: int) -> float:

@@ -57,7 +57,7 @@ if TYPE_CHECKING:
     from radarsim.protocol.dialect import Dialect
     from radarsim.server.host.echo_lines import EchoWriter
     from radarsim.simulation.simulation import Simulation
-    from radarsim.simulation.tick_output import ScanDetails, ScanEchoes, TickOutput
+    from radarsim.simulation.tick_output import DueScan, ScanEchoes, TickOutput
     from radarsim.simulation.vehicle import Vehicle
 
 COMMANDS_PER_TICK = 20  # of a client; real ones send a few
@@ -517,7 +517,7 @@ class Host:
         if client.send_queue:
             self._unsent.add(client.number)
 
-    def _lines_of(self, scan: ScanEchoes | ScanDetails, dialect: Dialect) -> bytes:
+    def _lines_of(self, scan: ScanEchoes | DueScan, dialect: Dialect) -> bytes:
         """Return the lines of the echoes of a scan, or of what else belongs to it."""
         from radarsim.protocol.line_writer import ReportBlock, encode_blocks
         from radarsim.simulation.tick_output import ScanEchoes

@@ -8,9 +8,8 @@ from radarsim.generators.plants.plant import ball, bark, tube
 from radarsim.generators.plants.species import SHRUB, TREE, YOUNG_TREE, PlantParameters
 from radarsim.geometry import Floats
 from radarsim.rng import generator_for
-from radarsim.scene.face_passes import connect_faces
 from radarsim.scene.shapes import Faces
-from radarsim.scene.topology import is_closed
+from radarsim.scene.topology import connect_faces, is_closed
 
 FORMS = [
     pytest.param(SHRUB, id="shrub"),

@@ -12,9 +12,8 @@ from radarsim.generators.plants.plant import (
     make_shrubs,
 )
 from radarsim.generators.plants.species import SHRUB
-from radarsim.scene.face_passes import connect_faces
 from radarsim.scene.material import Material
-from radarsim.scene.topology import is_closed
+from radarsim.scene.topology import connect_faces, is_closed
 
 
 def test_wood_of_all_shapes_is_the_same() -> None:

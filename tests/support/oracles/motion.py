@@ -2,12 +2,13 @@
 
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from radarsim.geometry import Floats, Pose2, wrap_angle
 from radarsim.presets.robots import RobotModel
-from radarsim.robots.footprint import MARGIN, NO_SEGMENTS, Contact, Footprint
+from radarsim.robots.footprint import MARGIN, NO_SEGMENTS, Footprint
 from radarsim.robots.obstacles import Obstacles
 
 CONTACT_GAP = 1e-3  # m left between the robot and what it runs into
@@ -88,6 +89,12 @@ def advance(
         pose.y + chord * math.sin(pose.yaw + half),
         wrap_angle(pose.yaw + turn),
     )
+
+
+class Contact(NamedTuple):
+    gap: float
+    away_x: float = 0.0
+    away_y: float = 0.0
 
 
 def find_contact(footprint: Footprint, pose: Pose2, segments: Floats) -> Contact:
