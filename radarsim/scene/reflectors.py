@@ -81,25 +81,3 @@ def trihedral_rcs(edge: float, wavelength: float) -> float:
     14.41
     """
     return 4 * math.pi * edge**4 / (3 * wavelength**2)
-
-
-def plate_rcs(area: float, wavelength: float) -> float:
-    """Return the cross section of a flat plate of metal that is seen head-on, m^2.
-
-    Args:
-        area: m^2.
-        wavelength: m.
-
-    >>> round(10 * math.log10(plate_rcs(0.1 * 0.1, 299792458 / 77e9)), 2)
-    19.19
-    """
-    return 4 * math.pi * area**2 / wavelength**2
-
-
-def sphere_rcs(radius: float) -> float:
-    """Return the cross section of a sphere of metal, m^2; radius in m.
-
-    >>> round(10 * math.log10(sphere_rcs(0.1)), 2)
-    -15.03
-    """
-    return math.pi * radius**2

@@ -89,13 +89,6 @@ def test_normalized_holds_for_later_commands() -> None:
     assert driven.side_angles == pytest.approx((1.0817, 1.0817))
 
 
-def test_speeds_in_revolutions_per_second() -> None:
-    driven = robot(wheel_drive=WheelDrive(1.3, "rev_per_s"))
-    driven.drive(1, 1)
-    run(driven, 1)
-    assert driven.side_angles == pytest.approx((2 * math.pi, 2 * math.pi))
-
-
 def test_light_is_independent_of_the_wheels() -> None:
     driven = robot()
     driven.drive(light=True)
@@ -167,9 +160,3 @@ def test_top_speed_is_never_exceeded() -> None:
 def test_battery_seconds_left(elapsed: float, endless: int, mortal: int) -> None:
     assert Battery(1200.0).seconds_left(elapsed) == endless
     assert Battery(1200.0, runs_out=True).seconds_left(elapsed) == mortal
-
-
-def test_battery_gets_empty_only_if_it_runs_out() -> None:
-    assert not Battery(3600.0).is_empty(1e6)
-    assert Battery(1200.0, runs_out=True).is_empty(1200.0)
-    assert not Battery(1200.0, runs_out=True).is_empty(1198.9)

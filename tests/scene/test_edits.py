@@ -49,10 +49,10 @@ def test_map_that_is_written_gives_the_same_scans(name: str, tmp_path: Path) -> 
     for each in ("level", "starts", "materials", "air", "trial", "gps_origin"):
         assert getattr(again, each) == getattr(scene, each), each
     assert [str(part) for part in again.parts] == [str(part) for part in scene.parts]
-    for start in scene.starts:
+    for start in scene.starts[:1]:
         pose = (start.pose.x, start.pose.y, start.pose.yaw)
         for sensor in ("radar", "laser"):
-            scanner = load_sensor(sensor, fov_deg=360, resolution_deg=2)
+            scanner = load_sensor(sensor, fov_deg=360, resolution_deg=4)
             first, second = (
                 scanner.scan(each, pose, radarsim.generator_for(1, sensor)).ranges
                 for each in (scene, again)

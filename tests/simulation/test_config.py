@@ -103,11 +103,6 @@ def test_changed_settings_replace_those_under_any_spelling_of_the_name() -> None
         first.with_settings(item, {"max_range": -7})
 
 
-def test_unknown_scanner_setting_is_refused() -> None:
-    with pytest.raises(PresetError, match="no setting 'power'"):
-        SimulationConfig(item_settings={"lms200": {"power": 1}}).check()
-
-
 SCANNER = load_robot("P3AT").items_of("RangeScanner")[0]
 
 

@@ -133,7 +133,7 @@ def test_robots_that_rise_together_do_not_all_cut_in_the_same_tick(
 
 def test_robots_that_fly_away_leave_nothing_behind(foliage_room: Scene) -> None:
     simulation, robots = Simulation(foliage_room), []
-    for _ in range(30):
+    for _ in range(8):
         vehicle = drone(simulation, -8.0, 0.0, 0.5)
         vehicle.robot.fly(ahead=2.0, up=2.0)
         step(simulation, 100)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 
 from radarsim.geometry import Floats, Pose2, wrap_angle
 from radarsim.presets.robots import RobotModel
@@ -240,9 +241,13 @@ class CollisionResolver:
         position = (pose.x, pose.y)
         if math.dist(position, self._cache_centre) > _CACHE_RANGE / 2:
             self._cache_centre = position
-            self._walls = self._obstacles.near(
-                *position, self._footprint.radius + _CACHE_RANGE
+            reach, walls = (
+                self._footprint.radius + _CACHE_RANGE,
+                self._obstacles.segments,
             )
+            lines = shapely.linestrings(walls)
+            near = shapely.distance(lines, shapely.Point(position)) <= reach
+            self._walls = walls[near]
         outlines = self._outlines_near(pose, others)
         return np.concatenate([self._walls, *outlines]) if outlines else self._walls
 
