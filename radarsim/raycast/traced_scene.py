@@ -13,8 +13,7 @@ from radarsim.geometry import Floats
 from radarsim.raycast.intersect import COLLECT, IGNORE, OPAQUE
 from radarsim.raycast.rays import RADAR, SONAR, RayClass
 from radarsim.scene.material import ALBEDO, Material
-from radarsim.scene.reflectors import REFLECTOR
-from radarsim.scene.scene import Part, bounds_of
+from radarsim.scene.scene import REFLECTOR, Part, bounds_of
 
 # Sheets that a ray crosses in a metre of leaves: an estimate, which only decides how
 # far ahead a ray searches at first.

@@ -31,8 +31,7 @@ from radarsim.scene.mesh_files import (
     MeshError,
     find_inside,
 )
-from radarsim.scene.reflectors import POINT_EDGE, REFLECTOR, Reflector
-from radarsim.scene.scene import Part
+from radarsim.scene.scene import POINT_EDGE, REFLECTOR, Part, Reflector
 from radarsim.scene.shapes import (
     Faces,
     Mesh,

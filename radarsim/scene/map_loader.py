@@ -58,11 +58,12 @@ from radarsim.scene.map_schema import (
     unknown_material,
 )
 from radarsim.scene.material import Material, library_material, library_names
-from radarsim.scene.reflectors import REFLECTOR, Reflector
 from radarsim.scene.scene import (
     GPS_ORIGIN,
     MOST_CRATES,
+    REFLECTOR,
     Part,
+    Reflector,
     Scene,
     Trial,
 )

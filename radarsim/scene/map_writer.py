@@ -15,8 +15,7 @@ import yaml
 from radarsim.files import write_atomically
 from radarsim.presets.sensor_settings import BANDS_GHZ
 from radarsim.scene.material import PLAIN_KEYS, Losses, Material, library_material
-from radarsim.scene.reflectors import REFLECTOR
-from radarsim.scene.scene import Part, Scene, Trial
+from radarsim.scene.scene import REFLECTOR, Part, Scene, Trial
 
 _DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 

@@ -17,14 +17,16 @@ from radarsim.scene.shapes import Faces
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from radarsim.scene.reflectors import Reflector
-
 Place: TypeAlias = tuple[float, float, float]
 
 # Degrees; that of the original server: 39° 8.0273' N, 77° 12.998' W.
 GPS_ORIGIN: Final = (39 + 8.0273 / 60, -77 - 12.998 / 60)
 MOST_CRATES = 20  # that one line can tell of
 SMALLEST, LARGEST = 0.05, 10.0  # m; sides of crates
+
+# What reflectors are made of. Their faces return nothing, in addition to the point.
+REFLECTOR: Final = Material("reflector", backscatter_db=-math.inf)
+POINT_EDGE: Final = 0.05  # m
 
 # Parts of the body of a man of average size (height 1.75 m, an estimate): how far along
 # the body from the pelvis towards the head, and to its left, m.
@@ -206,6 +208,46 @@ class Crate:
     yaw: float = 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class Reflector:
+    """A point reflector: a small target whose radar cross section is known.
+
+    What is smaller than a beam returns a power that its radar cross section determines,
+    not its size. A trihedral, three triangular plates of metal at right angles, returns
+    a wave to where it came from. Eight of them back to back make the octahedron that
+    ships carry, which returns from all sides alike; so a reflector has no direction.
+
+    A radar that computes power takes the cross section. To the rays of a range scanner,
+    and to robots, a reflector is an opaque octahedron of that size, which is among the
+    parts of the scene; of another target it is ``POINT_EDGE`` large.
+
+    Attributes:
+        name: Name of the object in the map.
+        position: x, y, z, m, map frame.
+        trihedral: Length of the legs of the trihedral's plates, m; None if it is none.
+        rcs_dbsm: Radar cross section of another target, at every wavelength, dBsm.
+    """
+
+    name: str
+    position: Place
+    trihedral: float | None = None
+    rcs_dbsm: float | None = None
+
+    def rcs(self, wavelength: float) -> float:
+        """Return the radar cross section at a wavelength in m, m^2.
+
+        That of a trihedral is seen along its axis, as textbooks have it for a target
+        that is much larger than the wavelength, and far away.
+
+        >>> trihedral = Reflector("corner", (0.0, 0.0, 0.0), trihedral=0.1)
+        >>> round(10 * math.log10(trihedral.rcs(299792458 / 77e9)), 2)
+        14.41
+        """
+        if self.trihedral is not None:
+            return 4 * math.pi * self.trihedral**4 / (3 * wavelength**2)
+        return float(10 ** ((self.rcs_dbsm or 0.0) / 10))
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Scene:
     """A loaded map; immutable.
@@ -235,7 +277,7 @@ class Scene:
     air: Material | None = None
     trial: Trial | None = None
     gps_origin: tuple[float, float] = GPS_ORIGIN
-    reflectors: tuple["Reflector", ...] = ()
+    reflectors: tuple[Reflector, ...] = ()
     tags: tuple[Tag, ...] = ()
     victims: tuple[Victim, ...] = ()
     crates: tuple[Crate, ...] = ()

@@ -15,7 +15,7 @@ from radarsim.presets.sensor_settings import BANDS_GHZ
 from radarsim.raycast.attenuation import Outcome
 from radarsim.raycast.rays import LASER, RADAR, RayClass, Rays
 from radarsim.raycast.tracer import tracer_of
-from radarsim.scene.reflectors import Reflector, trihedral_rcs
+from radarsim.scene.scene import POINT_EDGE, Reflector
 
 LIGHT = 299_792_458.0  # m/s
 
@@ -37,7 +37,8 @@ def load(tmp_path: Path, objects: str) -> Scene:
 def test_cross_section_of_10_cm_has_its_textbook_value(
     f_ghz: float, expected: float
 ) -> None:
-    found = dbsm(trihedral_rcs(0.1, LIGHT / (f_ghz * 1e9)))
+    corner = Reflector("corner", (0, 0, 0), trihedral=0.1)
+    found = dbsm(corner.rcs(LIGHT / (f_ghz * 1e9)))
     assert found == pytest.approx(expected, abs=0.1)
 
 
@@ -59,12 +60,6 @@ def test_given_cross_section_holds_at_every_wavelength(
     assert dbsm(rcs) == pytest.approx(level)
 
 
-def test_reflector_has_one_kind_of_cross_section() -> None:
-    for kinds in ({}, {"trihedral": 0.1, "rcs_dbsm": 3.0}):
-        with pytest.raises(ValueError, match="exactly one"):
-            Reflector("corner", (0, 0, 0), **kinds)
-
-
 def test_reflectors_of_a_map_are_part_of_the_scene(tmp_path: Path) -> None:
     scene = load(
         tmp_path,
@@ -81,12 +76,9 @@ def test_reflectors_of_a_map_are_part_of_the_scene(tmp_path: Path) -> None:
         reflector.name for reflector in scene.reflectors
     ]
     for part, reflector in zip(scene.parts, scene.reflectors, strict=True):
-        assert part.vertices == pytest.approx(reflector.hull.vertices)
+        edge = reflector.trihedral or POINT_EDGE
+        assert np.ptp(part.bounds, axis=0) == pytest.approx([2 * edge] * 3)
         assert part.bounds.mean(axis=0) == pytest.approx(reflector.position)
-
-
-def test_map_without_reflectors_has_none(foliage_room: Scene) -> None:
-    assert foliage_room.reflectors == ()
 
 
 def test_scattered_trihedrals_scale_with_their_copies(tmp_path: Path) -> None:

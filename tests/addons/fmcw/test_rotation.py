@@ -14,8 +14,7 @@ from radarsim.addons.fmcw.viewpoints import fixed_viewpoints
 from radarsim.geometry import Pose3
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.raycast.tracer import tracer_of
-from radarsim.scene.reflectors import Reflector
-from radarsim.scene.scene import Scene
+from radarsim.scene.scene import Reflector, Scene
 
 EYE = Pose3(-8.0, 0.0, 0.5, 0.0, 0.0, 0.3)
 

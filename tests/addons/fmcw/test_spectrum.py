@@ -8,8 +8,7 @@ import radarsim
 from radarsim.addons.fmcw.spectrum import Spectrum
 from radarsim.errors import PresetError
 from radarsim.rng import generator_for
-from radarsim.scene.reflectors import Reflector
-from radarsim.scene.scene import Scene
+from radarsim.scene.scene import Reflector, Scene
 
 PLACE = (-8.0, 0.0, 0.0)
 
