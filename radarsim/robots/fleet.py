@@ -52,7 +52,6 @@ class Fleet:
         self.robots: tuple[Robot, ...] = ()
         self.slots: NDArray[np.int64] = np.zeros(0, np.int64)
         self.odometry: NDArray[np.void] = np.zeros(0, ODOMETRY)
-        self._odometries: list[WheelOdometry] = []
         self._free_slots: list[int] = []
         self._spawned = 0
         self._floors: list[Obstacles] = []
@@ -74,11 +73,6 @@ class Fleet:
                 self._enter_floors()
             else:
                 self._floors.append(obstacles)
-
-    def _enter_missing(self) -> None:
-        """Enter the walls of a robot that has left another fleet."""
-        if self._walls.count < len(self._floors):
-            self._enter_floors()
 
     def _enter_floors(self) -> None:
         """Enter the walls of all floors into another table."""
@@ -148,11 +142,10 @@ class Fleet:
         odometry = WheelOdometry(robot, int(free[0]))
         separation, angles = robot.model.wheel_separation, robot.side_angles
         self.odometry[odometry.row] = (robot.slot, separation, 0.0, 0.0, 0.0, *angles)
-        self._odometries.append(odometry)
         return odometry
 
     def remove(self, robot: Robot) -> None:
-        """Remove a robot, which goes on alone in a fleet of its own.
+        """Remove a robot, which stands where it is in a fleet that does not drive.
 
         Raises:
             ValueError: If the robot is not in the fleet.
@@ -162,10 +155,10 @@ class Fleet:
         # Whoever still holds the robot can read its last pose, while its row here is
         # given to the next one.
         alone, slot = Fleet(), robot.slot
-        alone._take_over(robot)
-        for odometry in alone._odometries:
-            self.odometry[odometry.row]["slot"] = FREE
-            self._odometries.remove(odometry)
+        alone.table, alone.odometry = self.table[[slot]], self.odometry.copy()
+        alone.table["touched"] = 0.0
+        robot.fleet, robot.slot = alone, 0
+        self.odometry["slot"][self.odometry["slot"] == slot] = FREE
         self._free_slots.append(slot)
         self.robots = tuple(each for each in self.robots if each is not robot)
         self._update_slots()
@@ -198,7 +191,6 @@ class Fleet:
 
     def step(self, dt: float) -> None:
         """Drive all robots for one time step of ``dt`` s."""
-        self._enter_missing()
         engine.drive_robots(self._around, dt)
 
     def drive(
@@ -215,7 +207,6 @@ class Fleet:
         Returns:
             (K,) whether each was blocked, or touched something, after any of the steps.
         """
-        self._enter_missing()
         touched = np.zeros(len(slots), np.bool_)
         drive = engine.drive_on if meets else engine.drive_each_alone
         drive(self._around, slots, dt, steps, touched)
@@ -230,7 +221,6 @@ class Fleet:
         Args:
             slots: (K,) their slots.
         """
-        self._enter_missing()
         asked = np.asarray(slots, np.int64)
         engine.find_touched(self._around, asked)
         return np.asarray(self.table["touched"][asked] == 1.0)
@@ -285,26 +275,6 @@ class Fleet:
         row["floor"] = self._floors.index(obstacles)
         row["number"] = self._spawned
         self.table[robot.slot] = row
-
-    def _take_over(self, robot: Robot) -> None:
-        """Become the fleet of one robot of another fleet."""
-        other, slot = robot.fleet, robot.slot
-        self.table = other.table[slot : slot + 1].copy()
-        self._floors = [other._floors[int(self.table[0]["floor"])]]
-        self.table["floor"] = 0.0
-        # Its walls are entered if it moves again, which those that have left seldom do:
-        # the table of all walls would stay in memory as long as one of them.
-        self._walls = WallStore(spare=np.zeros(3, np.int64))
-        self._spawned = robot.number
-        self.robots = (robot,)
-        self._odometries = [o for o in other._odometries if o.robot is robot]
-        self.odometry = np.zeros_like(other.odometry)
-        self.odometry["slot"] = FREE
-        for odometry in self._odometries:
-            self.odometry[odometry.row] = other.odometry[odometry.row]
-            self.odometry[odometry.row]["slot"] = 0.0
-        robot.fleet, robot.slot = self, 0
-        self._update_slots()
 
     def _update_slots(self) -> None:
         self.slots = np.array([robot.slot for robot in self.robots], np.int64)

@@ -1,6 +1,5 @@
 """The shipped sensor presets: their values and sources."""
 
-
 import pytest
 
 from radarsim.presets.sensor_settings import SensorSettings
