@@ -18,8 +18,10 @@ from radarsim.protocol.dialect import WheelDrive
 from radarsim.robots.footprint import LINE, MARGIN
 from radarsim.robots.obstacles import Obstacles
 from radarsim.robots.robot import (
+    COLUMN,
     FREE,
     ODOMETRY,
+    ROBOT,
     UNKNOWN,
     Robot,
     WheelOdometry,
@@ -31,9 +33,8 @@ _FIRST_SLOTS: Final = 8
 WALL_RANGE: Final = 0.5  # m beyond the robot's circle within which walls are found
 _MAX_DISPLACEMENT_RATIO: Final = 2.0  # of a centre, by the sweep of a move
 # Of the rows of ``raycast.robot_boxes.Boxes``.
-_BOX_FIELDS: Final = (
-    *("x", "y", "yaw", "bottom", "top", "half_length", "half_width", "number"),
-)
+_BOX: Final = ("x", "y", "yaw", "bottom", "top", "half_length", "half_width", "number")
+_BOX_COLUMNS: Final = [COLUMN[field] for field in _BOX]
 
 
 class Fleet:
@@ -46,6 +47,7 @@ class Fleet:
             free.
         table: (S,) of type ``ROBOT``, a row for each slot; another array once one is
             added. Rows of free slots hold anything.
+        columns: The same rows as numbers, see ``robots.robot.COLUMN``.
     """
 
     def __init__(self) -> None:
@@ -55,7 +57,7 @@ class Fleet:
         self._free_slots: list[int] = []
         self._spawned = 0
         self._floors: list[Obstacles] = []
-        self.table = new_rows(0)
+        self._set_table(new_rows(0))
         self._lines: NDArray[np.void] = np.zeros(0, LINE)  # room for what a robot meets
         self._enter_floors()
 
@@ -155,7 +157,8 @@ class Fleet:
         # Whoever still holds the robot can read its last pose, while its row here is
         # given to the next one.
         alone, slot = Fleet(), robot.slot
-        alone.table, alone.odometry = self.table[[slot]], self.odometry.copy()
+        alone._set_table(self.table[[slot]])
+        alone.odometry = self.odometry.copy()
         alone.table["touched"] = 0.0
         robot.fleet, robot.slot = alone, 0
         self.odometry["slot"][self.odometry["slot"] == slot] = FREE
@@ -230,8 +233,9 @@ class Fleet:
 
         They are those of which a corner may be within ``distance`` m.
         """
-        rows = self.table[self.slots]
-        gaps = np.hypot(rows["x"] - x, rows["y"] - y) - rows["radius"]
+        rows = self.columns[self.slots]
+        gaps = np.hypot(rows[:, COLUMN["x"]] - x, rows[:, COLUMN["y"]] - y)
+        gaps -= rows[:, COLUMN["radius"]]
         return tuple(self.robots[i] for i in np.flatnonzero(gaps <= distance))
 
     def boxes(self) -> Floats:
@@ -239,21 +243,26 @@ class Fleet:
 
         They are in the order of spawning, and their ids are the numbers of the robots.
         """
-        rows = self.table[self.slots]
-        return np.column_stack([rows[field] for field in _BOX_FIELDS])
+        return self.columns[self.slots[:, None], _BOX_COLUMNS]
 
     def _take_slot(self, obstacles: Obstacles) -> int:
         """Return a free slot, and make room for it and for the walls of its floor."""
         if not self._free_slots:
             count = len(self.table)
             more = new_rows(max(_FIRST_SLOTS, count))
-            self.table = np.concatenate([self.table, more])
+            self._set_table(np.concatenate([self.table, more]))
             self._pack()
             # Highest first, as slots are taken from the end: the lowest one is used
             # first.
             self._free_slots = list(range(len(self.table) - 1, count - 1, -1))
         self.prepare(obstacles)
         return self._free_slots.pop()
+
+    def _set_table(self, table: NDArray[np.void]) -> None:
+        self.table = table
+        self.columns: Floats = table.view(np.float64).reshape(
+            len(table), ROBOT.itemsize // 8
+        )
 
     def _forget_floors(self) -> None:
         """Keep only the floors on which robots are: those that fly have many."""

@@ -21,6 +21,11 @@ if TYPE_CHECKING:
     from radarsim.robots.fleet import Fleet
 
 ROBOT: Final = engine.structures["Robot"].dtype  # ``robot.hpp`` describes its fields
+# By field, its column in the table as numbers: many rows are read much faster so.
+COLUMN: Final = {name: at[1] // 8 for name, at in (ROBOT.fields or {}).items()}
+_BODY: Final = tuple(
+    COLUMN[field] for field in ("x", "y", "body_z", "roll", "pitch", "yaw")
+)
 ODOMETRY: Final = engine.structures["Odometry"].dtype
 FREE: Final = -1.0  # slot of a row without odometry
 _SPEEDS: Final = ("left_spin", "right_spin", "aside", "climb")
@@ -110,32 +115,30 @@ class Robot:
         """Its row in the table of the fleet, which is not to be kept."""
         return self.fleet.table[self.slot]
 
-    def _numbers(self, *fields: str) -> tuple[float, ...]:
-        row = self.row
-        return tuple([float(row[field]) for field in fields])
-
     @property
     def number(self) -> int:
         """Counts the robots of the fleet in the order of spawning, from 1 on."""
-        return int(self.row["number"])
+        return int(self.fleet.columns.item(self.slot, COLUMN["number"]))
 
     @property
     def pose(self) -> Pose2:
         """Pose on the floor, map frame."""
-        return Pose2(*self._numbers("x", "y", "yaw"))
+        first = COLUMN["x"]
+        return Pose2(*self.fleet.columns[self.slot, first : first + 3].tolist())
 
     @property
     def body(self) -> Pose3:
         """Pose of the body frame, map frame."""
-        return Pose3(*self._numbers("x", "y", "body_z", "roll", "pitch", "yaw"))
+        number, slot = self.fleet.columns.item, self.slot
+        return Pose3(*[number(slot, column) for column in _BODY])
 
     @property
     def touched(self) -> bool:
         """Whether the last step was blocked, or something touches the robot."""
-        known = self.row["touched"]
+        known = self.fleet.columns.item(self.slot, COLUMN["touched"])
         if known == UNKNOWN:
             return bool(self.fleet.touched([self.slot])[0])
-        return bool(known == 1.0)
+        return known == 1.0
 
     @property
     def top_speed(self) -> float:
@@ -145,8 +148,8 @@ class Robot:
     @property
     def side_angles(self) -> tuple[float, float]:
         """Angles that the left and right wheels turned forward since the spawn, rad."""
-        left, right = self._numbers("left_angle", "right_angle")
-        return left, right
+        row = self.row
+        return float(row["left_angle"]), float(row["right_angle"])
 
     def drive(
         self,
@@ -179,9 +182,9 @@ class Robot:
         if left is None or right is None or self.bicycle is not None:
             return
         spin = self.wheel_drive.spin
-        row = self.row
-        row["left_spin"] = spin(left, normalized=self._normalized)
-        row["right_spin"] = spin(right, normalized=self._normalized)
+        row, column = self.fleet.columns[self.slot], COLUMN["left_spin"]
+        row[column] = spin(left, normalized=self._normalized)
+        row[column + 1] = spin(right, normalized=self._normalized)
 
     def steer(
         self, speed: float, front: float | None = None, rear: float | None = None

@@ -19,6 +19,7 @@ from radarsim.raycast.tracer import tracer_of
 from radarsim.robots.fleet import Fleet
 from radarsim.robots.footprint import Footprint
 from radarsim.robots.obstacles import Obstacles
+from radarsim.robots.robot import COLUMN
 from radarsim.scene.map_file import load_map
 from radarsim.scene.scene import Scene
 from radarsim.sensors.range_scanner import RangeScanner
@@ -115,8 +116,8 @@ class Arena:
     @property
     def poses(self) -> Floats:
         """Poses of all robots, (N, 3): x, y and yaw, m and rad, map frame."""
-        rows = self._fleet.table[self._slots]
-        return np.column_stack([rows[name] for name in ("x", "y", "yaw")])
+        first = COLUMN["x"]
+        return self._fleet.columns[self._slots, first : first + 3]
 
     def places_of_others(self, row: int) -> list[tuple[float, float]]:
         """Return x and y, m, of the robots that one may run into."""
@@ -159,8 +160,8 @@ class Arena:
             (N,) whether a robot was blocked or touched anything meanwhile.
         """
         # Straight into the table: calls for each robot would cost more than its motion.
-        for wheels, shares in zip(("left_spin", "right_spin"), speeds.T, strict=True):
-            self._fleet.table[wheels][self._slots] = shares * self._max_spin
+        first = COLUMN["left_spin"]
+        self._fleet.columns[self._slots, first : first + 2] = speeds * self._max_spin
         touched = np.zeros(len(self._robots), np.bool_)
         # All ticks of a period in one call of the engine.
         touched[self._present] = self._fleet.drive(
