@@ -50,6 +50,8 @@ def main() -> None:
             words = (sys.executable, "-m", *command.split())
             subprocess.run(words, cwd=folder, check=True)
         subprocess.run((sys.executable, FOLDER / "commander.py", folder), check=True)
+        drive = FOLDER / "drive.py", FOLDER / "drive.gif"
+        subprocess.run((sys.executable, *drive), check=True)
         subprocess.run((sys.executable, PLANTS), cwd=folder, check=True)
         figure = radarsim.compare("orchard", "physical", "navtech_cir204h")
         figure.savefig(Path(folder, "orchard.png"))

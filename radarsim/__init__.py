@@ -1,4 +1,4 @@
-"""radarsim: a USARSim server without Unreal, and its radar, from Python.
+"""A USARSim server without Unreal, with a radar that sees through foliage and smoke.
 
 >>> import radarsim
 >>> scene = radarsim.load_map("empty_room")

@@ -5,6 +5,7 @@ import re
 import runpy
 import shlex
 import sys
+import tomllib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from subprocess import check_output
@@ -14,6 +15,8 @@ import pytest
 import yaml
 from commands import Run, run_in_process
 from documents import MANUAL, PAGES, ROOT, Snippet, anchors_of, links_of, snippets_of
+
+import radarsim
 
 # Imported before suites run, which forget the modules that they have imported: what is
 # replaced below would be that of another copy, and antennas those of another class.
@@ -218,7 +221,18 @@ def test_index_links_to_every_page_and_readme_to_the_index() -> None:
 
 
 def test_readme_is_read_in_some_minutes() -> None:
-    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 200
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 170
+    assert len(text.split()) <= 1100
+
+
+def test_one_sentence_says_what_radarsim_is() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    sentence = project["project"]["description"]
+    texts = [(ROOT / "README.md").read_text("utf-8"), radarsim.__doc__ or ""]
+    texts += [(MANUAL / "index.md").read_text("utf-8"), execute(["--help"], None).text]
+    for text in texts:
+        assert sentence in " ".join(text.split())
 
 
 def test_commands_page_lists_every_command() -> None:

@@ -210,7 +210,8 @@ class _Program(EntryGroup):
 
 app = _Program(
     "radarsim",
-    help="A USARSim server without Unreal: a P3AT whose radar sees through foliage.",
+    help="A USARSim server without Unreal, with a radar that sees through foliage and"
+    " smoke.",
     params=completion_options(),
     context_settings={
         "help_option_names": ["-h", "--help"],

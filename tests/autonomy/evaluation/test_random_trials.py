@@ -26,7 +26,7 @@ def test_what_is_expected_follows_from_the_gap(gap: float, expected: str) -> Non
     assert raster_truth(map_, SAFETY_DISTANCE, 0.0).expectation == expected
 
 
-@pytest.mark.slow("sampled")
+@pytest.mark.slow
 @pytest.mark.parametrize("number", range(20))
 def test_random_map_is_told_rightly_and_nothing_touched(number: int) -> None:
     algorithm = ("bug1", "tangentbug", "bug2", "planned")[number % 4]
