@@ -50,7 +50,7 @@ def references(fleet: Fleet, around: Obstacles) -> tuple[ReferenceRobot, ...]:
     )
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=15)
 @given(
     lines=walls,
     start=st.lists(starts, min_size=1, max_size=5),

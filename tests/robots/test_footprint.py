@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from oracles.motion import Contact
 
@@ -29,6 +29,7 @@ def polygon(pose: Pose2) -> shapely.Polygon:
     return shapely.Polygon(ROBOT.outline(pose)[:, 0])
 
 
+@settings(max_examples=40)
 @given(pose=poses, pairs=segments)
 def test_gap_is_a_lower_bound_of_the_distance_with_exact_sign(
     pose: Pose2, pairs: Ends
@@ -40,6 +41,7 @@ def test_gap_is_a_lower_bound_of_the_distance_with_exact_sign(
     assert (gap > 0) == (distance > 0) or abs(gap) < 1e-9
 
 
+@settings(max_examples=40)
 @given(pose=poses, others=segments, end=ends)
 def test_moving_by_the_depth_ends_the_deepest_contact(
     pose: Pose2, others: Ends, end: tuple[float, float]
@@ -57,6 +59,7 @@ def test_moving_by_the_depth_ends_the_deepest_contact(
     assert contact(freed, deepest).gap > 0.001 - 1e-9
 
 
+@settings(max_examples=40)
 @given(pose=poses, turn=st.floats(-3, 3), pairs=segments)
 def test_gap_is_invariant_under_rotation(pose: Pose2, turn: float, pairs: Ends) -> None:
     c, s = math.cos(turn), math.sin(turn)

@@ -1,7 +1,7 @@
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radarsim.geometry import Pose2
@@ -43,6 +43,7 @@ def test_odometry_of_a_quarter_turn_to_the_left() -> None:
     assert wheels.pose.y == pytest.approx(0.2 * (1 - math.cos(turned)))
 
 
+@settings(max_examples=25)
 @given(left=angles, right=angles, parts=st.integers(2, 9))
 def test_odometry_integrates_an_arc_exactly(
     left: float, right: float, parts: int

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radarsim.geometry import Pose2
@@ -54,6 +54,7 @@ def along(pose: Pose2, x: float) -> complex:
 
 
 @pytest.mark.parametrize("model", [SEDAN, FRONT, REAR, CRAB])
+@settings(max_examples=25)
 @given(
     speed=st.floats(-5, 5).filter(lambda value: abs(value) > 0.1),
     front=st.floats(-1, 1),

@@ -3,7 +3,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radarsim.geometry import Floats
@@ -235,6 +235,7 @@ def triangles(mesh: Mesh) -> Any:
     return mesh[0][mesh[1]].tolist()
 
 
+@settings(max_examples=40)
 @given(soups() | piles())
 def test_welding_keeps_the_same_triangles(mesh: Mesh) -> None:
     whole = [[tuple(corner) for corner in each] for each in triangles(mesh)]
@@ -245,6 +246,7 @@ def test_welding_keeps_the_same_triangles(mesh: Mesh) -> None:
     assert sorted(map(tuple, found[0].tolist())) == sorted(corners)
 
 
+@settings(max_examples=40)
 @given(soups() | piles())
 def test_faces_are_connected_by_their_edges(mesh: Mesh) -> None:
     _, welded = weld_vertices(*mesh)
@@ -263,6 +265,7 @@ def test_faces_are_connected_by_their_edges(mesh: Mesh) -> None:
     assert found.components == len(first_uses)
 
 
+@settings(max_examples=40)
 @given(st.sets(PLACES, min_size=1, max_size=6), st.data())
 def test_boxes_apart_are_turned_outward_whatever_is_flipped(
     places: set[tuple[int, int, int]], data: st.DataObject

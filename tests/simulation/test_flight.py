@@ -6,7 +6,7 @@ import weakref
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radarsim.geometry import Pose2
@@ -48,6 +48,7 @@ def step(simulation: Simulation, ticks: int) -> None:
         simulation.step()
 
 
+@settings(max_examples=20)
 @given(x=st.floats(-9, 9), y=st.floats(-9, 9), z=st.floats(0.2, 5))
 def test_all_walls_that_a_robot_can_reach_are_around_it(
     foliage_room: Scene, x: float, y: float, z: float

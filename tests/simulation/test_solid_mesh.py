@@ -2,7 +2,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radarsim.geometry import Floats
@@ -21,6 +21,7 @@ def reaching_into(segments: Floats, area: Area) -> Floats:
     return reaching
 
 
+@settings(max_examples=20)
 @given(
     x=st.floats(-12, 12),
     y=st.floats(-12, 12),
