@@ -26,11 +26,10 @@ from radarsim.errors import EngineError
 from radarsim.geometry import Pose2, Pose3
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.rng import generator_for
-from radarsim.scene.face_passes import weld_vertices
 from radarsim.scene.material import Material
 from radarsim.scene.scene import Part, Scene
 from radarsim.scene.shapes import box, cylinder
-from radarsim.scene.topology import orient_outward
+from radarsim.scene.topology import orient_outward, weld_vertices
 from radarsim.server.camera import Renderer
 from radarsim.server.host import Host
 from radarsim.server.views import View

@@ -321,7 +321,7 @@ def test_antenna_knows_how_fast_others_drive(foliage_room: Scene) -> None:
         b"INIT {ClassName P3AT} {Name R2} {Location -6,4,0} {Rotation 0,0,0.5}\r\n"
         b"DRIVE {Left 4} {Right 4}\r\n",
     )
-    for _ in range(80):
+    for _ in range(60):
         host.step()
     other = next(each for each in host.simulation.vehicles if each.robot.name == "R2")
     found, rows = looks[-1].find(np.array([other.number]))

@@ -32,8 +32,7 @@ from radarsim.protocol.echoes import target_lines
 from radarsim.raycast.robot_boxes import Boxes
 from radarsim.scene.scene import Scene
 from radarsim.simulation.clock import TICK, Clock
-from radarsim.simulation.faults import Faults
-from radarsim.simulation.tick_output import DueScan, ScanDetails, report_scan
+from radarsim.simulation.tick_output import DueScan, Faults, report_scan
 from radarsim.simulation.vehicle import MountedScanner, Vehicle
 
 if TYPE_CHECKING:
@@ -162,13 +161,12 @@ class Antenna:
         time = _time_after(number + 1, self.receiver.radar.settings, since)
         ranges = read_ranges(targets, settings)
         ranges[np.isinf(ranges)] = settings.max_range
-        details = None
-        is_requested = self.mounted.sends_targets
-        if is_requested or vehicle.shows_echoes:
-            lines = target_lines(time, item.name, *targets)
-            details = ScanDetails(lines, is_requested)
         scan = report_scan(time, item.name, settings, ranges)
-        return DueScan(vehicle, scan, details)
+        is_requested = self.mounted.sends_targets
+        if not is_requested and not vehicle.shows_echoes:
+            return DueScan(vehicle, scan)
+        lines = target_lines(time, item.name, *targets)
+        return DueScan(vehicle, scan, lines, is_requested)
 
 
 def _time_after(turns: float, settings: FmcwSettings, since: int) -> float:

@@ -55,7 +55,7 @@ from radarsim.simulation.tick_output import ScanEchoes
 
 if TYPE_CHECKING:
     from radarsim.protocol.dialect import Dialect
-    from radarsim.simulation.tick_output import ScanDetails, TickOutput
+    from radarsim.simulation.tick_output import DueScan, TickOutput
     from radarsim.simulation.vehicle import Vehicle
 
 COMMANDS_PER_TICK = 20  # of a client; real ones send a few
@@ -481,7 +481,7 @@ class Host:
         if client.send_queue:
             self._unsent.add(client.number)
 
-    def _lines_of(self, scan: ScanEchoes | ScanDetails, dialect: Dialect) -> bytes:
+    def _lines_of(self, scan: ScanEchoes | DueScan, dialect: Dialect) -> bytes:
         """Return the lines of the echoes of a scan, or of what else belongs to it."""
         if isinstance(scan, ScanEchoes):
             time = self.simulation.time

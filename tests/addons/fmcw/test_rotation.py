@@ -11,8 +11,7 @@ from radarsim.addons.fmcw.rotation import Rotation, Sector
 from radarsim.addons.fmcw.spectrum import Spectrum
 from radarsim.geometry import Pose3
 from radarsim.raycast.robot_boxes import Boxes
-from radarsim.scene.reflectors import Reflector
-from radarsim.scene.scene import Scene
+from radarsim.scene.scene import Reflector, Scene
 
 EYE = Pose3(-8.0, 0.0, 0.5, 0.0, 0.0, 0.3)
 
