@@ -78,7 +78,7 @@ def test_valid_settings_pass_the_check(
         ),
         pytest.param(
             {"InsTest": {"sigma": -1}},
-            "ins: sigma: -1, expected at least 0",
+            "item InsTest: ins: sigma: -1, expected at least 0",
             id="negative drift",
         ),
     ],
